@@ -22,6 +22,10 @@ TWO_BOXES = """<robot name="r"><link name="two">
   <collision><origin xyz="0.4 0 0.1"/><geometry><box size="0.2 0.2 0.2"/></geometry></collision>
   <collision><origin xyz="-0.2 0 0" rpy="0.1 0.2 0.3"/><geometry><box size="0.1 0.3 0.2"/></geometry></collision>
 </link></robot>"""
+TWO_RINGS = """<robot name="r"><link name="two">
+  <collision><origin xyz="0.1 0 0.2"/><geometry><mesh filename="ring.obj"/></geometry></collision>
+  <collision><origin xyz="-0.2 0 -0.3" rpy="0.1 0.2 0.3"/><geometry><mesh filename="ring.obj"/></geometry></collision>
+</link></robot>"""
 TILTED = (0.9, 0.1, 0.8, 0.05)
 
 
@@ -85,19 +89,23 @@ def test_rows_are_proved(checker, tmp_path, arguments, seen):
 
 
 @pytest.mark.parametrize("signed", [False, True])
-def test_bodies_that_are_not_convex(checker, signed):
+def test_bodies_that_are_not_convex(checker, tmp_path, signed):
     scene = add_planes(test_surface_certificates.zoo())
     vertices, triangles = test_surface_certificates.torus(8, 5, 0.3, 0.1)
-    ring = {"mesh": (vertices, triangles), "convexify": "solid"}
-    scene.add_body("ring again", **ring, radius=0.02)
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {i + 1} {j + 1} {k + 1}" for i, j, k in triangles]
+    (tmp_path / "ring.obj").write_text("\n".join(lines))
+    (tmp_path / "rings.urdf").write_text(TWO_RINGS)
+    scene.add_robot("r", tmp_path / "rings.urdf", convexify="solid")
     engine = clearance.Engine(scene, backend="cpu")
     planes, clouds = {"floor", "wall"}, test_surface_certificates.CLOUDS if signed else set()  # clouds have no depth
-    movable = [body.name for body in engine.bodies if body.name not in planes | {"follower"}]
-    pairs = both_sides(engine, [name for name in movable if name not in clouds])
+    movable = [body.name for body in engine.bodies if body.name not in planes | {"follower", "r", "r/two"}]
+    pairs = both_sides(engine, [name for name in [*movable, "r/two"] if name not in clouds])
     rng = np.random.default_rng(4)
     places = np.stack([random_poses(rng, len(movable), spread) for spread in (0.3, 0.8, 1.5)])
     document = checked(checker, engine, signed=signed, pairs=pairs, bodies=movable, configurations=places)
     assert {row["status"] for row in document["rows"]} >= {"ok", "overlap"}
+    if signed:  # of several surfaces, too, depths are proved by one direction
+        assert {len(claims(document, k)) for k in range(len(document["rows"]))} == {1}
 
 
 def test_two_half_spaces_prove_nothing(checker):
