@@ -14,7 +14,9 @@ constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 20;
 constexpr std::uint64_t kMostGroups = 1u << 20;  // of a chunk
 constexpr std::uint64_t kMostMembers = 4096;     // pairs of a configuration that a team of threads goes through
 
-// Whether teams of threads decide configurations (decide_kernel.cuh). Not where the device settles nothing, and the CPU
+}  // namespace
+
+// Not where the device settles nothing, and the CPU
 // finishes it all.
 bool is_for_teams(const Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
@@ -22,6 +24,8 @@ bool is_for_teams(const Scene& scene, const Plan& plan) {
          q.precision == Precision::kF64 && (q.rel_tol > 0 || q.abs_tol > 0) && !(q.fields & kFieldPairLower) &&
          doubted_body(scene, plan) == kNone;
 }
+
+namespace {
 
 class ReducedDeviceQuery final : public DeviceQuery {
  public:

@@ -9,6 +9,7 @@
 
 #define cuda emulated
 #include "engine/cuda/any_kernel.cuh"
+#include "engine/cuda/open_items.cuh"
 #undef cuda
 
 namespace clearance::test {
@@ -56,13 +57,7 @@ class HostReduction {
   /// Expects the rows of the CPU. \returns how many pairs were left to it
   std::uint32_t compare(const std::string& what) {
     const bool within = q_.reduce == Reduce::kWithin;
-    if (any()) {
-      look();
-    } else {
-      within ? mark() : seed();
-      bodies_.doubted ? solve<Slack>() : solve<NoSlack>();
-    }
-    const std::uint32_t left = counts_[kRest];
+    const std::uint32_t left = look_at_pairs();
     settle();
     write();
     rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
@@ -71,6 +66,18 @@ class HostReduction {
     expect_same(rows_, expected, what, true);
     return left;
   }
+  /// The same where no CPU answers what is left: the device does. Expects the CPU's rows, or others that are sound.
+  /// \returns how many pairs were left
+  std::uint32_t compare_alone(const std::string& what) {
+    const std::uint32_t left = look_at_pairs();
+    launch(500, kItemThreads, [&] { any() ? answer_open_items<true>(r_, 5) : answer_open_items<false>(r_, 5); });
+    write();
+    rows_.info.rows = rows_.info.total = rows_.size.rows;
+    const Answer expected = ask(cpu_, q_);
+    for (std::uint64_t row = 0; row < rows_.size.rows; ++row) compare_row(expected.view, row, what);
+    return left;
+  }
+  std::uint64_t others() const { return others_; }  ///< rows of compare_alone() that are not the CPU's
   const ReplyView& rows() const { return rows_.view; }
   std::uint64_t row_count() const { return rows_.info.rows; }
 
@@ -94,6 +101,34 @@ class HostReduction {
   }
   std::size_t groups() const { return complete_.size(); }
   bool any() const { return q_.reduce == Reduce::kAny; }
+
+  std::uint32_t look_at_pairs() {
+    if (any()) {
+      look();
+    } else {
+      q_.reduce == Reduce::kWithin ? mark() : seed();
+      bodies_.doubted ? solve<Slack>() : solve<NoSlack>();
+    }
+    return counts_[kRest];
+  }
+
+  void compare_row(const ReplyView& cpu, std::uint64_t row, const std::string& what) {
+    const ReplyView& got = rows_.view;
+    const auto mine = static_cast<Status>(got.status[row]), theirs = static_cast<Status>(cpu.status[row]);
+    others_ +=
+        mine != theirs || !same_bits(got.lower[row], cpu.lower[row]) || !same_bits(got.upper[row], cpu.upper[row]);
+    const auto is_hit = [](Status s) { return s == Status::kOk || s == Status::kOverlap || s == Status::kContact; };
+    if (!any()) {
+      EXPECT_TRUE(std::isnan(cpu.distance[row]) ||
+                  (got.lower[row] <= cpu.upper[row] && cpu.lower[row] <= got.upper[row]))
+          << what << ", row " << row << ": [" << got.lower[row] << ", " << got.upper[row] << "] and [" << cpu.lower[row]
+          << ", " << cpu.upper[row] << "]";
+    } else {  // what one has proved the other does not deny
+      EXPECT_FALSE(mine == Status::kBeyond && theirs != Status::kBeyond) << what << ", row " << row;
+      EXPECT_FALSE(theirs == Status::kBeyond && is_hit(mine)) << what << ", row " << row;
+    }
+    EXPECT_EQ(std::isnan(got.distance[row]), std::isnan(cpu.distance[row])) << what << ", row " << row;
+  }
 
   void look() {
     const Plan& plan = bodies_.plan;
@@ -173,6 +208,7 @@ class HostReduction {
   std::vector<std::uint8_t> complete_;
   std::vector<std::uint32_t> words_, items_;
   std::vector<PairAnswer> answers_;
+  std::uint64_t others_ = 0;
   std::uint32_t counts_[kCounts] = {}, host_counts_[kCounts] = {};
   ReducedView r_{};
 };
@@ -305,6 +341,47 @@ TEST(ReduceKernels, DecideAsTheCpuDoesWhatIsDoubted) {
     EXPECT_GT(verdicts.beyond, 20u);
     EXPECT_GT(verdicts.incomplete, 5u);
   }
+}
+
+// Plans have no CPU behind them.
+TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
+  std::uint64_t left = 0, others = 0, rows = 0, unproved = 0;
+  const auto run = [&](const Engine& cpu, const QueryView& q, const std::string& what) {
+    HostReduction reduction(cpu, q);
+    left += reduction.compare_alone(what);
+    others += reduction.others();
+    rows += reduction.row_count();
+    for (std::uint64_t i = 0; i < reduction.row_count(); ++i)
+      unproved += static_cast<Status>(reduction.rows().status[i]) == Status::kUnconverged;
+  };
+  for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
+    const std::string what = "reduce " + std::to_string(static_cast<int>(reduce));
+    for (const double room : {1.0, 4.0, 12.0}) {
+      EmulatedCase c(20, 29, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+        to.add_capsule(name, 0.2, 0.5, options);
+      });
+      // Configuration 2: every body exactly on another, where nothing can be settled.
+      for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[2 * c.bodies.size() + i] = Pose{{1.0 * (i % 4), 0, 0}};
+      c.q.reduce = reduce;
+      const Engine cpu(std::move(c.scene), {"cpu"});
+      run(cpu, c.q, what + ", room " + std::to_string(room));
+    }
+    DoubtedCase c(30, 9);
+    c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
+    const std::vector<BodyPair> all = c.pairs;
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    c.q.reduce = reduce;
+    for (std::size_t first = 0; first < 12; ++first) {
+      std::vector<BodyPair> some;
+      for (std::size_t i = first; i < all.size(); i += 12) some.push_back(all[i]);
+      c.q.pairs = some;
+      run(cpu, c.q, what + ", doubted, from " + std::to_string(first));
+    }
+  }
+  EXPECT_GT(left, 100u);
+  EXPECT_GT(others, 0u);
+  EXPECT_LT(others, rows / 4) << "most are the CPU's all the same";
+  EXPECT_GT(unproved, 5u);
 }
 
 // The pair whose boxes are nearest says less of how near the true bodies are than its pieces do: another wins.

@@ -20,13 +20,13 @@ class StandIn:
     device = 0
 
     def __init__(self) -> None:
-        self.runs: list[tuple[int, list[int], int]] = []
+        self.runs: list[tuple[int, int, list[int], int]] = []
 
     def own_columns(self) -> list[int]:
         return [1000 * column.bit if MASK >> column.bit & 1 else 0 for column in COLUMNS.values()]
 
-    def run(self, poses: int, columns: list[int], stream: int) -> None:
-        self.runs.append((poses, columns, stream))
+    def run(self, poses: int, positions: int, columns: list[int], stream: int) -> None:
+        self.runs.append((poses, positions, columns, stream))
 
 
 class OnDevice:
@@ -45,7 +45,8 @@ def run() -> StandIn:
 
 @pytest.fixture()
 def plan(run: StandIn) -> DevicePlan:
-    return DevicePlan(_engine, run, np.array([1, 2, 4, 7], dtype=np.uint32), np.array([[1, 2], [4, 9]]))
+    bodies = np.array([1, 2, 4, 7], dtype=np.uint32)
+    return DevicePlan(_engine, run, bodies, None, np.array([[1, 2], [4, 9]]), reduced=False)
 
 
 POSES = OnDevice(64, (3, 4, 7), "<f8")
@@ -55,8 +56,8 @@ def test_memory_of_the_caller_goes_to_its_column(plan: DevicePlan, run: StandIn)
     lower, compact = OnDevice(4096, (3, 2), "<f8"), OnDevice(8192, (3, 2, 8), "<f4")
     rows = plan(POSES, out={"lower": lower, "compact": compact}, stream=77)
     assert rows.lower is lower and rows.compact is compact
-    poses, columns, stream = run.runs[0]
-    assert (poses, stream) == (64, 77)
+    poses, positions, columns, stream = run.runs[0]
+    assert (poses, positions, stream) == (64, 0, 77)
     assert columns[COLUMNS["lower"].bit] == 4096 and columns[COLUMNS["compact"].bit] == 8192
     assert sum(map(bool, columns)) == 2
     with pytest.raises(AttributeError, match=r"no column 'uper'|no column 'upper'"):
@@ -80,7 +81,7 @@ class Stream:
 @pytest.mark.parametrize(("stream", "address"), [(None, 0), (5, 5), (Stream(), 99)])
 def test_streams(plan: DevicePlan, run: StandIn, stream: object, address: int) -> None:
     plan(POSES, stream=stream)
-    assert run.runs[0][2] == address
+    assert run.runs[0][3] == address
 
 
 @pytest.mark.parametrize(
@@ -118,11 +119,38 @@ def test_a_stream_that_is_none(plan: DevicePlan) -> None:
 
 
 def test_a_plan_of_the_current_poses_takes_none(run: StandIn) -> None:
-    plan = DevicePlan(_engine, run, None, np.array([[1, 2], [4, 9]]))
+    plan = DevicePlan(_engine, run, None, None, np.array([[1, 2], [4, 9]]), reduced=False)
     plan()
-    assert run.runs[0][0] == 0
+    assert run.runs[0][:2] == (0, 0)
     with pytest.raises(ValueError, match="poses: the plan has no bodies"):
         plan(POSES)
+
+
+@pytest.mark.parametrize("reduced", [False, True])
+def test_positions_of_joints(run: StandIn, reduced: bool) -> None:
+    run.shape = (3, 2, MASK | int(Field.GRADIENT_JOINTS))
+    plan = DevicePlan(_engine, run, None, np.arange(7, dtype=np.uint32), np.array([[1, 2], [4, 9]]), reduced=reduced)
+    lead = (3,) if reduced else (3, 2)
+    assert plan.shape == lead
+    positions, lower = OnDevice(128, (3, 7), "<f8"), OnDevice(4096, lead, "<f8")
+    gradient = OnDevice(8192, (*lead, 7), "<f8")
+    plan(positions=positions, out={"lower": lower, "gradient_joints": gradient})
+    assert run.runs[0][:2] == (0, 128)
+    assert run.runs[0][2][COLUMNS["gradient_joints"].bit] == 8192
+    assert plan(positions=positions).gradient_joints.shape == (*lead, 7)
+    with pytest.raises(TypeError, match="positions: expected an array in a GPU's memory"):
+        plan()
+    with pytest.raises(ValueError, match=r"positions: expected shape \(3, 7\), got \(3, 6\)"):
+        plan(positions=OnDevice(128, (3, 6), "<f8"))
+    with pytest.raises(ValueError, match="poses: the plan has no bodies"):
+        plan(POSES, positions=positions)
+    with pytest.raises(ValueError, match=r"out\['gradient_joints'\]: expected shape"):
+        plan(positions=positions, out={"gradient_joints": lower})
+
+
+def test_positions_for_a_plan_without_joints(plan: DevicePlan) -> None:
+    with pytest.raises(ValueError, match="positions: the plan has no joints"):
+        plan(POSES, positions=OnDevice(128, (3, 7), "<f8"))
 
 
 def balls() -> clearance.Scene:
@@ -136,8 +164,14 @@ def test_without_a_gpu_it_says_so() -> None:
     engine = clearance.Engine(balls(), backend="cpu")
     with pytest.raises(clearance.QueryError, match="the engine has no device"):
         engine.plan_on_device()
+    with pytest.raises(clearance.QueryError, match="the engine has no device"):
+        engine.plan_on_device(4, reduce="any", margin=0.1)
     with pytest.raises(ValueError, match="bodies: only together with configurations"):
         engine.plan_on_device(bodies=["s1"])
+    with pytest.raises(ValueError, match="joints: only together with configurations"):
+        engine.plan_on_device(joints=["j1"])
+    with pytest.raises(ValueError, match="joints.*no joint is named 'j1'"):
+        engine.plan_on_device(4, joints=["j1"])
 
 
 @pytest.mark.skipif("cuda" not in clearance.Engine.backends(), reason="no CUDA device")

@@ -1,4 +1,5 @@
-"""Distances as a PyTorch function: poses in, distances out, and their gradient back, all in the GPU's memory.
+"""Distances as a PyTorch function: poses or joint positions in, distances out, and their gradient back, all in the
+GPU's memory.
 
     import torch, clearance, clearance.torch
 
@@ -7,6 +8,11 @@
     distances = clearance.torch.Distances(engine, plan)
     d = distances(poses)                        # (K, P); poses (K, M, 7) float64, which may want a gradient
     d.clamp(max=0.1).sum().backward()           # poses.grad: (K, M, 7)
+
+    plan = engine.plan_on_device(64, joints="arm", reduce="min", fields=["distance", "gradient_joints"])
+    distances = clearance.torch.JointDistances(plan)
+    d = distances(positions)                    # (K,); positions (K, J) float64
+    (0.05 - d).clamp(min=0).sum().backward()    # positions.grad: (K, J)
 
 Needs PyTorch with CUDA (`pip install torch`); `import clearance` alone does not.
 """
@@ -20,7 +26,7 @@ import torch
 
 from ._device_plan import DevicePlan
 
-__all__ = ["Distances", "pose_gradient"]
+__all__ = ["Distances", "JointDistances", "pose_gradient"]
 
 
 def pose_gradient(poses: Any, by_twist: Any) -> Any:
@@ -37,6 +43,18 @@ def pose_gradient(poses: Any, by_twist: Any) -> Any:
     return torch.cat([by_twist[..., 3:], by_w, by_v], dim=-1)
 
 
+def _weighed(weights: Any, gradient: Any) -> Any:
+    """weights (...) times gradient (..., and more), 0 where a weight is: rows that are beyond have no gradient (NaN)."""
+    each = weights.reshape(weights.shape + (1,) * (gradient.dim() - weights.dim()))
+    return torch.where(each == 0, 0.0, each * gradient)
+
+
+def _check_columns(plan: DevicePlan, *names: str) -> None:
+    for name in names:
+        if name not in plan.fields:
+            raise ValueError(f"plan: expected the column {name!r} among its fields, got {list(plan.fields)}")
+
+
 class _Run(torch.autograd.Function):  # type: ignore[misc]  # where torch is not installed it is Any
     @staticmethod
     def forward(ctx: Any, poses: Any, distances: Distances) -> Any:
@@ -50,7 +68,7 @@ class _Run(torch.autograd.Function):  # type: ignore[misc]  # where torch is not
     @staticmethod
     def backward(ctx: Any, *grads: Any) -> tuple[Any, None]:
         poses, gradient = ctx.saved_tensors
-        weighed = grads[0][..., None, None] * gradient  # (K, P, 2, 6)
+        weighed = _weighed(grads[0], gradient)  # (K, P, 2, 6)
         by_twist = poses.new_zeros((*poses.shape[:2], 6))
         for side, (columns, slots) in enumerate(ctx.distances.sides):
             by_twist.index_add_(1, slots, weighed[:, columns, side])
@@ -64,13 +82,15 @@ class Distances:
 
     Called with (K, M, 7) float64 poses on the plan's GPU it returns (K, P) float64 metres, in the current stream. The
     gradient is that of the witness points: where these are not unique it is one of several. It is 0 where bodies
-    overlap, as the distance is, and NaN where a pose is bad.
+    overlap, as the distance is, and NaN where a pose is bad or a pair is beyond max_distance, if that row counts.
     """
 
     def __init__(self, engine: Any, plan: DevicePlan):
-        for name in ("distance", "gradient"):
-            if name not in plan.fields:
-                raise ValueError(f"plan: expected the column {name!r} among its fields, got {list(plan.fields)}")
+        _check_columns(plan, "distance", "gradient")
+        if len(plan.shape) != 2:
+            raise ValueError("plan: expected rows of all pairs (reduce='none')")
+        if plan.joints is not None:
+            raise ValueError("plan: expected bodies alone; joints are for JointDistances")
         if plan.bodies is None:
             raise ValueError("plan: expected configurations of bodies, as the current poses have no gradient")
         self.plan = plan
@@ -86,3 +106,42 @@ class Distances:
 
     def __call__(self, poses: Any) -> Any:
         return _Run.apply(poses, self)
+
+
+class _JointRun(torch.autograd.Function):  # type: ignore[misc]
+    @staticmethod
+    def forward(ctx: Any, positions: Any, plan: DevicePlan) -> Any:
+        out = {
+            "distance": positions.new_empty(plan.shape),
+            "gradient_joints": positions.new_empty((*plan.shape, positions.shape[-1])),
+        }
+        stream = torch.cuda.current_stream(positions.device)
+        plan(out=out, stream=stream, positions=positions.detach().contiguous())
+        ctx.save_for_backward(out["gradient_joints"])
+        return out["distance"]
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Any) -> tuple[Any, None]:
+        (gradient,) = ctx.saved_tensors
+        weighed = _weighed(grads[0], gradient)  # (K, P, J) or (K, J)
+        return (weighed.sum(1) if weighed.dim() == 3 else weighed), None
+
+
+class JointDistances:
+    """Distances of a plan's pairs, or the least of each configuration, as a function of joint positions, with a
+    gradient.
+
+    plan: made with the columns "distance" and "gradient_joints" and with joints, without bodies; reduce "none" or "min".
+
+    Called with (K, J) float64 positions on the plan's GPU it returns (K, P), or (K,) of "min", float64 metres, in the
+    current stream. The gradient is that of the witness points, as in Distances: of "min" that of the nearest pair.
+    """
+
+    def __init__(self, plan: DevicePlan):
+        _check_columns(plan, "distance", "gradient_joints")
+        if plan.joints is None or plan.bodies is not None:
+            raise ValueError("plan: expected configurations of joints alone")
+        self.plan = plan
+
+    def __call__(self, positions: Any) -> Any:
+        return _JointRun.apply(positions, self.plan)
