@@ -143,7 +143,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     const auto take = any() ? take_open_answers : take_answers;
     take<<<blocks_of(count, kItemThreads), kItemThreads, 0, slot.stream>>>(
         slot.view, reinterpret_cast<const PairAnswer*>(device), count);
-    if (!any()) clear_winners(slot.view, slot.stream);
+    if (!any() && !within()) clear_winners(slot.view, slot.stream);
     write(slot);
     check(cudaStreamSynchronize(slot.stream), "answering a query");
     return result(slot);

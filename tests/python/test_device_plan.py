@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,6 +13,9 @@ import clearance
 from clearance import _engine
 from clearance._device_plan import DeviceArray, DevicePlan
 from clearance._words import COLUMNS, Field
+from robots import arm_scene, rows_of
+
+ARM = Path(__file__).resolve().parents[1] / "robot" / "arm.urdf"
 
 MASK = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.COMPACT)
 
@@ -170,11 +177,94 @@ def test_without_a_gpu_it_says_so() -> None:
         engine.plan_on_device(bodies=["s1"])
     with pytest.raises(ValueError, match="joints: only together with configurations"):
         engine.plan_on_device(joints=["j1"])
-    with pytest.raises(ValueError, match="joints.*no joint is named 'j1'"):
+    with pytest.raises(ValueError, match=r"joints.*no joint is named 'j1'"):
         engine.plan_on_device(4, joints=["j1"])
 
 
-@pytest.mark.skipif("cuda" not in clearance.Engine.backends(), reason="no CUDA device")
+needs_gpu = pytest.mark.skipif("cuda" not in clearance.Engine.backends(), reason="no CUDA device")
+
+
+class Driver:
+    """Memory of the GPU by its driver alone, in the context that the engine has."""
+
+    def __init__(self) -> None:
+        self._cuda = ctypes.CDLL("libcuda.so.1")
+        device, context = ctypes.c_int(), ctypes.c_void_p()
+        self._call("cuInit", 0)
+        self._call("cuDeviceGet", ctypes.byref(device), 0)
+        self._call("cuDevicePrimaryCtxRetain", ctypes.byref(context), device)
+        self._call("cuCtxSetCurrent", context)
+
+    def _call(self, name: str, *arguments: Any) -> None:
+        assert getattr(self._cuda, name)(*arguments) == 0, name
+
+    def put(self, array: np.ndarray) -> OnDevice:
+        address = ctypes.c_uint64()
+        self._call("cuMemAlloc_v2", ctypes.byref(address), ctypes.c_size_t(array.nbytes))
+        self._call("cuMemcpyHtoD_v2", address, ctypes.c_void_p(array.ctypes.data), ctypes.c_size_t(array.nbytes))
+        return OnDevice(address.value, array.shape, array.dtype.str)
+
+    def get(self, column: Any) -> np.ndarray:
+        interface = column.__cuda_array_interface__
+        array = np.empty(interface["shape"], np.dtype(interface["typestr"]))
+        self._call("cuCtxSynchronize")
+        address = ctypes.c_uint64(interface["data"][0])
+        self._call("cuMemcpyDtoH_v2", ctypes.c_void_p(array.ctypes.data), address, ctypes.c_size_t(array.nbytes))
+        return array
+
+
+@needs_gpu
+def test_positions_of_a_robot_on_the_gpu() -> None:
+    engine, cpu = clearance.Engine(arm_scene(ARM), backend="cuda"), clearance.Engine(arm_scene(ARM), backend="cpu")
+    positions = rows_of(engine.joints("arm"), 200)
+    driver = Driver()
+    given = driver.put(positions)
+    columns = ["distance", "lower", "upper", "status", "gradient_joints"]
+    for reduce in ("none", "min"):
+        plan = engine.plan_on_device(len(positions), joints="arm", reduce=reduce, fields=columns)
+        rows = plan(positions=given)
+        expected = cpu.distances(joints="arm", positions=positions, reduce=reduce, fields=columns)
+        got = {name: driver.get(getattr(rows, name)) for name in columns}
+        assert got["lower"].shape == plan.shape == expected.lower.shape
+        assert got["gradient_joints"].shape == expected.gradient_joints.shape
+        settled = got["upper"] == expected.upper  # not those that the CPU finishes
+        assert settled.mean() > 0.9 and (got["upper"] > 0).sum() > 50
+        for name in columns:
+            np.testing.assert_array_equal(got[name][settled], getattr(expected, name)[settled], err_msg=name)
+    free = engine.plan_on_device(len(positions), joints="arm", reduce="any", margin=0.01)
+    assert set(free.fields) == {"status", "pair"} and free.shape == (len(positions),)
+    status = driver.get(free(positions=given).status)
+    checked = cpu.check(positions, joints="arm", margin=0.01)
+    got, open_ = status == clearance.Status.BEYOND, status == clearance.Status.UNCONVERGED
+    assert 10 < checked.free.sum() < 190 and open_.sum() < 20
+    np.testing.assert_array_equal(got[~open_], checked.free[~open_])
+    assert not got[~checked.free].any()
+
+
+@needs_gpu
+def test_gradients_by_joints_in_pytorch_never_leave_the_device() -> None:
+    torch = pytest.importorskip("torch")
+    import clearance.torch
+
+    engine, cpu = clearance.Engine(arm_scene(ARM), backend="cuda"), clearance.Engine(arm_scene(ARM), backend="cpu")
+    numbers = rows_of(engine.joints("arm"), 64)
+    for reduce in ("none", "min"):
+        fields = ["distance", "gradient_joints"]
+        distances = clearance.torch.JointDistances(
+            engine.plan_on_device(64, joints="arm", reduce=reduce, fields=fields, max_distance=0.5)
+        )
+        positions = torch.tensor(numbers, device="cuda", requires_grad=True)
+        (0.2 - distances(positions)).clamp(min=0).sum().backward()
+        expected = cpu.distances(joints="arm", positions=numbers, reduce=reduce, fields=fields, max_distance=0.5)
+        near = np.nan_to_num(np.where(expected.distance < 0.2, 1.0, 0.0))[..., None]
+        slope = -(near * np.nan_to_num(expected.gradient_joints))
+        if reduce == "none":
+            slope = slope.sum(axis=1)
+        np.testing.assert_allclose(positions.grad.cpu().numpy(), slope, atol=1e-6)
+        assert np.abs(slope).max() > 0.01
+
+
+@needs_gpu
 def test_a_loop_in_pytorch_never_leaves_the_device() -> None:
     torch = pytest.importorskip("torch")
     import clearance.torch

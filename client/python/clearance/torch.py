@@ -44,7 +44,7 @@ def pose_gradient(poses: Any, by_twist: Any) -> Any:
 
 
 def _weighed(weights: Any, gradient: Any) -> Any:
-    """weights (...) times gradient (..., and more), 0 where a weight is: rows that are beyond have no gradient (NaN)."""
+    """weights (...) times gradient (..., and more); 0 where a weight is: rows that are beyond have no gradient."""
     each = weights.reshape(weights.shape + (1,) * (gradient.dim() - weights.dim()))
     return torch.where(each == 0, 0.0, each * gradient)
 
@@ -131,7 +131,7 @@ class JointDistances:
     """Distances of a plan's pairs, or the least of each configuration, as a function of joint positions, with a
     gradient.
 
-    plan: made with the columns "distance" and "gradient_joints" and with joints, without bodies; reduce "none" or "min".
+    plan: of joints alone, reduce "none" or "min", made with the columns "distance" and "gradient_joints".
 
     Called with (K, J) float64 positions on the plan's GPU it returns (K, P), or (K,) of "min", float64 metres, in the
     current stream. The gradient is that of the witness points, as in Distances: of "min" that of the nearest pair.
