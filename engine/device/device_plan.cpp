@@ -12,6 +12,9 @@ namespace clearance::cuda {
 
 namespace {
 
+// Pair-configurations of a chunk: what its lists take is bounded. Of a reduction it is 130 bytes each.
+constexpr std::uint64_t kMostPlanRows = 1u << 22;
+
 [[noreturn]] void refuse(const std::string& why) {
   throw QueryError(QueryErrorCode::kNotSupported, "a plan on a device: " + why);
 }
@@ -140,10 +143,8 @@ class StandingRows final : public StandingQuery {
   using StandingQuery::StandingQuery;
 
  private:
-  static constexpr std::uint64_t kMostRows = 1u << 22;  // of a chunk: what its lists take is bounded
-
   void deal(QuerySetup& setup) override {
-    deal_ = backend_.deal_anew(plan_, kMostRows);
+    deal_ = backend_.deal_anew(plan_, kMostPlanRows);
     for (const PairDeal::Part& part : deal_->parts)
       if (!part.on_cpu.empty()) refuse_pair(part.first + part.on_cpu.front());
     assert(in_order_->resident || plan_.size.pairs == 0);
@@ -173,14 +174,12 @@ class StandingReduction final : public StandingQuery {
   using StandingQuery::StandingQuery;
 
  private:
-  static constexpr std::uint64_t kMostRows = 1u << 21;  // of a chunk: each has room for an answer
-
   void deal(QuerySetup& setup) override {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
     if (P == 0) refuse("no pairs");
     if (P >= std::uint64_t{1} << 32) refuse("too many pairs");
     if (!in_order_->resident) refuse_pair(first_unknown());
-    configurations_ = std::clamp<std::uint64_t>(kMostRows / P, 1, K);
+    configurations_ = std::clamp<std::uint64_t>(kMostPlanRows / P, 1, K);
     most_rows_ = configurations_ * P;
     setup.pairs = in_order_->resident.get();
     setup.reduce = plan_.query.reduce;

@@ -1,6 +1,4 @@
 // Queries whose poses and answers stay on the device, against the CPU's answers and in graphs.
-#include <map>
-
 #include "device_memory.h"
 #include "doubted_scene.h"
 #include "engine/device/device_plan.h"
@@ -258,44 +256,42 @@ TEST_F(DevicePlans, TakeThePositionsOfJoints) {
 // Rows that are the CPU's, or come from pairs that the device left open, and then are sound.
 struct Soundness {
   std::uint64_t rows = 0, others = 0, beyond = 0, within = 0;
-  std::map<int, std::uint64_t> columns;  // of others: how often each differs
+  std::uint64_t other_points = 0;  // of rows that say the same
 
   void add(const Answer& got, const Answer& cpu, bool any, const std::string& what) {
     rows += got.size.rows;
     for (std::uint64_t row = 0; row < got.size.rows; ++row) {
       const auto mine = static_cast<Status>(got.view.status[row]), theirs = static_cast<Status>(cpu.view.status[row]);
       const auto is_hit = [](Status s) { return s == Status::kOk || s == Status::kOverlap || s == Status::kContact; };
+      const std::string where = what + ", row " + std::to_string(row);
       beyond += mine == Status::kBeyond;
       within += is_hit(mine);
       if (same_row(got.view, cpu.view, row)) continue;
+      if (says_the_same(got.view, cpu.view, row)) {  // a common point of two bodies is one of many
+        ++other_points;
+        EXPECT_TRUE(mine == Status::kOverlap || mine == Status::kContact) << where;
+        continue;
+      }
       ++others;
-      count_columns(got.view, cpu.view, row);
       if (any) {  // what one has proved the other does not deny
-        EXPECT_FALSE(mine == Status::kBeyond && theirs != Status::kBeyond) << what << ", row " << row;
-        EXPECT_FALSE(theirs == Status::kBeyond && is_hit(mine)) << what << ", row " << row;
+        EXPECT_FALSE(mine == Status::kBeyond && theirs != Status::kBeyond) << where;
+        EXPECT_FALSE(theirs == Status::kBeyond && is_hit(mine)) << where;
       } else {
         EXPECT_TRUE(got.view.lower[row] <= cpu.view.upper[row] && cpu.view.lower[row] <= got.view.upper[row])
-            << what << ", row " << row << ": [" << got.view.lower[row] << ", " << got.view.upper[row] << "] and ["
-            << cpu.view.lower[row] << ", " << cpu.view.upper[row] << "]";
+            << where << ": [" << got.view.lower[row] << ", " << got.view.upper[row] << "] and [" << cpu.view.lower[row]
+            << ", " << cpu.view.upper[row] << "]";
       }
     }
   }
-  std::string say() const {
-    std::string text = std::to_string(others) + " of " + std::to_string(rows) + " are others, in columns";
-    for (const auto& [column, count] : columns) text += ' ' + std::to_string(column) + ": " + std::to_string(count);
-    return text;
-  }
 
  private:
-  void count_columns(const ReplyView& a, const ReplyView& b, std::uint64_t row) {
-    int bit = 0;
-    const auto compare = [&](auto* x, auto* y, std::uint64_t width) {
-      bool same = true;
-      for (std::uint64_t i = row * width; x && i < (row + 1) * width; ++i) same = same && same_bits(x[i], y[i]);
-      if (!same) ++columns[bit];
-      ++bit;
-    };
-    for_each_column(compare, a, b);
+  static bool says_the_same(ReplyView a, ReplyView b, std::uint64_t row) {
+    for (ReplyView* view : {&a, &b}) {
+      view->point_a = view->point_b = view->normal = view->gradient = view->gradient_joints = nullptr;
+      view->pieces = nullptr;
+      view->flags = nullptr;
+    }
+    return same_row(a, b, row);
   }
 };
 
@@ -332,7 +328,8 @@ TEST_F(DevicePlans, ReduceEachConfiguration) {
       EXPECT_EQ(all.rows, 3600u);
       EXPECT_GT(all.within, 500u);
       EXPECT_GT(all.beyond, 30u);
-      EXPECT_LT(all.others, all.rows / 5) << all.say();
+      EXPECT_LT(all.others, all.rows / 20);
+      EXPECT_LT(all.other_points, all.rows / 2);
     }
 }
 
@@ -355,7 +352,7 @@ TEST_F(DevicePlans, ReduceWhatIsKnownToo) {
         Soundness all;
         all.add(got, expected, reduce == Reduce::kAny, "reduce " + std::to_string(int(reduce)));
         EXPECT_EQ(all.rows, K);
-        EXPECT_LE(all.others, K / 4 + 2) << all.say() << (several ? ", several pieces" : "");
+        EXPECT_LE(all.others, K / 4 + 2) << (several ? "several pieces" : "single ones");
       }
     }
 }

@@ -97,7 +97,7 @@ const T* somewhere(std::uintptr_t at) {
 }
 
 TEST_F(PlanLaunches, GiveEachConfigurationToOneChunk) {
-  constexpr std::uint32_t kConfigurations = 140000;
+  constexpr std::uint32_t kConfigurations = 200000;
   DoubtedCase c(2, 3);
   const Engine engine(std::move(c.scene), {"cuda", 2});
   const std::uint64_t P = c.pairs.size(), M = c.bodies.size(), J = c.joints.size();
