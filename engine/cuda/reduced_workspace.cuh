@@ -214,9 +214,10 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   void make_room_for_rows(ReducedSlot& slot, std::uint64_t rows) {
     ReducedView& r = slot.view;
     std::uint64_t bytes = 0;
-    reply_view_over(nullptr, rows, fields_, &bytes);
+    reply_view_over(nullptr, rows, fields_, &bytes, joints_);
     r.reply_rows = rows;
-    r.chunk.reply = preferring(reply_view_over(slot.host_reply.reserve(bytes), rows, fields_), slot.direct);
+    const ReplyView own = reply_view_over(slot.host_reply.reserve(bytes), rows, fields_, nullptr, joints_);
+    r.chunk.reply = preferring(own, slot.direct);
   }
 
   void make_room_for_groups(ReducedSlot& slot) {

@@ -87,6 +87,7 @@ class QuerySide : public Interface {
     all_chunks_ = s.chunks;
     question_ = s.question;
     fields_ = s.fields;
+    joints_ = s.joints;
     given_count_ = s.given_count;
     setup_.clear();
     find_moved_pieces(s.moved_body);
@@ -265,7 +266,7 @@ class QuerySide : public Interface {
   const ResidentHulls& hulls_;
   WorkCounters& counters_;
   Question question_;
-  std::uint32_t fields_ = 0, given_count_ = 0;
+  std::uint32_t fields_ = 0, joints_ = 0, given_count_ = 0;
   std::uint64_t all_chunks_ = 1;
   Upload setup_;
   PinnedBuffer host_bodies_, all_given_[2];
