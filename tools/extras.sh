@@ -16,6 +16,7 @@ extras=(
   "arm             CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/exact tests/install/try_arm.py tests/robot tools/root.sh"
   "coal            client/python/clearance tests/install/try_coal.py"
   "ompl            client/python/clearance engine/motion tests/install/try_ompl.py"
+  "jax             client/python/clearance/jax.py client/python/clearance/_xla_ffi.py client/python/clearance/_device_plan.py client/python/clearance/_pose_gradient.py tests/python/test_jax.py"
   "viewer          client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
   "examples        client/examples client/python/clearance scenes/cell tools/examples_requirements.txt"
   "site            docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/embed wire/*.h"
@@ -150,6 +151,15 @@ run_ompl() {
   step ompl-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step ompl-install "Install OMPL" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off ompl==2.0.1 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_ompl.py
+}
+
+# Plans as functions of JAX, which calls a stand-in in the CPU's memory: no GPU is needed, nor JAX's parts for one.
+run_jax() {
+  local venv=out/extras/jax
+  tools/build.sh release product
+  step jax-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step jax-install "Install JAX" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off jax==0.10.2 numpy pytest
+  JAX_PLATFORMS=cpu "$venv/bin/python" -m pytest -q tests/python/test_jax.py
 }
 
 # The viewer's page in a headless browser; what it looked like is in out/extras/pages.

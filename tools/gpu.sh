@@ -79,6 +79,11 @@ case $what in
     if "$python" -c "import clearance" 2>/dev/null; then
       file=$(results_file gpu_python) && printf '# device: %s\n# command: make gpu-bench\nway,python_us,engine_us,kernel_us\n' "$("$bin/clearance-gpu-bench" --device)" >"$file" &&
         "$python" bench/gpu/bench_engine.py cuda --csv "$file" && echo "$file"
+      # MuJoCo Warp on the same pairs, where that Python has it (pip install mujoco-warp).
+      if "$python" -c "import mujoco_warp" 2>/dev/null; then
+        file=$(results_file gpu_mujoco_warp) && printf '# device: %s\n# command: make gpu-bench\nwhat,pairs,least_us,median_us,wrong_by_1e-6_m,wrong_by_1e-5_m,wrong_by_1e-4_m\n' "$("$bin/clearance-gpu-bench" --device)" >"$file" &&
+          PYTHONPATH="$PWD/build/python:${PYTHONPATH:-}" "$python" bench/gpu/bench_mujoco_warp.py --csv "$file" && echo "$file"
+      fi
     fi
     ;;
   several)

@@ -29,6 +29,15 @@ def scene_and_poses(rng):
     return scene, poses
 
 
+def hulls_of(scene):
+    return [scene.pieces(body.name)[0][0] for body in scene.bodies]
+
+
+def pairs_of(rng):
+    first, second = np.triu_indices(BODIES, 1)
+    return np.stack([first, second], axis=1)[rng.permutation(len(first))[:PAIRS]].astype(np.uint32)
+
+
 def timed(ask, engine, seconds=1.0):
     """Medians in microseconds of calls one after the other: whole, in the engine, in kernels."""
     for _ in range(3):
@@ -53,9 +62,7 @@ def main():
     rng = np.random.default_rng(5)
     scene, poses = scene_and_poses(rng)
     engine = clearance.Engine(scene, backend=arguments.backend)
-    first, second = np.triu_indices(BODIES, 1)
-    pairs = np.stack([first, second], axis=1)[rng.permutation(len(first))[:PAIRS]].astype(np.uint32)
-    query = {"pairs": pairs, "configurations": poses}
+    query = {"pairs": pairs_of(rng), "configurations": poses}
     compact = {**query, "format": "compact"}
     ways = {
         "default": lambda: engine.distances(**query),

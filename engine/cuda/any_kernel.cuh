@@ -42,32 +42,23 @@ __global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_con
 
 // A pair of single pieces, asked for no more than its margin. \param q with it as max_distance. \tparam S a Slack where
 // something is doubted, else NoSlack
-template <class S, class Hull, class PointHull>
-__device__ inline Outcome narrow_to_margin(const Question& q, const Hull& a, const Hull& b,
-                                           const PairHulls<PointHull>& hulls, const Where& at_a, const Where& at_b,
-                                           const PairFrame<typename Hull::T>& at, PairAnswer& answer,
-                                           Enclosed& enclosed, const S& slack) {
-  using T = typename Hull::T;
-  const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
-    take_settled<false>(q, hulls, at_a, at_b, g, bounds, answer, slack);
-  };
-  if constexpr (kHasSlack<S>) {
-    Question of_pieces = q;
-    of_pieces.max_distance = slack.cut_off(q.max_distance);
-    return run_to_end<false>(of_pieces, a, b, at, enclosed, nullptr, take, slack.near_enough(q.max_distance));
-  } else {
-    return run_to_end<false>(q, a, b, at, enclosed, nullptr, take, q.max_distance);
-  }
-}
 template <class S>
 __device__ inline Outcome narrow_to_margin(const ChunkView& c, const Question& q, const Item& item, const Where& at_a,
                                            const Where& at_b, PairAnswer& answer, const S& slack) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
-  const PairHulls<Hull<SceneVertices>> hulls{a, b};
-  Enclosed enclosed;
   const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
-  const Outcome outcome = narrow_to_margin(q, a, b, hulls, at_a, at_b, at, answer, enclosed, slack);
+  const auto take = [&](const Gjk<double>& g, const RunBounds<double>& bounds) {
+    take_settled<false>(q, PairHulls<Hull<SceneVertices>>{a, b}, at_a, at_b, g, bounds, answer, slack);
+  };
+  Question of_pieces = q;
+  double near_enough = q.max_distance;
+  if constexpr (kHasSlack<S>) {
+    of_pieces.max_distance = slack.cut_off(q.max_distance);
+    near_enough = slack.near_enough(q.max_distance);
+  }
+  Enclosed enclosed;
+  const Outcome outcome = run_to_end<false>(of_pieces, a, b, at, enclosed, nullptr, take, near_enough);
   if (outcome != Outcome::kEnclosed) return outcome;
   return proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
 }

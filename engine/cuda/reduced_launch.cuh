@@ -135,7 +135,7 @@ inline void start_group_rows(const ReducedView& r, cudaStream_t stream) {
   if (r.reduce == Reduce::kAny) {
     write_decisions<<<blocks_of(r.chunk.configurations, kItemThreads), kItemThreads, 0, stream>>>(r);
   } else {
-    choose_winners<<<item_blocks(r), kItemThreads, 0, stream>>>(r);
+    choose_winners<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
     write_groups<<<blocks_of(groups_of(r), kItemThreads), kItemThreads, 0, stream>>>(r);
   }
   check(cudaGetLastError(), "starting a kernel");

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cmath>
+#include <concepts>
 
 #include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
@@ -41,7 +42,7 @@ struct Contact {
 };
 
 template <class Hull>
-CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, const Vec3d& n_w) {
+CLEARANCE_HD inline Contact contact_of_vertices(const Hull& hull, const Mat3d& R, const Vec3d& n_w) {
   using std::sqrt;
   const Vec3d n = R.transpose_times(n_w);
   const SupportPoint<double> best = support(hull, n);
@@ -87,10 +88,15 @@ inline Contact contact_of_primitive(const Primitive& primitive, const Mat3d& R, 
   const Vec3d side{-size.x * n.x / across, -size.x * n.y / across, 2 * size.z};
   return {1, R * side * (1 / norm(side))};
 }
-/// A core in closed form knows without a look at vertices.
-inline Contact contact_along(const Piece& piece, const Mat3d& R, const Vec3d& n_w) {
+template <class Hull>
+CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, const Vec3d& n_w) {
+  return contact_of_vertices(hull, R, n_w);
+}
+/// A core in closed form knows without a look at vertices. A template, so that no compiler for a device makes it.
+template <std::same_as<Piece> P>
+inline Contact contact_along(const P& piece, const Mat3d& R, const Vec3d& n_w) {
   if (piece.primitive) return contact_of_primitive(*piece.primitive, R, n_w);
-  return contact_along<Piece>(piece, R, n_w);
+  return contact_of_vertices(piece, R, n_w);
 }
 
 /// Whether the nearest points of two separated pieces are not unique: both touch the supporting planes normal to n in

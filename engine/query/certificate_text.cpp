@@ -17,6 +17,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::uint64_t kVerticesAtOnce = 64, kUnitsPerItem = 8;
+constexpr std::size_t kStepsAtOnce = 512;  // of a SurfaceLister
+constexpr std::uint64_t kStepsPerUnit = 16;
 
 constexpr const char* kStatusNames[] = {"ok",       "overlap", "contact",      "beyond",    "unconverged",
                                         "bad_pose", "no_pose", "unknown_body", "stale_pose"};
@@ -351,23 +353,34 @@ void CertificateText::add_body(std::uint32_t id) {
            is_first);
 }
 
+// Whether the elements of the piece whose turn it is are not all listed yet, and the slice is over.
+bool CertificateText::lists_elements(const Surface& surface, WorkMeter& meter) {
+  if (!elements_) elements_.emplace(surface);
+  while (!elements_->advance(kStepsAtOnce)) {
+    meter.count(kStepsAtOnce / kStepsPerUnit);
+    if (meter.is_over()) return true;
+  }
+  return false;
+}
+
 // Some vertices and elements of the piece whose turn it is.
 void CertificateText::add_piece(WorkMeter& meter) {
   const Piece& piece = *pieces_[next_piece_];
+  if (piece.surface && lists_elements(*piece.surface, meter)) return;
+  const SurfaceRows* const rows = piece.surface ? &elements_->rows() : nullptr;
   bool is_first = next_piece_ == 0;
   if (next_vertex_ == 0) {
-    if (piece.surface) elements_ = surface_rows(*piece.surface);
     Json json{{"digest", text(piece.surface ? piece.surface->digest() : piece.digest)},
-              {"loaded_vertices", piece.surface ? elements_->loaded : piece.loaded_vertices},
+              {"loaded_vertices", rows ? rows->loaded : piece.loaded_vertices},
               {"radius", number(piece.radius)},
-              {"count", piece.surface ? elements_->vertices.size() : piece.count()}};
+              {"count", rows ? rows->vertices.size() : piece.count()}};
     if (piece.primitive)
       json["core"] = {{"kind", name_of(piece.primitive->kind)}, {"size", vector(piece.primitive->size)}};
     if (piece.surface) json["solid"] = piece.surface->is_solid();
     add_item(open_text(json), is_first);
     add(",\"vertices\":[");
   }
-  const std::vector<Vec3d>& vertices = piece.surface ? elements_->vertices : piece.vertices;
+  const std::vector<Vec3d>& vertices = rows ? rows->vertices : piece.vertices;
   const std::size_t elements = piece.surface ? piece.surface->size() : 0;
   // Elements come behind vertices.
   for (std::size_t n = 0; n < kVerticesAtOnce && next_vertex_ < vertices.size() + elements; ++n, ++next_vertex_) {
@@ -376,7 +389,7 @@ void CertificateText::add_piece(WorkMeter& meter) {
     if (next_vertex_ < vertices.size())
       add_item(text_of(vector(vertices[next_vertex_])), is_first_row);
     else
-      add_item(text_of(elements_->element(next_vertex_ - vertices.size())), is_first_row);
+      add_item(text_of(rows->element(next_vertex_ - vertices.size())), is_first_row);
   }
   meter.count(kUnitsPerItem + kVerticesAtOnce);
   if (next_vertex_ < vertices.size() + elements) return;

@@ -87,6 +87,7 @@ class CertificateText {
   void add(const std::string& text);
   void add_item(const std::string& text, bool& is_first);
   void add_body(std::uint32_t id);
+  bool lists_elements(const Surface& surface, WorkMeter& meter);
   void add_piece(WorkMeter& meter);
   void add_configuration(std::uint64_t k);
   void name(std::uint32_t id, const Placement& here);
@@ -108,7 +109,7 @@ class CertificateText {
   std::vector<const Piece*> pieces_;
   std::set<std::uint64_t> configurations_;
   std::size_t next_body_ = 0, next_piece_ = 0, next_vertex_ = 0;
-  std::optional<SurfaceRows> elements_;  // of the piece whose turn it is
+  std::optional<SurfaceLister> elements_;  // of the piece whose turn it is
   bool first_configuration_ = true;
 };
 

@@ -1,12 +1,17 @@
 #include "engine/query/pair_cover.h"
 
+#include <cmath>
+#include <deque>
+
 #include "engine/surface/surface.h"
 
 namespace clearance {
 
 namespace {
 
-constexpr std::uint32_t kKeptFrom = 256;  // elements: what is around fewer is made again when it is needed
+constexpr std::uint32_t kKeptFrom = 256;     // elements: what is around fewer is made again when it is needed
+constexpr std::uint32_t kMostListed = 2048;  // elements: more are as their boxes
+constexpr std::size_t kBoxes = 128;          // that stand for them
 
 // The elements of a node's subtree are those from first_of() until before end_of().
 std::uint32_t first_of(const Surface& surface, std::uint32_t node) {
@@ -18,20 +23,45 @@ std::uint32_t end_of(const Surface& surface, std::uint32_t node) {
   return surface.nodes()[node].end();
 }
 
+// Corners of boxes around all elements of a node: a direction that keeps these apart keeps the elements apart.
+std::vector<Vec3d> corners_around(const Surface& surface, std::uint32_t node) {
+  std::deque<std::uint32_t> left{node};  // breadth first
+  std::vector<Vec3d> corners;
+  while (!left.empty()) {
+    const std::uint32_t at = left.front();
+    const Surface::Node& n = surface.nodes()[at];
+    left.pop_front();
+    if (!n.is_leaf() && left.size() + corners.size() / 8 < kBoxes) {
+      left.insert(left.end(), {at + 1, n.right});
+      continue;
+    }
+    const auto side = [&](std::size_t k, bool is_high) {
+      const double centre = surface.centre()[static_cast<int>(k)], by = is_high ? n.high[k] : n.low[k],
+                   sum = centre + by;
+      const double rounding = std::abs(sum) * 0x1p-52;
+      return is_high ? sum + rounding : sum - rounding;
+    };
+    for (int corner = 0; corner < 8; ++corner)
+      corners.push_back({side(0, corner & 1), side(1, corner & 2), side(2, corner & 4)});
+  }
+  return corners;
+}
+
 }  // namespace
 
 const Surface* PairCover::Side::surface(const Part& part) const {
   return part.piece == kAll ? nullptr : body_.pieces[part.piece]->surface.get();
 }
 
-// The hull of some elements.
+// The hull of some elements, or what holds it.
 const Piece& PairCover::Side::around(const Part& part, std::uint32_t begin, std::uint32_t end) {
   if (const auto found = large_.find(part); found != large_.end()) return found->second;
   if (part == of_small_) return small_;
   const Surface& surface = *this->surface(part);
   Piece piece;
   piece.radius = body_.pieces[part.piece]->radius;
-  for (std::uint32_t i = begin; i < end; ++i) {
+  if (end - begin > kMostListed) piece.vertices = corners_around(surface, part.at);
+  for (std::uint32_t i = begin; i < end && end - begin <= kMostListed; ++i) {
     const ElementCorners element = surface.element(i);
     piece.vertices.insert(piece.vertices.end(), element.span().begin(), element.span().end());
   }

@@ -19,6 +19,13 @@ std::array<std::uint32_t, 2> element_with(const Surface& surface, std::uint32_t 
   return {0, 0};
 }
 
+// How many vertices stand for all parts of a piece: no other is within a solid whose triangles are apart from it.
+std::uint32_t candidates_of(const Piece& piece) {
+  const Surface* const surface = piece.surface.get();
+  if (!surface) return 1;
+  return surface->is_cloud() ? surface->size() : static_cast<std::uint32_t>(surface->parts().size());
+}
+
 }  // namespace
 
 SurfaceProver::SurfaceProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
@@ -29,7 +36,11 @@ SurfaceProver::SurfaceProver(const Scene& scene, const EvaluateOptions& options,
 }
 
 bool SurfaceProver::step(WorkMeter& meter) {
-  if (wants_upper_ && !upper_) return find_upper(meter);
+  if (wants_upper_ && !upper_) {
+    if (!seeks_held_) return find_upper(meter);
+    held_ ? prove_held(meter) : seek_held(meter);
+    return true;
+  }
   if (cover_.is_done())
     end(true);
   else
@@ -64,14 +75,14 @@ bool SurfaceProver::covers(PairCover::Parts parts) {
   return true;
 }
 
-// The next two elements, the nearest first, or where none is left that may do a solid around the other body.
+// The next two elements, the nearest first.
 bool SurfaceProver::find_upper(WorkMeter& meter) {
   ElementPair pair;
   switch (nearest_.next(std::max(answer_.upper, 0.0), meter, pair)) {
     case NearestElements::Found::kPaused:
       return false;
     case NearestElements::Found::kNoMore:
-      if (!find_held(0, meter) && !find_held(1, meter)) end(false);
+      seeks_held_ = true;
       return true;
     case NearestElements::Found::kPair:
       break;
@@ -86,67 +97,71 @@ bool SurfaceProver::find_upper(WorkMeter& meter) {
   return true;
 }
 
-// A part of one body that lies within a solid of the `outer` one.
-bool SurfaceProver::find_held(std::size_t outer, WorkMeter& meter) {
-  const Body &holder = outer == 0 ? a_ : b_, &held = outer == 0 ? b_ : a_;
-  const PlacedPose &X_wo = outer == 0 ? pose_a_ : pose_b_, &X_wi = outer == 0 ? pose_b_ : pose_a_;
-  for (std::uint32_t o = 0; o < holder.pieces.size(); ++o) {
-    const Surface* const solid = holder.pieces[o]->surface.get();
-    if (!solid || !solid->is_solid()) continue;
-    for (std::uint32_t i = 0; i < held.pieces.size(); ++i) {
-      const Piece& piece = *held.pieces[i];
-      const auto is_within = [&](std::uint32_t element, std::uint32_t corner, const Vec3d& vertex) {
-        meter.count(1);
-        if (winding_number(*solid, X_wo.R_wb.transpose_times(X_wi.R_wb * vertex + (X_wi.t_w - X_wo.t_w))) == 0)
-          return false;
-        PieceProof proof{piece_place(holder, o), piece_place(held, i) + element, {}};
-        if (outer == 1) std::swap(proof.piece_a, proof.piece_b);
-        proof.within = static_cast<std::uint32_t>(outer);
-        proof.proof.vertices.push_back(outer == 0 ? ProofVertex{0, corner, {}} : ProofVertex{corner, 0, {}});
-        if (piece.primitive)
-          (outer == 0 ? proof.proof.points_b : proof.proof.points_a).push_back(cast<DoubleDouble>(vertex));
-        return prove_held(outer, o, std::move(proof), vertex, meter);
-      };
-      const Surface* const surface = piece.surface.get();
-      if (!surface) {
-        if (is_within(0, 0, piece.vertices[0])) return true;
-      } else if (surface->is_cloud()) {
-        for (std::uint32_t k = 0; k < surface->size(); ++k)
-          if (is_within(k, 0, surface->element(k).corner[0])) return true;
-      } else {
-        for (const std::uint32_t vertex : surface->parts()) {
-          const auto [element, corner] = element_with(*surface, vertex);
-          if (is_within(element, corner, surface->vertices()[vertex])) return true;
-        }
-      }
-    }
-  }
-  return false;
+// The next vertex of one body that may lie within a solid of the other: one of each part.
+void SurfaceProver::seek_held(WorkMeter& meter) {
+  Candidates& c = candidates_;
+  const Body &holder = c.outer == 0 ? a_ : b_, &held = c.outer == 0 ? b_ : a_;
+  const Surface* const solid = holder.pieces[c.solid]->surface.get();
+  const bool is_solid = solid && solid->is_solid();
+  if (const Piece& piece = *held.pieces[c.piece]; is_solid && c.next < candidates_of(piece))
+    try_held(*solid, piece, c.next++, meter);
+  else if (is_solid && c.piece + 1 < held.pieces.size())
+    c = {c.outer, c.solid, c.piece + 1, 0};
+  else if (c.solid + 1 < holder.pieces.size())
+    c = {c.outer, c.solid + 1, 0, 0};
+  else if (c.outer == 0)
+    c = {1, 0, 0, 0};
+  else
+    end(false);
 }
 
-// A direction to each triangle of the solid around a vertex of the other, far enough along all of them.
-bool SurfaceProver::prove_held(std::size_t outer, std::uint32_t solid, PieceProof proof, const Vec3d& vertex,
-                               WorkMeter& meter) {
-  const Piece& around = *(outer == 0 ? a_ : b_).pieces[solid];
-  Piece point, triangle;
-  remake_piece(point, {&vertex, 1}, 0);
-  std::array<NarrowLimits, 4> attempts = proof_attempts(limits_);
-  for (NarrowLimits& limits : attempts) limits.signed_distance = false;
-  for (std::uint32_t t = 0; t < around.surface->size(); ++t) {
-    remake_piece(triangle, around.surface->element(t).span(), 0);
-    meter.count(kUnitsPerProof);
-    NarrowProof found;
-    const Piece &p = outer == 0 ? triangle : point, &q = outer == 0 ? point : triangle;
-    const auto is_far_enough = [&](const NarrowLimits& limits) {
-      const double apart = narrow_phase_proved(p, pose_a_, q, pose_b_, limits, found).bounds.lower;
-      return apart > 0 && covers_upper(-apart);
-    };
-    if (!is_far_enough(attempts[2]) && !is_far_enough(attempts[3])) return false;
-    proof.proof.faces.push_back({{0, 0, 0}, -found.direction});
+void SurfaceProver::try_held(const Surface& solid, const Piece& piece, std::uint32_t candidate, WorkMeter& meter) {
+  meter.count(1);
+  const std::size_t outer = candidates_.outer;
+  const PlacedPose &X_wo = outer == 0 ? pose_a_ : pose_b_, &X_wi = outer == 0 ? pose_b_ : pose_a_;
+  const Surface* const surface = piece.surface.get();
+  const bool is_mesh = surface && !surface->is_cloud();
+  const Vec3d vertex = is_mesh   ? surface->vertices()[surface->parts()[candidate]]
+                       : surface ? surface->element(candidate).corner[0]
+                                 : piece.vertices[0];
+  if (winding_number(solid, X_wo.R_wb.transpose_times(X_wi.R_wb * vertex + (X_wi.t_w - X_wo.t_w))) == 0) return;
+  const auto [element, corner] =
+      is_mesh ? element_with(*surface, surface->parts()[candidate]) : std::array<std::uint32_t, 2>{candidate, 0};
+  PieceProof proof{piece_place(outer == 0 ? a_ : b_, candidates_.solid),
+                   piece_place(outer == 0 ? b_ : a_, candidates_.piece) + element,
+                   {}};
+  if (outer == 1) std::swap(proof.piece_a, proof.piece_b);
+  proof.within = static_cast<std::uint32_t>(outer);
+  proof.proof.vertices.push_back(outer == 0 ? ProofVertex{0, corner, {}} : ProofVertex{corner, 0, {}});
+  if (piece.primitive) (outer == 0 ? proof.proof.points_b : proof.proof.points_a).push_back(cast<DoubleDouble>(vertex));
+  held_ = {std::move(proof), vertex};
+}
+
+// A direction to the next triangle of the solid around the vertex: it has to be far enough along each.
+void SurfaceProver::prove_held(WorkMeter& meter) {
+  const std::size_t outer = candidates_.outer;
+  const Surface& around = *(outer == 0 ? a_ : b_).pieces[candidates_.solid]->surface;
+  if (held_->next == around.size()) {
+    held_->proof.proof.upper_in_double_double = true;
+    upper_ = std::move(held_->proof);
+    return held_.reset();
   }
-  proof.proof.upper_in_double_double = true;
-  upper_ = std::move(proof);
-  return true;
+  meter.count(kUnitsPerProof);
+  Piece point, triangle;
+  remake_piece(point, {&held_->vertex, 1}, 0);
+  remake_piece(triangle, around.element(held_->next++).span(), 0);
+  const Piece &p = outer == 0 ? triangle : point, &q = outer == 0 ? point : triangle;
+  NarrowProof found;
+  const auto is_far_enough = [&](NarrowLimits limits) {
+    limits.signed_distance = false;
+    const double apart = narrow_phase_proved(p, pose_a_, q, pose_b_, limits, found).bounds.lower;
+    return apart > 0 && covers_upper(-apart);
+  };
+  const std::array<NarrowLimits, 4> attempts = proof_attempts(limits_);
+  if (is_far_enough(attempts[2]) || is_far_enough(attempts[3]))
+    held_->proof.proof.faces.push_back({{0, 0, 0}, -found.direction});
+  else
+    held_.reset();  // others may do
 }
 
 }  // namespace clearance

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "engine/query/nearest_elements.h"
 #include "engine/query/pair_cover.h"
@@ -23,11 +24,27 @@ class SurfaceProver final : public RowProver {
   void cover(WorkMeter& meter);
   bool covers(PairCover::Parts parts);
   bool find_upper(WorkMeter& meter);
-  bool find_held(std::size_t outer, WorkMeter& meter);
-  bool prove_held(std::size_t outer, std::uint32_t solid, PieceProof proof, const Vec3d& vertex, WorkMeter& meter);
+  void seek_held(WorkMeter& meter);
+  void try_held(const Surface& solid, const Piece& piece, std::uint32_t candidate, WorkMeter& meter);
+  void prove_held(WorkMeter& meter);
+
+  // Vertices that may lie within a solid of the other body.
+  struct Candidates {
+    std::size_t outer = 0;                         // whose solid: 0: a, 1: b
+    std::uint32_t solid = 0, piece = 0, next = 0;  // pieces of the one and of the other body; of the latter's vertices
+  };
+  // Such a vertex, before it is proved.
+  struct HeldVertex {
+    PieceProof proof;
+    Vec3d vertex;
+    std::uint32_t next = 0;  // triangle of the solid: those before it are proved to be far enough
+  };
 
   PairCover cover_;
   NearestElements nearest_;
+  bool seeks_held_ = false;  // no two elements are so near
+  Candidates candidates_;
+  std::optional<HeldVertex> held_;
 };
 
 }  // namespace clearance

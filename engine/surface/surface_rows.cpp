@@ -1,79 +1,112 @@
 #include "engine/surface/surface_rows.h"
 
-#include <numeric>
-
-#include "engine/base/dedupe.h"
-
 namespace clearance {
 
-namespace {
-
-// New numbers for vertices, from 0 on: as a walk from triangle to triangle meets them.
-class Walk {
- public:
-  explicit Walk(std::span<const std::uint32_t> corners, std::size_t vertices)
-      : corners_(corners), first_(vertices + 1, 0), of_vertex_(corners.size()), number_(vertices, kNew) {
-    for (const std::uint32_t v : corners) ++first_[v + 1];
-    std::partial_sum(first_.begin(), first_.end(), first_.begin());
-    std::vector<std::size_t> next(first_.begin(), first_.end() - 1);
-    for (std::size_t c = 0; c < corners.size(); ++c) of_vertex_[next[corners[c]]++] = c / 3;
-    order_.reserve(vertices);
-    for (std::size_t c = 0, done = 0; c < corners.size(); ++c) {
-      meet(corners[c]);
-      for (; done < order_.size(); ++done) go_on_from(order_[done]);
-    }
-  }
-  std::uint32_t number(std::uint32_t vertex) const { return number_[vertex]; }
-  /// The vertices in the order of their numbers, those that no triangle names left out.
-  const std::vector<std::uint32_t>& order() const { return order_; }
-
- private:
-  static constexpr std::uint32_t kNew = 0xFFFFFFFFu;
-
-  void meet(std::uint32_t vertex) {
-    if (number_[vertex] != kNew) return;
-    number_[vertex] = static_cast<std::uint32_t>(order_.size());
-    order_.push_back(vertex);
-  }
-  void go_on_from(std::uint32_t vertex) {
-    for (std::size_t i = first_[vertex]; i < first_[vertex + 1]; ++i)
-      for (std::size_t k = 0; k < 3; ++k) meet(corners_[3 * of_vertex_[i] + k]);
-  }
-
-  std::span<const std::uint32_t> corners_;
-  std::vector<std::size_t> first_, of_vertex_;  // the triangles of vertex v: from first_[v] until before first_[v + 1]
-  std::vector<std::uint32_t> number_, order_;
-};
-
-SurfaceRows rows_of_cloud(const Surface& surface) {
-  SurfaceRows rows;
-  for (std::uint32_t i = 0; i < surface.size(); ++i) {
-    const ElementCorners element = surface.element(i);
-    rows.corners_each = element.count;
-    for (const Vec3d& v : element.span()) rows.vertices.push_back(v);
-  }
-  rows.corners.resize(rows.vertices.size());
-  std::iota(rows.corners.begin(), rows.corners.end(), 0);
-  rows.loaded = surface.size();
-  return rows;
+SurfaceLister::SurfaceLister(const Surface& surface)
+    : surface_(surface),
+      part_(surface.is_cloud() ? Part::kCloud : Part::kNumbers),
+      positions_(surface.vertices().size()) {
+  rows_.loaded = surface.is_cloud() ? surface.size() : surface.vertices().size();
+  rows_.corners_each = 3;
+  number_.reserve(surface.vertices().size());
+  if (!surface.is_cloud()) rows_.corners.reserve(3 * std::size_t{surface.size()});
 }
 
-}  // namespace
+bool SurfaceLister::advance(std::size_t steps) {
+  while (steps-- > 0)
+    if (step()) return true;
+  return false;
+}
 
-SurfaceRows surface_rows(const Surface& surface) {
-  if (surface.is_cloud()) return rows_of_cloud(surface);
-  const UniquePositions<double> unique = unique_positions(surface.vertices());
-  std::vector<std::uint32_t> corners;
-  corners.reserve(3 * surface.triangles().size());
-  for (const Triangle& t : surface.triangles())
-    for (const std::uint32_t corner : t) corners.push_back(unique.index[corner]);
-  const Walk walk(corners, unique.positions.size());
-  SurfaceRows rows;
-  rows.corners_each = 3;
-  rows.loaded = surface.vertices().size();
-  for (const std::uint32_t v : walk.order()) rows.vertices.push_back(unique.positions[v]);
-  for (const std::uint32_t v : corners) rows.corners.push_back(walk.number(v));
-  return rows;
+// Whether the part has more to go through; else the next one begins.
+bool SurfaceLister::goes_on(std::size_t count, Part next) {
+  if (at_ < count) return true;
+  at_ = 0;
+  part_ = next;
+  return false;
+}
+
+bool SurfaceLister::step() {
+  const std::size_t corners = 3 * std::size_t{surface_.size()};
+  switch (part_) {
+    case Part::kCloud:
+      if (goes_on(surface_.size(), Part::kOver)) list_element(static_cast<std::uint32_t>(at_++));
+      return false;
+    case Part::kNumbers:
+      if (goes_on(surface_.vertices().size(), Part::kCorners)) {
+        number_.push_back(positions_.number(surface_.vertices()[at_++]));
+        return false;
+      }
+      begin_.assign(positions_.positions().size() + 1, 0);
+      return false;
+    case Part::kCorners:
+      if (goes_on(corners, Part::kStarts)) {
+        rows_.corners.push_back(number_[surface_.triangles()[at_ / 3][at_ % 3]]);
+        ++begin_[rows_.corners.back()];  // so many, at first
+        ++at_;
+      }
+      return false;
+    case Part::kStarts:
+      if (goes_on(begin_.size(), Part::kTriangles)) {
+        begin_[at_] += at_ > 0 ? begin_[at_ - 1] : 0;  // where they end, until kTriangles has gone back over them
+        ++at_;
+        return false;
+      }
+      triangle_.resize(corners);
+      met_.assign(positions_.positions().size(), kNew);
+      return false;
+    case Part::kTriangles:
+      if (goes_on(corners, Part::kWalk)) {
+        ++at_;
+        triangle_[--begin_[rows_.corners[corners - at_]]] = static_cast<std::uint32_t>((corners - at_) / 3);
+      }
+      return false;
+    case Part::kWalk:
+      if (!walk()) part_ = Part::kRename;
+      return false;
+    case Part::kRename:
+      if (goes_on(corners, Part::kOver)) {
+        rows_.corners[at_] = met_[rows_.corners[at_]];
+        ++at_;
+      }
+      return false;
+    case Part::kOver:
+      break;
+  }
+  return true;
+}
+
+// One triangle of the vertex whose turn it is, or the next corner where all that hangs together has been met.
+bool SurfaceLister::walk() {
+  if (done_ < order_.size()) {
+    if (next_ < begin_[order_[done_] + 1]) {
+      const std::size_t triangle = triangle_[next_++];
+      for (std::size_t k = 0; k < 3; ++k) meet(rows_.corners[3 * triangle + k]);
+    } else if (++done_ < order_.size()) {
+      next_ = begin_[order_[done_]];
+    }
+    return true;
+  }
+  if (!goes_on(rows_.corners.size(), Part::kRename)) return false;
+  meet(rows_.corners[at_++]);
+  if (done_ < order_.size()) next_ = begin_[order_[done_]];
+  return true;
+}
+
+void SurfaceLister::meet(std::uint32_t number) {
+  if (met_[number] != kNew) return;
+  met_[number] = static_cast<std::uint32_t>(order_.size());
+  order_.push_back(number);
+  rows_.vertices.push_back(positions_.positions()[number]);
+}
+
+void SurfaceLister::list_element(std::uint32_t element) {
+  const ElementCorners corners = surface_.element(element);
+  rows_.corners_each = corners.count;
+  for (const Vec3d& v : corners.span()) {
+    rows_.corners.push_back(static_cast<std::uint32_t>(rows_.vertices.size()));
+    rows_.vertices.push_back(v);
+  }
 }
 
 }  // namespace clearance

@@ -7,6 +7,7 @@
 
 #include <ucontext.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -18,6 +19,8 @@
 #include "engine/query/columns.h"
 
 using std::isnan;
+using std::max;
+using std::min;
 
 #define __host__
 #define __device__
@@ -55,23 +58,17 @@ class EmulatedGrid {
 
   /// Runs a kernel's blocks one after another. \param kernel the call, with its arguments
   void launch(unsigned blocks, unsigned threads, std::function<void()> kernel) {
-    gridDim = {blocks, 1, 1};
+    launch(EmulatedDim{blocks, 1, 1}, threads, std::move(kernel));
+  }
+  /// \param blocks of which there are as many along y
+  void launch(EmulatedDim blocks, unsigned threads, std::function<void()> kernel) {
+    gridDim = blocks;
     blockDim = {threads, 1, 1};
     kernel_ = std::move(kernel);
     warps_.assign(threads / 32, {});
     fibers_.resize(threads);
-    for (unsigned block = 0; block < blocks; ++block) {
-      blockIdx = {block, 0, 0};
-      for (Fiber& f : fibers_) begin(f);
-      for (bool goes_on = true; goes_on;) {
-        goes_on = false;
-        for (unsigned t = 0; t < threads; ++t) {
-          if (fibers_[t].done) continue;
-          goes_on = true;
-          resume(t);
-        }
-      }
-    }
+    for (unsigned y = 0; y < blocks.y; ++y)
+      for (unsigned x = 0; x < blocks.x; ++x) run_block({x, y, 0});
   }
 
   /// What each of the warp's threads brings, once all have.
@@ -104,6 +101,19 @@ class EmulatedGrid {
     std::uint64_t brought[32] = {};
   };
 
+  void run_block(EmulatedDim at) {
+    blockIdx = at;
+    block_ = {};
+    for (Fiber& f : fibers_) begin(f);
+    for (bool goes_on = true; goes_on;) {
+      goes_on = false;
+      for (unsigned t = 0; t < fibers_.size(); ++t) {
+        if (fibers_[t].done) continue;
+        goes_on = true;
+        resume(t);
+      }
+    }
+  }
   void begin(Fiber& f) {
     f.done = false;
     getcontext(&f.context);
@@ -161,6 +171,12 @@ T __shfl_sync(unsigned, T x, int lane) {
 template <class T>
 T __shfl_xor_sync(unsigned mask, T x, int step) {
   return __shfl_sync(mask, x, static_cast<int>(threadIdx.x % 32) ^ step);
+}
+// Of the lane so many before; the first ones keep their own.
+template <class T>
+T __shfl_up_sync(unsigned mask, T x, int step) {
+  const int lane = static_cast<int>(threadIdx.x % 32);
+  return __shfl_sync(mask, x, lane < step ? lane : lane - step);
 }
 inline void __syncwarp() {
   __ballot_sync(~0u, true);

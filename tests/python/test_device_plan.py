@@ -53,7 +53,7 @@ def run() -> StandIn:
 @pytest.fixture()
 def plan(run: StandIn) -> DevicePlan:
     bodies = np.array([1, 2, 4, 7], dtype=np.uint32)
-    return DevicePlan(_engine, run, bodies, None, np.array([[1, 2], [4, 9]]), reduced=False)
+    return DevicePlan(_engine, run, bodies, np.array([[1, 2], [4, 9]]))
 
 
 POSES = OnDevice(64, (3, 4, 7), "<f8")
@@ -126,7 +126,7 @@ def test_a_stream_that_is_none(plan: DevicePlan) -> None:
 
 
 def test_a_plan_of_the_current_poses_takes_none(run: StandIn) -> None:
-    plan = DevicePlan(_engine, run, None, None, np.array([[1, 2], [4, 9]]), reduced=False)
+    plan = DevicePlan(_engine, run, None, np.array([[1, 2], [4, 9]]))
     plan()
     assert run.runs[0][:2] == (0, 0)
     with pytest.raises(ValueError, match="poses: the plan has no bodies"):
@@ -136,7 +136,8 @@ def test_a_plan_of_the_current_poses_takes_none(run: StandIn) -> None:
 @pytest.mark.parametrize("reduced", [False, True])
 def test_positions_of_joints(run: StandIn, reduced: bool) -> None:
     run.shape = (3, 2, MASK | int(Field.GRADIENT_JOINTS))
-    plan = DevicePlan(_engine, run, None, np.arange(7, dtype=np.uint32), np.array([[1, 2], [4, 9]]), reduced=reduced)
+    joints = np.arange(7, dtype=np.uint32)
+    plan = DevicePlan(_engine, run, None, np.array([[1, 2], [4, 9]]), joints, reduced=reduced)
     lead = (3,) if reduced else (3, 2)
     assert plan.shape == lead
     positions, lower = OnDevice(128, (3, 7), "<f8"), OnDevice(4096, lead, "<f8")

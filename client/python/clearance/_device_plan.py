@@ -63,9 +63,9 @@ class DevicePlan:
         module: Any,
         plan: Any,
         bodies: Optional[np.ndarray],
-        joints: Optional[np.ndarray],
         pairs: np.ndarray,
-        reduced: bool,
+        joints: Optional[np.ndarray] = None,
+        reduced: bool = False,
     ):
         self._module, self._plan = module, plan
         self.bodies, self.joints, self.pairs = bodies, joints, pairs
@@ -88,6 +88,20 @@ class DevicePlan:
     def fields(self) -> tuple[str, ...]:
         """The columns that it can write."""
         return tuple(self._columns)
+
+    @property
+    def poses_shape(self) -> tuple[int, int, int]:
+        """(K, M, 7), of the poses that it takes; M is 0 where it moves no bodies."""
+        return (self.shape[0], 0 if self.bodies is None else len(self.bodies), 7)
+
+    def column(self, name: str) -> Optional[Column]:
+        """A column that it can write; None: it cannot."""
+        return self._columns.get(name)
+
+    def run_at(self, poses: int, columns: Mapping[int, int], stream: int) -> None:
+        """The call for who knows that its memory is right, of a plan without joints. Addresses: of the poses, of
+        columns by their bits (the other ones are not written), of a cudaStream_t."""
+        self._plan.run(poses, 0, _addresses(columns), stream)
 
     def __call__(
         self,
@@ -143,13 +157,13 @@ class DevicePlan:
     def _addresses_of(self, out: Mapping[str, Any]) -> list[int]:
         if not isinstance(out, Mapping):
             raise TypeError(f"out: expected a dict of arrays, got {type(out).__name__}")
-        addresses = [0] * (1 + max(column.bit for column in COLUMNS.values()))
+        at = {}
         for name, array in out.items():
             column = self._columns.get(name)
             if column is None:
                 raise ValueError(f"out: the plan has no column {name!r}{did_you_mean(name, list(self._columns))}")
-            addresses[column.bit] = self._address(array, f"out[{name!r}]", column.dtype, self._shape_of(name, column))
-        return addresses
+            at[column.bit] = self._address(array, f"out[{name!r}]", column.dtype, self._shape_of(name, column))
+        return _addresses(at)
 
     def _shape_of(self, name: str, column: Column) -> tuple[int, ...]:
         if name == "gradient_joints":
@@ -190,6 +204,10 @@ class DevicePlan:
         if kind != _DLPACK_CUDA or number != self.device:
             raise ValueError(f"{what}: expected memory of CUDA device {self.device}")
         return address, shape, np.dtype(f"<{_DLPACK_KINDS.get(code, 'V')}{bits // 8}")
+
+
+def _addresses(by_bit: Mapping[int, int]) -> list[int]:
+    return [by_bit.get(bit, 0) for bit in range(1 + max(column.bit for column in COLUMNS.values()))]
 
 
 def _strides_in_c_order(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:

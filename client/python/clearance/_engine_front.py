@@ -139,7 +139,7 @@ class Engine(Front):
         query = self._parse(**{**DEFAULTS, **asked})
         plan = self._engine.plan_on_device(query.raw, count)
         table = self._table(query.pairs, query.bodies, query.joints)
-        return DevicePlan(_engine, plan, query.bodies, query.joints, table, reduced=query.reduce != 0)
+        return DevicePlan(_engine, plan, query.bodies, table, query.joints, reduced=query.reduce != 0)
 
     def stats(self) -> dict[str, int]:
         """Counters that the engine keeps about itself."""

@@ -21,38 +21,18 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import torch
 
 from ._device_plan import DevicePlan
+from ._pose_gradient import check_columns, moving_sides, pose_gradient
 
-__all__ = ["Distances", "JointDistances", "pose_gradient"]
-
-
-def pose_gradient(poses: Any, by_twist: Any) -> Any:
-    """From a gradient by twists to one by the seven numbers of poses.
-
-    poses: (..., 7) [x, y, z, qw, qx, qy, qz]. by_twist: (..., 6), by a turn about the body's own origin (m/rad) and by
-    a shift (m/m), world axes. Returns (..., 7): along the quaternion itself it is 0, since its length means nothing.
-    """
-    q, turn = poses[..., 3:], by_twist[..., :3]
-    w, v = q[..., :1], q[..., 1:]
-    scale = 2 / (q * q).sum(-1, keepdim=True)
-    by_w = -scale * (turn * v).sum(-1, keepdim=True)
-    by_v = scale * (w * turn + torch.linalg.cross(turn, v))
-    return torch.cat([by_twist[..., 3:], by_w, by_v], dim=-1)
+__all__ = ["Distances", "JointDistances"]
 
 
 def _weighed(weights: Any, gradient: Any) -> Any:
     """weights (...) times gradient (..., and more); 0 where a weight is: rows that are beyond have no gradient."""
     each = weights.reshape(weights.shape + (1,) * (gradient.dim() - weights.dim()))
     return torch.where(each == 0, 0.0, each * gradient)
-
-
-def _check_columns(plan: DevicePlan, *names: str) -> None:
-    for name in names:
-        if name not in plan.fields:
-            raise ValueError(f"plan: expected the column {name!r} among its fields, got {list(plan.fields)}")
 
 
 class _Run(torch.autograd.Function):  # type: ignore[misc]  # where torch is not installed it is Any
@@ -72,7 +52,7 @@ class _Run(torch.autograd.Function):  # type: ignore[misc]  # where torch is not
         by_twist = poses.new_zeros((*poses.shape[:2], 6))
         for side, (columns, slots) in enumerate(ctx.distances.sides):
             by_twist.index_add_(1, slots, weighed[:, columns, side])
-        return pose_gradient(poses, by_twist), None
+        return pose_gradient(torch, poses, by_twist), None
 
 
 class Distances:
@@ -86,23 +66,13 @@ class Distances:
     """
 
     def __init__(self, engine: Any, plan: DevicePlan):
-        _check_columns(plan, "distance", "gradient")
-        if len(plan.shape) != 2:
-            raise ValueError("plan: expected rows of all pairs (reduce='none')")
-        if plan.joints is not None:
-            raise ValueError("plan: expected bodies alone; joints are for JointDistances")
-        if plan.bodies is None:
-            raise ValueError("plan: expected configurations of bodies, as the current poses have no gradient")
-        self.plan = plan
-        slot_of = np.full(len(engine.bodies), -1)
-        slot_of[plan.bodies] = np.arange(len(plan.bodies))
         device = f"cuda:{plan.device}"
+        self.plan = plan
         #: Of each side of the pairs: which of them have a body there that moves, and its place among the bodies.
-        self.sides = []
-        for side in range(2):
-            slots = slot_of[plan.pairs[:, side]]
-            columns = np.flatnonzero(slots >= 0)
-            self.sides.append((torch.as_tensor(columns, device=device), torch.as_tensor(slots[columns], device=device)))
+        self.sides = [
+            tuple(torch.as_tensor(places, device=device) for places in side)
+            for side in moving_sides(plan, len(engine.bodies))
+        ]
 
     def __call__(self, poses: Any) -> Any:
         return _Run.apply(poses, self)
@@ -138,7 +108,7 @@ class JointDistances:
     """
 
     def __init__(self, plan: DevicePlan):
-        _check_columns(plan, "distance", "gradient_joints")
+        check_columns(plan, "distance", "gradient_joints")
         if plan.joints is None or plan.bodies is not None:
             raise ValueError("plan: expected configurations of joints alone")
         self.plan = plan

@@ -1,0 +1,53 @@
+"""What PyTorch's and JAX's functions of distances share: from gradients by twists to those by poses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ._device_plan import DevicePlan
+
+
+def pose_gradient(xp: Any, poses: Any, by_twist: Any) -> Any:
+    """From a gradient by twists to one by the seven numbers of poses.
+
+    xp: the arrays' module (numpy, torch, jax.numpy). poses: (..., 7) [x, y, z, qw, qx, qy, qz]. by_twist: (..., 6), by
+    a turn about the body's own origin (m/rad) and by a shift (m/m), world axes. Returns (..., 7): along the quaternion
+    itself it is 0, since its length means nothing.
+    """
+    q, turn = poses[..., 3:], by_twist[..., :3]
+    w, v = q[..., :1], q[..., 1:]
+    scale = 2 / (q * q).sum(-1)[..., None]
+    by_w = -scale * (turn * v).sum(-1)[..., None]
+    by_v = scale * (w * turn + xp.linalg.cross(turn, v))
+    return xp.concatenate([by_twist[..., 3:], by_w, by_v], -1)
+
+
+def check_columns(plan: DevicePlan, *names: str) -> None:
+    """Raises ValueError for the first that the plan does not write."""
+    for name in names:
+        if name not in plan.fields:
+            raise ValueError(f"plan: expected the column {name!r} among its fields, got {list(plan.fields)}")
+
+
+def moving_sides(plan: DevicePlan, bodies: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Of each side of a plan's pairs: which of them have a body there that moves, and its place among its bodies.
+
+    bodies: how many the scene has. Raises ValueError where the plan has no gradient.
+    """
+    check_columns(plan, "distance", "gradient")
+    if len(plan.shape) != 2:
+        raise ValueError("plan: expected rows of all pairs (reduce='none')")
+    if plan.joints is not None:
+        raise ValueError("plan: expected bodies alone; of joints there is clearance.torch.JointDistances")
+    if plan.bodies is None:
+        raise ValueError("plan: expected configurations of bodies, as the current poses have no gradient")
+    slot_of = np.full(bodies, -1)
+    slot_of[plan.bodies] = np.arange(len(plan.bodies))
+    sides = []
+    for side in range(2):
+        slots = slot_of[plan.pairs[:, side]]
+        columns = np.flatnonzero(slots >= 0)
+        sides.append((columns, slots[columns]))
+    return sides

@@ -1,0 +1,117 @@
+"""Distances as a JAX function: poses in, distances out, and their gradient back, all in the GPU's memory.
+
+    import jax, clearance, clearance.jax
+
+    jax.config.update("jax_enable_x64", True)
+    engine = clearance.Engine(scene, backend="cuda")
+    plan = engine.plan_on_device(64, bodies, pairs, fields=["distance", "gradient"])
+    distances = clearance.jax.Distances(engine, plan)
+    cost = jax.jit(jax.value_and_grad(lambda poses: distances(poses).clip(max=0.1).sum()))
+    value, by_pose = cost(poses)                # poses (K, M, 7) float64; by_pose the same
+
+Calls may stand in functions that are compiled (jax.jit): XLA puts them into its own stream, and nothing waits for the
+host. They cannot be mapped (jax.vmap): a plan's K is what it was made for.
+
+Needs JAX with CUDA (`pip install "jax[cuda13]"`); `import clearance` alone does not.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+from typing import Any, Optional
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from . import _xla_ffi
+from ._arguments import did_you_mean
+from ._device_plan import DevicePlan
+from ._pose_gradient import moving_sides, pose_gradient
+
+__all__ = ["Distances", "Rows"]
+
+
+class Rows:
+    """Columns of a plan as a function of its bodies' poses, without a gradient.
+
+    plan: of K configurations. fields: names among the plan's columns; None: all of them.
+
+    Called with (K, M, 7) float64 poses, or with nothing where the plan is of the current poses, it returns {name:
+    array}, each (K, P) and what a row has; `compact` as 8 float32 a row. Raises ValueError for a column that the plan
+    has not, and TypeError for poses of another type or shape.
+    """
+
+    def __init__(self, plan: DevicePlan, fields: Optional[Iterable[str]] = None, *, platform: str = "CUDA"):
+        if plan.joints is not None:
+            raise ValueError("plan: expected bodies alone; a plan of joints is called by itself, or by PyTorch")
+        _xla_ffi.register(platform)
+        self.plan = plan
+        self._number = _xla_ffi.number_of(plan)
+        self._names = list(plan.fields if fields is None else fields)
+        self._columns = []
+        for name in self._names:
+            column = plan.column(name)
+            if column is None:
+                raise ValueError(f"fields: the plan has no column {name!r}{did_you_mean(name, list(plan.fields))}")
+            self._columns.append(column)
+
+    def __call__(self, poses: Any = None) -> dict[str, Any]:
+        shape = self.plan.poses_shape
+        given = [] if shape[1] == 0 and poses is None else [jnp.asarray(poses)]
+        for array in given:
+            if array.shape != shape or array.dtype != jnp.float64:
+                raise TypeError(
+                    f"poses: expected float64 {shape}, got {array.dtype} {array.shape}"
+                    + ("" if jax.config.jax_enable_x64 else " (jax_enable_x64 is off)")
+                )
+        call = jax.ffi.ffi_call(_xla_ffi.TARGET, [self._row_type(column) for column in self._columns])
+        rows = call(*given, columns=np.array([c.bit for c in self._columns], np.int64), plan=np.int64(self._number))
+        return dict(zip(self._names, rows))
+
+    def _row_type(self, column: Any) -> Any:
+        if column.dtype.kind == "V":  # a record of float32
+            return jax.ShapeDtypeStruct((*self.plan.shape, column.dtype.itemsize // 4), np.dtype("<f4"))
+        return jax.ShapeDtypeStruct((*self.plan.shape, *column.shape), column.dtype)
+
+
+class Distances:
+    """Distances of a plan's pairs as a function of its bodies' poses, with a gradient (jax.custom_vjp).
+
+    plan: made with the columns "distance" and "gradient", for K >= 1 configurations of bodies without parents.
+
+    Called with (K, M, 7) float64 poses it returns (K, P) float64 metres. The gradient is that of the witness points:
+    where these are not unique it is one of several. It is 0 where bodies overlap, as the distance is, and NaN where a
+    pose is bad.
+    """
+
+    def __init__(self, engine: Any, plan: DevicePlan, *, platform: str = "CUDA"):
+        self.sides = moving_sides(plan, len(engine.bodies))
+        self.plan = plan
+        self.rows = Rows(plan, ["distance", "gradient"], platform=platform)
+
+    def __call__(self, poses: Any) -> Any:
+        return _distances(self, poses)
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
+def _distances(of: Distances, poses: Any) -> Any:
+    return of.rows(poses)["distance"]
+
+
+def _forward(of: Distances, poses: Any) -> Any:
+    rows = of.rows(poses)
+    return rows["distance"], (poses, rows["gradient"])
+
+
+def _backward(of: Distances, kept: Any, by_distance: Any) -> Any:
+    poses, gradient = kept
+    weighed = by_distance[..., None, None] * gradient  # (K, P, 2, 6)
+    by_twist = jnp.zeros((*poses.shape[:2], 6), poses.dtype)
+    for side, (columns, slots) in enumerate(of.sides):
+        by_twist = by_twist.at[:, slots].add(weighed[:, columns, side])
+    return (pose_gradient(jnp, poses, by_twist),)
+
+
+_distances.defvjp(_forward, _backward)

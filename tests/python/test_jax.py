@@ -1,0 +1,167 @@
+"""Plans as JAX functions, without a GPU: XLA calls a stand-in in the CPU's memory, whose rows are the engine's own."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+import pytest
+
+jax = pytest.importorskip("jax", reason="needs JAX: make test-extras EXTRAS=jax")
+
+import jax.numpy as jnp  # noqa: E402
+
+import clearance  # noqa: E402
+import clearance.jax  # noqa: E402
+from clearance import _engine, _xla_ffi  # noqa: E402
+from clearance._device_plan import DevicePlan  # noqa: E402
+from clearance._words import COLUMNS, Field  # noqa: E402
+
+K, BODIES = 5, ["s1", "s4"]
+MASK = int(Field.DISTANCE | Field.LOWER | Field.STATUS | Field.GRADIENT | Field.COMPACT)
+
+
+def balls() -> clearance.Scene:
+    scene = clearance.Scene()
+    for i in range(6):
+        scene.add_capsule(f"s{i}", 0.2 + 0.02 * i, 0.3, pose=[i, 0.1 * i, 0, 1, 0, 0, 0])
+    return scene
+
+
+def memory(address: int, shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
+    count = int(np.prod(shape)) * dtype.itemsize
+    return np.frombuffer(memoryview((ctypes.c_char * count).from_address(address)), dtype).reshape(shape)
+
+
+def answer(engine: clearance.Engine, pairs: np.ndarray, numbers: np.ndarray, name: str) -> np.ndarray:
+    """A column of an ordinary query."""
+    format = "compact" if name == "compact" else "full"
+    fields = None if name == "compact" else [name]
+    rows = engine.distances(configurations=numbers, bodies=BODIES, pairs=pairs, format=format, fields=fields)
+    return getattr(rows, name)
+
+
+class StandIn:
+    """In place of the extension module's plan: an engine on the CPU answers what lies at the addresses."""
+
+    device = 0
+
+    def __init__(self, engine: clearance.Engine, pairs: np.ndarray):
+        self.engine, self.pairs, self.runs = engine, pairs, 0
+        self.shape = (K, len(pairs), MASK)
+
+    def run(self, poses: int, positions: int, columns: list[int], stream: int) -> None:
+        assert positions == 0
+        self.runs += 1
+        given = memory(poses, (K, len(BODIES), 7), np.dtype("<f8"))
+        if np.isnan(given).all():
+            raise ValueError("nothing but NaN")
+        names = [name for name, column in COLUMNS.items() if columns[column.bit]]
+        for name in names:
+            column = COLUMNS[name]
+            out = memory(columns[column.bit], (*self.shape[:2], *column.shape), column.dtype)
+            out[...] = answer(self.engine, self.pairs, given, name).reshape(out.shape)
+
+
+@pytest.fixture(autouse=True)
+def _float64() -> object:
+    with jax.experimental.enable_x64() if hasattr(jax.experimental, "enable_x64") else jax.enable_x64(True):
+        yield
+
+
+@pytest.fixture()
+def engine() -> clearance.Engine:
+    return clearance.Engine(balls(), backend="cpu")
+
+
+@pytest.fixture()
+def plan(engine: clearance.Engine) -> DevicePlan:
+    pairs = np.array([[1, 0], [1, 4], [2, 4], [3, 5]], dtype=np.uint32)
+    return DevicePlan(_engine, StandIn(engine, pairs), np.array([1, 4], dtype=np.uint32), pairs)
+
+
+def poses() -> np.ndarray:
+    return np.random.default_rng(3).normal(size=(K, len(BODIES), 7)) * [2, 2, 2, 1, 1, 1, 1]
+
+
+def test_rows_are_those_of_the_plan(engine: clearance.Engine, plan: DevicePlan) -> None:
+    numbers, names = poses(), ["lower", "status", "compact"]
+    rows = clearance.jax.Rows(plan, names, platform="cpu")
+    expected = {name: answer(engine, plan.pairs, numbers, name) for name in names}
+    for ask in (rows, jax.jit(rows)):
+        got = ask(jnp.asarray(numbers))
+        assert sorted(got) == sorted(names)
+        np.testing.assert_array_equal(got["lower"], expected["lower"])
+        np.testing.assert_array_equal(got["status"], expected["status"])
+        assert got["compact"].shape == (*plan.shape, 8) and got["compact"].dtype == np.float32
+        bits = expected["compact"].view(np.uint8).reshape(*plan.shape, 32)
+        np.testing.assert_array_equal(np.asarray(got["compact"]).view(np.uint8), bits)
+
+
+def test_the_gradient_is_the_slope(engine: clearance.Engine, plan: DevicePlan) -> None:
+    numbers, weights = poses(), np.random.default_rng(4).uniform(0.5, 2, plan.shape)
+    distances = clearance.jax.Distances(engine, plan, platform="cpu")
+    cost = jax.jit(jax.value_and_grad(lambda x: (distances(x) * weights).sum()))
+    value, got = cost(jnp.asarray(numbers))
+    expected = engine.distances(configurations=numbers, bodies=BODIES, pairs=plan.pairs)
+    assert value == pytest.approx((expected.distance * weights).sum(), rel=1e-9)
+    apart = (expected.lower > 1e-3).all(axis=1)
+    assert apart.sum() >= 2
+    step = 1e-6
+    for m in range(len(BODIES)):
+        for i in range(7):
+            moved = [numbers.copy(), numbers.copy()]
+            moved[0][:, m, i] -= step
+            moved[1][:, m, i] += step
+            ends = [
+                engine.distances(configurations=x, bodies=BODIES, pairs=plan.pairs, rel_tol=1e-12).distance
+                for x in moved
+            ]
+            slope = ((ends[1] - ends[0]) * weights).sum(axis=1) / (2 * step)
+            np.testing.assert_allclose(got[apart, m, i], slope[apart], atol=1e-5)
+
+
+def test_a_compiled_function_asks_once_a_call(engine: clearance.Engine, plan: DevicePlan) -> None:
+    distances = jax.jit(clearance.jax.Distances(engine, plan, platform="cpu"))
+    for _ in range(3):
+        jax.block_until_ready(distances(jnp.asarray(poses())))
+    assert plan._plan.runs == 3
+
+
+def test_what_the_plan_says_no_to_is_raised(engine: clearance.Engine, plan: DevicePlan) -> None:
+    rows = jax.jit(clearance.jax.Rows(plan, platform="cpu"))
+    with pytest.raises(Exception, match="clearance: nothing but NaN"):
+        jax.block_until_ready(rows(jnp.full(plan.poses_shape, jnp.nan)))
+    assert jax.block_until_ready(rows(jnp.asarray(poses())))["lower"].shape == plan.shape, "and it goes on"
+
+
+def test_a_plan_that_is_gone_is_named(engine: clearance.Engine, plan: DevicePlan) -> None:
+    other = DevicePlan(_engine, StandIn(engine, plan.pairs), plan.bodies, plan.pairs)
+    rows = clearance.jax.Rows(other, platform="cpu")
+    del _xla_ffi._plans[rows._number]
+    with pytest.raises(Exception, match="the plan is gone"):
+        jax.block_until_ready(rows(jnp.asarray(poses())))
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (np.zeros((K, 2, 7), np.float32), r"poses: expected float64 \(5, 2, 7\), got float32"),
+        (np.zeros((2, K, 7)), r"poses: expected float64 \(5, 2, 7\), got float64 \(2, 5, 7\)"),
+    ],
+)
+def test_poses_that_are_refused(plan: DevicePlan, given: np.ndarray, text: str) -> None:
+    with pytest.raises(TypeError, match=text):
+        clearance.jax.Rows(plan, platform="cpu")(given)
+
+
+def test_columns_that_are_refused(engine: clearance.Engine, plan: DevicePlan) -> None:
+    with pytest.raises(ValueError, match="fields: the plan has no column 'uper'"):
+        clearance.jax.Rows(plan, ["uper"], platform="cpu")
+    bare = StandIn(engine, plan.pairs)
+    bare.shape = (K, len(plan.pairs), int(Field.LOWER))
+    with pytest.raises(ValueError, match="plan: expected the column 'distance' among its fields"):
+        clearance.jax.Distances(engine, DevicePlan(_engine, bare, plan.bodies, plan.pairs), platform="cpu")
+    of_joints = DevicePlan(_engine, StandIn(engine, plan.pairs), None, plan.pairs, np.arange(3, dtype=np.uint32))
+    with pytest.raises(ValueError, match="plan: expected bodies alone"):
+        clearance.jax.Rows(of_joints, platform="cpu")
