@@ -16,6 +16,12 @@ from clearance._words import COLUMNS, Field
 from robots import arm_scene, rows_of
 
 ARM = Path(__file__).resolve().parents[1] / "robot" / "arm.urdf"
+#: Those of its pairs that do not overlap wherever it is.
+ARM_PAIRS = [
+    (f"arm/{link}", other)
+    for link in ("fore", "wrist", "palm", "flange", "left_finger")
+    for other in ("table", "cup", "arm/base")
+]
 
 MASK = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.COMPACT)
 
@@ -222,24 +228,24 @@ def test_positions_of_a_robot_on_the_gpu() -> None:
     given = driver.put(positions)
     columns = ["distance", "lower", "upper", "status", "gradient_joints"]
     for reduce in ("none", "min"):
-        plan = engine.plan_on_device(len(positions), joints="arm", reduce=reduce, fields=columns)
+        plan = engine.plan_on_device(len(positions), None, ARM_PAIRS, columns, joints="arm", reduce=reduce)
         rows = plan(positions=given)
-        expected = cpu.distances(joints="arm", positions=positions, reduce=reduce, fields=columns)
+        expected = cpu.distances(ARM_PAIRS, joints="arm", positions=positions, reduce=reduce, fields=columns)
         got = {name: driver.get(getattr(rows, name)) for name in columns}
         assert got["lower"].shape == plan.shape == expected.lower.shape
         assert got["gradient_joints"].shape == expected.gradient_joints.shape
-        settled = got["upper"] == expected.upper  # not those that the CPU finishes
-        assert settled.mean() > 0.9 and (got["upper"] > 0).sum() > 50
+        apart = (expected.lower > 0) & (got["lower"] > 0)  # of what overlaps the CPU finishes some
+        assert apart.mean() > 0.7
         for name in columns:
-            np.testing.assert_array_equal(got[name][settled], getattr(expected, name)[settled], err_msg=name)
-    free = engine.plan_on_device(len(positions), joints="arm", reduce="any", margin=0.01)
+            np.testing.assert_array_equal(got[name][apart], getattr(expected, name)[apart], err_msg=name)
+    free = engine.plan_on_device(len(positions), None, ARM_PAIRS, joints="arm", reduce="any", margin=0.01)
     assert set(free.fields) == {"status", "pair"} and free.shape == (len(positions),)
     status = driver.get(free(positions=given).status)
-    checked = cpu.check(positions, joints="arm", margin=0.01)
-    got, open_ = status == clearance.Status.BEYOND, status == clearance.Status.UNCONVERGED
-    assert 10 < checked.free.sum() < 190 and open_.sum() < 20
-    np.testing.assert_array_equal(got[~open_], checked.free[~open_])
-    assert not got[~checked.free].any()
+    checked = cpu.check(positions, pairs=ARM_PAIRS, joints="arm", margin=0.01)
+    is_free, is_open = status == clearance.Status.BEYOND, status == clearance.Status.UNCONVERGED
+    assert 100 < checked.free.sum() < 190 and is_open.sum() < 20
+    np.testing.assert_array_equal(is_free[~is_open], checked.free[~is_open])
+    assert not is_free[~checked.free].any()
 
 
 @needs_gpu
@@ -248,21 +254,21 @@ def test_gradients_by_joints_in_pytorch_never_leave_the_device() -> None:
     import clearance.torch
 
     engine, cpu = clearance.Engine(arm_scene(ARM), backend="cuda"), clearance.Engine(arm_scene(ARM), backend="cpu")
-    numbers = rows_of(engine.joints("arm"), 64)
+    numbers, fields = rows_of(engine.joints("arm"), 64), ["distance", "gradient_joints"]
     for reduce in ("none", "min"):
-        fields = ["distance", "gradient_joints"]
-        distances = clearance.torch.JointDistances(
-            engine.plan_on_device(64, joints="arm", reduce=reduce, fields=fields, max_distance=0.5)
-        )
+        plan = engine.plan_on_device(64, None, ARM_PAIRS, fields, joints="arm", reduce=reduce, max_distance=0.5)
+        distances = clearance.torch.JointDistances(plan)
         positions = torch.tensor(numbers, device="cuda", requires_grad=True)
-        (0.2 - distances(positions)).clamp(min=0).sum().backward()
-        expected = cpu.distances(joints="arm", positions=numbers, reduce=reduce, fields=fields, max_distance=0.5)
-        near = np.nan_to_num(np.where(expected.distance < 0.2, 1.0, 0.0))[..., None]
-        slope = -(near * np.nan_to_num(expected.gradient_joints))
-        if reduce == "none":
-            slope = slope.sum(axis=1)
-        np.testing.assert_allclose(positions.grad.cpu().numpy(), slope, atol=1e-6)
-        assert np.abs(slope).max() > 0.01
+        (0.4 - distances(positions)).clamp(min=0).sum().backward()
+        expected = cpu.distances(
+            ARM_PAIRS, joints="arm", positions=numbers, reduce=reduce, fields=fields, max_distance=0.5
+        )
+        near = (expected.distance < 0.4)[..., None]
+        slope = -np.where(near, np.nan_to_num(expected.gradient_joints), 0)
+        slope = slope.reshape(64, -1, slope.shape[-1]).sum(axis=1)  # of all pairs
+        apart = expected.distance.reshape(64, -1).min(axis=1) > 0
+        assert apart.sum() > 40 and np.abs(slope[apart]).max() > 0.01
+        np.testing.assert_allclose(positions.grad.cpu().numpy()[apart], slope[apart], atol=1e-9)
 
 
 @needs_gpu
