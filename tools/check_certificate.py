@@ -66,7 +66,7 @@ class Piece:
     def __init__(self, document, whole=None):
         core = document.get("core", {"kind": None, "size": (1, 1, 1)})  # none: the hull of the vertices
         self.radius, self.kind, self.size = length(document["radius"]), core["kind"], vector(core["size"], length)
-        require(self.kind in (None, "cone", "cylinder", "ellipsoid") and min(self.size) > 0, f"no core: {core!r}")
+        require(self.kind in (None, "cone", "cylinder", "ellipsoid", "half_space"), f"no core: {core!r}")
         self.vertices = [vector(v) for v in document["vertices"]]
         require(len(self.vertices) == document["count"] > 0, "a piece has not as many vertices as it says")
         (self.numbers, self.scale), self.faces = integers(self.vertices), document.get("elements", ())
@@ -79,18 +79,18 @@ class Piece:
     def reach(self, centre):  # no point is farther from it
         (x, y, z), farthest = self.size, max((plus(v, centre, -1) for v in self.vertices), key=lambda d: dot(d, d))
         around = size(centre) + (max(x, y, z) if self.kind == "ellipsoid" else size((x, 0, z)))
-        return self.radius + (around if self.kind else size(farthest))
+        return math.inf if self.kind == "half_space" else self.radius + (around if self.kind else size(farthest))
     def support(self, n):  # no less than n.v for all its points v; of vertices without radius the largest
         if not self.kind:
             (m,), scale = integers([n])
             return Fraction(max(dot(m, v) for v in self.numbers), scale * self.scale) + self.radius * size(n)
         rim, along = self.size[0] * size((n[0], n[1], 0)), self.size[2] * n[2]
-        egg = size([s * x for s, x in zip(self.size, n)])
-        core = {"cylinder": rim + abs(along), "cone": max(along, rim - along), "ellipsoid": egg}[self.kind]
-        return core + self.radius * size(n)
+        egg, flat = size([s * x for s, x in zip(self.size, n)]), 0 if n[0] == n[1] == 0 < n[2] else math.inf
+        cores = {"cylinder": rim + abs(along), "cone": max(along, rim - along), "ellipsoid": egg, "half_space": flat}
+        return cores[self.kind] + self.radius * size(n)
     def off(self, p):  # how far a point is from the core, or more
-        if self.kind == "ellipsoid":  # p / scale lies in it
-            return (size(tuple(x / s for s, x in zip(self.size, p))) - 1) * size(p)
+        if self.kind in ("ellipsoid", "half_space"):  # p / scale lies in the one
+            return (size(tuple(x / s for s, x in zip(self.size, p))) - 1) * size(p) if self.kind[0] == "e" else p[2]
         half = require(abs(p[2]) <= self.size[2], "a point lies beyond the ends of its core", self.size[2])
         return size((p[0], p[1], 0)) - (1 if self.kind == "cylinder" else (half - p[2]) / (2 * half)) * self.size[0]
 class Body:
@@ -99,9 +99,8 @@ class Body:
         self.wholes, centre = [at(pieces, k, "piece") for k in document["pieces"]], vector(document["centre"])
         self.pieces = [part for whole in self.wholes for part in whole.parts]
         self.inner, self.outer = (length(document["shape"][key]) for key in ("inner", "outer"))
-        self.position, angle = (length(document["uncertainty"][key]) for key in ("position", "angle"))
-        chord = size(plus(turn_about(AXES[2], angle)[1][0], AXES[0], -1)) + BLUR if angle else 0
-        self.chord = chord if angle < Fraction(math.pi) else 2
+        self.position, turn = (length(document["uncertainty"][key]) for key in ("position", "angle"))
+        self.chord = turn and (2 if turn >= math.pi else BLUR + size(plus(turn_about(AXES[2], turn)[1][0], (-1, 0, 0))))
         self.name, self.moved = document["name"], length(document["max_speed"]) * length(document["age_s"])
         self.reach, radius = (max([p.reach(c) for p in self.wholes], default=0) + self.inner for c in (ZERO, centre))
         self.ball, grown = (centre, radius), length(document["padding"]) + self.position
@@ -161,7 +160,8 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
             own = self.bodies[frame].position + self.bodies[frame].moved
             shift, turn = shift + own + turn * (along + own), turn + self.bodies[frame].chord
             along = size(plus(self.at(next_, time)[0][0], self.at(frame, time)[0][0], -1))
-        known = body.inner + body.moved + body.chord * body.reach + shift + turn * (along + body.moved + body.reach)
+        known = body.inner + body.moved + shift + (body.chord and body.chord * body.reach)
+        known += turn and turn * (along + body.moved + body.reach)
         return known, known + (turn and turn * half * self.rates(None, id, time, half)[0])
     def check_span(self, ids, span, bound):
         begin, middle, end = (exact(span[key]) for key in ("begin", "at", "end"))
@@ -175,7 +175,8 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         counts = len(a.pieces), len(b.pieces)
         cover = [list(map(run, claim["pieces"] or (None, None), counts)) for claim in span["lower"]]
         for claim, ((i, i_end), (j, j_end)) in zip(span["lower"], cover):  # directions are from a towards b
-            n, seer, moves = turned(R_a, vector(claim["direction"], high_and_low)), claim["seer"], claim["order"] == 2
+            named, seer, moves = claim["direction"], claim["seer"], claim["order"] == 2
+            n = times(-1, turned(R_b, AXES[2])) if named is None else turned(R_a, vector(named, high_and_low))
             rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, half) for id in ids]
             speed, bend = map(sum, zip(*rates[seer]))
             for s in (begin - middle, end - middle) if moves else (0,):  # between these what is proved is concave
@@ -202,14 +203,13 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
     def lean(self, seer, id, time, n, s):  # points x that keep their speed get along n, by s, to lean.x + more
         path = self.path(seer, id, time) if s else []
         turn = tuple(map(sum, zip(ZERO, *(rate for rate, _, turns in path if turns))))
-        more = s * sum(dot(n, cross(point, rate) if turns else rate) for rate, point, turns in path)
-        return plus(n, cross(n, turn), s), more
+        return plus(n, cross(n, turn), s), s * sum(dot(n, cross(p, v) if turns else v) for v, p, turns in path)
     def check_upper(self, ids, claim, bound):
         time, (i, j), (a, b) = exact(claim["time"]), claim["pieces"], (self.bodies[id] for id in ids)
         (t_a, R_a, blur_a), (t_b, R_b, blur_b) = (self.at(id, time)[0] for id in ids)
         cores, named = (at(a.pieces, i, "piece"), at(b.pieces, j, "piece")), []
         reach = bound - a.outer - b.outer - blur_a - blur_b
-        for core, found in zip(cores, claim.get("points", (None, None))):  # of a round one points near it
+        for core, found in zip(cores, claim.get("points", (None, None))):  # of one in closed form points near it
             named.append([vector(p, high_and_low) for p in found] if core.kind else core.vertices)
             reach += core.radius - (max(0, *map(core.off, named[-1])) if core.kind else 0)
         if "within" in claim:  # a vertex in a solid, which goes around the origin as seen from it
@@ -218,13 +218,15 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
             claim = {**claim, "faces": whole.faces, "vertices": [((x, m), (k, x))[side] for x in all_]}
         pairs = [(at(named[0], k, "vertex"), at(named[1], m, "vertex")) for k, m in claim["vertices"]]
         points = [plus(u, turned(zip(*R_a), plus(plus(turned(R_b, v), t_b), t_a, -1)), -1) for u, v in pairs]  # a - b
-        require(0 <= time <= 1 and points, "a witness is at no time, or nowhere")
+        require(0 <= time <= 1 and (not blur_a + blur_b or max(map(size, points)) < LARGEST), "no time, or too far off")
         if "faces" in claim:
             return check_surface(claim, points, -reach)
         weights = [high_and_low(w) for w in claim["weights"]]
         require(len(weights) == len(points) and min(weights) >= 0 and sum(weights) > 0, "weights are none")
         apart = [sum(w * v[k] for w, v in zip(weights, points)) / sum(weights) for k in range(3)]
-        require(reach >= 0 and dot(apart, apart) <= reach * reach, "the witness points are farther apart than upper")
+        up = [n for c, n in zip(cores, ((0, 0, -1), turned(zip(*R_a), turned(R_b, AXES[2])))) if c.kind == "half_space"]
+        require((reach >= 0 and dot(apart, apart) <= reach * reach) or any(dot(apart, n) <= reach for n in up),
+                "the witness points are farther apart than upper")
 def check_surface(claim, points, depth):  # it goes around the origin, beyond a ball: cores overlap by its radius
     faces, normals = claim["faces"], [vector(m, high_and_low) for m in claim["normals"]]
     beyond = [(min(dot(m, at(points, k, "vertex")) for k in face), m) for face, m in zip(faces, normals)]
@@ -291,9 +293,8 @@ def check_file(path, say_all):
             found = list(verdicts(json.load(file, object_pairs_hook=no_repeats, parse_constant=lambda name: None)))
     except (OSError, *MALFORMED) as error:
         return print(f"{path}: no certificate: {error if isinstance(error, ValueError) else repr(error)}")
-    for place in (k for k, (is_proved, _) in enumerate(found) if say_all or not is_proved):
-        print(f"{path}: rows[{place}]: {found[place][1]}")
-    print(f"{path}: {sum(is_proved for is_proved, _ in found)} of {len(found)} rows are proved")
+    said = [f"{path}: rows[{k}]: {why}" for k, (is_proved, why) in enumerate(found) if say_all or not is_proved]
+    print(*said, f"{path}: {sum(is_proved for is_proved, _ in found)} of {len(found)} rows are proved", sep="\n")
     return all(is_proved for is_proved, _ in found)
 if __name__ == "__main__":
     sys.exit({check_file(path, "--all" in sys.argv) for path in sys.argv[1:] if path != "--all"} != {True})

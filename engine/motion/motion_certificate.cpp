@@ -82,7 +82,8 @@ class MotionCertificateJob final : public CertificateJob {
     pair_prover_.reset();
     is_proved_ = true;
     step_ = Step::kPairs;
-    if (!std::isinf(answer.lower) || answer.lower > 0) return true;
+    // Of two half-spaces nothing is known either, but the row is about two bodies.
+    if (!std::isinf(answer.lower) || answer.lower > 0 || answer.status == Status::kUnconverged) return true;
     end_row(true);
     step_ = Step::kBegin;
     return false;
@@ -122,7 +123,6 @@ class MotionCertificateJob final : public CertificateJob {
     moment_.move_to(0.5);
     if (is_unusable(scene(), moment_.placed(), pair)) return false;  // the row says so: it is incomplete
     refuse_stand_ins(pair);
-    refuse_half_spaces(pair);
     const double lower = lower_of(pair_);
     text_.begin_pair(pair, moment_.placed(), plan_.margins.of(pair_), lower);
     // What is proved of the whole motion holds until first contact, too.

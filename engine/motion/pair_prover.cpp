@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "engine/hull/primitive.h"
+
 namespace clearance {
 
 namespace {
@@ -156,10 +158,19 @@ void PairProver::write(SpanPlace place) {
   text_.end_span();
 }
 
-// One direction between the bodies' boxes for all pieces.
+// Between the bodies' boxes; along the normal of one that is a half-space. World axes.
+Vec3d PairProver::towards_b() const {
+  const Placement& here = moment_.placed();
+  const auto normal = [&](std::uint32_t body) { return here[body].pose.R_wb * Vec3d{0, 0, 1}; };
+  if (is_half_space(*a_.pieces[0])) return normal(pair_.a);
+  if (is_half_space(*b_.pieces[0])) return -normal(pair_.b);
+  return between(here.box(pair_.a), here.box(pair_.b));
+}
+
+// One such direction for all pieces.
 bool PairProver::try_boxes() {
   const Placement& here = moment_.placed();
-  const Vec3d n = between(here.box(pair_.a), here.box(pair_.b));
+  const Vec3d n = towards_b();
   if (n.x == 0 && n.y == 0 && n.z == 0) return false;
   PieceProof all{kNone, kNone, {}, 1, rates_.speed_seer};
   const PlacedPose &pose_a = here[pair_.a].pose, &pose_b = here[pair_.b].pose;

@@ -79,6 +79,7 @@ class PairProver {
 
   void look();
   bool step(WorkMeter& meter);
+  Vec3d towards_b() const;
   bool try_boxes();
   bool step_cover(WorkMeter& meter);
   bool is_too_near_somewhere(WorkMeter& meter);

@@ -456,18 +456,13 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
 NarrowAnswer narrow_phase_proved(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
                                  const NarrowLimits& limits, NarrowProof& proof) {
   proof = {};
+  if (is_half_space(a) || is_half_space(b)) {
+    NarrowAnswer plane;
+    plane.bounds = plane_proved(a, pose_a, b, pose_b, proof);
+    return plane;
+  }
   return narrow_down(Answer(limits, pose_a.R_wb, a.radius, b.radius, &proof), a, pose_a, b, pose_b, limits, nullptr,
                      nullptr, nullptr, nullptr);
-}
-
-double lower_along(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b, const Vec3d& n_w,
-                   NarrowProof& proof) {
-  const PlacedPair<DoubleDouble> pair(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
-                                      pose_b.t_w);
-  proof = {};
-  proof.direction = pair.R_wa.transpose_times(cast<DoubleDouble>(n_w));
-  proof.lower_in_double_double = true;
-  return certify_lower(pair, proof.direction);
 }
 
 double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b) {

@@ -23,19 +23,27 @@ struct ProofFace {
 /// What proves the two bounds of NarrowAnswer, each in the arithmetic that made it.
 struct NarrowProof {
   Vec3<DoubleDouble> direction{0, 0, 0};  ///< axes of a, from a towards b, any length; zero: nothing proves `lower`
+  bool is_against_b = false;  ///< the direction is the z axis of b turned round, exactly, and only rounded here
   bool lower_in_double_double = false, upper_in_double_double = false;
   /// Either the witness points, of up to four vertices, or (with faces) a closed surface of CSO triangles.
   std::vector<ProofVertex> vertices;
   std::vector<ProofFace> faces;
-  /// Of a round core what `vertices` name: points of it up to rounding, its own axes. Else none.
+  /// Of a core in closed form what `vertices` name: points of it up to rounding, its own axes. Else none.
   std::vector<Vec3<DoubleDouble>> points_a, points_b;
 };
 
-/// narrow_phase() from nothing, in one go: the same bits, and what proves them.
+/// narrow_phase() from nothing, in one go, and what proves it: the same bits, but of half-spaces, of which only bounds
+/// are there, those of plane_proved().
 NarrowAnswer narrow_phase_proved(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
                                  const NarrowLimits& limits, NarrowProof& proof);
 
-/// The lower bound that a direction proves, in double-double. \param n_w world axes, from a towards b
+/// What proves the bounds of a half-space and another piece, in either arithmetic: its plane's normal, and how high the
+/// other's lowest point is. Of two half-spaces nothing is proved.
+Interval plane_proved(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                      NarrowProof& proof);
+
+/// The lower bound that a direction proves, in double-double. \param n_w world axes, from a towards b; a half-space's
+/// own normal takes its place
 double lower_along(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b, const Vec3d& n_w,
                    NarrowProof& proof);
 

@@ -46,7 +46,6 @@ class RowCertificateJob final : public CertificateJob {
         step_ = Step::kBegin;
         return true;
       }
-      refuse_half_spaces(pair);
       text_.begin_pair(pair, *here_, 0, answer_.lower);
       text_.begin_span(pair, span_at(*here_, pair));
       prover_ = make_row_prover(scene(), options_, *here_, pair, answer_, text_);

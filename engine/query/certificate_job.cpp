@@ -37,16 +37,6 @@ const EvaluateOptions& CertificateJob::with_pieces() {
   return options_;
 }
 
-// Of which only one direction proves anything, which another body's axes hold up to rounding only.
-void CertificateJob::refuse_half_spaces(BodyPair pair) const {
-  for (const std::uint32_t id : {pair.a, pair.b}) {
-    const Body& body = scene().bodies()[id];
-    for (const PiecePtr& piece : body.pieces)
-      if (is_half_space(*piece))
-        refuse_kind("of bodies that are bounded, so far, and not of '" + body.name + "' (" + body.source + ")");
-  }
-}
-
 // Of the model pieces.
 void CertificateJob::refuse_stand_ins(BodyPair pair) const {
   if (plan_.query.model != Model::kPieces) return;

@@ -26,8 +26,7 @@ class CertificateJob : public ParallelJob {
   virtual bool go_on_with(std::uint64_t row, WorkMeter& slice) = 0;
 
   const EvaluateOptions& with_pieces();
-  /// Throw QueryError for pairs of which nothing is certified.
-  void refuse_half_spaces(BodyPair pair) const;
+  /// Throws QueryError for pairs of which nothing is certified.
   void refuse_stand_ins(BodyPair pair) const;
   /// Bodies with usable poses, as of the whole of a motion; its begin, end and time may be set then.
   SpanPlace span_at(const Placement& here, BodyPair pair) const;

@@ -77,9 +77,9 @@ Json lower_json(const PieceProof& p) {
           {"order", p.order},
           {"seer", id_json(p.seer)},
           {"arithmetic", arithmetic(p.proof.lower_in_double_double)},
-          {"direction", vector(p.proof.direction)}};
+          {"direction", p.proof.is_against_b ? Json(nullptr) : vector(p.proof.direction)}};
 }
-// Of a round core; null: the other piece has vertices.
+// Of a core in closed form; null: the other piece has vertices.
 Json points_json(const std::vector<Vec3<DoubleDouble>>& points) {
   Json json;
   for (const Vec3<DoubleDouble>& p : points) json.push_back(vector(p));

@@ -304,7 +304,13 @@ bool Evaluator::gather(Search& search, WorkMeter& meter) {
       elements.begin_near();
     return true;
   }
-  const double cut_off = search.state.cut_off(search.slack.cut_off(bodies.max_distance));
+  const double user = search.slack.cut_off(bodies.max_distance), upper = search.state.upper;
+  double cut_off = search.state.cut_off(user);
+  // Around a nearest vertex all pairs are as near as it is: what keeps the interval as narrow as half of what is asked
+  // is left out.
+  if (!options_.reference && upper > 0 && upper <= user && upper < kInf)
+    cut_off =
+        std::max(0.5 * upper, upper - 0.5 * tolerance_at(upper, options_.limits.abs_tol, options_.limits.rel_tol));
   return elements.gather(std::min(search.state.round, ElementSearch::kMostOfRound), cut_off, meter);
 }
 

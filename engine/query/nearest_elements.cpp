@@ -37,6 +37,12 @@ const Surface::Slab* slab_of(const Body& body, std::uint32_t piece, std::uint32_
 double reach_across(const Surface::Slab& slab, double times, const Vec3d& centre) {
   return times * (dot(slab.normal(), centre) + double{times > 0 ? slab.high : slab.low});
 }
+// Of the diagonal of its box: which of two is larger need not be known exactly.
+float squared_size(const Surface::Node& node) {
+  float sum = 0;
+  for (std::size_t k = 0; k < 3; ++k) sum += (node.high[k] - node.low[k]) * (node.high[k] - node.low[k]);
+  return sum;
+}
 double above_zero(double x) {
   return x > 0 ? x : 0;  // not a NaN, as of a box without bounds
 }
@@ -64,6 +70,8 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
   R_wa_ = pose_a.R_wb;
   R_ = pose_a.R_wb.transpose_times(pose_b.R_wb);
   D_ = pose_a.R_wb.transpose_times(pose_b.t_w - pose_a.t_w);
+  for (int k = 0; k < 3; ++k) R_ba_.row[k] = {R_.row[0][k], R_.row[1][k], R_.row[2][k]};
+  D_ba_ = -(R_ba_ * D_);
   error_ = kGapUnits * (norm(D_) + a.reach + b.reach) + Arithmetic<double>::kUnderflowLength;
   plane_ = is_half_space(*a.pieces[0]) ? Plane::kA : is_half_space(*b.pieces[0]) ? Plane::kB : Plane::kNeither;
   looks_ = 0;
@@ -82,12 +90,12 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
 
 NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piece, std::uint32_t at) {
   const Piece& p = *body.pieces[piece];
-  if (at == kNone) return {p.centre, p.half, p.spread};
+  if (at == kNone) return {p.centre, p.half};
   const Surface& surface = *p.surface;
   if (is_element(at)) {
     if (surface.is_cloud()) {
       const double half = 0.5 * double{surface.edge()} + surface.rounding();
-      return {surface.point(at & ~kTriangle), {half, half, half}, 2 * half};
+      return {surface.point(at & ~kTriangle), {half, half, half}};
     }
     const auto [u, v, w] = surface.corners(at & ~kTriangle);
     Bulk bulk;
@@ -96,8 +104,6 @@ NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piec
       bulk.centre[k] = 0.5 * low + 0.5 * high;
       bulk.half[k] = 0.5 * high - 0.5 * low;
     }
-    const auto far = [&](const Vec3d& x) { return squared_norm(x - bulk.centre); };
-    bulk.spread = std::sqrt(std::max({far(u), far(v), far(w)}));
     return bulk;
   }
   const Surface::Node& node = surface.nodes()[at];
@@ -107,12 +113,22 @@ NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piec
     bulk.centre[k] = surface.centre()[k] + (0.5 * low + 0.5 * high);
     bulk.half[k] = 0.5 * high - 0.5 * low;
   }
-  bulk.spread = norm(bulk.half);
   return bulk;
 }
 
+PartBulk NearestElements::part_bulk(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& bulk) {
+  PartBulk part{bulk.centre, bulk.half};
+  if (const Surface::Slab* const slab = slab_of(body, piece, at)) {
+    part.normal = slab->normal();
+    const double centre = dot(part.normal, body.pieces[piece]->surface->centre());
+    part.low = centre + double{slab->low};
+    part.high = centre + double{slab->high};
+  }
+  return part;
+}
+
 NearestElements::Bulk NearestElements::before_a(const Bulk& of_b) const {
-  Bulk turned{R_ * of_b.centre + D_, {}, of_b.spread};
+  Bulk turned{R_ * of_b.centre + D_, {}};
   for (int k = 0; k < 3; ++k) turned.half[k] = dot(absolute(R_.row[k]), of_b.half);
   return turned;
 }
@@ -202,41 +218,51 @@ double NearestElements::gap_along(const Entry& e, const Bulk& a, const Bulk& b, 
 
 // reach() along the direction that is known, of a subtree looked at down to some levels: what is there reaches so much
 // less far than its box. Most of it is left out, since its box reaches less far than what is found.
-double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box,
+// \param by_bulk reach() by its own box
+double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bulk,
                                     int levels) const {
+  if (is_element(at) || levels <= 0) return by_bulk;
   const Body& body = of_a ? *a_ : *b_;
+  const Surface& surface = *body.pieces[piece]->surface;
   const Vec3d n = of_a ? n_a_ : -n_b_;
-  const auto of_box = [&](std::uint32_t node, const Bulk& bulk) { return reach(body, piece, node, bulk, n); };
-  if (is_element(at) || levels == 0) return of_box(at, box);
-  const Surface::Node& node = body.pieces[piece]->surface->nodes()[at];
-  if (node.is_leaf()) return of_box(at, box);
+  if (surface.nodes()[at].is_leaf()) return reach(body, piece, at, {}, n);
   Reach& known = reaches_[(at * 2654435761u + piece * 40503u + of_a) % kReaches];
   if (known.direction == directions_ && known.at == at && known.piece == piece && known.of_a == of_a)
     return known.reach;
   ++reached_;
-  std::uint32_t first = at + 1, second = node.right;
-  Bulk first_box = bulk(body, piece, first), second_box = bulk(body, piece, second);
-  const double far = of_box(first, first_box);
-  double less = of_box(second, second_box);
-  if (far < less) {
-    std::swap(first, second);
-    std::swap(first_box, second_box);
-    less = far;
+  const NodesBelow below(surface, at);
+  PartColumn far;
+  node_reaches(below.columns, n, far);
+  double most = -kInf;
+  for (std::uint32_t left = below.count; left > 0; --left) {
+    std::uint32_t farthest = 0;
+    for (std::uint32_t k = 1; k < below.count; ++k)
+      if (far[k] > far[farthest]) farthest = k;
+    if (!(far[farthest] > most)) break;
+    most = std::max(most, known_reach(of_a, piece, below.nodes[farthest], far[farthest], levels - 2));
+    far[farthest] = -kInf;
   }
-  double most = known_reach(of_a, piece, first, first_box, levels - 1);
-  if (less > most) most = std::max(most, known_reach(of_a, piece, second, second_box, levels - 1));
   known = {directions_, piece, at, of_a, most};
   return most;
 }
 
-double NearestElements::gap_known(const Entry& e, const Bulk& a, const Bulk& b) const {
-  const auto levels = [&](const Body& body, std::uint32_t piece) {
-    const Surface* const surface = body.pieces[piece]->surface.get();
-    return !looks_deep_ ? 0 : surface && surface->is_cloud() ? kLevelsOfCloud : kLevels;
-  };
-  const double far_a = known_reach(true, e.piece_a, e.at_a, a, levels(*a_, e.piece_a)),
-               far_b = known_reach(false, e.piece_b, e.at_b, b, levels(*b_, e.piece_b));
+double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box) const {
+  const Body& body = of_a ? *a_ : *b_;
+  return known_reach(of_a, piece, at, reach(body, piece, at, box, of_a ? n_a_ : -n_b_), levels(body, piece));
+}
+
+// How far down it looks.
+int NearestElements::levels(const Body& body, std::uint32_t piece) const {
+  const Surface* const surface = body.pieces[piece]->surface.get();
+  return !looks_deep_ ? 0 : surface && surface->is_cloud() ? kLevelsOfCloud : kLevels;
+}
+
+double NearestElements::gap_known(const Entry& e, double far_a, double far_b) const {
   return above_zero(((dot(n_a_, D_) - far_b) - far_a) * (1 - 0x1p-45) - margin(e));
+}
+
+double NearestElements::gap_known(const Entry& e, const Bulk& a, const Bulk& b) const {
+  return gap_known(e, known_reach(true, e.piece_a, e.at_a, a), known_reach(false, e.piece_b, e.at_b, b));
 }
 
 void NearestElements::look_along(const Vec3d& n_w) {
@@ -263,25 +289,101 @@ NearestElements::Entry NearestElements::pop() {
   return e;
 }
 
-// The larger of both is divided. \param each gets a part, and both of its bulks
+// The larger of both is divided. \param each gets the parts, each with its gap, exact as long as it is no greater than
+// the cut-off
 template <class Each>
-void NearestElements::open(const Entry& e, const Each& each) const {
-  const Bulk a = bulk_a(e), b = bulk_b(e);
-  const bool opens_a = !is_element(e.at_a) && (is_element(e.at_b) || !(a.spread < b.spread));
-  const Surface& surface = *(opens_a ? a_->pieces[e.piece_a] : b_->pieces[e.piece_b])->surface;
-  const std::uint32_t at = opens_a ? e.at_a : e.at_b;
-  const Surface::Node& node = surface.nodes()[at];
+void NearestElements::open(const Entry& e, double cut_off, const Each& each) const {
+  const auto node_of = [](const Body& body, std::uint32_t piece, std::uint32_t at) {
+    return is_element(at) ? nullptr : &body.pieces[piece]->surface->nodes()[at];
+  };
+  const Surface::Node *const a = node_of(*a_, e.piece_a, e.at_a), *const b = node_of(*b_, e.piece_b, e.at_b);
+  const bool divides_a = a && !a->is_leaf(), divides_b = b && !b->is_leaf();
+  const bool opens_a = divides_a != divides_b ? divides_a
+                       : a && b               ? !(squared_size(*a) < squared_size(*b))
+                                              : a != nullptr;
+  if (plane_ == Plane::kNeither && (divides_a || divides_b)) return divide(e, opens_a, cut_off, each);
+  if (a && b && !a_->pieces[e.piece_a]->surface->is_cloud() && !b_->pieces[e.piece_b]->surface->is_cloud())
+    return pair_triangles(e, *a, *b, each);
+  const Bulk bulk_of_a = bulk_a(e), bulk_of_b = bulk_b(e);
   const auto with = [&](std::uint32_t child) {
     Entry part = e;
     (opens_a ? part.at_a : part.at_b) = child;
-    opens_a ? each(part, bulk_a(part), b) : each(part, a, bulk_b(part));
+    part.gap =
+        opens_a ? gap_of(part, bulk_a(part), bulk_of_b, cut_off) : gap_of(part, bulk_of_a, bulk_b(part), cut_off);
+    each(part);
   };
+  const Surface::Node& node = opens_a ? *a : *b;
   if (node.is_leaf()) {
     for (std::uint32_t t = node.begin(); t < node.end(); ++t) with(t | kTriangle);
   } else {
-    with(at + 1);
+    with((opens_a ? e.at_a : e.at_b) + 1);
     with(node.right);
   }
+}
+
+NearestElements::NodesBelow::NodesBelow(const Surface& surface, std::uint32_t at) {
+  for (const std::uint32_t child : {at + 1, surface.nodes()[at].right}) {
+    const Surface::Node& node = surface.nodes()[child];
+    nodes[count++] = node.is_leaf() ? child : child + 1;
+    if (!node.is_leaf()) nodes[count++] = node.right;
+  }
+  columns.take(surface, nodes, count);
+}
+
+// Two levels at a time.
+template <class Each>
+void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const Each& each) const {
+  const Body &body = opens_a ? *a_ : *b_, &other = opens_a ? *b_ : *a_;
+  const std::uint32_t piece = opens_a ? e.piece_a : e.piece_b, at = opens_a ? e.at_a : e.at_b,
+                      other_piece = opens_a ? e.piece_b : e.piece_a, other_at = opens_a ? e.at_b : e.at_a;
+  const NodesBelow below(*body.pieces[piece]->surface, at);
+  const Bulk other_bulk = bulk(other, other_piece, other_at);
+  PartColumn gaps, far;
+  node_gaps(below.columns, part_bulk(other, other_piece, other_at, other_bulk), opens_a ? R_ : R_ba_,
+            opens_a ? D_ : D_ba_, gaps);
+  double other_far = 0;
+  if (looks_) {
+    node_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
+    other_far = known_reach(!opens_a, other_piece, other_at, other_bulk);
+  }
+  for (std::uint32_t k = 0; k < below.count; ++k) {
+    Entry part = e;
+    (opens_a ? part.at_a : part.at_b) = below.nodes[k];
+    part.gap = std::max(e.gap, above_zero(gaps[k] - margin(e)));
+    if (looks_ && part.gap <= cut_off) {
+      const double own = known_reach(opens_a, piece, below.nodes[k], far[k], levels(body, piece));
+      part.gap = std::max(part.gap, opens_a ? gap_known(part, own, other_far) : gap_known(part, other_far, own));
+    }
+    each(part);
+  }
+}
+
+// Those of two leaves, each with each.
+template <class Each>
+void NearestElements::pair_triangles(const Entry& e, const Surface::Node& leaf_a, const Surface::Node& leaf_b,
+                                     const Each& each) const {
+  const auto columns_of = [](const Surface& surface, const Surface::Node& leaf) {
+    TriangleColumns columns;
+    for (std::uint32_t k = 0; k < kParts; ++k) {
+      const auto [u, v, w] = surface.corners(std::min(leaf.begin() + k, leaf.end() - 1));
+      columns.set(k, {u, v, w});
+    }
+    return columns;
+  };
+  const Surface &of_a = *a_->pieces[e.piece_a]->surface, &of_b = *b_->pieces[e.piece_b]->surface;
+  const Vec3d d = before_a(bulk_b(e)).centre - bulk_a(e).centre;
+  const double length = norm(d);
+  const Vec3d directions[2] = {looks_ ? n_a_ : Vec3d{0, 0, 0}, length > 0 && length < kInf ? d * (1 / length) : d * 0};
+  PartColumn gaps[kParts];
+  triangle_gaps(columns_of(of_a, leaf_a), columns_of(of_b, leaf_b), R_, D_, directions, gaps);
+  for (std::uint32_t j = leaf_b.begin(); j < leaf_b.end(); ++j)
+    for (std::uint32_t i = leaf_a.begin(); i < leaf_a.end(); ++i) {
+      Entry part = e;
+      part.at_a = i | kTriangle;
+      part.at_b = j | kTriangle;
+      part.gap = std::max(e.gap, above_zero(gaps[j - leaf_b.begin()][i - leaf_a.begin()] - margin(e)));
+      each(part);
+    }
 }
 
 ElementPair NearestElements::pieces() const {
@@ -306,18 +408,18 @@ void NearestElements::take_pieces(double lower) {
 ElementPair NearestElements::near() const {
   assert(!heap_.empty());
   Entry at = heap_.front();
+  const auto middles = [&](const Entry& e) { return squared_norm(before_a(bulk_b(e)).centre - bulk_a(e).centre); };
   while (!is_element(at.at_a) || !is_element(at.at_b)) {
     Entry best = at;
-    double least = kInf, nearest = kInf;
-    open(at, [&](Entry part, const Bulk& a, const Bulk& b) {
-      part.gap = 0;
-      const double gap = gap_of(part, a, b, kInf), middles = squared_norm(before_a(b).centre - a.centre);
-      if (least == kInf || gap < least || (gap == least && middles < nearest))
-        best = part, least = gap, nearest = middles;
+    best.gap = kInf;
+    at.gap = 0;
+    open(at, kInf, [&](const Entry& part) {
+      if (best.gap == kInf || part.gap < best.gap || (part.gap == best.gap && middles(part) < middles(best)))
+        best = part;
     });
     at = best;
   }
-  return {at.gap, element(at.piece_a, at.at_a), element(at.piece_b, at.at_b)};
+  return {heap_.front().gap, element(at.piece_a, at.at_a), element(at.piece_b, at.at_b)};
 }
 
 NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, ElementPair& pair) {
@@ -333,8 +435,7 @@ NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, E
       pair = {e.gap, element(e.piece_a, e.at_a), element(e.piece_b, e.at_b)};
       return Found::kPair;
     }
-    open(e, [&](Entry part, const Bulk& a, const Bulk& b) {
-      part.gap = gap_of(part, a, b, cut_off);
+    open(e, cut_off, [&](Entry part) {
       part.looked = looks_;
       put(part, cut_off);
     });

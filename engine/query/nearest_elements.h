@@ -11,6 +11,7 @@
 #include "engine/narrow/piece_search.h"
 #include "engine/narrow/work_meter.h"
 #include "engine/pose/placed.h"
+#include "engine/query/part_gaps.h"
 #include "engine/scene/scene.h"
 
 namespace clearance {
@@ -64,8 +65,14 @@ class NearestElements {
   };
   // Around a subtree, in the axes of its body, or of a.
   struct Bulk {
-    Vec3d centre, half;
-    double spread;  // no point is farther from the centre
+    Vec3d centre{0, 0, 0}, half{0, 0, 0};
+  };
+  // The nodes two levels below one, or leaves before.
+  struct NodesBelow {
+    std::uint32_t nodes[kParts], count = 0;
+    NodeColumns columns;
+
+    NodesBelow(const Surface& surface, std::uint32_t at);
   };
   static bool comes_later(const Entry& p, const Entry& q);
   static bool is_element(std::uint32_t at) { return (at & kTriangle) != 0; }  // kNone, too
@@ -79,19 +86,28 @@ class NearestElements {
   double gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const;
   double gap_along(const Entry& e, const Bulk& a, const Bulk& b, const Vec3d& n_a, const Vec3d& n_b) const;
   double gap_across(const Entry& e, bool of_a, const Bulk& other, const Vec3d& d) const;
+  double gap_known(const Entry& e, double far_a, double far_b) const;
   double gap_known(const Entry& e, const Bulk& a, const Bulk& b) const;
   double margin(const Entry& e) const;
 
   static double reach(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box, const Vec3d& n);
-  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box, int levels) const;
+  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bulk, int levels) const;
+  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box) const;
+  int levels(const Body& body, std::uint32_t piece) const;
   void put(const Entry& entry, double cut_off);
   Entry pop();
   template <class Each>
-  void open(const Entry& entry, const Each& each) const;
+  void open(const Entry& entry, double cut_off, const Each& each) const;
+  template <class Each>
+  void divide(const Entry& entry, bool opens_a, double cut_off, const Each& each) const;
+  template <class Each>
+  void pair_triangles(const Entry& entry, const Surface::Node& leaf_a, const Surface::Node& leaf_b,
+                      const Each& each) const;
+  static PartBulk part_bulk(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& bulk);
 
   const Body *a_ = nullptr, *b_ = nullptr;
-  Mat3d R_wa_, R_;                                                                // R_wa^T R_wb
-  Vec3d D_{0, 0, 0};                                                              // R_wa^T (t_b - t_a)
+  Mat3d R_wa_, R_, R_ba_;                                                         // R_: R_wa^T R_wb; its transpose
+  Vec3d D_{0, 0, 0}, D_ba_{0, 0, 0};                                              // R_wa^T (t_b - t_a); -R_^T D_
   double error_ = 0;                                                              // of a gap, metres
   enum class Plane : std::uint8_t { kNeither, kA, kB } plane_ = Plane::kNeither;  // which is a half-space
   double left_out_ = 0;      // the least gap of what was beyond a cut-off

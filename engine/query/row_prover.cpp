@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "engine/hull/primitive.h"
 #include "engine/query/surface_prover.h"
 
 namespace clearance {
@@ -68,6 +69,7 @@ RowProver::RowProver(const Scene& scene, const EvaluateOptions& options, const P
   limits_.overlap_by = slack_.outer;
   wants_lower_ = answer_.lower > (limits_.signed_distance ? -kInf : 0);
   wants_upper_ = answer_.upper < kInf;
+  has_plane_ = wants_lower_ && (is_half_space(*a_.pieces[0]) || is_half_space(*b_.pieces[0]));
 }
 
 bool RowProver::advance(WorkMeter& meter) {
@@ -84,6 +86,18 @@ bool RowProver::covers_upper(double upper) const {
 void RowProver::end(bool proved) {
   proved_ = proved;
   is_over_ = true;
+}
+
+void RowProver::try_plane(WorkMeter& meter) {
+  const bool is_a = is_half_space(*a_.pieces[0]);
+  const Body& other = is_a ? b_ : a_;
+  const Piece &p = *a_.pieces[is_a ? 0 : above_], &q = *b_.pieces[is_a ? above_ : 0];
+  meter.count(kUnitsPerDirection + WorkMeter::units_of(p, q));
+  PieceProof all{kNone, kNone, {}};
+  has_plane_ = covers_lower(plane_proved(p, pose_a_, q, pose_b_, all.proof).lower);
+  if (!has_plane_ || ++above_ < other.pieces.size()) return;
+  text_.add_lower(all);
+  has_plane_ = wants_lower_ = false;
 }
 
 bool RowProver::prove(const Piece& p, const Piece& q, PieceProof found, bool wants_lower, bool wants_upper) {
@@ -116,7 +130,10 @@ std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOpt
 namespace {
 
 bool PiecesProver::step(WorkMeter& meter) {
-  by_box_ ? try_box(meter) : try_pieces(meter);
+  if (has_plane())
+    try_plane(meter);
+  else
+    by_box_&& wants_lower_ ? try_box(meter) : try_pieces(meter);
   return true;
 }
 

@@ -41,6 +41,10 @@ class RowProver {
   bool covers_lower(double lower) const { return slack_.true_lower(lower) >= answer_.lower; }
   bool covers_upper(double upper) const;
   void end(bool proved);
+  /// Where one of the bodies is a half-space, its normal is to be tried first, for all pieces of the other.
+  bool has_plane() const { return has_plane_; }
+  /// For the next of them. The lower bound is not wanted any more where the normal does for all.
+  void try_plane(WorkMeter& meter);
   /// Two convex ones, by what the answer needs. \param found whose proof is to be found
   bool prove(const Piece& p, const Piece& q, PieceProof found, bool wants_lower, bool wants_upper);
 
@@ -54,7 +58,8 @@ class RowProver {
   std::optional<PieceProof> upper_;
 
  private:
-  bool is_over_ = false, proved_ = false;
+  bool is_over_ = false, proved_ = false, has_plane_ = false;
+  std::uint32_t above_ = 0;  // the piece whose turn it is
 };
 
 /// All must outlive what it returns. \param answer its bounds, and which pieces are the nearest

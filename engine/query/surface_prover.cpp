@@ -36,12 +36,16 @@ SurfaceProver::SurfaceProver(const Scene& scene, const EvaluateOptions& options,
 }
 
 bool SurfaceProver::step(WorkMeter& meter) {
+  if (has_plane()) {
+    try_plane(meter);
+    return true;
+  }
   if (wants_upper_ && !upper_) {
     if (!seeks_held_) return find_upper(meter);
     held_ ? prove_held(meter) : seek_held(meter);
     return true;
   }
-  if (cover_.is_done())
+  if (!wants_lower_ || cover_.is_done())
     end(true);
   else
     cover(meter);

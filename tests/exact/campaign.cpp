@@ -7,12 +7,14 @@
 
 #include "engine/engine.h"
 #include "engine/hull/hull.h"
+#include "engine/hull/primitive.h"
 #include "engine/scene/cloud_geometry.h"
 #include "engine/surface/surface.h"
 
 namespace clearance::exact {
 
 PiecePtr piece_of(const Solid& s) {
+  if (s.is_half_space) return make_primitive_piece({Primitive::Kind::kHalfSpace}, s.radius);
   if (!s.cloud.empty()) return make_cloud_piece(s.cloud, s.voxel, s.radius);
   if (s.triangles.empty()) return make_hull_piece(s.vertices, {}, s.radius);
   auto surface = std::make_shared<const Surface>(s.vertices, s.triangles, s.is_solid);

@@ -25,6 +25,8 @@ struct Solid {
   /// The body is a cloud: what the triangles make, which are these points (float32) or the boxes about them.
   std::vector<CloudPoint> cloud = {};
   float voxel = 0;  ///< metres: the edge of those boxes; 0: points
+  bool is_half_space =
+      false;  ///< z <= 0, grown by the radius; then there are no vertices, and judge() knows nothing of it
 };
 /// Cases that share a shape share the pointer.
 using SolidPtr = std::shared_ptr<const Solid>;

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <functional>
 #include <iostream>
+#include <limits>
 #include <mutex>
 #include <sstream>
 #include <thread>
@@ -94,6 +95,60 @@ class Count {
   double seconds_ = 0;  // of the judge
 };
 
+// One of the two bodies of a case, and in place of the other a half-space about as far away as none, a little, or more:
+// turned anyhow, or as floors are, and with its origin at some distance along the plane.
+Case beside_plane(const Case& c, Random& random) {
+  const bool is_a = random.chance(0.5);
+  const SolidPtr& solid = is_a ? c.a : c.b;
+  const Pose &X_ws = is_a ? c.X_wa : c.X_wb, X_wp = random.chance(0.3) ? Pose() : random.rotation();
+  const Mat3d R_ws = rotation_of(X_ws), R_wp = rotation_of(X_wp);
+  double lowest = std::numeric_limits<double>::infinity(), size = solid->radius;
+  for (const Vec3d& v : solid->vertices) {
+    lowest = std::min(lowest, (R_wp.transpose_times(R_ws * v + X_ws.translation)).z);
+    size = std::max(size, solid->radius + norm(v));
+  }
+  Solid plane;
+  plane.is_half_space = true;
+  plane.radius = random.chance(0.5) ? 0 : size * random.log_uniform(1e-3, 1);
+  const double gaps[] = {0, 1e-15, 1e-9, 1e-3, 0.1, 1}, gap = size * random.sign() * gaps[random.integer(0, 5)];
+  const Vec3d foot = R_wp.transpose_times(X_ws.translation);
+  const double aside = random.chance(0.5) ? 0 : size * random.log_uniform(0.1, 1e6);
+  Pose X = X_wp;
+  X.translation = R_wp * Vec3d{foot.x + aside, foot.y, lowest - solid->radius - plane.radius - gap};
+  const auto shared = std::make_shared<const Solid>(std::move(plane));
+  return is_a ? Case{solid, shared, X_ws, X} : Case{shared, solid, X, X_ws};
+}
+
+// What moves in a case over a half-space through one of the places where something stands beside it.
+void judge_motions_over_plane(const Options& o, const test::MotionCase& made, test::MotionKind kind,
+                              std::uint64_t number, Count& count) {
+  constexpr std::size_t kMostPairs = 4;
+  Random random(o.seed * 1'000'003 + 10 * number + static_cast<std::uint64_t>(kind));
+  Scene scene(made.scene);
+  std::vector<Vec3d> places;
+  for (const Body& body : scene.bodies())
+    if (body.robot == kNone && body.parent == kNone && body.pose) places.push_back(body.pose->translation);
+  if (places.empty()) return;
+  Pose X = random.rotation();
+  X.translation = places[static_cast<std::size_t>(random.integer(0, static_cast<int>(places.size()) - 1))];
+  const std::uint32_t plane = scene.add_half_space("plane", {.radius = random.chance(0.5) ? 0 : 0.01, .pose = X});
+  const Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+  test::Motions asked = made.motions;
+  asked.pairs.clear();
+  for (const BodyPair pair : engine.pairs(made.motions.view(Reduce::kNone)))
+    if ((pair.a == plane || pair.b == plane) && asked.pairs.size() < kMostPairs)
+      asked.pairs.push_back(random.chance(0.5) ? pair : BodyPair{pair.b, pair.a});
+  if (asked.pairs.empty()) return;
+  const Reduce reduce = number % 2 == 0 ? Reduce::kNone : Reduce::kAny;
+  QueryView query = asked.view(reduce);
+  query.abs_tol = 1e-3;
+  query.margin = 1e-3;
+  query.fields |= kFieldFirstContact;
+  count.judge(o.out + "/plane_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
+              engine.certificate(query), asked.count() * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
+              number < o.python_motions);
+}
+
 // Some motions of robots of all kinds of joints, and of bodies beside and on them, in a scene of their own.
 void judge_motions(const Options& o, test::MotionKind kind, std::uint64_t number, Count& count) {
   constexpr int kAtOnce = 2;
@@ -103,6 +158,7 @@ void judge_motions(const Options& o, test::MotionKind kind, std::uint64_t number
   const std::string folder = o.out + "/robots_" + test::name_of(kind);  // for its robots' file
   std::filesystem::create_directories(folder);
   const test::MotionCase made(random, kind, kAtOnce, folder);
+  judge_motions_over_plane(o, made, kind, number, count);
   const Engine engine(Scene(made.scene), {.backend = "cpu", .threads = 1});
   test::Motions asked = made.motions;
   asked.pairs.clear();
@@ -130,23 +186,29 @@ std::uint64_t share(const CaseClass& c, std::uint64_t cases) {
 }
 
 // The cases of a class under one setting, some at a time; the first of them are kept. \param cases of the class, of
-// which `python` are kept
+// which `python` are kept. \param beside_planes in place of one of the two bodies of each
 void judge_cases(const Options& o, const CaseClass& c, std::uint64_t cases, std::uint64_t python, std::size_t setting,
-                 Count& count) {
+                 bool beside_planes, Count& count) {
   constexpr std::uint64_t kAtOnce = 100;
   const auto& [name, asked] = settings()[setting];
   const std::uint64_t each = share(c, cases), kept = python == 0 ? 0 : std::min(share(c, python), each);
   for (std::uint64_t begin = 0; begin < each;) {
     const std::uint64_t end = std::min(begin + kAtOnce, begin < kept ? kept : each);
     std::vector<Case> made;
-    for (std::uint64_t i = begin; i < end; ++i) made.push_back(make_case(c, o.seed, setting * each + i));
-    count.judge(o.out + "/" + c.name + "_" + name + "_" + std::to_string(begin) + ".json",
+    for (std::uint64_t i = begin; i < end; ++i) {
+      made.push_back(make_case(c, o.seed, setting * each + i));
+      if (!beside_planes) continue;
+      Random random(o.seed * 7'919 + setting * each + i);
+      made.back() = beside_plane(made.back(), random);
+    }
+    count.judge(o.out + "/" + c.name + (beside_planes ? "_plane_" : "_") + name + "_" + std::to_string(begin) + ".json",
                 Bench(made, asked.backend).certificate(asked), made.size(), begin < kept);
     begin = end;
   }
 }
 
 bool judge_all(const Options& o) {
+  constexpr std::uint64_t kFewerPlanes = 3;
   std::filesystem::create_directories(o.out);
   Count count;
   std::vector<std::function<void()>> tasks;
@@ -157,8 +219,13 @@ bool judge_all(const Options& o) {
     });
   const auto add = [&](const CaseClass& c, std::uint64_t cases, std::uint64_t python) {
     for (std::size_t k = 0; k < settings().size() && c.name.find(o.only) != std::string::npos; ++k)
-      if (fits(settings()[k].second, c))
-        tasks.emplace_back([&o, &c, &count, cases, python, k] { judge_cases(o, c, cases, python, k, count); });
+      for (const bool beside_planes : {false, true}) {
+        if (!fits(settings()[k].second, c)) continue;
+        tasks.emplace_back([&o, &c, &count, cases, python, beside_planes, k] {
+          const std::uint64_t every = beside_planes ? kFewerPlanes : 1;
+          judge_cases(o, c, cases / every, python / every, k, beside_planes, count);
+        });
+      }
   };
   for (const CaseClass& c : case_classes()) add(c, o.cases, o.python);
   for (const CaseClass& c : mesh_classes())

@@ -87,8 +87,10 @@ void check_gap(const Look& look, Frame seer, const Vector& n, const Dyadic& s, c
 
 void check_direction(const Look& look, const Value& claim, const Rates& rates, const RunPair& runs) {
   const Frame seer = frame_of(claim["seer"]);
-  // Of any length: that a's rows are not divided lengthens it.
-  const Vector n = turned(look.X_wa.rows, claim["direction"].vector_of_sums());
+  // Of any length: that rows are not divided lengthens it.
+  const Value& named = claim["direction"];
+  const Vector n =
+      named.is_null() ? turned(look.X_wb.rows, {0.0, 0.0, -1.0}) : turned(look.X_wa.rows, named.vector_of_sums());
   const std::int64_t order = claim["order"].integer();
   require(!is_zero(n), "a direction is 0");
   require(order == 1 || order == 2, "a proof is of no known order");

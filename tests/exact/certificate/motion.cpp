@@ -202,7 +202,8 @@ Rates Motion::rates(Frame seer, Id id, double time, const Dyadic& half) const {
   // From the axis of each mover there is a chain of lengths to the body's points: across to the next axis (or to the
   // centre of its ball), with what slides between them, and then what was `beyond` that.
   Vector next = rounded(pose.divisor * pose.origin + turned(pose.rows, body(id).centre), pose.divisor), slide;
-  Dyadic beyond = body(id).ball(), nearer_turns;
+  const bool is_turned = std::any_of(path.begin(), path.end(), [](const Mover& mover) { return mover.turns; });
+  Dyadic beyond = is_turned ? body(id).ball() : Dyadic(), nearer_turns;  // what slides is as fast however large it is
   Rates rates;
   std::vector<Dyadic> speeds, turns;
   for (auto mover = path.rbegin(); mover != path.rend(); ++mover) {

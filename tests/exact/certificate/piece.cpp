@@ -41,13 +41,19 @@ std::array<double, 3> rough_direction(const Vector& n) {
 
 }  // namespace
 
+Piece::Core Piece::core_named(std::string_view kind) {
+  if (kind == "cone") return Core::kCone;
+  if (kind == "cylinder") return Core::kCylinder;
+  if (kind == "ellipsoid") return Core::kEllipsoid;
+  require(kind == "half_space", "a core is of no known kind");
+  return Core::kHalfSpace;
+}
+
 Piece::Piece(const Value& document) : radius_(document["radius"].length()) {
   if (const Value* core = document.find("core")) {
-    const std::string_view kind = (*core)["kind"].text();
-    require(kind == "cone" || kind == "cylinder" || kind == "ellipsoid", "a core is of no known kind");
-    core_ = kind == "cone" ? Core::kCone : kind == "cylinder" ? Core::kCylinder : Core::kEllipsoid;
+    core_ = core_named((*core)["kind"].text());
     size_ = (*core)["size"].vector();
-    require(std::min({size_[0], size_[1], size_[2]}).sign() > 0, "a core has no size");
+    require(std::min({size_[0], size_[1], size_[2]}).sign() >= (is_half_space() ? 0 : 1), "a core has no size");
   }
   for (const Value& vertex : document["vertices"].list()) {
     const auto [x, y, z] = vertex.three();
@@ -71,7 +77,7 @@ void Piece::read_elements(const Value& document) {
   has_elements_ = elements != nullptr;
   require(has_elements_ || !is_solid_, "a solid has no triangles");
   if (!has_elements_) return;
-  require(!is_round() && !elements->list().empty(), "a surface has no elements");
+  require(is_hull() && !elements->list().empty(), "a surface has no elements");
   std::vector<std::size_t> part(count());  // a forest: what hangs together has one root
   std::iota(part.begin(), part.end(), 0);
   const auto root = [&part](std::size_t v) {
@@ -99,7 +105,7 @@ void Piece::read_elements(const Value& document) {
 }
 
 std::vector<Vector> Piece::seeds() const {
-  if (is_round()) return {Vector{}};  // the middle of any core is in it
+  if (!is_hull()) return {Vector{}};  // the origin is in every core
   std::vector<Vector> seeds;
   for (const std::size_t v : seeds_) seeds.push_back(vertex(v));
   if (!has_elements_) seeds.push_back(vertex(0));
@@ -144,6 +150,8 @@ Dyadic Piece::support(const Vector& n) const {
   Dyadic core;
   if (core_ == Core::kHull) {
     core = farthest_along(n);
+  } else if (core_ == Core::kHalfSpace) {
+    require(n[0].sign() == 0 && n[1].sign() == 0 && n[2].sign() > 0, "a half-space reaches farther than any length");
   } else if (core_ == Core::kEllipsoid) {
     core = length_above({size_[0] * n[0], size_[1] * n[1], size_[2] * n[2]});
   } else {
@@ -154,6 +162,7 @@ Dyadic Piece::support(const Vector& n) const {
 }
 
 Dyadic Piece::reach(const Vector& centre) const {
+  require(core_ != Core::kHalfSpace, "a half-space is farther than any length");
   if (core_ == Core::kHull) return radius_ + root_above(farthest_squared(centre));
   const Dyadic around = core_ == Core::kEllipsoid ? std::max({size_[0], size_[1], size_[2]})
                                                   : length_above({size_[0], Dyadic(), size_[2]});
@@ -161,6 +170,7 @@ Dyadic Piece::reach(const Vector& centre) const {
 }
 
 Dyadic Piece::off(const Vector& p) const {
+  if (core_ == Core::kHalfSpace) return p[2];
   if (core_ == Core::kEllipsoid) {
     // With s = |(p_x / a, p_y / b, p_z / c)| p / s lies on it: (s - 1) |p|, all times a b c.
     const Dyadic &a = size_[0], &b = size_[1], &c = size_[2], volume = a * b * c;

@@ -1,7 +1,8 @@
-// A piece of a body as a certificate has it: the hull of vertices, or a cylinder, cone or ellipsoid, grown by a radius.
-// Of a surface, or a cloud, it is the hull around elements, which are pieces themselves.
+// A piece of a body as a certificate has it: the hull of vertices, or a cylinder, cone, ellipsoid or half-space, grown
+// by a radius. Of a surface, or a cloud, it is the hull around elements, which are pieces themselves.
 #pragma once
 
+#include <string_view>
 #include <vector>
 
 #include "document.h"
@@ -27,21 +28,24 @@ class Piece {
   /// Points of it, one at least of each part that hangs together.
   std::vector<Vector> seeds() const;
 
-  bool is_round() const { return core_ != Core::kHull; }
+  bool is_half_space() const { return core_ == Core::kHalfSpace; }
+  bool is_hull() const { return core_ == Core::kHull; }
   std::size_t count() const { return x_.size(); }
   Vector vertex(std::size_t k) const { return {x_[k], y_[k], z_[k]}; }
 
-  /// No less than n·p of any of its points p, radius included; n need not have length 1.
+  /// No less than n·p of any of its points p, radius included; n need not have length 1. Throws Refusal where there is
+  /// no such number: a half-space has one along its normal alone.
   Dyadic support(const Vector& n) const;
-  /// No point of it is farther from the centre.
+  /// No point of it is farther from the centre. Throws Refusal of a half-space.
   Dyadic reach(const Vector& centre) const;
-  /// How far p is from a round core, or more; not positive in it.
+  /// How far p is from a core that is no hull, or more; not positive in it.
   Dyadic off(const Vector& p) const;
 
  private:
-  enum class Core { kHull, kCone, kCylinder, kEllipsoid };
+  enum class Core { kHull, kCone, kCylinder, kEllipsoid, kHalfSpace };
 
   Piece() = default;
+  static Core core_named(std::string_view kind);
   void read_elements(const Value& document);
   void add_vertex(double x, double y, double z);
   Dyadic farthest_along(const Vector& n) const;

@@ -235,6 +235,76 @@ TEST(CertificateJudge, SpeedCountsToTheLastBit) {
   }
 }
 
+// A box in [0, 1]^3 beside the half-space x >= 2, which is turned there by a quaternion of length sqrt(2).
+struct BoxAndPlane {
+  std::string x = "0", lower = "0.9999999999999999", upper = "1", status = "ok";
+  std::string direction = "null", quaternion = "1,0,-1,0", radius = "0", angle = "0", on = "null", point = "0", ends;
+
+  std::string text() const {
+    return R"({"format":"clearance certificate","version":3,"query":{"reduce":"none","motions":)" +
+           std::string(ends.empty() ? "false" : "true") + R"(,"max_distance":"inf","signed":true},
+      "pieces":[{"radius":0,"count":8,"vertices":[[0,0,0],[1,0,0],[0,1,0],[1,1,0],[0,0,1],[1,0,1],[0,1,1],[1,1,1]]},
+      {"radius":)" +
+           radius + R"(,"count":1,"vertices":[[0,0,0]],"core":{"kind":"half_space","size":[0,0,0]}}],
+      "bodies":[)" +
+           body("0", x + ",0,0,1,0,0,0", "0", "null") + "," + body("1", "2,0,0," + quaternion, angle, on) +
+           R"(],"configurations":[{"configuration":0,"poses":)" + (ends.empty() ? "{}" : R"({"1":)" + ends + "}") +
+           R"(,"positions":{}}],
+      "rows":[{"configuration":0,"bodies":[0,1],"status":")" +
+           status + R"(","lower":)" + lower + R"(,"upper":)" + upper +
+           R"(,"proved":true,"pairs":[{"bodies":[0,1],"margin":0,"lower":)" + lower +
+           R"(,"spans":[{"begin":0,"end":1,"at":0.5,"slack":{"terms":[]},
+      "lower":[{"pieces":null,"order":1,"seer":null,"direction":)" +
+           direction + R"(}]}],"free":null}],"witness":{"time":0,"pieces":[0,0],"vertices":[[5,0]],
+      "points":[null,[[[0,0],[0.5,0],[)" +
+           point + R"(,0]]]],"weights":[[0.75,0]]},"first_contact":null}]})";
+  }
+  static std::string body(const std::string& id, const std::string& pose, const std::string& angle,
+                          const std::string& on) {
+    return R"({"id":)" + id + R"(,"name":"b","pieces":[)" + id + R"(],"centre":[0,0,0],"on":)" + on +
+           R"(,"joint":null,"pose":[)" + pose +
+           R"(],"moves":[],"shape":{"inner":0,"outer":0},"uncertainty":{"position":0,"angle":)" + angle +
+           R"(},"padding":0,"max_speed":0,"age_s":0})";
+  }
+};
+
+TEST(CertificateJudge, HalfSpacesCountToTheLastBit) {
+  const auto with = [](auto change) {
+    BoxAndPlane bodies;
+    change(bodies);
+    return judge_certificate(bodies.text()).all_proved();
+  };
+  EXPECT_TRUE(with([](BoxAndPlane&) {}));
+  EXPECT_FALSE(with([](BoxAndPlane& b) { b.lower = b.upper = "1.0000000000000002"; }));
+  EXPECT_FALSE(with([](BoxAndPlane& b) { b.lower = "0.9", b.upper = "0.9999999999999999"; }));
+  EXPECT_TRUE(with([](BoxAndPlane& b) { b.radius = "0.25", b.lower = "0.7499999999999999", b.upper = "0.75"; }));
+  EXPECT_FALSE(with([](BoxAndPlane& b) { b.radius = "0.25", b.lower = "0.7500000000000001", b.upper = "0.8"; }));
+  // In it by 1/2, whatever is a common point of both.
+  const auto deep = [&](const char* lower, const char* upper) {
+    return with([&](BoxAndPlane& b) { b.x = "1.5", b.status = "overlap", b.lower = lower, b.upper = upper; });
+  };
+  EXPECT_TRUE(deep("-0.5000000000000001", "-0.5"));
+  EXPECT_FALSE(deep("-0.6", "-0.5000000000000001"));
+  EXPECT_FALSE(deep("-0.4999999999999999", "-0.4"));
+  // Only its own normal proves anything, and only while it stands.
+  EXPECT_TRUE(with([](BoxAndPlane& b) { b.direction = "[[1,0],[0,0],[0,0]]"; }));
+  EXPECT_FALSE(with([](BoxAndPlane& b) { b.direction = "[[1,0],[0,0],[0,1e-300]]", b.lower = "0.1"; }));
+  EXPECT_FALSE(with([](BoxAndPlane& b) { b.direction = "[[-1,0],[0,0],[0,0]]", b.lower = "0.1"; }));
+  EXPECT_FALSE(with([](BoxAndPlane& b) { b.quaternion = "1,0,1,0", b.lower = "0.1"; }));
+  EXPECT_FALSE(with([](BoxAndPlane& b) { b.angle = "1e-300", b.lower = "0.1"; }));
+  EXPECT_FALSE(with([](BoxAndPlane& b) { b.on = "0", b.lower = "0.1"; }));
+  // A point over the plane is taken off again; one below it says less.
+  EXPECT_TRUE(with([](BoxAndPlane& b) { b.point = "0.25"; }));
+  EXPECT_FALSE(with([](BoxAndPlane& b) { b.point = "-0.25"; }));
+  // It comes nearer by 1/2 until either end, and must not turn.
+  const auto moves = [&](const char* lower, const char* ends) {
+    return with([&](BoxAndPlane& b) { b.lower = lower, b.ends = ends, b.upper = "2"; });
+  };
+  EXPECT_TRUE(moves("0.9999999999999999", "[[3,0,0,1,0,-1,0],[2,0,0,1,0,-1,0]]"));
+  EXPECT_FALSE(moves("1.0000000000000002", "[[3,0,0,1,0,-1,0],[2,0,0,1,0,-1,0]]"));
+  EXPECT_FALSE(moves("0.1", "[[3,0,0,1,0,-1,0],[3,0,0,1,0,-1.0001,0]]"));
+}
+
 // 2 - t apart at t, so that they are within 1.5 m at 1/2, and until 7/16 beyond 1.5625 m.
 TEST(CertificateJudge, FirstContactCountsToTheLastBit) {
   const auto with = [](auto change) {
