@@ -138,9 +138,10 @@ class Engine {
   PreparedQuery begin_preparing(const QueryView& query) const;
   Job start(PreparedQuery query, const ReplyView& reply) const;
 
-  /// A query that a device answers from poses in its memory to rows in its memory, whenever it is run
-  /// (docs/cuda.md). \param query its configurations are not read: poses are given to each run. Throws QueryError, also
-  /// for what only the CPU answers, which is named: reductions, motions, joints, depths, bodies with slack, surfaces.
+  /// A query that a device answers from poses and joint positions in its memory to rows in its memory, whenever it is
+  /// run (docs/cuda.md): of Reduce::kNone, kMin and kAny. \param query its configurations are not read: they are given
+  /// to each run. Throws QueryError, also for what a plan does not answer, which is named: other reductions, motions,
+  /// depths, bodies with a max_speed, poses that may be too old, surfaces.
   std::unique_ptr<DevicePlan> plan_on_device(const QueryView& query) const;
 
   /// Answers rows of a query (of reduce none; by their numbers, in any order) anew on the newest snapshot, as a job on

@@ -27,9 +27,12 @@ double median_us(int repeats, const Work& work) {
   return median(took);
 }
 
+ReplyView view_over(std::byte* memory, const QuerySize& size, std::uint64_t* bytes = nullptr) {
+  return reply_view_over(memory, size.rows, size.fields, bytes, size.joints);
+}
 std::uint64_t bytes_of(const QuerySize& size) {
   std::uint64_t bytes = 0;
-  reply_view_over(nullptr, size.rows, size.fields, &bytes);
+  view_over(nullptr, size, &bytes);
   return bytes;
 }
 
@@ -40,17 +43,21 @@ void run(const Workload& w, std::ostream& csv) {
   const QuerySize size = device.size(asked.q);
   const std::uint64_t bytes = bytes_of(size);
   const cuda::PinnedMemory pinned(bytes);
-  const ReplyView host = reply_view_over(pinned.data(), size.rows, size.fields);
+  const ReplyView host = view_over(pinned.data(), size);
   const int repeats = size.rows > 4'000'000 ? 20 : 100;
 
   const auto begin = Clock::now();
   const std::unique_ptr<DevicePlan> plan = device.plan_on_device(asked.q);
   const double made_us = std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
-  DeviceMemory poses(asked.poses.size() * sizeof(Pose)), rows(bytes);
-  poses.put(asked.poses.data(), asked.poses.size() * sizeof(Pose));
-  const ReplyView out = reply_view_over(rows.data(), size.rows, size.fields);
+  const std::span<const Pose> all_poses = asked.q.configurations;
+  const std::span<const double> all_positions = asked.q.positions;
+  DeviceMemory poses(all_poses.size_bytes()), positions(all_positions.size_bytes()), rows(bytes);
+  poses.put(all_poses.data(), all_poses.size_bytes());
+  positions.put(all_positions.data(), all_positions.size_bytes());
+  const ReplyView out = view_over(rows.data(), size);
   DeviceStream stream;
-  const auto* at = reinterpret_cast<const Pose*>(poses.data());
+  const GivenOnDevice at{reinterpret_cast<const Pose*>(poses.data()),
+                         reinterpret_cast<const double*>(positions.data())};
   const double resident = median_us(repeats, [&] {
     plan->run(at, out, stream.get());
     stream.wait();
@@ -111,10 +118,14 @@ int main(int argc, char** argv) {
       << "workload,pairs,resident_us,graph_us,in_a_row_us,to_host_us,to_host_over_resident,made_us,rows_with_other_"
          "bounds\n";
   for (Workload w : workloads()) {
-    if (w.reduce != Reduce::kNone || w.warm || w.depth || w.moves || w.scene == arm_scene_of_hulls ||
-        w.name.find(filter) == std::string::npos)
-      continue;
+    const bool is_plan = w.reduce == Reduce::kNone || w.reduce == Reduce::kMin || w.reduce == Reduce::kAny;
+    if (!is_plan || w.warm || w.depth || w.moves || w.name.find(filter) == std::string::npos) continue;
     run(w, csv);
+    if (w.scene == arm_scene_of_hulls && w.reduce != Reduce::kAny && w.configurations == 4096) {
+      w.name += ", gradients by joints";
+      w.fields = kFieldDistance | kFieldGradientJoints;
+      run(w, csv);
+    }
     if (w.format != Format::kCompact || w.fields != kFieldCompact) continue;
     const std::string name = w.name.substr(0, w.name.rfind(", compact")) + w.name.substr(w.name.rfind(", compact") + 9);
     w.format = Format::kFull;

@@ -152,8 +152,7 @@ __global__ void __launch_bounds__(kItemThreads) write_decisions(const __grid_con
   if (r.winner[k] != kNone64) return write_decision(r, k, r.winner[k], true);
   if (r.lowest[k] != kNone64) return write_decision(r, k, r.lowest[k], false);
   if (r.seed[k] != kNone64) return write_unusable(r, k, r.chunk.pairs[r.seed[k]]);
-  write_row(r.chunk.reply, k, {kNone, kNone}, static_cast<std::uint32_t>(r.chunk.first_configuration + k), r.beyond,
-            {0, 0, 0}, {0, 0, 0});
+  write_no_pair(r.chunk, k, k, {kNone, kNone}, r.beyond);
 }
 
 }  // namespace clearance::cuda

@@ -6,7 +6,7 @@
 #include "engine/cuda/depths.cuh"
 #include "engine/cuda/group_kernel.cuh"
 #include "engine/cuda/lean_kernel.cuh"
-#include "engine/cuda/overlap_kernel.cuh"
+#include "engine/cuda/overlap_rows.cuh"
 #include "engine/cuda/resident.cuh"
 
 namespace clearance::cuda {

@@ -56,8 +56,8 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     view.warm = warm_ ? warm_ + chunk.first_row : nullptr;
     view.warm_stride = all_pairs_;
     std::uint64_t reply_bytes = 0;
-    reply_view_over(nullptr, slot.rows, fields_, &reply_bytes);
-    slot.host_view = reply_view_over(slot.host_reply.reserve(reply_bytes), slot.rows, fields_);
+    reply_view_over(nullptr, slot.rows, fields_, &reply_bytes, joints_);
+    slot.host_view = reply_view_over(slot.host_reply.reserve(reply_bytes), slot.rows, fields_, nullptr, joints_);
     slot.host_counts =
         reinterpret_cast<std::uint32_t*>(slot.host_rest.reserve((kCounts + slot.rows) * sizeof(std::uint32_t)));
     // Counts and rows that are left to the CPU go straight to host memory, and counts are left cleared: calls less for
@@ -80,7 +80,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     if (slot.is_small)  // so do the answers: a copy would take as long as the kernel
       view.reply = preferring(slot.host_view, direct);
     else
-      view.reply = reply_view_over(slot.device_reply.reserve(reply_bytes), slot.rows, fields_);
+      view.reply = reply_view_over(slot.device_reply.reserve(reply_bytes), slot.rows, fields_, nullptr, joints_);
     // The first rows are waited for: a kernel of their own for proofs would have to wait for room among the next
     // chunk's blocks.
     const bool prove_at_once =

@@ -3,8 +3,8 @@
 #include <mutex>
 
 #include "engine/cuda/dense_workspace.cuh"
-#include "engine/cuda/reduced_workspace.cuh"
-#include "engine/cuda/standing_workspace.cuh"
+#include "engine/cuda/reduced.cuh"
+#include "engine/cuda/standing_dense.cuh"
 #include "engine/device/device_module.h"
 #include "engine/scene/scene.h"
 
@@ -56,7 +56,9 @@ void allow_shared_memory() {
 template <class Kind>
 class Pool {
  public:
-  Pool(const ResidentHulls& hulls, WorkCounters& counters) : hulls_(hulls), counters_(counters) {}
+  using Make = std::unique_ptr<Kind> (*)(const ResidentHulls&, WorkCounters&);
+  Pool(const ResidentHulls& hulls, WorkCounters& counters, Make make)
+      : hulls_(hulls), counters_(counters), make_(make) {}
 
   /// One that goes back when the pointer is let go. \param owner of this; kept that long.
   std::shared_ptr<Kind> borrow(std::shared_ptr<void> owner) {
@@ -70,7 +72,7 @@ class Pool {
     }
     if (!workspace) {
       const OnDevice here(hulls_.device());
-      workspace = std::make_unique<Kind>(hulls_, counters_);
+      workspace = make_(hulls_, counters_);
     }
     return {workspace.release(), [this, owner = std::move(owner)](Kind* w) {
               std::unique_ptr<Kind> returned(w);
@@ -83,9 +85,14 @@ class Pool {
  private:
   const ResidentHulls& hulls_;
   WorkCounters& counters_;
+  const Make make_;
   std::mutex mutex_;
   std::vector<std::unique_ptr<Kind>> free_;
 };
+
+std::unique_ptr<DenseWorkspace> make_dense(const ResidentHulls& hulls, WorkCounters& counters) {
+  return std::make_unique<DenseWorkspace>(hulls, counters);
+}
 
 // On the calling thread's device.
 class CudaDevice final : public Device, public std::enable_shared_from_this<CudaDevice> {
@@ -95,8 +102,8 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
         scene_memory_(budget_),
         work_(budget_),
         hulls_(scene, most_shared(), scene_memory_),
-        dense_(hulls_, work_),
-        reduced_(hulls_, work_) {
+        dense_(hulls_, work_, make_dense),
+        reduced_(hulls_, work_, make_reduced) {
     allow_shared_memory<double>();
     allow_shared_memory<float>();
   }
@@ -121,9 +128,14 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   }
   std::shared_ptr<Workspace> borrow() override { return dense_.borrow(shared_from_this()); }
   std::shared_ptr<ReducedWorkspace> borrow_reduced() override { return reduced_.borrow(shared_from_this()); }
-  std::shared_ptr<StandingWorkspace> make_standing() override {
+  std::shared_ptr<StandingWorkspace> make_standing(Reduce reduce) override {
     const OnDevice here(hulls_.device());
-    return {new CudaStanding(hulls_, work_), [owner = shared_from_this()](CudaStanding* w) {
+    std::unique_ptr<StandingWorkspace> made;
+    if (reduce == Reduce::kNone)
+      made = std::make_unique<StandingDense>(hulls_, work_);
+    else
+      made = make_standing_reduced(hulls_, work_);
+    return {made.release(), [owner = shared_from_this()](StandingWorkspace* w) {
               // What a caller's stream still does may read and write its memory.
               const OnDevice there(owner->hulls_.device());
               cudaDeviceSynchronize();
@@ -149,7 +161,7 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   WorkCounters work_;
   ResidentHulls hulls_;
   Pool<DenseWorkspace> dense_;
-  Pool<ReducedCudaWorkspace> reduced_;
+  Pool<LentReduced> reduced_;
 };
 
 const DeviceInfo& installed() {

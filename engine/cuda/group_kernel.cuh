@@ -1,7 +1,7 @@
 // Dense chunks: pairs of the same two hulls in blocks of their own, pairs without company, and pairs of several pieces.
 #pragma once
 
-#include "engine/cuda/overlap_kernel.cuh"
+#include "engine/cuda/overlap_rows.cuh"
 #include "engine/cuda/pair_kernel.cuh"
 #include "engine/cuda/piece_kernel.cuh"
 

@@ -9,8 +9,9 @@ namespace clearance::cuda {
 
 // Not inlined: few pairs come here. False: the proof fails, or double-double would make a better common point; the CPU
 // finishes the pair. \param outer of the pair's slack: the pieces must overlap by as much
-__device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b, const Enclosed& e,
-                                           const Where& at_a, const Where& at_b, double outer, PairAnswer& answer) {
+__device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b,
+                                                  const Enclosed& e, const Where& at_a, const Where& at_b, double outer,
+                                                  PairAnswer& answer) {
   const PairFrame<double> at = place_pair<double>(at_a, a, at_b, b);
   const auto vertex_a = [&](std::uint32_t i) {
     return Vec3d{c.hulls.x[a.first + i], c.hulls.y[a.first + i], c.hulls.z[a.first + i]};
@@ -58,41 +59,6 @@ __device__ inline Outcome proved(const ChunkView& c, const Enclosed& e, const Wh
                                  double outer, PairAnswer& answer) {
   const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];
   return prove_overlap(c, a, b, e, at_a, at_b, outer, answer) ? Outcome::kSettled : Outcome::kUnsettled;
-}
-
-__device__ inline std::uint64_t row_of(const ChunkView& c, const Enclosed& e) {
-  return std::uint64_t{e.configuration} * c.pair_count + c.position[e.pair];
-}
-// The same for a pair of a dense chunk, whose row is written. Not inlined either: what it needs would take registers
-// from the iteration.
-__device__ __noinline__ Outcome prove_row(const ChunkView& c, Enclosed e) {
-  const PairRef pair = c.pairs[e.pair];
-  const Where at_a(c.bodies, c.configurations, pair.a, e.configuration),
-      at_b(c.bodies, c.configurations, pair.b, e.configuration);
-  PairAnswer answer;
-  answer.flags = flags_of(at_a, at_b);
-  const Outcome outcome = proved(c, e, at_a, at_b, slack_of_pair(c, pair, e.configuration).outer, answer);
-  if (outcome == Outcome::kSettled) write_answer(c, row_of(c, e), e.configuration, at_a, at_b, answer);
-  return outcome;
-}
-
-__global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ ChunkView c, std::uint32_t most_warps) {
-  const std::uint32_t count = c.counts[kEnclosedPairs];
-  const SpreadList list(count, most_warps);
-  for (std::uint32_t first = 0; first < count; first += list.step) {
-    const std::uint32_t i = list.at(first);
-    Outcome outcome = Outcome::kNone;
-    std::uint64_t row = 0;
-    if (i < count) {
-      const Enclosed e = c.enclosed[i];
-      row = row_of(c, e);
-      outcome = prove_row(c, e);
-    }
-    const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
-    if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
-    add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
-  }
-  hand_over_counts(c);
 }
 
 }  // namespace clearance::cuda

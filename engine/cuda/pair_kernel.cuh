@@ -267,6 +267,25 @@ __device__ inline void write_compact(CompactAnswer* row, const PairAnswer& answe
   halves[0] = {r.lower, r.upper, r.point_a[0], r.point_a[1]};
   halves[1] = {r.point_a[2], r.point_b[0], r.point_b[1], r.point_b[2]};
 }
+// A row of the column gradient_joints. Not inlined: what it needs should not take registers from other columns.
+__device__ __noinline__ inline void write_gradient_joints(const ChunkView& c, std::uint64_t row, std::uint32_t k,
+                                                          const Where& at_a, const Where& at_b,
+                                                          const PairAnswer& answer) {
+  const auto pose_of = [&](std::uint32_t ref) {
+    const Where at(c.bodies, c.configurations, ref, k);
+    return PlacedFrame{at.rotation(), at.translation()};
+  };
+  write_joint_gradient(c.movers.movers, c.movers.of_body[at_a.body], c.movers.of_body[at_b.body], answer,
+                       at_a.translation(), at_b.translation(), pose_of, c.reply.joints,
+                       c.reply.gradient_joints + row * c.reply.joints);
+}
+// The row of no pair.
+__device__ inline void write_no_pair(const ChunkView& c, std::uint64_t row, std::uint32_t k, BodyPair pair,
+                                     const PairAnswer& answer) {
+  write_row(c.reply, row, pair, static_cast<std::uint32_t>(c.first_configuration + k), answer, {0, 0, 0}, {0, 0, 0});
+  for (std::uint32_t j = 0; c.reply.gradient_joints && j < c.reply.joints; ++j)
+    c.reply.gradient_joints[row * c.reply.joints + j] = __builtin_nan("");
+}
 template <bool kLean = false>
 __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const Where& at_a,
                                     const Where& at_b, const PairAnswer& answer) {
@@ -279,6 +298,7 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
   }
   write_row(c.reply, row, {at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer,
             at_a.translation(), at_b.translation());
+  if (c.reply.gradient_joints) write_gradient_joints(c, row, k, at_a, at_b, answer);
 }
 
 // An item of a group: a pair in a configuration, and where its bodies are.

@@ -415,8 +415,7 @@ __device__ inline void pass_counts(const ReducedView& r) {
 __device__ inline void write_empty(const ReducedView& r, std::uint64_t at) {
   const auto k = static_cast<std::uint32_t>(at / r.groups), group = static_cast<std::uint32_t>(at % r.groups);
   const BodyPair pair{r.reduce == Reduce::kNearest ? group : kNone, kNone};
-  write_row(r.chunk.reply, at, pair, static_cast<std::uint32_t>(r.chunk.first_configuration + k), empty_answer(),
-            {0, 0, 0}, {0, 0, 0});
+  write_no_pair(r.chunk, at, k, pair, empty_answer());
 }
 // \param ref the first of its pairs, none of which has usable poses
 __device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, PairRef ref) {

@@ -5,17 +5,16 @@
 
 #include <cub/device/device_scan.cuh>
 
-#include "engine/cuda/any_kernel.cuh"
-#include "engine/cuda/decide_kernel.cuh"
+#include "engine/cuda/reduced.cuh"
+#include "engine/cuda/reduced_launch.cuh"
 #include "engine/cuda/table_search.cuh"
-#include "engine/cuda/workspace.cuh"
+#include "engine/device/reply_columns.h"
 
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kFirstCapacity = 1u << 17;  // pairs that may be looked at before memory has to grow
 inline constexpr std::uint64_t kFirstHits = 1u << 14;      // rows of Reduce::kWithin, likewise
 inline constexpr std::uint32_t kFirstOpen = 1u << 12;      // pairs of configurations that teams leave open, likewise
-inline constexpr std::uint32_t kTeam = 16;                 // threads that decide a configuration
 
 struct ReducedSlot : QuerySlot {
   ReducedSlot(MemoryCounters& c, int priority)
@@ -55,7 +54,7 @@ struct CountBits {
   }
 };
 
-class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlot> {
+class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
  public:
   using QuerySide::QuerySide;
 
@@ -63,13 +62,9 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     table_ = static_cast<const CudaTable*>(s.table);
     if (table_) clear_counts(*slots_[0]);  // now, so that it does not stand between boxes and near pairs
     QuerySide::begin(s);
-    by_teams_ = s.by_teams && !hulls_.has_several();
+    asked_ = ReducedQuestion(s, hulls_);
     warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
-    reduce_ = s.reduce;
-    groups_ = s.groups;
     most_rows_ = s.most_rows;
-    margin_ = s.margin;
-    beyond_ = s.beyond;
     chunks_ = 0;
   }
 
@@ -79,18 +74,13 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     ReducedSlot& slot = *slots_[index];
     ReducedView& r = slot.view;
     r.chunk = view_of(slot, chunk);
-    r.reduce = reduce_;
-    r.groups = groups_;
-    r.rows = static_cast<std::uint32_t>(chunk.rows());
+    asked_.tell(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
     r.chunk.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(kCounts * sizeof(std::uint32_t)));
     r.chunk.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_counts.reserve(kCounts * sizeof(std::uint32_t)));
     slot.direct = direct;
-    slot.most_rows =
-        within() ? std::min<std::uint64_t>(r.rows, most_rows_) : std::uint64_t{chunk.configurations} * groups_;
-    r.keys = nullptr;
-    r.answered = nullptr;
+    slot.most_rows = within() ? std::min<std::uint64_t>(r.rows, most_rows_) : groups_of(r);
     r.chunk.warm = warm_ ? warm_ + chunk.first_row : nullptr;
-    if (by_teams_) return launch_teams(slot);
+    if (asked_.by_teams) return launch_teams(slot);
     slot.counts_are_clear = false;
     if (!table_) slot.listed = std::max(slot.listed, std::min(r.rows, kFirstCapacity));
     make_room_for_items(slot, table_ ? std::min(r.rows, slot.table.expected(r.chunk.bodies.bodies)) : slot.listed);
@@ -115,7 +105,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     ReducedSlot& slot = *slots_[index];
     const ReducedView& r = slot.view;
     check(cudaStreamSynchronize(slot.stream), "answering a query");
-    if (by_teams_) {
+    if (asked_.by_teams) {
       answer_open(slot);
     } else if (const std::uint32_t candidates = r.chunk.host_counts[kCandidates]; candidates > r.capacity) {
       if (!table_) slot.listed = candidates;
@@ -153,15 +143,15 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     const auto take = any() ? take_open_answers : take_answers;
     take<<<blocks_of(count, kItemThreads), kItemThreads, 0, slot.stream>>>(
         slot.view, reinterpret_cast<const PairAnswer*>(device), count);
-    if (!any()) clear_winners(slot);
+    if (!any() && !within()) clear_winners(slot.view, slot.stream);
     write(slot);
     check(cudaStreamSynchronize(slot.stream), "answering a query");
     return result(slot);
   }
 
  private:
-  bool within() const { return reduce_ == Reduce::kWithin; }
-  bool any() const { return reduce_ == Reduce::kAny; }
+  bool within() const { return asked_.reduce == Reduce::kWithin; }
+  bool any() const { return asked_.reduce == Reduce::kAny; }
 
   void kernels_begin(ReducedSlot& slot) { check(cudaEventRecord(slot.begun.event, slot.stream), "recording an event"); }
   void kernels_end(ReducedSlot& slot) {
@@ -189,22 +179,15 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     if (!slot.counts_are_clear) clear_counts(slot);
     slot.counts_are_clear = true;  // they are left so
     kernels_begin(slot);
-    decide(slot);
+    start_teams(r, slot.stream);
     kernels_end(slot);
-  }
-  void decide(ReducedSlot& slot) {
-    ReducedView& r = slot.view;
-    r.chunk.blocks = blocks_of(std::uint64_t{r.chunk.configurations} * kTeam, kDecideThreads);
-    const auto kernel = warm_ ? decide_configurations<kTeam, true> : decide_configurations<kTeam, false>;
-    kernel<<<r.chunk.blocks, kDecideThreads, 0, slot.stream>>>(r);
-    check(cudaGetLastError(), "starting a kernel");
   }
   void answer_open(ReducedSlot& slot) {
     ReducedView& r = slot.view;
     if (const std::uint32_t open = r.chunk.host_counts[kCandidates]; open > r.capacity) {
       slot.listed = open;
       make_room_for_items(slot, open);
-      decide(slot);
+      start_teams(r, slot.stream);
       check(cudaStreamSynchronize(slot.stream), "answering a query");
     }
     if (r.chunk.host_counts[kCandidates] == 0) return;
@@ -212,27 +195,16 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     check(cudaMemcpyAsync(r.chunk.counts, r.chunk.host_counts, kCounts * sizeof(std::uint32_t), cudaMemcpyHostToDevice,
                           slot.stream),
           "copying counts");
-    clear_groups(slot);
+    clear_candidates(r, slot.stream);
     r.chunk.warm = nullptr;
-    solve_items(slot);
+    start_items(r, hulls_.has_several(), slot.stream);
     write(slot);
     check(cudaStreamSynchronize(slot.stream), "answering a query");
-  }
-  static unsigned item_blocks(const ReducedView& r, std::uint32_t most = kItemBlocks) {
-    return std::min(blocks_of(r.capacity, kItemThreads), most);
   }
 
   void make_room_for_items(ReducedSlot& slot, std::uint32_t capacity) {
     ReducedView& r = slot.view;
-    const std::size_t words = (capacity + 3) / 4 * 4;
-    std::byte* memory = slot.device_items.reserve(
-        words * (sizeof(PairAnswer) + (hulls_.has_several() ? 4 : 3) * sizeof(std::uint32_t)));
-    r.capacity = capacity;
-    r.answers = reinterpret_cast<PairAnswer*>(memory);
-    r.items = reinterpret_cast<std::uint32_t*>(r.answers + words);
-    r.chunk.rest = r.items + words;
-    r.rest_rows = r.chunk.rest + words;
-    r.several = r.rest_rows + words;  // of no use where no body has several pieces
+    take_item_memory(r, slot.device_items.reserve(item_bytes(capacity, hulls_.has_several())), capacity);
     if (!table_) return;
     slot.table.make_room(r, *table_, slot.stream);
     if (r.hit_ranks) make_room_for_ranks(slot);
@@ -242,45 +214,25 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   void make_room_for_rows(ReducedSlot& slot, std::uint64_t rows) {
     ReducedView& r = slot.view;
     std::uint64_t bytes = 0;
-    reply_view_over(nullptr, rows, fields_, &bytes);
+    reply_view_over(nullptr, rows, fields_, &bytes, joints_);
     r.reply_rows = rows;
-    r.chunk.reply = preferring(reply_view_over(slot.host_reply.reserve(bytes), rows, fields_), slot.direct);
+    const ReplyView own = reply_view_over(slot.host_reply.reserve(bytes), rows, fields_, nullptr, joints_);
+    r.chunk.reply = preferring(own, slot.direct);
   }
 
-  // What is kept of each group. \returns its bytes.
-  std::size_t make_room_for_groups(ReducedSlot& slot) {
-    ReducedView& r = slot.view;
-    const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-    const std::size_t bytes = groups * (6 * sizeof(std::uint64_t) + 2);
-    r.upper = reinterpret_cast<std::uint64_t*>(slot.device_groups.reserve(bytes));
-    r.lower = r.upper + groups;
-    r.winner = r.lower + groups;
-    r.lowest = r.winner + groups;
-    r.seed = r.lowest + groups;
-    r.cutoff = r.seed + groups;
-    r.complete = reinterpret_cast<std::uint8_t*>(r.cutoff + groups);
-    r.answered = by_teams_ ? r.complete + groups : nullptr;
-    return bytes;
+  void make_room_for_groups(ReducedSlot& slot) {
+    take_group_memory(slot.view, slot.device_groups.reserve(group_bytes(slot.view)), asked_.by_teams);
   }
 
-  // The seeds and what they cut off.
   void seed(ReducedSlot& slot) {
-    const std::size_t bytes = make_room_for_groups(slot);
-    const ReducedView& r = slot.view;
-    const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-    check(cudaMemsetAsync(r.upper, 0xff, bytes, slot.stream), "clearing groups");
-    find_seeds<<<std::min(blocks_of(r.rows, kScanThreads), kSeedBlocks), kScanThreads, 0, slot.stream>>>(r);
-    solve_seeds<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(r);
-    check(cudaGetLastError(), "starting a kernel");
+    make_room_for_groups(slot);
+    clear_all_groups(slot.view, slot.stream);
+    start_seeds(slot.view, slot.stream);
   }
 
   void begin_decisions(ReducedSlot& slot) {
-    const std::size_t bytes = make_room_for_groups(slot);
-    ReducedView& r = slot.view;
-    r.margins = margins_;
-    r.margin = margin_;
-    r.beyond = beyond_;
-    check(cudaMemsetAsync(r.upper, 0xff, bytes, slot.stream), "clearing groups");
+    make_room_for_groups(slot);
+    clear_all_groups(slot.view, slot.stream);
     clear_counts(slot);
   }
 
@@ -315,67 +267,31 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   void clear_counts(ReducedSlot& slot) {
     const OnDevice here = on_device();
     constexpr std::size_t bytes = kCounts * sizeof(std::uint32_t);
-    check(cudaMemsetAsync(slot.device_counts.reserve(bytes), 0, bytes, slot.stream), "clearing counters");
+    cuda::clear_counts(reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(bytes)), slot.stream);
   }
   // Before solve() and write() are repeated.
   void clear(ReducedSlot& slot) {
     clear_counts(slot);
-    if (!within()) clear_groups(slot);
-  }
-  void clear_groups(ReducedSlot& slot) {
-    const ReducedView& r = slot.view;
-    const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-    check(cudaMemsetAsync(r.upper, 0xff, 4 * groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
-  }
-  void clear_winners(ReducedSlot& slot) {
-    const ReducedView& r = slot.view;
-    if (within()) return;
-    const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-    check(cudaMemsetAsync(r.winner, 0xff, 2 * groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
+    if (!within()) clear_candidates(slot.view, slot.stream);
   }
 
   void solve(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
-    if (any()) return solve_decisions(slot);
+    if (any()) return start_decisions(r, slot.stream);
     if (table_)
       slot.table.run(r, slot.stream);
     else if (within())
       list_candidates<<<blocks_of((std::uint64_t{r.rows} + 31) / 32, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
     else
-      find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
-    solve_items(slot);
-  }
-  void solve_decisions(ReducedSlot& slot) {
-    const ReducedView& r = slot.view;
-    find_near_pairs<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
-    const auto look = r.chunk.bodies.doubts.fixed ? look_at_near_pairs<Slack> : look_at_near_pairs<NoSlack>;
-    look<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
-    list_open_pairs<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
-    check(cudaGetLastError(), "starting a kernel");
-  }
-  void solve_items(ReducedSlot& slot) {
-    const ReducedView& r = slot.view;
-    const bool warm = r.chunk.warm != nullptr;
-    const auto known = warm ? solve_candidates<true, NoSlack> : solve_candidates<false, NoSlack>,
-               doubted = warm ? solve_candidates<true, Slack> : solve_candidates<false, Slack>;
-    const auto kernel = r.chunk.bodies.doubts.fixed ? doubted : known;
-    kernel<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
-    if (hulls_.has_several()) solve_several<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
-    check(cudaGetLastError(), "starting a kernel");
+      start_candidates(r, slot.stream);
+    start_items(r, hulls_.has_several(), slot.stream);
   }
 
   void write(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
-    if (any()) {
-      write_decisions<<<blocks_of(r.chunk.configurations, kItemThreads), kItemThreads, 0, slot.stream>>>(r);
-    } else if (!within()) {
-      const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-      choose_winners<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
-      write_groups<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(r);
-    } else {
-      if (r.hit_ranks) rank(slot, r.hit_words, r.hit_ranks);
-      write_hits<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
-    }
+    if (!within()) return start_group_rows(r, slot.stream);
+    if (r.hit_ranks) rank(slot, r.hit_words, r.hit_ranks);
+    write_hits<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
     check(cudaGetLastError(), "starting a kernel");
   }
 
@@ -396,15 +312,11 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     return done;
   }
 
-  Reduce reduce_ = Reduce::kMin;
-  std::uint32_t groups_ = 1;
+  ReducedQuestion asked_;
   std::uint64_t most_rows_ = 0;
-  double margin_ = 0;                 // of Reduce::kAny
-  PairAnswer beyond_{};               // likewise
   const CudaTable* table_ = nullptr;  // null: the query's pairs are listed
-  bool by_teams_ = false;
-  WarmRow* warm_ = nullptr;  // of the query's rows; null: cold
-  Event ended_[kSlots + 1];  // of chunks, by their number
+  WarmRow* warm_ = nullptr;           // of the query's rows; null: cold
+  Event ended_[kSlots + 1];           // of chunks, by their number
   std::uint64_t chunks_ = 0;
 };
 

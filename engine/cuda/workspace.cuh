@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "engine/cuda/memory.cuh"
-#include "engine/cuda/place_kernel.cuh"
+#include "engine/cuda/place.cuh"
 #include "engine/cuda/resident.cuh"
 #include "engine/device/device.h"
 
@@ -87,6 +87,7 @@ class QuerySide : public Interface {
     all_chunks_ = s.chunks;
     question_ = s.question;
     fields_ = s.fields;
+    joints_ = s.joints;
     given_count_ = s.given_count;
     setup_.clear();
     find_moved_pieces(s.moved_body);
@@ -98,7 +99,8 @@ class QuerySide : public Interface {
                       steps = setup_.add(s.steps), columns = setup_.add(s.columns), robots = setup_.add(s.robots),
                       fixed_slack = setup_.add(s.fixed_slack), links = setup_.add(s.links),
                       link_pairs = setup_.add(s.link_pairs), doubt_moves = setup_.add(s.doubt_moves),
-                      base_doubt = setup_.add(s.base_doubt);
+                      base_doubt = setup_.add(s.base_doubt), movers = setup_.add(s.movers),
+                      mover_of_body = setup_.add(s.mover_of_body);
     const cudaStream_t stream = slots_[0]->stream;
     setup_.send(stream);
     DoubtsView doubts{};
@@ -126,6 +128,7 @@ class QuerySide : public Interface {
               setup_.at<DoubtMove>(doubt_moves),
               setup_.at<PlacedDoubt>(base_doubt)};
     frames_ = s.frames;
+    movers_ = {setup_.at<JointMover>(movers), setup_.at<std::uint32_t>(mover_of_body)};
     margins_ = s.margins.empty() ? nullptr : setup_.at<double>(margins);
     pairs_ = static_cast<const CudaPairs*>(s.pairs);
   }
@@ -150,6 +153,7 @@ class QuerySide : public Interface {
     view.hulls = hulls_.view();
     view.bodies = bodies_;
     view.question = question_;
+    view.movers = movers_;
     if (pairs_) {
       view.pairs = pairs_->pairs + chunk.first_pair;
       view.position = pairs_->position + chunk.first_pair;
@@ -185,9 +189,7 @@ class QuerySide : public Interface {
     check(cudaMemcpyAsync(memory, host_bodies_.data(), fixed_bytes(), cudaMemcpyHostToDevice, stream), "copying poses");
     if (!s.boxes && !hulls_.has_several()) return;
     check(cudaEventRecord(boxes_begun_.event, stream), "recording an event");
-    box_fixed_bodies<<<static_cast<unsigned>((n + 127) / 128), 128, 0, stream>>>(
-        hulls_.view(), bodies_, reinterpret_cast<double*>(memory + fixed_bytes()), outer);
-    check(cudaGetLastError(), "starting a kernel");
+    start_fixed_boxes(hulls_.view(), bodies_, reinterpret_cast<double*>(memory + fixed_bytes()), outer, stream);
   }
 
   // Where each moved body's pieces begin among those of all, where a body of the scene has several.
@@ -241,9 +243,7 @@ class QuerySide : public Interface {
     frames.numbers = reinterpret_cast<double*>(slot.device_frames.reserve(frames_room(chunk.configurations)));
     frames.travels = frames.numbers + std::size_t{frames_} * 7 * K;
     frames.facts = reinterpret_cast<std::uint8_t*>(frames.travels + frames.robot_count * K);
-    place_links<<<blocks_of(frames.robot_count * K, kLinkThreads), kLinkThreads, 0, slot.stream>>>(
-        frames, chunk.configurations);
-    check(cudaGetLastError(), "starting a kernel");
+    start_links(frames, chunk.configurations, slot.stream);
     return frames;
   }
 
@@ -260,16 +260,13 @@ class QuerySide : public Interface {
     MovesView moves = moves_;
     moves.given = given;
     moves.frames = place_frames(slot, chunk);
-    const auto kernel = bodies.doubts.fixed ? place_bodies<true> : place_bodies<false>;
-    kernel<<<static_cast<unsigned>((states + 127) / 128), 128, 0, slot.stream>>>(hulls_.view(), bodies, moves,
-                                                                                 chunk.configurations);
-    check(cudaGetLastError(), "starting a kernel");
+    start_bodies(hulls_.view(), bodies, moves, chunk.configurations, slot.stream);
   }
 
   const ResidentHulls& hulls_;
   WorkCounters& counters_;
   Question question_;
-  std::uint32_t fields_ = 0, given_count_ = 0;
+  std::uint32_t fields_ = 0, joints_ = 0, given_count_ = 0;
   std::uint64_t all_chunks_ = 1;
   Upload setup_;
   PinnedBuffer host_bodies_, all_given_[2];
@@ -279,6 +276,7 @@ class QuerySide : public Interface {
   std::uint32_t moved_pieces_ = 0, frames_ = 0;
   BodiesView bodies_;
   MovesView moves_;
+  MoversView movers_{};
   const double* margins_ = nullptr;  // of the query's pairs; null: they are all the same
   const CudaPairs* pairs_ = nullptr;
   Event ready_, boxes_begun_;

@@ -90,6 +90,9 @@ struct QuerySetup {
   std::span<const LinkPairError> link_pairs;
   std::span<const DoubtMove> doubt_moves;
   std::span<const PlacedDoubt> base_doubt;
+  // Where the column gradient_joints is wanted, as MoversView has it.
+  std::span<const JointMover> movers;
+  std::span<const std::uint32_t> mover_of_body;
   const ResidentPairs* pairs = nullptr;
   const ResidentTable* table = nullptr;  ///< of Reduce::kWithin over a whole table, in place of pairs
   std::uint64_t chunks = 1;
@@ -176,18 +179,20 @@ class Workspace : public QueryWorkspace {
   virtual ChunkResult finish(int slot) = 0;
 };
 
-/// For a query whose poses are in device memory already and whose rows stay there. All of it goes into the caller's
-/// stream: nothing waits for the host or takes memory once room was made, so that it can be captured in a graph.
+/// For a query whose poses or positions are in device memory already and whose rows stay there. All of it goes into the
+/// caller's stream: nothing waits for the host or takes memory once room was made, so that it can be captured in a
+/// graph.
 class StandingWorkspace : public QueryWorkspace {
  public:
-  /// Room for chunks of so many rows and configurations at most, once begin() was called. All that begin() sent is
-  /// there when it returns.
+  /// Room for chunks of so many pair-configurations and configurations at most, once begin() was called. All that
+  /// begin() sent is there when it returns.
   virtual void make_room(std::uint64_t rows, std::uint32_t configurations) = 0;
   virtual int device() const = 0;  ///< its number
   /// Device memory of its own for rows. Once.
   virtual std::byte* room_for_rows(std::size_t bytes) = 0;
-  /// Starts a chunk, whose poses (ChunkSetup::poses) are in device memory. \param rows columns in device memory
-  /// \param in_order the query's pairs in their order. \param first_in_order the chunk's first among them
+  /// Starts a chunk, whose poses and positions (ChunkSetup) are in device memory. \param rows columns in device memory
+  /// \param in_order the query's pairs in their order, where a chunk has them in another. \param first_in_order the
+  /// chunk's first among them
   /// \param stream cudaStream_t
   virtual void launch(const ChunkSetup& chunk, const ReplyView& rows, const ResidentPairs& in_order,
                       std::uint64_t first_in_order, void* stream) = 0;
@@ -227,7 +232,8 @@ class Device {
   virtual std::shared_ptr<Workspace> borrow() = 0;
   virtual std::shared_ptr<ReducedWorkspace> borrow_reduced() = 0;
   /// One more, for as long as its owner keeps it; null: what there is are several devices.
-  virtual std::shared_ptr<StandingWorkspace> make_standing() { return nullptr; }
+  /// \param reduce none, min or any
+  virtual std::shared_ptr<StandingWorkspace> make_standing(Reduce) { return nullptr; }
   virtual DeviceCounters counters() const = 0;
 };
 

@@ -5,19 +5,39 @@
 
 namespace clearance::cuda {
 
-std::uint32_t doubted_body(const Scene& scene, const Plan& plan) {
-  const PoseSnapshot& snapshot = *plan.snapshot;
+namespace {
+
+// The first body of the query's pairs that is so.
+template <class IsSo>
+std::uint32_t first_body(const Scene& scene, const Plan& plan, const IsSo& is_so) {
   std::uint32_t found = kNone;
-  if (!scene.has_doubts() && !snapshot.has_followers) return found;
   const auto look = [&](std::uint32_t body) {
-    const bool there = body < scene.bodies().size();
-    if (there && (is_doubted(scene.bodies()[body]) || snapshot.parent[body] != kNone)) found = std::min(found, body);
+    if (body < scene.bodies().size() && body < found && is_so(body)) found = body;
   };
   if (plan.pairs.is_whole_table())
     for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) look(b);
   else
     for (const auto [a, b] : plan.pairs.list()) look(a), look(b);
   return found;
+}
+
+}  // namespace
+
+std::uint32_t doubted_body(const Scene& scene, const Plan& plan) {
+  const PoseSnapshot& snapshot = *plan.snapshot;
+  if (!scene.has_doubts() && !snapshot.has_followers) return kNone;
+  return first_body(scene, plan, [&](std::uint32_t body) {
+    return is_doubted(scene.bodies()[body]) || snapshot.parent[body] != kNone;
+  });
+}
+
+std::uint32_t ageing_body(const Scene& scene, const Plan& plan) {
+  if (!scene.has_doubts()) return kNone;
+  return first_body(scene, plan, [&](std::uint32_t body) {
+    for (; body != kNone; body = plan.snapshot->parent[body])
+      if (!scene.bodies()[body].is_static && scene.bodies()[body].max_speed > 0) return true;
+    return false;
+  });
 }
 
 DeviceDoubts::DeviceDoubts(const Scene& scene, const Plan& plan) {

@@ -13,6 +13,9 @@ namespace clearance::cuda {
 /// is none.
 std::uint32_t doubted_body(const Scene& scene, const Plan& plan);
 
+/// The same of one whose doubt grows as time goes by: its pose ages, or that of what it follows.
+std::uint32_t ageing_body(const Scene& scene, const Plan& plan);
+
 /// Made of a plan with its doubts; its arrays live as long as this.
 class DeviceDoubts {
  public:

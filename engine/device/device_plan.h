@@ -11,8 +11,15 @@ namespace clearance {
 struct JobContext;
 struct Plan;
 
-/// Made by Engine::plan_on_device(), which has to outlive it. Rows of every configuration and pair (Reduce::kNone). It
-/// keeps the snapshot that it was made for: bodies that it does not move stay where they were then.
+/// What a plan's configurations give, in device memory. Read as the stream gets there.
+struct GivenOnDevice {
+  const Pose* poses = nullptr;        ///< (K, M) of the query's bodies
+  const double* positions = nullptr;  ///< (K, J) radians and metres of the query's joints
+};
+
+/// Made by Engine::plan_on_device(), which has to outlive it. Rows of every configuration and pair (Reduce::kNone), or
+/// one of each configuration (kMin, kAny). It keeps the snapshot that it was made for: what it does not move stays
+/// where it was then.
 class DevicePlan {
  public:
   virtual ~DevicePlan() = default;
@@ -25,12 +32,13 @@ class DevicePlan {
   /// graph. Runs share memory: those in several streams must follow each other, which is the caller's to see to.
   /// Throws QueryError for a column that the plan was not made for, or that is not aligned, and where the device says
   /// no.
-  /// \param poses (K, M) poses of the query's bodies, in device memory. Read as the stream gets there.
-  /// \param rows columns of K * P rows in device memory, those that are wanted; `compact` from a multiple of 16 bytes
-  /// on. A pair that the device cannot settle has the bounds that it could prove, status kUnconverged unless these
-  /// deserve a better one, and points that may be farther apart than `upper` by rounding.
+  /// \param rows columns of QuerySize::rows in device memory, those that are wanted, with `joints` where
+  /// gradient_joints is among them; `compact` from a multiple of 16 bytes on. A pair that the device cannot settle has
+  /// the bounds that it could prove, status kUnconverged unless these deserve a better one, and points that may be
+  /// farther apart than `upper` by rounding. So has the row of a configuration for which such a pair stands: of
+  /// Reduce::kAny it is kUnconverged then, and nobody has found the configuration to be free.
   /// \param stream cudaStream_t; null: the default stream
-  virtual void run(const Pose* poses, const ReplyView& rows, void* stream) = 0;
+  virtual void run(const GivenOnDevice& given, const ReplyView& rows, void* stream) = 0;
 };
 
 namespace cuda {

@@ -75,6 +75,7 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
     moved_.emplace(scene(), plan_, options_.stale).tell(s);
   }
   if (is_doubted) doubts_.emplace(scene(), plan_).tell(s);
+  if (options_.joint_gradient) movers_.emplace(*options_.joint_gradient, plan_).tell(s);
   return s;
 }
 

@@ -8,6 +8,7 @@
 
 #include "engine/device/device_doubts.h"
 #include "engine/device/device_job.h"
+#include "engine/device/device_movers.h"
 #include "engine/device/moved_chains.h"
 #include "engine/device/ordered_copy.h"
 #include "engine/query/parallel_job.h"
@@ -128,9 +129,13 @@ class DeviceQuery : public ParallelJob {
   Incoming incoming_[2];                // by what is given
   std::optional<MovedChains> moved_;    // none: the query moves nothing
   std::optional<DeviceDoubts> doubts_;  // none: nothing is doubted of any body that is asked for
+  std::optional<DeviceMovers> movers_;  // none: no gradient by joints is
   std::vector<Room> rooms_;
   std::vector<Evaluator> evaluators_;
 };
+
+/// Whether teams of threads decide a query's configurations (decide_kernel.cuh).
+bool is_for_teams(const Scene& scene, const Plan& plan);
 
 std::unique_ptr<DeviceQuery> make_dense_device_query(const JobContext& context, Plan&& plan, const ReplyView& reply);
 /// Null, and the plan untouched, where the device does not know all bodies.

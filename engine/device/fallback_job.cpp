@@ -86,7 +86,6 @@ class FallbackJob final : public Job::State {
 }  // namespace
 
 std::string beyond_the_device(const Plan& plan) {
-  if (plan.query.fields & kFieldGradientJoints) return "the column gradient_joints";
   if (plan.query.fields & kFieldFreeScale) return "the column free_scale";
   return plan.query.max_steps > 0 ? "max_steps" : "";
 }

@@ -9,6 +9,7 @@
 #include "engine/pose/placed.h"
 #include "engine/query/columns.h"
 #include "engine/query/doubt_step.h"
+#include "engine/query/joint_gradient_step.h"
 #include "engine/robot/kinematics_step.h"
 
 namespace clearance::cuda {
@@ -166,6 +167,12 @@ struct MovesView {
   const PlacedDoubt* base_doubt;  ///< (moved,) of `base`
 };
 
+/// What the column gradient_joints needs.
+struct MoversView {
+  const JointMover* movers;      ///< `link` and `carrier` as in PairRef
+  const std::uint32_t* of_body;  ///< (bodies,) the nearest that carries it, or kNone
+};
+
 /// What is asked of every pair.
 struct Question {
   double max_distance, abs_tol, rel_tol;
@@ -219,6 +226,7 @@ struct ChunkView {
   std::uint32_t pair_count;       ///< rows of one configuration
   std::uint32_t configurations;
   std::uint64_t first_configuration;
+  MoversView movers;           ///< where the reply has gradient_joints
   ReplyView reply;             ///< device columns: row k * pair_count + position
   std::uint32_t* rest;         ///< rows that are not settled, in no order
   Enclosed* enclosed;          ///< in no order

@@ -14,7 +14,9 @@ constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 20;
 constexpr std::uint64_t kMostGroups = 1u << 20;  // of a chunk
 constexpr std::uint64_t kMostMembers = 4096;     // pairs of a configuration that a team of threads goes through
 
-// Whether teams of threads decide configurations (decide_kernel.cuh). Not where the device settles nothing, and the CPU
+}  // namespace
+
+// Not where the device settles nothing, and the CPU
 // finishes it all.
 bool is_for_teams(const Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
@@ -22,6 +24,8 @@ bool is_for_teams(const Scene& scene, const Plan& plan) {
          q.precision == Precision::kF64 && (q.rel_tol > 0 || q.abs_tol > 0) && !(q.fields & kFieldPairLower) &&
          doubted_body(scene, plan) == kNone;
 }
+
+namespace {
 
 class ReducedDeviceQuery final : public DeviceQuery {
  public:
@@ -36,9 +40,8 @@ class ReducedDeviceQuery final : public DeviceQuery {
   void begin() override {
     workspace_ = backend_.device().borrow_reduced();
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    // A launch of teams takes as long as its slowest configuration: half as many.
-    const bool by_teams = is_for_teams(scene(), plan_);
-    const auto chunks = static_cast<std::uint64_t>(backend_.device().chunks_wanted() / (by_teams ? 2 : 1));
+    // A launch takes as long as its slowest configurations: half as many.
+    const auto chunks = static_cast<std::uint64_t>(backend_.device().chunks_wanted() / 2);
     const std::uint64_t rows = std::clamp((K * P + chunks - 1) / chunks, kFewestRows, kMostRows);
     configurations_ = std::clamp<std::uint64_t>(std::min(rows / P, kMostGroups / groups_), 1, K);
     chunks_ = (K + configurations_ - 1) / configurations_;
@@ -49,7 +52,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.reduce = plan_.query.reduce;
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;
-    s.by_teams = by_teams;
+    s.by_teams = is_for_teams(scene(), plan_);
     if (plan_.query.reduce == Reduce::kAny) {  // which begins cold
       s.margins = plan_.margins.each();
       s.margin = plan_.margins.most();

@@ -13,7 +13,7 @@ void bind_device_plan(nb::module_& m) {
       .def_prop_ro("shape", &PyDevicePlan::shape)
       .def_prop_ro("device", &PyDevicePlan::device)
       .def("own_columns", &PyDevicePlan::own_columns)
-      .def("run", &PyDevicePlan::run, nb::arg("poses"), nb::arg("columns"), nb::arg("stream"));
+      .def("run", &PyDevicePlan::run, nb::arg("poses"), nb::arg("positions"), nb::arg("columns"), nb::arg("stream"));
   m.def(
       "exported_array",
       [](const AnyArray& array) {

@@ -20,6 +20,7 @@ class PyDevicePlan {
   PyDevicePlan(std::shared_ptr<Engine> engine, ProcessGuard guard, std::unique_ptr<DevicePlan> plan)
       : engine_(std::move(engine)), guard_(guard), plan_(std::move(plan)) {}
 
+  /// Configurations, pairs, Field bits.
   nb::tuple shape() const {
     const QuerySize& size = plan_->size();
     return nb::make_tuple(size.configurations, size.pairs, size.fields);
@@ -35,9 +36,11 @@ class PyDevicePlan {
     return addresses;
   }
 
-  void run(std::uintptr_t poses, const std::vector<std::uintptr_t>& columns, std::uintptr_t stream) {
+  void run(std::uintptr_t poses, std::uintptr_t positions, const std::vector<std::uintptr_t>& columns,
+           std::uintptr_t stream) {
     guard_.check("this plan");
     ReplyView rows;
+    rows.joints = plan_->size().joints;
     std::size_t bit = 0;
     for_each_column(
         [&]<class Column>(Column*& column, int) {
@@ -46,7 +49,8 @@ class PyDevicePlan {
         },
         rows);
     nb::gil_scoped_release release;
-    plan_->run(reinterpret_cast<const Pose*>(poses), rows, reinterpret_cast<void*>(stream));
+    plan_->run({reinterpret_cast<const Pose*>(poses), reinterpret_cast<const double*>(positions)}, rows,
+               reinterpret_cast<void*>(stream));
   }
 
  private:

@@ -139,6 +139,47 @@ TEST(ReduceKernels, DecideAsTheCpuDoesWhatIsDoubted) {
   }
 }
 
+// Plans have no CPU behind them.
+TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
+  std::uint64_t left = 0, others = 0, rows = 0, unproved = 0;
+  const auto run = [&](const Engine& cpu, const QueryView& q, const std::string& what) {
+    HostReduction reduction(cpu, q);
+    left += reduction.compare_alone(what);
+    others += reduction.others();
+    rows += reduction.row_count();
+    for (std::uint64_t i = 0; i < reduction.row_count(); ++i)
+      unproved += static_cast<Status>(reduction.rows().status[i]) == Status::kUnconverged;
+  };
+  for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
+    const std::string what = "reduce " + std::to_string(static_cast<int>(reduce));
+    for (const double room : {1.0, 4.0, 12.0}) {
+      EmulatedCase c(20, 29, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+        to.add_capsule(name, 0.2, 0.5, options);
+      });
+      // Configuration 2: every body exactly on another, where nothing can be settled.
+      for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[2 * c.bodies.size() + i] = Pose{{1.0 * (i % 4), 0, 0}};
+      c.q.reduce = reduce;
+      const Engine cpu(std::move(c.scene), {"cpu"});
+      run(cpu, c.q, what + ", room " + std::to_string(room));
+    }
+    DoubtedCase c(30, 9);
+    c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
+    const std::vector<BodyPair> all = c.pairs;
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    c.q.reduce = reduce;
+    for (std::size_t first = 0; first < 12; ++first) {
+      std::vector<BodyPair> some;
+      for (std::size_t i = first; i < all.size(); i += 12) some.push_back(all[i]);
+      c.q.pairs = some;
+      run(cpu, c.q, what + ", doubted, from " + std::to_string(first));
+    }
+  }
+  EXPECT_GT(left, 100u);
+  EXPECT_GT(others, 0u);
+  EXPECT_LT(others, rows / 4) << "most are the CPU's all the same";
+  EXPECT_GT(unproved, 5u);
+}
+
 // The pair whose boxes are nearest says less of how near the true bodies are than its pieces do: another wins.
 TEST(ReduceKernels, LeaveOutNothingThatSlackMayLetWin) {
   Scene scene;

@@ -1,6 +1,7 @@
 // What kernels make of bodies that are not known exactly (engine/cuda/slack.cuh), without a GPU: what is doubted of
 // each pair in each configuration, and dense rows, held against the CPU's, bit by bit.
 #include "doubted_scene.h"
+#include "engine/device/device_movers.h"
 #include "engine/query/configuration_poses.h"
 #include "engine/query/placement.h"
 // Behind all that is included elsewhere.
@@ -165,35 +166,76 @@ TEST(SlackKernels, DenseRowsHaveTheBitsOfTheCpu) {
   EXPECT_GT(expect_rows_of_the_cpu<true>(cpu, c.q, "float32").slack, 500u);
 }
 
-// Pieces that overlap by less than outer prove nothing of the true bodies; by more, they do.
-TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
-  Scene scene;
-  Random random(2);
-  const double excess = 1e-3;  // a cylinder's prism stands out from it by about this much
-  add_prism(scene, "can", 0.8, 1, {.is_static = true, .pose = Pose()});
-  scene.add_box("box", {1, 1, 0.5}, {});
-  const double corner = 0.8 / std::cos(M_PI / 64);  // the prism's: farther out than the cylinder
-  ASSERT_GT(corner - 0.8, excess / 2);
-  std::vector<Pose> poses;
-  for (int k = 0; k < 300; ++k) {
-    const double turn = random.uniform(-3, 3), deep = random.uniform(-excess, 3 * excess);
-    poses.push_back({{(0.8 + 0.5 - deep) * std::cos(turn), (0.8 + 0.5 - deep) * std::sin(turn), random.uniform(0, 0.1)},
-                     std::cos(turn / 2),
-                     0,
-                     0,
-                     std::sin(turn / 2)});
+// The column gradient_joints, of joints of which one stays, on a robot that a body carries, and of what follows links.
+TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
+  DoubtedCase c(40, 7);
+  c.poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
+  c.positions[c.joints.size() * 7] = 3;  // beyond its limits
+  c.q.fields = kAllFields | kFieldGradientJoints;
+  const Engine cpu(std::move(c.scene), {"cpu"});
+  for (const double distance : {kInf, 0.1}) {
+    c.q.max_distance = distance;
+    HostChunk chunk(cpu, c.q);
+    const JointGradient gradient(cpu.scene(), chunk.bodies.plan);
+    const cuda::DeviceMovers movers(gradient, chunk.bodies.plan);
+    QuerySetup setup;
+    movers.tell(setup);
+    chunk.view.movers = {setup.movers.data(), setup.mover_of_body.data()};
+    chunk.view.question.cull = distance < kInf;
+    chunk.view.prove_at_once = true;
+    const Split split(chunk);
+    chunk.launch(tiles_of(split.several, chunk), [&] { answer_several<false>(chunk.view, split.several); });
+    chunk.launch_last(tiles_of(split.singles, chunk),
+                      [&](const ChunkView& view) { answer_strays<false, false, false, Slack>(view, split.singles); });
+    chunk.expect_the_cpus(cpu, c.q, "within " + std::to_string(distance), 0.2);
+    std::uint64_t slopes = 0, none = 0;
+    for (std::size_t i = 0; i < chunk.rest.size() * c.joints.size(); ++i) {
+      const double slope = chunk.rows.view.gradient_joints[i];
+      slopes += std::abs(slope) > 1e-3;
+      none += std::isnan(slope);
+    }
+    EXPECT_GT(slopes, 500u);
+    EXPECT_GT(none, c.joints.size() * 10) << "bad poses, and what is beyond";
   }
+}
+
+// A box that overlaps the prism around a can, or may, by about as much as the prism stands out from the can.
+struct CanCase {
+  Scene scene;
+  std::vector<Pose> poses;
   const std::vector<std::uint32_t> bodies{1};
   const std::vector<BodyPair> pairs{{0, 1}};
   QueryView q;
-  q.all_pairs = false;
-  q.pairs = pairs;
-  q.bodies = bodies;
-  q.configurations = poses;
-  q.configuration_count = 300;
-  q.fields = kAllFields;
-  const Engine cpu(std::move(scene), {"cpu"});
-  HostChunk chunk(cpu, q);
+
+  CanCase() {
+    Random random(2);
+    const double excess = 1e-3;
+    add_prism(scene, "can", 0.8, 1, {.is_static = true, .pose = Pose()});
+    scene.add_box("box", {1, 1, 0.5}, {});
+    const double corner = 0.8 / std::cos(M_PI / 64);  // the prism's: farther out than the cylinder
+    EXPECT_GT(corner - 0.8, excess / 2);
+    for (int k = 0; k < 300; ++k) {
+      const double turn = random.uniform(-3, 3), deep = random.uniform(-excess, 3 * excess), out = 0.8 + 0.5 - deep;
+      poses.push_back({{out * std::cos(turn), out * std::sin(turn), random.uniform(0, 0.1)},
+                       std::cos(turn / 2),
+                       0,
+                       0,
+                       std::sin(turn / 2)});
+    }
+    q.all_pairs = false;
+    q.pairs = pairs;
+    q.bodies = bodies;
+    q.configurations = poses;
+    q.configuration_count = 300;
+    q.fields = kAllFields;
+  }
+};
+
+// Pieces that overlap by less than outer prove nothing of the true bodies; by more, they do.
+TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
+  CanCase c;
+  const Engine cpu(std::move(c.scene), {"cpu"});
+  HostChunk chunk(cpu, c.q);
   ASSERT_TRUE(chunk.bodies.doubted);
   chunk.view.prove_at_once = true;
   const Group all{kNone, kNone, 0, 1, 0};
@@ -201,7 +243,7 @@ TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
                     [&](const ChunkView& view) { answer_strays<false, false, false, Slack>(view, all); });
   std::set<std::uint32_t> left(chunk.rest.begin(), chunk.rest.begin() + chunk.host_counts[kRest]);
   std::uint64_t proved = 0, shallow = 0;
-  const Answer expected = ask(cpu, q);
+  const Answer expected = ask(cpu, c.q);
   for (std::uint32_t k = 0; k < 300; ++k) {
     const bool overlaps = static_cast<Status>(expected.view.status[k]) == Status::kOverlap;
     if (left.contains(k)) {
@@ -213,7 +255,30 @@ TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
   }
   EXPECT_GT(proved, 50u);
   EXPECT_GT(shallow, 10u) << "the CPU has to say that these are contacts";
-  chunk.expect_the_cpus(cpu, q, "a can", 0.7);
+  chunk.expect_the_cpus(cpu, c.q, "a can", 0.7);
+}
+
+// Rows that no CPU finishes hold what the CPU finds, slack and all.
+TEST(SlackKernels, RowsThatNobodyFinishesHaveBoundsThatHold) {
+  CanCase c;
+  const Engine cpu(std::move(c.scene), {"cpu"});
+  HostChunk chunk(cpu, c.q);
+  chunk.view.prove_at_once = true;
+  const Group all{kNone, kNone, 0, 1, 0};
+  chunk.launch(tiles_of(all, chunk), [&] { answer_strays<false, false, false, Slack>(chunk.view, all); });
+  const std::set<std::uint32_t> left(chunk.rest.begin(), chunk.rest.begin() + chunk.counts[kRest]);
+  chunk.launch(3, [&] { answer_open_rows(chunk.view, chunk.pairs.data(), 5); });
+  const Answer expected = ask(cpu, c.q);
+  std::uint64_t kept_apart = 0;
+  for (const std::uint32_t row : left) {
+    const ReplyView &got = chunk.rows.view, &exact = expected.view;
+    // The CPU's bounds are within its tolerance of the best that there are; what slack adds is in both.
+    EXPECT_LE(got.lower[row], exact.lower[row] + 1e-9) << row;
+    EXPECT_GE(got.upper[row], exact.upper[row] - 1e-9) << row;
+    EXPECT_LE(got.upper[row], exact.upper[row] + 1e-2) << row;
+    kept_apart += exact.upper[row] > 1e-6;
+  }
+  EXPECT_GT(kept_apart, 10u) << "pieces that touch, of bodies that may not";
 }
 
 }  // namespace

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,6 +13,15 @@ import clearance
 from clearance import _engine
 from clearance._device_plan import DeviceArray, DevicePlan
 from clearance._words import COLUMNS, Field
+from robots import arm_scene, rows_of
+
+ARM = Path(__file__).resolve().parents[1] / "robot" / "arm.urdf"
+#: Those of its pairs that do not overlap wherever it is.
+ARM_PAIRS = [
+    (f"arm/{link}", other)
+    for link in ("fore", "wrist", "palm", "flange", "left_finger")
+    for other in ("table", "cup", "arm/base")
+]
 
 MASK = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.COMPACT)
 
@@ -20,13 +33,13 @@ class StandIn:
     device = 0
 
     def __init__(self) -> None:
-        self.runs: list[tuple[int, list[int], int]] = []
+        self.runs: list[tuple[int, int, list[int], int]] = []
 
     def own_columns(self) -> list[int]:
         return [1000 * column.bit if MASK >> column.bit & 1 else 0 for column in COLUMNS.values()]
 
-    def run(self, poses: int, columns: list[int], stream: int) -> None:
-        self.runs.append((poses, columns, stream))
+    def run(self, poses: int, positions: int, columns: list[int], stream: int) -> None:
+        self.runs.append((poses, positions, columns, stream))
 
 
 class OnDevice:
@@ -45,7 +58,8 @@ def run() -> StandIn:
 
 @pytest.fixture()
 def plan(run: StandIn) -> DevicePlan:
-    return DevicePlan(_engine, run, np.array([1, 2, 4, 7], dtype=np.uint32), np.array([[1, 2], [4, 9]]))
+    bodies = np.array([1, 2, 4, 7], dtype=np.uint32)
+    return DevicePlan(_engine, run, bodies, np.array([[1, 2], [4, 9]]))
 
 
 POSES = OnDevice(64, (3, 4, 7), "<f8")
@@ -55,8 +69,8 @@ def test_memory_of_the_caller_goes_to_its_column(plan: DevicePlan, run: StandIn)
     lower, compact = OnDevice(4096, (3, 2), "<f8"), OnDevice(8192, (3, 2, 8), "<f4")
     rows = plan(POSES, out={"lower": lower, "compact": compact}, stream=77)
     assert rows.lower is lower and rows.compact is compact
-    poses, columns, stream = run.runs[0]
-    assert (poses, stream) == (64, 77)
+    poses, positions, columns, stream = run.runs[0]
+    assert (poses, positions, stream) == (64, 0, 77)
     assert columns[COLUMNS["lower"].bit] == 4096 and columns[COLUMNS["compact"].bit] == 8192
     assert sum(map(bool, columns)) == 2
     with pytest.raises(AttributeError, match=r"no column 'uper'|no column 'upper'"):
@@ -80,7 +94,7 @@ class Stream:
 @pytest.mark.parametrize(("stream", "address"), [(None, 0), (5, 5), (Stream(), 99)])
 def test_streams(plan: DevicePlan, run: StandIn, stream: object, address: int) -> None:
     plan(POSES, stream=stream)
-    assert run.runs[0][2] == address
+    assert run.runs[0][3] == address
 
 
 @pytest.mark.parametrize(
@@ -120,9 +134,37 @@ def test_a_stream_that_is_none(plan: DevicePlan) -> None:
 def test_a_plan_of_the_current_poses_takes_none(run: StandIn) -> None:
     plan = DevicePlan(_engine, run, None, np.array([[1, 2], [4, 9]]))
     plan()
-    assert run.runs[0][0] == 0
+    assert run.runs[0][:2] == (0, 0)
     with pytest.raises(ValueError, match="poses: the plan has no bodies"):
         plan(POSES)
+
+
+@pytest.mark.parametrize("reduced", [False, True])
+def test_positions_of_joints(run: StandIn, reduced: bool) -> None:
+    run.shape = (3, 2, MASK | int(Field.GRADIENT_JOINTS))
+    joints = np.arange(7, dtype=np.uint32)
+    plan = DevicePlan(_engine, run, None, np.array([[1, 2], [4, 9]]), joints, reduced=reduced)
+    lead = (3,) if reduced else (3, 2)
+    assert plan.shape == lead
+    positions, lower = OnDevice(128, (3, 7), "<f8"), OnDevice(4096, lead, "<f8")
+    gradient = OnDevice(8192, (*lead, 7), "<f8")
+    plan(positions=positions, out={"lower": lower, "gradient_joints": gradient})
+    assert run.runs[0][:2] == (0, 128)
+    assert run.runs[0][2][COLUMNS["gradient_joints"].bit] == 8192
+    assert plan(positions=positions).gradient_joints.shape == (*lead, 7)
+    with pytest.raises(TypeError, match="positions: expected an array in a GPU's memory"):
+        plan()
+    with pytest.raises(ValueError, match=r"positions: expected shape \(3, 7\), got \(3, 6\)"):
+        plan(positions=OnDevice(128, (3, 6), "<f8"))
+    with pytest.raises(ValueError, match="poses: the plan has no bodies"):
+        plan(POSES, positions=positions)
+    with pytest.raises(ValueError, match=r"out\['gradient_joints'\]: expected shape"):
+        plan(positions=positions, out={"gradient_joints": lower})
+
+
+def test_positions_for_a_plan_without_joints(plan: DevicePlan) -> None:
+    with pytest.raises(ValueError, match="positions: the plan has no joints"):
+        plan(POSES, positions=OnDevice(128, (3, 7), "<f8"))
 
 
 def balls() -> clearance.Scene:
@@ -136,11 +178,100 @@ def test_without_a_gpu_it_says_so() -> None:
     engine = clearance.Engine(balls(), backend="cpu")
     with pytest.raises(clearance.QueryError, match="the engine has no device"):
         engine.plan_on_device()
+    with pytest.raises(clearance.QueryError, match="the engine has no device"):
+        engine.plan_on_device(4, reduce="any", margin=0.1)
     with pytest.raises(ValueError, match="bodies: only together with configurations"):
         engine.plan_on_device(bodies=["s1"])
+    with pytest.raises(ValueError, match="joints: only together with configurations"):
+        engine.plan_on_device(joints=["j1"])
+    with pytest.raises(ValueError, match=r"joints.*no joint is named 'j1'"):
+        engine.plan_on_device(4, joints=["j1"])
 
 
-@pytest.mark.skipif("cuda" not in clearance.Engine.backends(), reason="no CUDA device")
+needs_gpu = pytest.mark.skipif("cuda" not in clearance.Engine.backends(), reason="no CUDA device")
+
+
+class Driver:
+    """Memory of the GPU by its driver alone, in the context that the engine has."""
+
+    def __init__(self) -> None:
+        self._cuda = ctypes.CDLL("libcuda.so.1")
+        device, context = ctypes.c_int(), ctypes.c_void_p()
+        self._call("cuInit", 0)
+        self._call("cuDeviceGet", ctypes.byref(device), 0)
+        self._call("cuDevicePrimaryCtxRetain", ctypes.byref(context), device)
+        self._call("cuCtxSetCurrent", context)
+
+    def _call(self, name: str, *arguments: Any) -> None:
+        assert getattr(self._cuda, name)(*arguments) == 0, name
+
+    def put(self, array: np.ndarray) -> OnDevice:
+        address = ctypes.c_uint64()
+        self._call("cuMemAlloc_v2", ctypes.byref(address), ctypes.c_size_t(array.nbytes))
+        self._call("cuMemcpyHtoD_v2", address, ctypes.c_void_p(array.ctypes.data), ctypes.c_size_t(array.nbytes))
+        return OnDevice(address.value, array.shape, array.dtype.str)
+
+    def get(self, column: Any) -> np.ndarray:
+        interface = column.__cuda_array_interface__
+        array = np.empty(interface["shape"], np.dtype(interface["typestr"]))
+        self._call("cuCtxSynchronize")
+        address = ctypes.c_uint64(interface["data"][0])
+        self._call("cuMemcpyDtoH_v2", ctypes.c_void_p(array.ctypes.data), address, ctypes.c_size_t(array.nbytes))
+        return array
+
+
+@needs_gpu
+def test_positions_of_a_robot_on_the_gpu() -> None:
+    engine, cpu = clearance.Engine(arm_scene(ARM), backend="cuda"), clearance.Engine(arm_scene(ARM), backend="cpu")
+    positions = rows_of(engine.joints("arm"), 200)
+    driver = Driver()
+    given = driver.put(positions)
+    columns = ["distance", "lower", "upper", "status", "gradient_joints"]
+    for reduce in ("none", "min"):
+        plan = engine.plan_on_device(len(positions), None, ARM_PAIRS, columns, joints="arm", reduce=reduce)
+        rows = plan(positions=given)
+        expected = cpu.distances(ARM_PAIRS, joints="arm", positions=positions, reduce=reduce, fields=columns)
+        got = {name: driver.get(getattr(rows, name)) for name in columns}
+        assert got["lower"].shape == plan.shape == expected.lower.shape
+        assert got["gradient_joints"].shape == expected.gradient_joints.shape
+        apart = (expected.lower > 0) & (got["lower"] > 0)  # of what overlaps the CPU finishes some
+        assert apart.mean() > 0.7
+        for name in columns:
+            np.testing.assert_array_equal(got[name][apart], getattr(expected, name)[apart], err_msg=name)
+    free = engine.plan_on_device(len(positions), None, ARM_PAIRS, joints="arm", reduce="any", margin=0.01)
+    assert set(free.fields) == {"status", "pair"} and free.shape == (len(positions),)
+    status = driver.get(free(positions=given).status)
+    checked = cpu.check(positions, pairs=ARM_PAIRS, joints="arm", margin=0.01)
+    is_free, is_open = status == clearance.Status.BEYOND, status == clearance.Status.UNCONVERGED
+    assert 100 < checked.free.sum() < 190 and is_open.sum() < 20
+    np.testing.assert_array_equal(is_free[~is_open], checked.free[~is_open])
+    assert not is_free[~checked.free].any()
+
+
+@needs_gpu
+def test_gradients_by_joints_in_pytorch_never_leave_the_device() -> None:
+    torch = pytest.importorskip("torch")
+    import clearance.torch
+
+    engine, cpu = clearance.Engine(arm_scene(ARM), backend="cuda"), clearance.Engine(arm_scene(ARM), backend="cpu")
+    numbers, fields = rows_of(engine.joints("arm"), 64), ["distance", "gradient_joints"]
+    for reduce in ("none", "min"):
+        plan = engine.plan_on_device(64, None, ARM_PAIRS, fields, joints="arm", reduce=reduce, max_distance=0.5)
+        distances = clearance.torch.JointDistances(plan)
+        positions = torch.tensor(numbers, device="cuda", requires_grad=True)
+        (0.4 - distances(positions)).clamp(min=0).sum().backward()
+        expected = cpu.distances(
+            ARM_PAIRS, joints="arm", positions=numbers, reduce=reduce, fields=fields, max_distance=0.5
+        )
+        near = (expected.distance < 0.4)[..., None]
+        slope = -np.where(near, np.nan_to_num(expected.gradient_joints), 0)
+        slope = slope.reshape(64, -1, slope.shape[-1]).sum(axis=1)  # of all pairs
+        apart = expected.distance.reshape(64, -1).min(axis=1) > 0
+        assert apart.sum() > 40 and np.abs(slope[apart]).max() > 0.01
+        np.testing.assert_allclose(positions.grad.cpu().numpy()[apart], slope[apart], atol=1e-9)
+
+
+@needs_gpu
 def test_a_loop_in_pytorch_never_leaves_the_device() -> None:
     torch = pytest.importorskip("torch")
     import clearance.torch

@@ -50,7 +50,8 @@ class StandIn:
         self.engine, self.pairs, self.runs = engine, pairs, 0
         self.shape = (K, len(pairs), MASK)
 
-    def run(self, poses: int, columns: list[int], stream: int) -> None:
+    def run(self, poses: int, positions: int, columns: list[int], stream: int) -> None:
+        assert positions == 0
         self.runs += 1
         given = memory(poses, (K, len(BODIES), 7), np.dtype("<f8"))
         if np.isnan(given).all():
@@ -161,3 +162,6 @@ def test_columns_that_are_refused(engine: clearance.Engine, plan: DevicePlan) ->
     bare.shape = (K, len(plan.pairs), int(Field.LOWER))
     with pytest.raises(ValueError, match="plan: expected the column 'distance' among its fields"):
         clearance.jax.Distances(engine, DevicePlan(_engine, bare, plan.bodies, plan.pairs), platform="cpu")
+    of_joints = DevicePlan(_engine, StandIn(engine, plan.pairs), None, plan.pairs, np.arange(3, dtype=np.uint32))
+    with pytest.raises(ValueError, match="plan: expected bodies alone"):
+        clearance.jax.Rows(of_joints, platform="cpu")

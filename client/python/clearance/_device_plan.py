@@ -1,4 +1,4 @@
-"""Queries whose poses and answers stay in a GPU's memory: no copy to the host, and no wait for it."""
+"""Queries whose numbers and answers stay in a GPU's memory: no copy to the host, and no wait for it."""
 
 from __future__ import annotations
 
@@ -45,22 +45,36 @@ class DeviceRows:
 
 
 class DevicePlan:
-    """A query that a GPU answers from poses in its memory to columns in its memory, as often as it is called.
+    """A query that a GPU answers from numbers in its memory to columns in its memory, as often as it is called.
 
     Made by Engine.plan_on_device(). Rows have the bits of Engine.distances(), but for pairs that the GPU cannot settle,
     which the CPU finishes there: here they have the bounds that the GPU proved, which hold as well but may be wider
-    than asked (Status.UNCONVERGED then). The other bodies stay where they were when the plan was made.
+    than asked (Status.UNCONVERGED then). So has the row of a configuration for which such a pair stands; a plan of
+    reduce="any" has not found it to be free. What is not moved stays where it was when the plan was made.
     """
 
-    shape: tuple[int, int]  #: K (1 for the current poses) and P
-    bodies: Optional[np.ndarray]  #: (M,) ids of those that the poses move; None: they are the current ones
+    shape: tuple[int, ...]  #: of rows: (K, P), or (K,) of a reduction; K is 1 for the current poses
+    bodies: Optional[np.ndarray]  #: (M,) ids of those that poses move; None: there are none
+    joints: Optional[np.ndarray]  #: (J,) ids of those that positions move; None: there are none
     pairs: np.ndarray  #: (P, 2) body ids
 
-    def __init__(self, module: Any, plan: Any, bodies: Optional[np.ndarray], pairs: np.ndarray):
-        self._module, self._plan, self.bodies, self.pairs = module, plan, bodies, pairs
+    def __init__(
+        self,
+        module: Any,
+        plan: Any,
+        bodies: Optional[np.ndarray],
+        pairs: np.ndarray,
+        joints: Optional[np.ndarray] = None,
+        reduced: bool = False,
+    ):
+        self._module, self._plan = module, plan
+        self.bodies, self.joints, self.pairs = bodies, joints, pairs
         configurations, count, mask = plan.shape
-        self.shape = (configurations, count)
-        self._poses_shape = (configurations, 0 if bodies is None else len(bodies), 7)
+        self.shape = (configurations,) if reduced else (configurations, count)
+        self._given_shapes = {
+            "poses": None if bodies is None else (configurations, len(bodies), 7),
+            "positions": None if joints is None else (configurations, len(joints)),
+        }
         self._columns = {name: column for name, column in COLUMNS.items() if mask >> column.bit & 1}
         self._own: Optional[DeviceRows] = None
         self._own_addresses: list[int] = []
@@ -77,25 +91,34 @@ class DevicePlan:
 
     @property
     def poses_shape(self) -> tuple[int, int, int]:
-        """(K, M, 7), of the poses that it takes; M is 0 for the current ones."""
-        return self._poses_shape
+        """(K, M, 7), of the poses that it takes; M is 0 where it moves no bodies."""
+        return (self.shape[0], 0 if self.bodies is None else len(self.bodies), 7)
 
     def column(self, name: str) -> Optional[Column]:
         """A column that it can write; None: it cannot."""
         return self._columns.get(name)
 
     def run_at(self, poses: int, columns: Mapping[int, int], stream: int) -> None:
-        """The call for who knows that its memory is right. Addresses: of the poses, of columns by their bits (the other
-        ones are not written), of a cudaStream_t."""
-        self._plan.run(poses, _addresses(columns), stream)
+        """The call for who knows that its memory is right, of a plan without joints. Addresses: of the poses, of
+        columns by their bits (the other ones are not written), of a cudaStream_t."""
+        self._plan.run(poses, 0, _addresses(columns), stream)
 
-    def __call__(self, poses: Any = None, out: Optional[Mapping[str, Any]] = None, stream: Any = None) -> DeviceRows:
+    def __call__(
+        self,
+        poses: Any = None,
+        out: Optional[Mapping[str, Any]] = None,
+        stream: Any = None,
+        *,
+        positions: Any = None,
+    ) -> DeviceRows:
         """Puts the query into a stream and returns.
 
         poses: (K, M, 7) float64 in C order, in the GPU's memory: [x, y, z, qw, qx, qy, qz] of each body; None for a
-            plan of the current poses. Anything with __cuda_array_interface__ or __dlpack__.
-        out: {name: array}, some of the plan's columns, each (K, P) and what a row has, in C order and of the column's
-            type, in the GPU's memory; None: the plan's own memory, which its next run writes again.
+            plan that moves no bodies. Anything with __cuda_array_interface__ or __dlpack__.
+        positions: (K, J) float64 likewise: radians and metres of the plan's joints; None for a plan without joints.
+        out: {name: array}, some of the plan's columns, each of `shape` and what a row has ((J,) of gradient_joints), in
+            C order and of the column's type, in the GPU's memory; None: the plan's own memory, which its next run
+            writes again.
         stream: the address of a cudaStream_t, or what has it as `cuda_stream` (PyTorch) or `ptr` (CuPy); None: the
             default stream.
 
@@ -103,26 +126,29 @@ class DevicePlan:
         must follow each other, which is yours to see to. Raises TypeError or ValueError naming the argument, and
         QueryError where the GPU says no.
         """
-        if self._poses_shape[1] == 0:
-            if poses is not None:
-                raise ValueError("poses: the plan has no bodies that they move")
-            address = 0
-        else:
-            address = self._address(poses, "poses", np.dtype("<f8"), self._poses_shape)
+        given = [self._given(poses, "poses", "bodies"), self._given(positions, "positions", "joints")]
         if out is None:
             rows, addresses = self._own_rows()
         else:
             addresses = self._addresses_of(out)
             rows = DeviceRows(out)
-        self._plan.run(address, addresses, _address_of_stream(stream))
+        self._plan.run(*given, addresses, _address_of_stream(stream))
         return rows
+
+    def _given(self, array: Any, what: str, moved: str) -> int:
+        shape = self._given_shapes[what]
+        if shape is not None:
+            return self._address(array, what, np.dtype("<f8"), shape)
+        if array is not None:
+            raise ValueError(f"{what}: the plan has no {moved} that they move")
+        return 0
 
     def _own_rows(self) -> tuple[DeviceRows, list[int]]:
         if self._own is None:
             self._own_addresses = addresses = self._plan.own_columns()
             self._own = DeviceRows(
                 {
-                    name: DeviceArray(addresses[c.bit], self.shape + c.shape, c.dtype, self._plan)
+                    name: DeviceArray(addresses[c.bit], self._shape_of(name, c), c.dtype, self._plan)
                     for name, c in self._columns.items()
                 }
             )
@@ -136,10 +162,12 @@ class DevicePlan:
             column = self._columns.get(name)
             if column is None:
                 raise ValueError(f"out: the plan has no column {name!r}{did_you_mean(name, list(self._columns))}")
-            at[column.bit] = self._address(array, f"out[{name!r}]", column.dtype, self._shape_of(column))
+            at[column.bit] = self._address(array, f"out[{name!r}]", column.dtype, self._shape_of(name, column))
         return _addresses(at)
 
-    def _shape_of(self, column: Column) -> tuple[int, ...]:
+    def _shape_of(self, name: str, column: Column) -> tuple[int, ...]:
+        if name == "gradient_joints":
+            return (*self.shape, 0 if self.joints is None else len(self.joints))
         return self.shape + column.shape
 
     def _address(self, array: Any, what: str, dtype: np.dtype, shape: tuple[int, ...]) -> int:

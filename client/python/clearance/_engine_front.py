@@ -16,11 +16,12 @@ from ._device_plan import DevicePlan
 from ._errors import TimeoutError
 from ._front import DEFAULTS, BodyState, Front, Pairs
 from ._future import EngineFuture, Worker
+from ._joints import JointsRef
 from ._names import BodyRef, NameTable
 from ._query import POINTS_BY_DEFAULT, Query
 from ._scene import Scene, name_table
 from ._updates import PosesDone
-from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, Status
+from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, ReduceWord, Status
 
 
 class Engine(Front):
@@ -99,32 +100,46 @@ class Engine(Front):
         configurations: int = 0,
         bodies: Optional[Sequence[BodyRef]] = None,
         pairs: Pairs = None,
-        fields: Union[str, Sequence[str]] = ("lower", "upper"),
+        fields: Union[str, Sequence[str], None] = None,
+        *,
+        joints: Optional[JointsRef] = None,
+        reduce: ReduceWord = "none",
         **more: Any,
     ) -> DevicePlan:
-        """A query that a GPU answers from poses in its memory to columns in its memory, as often as it is called.
+        """A query that a GPU answers from numbers in its memory to columns in its memory, as often as it is called.
 
         configurations: K, how many each call has; 0: the current poses, answered as one.
-        bodies: (M,) names or ids of the bodies that they move, as in distances(); None: every movable body.
-        pairs, and `more` (max_distance, abs_tol, rel_tol, precision, format, ...): as in distances(). All rows come:
-            reduce is "none".
+        bodies: (M,) names or ids of the bodies that they move, as in distances(); None: every movable body, or none
+            where there are `joints`.
+        joints: of the positions that they have, as in distances(): what joints() gave, the name of a robot or of a
+            group of its joints, or names or ids. Slack of links counts as ever.
+        reduce: "none": a row for each configuration and pair; "min": one for each configuration, of its least distance;
+            "any": one that says whether every pair is farther than its `margin` (BEYOND: free).
+        fields: names of columns; None: lower and upper, of "any" the status, of the format "compact" its row and the
+            status. "gradient_joints" is for plans with joints; reductions have the column "pair" as well.
+        pairs, and `more` (max_distance, abs_tol, rel_tol, margin, precision, format, ...): as in distances().
 
-        The other bodies stay where they are now. Raises as distances(), and QueryError for what only the CPU answers
-        (joints, depths, bodies with slack, surfaces), and for an engine without a GPU or of several.
+        What is not moved stays where it is now. Raises as distances(), and QueryError for what a plan does not answer
+        (depths, the other reductions, bodies with a max_speed, poses that may be too old, surfaces), and for an engine
+        without a GPU or of several.
         """
         count = to_count(configurations, "configurations")
-        asked: dict[str, Any] = {"pairs": pairs, "fields": fields, **more}
-        if asked.get("format") == "compact":
-            asked["fields"] = None if fields == ("lower", "upper") else fields
-        if count == 0 and bodies is not None:
-            raise ValueError("bodies: only together with configurations")
+        if fields is None and more.get("format") != "compact":
+            fields = "status" if reduce == "any" else ("lower", "upper")
+        asked: dict[str, Any] = {"pairs": pairs, "fields": fields, "reduce": reduce, **more}
+        if count == 0 and (bodies is not None or joints is not None):
+            raise ValueError(f"{'joints' if bodies is None else 'bodies'}: only together with configurations")
         if count > 0:
-            moved = self._names.movable if bodies is None else self._names.bodies_array(bodies, "bodies")
-            one = np.zeros((1, len(moved), 7))
-            asked.update(configurations=one, bodies=moved)
+            if joints is not None:
+                ids = self._joint_table.ids_of(joints, "joints")
+                asked.update(joints=ids, positions=np.zeros((1, len(ids))))
+            if joints is None or bodies is not None:
+                moved = self._names.movable if bodies is None else self._names.bodies_array(bodies, "bodies")
+                asked.update(configurations=np.zeros((1, len(moved), 7)), bodies=moved)
         query = self._parse(**{**DEFAULTS, **asked})
         plan = self._engine.plan_on_device(query.raw, count)
-        return DevicePlan(_engine, plan, query.bodies, self._table(query.pairs, query.bodies, query.joints))
+        table = self._table(query.pairs, query.bodies, query.joints)
+        return DevicePlan(_engine, plan, query.bodies, table, query.joints, reduced=query.reduce != 0)
 
     def stats(self) -> dict[str, int]:
         """Counters that the engine keeps about itself."""

@@ -24,14 +24,23 @@ def pose_gradient(xp: Any, poses: Any, by_twist: Any) -> Any:
     return xp.concatenate([by_twist[..., 3:], by_w, by_v], -1)
 
 
+def check_columns(plan: DevicePlan, *names: str) -> None:
+    """Raises ValueError for the first that the plan does not write."""
+    for name in names:
+        if name not in plan.fields:
+            raise ValueError(f"plan: expected the column {name!r} among its fields, got {list(plan.fields)}")
+
+
 def moving_sides(plan: DevicePlan, bodies: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Of each side of a plan's pairs: which of them have a body there that moves, and its place among its bodies.
 
     bodies: how many the scene has. Raises ValueError where the plan has no gradient.
     """
-    for name in ("distance", "gradient"):
-        if name not in plan.fields:
-            raise ValueError(f"plan: expected the column {name!r} among its fields, got {list(plan.fields)}")
+    check_columns(plan, "distance", "gradient")
+    if len(plan.shape) != 2:
+        raise ValueError("plan: expected rows of all pairs (reduce='none')")
+    if plan.joints is not None:
+        raise ValueError("plan: expected bodies alone; of joints there is clearance.torch.JointDistances")
     if plan.bodies is None:
         raise ValueError("plan: expected configurations of bodies, as the current poses have no gradient")
     slot_of = np.full(bodies, -1)

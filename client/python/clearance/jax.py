@@ -44,6 +44,8 @@ class Rows:
     """
 
     def __init__(self, plan: DevicePlan, fields: Optional[Iterable[str]] = None, *, platform: str = "CUDA"):
+        if plan.joints is not None:
+            raise ValueError("plan: expected bodies alone; a plan of joints is called by itself, or by PyTorch")
         _xla_ffi.register(platform)
         self.plan = plan
         self._number = _xla_ffi.number_of(plan)

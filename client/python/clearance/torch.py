@@ -1,4 +1,5 @@
-"""Distances as a PyTorch function: poses in, distances out, and their gradient back, all in the GPU's memory.
+"""Distances as a PyTorch function: poses or joint positions in, distances out, and their gradient back, all in the
+GPU's memory.
 
     import torch, clearance, clearance.torch
 
@@ -7,6 +8,11 @@
     distances = clearance.torch.Distances(engine, plan)
     d = distances(poses)                        # (K, P); poses (K, M, 7) float64, which may want a gradient
     d.clamp(max=0.1).sum().backward()           # poses.grad: (K, M, 7)
+
+    plan = engine.plan_on_device(64, joints="arm", reduce="min", fields=["distance", "gradient_joints"])
+    distances = clearance.torch.JointDistances(plan)
+    d = distances(positions)                    # (K,); positions (K, J) float64
+    (0.05 - d).clamp(min=0).sum().backward()    # positions.grad: (K, J)
 
 Needs PyTorch with CUDA (`pip install torch`); `import clearance` alone does not.
 """
@@ -18,9 +24,15 @@ from typing import Any
 import torch
 
 from ._device_plan import DevicePlan
-from ._pose_gradient import moving_sides, pose_gradient
+from ._pose_gradient import check_columns, moving_sides, pose_gradient
 
-__all__ = ["Distances"]
+__all__ = ["Distances", "JointDistances"]
+
+
+def _weighed(weights: Any, gradient: Any) -> Any:
+    """weights (...) times gradient (..., and more); 0 where a weight is: rows that are beyond have no gradient."""
+    each = weights.reshape(weights.shape + (1,) * (gradient.dim() - weights.dim()))
+    return torch.where(each == 0, 0.0, each * gradient)
 
 
 class _Run(torch.autograd.Function):  # type: ignore[misc]  # where torch is not installed it is Any
@@ -36,7 +48,7 @@ class _Run(torch.autograd.Function):  # type: ignore[misc]  # where torch is not
     @staticmethod
     def backward(ctx: Any, *grads: Any) -> tuple[Any, None]:
         poses, gradient = ctx.saved_tensors
-        weighed = grads[0][..., None, None] * gradient  # (K, P, 2, 6)
+        weighed = _weighed(grads[0], gradient)  # (K, P, 2, 6)
         by_twist = poses.new_zeros((*poses.shape[:2], 6))
         for side, (columns, slots) in enumerate(ctx.distances.sides):
             by_twist.index_add_(1, slots, weighed[:, columns, side])
@@ -50,7 +62,7 @@ class Distances:
 
     Called with (K, M, 7) float64 poses on the plan's GPU it returns (K, P) float64 metres, in the current stream. The
     gradient is that of the witness points: where these are not unique it is one of several. It is 0 where bodies
-    overlap, as the distance is, and NaN where a pose is bad.
+    overlap, as the distance is, and NaN where a pose is bad or a pair is beyond max_distance, if that row counts.
     """
 
     def __init__(self, engine: Any, plan: DevicePlan):
@@ -64,3 +76,42 @@ class Distances:
 
     def __call__(self, poses: Any) -> Any:
         return _Run.apply(poses, self)
+
+
+class _JointRun(torch.autograd.Function):  # type: ignore[misc]
+    @staticmethod
+    def forward(ctx: Any, positions: Any, plan: DevicePlan) -> Any:
+        out = {
+            "distance": positions.new_empty(plan.shape),
+            "gradient_joints": positions.new_empty((*plan.shape, positions.shape[-1])),
+        }
+        stream = torch.cuda.current_stream(positions.device)
+        plan(out=out, stream=stream, positions=positions.detach().contiguous())
+        ctx.save_for_backward(out["gradient_joints"])
+        return out["distance"]
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Any) -> tuple[Any, None]:
+        (gradient,) = ctx.saved_tensors
+        weighed = _weighed(grads[0], gradient)  # (K, P, J) or (K, J)
+        return (weighed.sum(1) if weighed.dim() == 3 else weighed), None
+
+
+class JointDistances:
+    """Distances of a plan's pairs, or the least of each configuration, as a function of joint positions, with a
+    gradient.
+
+    plan: of joints alone, reduce "none" or "min", made with the columns "distance" and "gradient_joints".
+
+    Called with (K, J) float64 positions on the plan's GPU it returns (K, P), or (K,) of "min", float64 metres, in the
+    current stream. The gradient is that of the witness points, as in Distances: of "min" that of the nearest pair.
+    """
+
+    def __init__(self, plan: DevicePlan):
+        check_columns(plan, "distance", "gradient_joints")
+        if plan.joints is None or plan.bodies is not None:
+            raise ValueError("plan: expected configurations of joints alone")
+        self.plan = plan
+
+    def __call__(self, positions: Any) -> Any:
+        return _JointRun.apply(positions, self.plan)
