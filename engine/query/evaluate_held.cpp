@@ -3,6 +3,7 @@
 
 #include "engine/hull/primitive.h"
 #include "engine/query/evaluate.h"
+#include "engine/query/held.h"
 
 namespace clearance {
 

@@ -1,0 +1,20 @@
+// Whether one of two bodies that touch nowhere is within the other.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/narrow/work_meter.h"
+#include "engine/pose/placed.h"
+#include "engine/scene/scene.h"
+
+namespace clearance {
+
+/// Whether a part of one body lies within a solid of the other, whose elements are proved apart. kUnknown: they are so
+/// near that rounding may move the point that is looked at through a triangle.
+/// \param apart metres: no element of one is nearer to one of the other \param point gets, of kYes, a point that both
+/// share, from the origin of either, world axes
+enum class Held { kNo, kUnknown, kYes };
+Held one_holds_the_other(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b, double apart,
+                         WorkMeter& meter, Vec3d (&point)[2]);
+
+}  // namespace clearance
