@@ -4,6 +4,7 @@
 
 #include "engine/cuda/dense_workspace.cuh"
 #include "engine/cuda/reduced.cuh"
+#include "engine/cuda/shared_memory.cuh"
 #include "engine/cuda/standing_dense.cuh"
 #include "engine/device/device_module.h"
 #include "engine/scene/scene.h"
@@ -211,4 +212,7 @@ const clearance::cuda::DeviceModule clearance_device_module = {clearance::cuda::
                                                                clearance::cuda::pin,
                                                                clearance::cuda::unpin,
                                                                clearance::cuda::PinnedKind::allocate,
-                                                               clearance::cuda::PinnedKind::release};
+                                                               clearance::cuda::PinnedKind::release,
+                                                               clearance::cuda::share,
+                                                               clearance::cuda::wait_for_shared,
+                                                               clearance::cuda::release_shared};

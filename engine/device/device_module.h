@@ -8,6 +8,7 @@
 #include <string>
 
 #include "engine/device/device.h"
+#include "engine/device/shared_memory.h"
 
 namespace clearance::cuda {
 
@@ -21,6 +22,9 @@ struct DeviceModule {
   void (*unpin)(std::byte* memory);
   std::byte* (*allocate_pinned)(std::size_t bytes);
   void (*release_pinned)(std::byte* memory);
+  SharedBlock (*share)(int device, std::size_t bytes);
+  void (*wait_for_shared)(const SharedBlock& block);
+  void (*release_shared)(const SharedBlock& block);
 };
 
 inline constexpr const char* kModuleFile = "libclearance-cuda.so";

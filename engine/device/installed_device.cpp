@@ -1,6 +1,7 @@
 // The devices of this machine, as the library of the kernels sees them; without it there are none.
 #include <dlfcn.h>
 
+#include <cstdint>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -78,6 +79,19 @@ RegisteredMemory::~RegisteredMemory() {
 PinnedMemory::PinnedMemory(std::size_t bytes) : data_(module_or_throw().allocate_pinned(bytes)) {}
 PinnedMemory::~PinnedMemory() {
   module_or_throw().release_pinned(data_);
+}
+SharedMemory::SharedMemory(int device, std::size_t bytes) : bytes_((bytes + kPiece - 1) / kPiece * kPiece) {
+  constexpr auto kMost = static_cast<std::size_t>(PTRDIFF_MAX);
+  if (bytes == 0 || bytes > kMost)
+    throw DeviceError(DeviceError::kNoRoom, "shared device memory: expected 1 to " + std::to_string(kMost) +
+                                                " bytes, not " + std::to_string(bytes));
+  block_ = module_or_throw().share(device, bytes_);
+}
+SharedMemory::~SharedMemory() {
+  module_or_throw().release_shared(block_);
+}
+void SharedMemory::wait() {
+  module_or_throw().wait_for_shared(block_);
 }
 
 }  // namespace clearance::cuda

@@ -93,5 +93,62 @@ TEST_F(DeviceModuleDeathTest, WithoutItNothingIsPinned) {
       testing::ExitedWithCode(3), "CLEARANCE_CUDA_MODULE=/nowhere is not a library");
 }
 
+[[noreturn]] void share_some_sizes() {
+  setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_STAND_IN_MODULE, 1);
+  constexpr std::size_t piece = cuda::SharedMemory::kPiece;
+  bool good = true;
+  for (const std::size_t bytes : {std::size_t{1}, piece, piece + 1}) {
+    cuda::SharedMemory memory(3, bytes);
+    good = good && memory.size() >= bytes && memory.handle().ipc[63] == std::byte{42};
+    good = good && memory.data()[bytes - 1] == std::byte{0};
+    memory.wait();
+  }
+  std::exit(good ? 0 : 1);
+}
+
+// CUDA maps whole pieces elsewhere: none holds anything else of this process.
+TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPiecesForItselfAndGivesThemBackOnce) {
+  EXPECT_EXIT(share_some_sizes(), testing::ExitedWithCode(0),
+              "^share 2097152 on 3, wait on 3, release on 3, share 2097152 on 3, wait on 3, release on 3, "
+              "share 4194304 on 3, wait on 3, release on 3, $");
+}
+
+[[noreturn]] void share_what_is_not_there() {
+  setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_STAND_IN_MODULE, 1);
+  int refused = 0;
+  const auto ask = [&](int device, std::size_t bytes) {
+    try {
+      const cuda::SharedMemory memory(device, bytes);
+    } catch (const cuda::DeviceError& error) {
+      refused += error.kind == cuda::DeviceError::kNoRoom;
+      std::fprintf(stderr, "%s; ", error.what());
+    }
+  };
+  ask(7, 64);
+  ask(3, 0);
+  ask(3, ~std::size_t{0});
+  std::exit(refused);
+}
+
+TEST_F(DeviceModuleDeathTest, SharedMemoryThatIsNotToBeHadIsRefused) {
+  EXPECT_EXIT(share_what_is_not_there(), testing::ExitedWithCode(3),
+              "^a planted lack of room; shared device memory: expected 1 to 9223372036854775807 bytes, not 0; "
+              "shared device memory: expected 1 to 9223372036854775807 bytes, not 18446744073709551615; $");
+}
+
+TEST_F(DeviceModuleDeathTest, WithoutItNoMemoryIsShared) {
+  EXPECT_EXIT(
+      {
+        setenv("CLEARANCE_CUDA_MODULE", "/nowhere", 1);
+        try {
+          const cuda::SharedMemory memory(0, 64);
+        } catch (const cuda::DeviceError& error) {
+          std::fprintf(stderr, "%s\n", error.what());
+          std::exit(3);
+        }
+      },
+      testing::ExitedWithCode(3), "CLEARANCE_CUDA_MODULE=/nowhere is not a library");
+}
+
 }  // namespace
 }  // namespace clearance::test
