@@ -128,12 +128,12 @@ TEST_F(SharedDeviceMemory, GivesAnotherProcessTheBitsThatAPlanHasHere) {
       for (int turn = 0; turn < 2; ++turn) {
         for (Pose& pose : poses) pose = random.pose(4);
         write_over_there(memory, poses);
-        plan->run(reinterpret_cast<const Pose*>(memory.data()), shared, memory.stream());
+        plan->run({.poses = reinterpret_cast<const Pose*>(memory.data())}, shared, memory.stream());
         memory.wait();
         const std::vector<char> over_there = read_over_there(memory, first, bytes);
         own_poses.put(poses.data(), own_poses.size());
         DeviceStream stream;
-        plan->run(reinterpret_cast<const Pose*>(own_poses.data()),
+        plan->run({.poses = reinterpret_cast<const Pose*>(own_poses.data())},
                   reply_view_over(own_rows.data(), size.rows, size.fields), stream.get());
         stream.wait();
         EXPECT_TRUE(over_there == chars_of(own_rows.get())) << "turn " << turn << ", fields " << fields;
