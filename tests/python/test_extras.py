@@ -14,6 +14,7 @@ NAMES = [
     "arm",
     "coal",
     "ompl",
+    "jax",
     "viewer",
     "examples",
     "site",
