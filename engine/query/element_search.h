@@ -57,12 +57,14 @@ class ElementSearch {
   bool in_hulls() const { return in_hulls_; }
   void take_hulls(double lower, const Vec3d& n_w) {
     nearest_.take_pieces(lower);
+    are_apart_ = lower > 0;
     nearest_.look_along(n_w);
     end_round();
     in_hulls_ = false;
     are_hulls_taken_ = true;
   }
   bool are_hulls_taken() const { return are_hulls_taken_; }
+  bool hulls_are_apart() const { return are_apart_; }
   /// What comes between hulls and triangles: the pieces that stand for these. kGoesOn: they are asked, or are all
   /// proved beyond the cut-off (DecomposedPair::round() is empty); kOver: triangles have to be.
   enum class ByPieces : std::uint8_t { kNotYet, kGoesOn, kOver };
@@ -96,7 +98,7 @@ class ElementSearch {
   std::vector<ElementPair> round_;
   DecomposedPair pieces_;
   ByPieces by_pieces_ = ByPieces::kNotYet;
-  bool in_hulls_ = false, are_hulls_taken_ = false;
+  bool in_hulls_ = false, are_hulls_taken_ = false, are_apart_ = false;
   HullsGap hulls_gap_;
   std::deque<Piece> rooms_;
 };

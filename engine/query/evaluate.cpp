@@ -463,10 +463,12 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
       return;
     }
   }
+  const bool is_one_near = state.round == 1;  // which says less of where to look than hulls that are apart
   state.round *= 2;
   search.next += elements ? 0 : answers.size();
   if (!elements) return;
-  if (state.upper > 0) elements->look_along(state.upper < kInf ? search.found.best.normal : answers[0].normal);
+  if (state.upper > 0 && !(is_one_near && elements->hulls_are_apart()))
+    elements->look_along(state.upper < kInf ? search.found.best.normal : answers[0].normal);
   elements->end_round();
 }
 
