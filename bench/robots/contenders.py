@@ -21,11 +21,11 @@ _BOUNDS = ("lower", "upper")
 class PinocchioCoal:
     """Pinocchio's kinematics and Coal's distances, each a call in C++ for one state.
 
-    Meshes are their hulls, as with us. Every pair starts from its last simplex (CachedGuess). A first stop goes through
+    Meshes are their hulls, as with us, or triangles (BVHModelOBBRSS). Every pair starts from its last simplex (CachedGuess). A first stop goes through
     pairs as they come, each after its boxes, or through a tree of boxes; a least distance has no first stop.
     """
 
-    def __init__(self, urdf, srdf, resources, joints):
+    def __init__(self, urdf, srdf, resources, joints, as_hulls=True):
         import pinocchio
 
         import coal
@@ -36,7 +36,7 @@ class PinocchioCoal:
             self.model, str(urdf), pinocchio.GeometryType.COLLISION, package_dirs=[str(resources)]
         )
         for item in self.robot.geometryObjects:
-            if isinstance(item.geometry, coal.BVHModelBase):  # type: ignore[attr-defined]  # not our folder of that name
+            if as_hulls and isinstance(item.geometry, coal.BVHModelBase):  # type: ignore[attr-defined]  # not our folder of that name
                 item.geometry.buildConvexHull(True, "Qt")  # buildConvexRepresentation() takes the mesh for convex
                 item.geometry = item.geometry.convex
         self.robot.addAllCollisionPairs()
@@ -63,6 +63,14 @@ class PinocchioCoal:
         pass
 
     def _shape(self, thing):
+        if thing.shape == "mesh":
+            vertices, triangles = thing.sizes
+            model = self.coal.BVHModelOBBRSS()
+            model.beginModel(len(triangles), len(vertices))
+            model.addVertices(np.ascontiguousarray(vertices))
+            model.addTriangles(np.ascontiguousarray(triangles.astype(np.int64)))
+            model.endModel()
+            return model
         if thing.shape == "box":
             return self.coal.Box(*thing.sizes)
         if thing.shape == "cylinder":
@@ -108,13 +116,14 @@ class PinocchioCoal:
 class Clearance:
     """Us: an engine in this process with one thread, or a daemon with one thread over shared memory.
 
-    Obstacles are bodies that come and go, as a planner's do.
+    Obstacles are bodies that come and go, as a planner's do. Links are hulls, as the peers have them, or what
+    `convexify` says.
     """
 
-    def __init__(self, urdf, srdf, resources, joints, robot, url=None):
+    def __init__(self, urdf, srdf, resources, joints, robot, url=None, convexify="hull"):
         import clearance
 
-        self.clearance, self.robot, self.url = clearance, robot, url
+        self.clearance, self.robot, self.url, self.convexify = clearance, robot, url, convexify
         self.names = [f"{robot}/{joint}" for joint in joints]
         self.files = {"urdf": str(urdf), "srdf": str(srdf), "packages": {robot: str(resources / robot)}}
         self.client = clearance.connect(url) if url else None
@@ -137,7 +146,7 @@ class Clearance:
             self.joints = self.asked.joints(self.names)
             return
         scene = self.clearance.Scene()
-        scene.add_robot(self.robot, convexify="hull", **self.files)  # as the peers have them
+        scene.add_robot(self.robot, convexify=self.convexify, **self.files)
         for thing in problem.obstacles:
             scene.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
         self.asked = self.clearance.Engine(scene, backend="cpu", threads=1)
@@ -196,6 +205,8 @@ class Clearance:
 
 
 def shape_of(thing):
+    if thing.shape == "mesh":
+        return {"mesh": thing.sizes, "convexify": "surface"}
     if thing.shape == "box":
         return {"box": thing.sizes}
     if thing.shape == "cylinder":

@@ -102,7 +102,8 @@ bool PairProver::step(WorkMeter& meter) {
 bool PairProver::is_too_near_somewhere(WorkMeter& meter) {
   const Placement& here = moment_.placed();
   nearest_.begin(a_, here[pair_.a].pose, b_, here[pair_.b].pose);
-  const ElementPair near = nearest_.near();
+  ElementPair near;
+  nearest_.take_near(std::numeric_limits<double>::infinity(), near);
   Piece room_a, room_b;
   const Piece &p = piece_of(a_, near.a, room_a), &q = piece_of(b_, near.b, room_b);
   meter.count(kUnitsPerSpanProof + WorkMeter::units_of(p, q));

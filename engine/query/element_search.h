@@ -76,8 +76,13 @@ class ElementSearch {
   }
   bool is_by_pieces() const { return by_pieces_ == ByPieces::kGoesOn; }
   DecomposedPair& pieces() { return pieces_; }
-  /// The round is one pair that is near.
-  void begin_near() { round_.assign(1, nearest_.near()); }
+  /// The round is one pair that is near. False: what was looked at for it is beyond the cut-off.
+  bool begin_near(double cut_off) {
+    ElementPair pair;
+    if (!nearest_.take_near(cut_off, pair)) return false;
+    round_.assign(1, pair);
+    return true;
+  }
   std::span<const ElementPair> round() const { return round_; }
   void end_round() { round_.clear(); }
   /// The elements of a pair of the round, as pieces that stay until another round has begun.

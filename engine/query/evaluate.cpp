@@ -296,15 +296,16 @@ bool Evaluator::gather(Search& search, WorkMeter& meter) {
   if (search.next == search.end) return true;
   const PlacedBodies& bodies = pairs_[search.index];
   ElementSearch& elements = *search.elements;
+  const double user = search.slack.cut_off(bodies.max_distance), upper = search.state.upper;
   if (search.state.round == 1) {
     if (drops(elements.left(), bodies)) return true;
-    if (!elements.are_hulls_taken())
+    if (!elements.are_hulls_taken()) {
       elements.begin_hulls(options_.limits.signed_distance);
-    else if (!is_left_to_pieces(search))
-      elements.begin_near();
-    return true;
+      return true;
+    }
+    if (is_left_to_pieces(search) || elements.begin_near(user)) return true;
+    search.state.round = 2;
   }
-  const double user = search.slack.cut_off(bodies.max_distance), upper = search.state.upper;
   double cut_off = search.state.cut_off(user);
   // Around a nearest vertex all pairs are as near as it is: what keeps the interval as narrow as half of what is asked
   // is left out.

@@ -8,6 +8,7 @@
 
 #include "engine/base/arithmetic.h"
 #include "engine/hull/primitive.h"
+#include "engine/hull/support.h"
 #include "engine/surface/surface.h"
 
 namespace clearance {
@@ -20,6 +21,7 @@ constexpr double kGapUnits = 256 * 0x1p-53;
 constexpr std::uint64_t kOpenedPerUnit = 4, kReachedPerUnit = 16;
 // How far down known_reach() looks: 4096 nodes at most, and 64 of a cloud, whose boxes hold more than they need.
 constexpr int kLevels = 12, kLevelsOfCloud = 6;
+constexpr std::uint32_t kMostCorners = 64;  // of a piece whose corners are looked at one by one
 
 Vec3d absolute(const Vec3d& v) {
   return {std::abs(v.x), std::abs(v.y), std::abs(v.z)};
@@ -113,9 +115,24 @@ NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piec
   return bulk;
 }
 
-PartBulk NearestElements::part_bulk(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& bulk) {
+// \param room for the corners of a triangle
+PartBulk NearestElements::part_bulk(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& bulk,
+                                    std::array<Vec3d, 3>& room) {
+  const Piece& whole = *body.pieces[piece];
   PartBulk part{bulk.centre, bulk.half};
-  if (const Surface::Slab* const slab = slab_of(body, piece, at)) {
+  if (at == kNone) {
+    if (!whole.primitive && whole.count() <= kMostCorners) part.corners = whole.vertices;
+  } else if (is_element(at) && !whole.surface->is_cloud()) {
+    room = whole.surface->corners(at & ~kTriangle);
+    part.corners = room;
+    const Vec3d normal = cross(room[1] - room[0], room[2] - room[0]);
+    if (const double length = norm(normal); length > 0 && length < kInf) {
+      part.normal = normal * (1 / length);
+      const double at_corner[] = {dot(part.normal, room[0]), dot(part.normal, room[1]), dot(part.normal, room[2])};
+      part.low = std::min({at_corner[0], at_corner[1], at_corner[2]});
+      part.high = std::max({at_corner[0], at_corner[1], at_corner[2]});
+    }
+  } else if (const Surface::Slab* const slab = slab_of(body, piece, at)) {
     part.normal = slab->normal();
     const double centre = dot(part.normal, body.pieces[piece]->surface->centre());
     part.low = centre + double{slab->low};
@@ -245,6 +262,12 @@ double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_
 
 double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box) const {
   const Body& body = of_a ? *a_ : *b_;
+  if (at == kNone) {
+    Reach& known = reaches_[(piece * 2 + of_a) % kReaches];
+    if (known.direction != directions_ || known.at != at || known.piece != piece || known.of_a != of_a)
+      known = {directions_, piece, at, of_a, support(*body.pieces[piece], of_a ? n_a_ : -n_b_).value};
+    return known.reach;
+  }
   return known_reach(of_a, piece, at, reach(body, piece, at, box, of_a ? n_a_ : -n_b_), levels(body, piece));
 }
 
@@ -293,14 +316,18 @@ void NearestElements::open(const Entry& e, double cut_off, const Each& each) con
   const auto node_of = [](const Body& body, std::uint32_t piece, std::uint32_t at) {
     return is_element(at) ? nullptr : &body.pieces[piece]->surface->nodes()[at];
   };
+  const auto is_of_mesh = [](const Body& body, std::uint32_t piece, std::uint32_t at) {
+    return at != kNone && !body.pieces[piece]->surface->is_cloud();
+  };
   const Surface::Node *const a = node_of(*a_, e.piece_a, e.at_a), *const b = node_of(*b_, e.piece_b, e.at_b);
   const bool divides_a = a && !a->is_leaf(), divides_b = b && !b->is_leaf();
   const bool opens_a = divides_a != divides_b ? divides_a
                        : a && b               ? !(squared_size(*a) < squared_size(*b))
                                               : a != nullptr;
-  if (plane_ == Plane::kNeither && (divides_a || divides_b)) return divide(e, opens_a, cut_off, each);
-  if (a && b && !a_->pieces[e.piece_a]->surface->is_cloud() && !b_->pieces[e.piece_b]->surface->is_cloud())
-    return pair_triangles(e, *a, *b, each);
+  if (plane_ == Plane::kNeither) {
+    if (divides_a || divides_b) return divide(e, opens_a, cut_off, each);
+    if (is_of_mesh(*a_, e.piece_a, e.at_a) && is_of_mesh(*b_, e.piece_b, e.at_b)) return pair_triangles(e, a, b, each);
+  }
   const Bulk bulk_of_a = bulk_a(e), bulk_of_b = bulk_b(e);
   const auto with = [&](std::uint32_t child) {
     Entry part = e;
@@ -327,58 +354,75 @@ NearestElements::NodesBelow::NodesBelow(const Surface& surface, std::uint32_t at
   columns.take(surface, nodes, count);
 }
 
-// Two levels at a time.
+// Two levels at a time. A leaf on the other side that is larger than what is divided goes triangle by triangle: beside
+// a mesh of small triangles its box holds little but air.
 template <class Each>
 void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const Each& each) const {
   const Body &body = opens_a ? *a_ : *b_, &other = opens_a ? *b_ : *a_;
   const std::uint32_t piece = opens_a ? e.piece_a : e.piece_b, at = opens_a ? e.at_a : e.at_b,
                       other_piece = opens_a ? e.piece_b : e.piece_a, other_at = opens_a ? e.at_b : e.at_a;
-  const NodesBelow below(*body.pieces[piece]->surface, at);
-  const Bulk other_bulk = bulk(other, other_piece, other_at);
-  PartColumn gaps, far;
-  node_gaps(below.columns, part_bulk(other, other_piece, other_at, other_bulk), opens_a ? R_ : R_ba_,
-            opens_a ? D_ : D_ba_, gaps);
-  double other_far = 0;
-  if (looks_) {
-    node_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
-    other_far = known_reach(!opens_a, other_piece, other_at, other_bulk);
-  }
-  for (std::uint32_t k = 0; k < below.count; ++k) {
-    Entry part = e;
-    (opens_a ? part.at_a : part.at_b) = below.nodes[k];
-    part.gap = std::max(e.gap, above_zero(gaps[k] - margin(e)));
-    if (looks_ && part.gap <= cut_off) {
-      const double own = known_reach(opens_a, piece, below.nodes[k], far[k], levels(body, piece));
-      part.gap = std::max(part.gap, opens_a ? gap_known(part, own, other_far) : gap_known(part, other_far, own));
+  const Surface& surface = *body.pieces[piece]->surface;
+  const NodesBelow below(surface, at);
+  PartColumn far;
+  if (looks_) node_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
+  const auto before = [&](std::uint32_t before_at) {
+    const Bulk other_bulk = bulk(other, other_piece, before_at);
+    std::array<Vec3d, 3> room;
+    PartColumn gaps;
+    node_gaps(below.columns, part_bulk(other, other_piece, before_at, other_bulk, room), opens_a ? R_ : R_ba_,
+              opens_a ? D_ : D_ba_, gaps);
+    const double other_far = looks_ ? known_reach(!opens_a, other_piece, before_at, other_bulk) : 0;
+    for (std::uint32_t k = 0; k < below.count; ++k) {
+      Entry part = e;
+      (opens_a ? part.at_a : part.at_b) = below.nodes[k];
+      (opens_a ? part.at_b : part.at_a) = before_at;
+      part.gap = std::max(e.gap, above_zero(gaps[k] - margin(e)));
+      if (looks_ && part.gap <= cut_off) {
+        const double own = known_reach(opens_a, piece, below.nodes[k], far[k], levels(body, piece));
+        part.gap = std::max(part.gap, opens_a ? gap_known(part, own, other_far) : gap_known(part, other_far, own));
+      }
+      each(part);
     }
-    each(part);
-  }
+  };
+  if (is_element(other_at)) return before(other_at);
+  const Surface& others = *other.pieces[other_piece]->surface;
+  const Surface::Node& node = others.nodes()[other_at];
+  if (!node.is_leaf() || others.is_cloud() || squared_size(node) < squared_size(surface.nodes()[at]))
+    return before(other_at);
+  for (std::uint32_t t = node.begin(); t < node.end(); ++t) before(t | kTriangle);
 }
 
-// Those of two leaves, each with each.
+// Those of two leaves, each with each. \param leaf_a, leaf_b null: it is a triangle
 template <class Each>
-void NearestElements::pair_triangles(const Entry& e, const Surface::Node& leaf_a, const Surface::Node& leaf_b,
+void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a, const Surface::Node* leaf_b,
                                      const Each& each) const {
-  const auto columns_of = [](const Surface& surface, const Surface::Node& leaf) {
+  struct Range {
+    std::uint32_t begin, end;
+  };
+  const auto range_of = [](const Surface::Node* leaf, std::uint32_t at) {
+    return leaf ? Range{leaf->begin(), leaf->end()} : Range{at & ~kTriangle, (at & ~kTriangle) + 1};
+  };
+  const auto columns_of = [](const Surface& surface, const Range& range) {
     TriangleColumns columns;
     for (std::uint32_t k = 0; k < kParts; ++k) {
-      const auto [u, v, w] = surface.corners(std::min(leaf.begin() + k, leaf.end() - 1));
+      const auto [u, v, w] = surface.corners(std::min(range.begin + k, range.end - 1));
       columns.set(k, {u, v, w});
     }
     return columns;
   };
   const Surface &of_a = *a_->pieces[e.piece_a]->surface, &of_b = *b_->pieces[e.piece_b]->surface;
+  const Range range_a = range_of(leaf_a, e.at_a), range_b = range_of(leaf_b, e.at_b);
   const Vec3d d = before_a(bulk_b(e)).centre - bulk_a(e).centre;
   const double length = norm(d);
   const Vec3d directions[2] = {looks_ ? n_a_ : Vec3d{0, 0, 0}, length > 0 && length < kInf ? d * (1 / length) : d * 0};
   PartColumn gaps[kParts];
-  triangle_gaps(columns_of(of_a, leaf_a), columns_of(of_b, leaf_b), R_, D_, directions, gaps);
-  for (std::uint32_t j = leaf_b.begin(); j < leaf_b.end(); ++j)
-    for (std::uint32_t i = leaf_a.begin(); i < leaf_a.end(); ++i) {
+  triangle_gaps(columns_of(of_a, range_a), columns_of(of_b, range_b), R_, D_, directions, gaps);
+  for (std::uint32_t j = range_b.begin; j < range_b.end; ++j)
+    for (std::uint32_t i = range_a.begin; i < range_a.end; ++i) {
       Entry part = e;
       part.at_a = i | kTriangle;
       part.at_b = j | kTriangle;
-      part.gap = std::max(e.gap, above_zero(gaps[j - leaf_b.begin()][i - leaf_a.begin()] - margin(e)));
+      part.gap = std::max(e.gap, above_zero(gaps[j - range_b.begin][i - range_a.begin] - margin(e)));
       each(part);
     }
 }
@@ -401,22 +445,35 @@ void NearestElements::take_pieces(double lower) {
   put(e, kInf);
 }
 
-// Straight down, by the boxes that are nearest, and of those that touch by their middles.
-ElementPair NearestElements::near() const {
-  assert(!heap_.empty());
-  Entry at = heap_.front();
+// Straight down, by the boxes that are nearest, and of those that touch by their middles. What it passes by stays.
+bool NearestElements::take_near(double cut_off, ElementPair& pair) {
+  if (heap_.empty() || heap_.front().gap > cut_off) return false;
+  Entry at = pop();
+  const double known = at.gap;  // of all below, which tells them not apart
   const auto middles = [&](const Entry& e) { return squared_norm(before_a(bulk_b(e)).centre - bulk_a(e).centre); };
+  const auto pass_by = [&](Entry e) {
+    e.gap = std::max(e.gap, known);
+    put(e, cut_off);
+  };
   while (!is_element(at.at_a) || !is_element(at.at_b)) {
     Entry best = at;
-    best.gap = kInf;
+    bool is_there = false;
     at.gap = 0;
-    open(at, kInf, [&](const Entry& part) {
-      if (best.gap == kInf || part.gap < best.gap || (part.gap == best.gap && middles(part) < middles(best)))
-        best = part;
+    at.looked = looks_;
+    open(at, cut_off, [&](const Entry& part) {
+      const bool is_nearer = !is_there || part.gap < best.gap || (part.gap == best.gap && middles(part) < middles(best));
+      if (is_there) pass_by(is_nearer ? best : part);
+      if (is_nearer) best = part;
+      is_there = true;
     });
+    if (best.gap > cut_off) {
+      pass_by(best);
+      return false;
+    }
     at = best;
   }
-  return {heap_.front().gap, element(at.piece_a, at.at_a), element(at.piece_b, at.at_b)};
+  pair = {std::max(at.gap, known), element(at.piece_a, at.at_a), element(at.piece_b, at.at_b)};
+  return true;
 }
 
 NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, ElementPair& pair) {

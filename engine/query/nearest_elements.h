@@ -5,6 +5,7 @@
 // farther than the least upper bound known by then is never opened.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -41,8 +42,8 @@ class NearestElements {
   /// Before any is taken: all others whose boxes may overlap.
   void touching_pieces(std::vector<ElementPair>& others) const;
   void take_pieces(double lower);
-  /// A pair that is near, and may not be the nearest: it comes again.
-  ElementPair near() const;
+  /// Takes a pair that is near, and may not be the nearest. False: what was looked at for it is beyond the cut-off.
+  bool take_near(double cut_off, ElementPair& pair);
   /// The next pair in their order, unless its gap is greater than the cut-off (kNoMore), or the slice is over
   /// (kPaused).
   Found next(double cut_off, WorkMeter& meter, ElementPair& pair);
@@ -101,9 +102,10 @@ class NearestElements {
   template <class Each>
   void divide(const Entry& entry, bool opens_a, double cut_off, const Each& each) const;
   template <class Each>
-  void pair_triangles(const Entry& entry, const Surface::Node& leaf_a, const Surface::Node& leaf_b,
+  void pair_triangles(const Entry& entry, const Surface::Node* leaf_a, const Surface::Node* leaf_b,
                       const Each& each) const;
-  static PartBulk part_bulk(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& bulk);
+  static PartBulk part_bulk(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& bulk,
+                            std::array<Vec3d, 3>& room);
 
   const Body *a_ = nullptr, *b_ = nullptr;
   Mat3d R_wa_, R_, R_ba_;                                                         // R_: R_wa^T R_wb; its transpose

@@ -4,6 +4,7 @@
 #include "engine/query/part_gaps.h"
 
 #include <cmath>
+#include <limits>
 
 #include "engine/base/clones.h"
 
@@ -47,6 +48,12 @@ CLEARANCE_INLINE Column reach(const Vec3<Column>& n, const Seen& part) {
   const Vec3<Column> rest{n.x - along * part.normal.x, n.y - along * part.normal.y, n.z - along * part.normal.z};
   const Column by_planes = dot(rest, part.centre) + dot(absolute(rest), part.half) + reach_across(along, part);
   return by_planes < by_box ? by_planes : by_box;
+}
+// The same of corners.
+CLEARANCE_INLINE Column reach(const Vec3<Column>& n, std::span<const Vec3d> corners) {
+  Column most = dot(n, columns(corners[0]));
+  for (const Vec3d& corner : corners.subspan(1)) take_greater(most, dot(n, columns(corner)));
+  return most;
 }
 // 1 over its length; 0: it has none.
 CLEARANCE_INLINE Column by_length(const Vec3<Column>& v) {
@@ -108,6 +115,33 @@ CLEARANCE_CLONES __attribute__((flatten)) void node_reaches(const NodeColumns& n
   reaches = reach(columns(n), seen(nodes));
 }
 
+namespace {
+
+// From each p to the nearest point of a triangle, or nearly: the direction is all that is wanted of it.
+CLEARANCE_INLINE Vec3<Column> to_triangle(const Vec3<Column>& p, const Vec3d (&corner)[3]) {
+  const auto from = [&](const Vec3d& x) { return columns(x) - p; };
+  const Vec3d normal = cross(corner[1] - corner[0], corner[2] - corner[0]);
+  const double squared = squared_norm(normal);
+  Vec3<Column> best{Column{}, Column{}, Column{}};
+  Column least = std::numeric_limits<double>::infinity() - Column{}, is_within = 1 - Column{};
+  for (int i = 0; i < 3; ++i) {
+    const Vec3d edge = corner[(i + 1) % 3] - corner[i], inward = cross(normal, edge);
+    const Vec3<Column> to = from(corner[i]);
+    Column along = -dot(to, columns(edge)) / squared_norm(edge);
+    along = along > 0 ? (along < 1 ? along : 1 - Column{}) : Column{};
+    const Vec3<Column> q = to + scaled(columns(edge), along);
+    const Column far = dot(q, q);
+    is_within = dot(to, columns(inward)) < 0 ? is_within : Column{};
+    for (int k = 0; k < 3; ++k) best[k] = far < least ? q[k] : best[k];
+    least = far < least ? far : least;
+  }
+  const Vec3<Column> down = scaled(columns(normal), dot(from(corner[0]), columns(normal)) / squared);
+  for (int k = 0; k < 3; ++k) best[k] = is_within > 0 ? down[k] : best[k];
+  return best;
+}
+
+}  // namespace
+
 CLEARANCE_CLONES __attribute__((flatten)) void node_gaps(const NodeColumns& nodes, const PartBulk& other,
                                                          const Mat3d& R, const Vec3d& D, PartColumn& gaps) {
   const Seen own = seen(nodes), others{columns(other.centre), columns(other.half), columns(other.normal),
@@ -124,8 +158,11 @@ CLEARANCE_CLONES __attribute__((flatten)) void node_gaps(const NodeColumns& node
     const Vec3d row{std::abs(R.row[i].x), std::abs(R.row[i].y), std::abs(R.row[i].z)};
     their_half[i] = dot(row, other.half);
   }
-  const Vec3<Column> d{their_centre.x - own.centre.x, their_centre.y - own.centre.y, their_centre.z - own.centre.z},
-      m{columns(their_normal)};
+  const auto far_back = [&](const Vec3<Column>& n) {
+    return other.corners.empty() ? reach(back(n), others) : reach(back(n), other.corners);
+  };
+  Vec3<Column> d{their_centre.x - own.centre.x, their_centre.y - own.centre.y, their_centre.z - own.centre.z};
+  const Vec3<Column> m{columns(their_normal)};
   Vec3<Column> apart = absolute(d);
   for (int i = 0; i < 3; ++i) {
     apart[i] = apart[i] - (own.half[i] + their_half[i]);
@@ -133,9 +170,11 @@ CLEARANCE_CLONES __attribute__((flatten)) void node_gaps(const NodeColumns& node
   }
   gaps = dot(apart, apart);
   root(gaps);
-  // Along the line of the middles.
+  // Along the line of the middles, or to the nearest point.
+  if (other.corners.size() == 3)
+    d = to_triangle(own.centre, {R * other.corners[0] + D, R * other.corners[1] + D, R * other.corners[2] + D});
   const Vec3<Column> n = scaled(d, by_length(d));
-  take_greater(gaps, ((dot(n, from) - reach(back(n), others)) - reach(n, own)) * kShort);
+  take_greater(gaps, ((dot(n, from) - far_back(n)) - reach(n, own)) * kShort);
   // Across the other one, and across these: clouds and convex pieces have no planes.
   const bool is_flat = squared_norm(other.normal) > 0;
   if (!is_flat && !nodes.have_planes) return;
@@ -143,7 +182,7 @@ CLEARANCE_CLONES __attribute__((flatten)) void node_gaps(const NodeColumns& node
                before = dot(own.normal, d) < 0 ? -once : once;
   const Vec3<Column> across = scaled(own.normal, before);
   take_greater(gaps, ((ahead * dot(m, from) - reach_across(-ahead, others)) - reach(scaled(m, ahead), own)) * kShorter);
-  take_greater(gaps, ((dot(across, from) - reach(back(across), others)) - reach_across(before, own)) * kShorter);
+  take_greater(gaps, ((dot(across, from) - far_back(across)) - reach_across(before, own)) * kShorter);
 }
 
 void TriangleColumns::set(std::size_t k, const Vec3d (&corners)[3]) {

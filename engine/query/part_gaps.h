@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "engine/base/vec.h"
 #include "engine/surface/surface.h"
@@ -15,6 +16,7 @@ struct PartBulk {
   Vec3d centre{0, 0, 0}, half{0, 0, 0};
   Vec3d normal{0, 0, 0};  ///< no longer than 1 + 2^-14, or 0: there are none
   double low = 0, high = 0;
+  std::span<const Vec3d> corners{};  ///< whose hull it is; none: they are not known, or are too many
 };
 
 /// Numbers of some parts of one body, side by side.
@@ -37,7 +39,8 @@ struct NodeColumns {
 void node_reaches(const NodeColumns& nodes, const Vec3d& n, PartColumn& reaches);
 
 /// How far each is from `other` at least, or less: by both boxes in the axes of the nodes' body, along the line of
-/// their middles and across the planes of both; docs/bounds.md, "Surfaces". Not below 0.
+/// their middles (towards a triangle: to its nearest point) and across the planes of both; docs/bounds.md, "Surfaces".
+/// Not below 0.
 /// \param R, D take the other body's coordinates to those of the nodes' body
 void node_gaps(const NodeColumns& nodes, const PartBulk& other, const Mat3d& R, const Vec3d& D, PartColumn& gaps);
 
