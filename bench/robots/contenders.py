@@ -21,8 +21,9 @@ _BOUNDS = ("lower", "upper")
 class PinocchioCoal:
     """Pinocchio's kinematics and Coal's distances, each a call in C++ for one state.
 
-    Meshes are their hulls, as with us, or triangles (BVHModelOBBRSS). Every pair starts from its last simplex (CachedGuess). A first stop goes through
-    pairs as they come, each after its boxes, or through a tree of boxes; a least distance has no first stop.
+    Meshes are their hulls, as with us, or triangles (BVHModelOBBRSS). Every pair starts from its last simplex
+    (CachedGuess). A first stop goes through pairs as they come, each after its boxes, or through a tree of boxes; a
+    least distance has no first stop.
     """
 
     def __init__(self, urdf, srdf, resources, joints, as_hulls=True):

@@ -461,7 +461,8 @@ bool NearestElements::take_near(double cut_off, ElementPair& pair) {
     at.gap = 0;
     at.looked = looks_;
     open(at, cut_off, [&](const Entry& part) {
-      const bool is_nearer = !is_there || part.gap < best.gap || (part.gap == best.gap && middles(part) < middles(best));
+      const bool is_nearer =
+          !is_there || part.gap < best.gap || (part.gap == best.gap && middles(part) < middles(best));
       if (is_there) pass_by(is_nearer ? best : part);
       if (is_nearer) best = part;
       is_there = true;
