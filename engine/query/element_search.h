@@ -64,6 +64,8 @@ class ElementSearch {
     are_hulls_taken_ = true;
   }
   bool are_hulls_taken() const { return are_hulls_taken_; }
+  /// Nothing is asked of hulls that are not apart, most likely.
+  bool leave_hulls() { return are_hulls_taken_ = nearest_.is_one_within(); }
   bool hulls_are_apart() const { return are_apart_; }
   /// What comes between hulls and triangles: the pieces that stand for these. kGoesOn: they are asked, or are all
   /// proved beyond the cut-off (DecomposedPair::round() is empty); kOver: triangles have to be.
@@ -78,6 +80,7 @@ class ElementSearch {
   DecomposedPair& pieces() { return pieces_; }
   /// The round is one pair that is near. False: what was looked at for it is beyond the cut-off.
   bool begin_near(double cut_off) {
+    if (!round_.empty()) return true;  // before the slice was over
     ElementPair pair;
     if (!nearest_.take_near(cut_off, pair)) return false;
     round_.assign(1, pair);

@@ -299,7 +299,7 @@ bool Evaluator::gather(Search& search, WorkMeter& meter) {
   const double user = search.slack.cut_off(bodies.max_distance), upper = search.state.upper;
   if (search.state.round == 1) {
     if (drops(elements.left(), bodies)) return true;
-    if (!elements.are_hulls_taken()) {
+    if (!elements.are_hulls_taken() && (options_.limits.signed_distance || !elements.leave_hulls())) {
       elements.begin_hulls(options_.limits.signed_distance);
       return true;
     }

@@ -433,6 +433,19 @@ ElementPair NearestElements::pieces() const {
   return {e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}};
 }
 
+bool NearestElements::is_one_within() const {
+  const Bulk a = bulk_a(heap_.front()), b = bulk_b(heap_.front());
+  const auto holds = [](const Bulk& outer, const Vec3d& centre, const Vec3d& half) {
+    for (int k = 0; k < 3; ++k)
+      if (!(std::abs(centre[k] - outer.centre[k]) + half[k] < outer.half[k])) return false;
+    return true;
+  };
+  const Bulk turned = before_a(b);
+  Vec3d half;
+  for (int k = 0; k < 3; ++k) half[k] = dot(absolute(R_ba_.row[k]), a.half);
+  return holds(a, turned.centre, turned.half) || holds(b, R_ba_ * a.centre + D_ba_, half);
+}
+
 void NearestElements::touching_pieces(std::vector<ElementPair>& others) const {
   for (std::size_t i = 1; i < heap_.size(); ++i)
     if (const Entry& e = heap_[i]; !(e.gap > 0)) others.push_back({e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}});

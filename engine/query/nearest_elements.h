@@ -39,6 +39,8 @@ class NearestElements {
   /// The nearest two pieces by their boxes. Where they are not the truth, a lower bound on the distance of the hulls
   /// and the direction that proves it hold for all that they are around.
   ElementPair pieces() const;
+  /// Whether the box around one of these holds that of the other: then their hulls will hardly be apart.
+  bool is_one_within() const;
   /// Before any is taken: all others whose boxes may overlap.
   void touching_pieces(std::vector<ElementPair>& others) const;
   void take_pieces(double lower);
