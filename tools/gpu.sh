@@ -20,7 +20,8 @@ results_file() {
 # device, or, where MPS can be started, share it.
 bench_daemon_plans() {
   local file folder daemon mps=""
-  file=$(results_file gpu_daemon) && folder=$(mktemp -d) && rm -f "$file"
+  file=$(results_file gpu_daemon) && folder=$(mktemp -d) || return 1
+  rm -f "$file"
   for way in alone mps; do
     if [ $way = mps ]; then
       export CUDA_MPS_PIPE_DIRECTORY=$folder/mps CUDA_MPS_LOG_DIRECTORY=$folder/mps && mkdir "$folder/mps"
