@@ -5,10 +5,13 @@
 #include "request_payload.h"
 
 namespace clearance {
+namespace {
 
 using wire::ErrorCode;
 using wire::FrameHeader;
 using wire::FrameType;
+
+}  // namespace
 
 void Loop::open_plan(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
                      std::unique_ptr<ReplySink>& sink) {

@@ -17,7 +17,7 @@ constexpr int kChunksAhead = 4;
 /// Others' runs get their turn after so long.
 constexpr auto kLook = std::chrono::microseconds(20);
 /// A run that takes longer is looked at between naps.
-constexpr auto kPatience = std::chrono::milliseconds(1);
+constexpr auto kSoonOver = std::chrono::milliseconds(1);
 constexpr auto kNap = std::chrono::microseconds(50);
 
 constexpr std::uint64_t aligned_up(std::uint64_t bytes) {
@@ -128,7 +128,7 @@ bool SharedPlan::advance(std::chrono::nanoseconds budget) {
     }
     launch_some();
   }
-  if (now - begun_ > kPatience) std::this_thread::sleep_for(kNap);
+  if (now - begun_ > kSoonOver) std::this_thread::sleep_for(kNap);
   return false;
 }
 

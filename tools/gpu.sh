@@ -21,7 +21,8 @@ results_file() {
 bench_daemon_plans() {
   local file folder daemon mps=""
   file=$(results_file gpu_daemon) && folder=$(mktemp -d) || return 1
-  rm -f "$file"
+  printf '# device: %s\n# command: make gpu-bench\n%s%s\n' "$("$bin/clearance-gpu-bench" --device)" "columns,poses,how,pairs,echo_us,rows_there_us," \
+    "rows_there_p90_us,daemon_us,rows_read_us,reading_us,host_us,host_p90_us" >"$file"
   for way in alone mps; do
     if [ $way = mps ]; then
       export CUDA_MPS_PIPE_DIRECTORY=$folder/mps CUDA_MPS_LOG_DIRECTORY=$folder/mps && mkdir "$folder/mps"

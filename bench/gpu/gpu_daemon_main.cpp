@@ -1,5 +1,5 @@
 // Rows of a daemon's GPU for a client in another process: in the GPU's memory, which the client maps, beside the same
-// rows in host memory. `clearance-gpu-daemon URL [CSV [LABEL]]`, by make gpu-bench.
+// rows in host memory. `clearance-gpu-daemon URL [CSV [LABEL]]` adds rows to the CSV; make gpu-bench writes its head.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -37,22 +37,24 @@ class Turns {
   std::vector<std::vector<double>> took_;
 };
 
-void run(Client& client, const std::string& name, std::uint32_t fields, Format format, const std::string& label,
-         std::ostream* csv) {
+/// \param moves whether the poses of all bodies are given, as one configuration; else they stay as the daemon has them
+void run(Client& client, const std::string& name, std::uint32_t fields, Format format, bool moves,
+         const std::string& label, std::ostream* csv) {
   std::vector<std::uint32_t> bodies;
   std::vector<Pose7> poses;
-  for (const BodyStateInfo& state : client.body_states()) {
-    bodies.push_back(static_cast<std::uint32_t>(bodies.size()));
-    poses.push_back(state.pose);
-  }
+  for (const BodyStateInfo& state : client.body_states())
+    if (moves) {
+      bodies.push_back(static_cast<std::uint32_t>(bodies.size()));
+      poses.push_back(state.pose);
+    }
   Query query;
   query.bodies = bodies;
   query.fields = fields;
   query.format = format;
-  RemotePlan plan = client.plan_on_device(query, 1);
+  RemotePlan plan = client.plan_on_device(query, moves ? 1 : 0);
   const PlanInfo info = plan.info();
   MappedMemory memory(info.memory_handle, info.device_uuid);
-  memory.put(info.poses_offset, poses.data(), poses.size() * sizeof(Pose7));
+  if (moves) memory.put(info.poses_offset, poses.data(), poses.size() * sizeof(Pose7));
   const std::uint64_t first = info.columns.front().offset,
                       bytes = info.columns.back().offset + info.rows * info.columns.back().row_bytes - first;
   Query to_host = query;
@@ -70,15 +72,18 @@ void run(Client& client, const std::string& name, std::uint32_t fields, Format f
     turns.take(4, [&] { client.distances(to_host); });
   }
   std::printf(
-      "%-28s %-8s %llu pairs | echo %6.1f us | rows there %7.1f (p90 %7.1f; daemon %7.1f) | and read by a kernel %7.1f "
+      "%-18s %-9s %-6s %llu pairs | echo %6.1f us | rows there %7.1f (p90 %7.1f; daemon %7.1f) | and read by a kernel "
+      "%7.1f "
       "(that alone %6.1f) | in host memory %7.1f us (p90 %7.1f)\n",
-      name.c_str(), label.c_str(), static_cast<unsigned long long>(info.pairs), turns.at(0, 0.5), turns.at(1, 0.5),
-      turns.at(1, 0.9), on_device_us, turns.at(2, 0.5), turns.at(3, 0.5), turns.at(4, 0.5), turns.at(4, 0.9));
+      name.c_str(), moves ? "of a move" : "as it is", label.c_str(), static_cast<unsigned long long>(info.pairs),
+      turns.at(0, 0.5), turns.at(1, 0.5), turns.at(1, 0.9), on_device_us, turns.at(2, 0.5), turns.at(3, 0.5),
+      turns.at(4, 0.5), turns.at(4, 0.9));
   std::fflush(stdout);
   if (!csv) return;
-  *csv << name << ',' << label << ',' << info.pairs << ',' << turns.at(0, 0.5) << ',' << turns.at(1, 0.5) << ','
-       << turns.at(1, 0.9) << ',' << on_device_us << ',' << turns.at(2, 0.5) << ',' << turns.at(3, 0.5) << ','
-       << turns.at(4, 0.5) << ',' << turns.at(4, 0.9) << '\n';
+  *csv << name << ',' << (moves ? "one configuration of all bodies" : "the daemon's") << ',' << label << ','
+       << info.pairs << ',' << turns.at(0, 0.5) << ',' << turns.at(1, 0.5) << ',' << turns.at(1, 0.9) << ','
+       << on_device_us << ',' << turns.at(2, 0.5) << ',' << turns.at(3, 0.5) << ',' << turns.at(4, 0.5) << ','
+       << turns.at(4, 0.9) << '\n';
   csv->flush();
 }
 
@@ -94,20 +99,15 @@ int main(int argc, char** argv) {
   }
   const std::string path = argc > 2 ? argv[2] : "", label = argc > 3 ? argv[3] : "";
   std::ofstream csv;
-  if (!path.empty()) {
-    const bool is_new = !std::ifstream(path).good();
-    csv.open(path, std::ios::app);
-    if (is_new)
-      csv << "# command: make "
-             "gpu-bench\ncolumns,how,pairs,echo_us,rows_there_us,rows_there_p90_us,daemon_us,rows_read_us,"
-             "reading_us,host_us,host_p90_us\n";
-  }
+  if (!path.empty()) csv.open(path, std::ios::app);
   std::ostream* const out = path.empty() ? nullptr : &csv;
   try {
     Client client = connect(argv[1], std::chrono::seconds(30));
-    run(client, "compact", kFieldCompact, Format::kCompact, label, out);
-    run(client, "lower and upper", kFieldLower | kFieldUpper, Format::kFull, label, out);
-    run(client, "bounds in float32", kFieldBounds, Format::kFull, label, out);
+    for (const bool moves : {false, true}) {
+      run(client, "compact", kFieldCompact, Format::kCompact, moves, label, out);
+      run(client, "lower and upper", kFieldLower | kFieldUpper, Format::kFull, moves, label, out);
+      run(client, "bounds in float32", kFieldBounds, Format::kFull, moves, label, out);
+    }
   } catch (const std::exception& error) {
     std::fprintf(stderr, "clearance-gpu-daemon: %s\n", error.what());
     return 1;

@@ -16,7 +16,8 @@ namespace clearance::python {
 
 class PyRemotePlan {
  public:
-  PyRemotePlan(ConnectionPtr connection, RemotePlan plan) : connection_(std::move(connection)), plan_(std::move(plan)) {}
+  PyRemotePlan(ConnectionPtr connection, RemotePlan plan)
+      : connection_(std::move(connection)), plan_(std::move(plan)) {}
   ~PyRemotePlan() {
     if (plan_) connection_->discard(std::move(*plan_));
   }
@@ -30,10 +31,11 @@ class PyRemotePlan {
     nb::list columns;
     for (const PlanColumn& column : info.columns)
       columns.append(nb::make_tuple(static_cast<std::uint32_t>(column.field), column.row_bytes, column.offset));
-    return nb::make_tuple(nb::bytes(reinterpret_cast<const char*>(info.memory_handle.data()), info.memory_handle.size()),
-                          nb::bytes(reinterpret_cast<const char*>(info.device_uuid.data()), info.device_uuid.size()),
-                          info.memory_bytes, info.poses_offset, info.positions_offset, info.configurations, info.pairs,
-                          columns, info.scene_revision, info.snapshot_revision);
+    return nb::make_tuple(
+        nb::bytes(reinterpret_cast<const char*>(info.memory_handle.data()), info.memory_handle.size()),
+        nb::bytes(reinterpret_cast<const char*>(info.device_uuid.data()), info.device_uuid.size()), info.memory_bytes,
+        info.poses_offset, info.positions_offset, info.configurations, info.pairs, columns, info.scene_revision,
+        info.snapshot_revision);
   }
 
   /// The revision of the daemon's poses, and nanoseconds. \param timeout_s none: the connection's
