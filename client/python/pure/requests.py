@@ -13,6 +13,7 @@ from .. import wire
 from .._errors import ConnectionError, NewEpoch, QueryError, TimeoutError
 from .._words import COLUMNS, GROUP_BIT, MAX_NAME_BYTES, NONE, Field, Reduce
 from ..wire import MAX_FRAME_BYTES, MAX_REQUEST_BYTES, ErrorCode, FrameType, QueryRecord
+from .answers import column_shape
 from .connection import Connection, parse_error, refusal
 from .frames import Frame, header_bytes, malformed, name_of_type, record
 
@@ -180,7 +181,8 @@ class Session:
         if rows is not None:
             tagged[QueryRecord.ROWS] = np.ascontiguousarray(rows, np.uint64).tobytes()
         records = b"".join(record(tag, tagged[tag]) for tag in sorted(tagged))
-        expected = self._expected_reply_bytes(header, pairs) if is_query else 0
+        joints = 0 if query.joints is None else len(query.joints)
+        expected = self._expected_reply_bytes(header, pairs, joints) if is_query else 0
         if plan is not None:
             expected = _PLAN_BYTES
         request_id = self._send(type, parts, revision, records, expected)
@@ -226,7 +228,7 @@ class Session:
         except UnicodeDecodeError as error:
             raise malformed(self.connection.url, f"the certificate is no UTF-8: {error}") from None
 
-    def _expected_reply_bytes(self, q: np.ndarray, pairs: Optional[np.ndarray]) -> int:
+    def _expected_reply_bytes(self, q: np.ndarray, pairs: Optional[np.ndarray], joints: int) -> int:
         """Bytes of the reply, as far as can be said; 0: the daemon knows better."""
         rows = max(int(q["configuration_count"]), 1)
         reduce, scene = int(q["reduce"]), self._scene
@@ -245,10 +247,11 @@ class Session:
         fields = int(q["fields"]) | (Field.COMPACT if q["format"] else 0)
         if reduce != Reduce.NONE:
             fields |= Field.PAIR | Field.CONFIGURATION
-        size = 64 + wire._wire.ReplyHeader.itemsize + 16
-        for column in COLUMNS.values():
+        size = 64 + wire._wire.ReplyHeader.itemsize + 2 * 16  # of records: the epoch, and how many joints there are
+        for name, column in COLUMNS.items():
             if fields >> column.bit & 1:
-                size += -(-rows * column.dtype.itemsize * int(np.prod(column.shape, dtype=int)) // 64) * 64
+                each = int(np.prod(column_shape(name, joints), dtype=int))
+                size += -(-rows * column.dtype.itemsize * each // 64) * 64
         return size if size <= MAX_FRAME_BYTES else 0
 
     # ---- scene ----------------------------------------------------------------------------------------------------
