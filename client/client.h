@@ -205,6 +205,66 @@ struct SceneChanged {
   double seconds = 0;          ///< time that making the scene took
 };
 
+/// Where a plan's column lies in its memory.
+struct PlanColumn {
+  Field field{};
+  std::uint32_t row_bytes = 0;
+  std::uint64_t offset = 0;  ///< a multiple of 64
+};
+
+/// A plan in the memory of a daemon's GPU, as another process maps it: by cudaIpcOpenMemHandle(), on the device of that
+/// UUID, whose number may be another one here. Offsets are into that memory, which is the daemon's.
+struct PlanInfo {
+  std::uint64_t number = 0;                   ///< for who speaks the wire himself
+  std::array<std::byte, 64> memory_handle{};  ///< cudaIpcMemHandle_t
+  std::array<std::byte, 16> device_uuid{};    ///< cudaUUID_t
+  std::uint64_t memory_bytes = 0;
+  std::uint64_t poses_offset = 0;               ///< (K, M) Pose7 of the query's bodies; meaningful if bodies > 0
+  std::uint64_t positions_offset = 0;           ///< (K, J) float64, radians and metres; meaningful if joints > 0
+  std::uint32_t bodies = 0, joints = 0;         ///< M, J
+  std::uint64_t rows = 0;                       ///< of each column: K P, of a reduction K
+  std::uint64_t configurations = 0, pairs = 0;  ///< K (1 of the current poses), P
+  std::vector<PlanColumn> columns;              ///< in the order of Field
+  std::uint64_t scene_revision = 0;             ///< of the scene that it keeps, with the poses of then of what
+  std::uint64_t snapshot_revision = 0;          ///< it does not move, of this revision
+
+  /// Throws std::invalid_argument for a column that it does not have.
+  const PlanColumn& column(Field field) const;
+};
+
+/// What a run came to.
+struct PlanRun {
+  std::uint64_t snapshot_revision = 0;  ///< of the poses that the daemon has now, which need not be the plan's
+  std::chrono::nanoseconds took{0};     ///< on the daemon's side, from the first launch until its rows were there
+};
+
+/// A plan that this client has open; it ends with this, with the client's connection, and by close(). Not thread-safe,
+/// as its client, of which it is one user.
+class CLEARANCE_API RemotePlan {
+ public:
+  RemotePlan(RemotePlan&&) noexcept;
+  RemotePlan& operator=(RemotePlan&&) noexcept;
+  ~RemotePlan();  ///< close(), without waiting for it
+
+  const PlanInfo& info() const { return info_; }
+  /// Has the daemon answer from the poses and positions that are in the memory, and returns once the rows are there:
+  /// whoever writes them must have waited for his stream. Throws as Client::distances(), RequestError (kWrongScene) if
+  /// the daemon has another scene than the plan's, and (kBusy) while an earlier run, which timed out here, is under
+  /// way.
+  /// \param timeout for this call; none: the client's. \param check_scene false: answers for the plan's scene,
+  /// whichever the daemon has
+  PlanRun run(std::optional<std::chrono::nanoseconds> timeout = {}, bool check_scene = true);
+  /// Unmap the memory first: it goes. Throws as run().
+  void close();
+
+ private:
+  friend class Client;
+  struct Connection;
+  explicit RemotePlan(std::shared_ptr<Connection> connection, PlanInfo info);
+  std::shared_ptr<Connection> connection_;
+  PlanInfo info_;
+};
+
 /// A request that is under way. Destroying it unread forgets the reply.
 class Pending;
 
@@ -292,6 +352,13 @@ class CLEARANCE_API Client {
   /// its bounds: a document (JSON) that tools/check_certificate.py checks (docs/certificates.md). Throws RequestError,
   /// also for a document of more than 64 MiB. \param rows none: all
   std::string certificate(const Query& query = {}, std::optional<std::span<const std::uint64_t>> rows = {});
+  /// A query that the daemon's GPU answers from poses and joint positions in its memory to columns in its memory, as
+  /// often as it is asked, and that this process maps (docs/cuda.md, "Through the daemon"): over shm:// and ipc://.
+  /// This library needs no CUDA for that. The query is as Engine::plan_on_device() takes it. Throws RequestError, also
+  /// where the daemon has no GPU, and for more plans and memory than it gives.
+  /// \param query without configurations and positions, which go into that memory. \param configurations K, that each
+  /// run has; 0: the current poses, answered as one
+  RemotePlan plan_on_device(const Query& query, std::uint32_t configurations);
   std::vector<BodyStateInfo> body_states();
   std::vector<std::pair<std::string, std::uint64_t>> stats();
   Duration ping(std::span<const std::byte> payload = {});  ///< a bare echo through the daemon
@@ -309,6 +376,7 @@ class CLEARANCE_API Client {
  private:
   friend CLEARANCE_API Client connect(std::span<const std::string> urls, const ConnectOptions& options);
   friend class Pending;
+  friend class RemotePlan;
   struct Impl;
   explicit Client(std::shared_ptr<Impl> impl);
   Impl& impl() const;

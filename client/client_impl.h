@@ -72,16 +72,17 @@ struct Client::Impl {
     return header.request_id;
   }
 
-  /// \param rows of kCertify; none: all
+  /// \param rows of kCertify; none: all. \param plan of kOpenPlan: how many configurations it has
   std::uint64_t send_query(wire::FrameType type, const Query& query,
-                           std::optional<std::span<const std::uint64_t>> rows = {}) {
+                           std::optional<std::span<const std::uint64_t>> rows = {},
+                           std::optional<std::uint32_t> plan = {}) {
     wire::QueryHeader q;
     try {
-      q = header_of(query);
+      q = header_of(query, plan);
     } catch (const wire::WireError& error) {
       throw RequestError(static_cast<std::uint16_t>(error.code), error.what());
     }
-    const bool is_query = type == wire::FrameType::kQuery, has_configurations = type != wire::FrameType::kPairs;
+    const bool is_query = type == wire::FrameType::kQuery, has_configurations = wire::has_configurations(type);
     const std::uint64_t scene_revision = query.check_scene ? revision_of_ids() : 0;  // before the room: it may ask, too
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
@@ -94,9 +95,12 @@ struct Client::Impl {
     const bool has_options = !records.empty();
     const std::vector<std::byte>& epoch = connection.prepare();
     records.insert(records.end(), epoch.begin(), epoch.end());
-    std::byte* room =
-        begin(payload_bytes + records.size(),
-              is_query ? expected_reply_bytes(q, query.pairs, query.joints.size(), scene ? &*scene : nullptr) : 0);
+    std::uint64_t reply_bytes = 0;
+    if (is_query) reply_bytes = expected_reply_bytes(q, query.pairs, query.joints.size(), scene ? &*scene : nullptr);
+    if (plan)
+      reply_bytes = sizeof(wire::FrameHeader) + sizeof(wire::PlanHeader) +
+                    std::size_t{kFieldCount} * sizeof(wire::PlanColumnRecord);
+    std::byte* room = begin(payload_bytes + records.size(), reply_bytes);
     const auto header = wire::with_records(
         wire::make_header(type, connection.next_request_id(), payload_bytes, scene_revision), records.size());
     wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data(), records);

@@ -6,9 +6,12 @@
 
 namespace clearance {
 
-wire::QueryHeader header_of(const Query& query) {
-  const std::uint64_t configurations = configuration_count(query);
-  wire::query_payload_bytes(query.pairs.size(), query.bodies.size(), configurations);  // throws if a count does not fit
+wire::QueryHeader header_of(const Query& query, std::optional<std::uint32_t> plan) {
+  if (plan && !(query.configurations.empty() && query.positions.empty()))
+    throw std::invalid_argument("plan_on_device: poses and positions go into the plan's memory, not into its query");
+  const std::uint64_t configurations = plan ? *plan : configuration_count(query);
+  // Throws if a count does not fit.
+  wire::query_payload_bytes(query.pairs.size(), query.bodies.size(), plan ? 0 : configurations);
   wire::QueryHeader q;
   copy_options(query, q);
   q.pair_count = static_cast<std::uint32_t>(query.pairs.size());

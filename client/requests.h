@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -14,7 +15,8 @@
 namespace clearance {
 
 /// Throws std::invalid_argument for configurations and bodies that do not match, wire::WireError for more than fits.
-wire::QueryHeader header_of(const Query& query);
+/// \param plan of kOpenPlan: how many configurations its runs will have; the query has none then
+wire::QueryHeader header_of(const Query& query, std::optional<std::uint32_t> plan = {});
 
 /// Names of its options that travel in records, which not every daemon knows.
 std::string options_in_records(const Query& query);

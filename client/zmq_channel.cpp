@@ -22,7 +22,7 @@ namespace {
 /// Payloads from this size on are handed to ZeroMQ without a copy.
 constexpr std::uint64_t kHandOverBytes = 64 * 1024;
 /// Longest wait for a reply before the monitor is looked at: how late a daemon's death is noticed.
-constexpr std::chrono::milliseconds kNap{10};
+constexpr std::chrono::milliseconds kPollNap{10};
 
 class ZmqFrame final : public Frame {
  public:
@@ -115,7 +115,7 @@ class ZmqChannel final : public Channel {
   std::unique_ptr<Frame> receive(std::uint64_t request_id, Deadline deadline) override {
     for (;;) {
       const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
-      take_arrived(request_id, std::clamp(left, std::chrono::milliseconds(0), kNap));
+      take_arrived(request_id, std::clamp(left, std::chrono::milliseconds(0), kPollNap));
       if (const auto kept = kept_.find(request_id); kept != kept_.end()) {
         std::unique_ptr<Frame> frame = std::move(kept->second);
         kept_.erase(kept);

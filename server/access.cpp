@@ -53,6 +53,9 @@ Rights right_for(wire::FrameType request) {
     case wire::FrameType::kQuery:
     case wire::FrameType::kPairs:
     case wire::FrameType::kCertify:
+    case wire::FrameType::kOpenPlan:
+    case wire::FrameType::kRunPlan:
+    case wire::FrameType::kClosePlan:
     case wire::FrameType::kGetStates:
     case wire::FrameType::kGetJoints:
     case wire::FrameType::kGetStats:

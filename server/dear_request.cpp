@@ -76,12 +76,14 @@ bool DearRequest::settle() {
     return false;
   }
   const bool went_well = answers_.guard(*asked_.sink, asked_.header, [&] {
-    if (step_ == Step::kPublish)
+    if (weight_ == Weight::kLight)
+      answers_.reply(*asked_.sink, asked_.header, type_, payload_);
+    else if (step_ == Step::kPublish)
       answers_.publish(*asked_.sink, asked_.header, type_, frame_, payload_bytes_);
     else
       frame_ = answers_.reserve(*asked_.sink, asked_.header, payload_bytes_);
   });
-  if (step_ == Step::kPublish) return true;
+  if (step_ == Step::kPublish || weight_ == Weight::kLight) return true;
   step_ = went_well ? Step::kCopy : Step::kOver;
   return false;
 }

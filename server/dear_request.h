@@ -20,15 +20,19 @@ class DearRequest final : public ScheduledQuery {
   /// Called on the loop once make() has ended. \param made it did not throw. Returns false where it must be called once
   /// more.
   using Done = std::function<bool(bool made)>;
+  /// kLight: the reply is short and what make() holds is freed at once, so that the loop sends it as soon as it is
+  /// made.
+  enum class Weight { kHeavy, kLight };
 
   DearRequest(Answers& answers, PendingRequest asked, ServiceClass service, wire::FrameType type,
-              Clock::time_point received, Make make, Done done = nullptr)
+              Clock::time_point received, Make make, Done done = nullptr, Weight weight = Weight::kHeavy)
       : ScheduledQuery(asked.sink->client(), service, received),
         answers_(answers),
         asked_(std::move(asked)),
         type_(type),
         make_(std::move(make)),
-        done_(std::move(done)) {}
+        done_(std::move(done)),
+        weight_(weight) {}
 
   bool is_wanted() const override { return !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
@@ -46,6 +50,7 @@ class DearRequest final : public ScheduledQuery {
   wire::FrameType type_;
   Make make_;
   Done done_;
+  Weight weight_;
   Step step_ = Step::kMake;
   std::atomic<bool> gone_{false};
   std::optional<Refusal> failure_;

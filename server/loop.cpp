@@ -44,10 +44,12 @@ Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
       engine_(std::move(engine)),
       started_(Clock::now()),
       next_tick_(started_),
+      plan_worker_({options.slice, options.worker_thread, kNiceOfPlanning}, [this] { wake(); }),
       control_worker_({options.slice, options.worker_thread}, [this] { wake(); }),
       planning_worker_({options.slice, options.worker_thread, options.has_control ? kNiceOfPlanning : 0},
                        [this] { wake(); }),
-      points_worker_({options.slice, options.worker_thread, kNiceOfPlanning}, [this] { wake(); }) {
+      points_worker_({options.slice, options.worker_thread, kNiceOfPlanning}, [this] { wake(); }),
+      run_worker_({options.slice, options.worker_thread}, [this] { wake(); }) {
   if (!wake_fd_) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
 }
 
@@ -173,7 +175,8 @@ int Loop::poll_transport(std::size_t i) {
 bool Loop::work_for_a_slice() {
   bool worked = !small_.empty();
   if (worked) small_.work(Clock::now(), [this](Worker::QueryPtr query) { settle(std::move(query)); });
-  if (!options_.worker_thread && (control_worker_.work() || planning_worker_.work() || points_worker_.work()))
+  const auto work = [](Worker* worker) { return worker->work(); };
+  if (const auto all = workers(); !options_.worker_thread && std::any_of(all.begin(), all.end(), work))
     worked = settle_what_was_worked_on() || true;
   if (worked) warn_of_contradictions();
   return worked;
@@ -181,7 +184,7 @@ bool Loop::work_for_a_slice() {
 
 bool Loop::settle_what_was_worked_on() {
   bool any = false;
-  for (Worker* worker : {&control_worker_, &planning_worker_, &points_worker_}) {
+  for (Worker* worker : workers()) {
     worker->expire(turn_began_);
     if (!worker->has_done()) continue;
     for (Worker::QueryPtr& query : worker->take()) settle(std::move(query));
@@ -226,9 +229,8 @@ void Loop::tick() {
 
 /// Lets go of requests whose clients are gone.
 void Loop::drop_gone() {
-  control_worker_.look();
-  planning_worker_.look();
-  points_worker_.look();
+  for (Worker* worker : workers()) worker->look();
+  count_closed(plans_.drop_gone());
   if (const std::size_t queries = held_.drop_gone()) count_dropped(queries);
   stats_.dropped += scenes_.drop_gone();
 }

@@ -11,6 +11,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <functional>
@@ -23,6 +24,7 @@
 
 #include "answers.h"
 #include "dear_request.h"
+#include "device_plans.h"
 #include "forecast.h"
 #include "held_queries.h"
 #include "points_ledger.h"
@@ -45,7 +47,11 @@ class Loop final : public Inbox {
  public:
   using Clock = std::chrono::steady_clock;
 
-  struct Options : Quotas::Limits, SceneChanges::Limits, RunningQuery::Limits, PointsLedger::Limits {
+  struct Options : Quotas::Limits,
+                   SceneChanges::Limits,
+                   RunningQuery::Limits,
+                   PointsLedger::Limits,
+                   PlanLedger::Limits {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
     std::chrono::nanoseconds spin =
         std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep
@@ -61,7 +67,10 @@ class Loop final : public Inbox {
   explicit Loop(Engine& engine) : Loop(engine, Options()) {}
   Loop(Engine& engine, const Options& options);  ///< the engine must outlive the loop
   Loop(std::shared_ptr<Engine> engine, const Options& options);
-  ~Loop() override { close_transports(); }  // they let go of memory by way of the worker
+  ~Loop() override {  // they let go of memory by way of the workers
+    close_transports();
+    plans_.clear();
+  }
 
   void add(std::unique_ptr<Transport> transport);
   const std::vector<std::unique_ptr<Transport>>& transports() const { return transports_; }
@@ -88,7 +97,8 @@ class Loop final : public Inbox {
   bool is_reloading() const { return scenes_.is_busy(); }
   /// Queries under way.
   std::size_t waiting() const {
-    return small_.size() + control_worker_.size() + planning_worker_.size() + points_worker_.size();
+    return small_.size() + plan_worker_.size() + run_worker_.size() + control_worker_.size() + planning_worker_.size() +
+           points_worker_.size();
   }
   /// Whether somebody still works on queries.
   bool is_working() const { return waiting() > small_.size(); }
@@ -141,6 +151,12 @@ class Loop final : public Inbox {
                            std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
   void set_points_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
                             std::unique_ptr<ReplySink>& sink);
+  // Plans in a device's memory (loop_plans.cpp).
+  void open_plan(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                 std::unique_ptr<ReplySink>& sink);
+  void run_plan(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
+  wire::PlanResult close_plan(std::span<const std::byte> payload, std::uint64_t client);
+  void count_closed(std::size_t plans) { stats_["plans.closed"] += plans; }
   wire::PosesResult set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload,
                               std::uint64_t client);
   void count_poses(const PoseUpdateResult& done);
@@ -182,6 +198,7 @@ class Loop final : public Inbox {
   Scheduler small_{std::min<std::chrono::nanoseconds>(options_.slice, kEnough)};  // what the loop itself works on
   HeldQueries held_;
   PointsLedger points_{options_};
+  DevicePlans plans_{options_};
   SceneChanges scenes_{engine_, answers_, stats_, quotas_, options_};
 
   std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned
@@ -210,9 +227,13 @@ class Loop final : public Inbox {
       [this](const wire::FrameHeader& header, ServiceClass service, const QueryOptions& asked,
              const OwnPayload& payload, std::unique_ptr<ReplySink>& sink,
              Clock::time_point received) { return hold(header, service, asked, payload, sink, received); }};
+  std::array<Worker*, 5> workers() {
+    return {&control_worker_, &planning_worker_, &points_worker_, &plan_worker_, &run_worker_};
+  }
   // Last: what they work on uses the others. Each class has one, since not all work can be cut into slices, and trees
-  // over points, which are made in one go, have one more.
-  Worker control_worker_, planning_worker_, points_worker_;
+  // over points and plans of a device, which are made in one go, have one each, as has waiting for a device. The first
+  // is the last to end: the others' queries may let go of plans, which it frees.
+  Worker plan_worker_, control_worker_, planning_worker_, points_worker_, run_worker_;
 };
 
 }  // namespace clearance

@@ -64,7 +64,8 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   const bool waits = is_update && (poses_away_.contains(sink->client()) ||
                                    (type == FrameType::kSetJoints && engine_->scene().bodies().size() > kFewBodies));
   if (type != FrameType::kQuery && type != FrameType::kPairs && type != FrameType::kCertify &&
-      type != FrameType::kAttach && type != FrameType::kAddBody && type != FrameType::kSetPoints && !waits)
+      type != FrameType::kOpenPlan && type != FrameType::kAttach && type != FrameType::kAddBody &&
+      type != FrameType::kSetPoints && !waits)
     payload = without_records(answers_, header, payload, stats_.records_ignored);
   const auto reply = [&](FrameType with, std::span<const std::byte> bytes) {
     answers_.reply(*sink, header, with, bytes);
@@ -84,6 +85,12 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
       return list_pairs(header, own_copy(payload), payload.size(), sink);
     case FrameType::kCertify:
       return certify(header, own_copy(payload), payload.size(), sink);
+    case FrameType::kOpenPlan:
+      return open_plan(header, own_copy(payload), payload.size(), sink);
+    case FrameType::kRunPlan:
+      return run_plan(header, payload, sink);
+    case FrameType::kClosePlan:
+      return reply(FrameType::kPlanDone, bytes_of(close_plan(payload, sink->client())));
     case FrameType::kGetJoints:
       is_empty();
       if (engine_->scene().joints().size() <= kFewBodies) return reply(FrameType::kJoints, joints_payload(*engine_));
@@ -266,6 +273,8 @@ void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes
         return list_pairs(header, std::move(fetch), payload_bytes, sink);
       case FrameType::kCertify:
         return certify(header, std::move(fetch), payload_bytes, sink);
+      case FrameType::kOpenPlan:
+        return open_plan(header, std::move(fetch), payload_bytes, sink);
       case FrameType::kSetPoses:
       case FrameType::kSetJoints:
         return set_poses_elsewhere(header, std::move(fetch), payload_bytes, sink);
@@ -292,6 +301,8 @@ Stats::Named Loop::all_counters() const {
   all.emplace_back("queries.waiting", waiting);
   all.emplace_back("queries.held", held);
   all.emplace_back("requests.waiting", waiting + held + scenes_.waiting());
+  all.emplace_back("plans.open", plans_.ledger().plans());
+  all.emplace_back("plans.bytes", plans_.ledger().bytes());
   stats_.append_to(all);
   const auto engine = engine_->stats();
   all.insert(all.end(), engine.begin(), engine.end());

@@ -162,6 +162,10 @@ Loop::Options loop_options_of(const DaemonOptions& options, const Access& access
   loop.max_added_points = options.max_added_points;
   loop.max_pairs = options.max_pairs;
   loop.max_piece_pairs = options.max_piece_pairs;
+  loop.max_plans_of_client = options.max_client_plans;
+  loop.max_plans = options.max_plans;
+  loop.max_plan_bytes_of_client = std::uint64_t{options.max_client_plan_mib} << 20;
+  loop.max_plan_bytes = std::uint64_t{options.max_plan_mib} << 20;
   loop.require_epoch = options.require_epoch;
   loop.has_control = access.has_control();
   if (loop.has_control) loop.kept_for_control = kept_for_control(loop.max_waiting_bytes);

@@ -192,6 +192,14 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
   add_points("--max-body-points", o.max_body_points, "points that one update of a body of points may have");
   add_points("--max-client-points", o.max_client_points, "points that a client may have set, and under way");
   add_points("--max-points", o.max_points, "points of all clients");
+  const auto add_plans = [&](const char* name, unsigned& most, const char* what) {
+    app.add_option(name, most, what)->check(quiet(CLI::Range(0u, 100'000'000u)))->type_name("N")->capture_default_str();
+  };
+  add_plans("--max-client-plans", o.max_client_plans,
+            "plans that one client may have open in a GPU's memory (docs/cuda.md); 0: none is opened");
+  add_plans("--max-plans", o.max_plans, "plans of all clients");
+  add_plans("--max-client-plan-mib", o.max_client_plan_mib, "MiB of a GPU's memory that one client's plans may take");
+  add_plans("--max-plan-mib", o.max_plan_mib, "MiB of all clients' plans");
   app.add_option("--max-added-bodies", o.max_added_bodies, "bodies that clients may have added to the scene")
       ->check(quiet(CLI::Range(0u, 100000u)))
       ->type_name("N")

@@ -46,6 +46,8 @@ struct DaemonOptions {
   unsigned max_client_mib = 2048;
   unsigned max_warm_mib = 1024;
   unsigned max_added_bodies = 64;
+  unsigned max_client_plans = 8, max_plans = 64;
+  unsigned max_client_plan_mib = 2048, max_plan_mib = 8192;
   std::uint64_t max_body_points = 2'000'000, max_client_points = 8'000'000, max_points = 16'000'000;
   unsigned max_added_vertices = 20'000;
   unsigned max_added_triangles = 40'000;

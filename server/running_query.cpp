@@ -88,6 +88,21 @@ std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vect
   return std::as_bytes(std::span(room)).first(payload.size());
 }
 
+void RunningQuery::Limits::check(const Extent& extent) const {
+  if (const std::uint64_t pieces = extent.piece_pairs; pieces > max_piece_pairs)
+    throw Refusal{wire::ErrorCode::kTooLarge, "the pairs that this query names have " + std::to_string(pieces) +
+                                                  " pairs of pieces, more than the " + std::to_string(max_piece_pairs) +
+                                                  " that one query may ask about (--max-piece-pairs): split it"};
+}
+
+void RunningQuery::Limits::check(const QuerySize& size) const {
+  if (size.pairs && size.configurations > max_pairs / size.pairs)
+    throw Refusal{wire::ErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations of " +
+                                                  std::to_string(size.pairs) + " pairs are more than the " +
+                                                  std::to_string(max_pairs) +
+                                                  " that one query may ask about (--max-pairs): split it"};
+}
+
 void RunningQuery::take_options(const QueryOptions& options, const Extent& extent) {
   options_ = options;
   extent_ = extent;
@@ -237,17 +252,12 @@ void RunningQuery::read() {
 }
 
 void RunningQuery::prepare(const wire::QueryParts& parts) {
-  const Limits& limits = daemon_.limits;
   QueryView query = view_of(parts, asked_.header.scene_revision);
   if (!options_settled_) {
     options_ = parts.options;
     extent_ = engine_->extent(query);
   }
-  if (const std::uint64_t pieces = extent_.piece_pairs; pieces > limits.max_piece_pairs)
-    throw Refusal{wire::ErrorCode::kTooLarge, "the pairs that this query names have " + std::to_string(pieces) +
-                                                  " pairs of pieces, more than the " +
-                                                  std::to_string(limits.max_piece_pairs) +
-                                                  " that one query may ask about (--max-piece-pairs): split it"};
+  daemon_.limits.check(extent_);
   query.warm_slot = parts.options.warm ? client() : 0;
   wants_warm_ = parts.options.warm;
   reduce_ = query.reduce;
@@ -263,13 +273,8 @@ void RunningQuery::prepare(const wire::QueryParts& parts) {
 /// The pairs that it names.
 void RunningQuery::list(const WorkBudget& budget) {
   if (!prepared_->advance(budget)) return;
-  const Limits& limits = daemon_.limits;
   size_ = prepared_->size();
-  if (size_.pairs && size_.configurations > limits.max_pairs / size_.pairs)
-    throw Refusal{wire::ErrorCode::kTooLarge, std::to_string(size_.configurations) + " configurations of " +
-                                                  std::to_string(size_.pairs) + " pairs are more than the " +
-                                                  std::to_string(limits.max_pairs) +
-                                                  " that one query may ask about (--max-pairs): split it"};
+  daemon_.limits.check(size_);
   step_ = Step::kRoom;
 }
 

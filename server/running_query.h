@@ -40,6 +40,10 @@ class RunningQuery final : public ScheduledQuery {
     /// The same, of a query that others of the class control must not wait for.
     WorkBudget on_loop_beside_control{.units = 512, .pair_units = 256};
     bool has_control = false;  ///< anybody may have that class
+
+    /// Throw a Refusal (kTooLarge): before pairs are listed, and once they are.
+    void check(const Extent& extent) const;
+    void check(const QuerySize& size) const;
   };
   /// What it uses of the daemon; all of it outlives this.
   struct Daemon {

@@ -47,6 +47,9 @@ class ShmSink final : public ReplySink {
   void written_by_device() override { segment_->pin(); }
   bool alive() const override { return !session_->gone; }
   std::uint64_t client() const override { return session_->id; }
+  std::function<bool()> watch() const override {
+    return [session = session_] { return !session->gone; };
+  }
   Rights rights() const override { return session_->rights; }
 
  private:

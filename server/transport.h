@@ -44,6 +44,9 @@ class ReplySink {
   virtual std::uint64_t client() const = 0;
   /// Bytes of replies to this client that were published and that the daemon still holds.
   virtual std::uint64_t unsent_bytes() const { return 0; }
+  /// Says whether the client is still there for as long as it is kept, beyond the request; null: it is not on this
+  /// machine, or nobody would learn of its end. Called on the loop's thread.
+  virtual std::function<bool()> watch() const { return nullptr; }
   /// What this client may do, at the time of the request.
   virtual Rights rights() const { return kAllRights; }
   ServiceClass service_class() const { return class_of(rights()); }

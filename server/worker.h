@@ -45,7 +45,7 @@ class Worker {
   ScheduledQuery::Clock::time_point deadline() const { return deadline_; }
   /// Has those whose deadline has passed refused: ScheduledQuery::expire().
   void expire(ScheduledQuery::Clock::time_point now);
-  /// Lets go of what takes long to free.
+  /// Lets go of what takes long to free. From any thread.
   void drop(std::shared_ptr<void> thing);
   /// Works for about a slice, without a thread of its own. Returns whether there was anything to do.
   bool work();
@@ -59,11 +59,12 @@ class Worker {
   const int nice_;
   std::vector<ScheduledQuery*> away_;
   ScheduledQuery::Clock::time_point deadline_ = ScheduledQuery::Clock::time_point::max();
-  Mailbox<QueryPtr> added_, done_;
+  // Before the queries: one that ends may drop something.
   Mailbox<std::shared_ptr<void>> dropped_;
-  std::atomic<bool> ending_{false};
   shm::UniqueFd wake_fd_;  // what the thread sleeps in
-  Scheduler scheduler_;    // the thread's
+  Mailbox<QueryPtr> added_, done_;
+  std::atomic<bool> ending_{false};
+  Scheduler scheduler_;  // the thread's
   std::thread thread_;
 };
 

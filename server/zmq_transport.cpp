@@ -1,4 +1,6 @@
 // ZeroMQ: a ROUTER that DEALER clients connect to, a frame as two message parts (header, payload).
+#include <poll.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <cassert>
@@ -10,6 +12,7 @@
 #include "key_ring.h"
 #include "places.h"
 #include "transport.h"
+#include "wire/shm_os.h"
 #include "wire/wire.h"
 #include "zmq_port.h"
 
@@ -43,6 +46,7 @@ class ZmqSink final : public ReplySink {
   void publish(std::uint64_t frame_bytes) override;
   bool alive() const override { return !peer_->gone; }
   std::uint64_t client() const override { return peer_->id; }
+  std::function<bool()> watch() const override;
   std::uint64_t unsent_bytes() const override { return peer_->unsent_bytes->load(std::memory_order_relaxed); }
   Rights rights() const override { return rights_; }
 
@@ -231,6 +235,17 @@ class ZmqTransport final : public Transport {
   std::uint64_t* dropped_ = nullptr;  // set by poll(), before any sink exists
   std::unique_ptr<ZmqPort> port_;
 };
+
+/// ROUTER does not say when a client has gone; its process does.
+std::function<bool()> ZmqSink::watch() const {
+  if (!peer_->who || peer_->who->pid <= 0) return nullptr;
+  const auto process = std::make_shared<shm::UniqueFd>(static_cast<int>(::syscall(SYS_pidfd_open, peer_->who->pid, 0)));
+  if (!*process) return nullptr;
+  return [peer = peer_, process] {
+    pollfd ended{process->get(), POLLIN, 0};
+    return !peer->gone && ::poll(&ended, 1, 0) == 0;
+  };
+}
 
 std::byte* ZmqSink::reserve(std::uint64_t frame_bytes) {
   if (frame_bytes > transport_.max_reply_bytes()) return nullptr;

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# gpu.sh test|certify|sanitize|bench|several|report [folder of binaries]: the tests and benchmarks that need a GPU, run by make gpu-test and
+# gpu.sh test|certify|sanitize|bench|daemon|several|report [folder of binaries]: the tests and benchmarks that need a GPU, run by make gpu-test and
 # its like (report: make report-gpu). With a folder of binaries that were built elsewhere it needs nothing but them (and, for
 # the report, scenes/ in the current folder).
 set -uo pipefail
-what=${1:?gpu.sh test, certify, sanitize, bench, several or report}
+what=${1:?gpu.sh test, certify, sanitize, bench, daemon, several or report}
 bin=${2:-build/bin}
 out=${OUT:-out}
 mkdir -p "$out"
@@ -14,6 +14,31 @@ results_file() {
   device=$("$bin/clearance-gpu-bench" --device) || return 1
   [ -d "$folder" ] || folder=$out
   echo "$folder/$1_$(echo "$device" | tr 'A-Z' 'a-z' | tr -cs 'a-z0-9' '_' | sed 's/_*$//').csv"
+}
+
+# The same rows in the device's memory, which the client maps, beside those in the host's: the processes take turns with the
+# device, or, where MPS can be started, share it.
+bench_daemon_plans() {
+  local file folder daemon mps=""
+  file=$(results_file gpu_daemon) && folder=$(mktemp -d) || return 1
+  printf '# device: %s\n# command: make gpu-bench\n%s%s\n' "$("$bin/clearance-gpu-bench" --device)" "columns,poses,how,pairs,echo_us,rows_there_us," \
+    "rows_there_p90_us,daemon_us,rows_read_us,reading_us,host_us,host_p90_us" >"$file"
+  for way in alone mps; do
+    if [ $way = mps ]; then
+      export CUDA_MPS_PIPE_DIRECTORY=$folder/mps CUDA_MPS_LOG_DIRECTORY=$folder/mps && mkdir "$folder/mps"
+      command -v nvidia-cuda-mps-control >/dev/null && nvidia-cuda-mps-control -d >"$folder/mps.log" 2>&1 && mps=started
+      [ "$mps" ] || { echo "mps: cannot be started here"; break; }
+    fi
+    "$bin/clearanced" --scene scenes/random_1000/scene.yaml --backend cuda --shm "$folder/$way.sock" --log-level warn &
+    daemon=$!
+    until [ -S "$folder/$way.sock" ] || ! kill -0 $daemon 2>/dev/null; do sleep 0.1; done
+    timeout 60 "$bin/clearance-gpu-daemon" "shm://$folder/$way.sock" "$file" $way
+    kill $daemon && wait $daemon
+  done
+  [ "$mps" ] && echo quit | timeout 20 nvidia-cuda-mps-control >/dev/null 2>&1
+  unset CUDA_MPS_PIPE_DIRECTORY CUDA_MPS_LOG_DIRECTORY
+  rm -rf "$folder"
+  echo "$file"
 }
 
 # All pairs of a thousand bodies through the daemon, copied and then written by the device into the client's memory.
@@ -39,7 +64,7 @@ case $what in
     [ -x "$bin/test_cuda_backend" ] || { echo "gpu.sh: $bin/test_cuda_backend is not there: was nvcc found?" >&2; exit 1; }
     "$bin/clearance-gpu-bench" --device || exit 1
     failed=0
-    for run in "test_cuda_backend" "test_cuda_slack" "test_cuda_decisions" "test_cuda_reductions" "test_cuda_loss" "test_device_faults" "test_several_devices" "test_router" "test_cuda_classes" "test_device_plan" "test_cuda_containment" "test_shared_memory" "test_segment_pinner" "test_robots" \
+    for run in "test_cuda_backend" "test_cuda_slack" "test_cuda_decisions" "test_cuda_reductions" "test_cuda_loss" "test_device_faults" "test_several_devices" "test_router" "test_cuda_classes" "test_device_plan" "test_shared_memory" "test_daemon_plans" "test_cuda_containment" "test_segment_pinner" "test_robots" \
                "test_engine --gtest_filter=*cuda*" "test_narrow_baselines --gtest_filter=*uda*:-Worlds*"; do
       # shellcheck disable=SC2086
       "$bin"/$run >"$out/gpu_test.log" 2>&1 || { failed=1; grep -E "Failure|FAILED|error" "$out/gpu_test.log" | head -20; }
@@ -74,6 +99,7 @@ case $what in
     "$bin/clearance-gpu-bench" "$file" && echo "$file"
     file=$(results_file gpu_plans) && "$bin/clearance-gpu-plans" "$file" && echo "$file"
     if [ -x "$bin/clearanced" ]; then bench_service; fi
+    if [ -x "$bin/clearanced" ] && [ -x "$bin/clearance-gpu-daemon" ]; then bench_daemon_plans; fi
     # Python's calls, by a Python that has the package (PYTHON=... names one).
     python=${PYTHON:-.venv/bin/python}
     if "$python" -c "import clearance" 2>/dev/null; then
@@ -85,6 +111,9 @@ case $what in
           PYTHONPATH="$PWD/build/python:${PYTHONPATH:-}" "$python" bench/gpu/bench_mujoco_warp.py --csv "$file" && echo "$file"
       fi
     fi
+    ;;
+  daemon)
+    bench_daemon_plans
     ;;
   several)
     file=$(results_file gpus) || exit 1
@@ -98,5 +127,5 @@ case $what in
     done
     "$bin/clearance-report" --csv "$file" --remark "make report-gpu" --scratch "$out" "${coal[@]}" && echo "$file"
     ;;
-  *) echo "gpu.sh: expected test, certify, sanitize, bench, several or report, got '$what'" >&2; exit 2 ;;
+  *) echo "gpu.sh: expected test, certify, sanitize, bench, daemon, several or report, got '$what'" >&2; exit 2 ;;
 esac

@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = ["README.md", "docs/accuracy.md", "docs/latency.md", "docs/cuda.md", "docs/robots.md"]
 GPU = "gpu_nvidia_h100_80gb_hbm3"
 GPU_PLANS = "gpu_plans_nvidia_h100_80gb_hbm3"
+GPU_DAEMON = "gpu_daemon_nvidia_h100_80gb_hbm3"
 NAMES = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, tcp", "lcm": "LCM"}
 
 
@@ -169,6 +170,19 @@ def gpu_plans():
                     [line(row) for row in rows])
 
 
+def gpu_daemon():
+    """Rows of a daemon's plan beside those of its replies, for docs/cuda.md."""
+    _, rows = read(GPU_DAEMON)
+    names = ("rows there [us]", "read by a kernel of the client's [us]", "in host memory [us]")
+    keys = ("rows_there_us", "rows_read_us", "host_us")
+
+    def line(row):
+        how = "taking turns" if row["how"] == "alone" else "with MPS"
+        return [row["columns"], row["poses"], how, *(microseconds(row[key]) for key in keys)]
+
+    return markdown(["columns", "poses", "processes", *names], [line(row) for row in rows])
+
+
 GPU_SHOWN = {
     "1000 spheres, box 100, compact": "all pairs of 1000 spheres, bounds and points of each",
     "5000 spheres, box 171, compact": "all pairs of 5000 spheres, likewise",
@@ -276,7 +290,7 @@ def rrt():
 
 TABLES = {"robots": robots, "robots_one_a_call": robots_one_a_call, "rrt": rrt, "accuracy": accuracy,
           "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,
-          "gpu_all": gpu_all, "gpu_plans": gpu_plans}
+          "gpu_all": gpu_all, "gpu_plans": gpu_plans, "gpu_daemon": gpu_daemon}
 
 
 def fill(page, text):

@@ -56,7 +56,10 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "cd ~/ws": NEEDS + "ROS 2",
         "ros2 launch": NEEDS + "ROS 2",
     },
-    "docs/cuda.md": {"plan = engine": NEEDS + "a GPU; make gpu-test"},
+    "docs/cuda.md": {
+        "plan = engine": NEEDS + "a GPU; make gpu-test",
+        "client = clearance": NEEDS + "a GPU; make gpu-test",
+    },
     "docs/examples.md": {"python3 client/examples/": LONG + "make test-extras EXTRAS=examples"},
     "docs/faults.md": {"make ": LONG + "make test has a part of it"},
     "docs/latency.md": {

@@ -86,6 +86,12 @@ std::string type_name(std::uint16_t type) {
       return "kSetPoints";
     case FrameType::kCertify:
       return "kCertify";
+    case FrameType::kOpenPlan:
+      return "kOpenPlan";
+    case FrameType::kRunPlan:
+      return "kRunPlan";
+    case FrameType::kClosePlan:
+      return "kClosePlan";
     case FrameType::kReload:
       return "kReload";
     case FrameType::kAddBody:
@@ -114,6 +120,10 @@ std::string type_name(std::uint16_t type) {
       return "kSceneChanged";
     case FrameType::kCertificate:
       return "kCertificate";
+    case FrameType::kPlan:
+      return "kPlan";
+    case FrameType::kPlanDone:
+      return "kPlanDone";
     case FrameType::kError:
       return "kError";
   }

@@ -72,6 +72,12 @@ void for_each_struct(Begin begin, Member member) {
                    reserved)
   CLEARANCE_STRUCT(JointStateRecord, name, lower, upper, position, stamp_ns, receipt_ns, status, beyond_limits, padding,
                    reserved)
+  CLEARANCE_STRUCT(PlanHeader, plan, memory_bytes, memory_handle, device_uuid, poses_offset, positions_offset, rows,
+                   configurations, pairs, body_count, joint_count, fields, column_count, scene_revision,
+                   snapshot_revision, reserved)
+  CLEARANCE_STRUCT(PlanColumnRecord, field, row_bytes, offset)
+  CLEARANCE_STRUCT(PlanRecord, plan, reserved)
+  CLEARANCE_STRUCT(PlanResult, plan, snapshot_revision, took_ns, reserved)
   CLEARANCE_STRUCT(NewBodyRecord, name, parent, shape, is_static, has_pose, padding, size, radius, pose, vertex_count,
                    reserved)
   CLEARANCE_STRUCT(BodyDoubts, uncertainty_position, uncertainty_angle, padding, max_speed)

@@ -8,6 +8,7 @@
 //   kPairs     [ QueryHeader, pairs, bodies as in kQuery; configurations left out ]  ->  kPairTable [ PairsHeader 16 B
 //   | P x 8 ] kBodyStates[ StatesHeader 32 B | bodies x BodyStateRecord 96 B ] kStats     [ count x CounterRecord 64 B
 //   ] kError     [ ErrorHeader 16 B  | text, UTF-8 ]
+//   kPlan      [ PlanHeader 184 B  | columns x PlanColumnRecord 16 B ]
 //   version 2  [ FrameHeader | payload as above | records, each RecordHeader 8 B and its bytes padded to 8 ]
 //
 // ZeroMQ carries a frame as two message parts (header, payload), shared memory as one contiguous block that starts on a
@@ -55,6 +56,9 @@ enum class FrameType : std::uint16_t {
   kGetJoints = 14,   ///< no payload; answered by kJoints
   kSetPoints = 15,   ///< payload PointsHeader, float32 x, y, z each; answered by kPosesDone
   kCertify = 17,     ///< payload as kQuery's, perhaps with the record kRows; answered by kCertificate
+  kOpenPlan = 18,    ///< payload as kPairs', of configuration_count configurations; answered by kPlan
+  kRunPlan = 19,     ///< payload PlanRecord; answered by kPlanDone once the rows are there
+  kClosePlan = 20,   ///< payload PlanRecord; answered by kPlanDone
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
   kScene = 0x82,
@@ -66,6 +70,8 @@ enum class FrameType : std::uint16_t {
   kSceneChanged = 0x89,  ///< payload SceneChange
   kJoints = 0x8A,        ///< payload JointsHeader, JointStateRecord each, GroupRecord each, uint32 members
   kCertificate = 0x8C,   ///< payload: the document (JSON, UTF-8), docs/certificates.md
+  kPlan = 0x8D,          ///< payload PlanHeader, PlanColumnRecord each
+  kPlanDone = 0x8E,      ///< payload PlanResult
   kError = 0xFF,
 };
 
@@ -105,7 +111,7 @@ enum class QueryRecord : std::uint16_t {
   kMargins = 6,      ///< MarginEntry each
   kPairMargins = 7,  ///< float64 each, metres: (P,)
   kJoints = 8,       ///< uint32 each: (J,) ids of joints
-  kPositions = 9,    ///< float64 each: (K, J) radians and metres, K the configuration_count; not in kPairs
+  kPositions = 9,    ///< float64 each: (K, J) radians and metres, K the configuration_count; not in kPairs, kOpenPlan
   kWeights = 11,     ///< float64 each: (J,) radians and metres, of the column free_scale
   kRows = 16,        ///< uint64 each: numbers of rows, k P + p; only in kCertify; none: all
 };
@@ -309,6 +315,45 @@ struct JointStateRecord {
   std::uint64_t reserved[2] = {};
 };
 
+/// A query that is answered in a device's memory, which the client maps (docs/wire.md, "Plans").
+struct PlanHeader {
+  std::uint64_t plan = 0;               ///< its number, never 0; for the client alone that opened it
+  std::uint64_t memory_bytes = 0;       ///< of the memory
+  std::uint8_t memory_handle[64] = {};  ///< cudaIpcMemHandle_t
+  std::uint8_t device_uuid[16] = {};    ///< of the device that has it
+  std::uint64_t poses_offset = 0;       ///< into the memory: (K, M, 7) float64 as in kQuery
+  std::uint64_t positions_offset = 0;   ///< into the memory: (K, J) float64, radians and metres
+  std::uint64_t rows = 0;               ///< of each column
+  std::uint64_t configurations = 0;     ///< K; 1 of the current poses
+  std::uint64_t pairs = 0;              ///< P
+  std::uint32_t body_count = 0;         ///< M; 0: no poses are read
+  std::uint32_t joint_count = 0;        ///< J; 0: no positions are read
+  std::uint32_t fields = 0;             ///< columns, Field bits
+  std::uint32_t column_count = 0;       ///< how many these are
+  std::uint64_t scene_revision = 0;     ///< of the scene that it was made for, and keeps
+  std::uint64_t snapshot_revision = 0;  ///< of the poses, likewise
+  std::uint64_t reserved[2] = {};
+};
+
+/// A column of a plan, in the order of Field.
+struct PlanColumnRecord {
+  std::uint32_t field = 0;      ///< one Field bit
+  std::uint32_t row_bytes = 0;  ///< of one row
+  std::uint64_t offset = 0;     ///< into the memory; a multiple of 64
+};
+
+struct PlanRecord {
+  std::uint64_t plan = 0;  ///< PlanHeader::plan
+  std::uint64_t reserved = 0;
+};
+
+struct PlanResult {
+  std::uint64_t plan = 0;
+  std::uint64_t snapshot_revision = 0;  ///< of the poses that the daemon has now, which need not be the plan's
+  std::uint64_t took_ns = 0;            ///< kRunPlan: from its first launch until its rows were there
+  std::uint64_t reserved[1] = {};
+};
+
 enum class BodyShape : std::uint8_t {
   kHull = 0,       ///< of the vertices that follow
   kBox = 1,        ///< size: full edge lengths
@@ -412,6 +457,10 @@ CLEARANCE_WIRE(StatesHeader, 32);
 CLEARANCE_WIRE(BodyStateRecord, 96);
 CLEARANCE_WIRE(JointsHeader, 48);
 CLEARANCE_WIRE(JointStateRecord, 128);
+CLEARANCE_WIRE(PlanHeader, 184);
+CLEARANCE_WIRE(PlanColumnRecord, 16);
+CLEARANCE_WIRE(PlanRecord, 16);
+CLEARANCE_WIRE(PlanResult, 32);
 CLEARANCE_WIRE(NewBodyRecord, 184);
 CLEARANCE_WIRE(BodyDoubts, 32);
 CLEARANCE_WIRE(VertexRecord, 24);

@@ -1,4 +1,4 @@
-// kQuery, kPairs and kCertify: written by clients, checked by the daemon.
+// kQuery, kPairs, kCertify and kOpenPlan: written by clients, checked by the daemon.
 #include "checks.h"
 
 namespace clearance::wire {
@@ -79,7 +79,7 @@ void check_joints(const QueryParts& parts, bool with_configurations) {
   const std::uint64_t count = parts.header.configuration_count, joints = parts.joints.size();
   if (count && !parts.header.body_count && !joints)
     bad_query("query: " + str(count) + " configurations of no bodies and no joints");
-  if (!with_configurations && parts.positions.size()) bad_query("query: positions are not for kPairs");
+  if (!with_configurations && parts.positions.size()) bad_query("query: positions are not for kPairs and kOpenPlan");
   if (!with_configurations) return;
   if (joints && !count) bad_query("query: " + str(joints) + " joints, and no configurations of them");
   if (Wide(count) * joints != parts.positions.size())
@@ -152,7 +152,7 @@ void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader&
   append(bodies, std::size_t{query.body_count} * 4);
   const std::uint32_t zero = 0;
   append(&zero, query.body_count % 2 * 4);
-  if (header.type != static_cast<std::uint16_t>(FrameType::kPairs))
+  if (has_configurations(static_cast<FrameType>(header.type)))
     append(configurations, std::size_t{query.configuration_count} * query.body_count * sizeof(ConfigurationRecord));
   append(records.data(), records.size());
 }
@@ -183,8 +183,7 @@ QueryParts parse_query(std::span<const std::byte> payload, bool with_configurati
 
 QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> payload) {
   const PayloadParts parts = split_payload(header, payload);
-  QueryParts query =
-      parse_query(parts.body, header.type != static_cast<std::uint16_t>(FrameType::kPairs), parts.records);
+  QueryParts query = parse_query(parts.body, has_configurations(static_cast<FrameType>(header.type)), parts.records);
   if (query.has_rows && header.type != static_cast<std::uint16_t>(FrameType::kCertify))
     bad_query("query: rows (record " + str(static_cast<std::uint16_t>(QueryRecord::kRows)) + ") are for kCertify");
   return query;

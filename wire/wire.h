@@ -141,7 +141,12 @@ FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes);
 template <class Know>
 std::uint64_t read_records(const char* what, std::span<const std::byte> records, PassedOver& passed_over, Know know);
 
-// --- kQuery, kPairs, kCertify
+// --- kQuery, kPairs, kCertify, kOpenPlan
+
+/// Whether a request of this type has configurations in it, beside how many they are.
+constexpr bool has_configurations(FrameType query) {
+  return query != FrameType::kPairs && query != FrameType::kOpenPlan;
+}
 
 struct QueryParts {
   QueryHeader header;
@@ -150,11 +155,11 @@ struct QueryParts {
   std::uint64_t epoch = 0;                      ///< that it is for; 0: it names none
   Records<PairRecord> pairs;                    ///< (P,)
   Records<std::uint32_t> bodies;                ///< (M,)
-  Records<ConfigurationRecord> configurations;  ///< (K, M); empty in kPairs
+  Records<ConfigurationRecord> configurations;  ///< (K, M); empty where has_configurations() is false
   Records<MarginEntry> margins;                 ///< of pairs of selectors; not looked at
   Records<double> pair_margins;                 ///< one of each pair; not looked at
   Records<std::uint32_t> joints;                ///< (J,)
-  Records<double> positions;                    ///< (K, J); empty in kPairs
+  Records<double> positions;                    ///< (K, J); likewise
   Records<double> weights;                      ///< of the joints; not looked at
   Records<std::uint64_t> rows;                  ///< of kCertify; not looked at
   bool has_rows = false;                        ///< there is such a record
@@ -163,9 +168,9 @@ struct QueryParts {
 /// Bytes of a query's payload. Throws WireError (kTooLarge) if a frame cannot be so large.
 std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std::uint64_t configurations);
 
-/// Writes a whole kQuery, kPairs or kCertify frame of sizeof(FrameHeader) + query_payload_bytes(...) + records at
-/// `frame`. The counts are those of `query`; of kPairs the configurations are left out (and counted as 0 in
-/// query_payload_bytes).
+/// Writes a whole kQuery, kPairs, kCertify or kOpenPlan frame of sizeof(FrameHeader) + query_payload_bytes(...) +
+/// records at `frame`. The counts are those of `query`; where has_configurations() is false they are left out (and
+/// counted as 0 in query_payload_bytes).
 void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,
                  const void* bodies, const void* configurations, std::span<const std::byte> records = {});
 
@@ -178,10 +183,10 @@ void insert_joint_records(std::vector<std::byte>& records, std::span<const std::
                           std::span<const double> positions);
 
 /// Throws WireError (kBadFrame for sizes, kBadQuery for values, kNotSupported for a record that it may not pass over).
-/// \param with_configurations false for kPairs.
+/// \param with_configurations has_configurations() of its type.
 QueryParts parse_query(std::span<const std::byte> payload, bool with_configurations = true,
                        std::span<const std::byte> records = {});
-/// The payload of a kQuery, kPairs or kCertify frame, with its records.
+/// The payload of a kQuery, kPairs, kCertify or kOpenPlan frame, with its records.
 QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> payload);
 
 // --- kReply
@@ -268,6 +273,17 @@ struct NewBodyParts {
 NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 RemoveBodyRecord parse_remove_body(std::span<const std::byte> payload);
 SceneChange parse_scene_changed(std::span<const std::byte> payload);
+
+struct PlanParts {
+  PlanHeader header;
+  Records<PlanColumnRecord> columns;
+};
+/// Also checks that poses, positions and columns lie in the memory, one after another, and that the columns are those
+/// that the header speaks of.
+PlanParts parse_plan(std::span<const std::byte> payload);
+/// Of kRunPlan and kClosePlan.
+PlanRecord parse_plan_request(std::span<const std::byte> payload);
+PlanResult parse_plan_done(std::span<const std::byte> payload);
 
 /// Also checks that names end.
 Records<CounterRecord> parse_stats(std::span<const std::byte> payload);

@@ -204,15 +204,14 @@ void unpin(std::byte* memory) {
 
 }  // namespace clearance::cuda
 
-extern "C" __attribute__((visibility("default")))
-const clearance::cuda::DeviceModule clearance_device_module = {clearance::cuda::installed,
-                                                               clearance::cuda::name_of,
-                                                               clearance::cuda::open,
-                                                               clearance::cuda::is_pinned_memory,
-                                                               clearance::cuda::pin,
-                                                               clearance::cuda::unpin,
-                                                               clearance::cuda::PinnedKind::allocate,
-                                                               clearance::cuda::PinnedKind::release,
-                                                               clearance::cuda::share,
-                                                               clearance::cuda::wait_for_shared,
-                                                               clearance::cuda::release_shared};
+extern "C" __attribute__((visibility("default"))) const clearance::cuda::DeviceModule clearance_device_module = {
+    clearance::cuda::installed,
+    clearance::cuda::name_of,
+    clearance::cuda::open,
+    clearance::cuda::is_pinned_memory,
+    clearance::cuda::pin,
+    clearance::cuda::unpin,
+    clearance::cuda::PinnedKind::allocate,
+    clearance::cuda::PinnedKind::release,
+    {clearance::cuda::share, clearance::cuda::wait_for_shared, clearance::cuda::release_shared,
+     clearance::cuda::is_shared_done}};

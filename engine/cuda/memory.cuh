@@ -103,6 +103,7 @@ class Buffer {
     return data_;
   }
   std::byte* data() const { return data_; }
+  std::size_t size() const { return bytes_; }
 
   void release() {
     if (!data_) return;
@@ -175,6 +176,7 @@ class Upload {
     check(cudaMemcpyAsync(device_.data(), host, bytes_, cudaMemcpyHostToDevice, stream),
           "copying a query to the device");
   }
+  std::size_t device_size() const { return device_.size(); }
   /// For what is sent once.
   void forget_host() { host_.release(); }
   template <class T>

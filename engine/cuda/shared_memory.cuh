@@ -32,6 +32,17 @@ inline void wait_for_shared(const SharedBlock& block) {
   check(cudaStreamSynchronize(static_cast<cudaStream_t>(block.stream)), "waiting for a plan in shared memory");
 }
 
+inline bool is_shared_done(const SharedBlock& block) {
+  const OnDevice here(block.device);
+  const cudaError_t now = cudaStreamQuery(static_cast<cudaStream_t>(block.stream));
+  if (now == cudaErrorNotReady) {
+    cudaGetLastError();  // it is no error, and the next call of this thread is not to find one
+    return false;
+  }
+  check(now, "waiting for a plan in shared memory");
+  return true;
+}
+
 inline SharedBlock share(int device, std::size_t bytes) {
   const OnDevice here(device);
   SharedBlock block;

@@ -43,6 +43,9 @@ class StandingDense final : public StandingSide<StandingDenseSlot> {
     if (question_.prove_overlaps) slot().enclosed.reserve(rows * sizeof(Enclosed));
     if (question_.f32) slot().open.reserve(rows * sizeof(LeftOpen));
   }
+  std::uint64_t bytes_for_rows() const override {
+    return slot().rest.size() + slot().enclosed.size() + slot().open.size();
+  }
 };
 
 }  // namespace clearance::cuda

@@ -58,6 +58,7 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
     r.groups = asked_.groups;
     slot().groups.reserve(group_bytes(r));
   }
+  std::uint64_t bytes_for_rows() const override { return slot().items.size() + slot().groups.size(); }
 
   void by_stages(const ReducedView& r, cudaStream_t stream) {
     clear_all_groups(r, stream);

@@ -24,6 +24,12 @@ class StandingSide : public QuerySide<StandingWorkspace, Slot> {
 
   int device() const override { return this->hulls_.device(); }
 
+  std::uint64_t bytes() const override {
+    const Slot& s = slot();
+    return this->setup_.device_size() + this->device_bodies_.size() + s.device_bodies.size() + s.device_frames.size() +
+           s.counts.size() + s.rows.size() + bytes_for_rows();
+  }
+
   std::byte* room_for_rows(std::size_t bytes) override {
     const OnDevice here = this->on_device();
     return slot().rows.reserve(bytes);
@@ -41,7 +47,9 @@ class StandingSide : public QuerySide<StandingWorkspace, Slot> {
 
  protected:
   virtual void make_room_for_rows(std::uint64_t rows, std::uint32_t configurations) = 0;
+  virtual std::uint64_t bytes_for_rows() const = 0;
 
+  const Slot& slot() const { return *this->slots_[0]; }
   Slot& slot() { return *this->slots_[0]; }
   std::uint32_t* counts() { return reinterpret_cast<std::uint32_t*>(slot().counts.data()); }
   /// Where nobody reads them: no host waits for counts.

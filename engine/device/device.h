@@ -187,7 +187,8 @@ class StandingWorkspace : public QueryWorkspace {
   /// Room for chunks of so many pair-configurations and configurations at most, once begin() was called. All that
   /// begin() sent is there when it returns.
   virtual void make_room(std::uint64_t rows, std::uint32_t configurations) = 0;
-  virtual int device() const = 0;  ///< its number
+  virtual int device() const = 0;           ///< its number
+  virtual std::uint64_t bytes() const = 0;  ///< of device memory that it holds
   /// Device memory of its own for rows. Once.
   virtual std::byte* room_for_rows(std::size_t bytes) = 0;
   /// Starts a chunk, whose poses and positions (ChunkSetup) are in device memory. \param rows columns in device memory
@@ -244,11 +245,14 @@ std::string installed_device_name(int number);
 /// its memory that may be taken.
 std::shared_ptr<Device> open_device(const Scene& scene, int number, std::uint64_t memory_limit);
 
+struct SharedMemoryCalls;
+
 /// Stands in for the installed devices while it lives: tests of what follows from a device's faults need none.
 class DeviceStandIn {
  public:
   using Open = std::function<std::shared_ptr<Device>(const Scene&, int number, std::uint64_t memory_limit)>;
-  DeviceStandIn(DeviceInfo info, Open open);
+  /// \param memory of SharedMemory; null: the installed devices'
+  DeviceStandIn(DeviceInfo info, Open open, const SharedMemoryCalls* memory = nullptr);
   ~DeviceStandIn();
   DeviceStandIn(const DeviceStandIn&) = delete;
   DeviceStandIn& operator=(const DeviceStandIn&) = delete;

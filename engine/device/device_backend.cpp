@@ -3,6 +3,7 @@
 
 #include "engine/device/device_job.h"
 #include "engine/device/several_devices.h"
+#include "engine/device/shared_memory.h"
 
 namespace clearance::cuda {
 
@@ -11,6 +12,7 @@ namespace {
 struct StandIn {
   DeviceInfo info;
   DeviceStandIn::Open open;
+  const SharedMemoryCalls* memory = nullptr;
 };
 StandIn& stand_in() {
   static StandIn one;
@@ -19,8 +21,8 @@ StandIn& stand_in() {
 
 }  // namespace
 
-DeviceStandIn::DeviceStandIn(DeviceInfo info, Open open) {
-  stand_in() = {std::move(info), std::move(open)};
+DeviceStandIn::DeviceStandIn(DeviceInfo info, Open open, const SharedMemoryCalls* memory) {
+  stand_in() = {std::move(info), std::move(open), memory};
 }
 DeviceStandIn::~DeviceStandIn() {
   stand_in() = {};
@@ -28,6 +30,9 @@ DeviceStandIn::~DeviceStandIn() {
 
 bool has_stand_in() {
   return stand_in().open != nullptr;
+}
+const SharedMemoryCalls& memory_calls() {
+  return stand_in().memory ? *stand_in().memory : installed_memory();
 }
 const DeviceInfo& device_info() {
   return stand_in().open ? stand_in().info : installed_device();

@@ -22,9 +22,7 @@ struct DeviceModule {
   void (*unpin)(std::byte* memory);
   std::byte* (*allocate_pinned)(std::size_t bytes);
   void (*release_pinned)(std::byte* memory);
-  SharedBlock (*share)(int device, std::size_t bytes);
-  void (*wait_for_shared)(const SharedBlock& block);
-  void (*release_shared)(const SharedBlock& block);
+  SharedMemoryCalls shared_memory;
 };
 
 inline constexpr const char* kModuleFile = "libclearance-cuda.so";

@@ -51,6 +51,8 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
 
   const QuerySize& size() const override { return plan_.size; }
   int device() const override { return workspace_->device(); }
+  std::uint64_t scene_revision() const override { return plan_.snapshot->scene_revision; }
+  std::uint64_t snapshot_revision() const override { return plan_.snapshot->revision; }
 
   ReplyView own_rows() override {
     if (own_.rows == plan_.size.rows) return own_;
@@ -65,19 +67,30 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
     return own_;
   }
 
+  std::uint64_t bytes() const override {
+    const std::uint64_t lists = plan_.query.reduce == Reduce::kNone ? 2 : 1;
+    return workspace_->bytes() + lists * plan_.size.pairs * (sizeof(PairRef) + sizeof(std::uint32_t));
+  }
+
   void run(const GivenOnDevice& given, const ReplyView& rows, void* stream) override {
+    for (std::uint64_t first = 0; first < plan_.size.configurations;) first = run_from(first, given, rows, stream);
+  }
+
+  std::uint64_t run_from(std::uint64_t first, const GivenOnDevice& given, const ReplyView& rows,
+                         void* stream) override {
+    assert(first < plan_.size.configurations);
     if (plan_.query.configuration_count > 0) {
       if (!given.poses && plan_.given_bodies > 0) refuse("poses: expected some");
       if (!given.positions && !plan_.joints.empty()) refuse("positions: expected some");
     }
     check_columns(rows);
     try {
-      for (std::uint64_t first = 0; first < plan_.size.configurations; first += configurations_)
-        launch_configurations(first, given, rows, stream);
+      launch_configurations(first, given, rows, stream);
     } catch (const DeviceError& error) {
       backend_.note(error);
       refuse(error.what());
     }
+    return std::min<std::uint64_t>(first + configurations_, plan_.size.configurations);
   }
 
  protected:

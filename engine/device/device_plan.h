@@ -26,6 +26,8 @@ class DevicePlan {
   virtual const QuerySize& size() const = 0;
   /// The device's number.
   virtual int device() const = 0;
+  virtual std::uint64_t scene_revision() const = 0;     ///< of the scene that it keeps
+  virtual std::uint64_t snapshot_revision() const = 0;  ///< of the poses, likewise
   /// All columns of the plan in device memory of its own, which are there as long as it is.
   virtual ReplyView own_rows() = 0;
   /// Puts the query into a stream and returns: nothing waits for the host or takes memory, so it may be captured in a
@@ -39,6 +41,13 @@ class DevicePlan {
   /// Reduce::kAny it is kUnconverged then, and nobody has found the configuration to be free.
   /// \param stream cudaStream_t; null: the default stream
   virtual void run(const GivenOnDevice& given, const ReplyView& rows, void* stream) = 0;
+  /// The same for some configurations alone, from `first` on, so that a stream never holds much at a time. Returns
+  /// where the next begin: QuerySize::configurations once these were the last. `given` and `rows` are those of the
+  /// whole plan.
+  virtual std::uint64_t run_from(std::uint64_t first, const GivenOnDevice& given, const ReplyView& rows,
+                                 void* stream) = 0;
+  /// Device memory that it holds for itself, own_rows() included where they were asked for.
+  virtual std::uint64_t bytes() const = 0;
 };
 
 namespace cuda {

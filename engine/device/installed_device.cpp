@@ -80,18 +80,25 @@ PinnedMemory::PinnedMemory(std::size_t bytes) : data_(module_or_throw().allocate
 PinnedMemory::~PinnedMemory() {
   module_or_throw().release_pinned(data_);
 }
+const SharedMemoryCalls& installed_memory() {
+  return module_or_throw().shared_memory;
+}
 SharedMemory::SharedMemory(int device, std::size_t bytes) : bytes_((bytes + kPiece - 1) / kPiece * kPiece) {
   constexpr auto kMost = static_cast<std::size_t>(PTRDIFF_MAX);
   if (bytes == 0 || bytes > kMost)
     throw DeviceError(DeviceError::kNoRoom, "shared device memory: expected 1 to " + std::to_string(kMost) +
                                                 " bytes, not " + std::to_string(bytes));
-  block_ = module_or_throw().share(device, bytes_);
+  calls_ = &memory_calls();
+  block_ = calls_->share(device, bytes_);
 }
 SharedMemory::~SharedMemory() {
-  module_or_throw().release_shared(block_);
+  calls_->release(block_);
 }
 void SharedMemory::wait() {
-  module_or_throw().wait_for_shared(block_);
+  calls_->wait(block_);
+}
+bool SharedMemory::is_done() {
+  return calls_->is_done(block_);
 }
 
 }  // namespace clearance::cuda

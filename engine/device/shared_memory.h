@@ -21,6 +21,18 @@ struct SharedBlock {
   int device = 0;
 };
 
+/// What makes such memory: functions of the library of the kernels, or what stands in for them.
+struct SharedMemoryCalls {
+  SharedBlock (*share)(int device, std::size_t bytes);
+  void (*wait)(const SharedBlock& block);
+  void (*release)(const SharedBlock& block);
+  bool (*is_done)(const SharedBlock& block);
+};
+/// Throws DeviceError where there is no such library.
+const SharedMemoryCalls& installed_memory();
+/// The installed ones, or what stands in for them. Throws DeviceError.
+const SharedMemoryCalls& memory_calls();
+
 /// This process owns it: a process that maps it and dies, or never unmaps, takes nothing from it. While it lives its
 /// bytes may change under whoever reads them here: nothing in it may be believed. When it goes, other mappings of it
 /// end being of use.
@@ -45,9 +57,12 @@ class SharedMemory {
   void* stream() const { return block_.stream; }
   /// For all that is in its stream. Then it is there for the other process, too. Throws DeviceError.
   void wait();
+  /// Whether all that is in its stream is over, without waiting. Throws DeviceError.
+  bool is_done();
 
  private:
   std::size_t bytes_;
+  const SharedMemoryCalls* calls_;
   SharedBlock block_;
 };
 

@@ -278,6 +278,39 @@ TEST(Wire, SceneContentsAreChecked) {
   EXPECT_EQ(error_of([&] { parse_scene(scene); }, ErrorCode::kBadFrame), "scene: bodies[1]: the name does not end");
 }
 
+TEST(Wire, APlansPartsLieInItsMemory) {
+  const auto refusal = [](auto change) {
+    Bytes payload = plan_payload();
+    PlanHeader h;
+    PlanColumnRecord columns[2];
+    std::memcpy(&h, payload.data(), sizeof h);
+    std::memcpy(columns, payload.data() + sizeof h, sizeof columns);
+    change(h, columns);
+    std::memcpy(payload.data(), &h, sizeof h);
+    std::memcpy(payload.data() + sizeof h, columns, sizeof columns);
+    return error_of([&] { parse_plan(payload); }, ErrorCode::kBadFrame);
+  };
+  EXPECT_EQ(refusal([](auto& h, auto&) { h.plan = 0; }), "plan: its number is 0");
+  EXPECT_EQ(refusal([](auto& h, auto&) { h.positions_offset = 200; }),
+            "plan: positions are 80 bytes from 200 on, expected them from 224 on in a memory of 2097152");
+  EXPECT_EQ(refusal([](auto& h, auto&) { h.poses_offset = ~std::uint64_t{0}; }),
+            "plan: poses are 224 bytes from 18446744073709551615 on, expected them from 0 on in a memory of 2097152");
+  EXPECT_EQ(refusal([](auto& h, auto&) { h.configurations = ~std::uint64_t{0}; }).substr(0, 30),
+            "plan: poses are more than 2^64");
+  EXPECT_EQ(refusal([](auto& h, auto&) { h.memory_bytes = 800; }),
+            "plan: columns[1] are 480 bytes from 512 on, expected them from 480 on in a memory of 800");
+  EXPECT_EQ(refusal([](auto&, auto& c) { c[0].offset = 388; }),
+            "plan: columns[0] begins at 388, expected a multiple of 64");
+  EXPECT_EQ(refusal([](auto&, auto& c) { c[1].offset = 384; }),
+            "plan: columns[1] are 480 bytes from 384 on, expected them from 480 on in a memory of 2097152");
+  EXPECT_EQ(refusal([](auto&, auto& c) { c[1].row_bytes = 8; }),
+            "plan: columns[1] is none of 40 bytes a row of the field 8192");
+  EXPECT_EQ(refusal([](auto& h, auto&) { h.fields |= kFieldUpper; }),
+            "plan: columns[1] is none of 8 bytes a row of the field " + std::to_string(kFieldUpper));
+  EXPECT_EQ(refusal([](auto& h, auto&) { h.fields = kFieldLower; }), "plan: 2 columns, and fields of 1");
+  EXPECT_EQ(refusal([](auto& h, auto&) { h.fields |= 1u << 31; }), "plan: fields has unknown bits: 2147483648");
+}
+
 TEST(Wire, TooLargeQueriesAreRefusedBeforeTheyAreBuilt) {
   EXPECT_EQ(query_payload_bytes(1, 1, 1), 128u + 8 + 8 + 56);
   EXPECT_EQ(error_of([] { query_payload_bytes(0, 1000, 100000); }, ErrorCode::kTooLarge),

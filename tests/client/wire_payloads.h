@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "plan_payload.h"
 #include "wire/wire.h"
 
 namespace clearance::wire {
@@ -181,6 +182,20 @@ inline std::map<std::string, Kind> kinds() {
        {single(RemoveBodyRecord{}), [](auto payload) { return std::uint64_t(parse_remove_body(payload).name[0]); }}},
       {"scene changed",
        {single(SceneChange{}), [](auto payload) { return parse_scene_changed(payload).scene_revision; }}},
+      {"plan",
+       {plan_payload(),
+        [](auto payload) {
+          const auto parts = parse_plan(payload);
+          for (std::uint64_t i = 0; i < parts.columns.size(); ++i) {
+            const PlanColumnRecord column = parts.columns[i];
+            EXPECT_LE(column.offset + static_cast<unsigned __int128>(parts.header.rows) * column.row_bytes,
+                      parts.header.memory_bytes);
+          }
+          return drain(parts.columns);
+        }}},
+      {"plan request", {single(PlanRecord{7, 0}), [](auto payload) { return parse_plan_request(payload).plan; }}},
+      {"plan done", {single(PlanResult{7, 1, 2, {}}), [](auto payload) { return parse_plan_done(payload).plan; }}},
+      {"open plan", {query_payload(2, 1, 4, true), read_query(false)}},
       {"poses done", {single(PosesResult{}), [](auto payload) { return parse_poses_done(payload).revision; }}},
       {"scene",
        {scene_payload(),

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <functional>
 #include <span>
@@ -28,6 +29,26 @@ class DeviceMemory {
  private:
   std::byte* data_ = nullptr;
   std::size_t bytes_;
+};
+
+/// Memory of another process's, while this lives.
+class MappedMemory {
+ public:
+  /// \param handle cudaIpcMemHandle_t \param uuid of its device, which becomes the thread's
+  MappedMemory(std::span<const std::byte, 64> handle, std::span<const std::byte, 16> uuid);
+  ~MappedMemory();
+  MappedMemory(const MappedMemory&) = delete;
+  MappedMemory& operator=(const MappedMemory&) = delete;
+
+  std::byte* data() const { return data_; }
+  void put(std::size_t offset, const void* from, std::size_t bytes);
+  std::vector<std::byte> get(std::size_t offset, std::size_t bytes) const;
+  /// Sum of the 64-bit words there, by a kernel that reads them all, once it is done.
+  std::uint64_t sum(std::size_t offset, std::size_t bytes);
+
+ private:
+  std::byte* data_ = nullptr;
+  std::byte* sum_ = nullptr;
 };
 
 /// A stream, and the graph of what was captured in it last.

@@ -1,5 +1,7 @@
-// Another process that maps device memory: `memory_client write|read|die HANDLE FILE OFFSET BYTES`. Copies the bytes of
-// the file to the mapping, or of the mapping to the file; or is killed while it has the mapping.
+// Another process that maps device memory: `memory_client write|read|hold|die HANDLE FILE OFFSET BYTES`. Copies the
+// bytes of the file to the mapping, or of the mapping to the file; or is killed while it has the mapping. hold: opens
+// the FIFO FILE.mapped once it has the mapping, and reads once FILE.go is opened; ends with 3 if the memory is not
+// there any more.
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -15,6 +17,11 @@ void check(cudaError_t error, const char* what) {
   std::exit(1);
 }
 
+void open_fifo(const std::string& path, const char* mode) {
+  std::FILE* const fifo = std::fopen(path.c_str(), mode);  // waits for the other end
+  if (fifo) std::fclose(fifo);
+}
+
 void expect(bool good, const char* what) {
   if (good) return;
   std::fprintf(stderr, "memory_client: %s\n", what);
@@ -24,7 +31,7 @@ void expect(bool good, const char* what) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  expect(argc == 6, "expected write|read|die HANDLE FILE OFFSET BYTES");
+  expect(argc == 6, "expected write|read|hold|die HANDLE FILE OFFSET BYTES");
   const std::string what = argv[1], hex = argv[2];
   const std::size_t offset = std::strtoull(argv[4], nullptr, 10), bytes = std::strtoull(argv[5], nullptr, 10);
   cudaIpcMemHandle_t handle{};
@@ -35,6 +42,10 @@ int main(int argc, char** argv) {
   void* mapped = nullptr;
   check(cudaIpcOpenMemHandle(&mapped, handle, cudaIpcMemLazyEnablePeerAccess), "cudaIpcOpenMemHandle");
   if (what == "die") std::raise(SIGKILL);
+  if (what == "hold") {
+    open_fifo(std::string(argv[3]) + ".mapped", "wb");
+    open_fifo(std::string(argv[3]) + ".go", "rb");
+  }
   std::vector<char> memory(bytes);
   std::FILE* const file = std::fopen(argv[3], what == "write" ? "rb" : "wb");
   expect(file, "cannot open FILE");
@@ -44,7 +55,9 @@ int main(int argc, char** argv) {
     check(cudaMemcpy(at, memory.data(), bytes, cudaMemcpyHostToDevice), "copying to the mapping");
     check(cudaDeviceSynchronize(), "waiting");
   } else {
-    check(cudaMemcpy(memory.data(), at, bytes, cudaMemcpyDeviceToHost), "copying from the mapping");
+    const cudaError_t copied = cudaMemcpy(memory.data(), at, bytes, cudaMemcpyDeviceToHost);
+    if (what == "hold" && copied != cudaSuccess) return 3;
+    check(copied, "copying from the mapping");
     expect(std::fwrite(memory.data(), 1, bytes, file) == bytes, "cannot write FILE");
   }
   expect(std::fclose(file) == 0, "cannot write FILE");

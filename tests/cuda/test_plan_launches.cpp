@@ -43,6 +43,7 @@ class Scribe final : public cuda::StandingWorkspace {
     told_.configurations = configurations;
   }
   int device() const override { return 3; }
+  std::uint64_t bytes() const override { return memory_.size(); }
   std::byte* room_for_rows(std::size_t bytes) override {
     memory_.resize(bytes);
     return memory_.data();

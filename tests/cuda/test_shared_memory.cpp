@@ -1,13 +1,16 @@
 // Plans whose poses another process writes, and whose rows it reads, where they are: on the device.
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -31,9 +34,9 @@ std::string hex_of(const cuda::MemoryHandle& handle) {
   return hex;
 }
 
-// Runs the program beside this one. \returns its wait status
-int run_client(const std::string& what, const cuda::MemoryHandle& handle, const fs::path& file, std::size_t offset,
-               std::size_t bytes) {
+// Starts the program beside this one.
+pid_t start_client(const std::string& what, const cuda::MemoryHandle& handle, const fs::path& file, std::size_t offset,
+                   std::size_t bytes) {
   const std::string program = fs::read_symlink("/proc/self/exe").parent_path() / "memory_client";
   const std::string hex = hex_of(handle), at = std::to_string(offset), size = std::to_string(bytes);
   const pid_t child = ::fork();
@@ -42,9 +45,17 @@ int run_client(const std::string& what, const cuda::MemoryHandle& handle, const 
             static_cast<char*>(nullptr));
     ::_exit(127);
   }
+  return child;
+}
+int status_of(pid_t child) {
   int status = -1;
   EXPECT_EQ(::waitpid(child, &status, 0), child);
   return status;
+}
+// \returns its wait status
+int run_client(const std::string& what, const cuda::MemoryHandle& handle, const fs::path& file, std::size_t offset,
+               std::size_t bytes) {
+  return status_of(start_client(what, handle, file, offset, bytes));
 }
 
 class SharedDeviceMemory : public testing::Test {
@@ -156,6 +167,35 @@ TEST_F(SharedDeviceMemory, OutlivesAProcessThatIsKilledWithAMapping) {
   const std::vector<char> now = read_over_there(memory, 0, bytes);
   ASSERT_EQ(now.size(), bytes);
   EXPECT_EQ(std::memcmp(now.data(), poses.data(), bytes), 0);
+}
+
+// CUDA does not say what a mapping is whose memory was freed. A process that does not give it up must not see what the
+// memory is used for next.
+TEST_F(SharedDeviceMemory, ShowsNothingOfWhatComesAfterItToWhoKeepsAMapping) {
+  constexpr std::size_t kBytes = std::size_t{64} << 20;
+  constexpr char kSecret = 0x5a;
+  const fs::path file = folder_ / "held", mapped = folder_ / "held.mapped", go = folder_ / "held.go";
+  ASSERT_EQ(::mkfifo(mapped.c_str(), 0600), 0);
+  ASSERT_EQ(::mkfifo(go.c_str(), 0600), 0);
+  pid_t child = 0;
+  {
+    const cuda::SharedMemory memory(0, kBytes);
+    child = start_client("hold", memory.handle(), file, 0, kBytes);
+    std::ifstream wait(mapped, std::ios::binary);  // until the other end is opened
+  }
+  std::vector<std::unique_ptr<DeviceMemory>> later;  // wherever they come to lie
+  for (int i = 0; i < 64; ++i) {
+    later.push_back(std::make_unique<DeviceMemory>(i % 2 ? kBytes : kBytes / 32));
+    later.back()->fill(kSecret);
+  }
+  std::ofstream(go, std::ios::binary).flush();
+  const int status = status_of(child);
+  ASSERT_TRUE(WIFEXITED(status) && (WEXITSTATUS(status) == 0 || WEXITSTATUS(status) == 3)) << status;
+  std::ifstream in(file, std::ios::binary);
+  const std::vector<char> seen{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  std::printf("a mapping whose memory was freed: %s\n",
+              seen.empty() ? "cannot be read" : "reads what was there, or zeros");
+  EXPECT_EQ(std::count(seen.begin(), seen.end(), kSecret), 0);
 }
 
 TEST_F(SharedDeviceMemory, NamesItsDevice) {

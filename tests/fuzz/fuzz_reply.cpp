@@ -80,6 +80,20 @@ void interpret(Bytes frame) {
       const auto states = wire::parse_states(payload);
       return touch(Bytes(states.states.data(), states.states.size_bytes()));
     }
+    case wire::FrameType::kPlan: {
+      const auto plan = wire::parse_plan(payload);
+      for (std::uint64_t i = 0; i < plan.columns.size(); ++i) {
+        const wire::PlanColumnRecord column = plan.columns[i];
+        require(column.offset <= plan.header.memory_bytes &&
+                    static_cast<unsigned __int128>(plan.header.rows) * column.row_bytes <=
+                        plan.header.memory_bytes - column.offset,
+                "columns lie in the plan's memory");
+      }
+      return;
+    }
+    case wire::FrameType::kPlanDone:
+      wire::parse_plan_done(payload);
+      return;
     case wire::FrameType::kStats: {
       const auto counters = wire::parse_stats(payload);
       for (std::uint64_t i = 0; i < counters.size(); ++i) wire::name_of(counters[i].name);

@@ -37,6 +37,12 @@ void check_reply(const MemoryFrame& frame) {
     case wire::FrameType::kSceneChanged:
       wire::parse_scene_changed(payload);
       break;
+    case wire::FrameType::kPlan:
+      wire::parse_plan(payload);
+      break;
+    case wire::FrameType::kPlanDone:
+      wire::parse_plan_done(payload);
+      break;
     case wire::FrameType::kError:
       require(!wire::parse_error(payload).text.empty(), "an error says why");
       break;

@@ -15,6 +15,7 @@
 #include "seeds.h"
 #include "server/loop.h"
 #include "server/outside/link.h"
+#include "tests/client/plan_payload.h"
 #include "tests/server/memory_transport.h"
 #include "tests/server/test_scene.h"
 #include "wire/lcm_frames.h"
@@ -201,6 +202,22 @@ void save_requests_and_replies() {
   Data refused;
   append_frame(refused, kMendHeader, simple_frame(wire::FrameType::kQuery, 1));
   save("request", "bad_empty_query", refused);
+  // Plans, for which this daemon has no GPU.
+  Data plans;
+  TestQuery plan;
+  plan.bodies = {1};
+  plan.plan_configurations = 3;
+  append_frame(plans, kMendHeader, plan.frame(1, wire::FrameType::kOpenPlan));
+  const wire::PlanRecord one{1, 0};
+  for (const auto type : {wire::FrameType::kRunPlan, wire::FrameType::kClosePlan})
+    append_frame(plans, kMendHeader, simple_frame(type, 2, std::as_bytes(std::span(&one, 1))));
+  save("request", "bad_plans", plans);
+  Data opened, done;
+  append_frame(opened, kMendHeader, simple_frame(wire::FrameType::kPlan, 1, wire::plan_payload()));
+  save("reply", "good_plan", opened);
+  const wire::PlanResult result{1, 5, 100'000, {}};
+  append_frame(done, kMendHeader, simple_frame(wire::FrameType::kPlanDone, 1, std::as_bytes(std::span(&result, 1))));
+  save("reply", "good_plan_done", done);
   Data error;
   wire::ErrorHeader why;
   why.code = static_cast<std::uint16_t>(wire::ErrorCode::kBusy);

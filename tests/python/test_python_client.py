@@ -13,7 +13,7 @@ from patience import PATIENCE_S
 
 TESTS = [
     "test_client.py", "test_client_errors.py", "test_client_scene.py", "test_prepared.py", "test_poses.py",
-    "test_model_pieces.py",
+    "test_model_pieces.py", "test_remote_plan.py", "test_joints.py",
 ]  # fmt: skip
 
 

@@ -25,7 +25,7 @@ class TestFolder {
 /// A scene file without meshes: table (static box), cup, link1, link2 (no pose), group arm.
 extern const char* const kSmallSceneYaml;
 
-/// Where this build puts its programs.
+/// Where this build puts its programs: beside this one, if it is there, since tests may be carried to another machine.
 std::string program(const std::string& name);
 
 struct Finished {

@@ -50,6 +50,7 @@ class MemoryFrame final : public Frame {
 struct MemoryClient {
   std::uint64_t id = next_client_id();
   bool alive = true;
+  bool is_local = true;  ///< on this machine, as the daemon sees it
   Rights rights = kAllRights;
   std::uint64_t room = std::numeric_limits<std::uint64_t>::max();  ///< bytes of the largest frame it takes
   std::deque<std::unique_ptr<MemoryFrame>> replies;
@@ -132,6 +133,10 @@ class MemoryTransport final : public Transport {
     bool alive() const override { return client_.alive; }
     std::uint64_t client() const override { return client_.id; }
     Rights rights() const override { return client_.rights; }
+    std::function<bool()> watch() const override {
+      if (!client_.is_local) return nullptr;
+      return [&client = client_] { return client.alive; };
+    }
 
    private:
     MemoryTransport& transport_;
@@ -155,6 +160,7 @@ struct TestQuery {
   std::vector<double> positions, weights;
   std::vector<std::byte> records;
   std::uint64_t scene_revision = 0;
+  std::uint32_t plan_configurations = 0;  ///< of kOpenPlan, which has none itself
 
   TestQuery() { header.max_distance = std::numeric_limits<double>::infinity(); }
   std::vector<std::byte> frame(std::uint64_t request_id, wire::FrameType type = wire::FrameType::kQuery) const {
@@ -165,8 +171,10 @@ struct TestQuery {
     const auto rows = [](std::size_t given, std::size_t each) {
       return static_cast<std::uint32_t>(each ? given / each : 0);
     };
-    q.configuration_count = std::max(rows(configurations.size(), bodies.size()), rows(positions.size(), joints.size()));
-    const bool has_configurations = type != wire::FrameType::kPairs;
+    q.configuration_count = type == wire::FrameType::kOpenPlan ? plan_configurations
+                                                               : std::max(rows(configurations.size(), bodies.size()),
+                                                                          rows(positions.size(), joints.size()));
+    const bool has_configurations = wire::has_configurations(type);
     const std::uint64_t payload =
         wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
     std::vector<std::byte> all_records = records;

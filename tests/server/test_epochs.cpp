@@ -63,6 +63,9 @@ class Epochs : public LoopTest {
         {"query", small_query().frame(1)},
         {"pairs", small_query().frame(1, FrameType::kPairs)},
         {"certify", small_query().frame(1, FrameType::kCertify)},
+        {"open plan", small_query().frame(1, FrameType::kOpenPlan)},
+        {"run plan", frame_of(FrameType::kRunPlan, wire::PlanRecord())},
+        {"close plan", frame_of(FrameType::kClosePlan, wire::PlanRecord())},
         {"poses", poses_frame(0.7)},
         {"attach", frame_of(FrameType::kAttach, attach)},
         {"an error", frame_of(FrameType::kRemoveBody, remove)},
@@ -138,7 +141,7 @@ TEST_F(Epochs, ADaemonThatRequiresThemAnswersWhoNamesNoneOnlyWhatIsHarmless) {
     EXPECT_EQ(wire::parse_error(frame->payload()).header.code, static_cast<std::uint16_t>(ErrorCode::kNewEpoch));
     ++refused;
   }
-  EXPECT_EQ(refused, 8);
+  EXPECT_EQ(refused, 11);
   EXPECT_EQ(ask(a_, in_version_2(requests_["query"], loop_->epoch()))->type(), FrameType::kReply);
 }
 

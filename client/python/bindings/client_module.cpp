@@ -17,6 +17,7 @@
 #include "columns.h"
 #include "connection.h"
 #include "matrices.h"
+#include "remote_plan.h"
 #include "wire/layout.h"
 
 namespace clearance::python {
@@ -257,6 +258,15 @@ class PyClient {
     return use().with([&](Client& client) { return client.certificate(query_of(query), numbers); });
   }
 
+  /// \param configurations how many; 0: the current poses
+  std::unique_ptr<PyRemotePlan> plan_on_device(const Query& asked, std::uint32_t configurations) const {
+    clearance::Query query = query_of(asked);
+    query.configurations = {};
+    query.positions = {};
+    return std::make_unique<PyRemotePlan>(
+        connection_, use().with([&](Client& client) { return client.plan_on_device(query, configurations); }));
+  }
+
   nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
                       std::int64_t sequence) const {
     if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
@@ -415,6 +425,7 @@ NB_MODULE(_client, m) {
   });
   bind_query(m);
   bind_answer(m);
+  bind_remote_plan(m);
 
   nb::class_<PyPending>(m, "Pending")
       .def("wait", &PyPending::wait, nb::arg("timeout_s"))
@@ -437,6 +448,7 @@ NB_MODULE(_client, m) {
       .def("ask", &PyClient::ask, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"), nb::arg("timeout_s"))
       .def("pairs", &PyClient::pairs, nb::arg("query"))
       .def("certificate", &PyClient::certificate, nb::arg("query"), nb::arg("rows").none())
+      .def("plan_on_device", &PyClient::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("set_points", &PyClient::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),

@@ -47,7 +47,7 @@ class Connection {
     return f(client_);
   }
 
-  /// Destroys a Reply or Pending, now or before the next call. Never blocks.
+  /// Destroys a Reply, Pending or RemotePlan, now or before the next call. Never blocks.
   template <class T>
   void discard(T&& object) {
     if (fork_guard_.forked()) {
@@ -70,7 +70,7 @@ class Connection {
 
  private:
   void empty_trash() {
-    std::vector<std::variant<Reply, Pending>> gone;
+    std::vector<std::variant<Reply, Pending, RemotePlan>> gone;
     const std::lock_guard lock(trash_mutex_);
     gone.swap(trash_);
   }
@@ -81,7 +81,7 @@ class Connection {
   std::string name_;  // the url at first
   double timeout_s_;
   std::mutex trash_mutex_;
-  std::vector<std::variant<Reply, Pending>> trash_;
+  std::vector<std::variant<Reply, Pending, RemotePlan>> trash_;
 };
 using ConnectionPtr = std::shared_ptr<Connection>;
 

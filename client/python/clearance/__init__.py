@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from ._coal import from_coal, from_pinocchio
     from ._device_plan import DeviceArray, DevicePlan, DeviceRows
     from ._engine_front import Engine
+    from ._remote_plan import RemotePlan
     from ._scene import Scene
 
 __all__ = [
@@ -78,6 +79,7 @@ __all__ = [
     "Prepared",
     "QueryError",
     "Reduce",
+    "RemotePlan",
     "RequestError",
     "Check",
     "Result",
@@ -106,6 +108,7 @@ _LAZY = {
     "DevicePlan": "._device_plan",
     "DeviceRows": "._device_plan",
     "Engine": "._engine_front",
+    "RemotePlan": "._remote_plan",
     "Scene": "._scene",
 }
 _NEED_ENGINE = ("DeviceArray", "DevicePlan", "DeviceRows", "Engine", "Scene", "from_pinocchio")

@@ -21,14 +21,17 @@ from ._arguments import (
     to_text,
 )
 from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import BodyState, Front, SceneChanged
+from ._front import BodyState, Front, Pairs, SceneChanged
 from ._future import Future
+from ._joints import JointsRef
 from ._names import BodyInfo, BodyRef, NameTable
+from ._plan_arguments import plan_query
 from ._poses import as_one_pose
 from ._query import Query
+from ._remote_plan import RemotePlan
 from ._result import Result
 from ._updates import PosesDone
-from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, ConvexifyWord, Reduce, Status
+from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, ConvexifyWord, Reduce, ReduceWord, Status
 from .wire import ErrorCode
 
 
@@ -220,6 +223,32 @@ class Client(Front):
     def _changed(self, revision: int, body_count: int, body: int, seconds: float) -> SceneChanged:
         self._names_cache = None
         return SceneChanged(revision, body_count, None if body == NONE else body, seconds)
+
+    def plan_on_device(
+        self,
+        configurations: int = 0,
+        bodies: Optional[Sequence[BodyRef]] = None,
+        pairs: Pairs = None,
+        fields: Union[str, Sequence[str], None] = None,
+        *,
+        joints: Optional[JointsRef] = None,
+        reduce: ReduceWord = "none",
+        **more: Any,
+    ) -> RemotePlan:
+        """A query that the daemon's GPU answers in its memory, which this process maps: no rows go through the host.
+
+        The arguments are those of Engine.plan_on_device(). Over shm:// and ipc://, on the daemon's machine; needs the
+        CUDA driver here, and nothing else of CUDA. The plan keeps the scene that it was made for: once an attachment, a
+        body or a reload has changed the daemon's, calls raise QueryError (WRONG_SCENE), and you make another one.
+
+        Raises as Engine.plan_on_device(), RequestError (BUSY) for more plans and memory than the daemon gives
+        (clearanced --help), and ConnectionError where this process has no driver or does not see that GPU.
+        """
+        self._names  # so that the scene's revision goes with the query
+        query, count = plan_query(self, configurations, bodies, pairs, fields, joints, reduce, more)
+        table = self._table(query.pairs, query.bodies, query.joints)
+        plan = self._guarded(self._use().plan_on_device, query.raw, count)
+        return RemotePlan(plan, query.bodies, table, query.joints, reduced=query.reduce != 0)
 
     def body_states(self) -> list[BodyState]:
         """Where each body is now, in the order of ids."""

@@ -20,7 +20,7 @@ class DeviceArray:
     """
 
     def __init__(self, address: int, shape: tuple[int, ...], dtype: np.dtype, owner: Any):
-        self.shape, self.dtype, self._owner = shape, dtype, owner
+        self.shape, self.dtype, self.address, self._owner = shape, dtype, address, owner
         self.__cuda_array_interface__ = {
             "shape": shape,
             "typestr": dtype.str,
@@ -68,16 +68,29 @@ class DevicePlan:
         reduced: bool = False,
     ):
         self._module, self._plan = module, plan
-        self.bodies, self.joints, self.pairs = bodies, joints, pairs
         configurations, count, mask = plan.shape
+        self._setup(configurations, count, mask, bodies, pairs, joints, reduced)
+        self._own: Optional[DeviceRows] = None
+        self._own_addresses: list[int] = []
+
+    def _setup(
+        self,
+        configurations: int,
+        count: int,
+        mask: int,
+        bodies: Optional[np.ndarray],
+        pairs: np.ndarray,
+        joints: Optional[np.ndarray],
+        reduced: bool,
+    ) -> None:
+        """mask: Field bits of its columns."""
+        self.bodies, self.joints, self.pairs = bodies, joints, pairs
         self.shape = (configurations,) if reduced else (configurations, count)
         self._given_shapes = {
             "poses": None if bodies is None else (configurations, len(bodies), 7),
             "positions": None if joints is None else (configurations, len(joints)),
         }
         self._columns = {name: column for name, column in COLUMNS.items() if mask >> column.bit & 1}
-        self._own: Optional[DeviceRows] = None
-        self._own_addresses: list[int] = []
 
     @property
     def device(self) -> int:
@@ -132,7 +145,7 @@ class DevicePlan:
         else:
             addresses = self._addresses_of(out)
             rows = DeviceRows(out)
-        self._plan.run(*given, addresses, _address_of_stream(stream))
+        self._plan.run(*given, addresses, address_of_stream(stream))
         return rows
 
     def _given(self, array: Any, what: str, moved: str) -> int:
@@ -155,6 +168,9 @@ class DevicePlan:
         return self._own, self._own_addresses
 
     def _addresses_of(self, out: Mapping[str, Any]) -> list[int]:
+        return _addresses({self._columns[name].bit: at for name, at in self._addresses_by_name(out).items()})
+
+    def _addresses_by_name(self, out: Mapping[str, Any]) -> dict[str, int]:
         if not isinstance(out, Mapping):
             raise TypeError(f"out: expected a dict of arrays, got {type(out).__name__}")
         at = {}
@@ -162,8 +178,8 @@ class DevicePlan:
             column = self._columns.get(name)
             if column is None:
                 raise ValueError(f"out: the plan has no column {name!r}{did_you_mean(name, list(self._columns))}")
-            at[column.bit] = self._address(array, f"out[{name!r}]", column.dtype, self._shape_of(name, column))
-        return _addresses(at)
+            at[name] = self._address(array, f"out[{name!r}]", column.dtype, self._shape_of(name, column))
+        return at
 
     def _shape_of(self, name: str, column: Column) -> tuple[int, ...]:
         if name == "gradient_joints":
@@ -218,7 +234,8 @@ def _strides_in_c_order(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...
     return tuple(reversed(strides))
 
 
-def _address_of_stream(stream: Any) -> int:
+def address_of_stream(stream: Any) -> int:
+    """Of a cudaStream_t; 0: the default stream."""
     if stream is None:
         return 0
     for name in ("cuda_stream", "ptr", "handle"):

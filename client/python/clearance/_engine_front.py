@@ -14,10 +14,11 @@ import clearance._engine as _engine
 from ._arguments import to_bool, to_count, to_integer, to_list, to_word
 from ._device_plan import DevicePlan
 from ._errors import TimeoutError
-from ._front import DEFAULTS, BodyState, Front, Pairs
+from ._front import BodyState, Front, Pairs
 from ._future import EngineFuture, Worker
 from ._joints import JointsRef
 from ._names import BodyRef, NameTable
+from ._plan_arguments import plan_query
 from ._query import POINTS_BY_DEFAULT, Query
 from ._scene import Scene, name_table
 from ._updates import PosesDone
@@ -123,20 +124,7 @@ class Engine(Front):
         (depths, the other reductions, bodies with a max_speed, poses that may be too old, surfaces), and for an engine
         without a GPU or of several.
         """
-        count = to_count(configurations, "configurations")
-        if fields is None and more.get("format") != "compact":
-            fields = "status" if reduce == "any" else ("lower", "upper")
-        asked: dict[str, Any] = {"pairs": pairs, "fields": fields, "reduce": reduce, **more}
-        if count == 0 and (bodies is not None or joints is not None):
-            raise ValueError(f"{'joints' if bodies is None else 'bodies'}: only together with configurations")
-        if count > 0:
-            if joints is not None:
-                ids = self._joint_table.ids_of(joints, "joints")
-                asked.update(joints=ids, positions=np.zeros((1, len(ids))))
-            if joints is None or bodies is not None:
-                moved = self._names.movable if bodies is None else self._names.bodies_array(bodies, "bodies")
-                asked.update(configurations=np.zeros((1, len(moved), 7)), bodies=moved)
-        query = self._parse(**{**DEFAULTS, **asked})
+        query, count = plan_query(self, configurations, bodies, pairs, fields, joints, reduce, more)
         plan = self._engine.plan_on_device(query.raw, count)
         table = self._table(query.pairs, query.bodies, query.joints)
         return DevicePlan(_engine, plan, query.bodies, table, query.joints, reduced=query.reduce != 0)

@@ -43,6 +43,9 @@ class FrameType(enum.IntEnum):
     GET_JOINTS = 14
     SET_POINTS = 15
     CERTIFY = 17
+    OPEN_PLAN = 18
+    RUN_PLAN = 19
+    CLOSE_PLAN = 20
     PONG = 0x81
     SCENE = 0x82
     REPLY = 0x83
@@ -53,6 +56,8 @@ class FrameType(enum.IntEnum):
     SCENE_CHANGED = 0x89
     JOINTS = 0x8A
     CERTIFICATE = 0x8C
+    PLAN = 0x8D
+    PLAN_DONE = 0x8E
     ERROR = 0xFF
 
 

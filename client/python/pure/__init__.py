@@ -21,7 +21,7 @@ from .connection import Connection
 from .matrices import poses_of_matrices
 from .requests import Session
 
-__all__ = ["OPTIONS", "Answer", "Client", "Pending", "Query", "poses_of_matrices", "wire_structs"]
+__all__ = ["OPTIONS", "Answer", "Client", "Pending", "Query", "RemotePlan", "poses_of_matrices", "wire_structs"]
 
 _CONTRACT = json.loads((pathlib.Path(__file__).parent / "contract.json").read_text())
 #: {name: (tag, kind, default, words, unit, text, bytes in a record)}: the rows of wire/query_options.h.
@@ -78,6 +78,36 @@ class Query:
         self.weights = each
 
 
+class RemotePlan:
+    """A plan in the memory of a daemon's GPU."""
+
+    def __init__(self, client: Client, header: Any, columns: list[tuple[int, int, int]]):
+        self._client, self._number = client, int(header["plan"])
+        self._scene_revision = int(header["scene_revision"])
+        names = ("memory_bytes", "poses_offset", "positions_offset", "configurations", "pairs")
+        self.info = (
+            header["memory_handle"].tobytes(),
+            header["device_uuid"].tobytes(),
+            *(int(header[name]) for name in names),
+            columns,
+            self._scene_revision,
+            int(header["snapshot_revision"]),
+        )
+
+    def run(self, timeout_s: Optional[float], check_scene: bool) -> tuple[int, int]:
+        scene = self._scene_revision if check_scene else 0
+        return self._client._with(self._client._session.run_plan, self._number, scene, timeout_s)
+
+    def close(self) -> None:
+        number, self._number = self._number, 0
+        if number:
+            self._client._with(self._client._session.close_plan, number)
+
+    def __del__(self) -> None:
+        if self._number:
+            self._client._discard(-self._number)
+
+
 class Client:
     """One connection, shared by the client object, its futures and the answers that view its memory."""
 
@@ -94,7 +124,10 @@ class Client:
             return call(*args)
 
     def _discard(self, request_id: int) -> None:
-        """Forgets a request, now or before the next call. Never blocks: it is called from destructors."""
+        """Forgets a request, or closes the plan of minus its number, now or before the next call.
+
+        Never waits for anybody: it is called from destructors.
+        """
         self._trash.append(request_id)
         if not self._session.connection.forked() and self._lock.acquire(blocking=False):
             try:
@@ -104,7 +137,8 @@ class Client:
 
     def _empty_trash(self) -> None:
         while self._trash:
-            self._session.forget(self._trash.popleft())
+            discarded = self._trash.popleft()
+            self._session.forget(discarded if discarded > 0 else self._session.send_close_plan(-discarded))
 
     @property
     def url(self) -> str:
@@ -140,6 +174,9 @@ class Client:
 
     def certificate(self, query: Query, rows: Optional[np.ndarray]) -> str:
         return self._with(self._session.certificate, query, rows)
+
+    def plan_on_device(self, query: Query, configurations: int) -> RemotePlan:
+        return RemotePlan(self, *self._with(self._session.open_plan, query, configurations))
 
     def set_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
         if len(ids) != len(poses):

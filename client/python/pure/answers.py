@@ -12,6 +12,7 @@ from .frames import Frame, malformed
 from .zmq_channel import aligned_bytes
 
 _ALIGNMENT = wire.COLUMN_ALIGNMENT
+_JOINTS_RECORD = 2  #: of a reply: ReplyRecord::kJoints
 
 
 class Answer(np.ndarray):
@@ -26,6 +27,7 @@ class Answer(np.ndarray):
     total: int
     configurations: int
     pairs: int
+    joints: int  #: numbers a row of gradient_joints; 0: without it
     scene_revision: int
     snapshot_revision: int
     snapshot_stamp_ns: int
@@ -44,9 +46,10 @@ class Answer(np.ndarray):
 
 def answer_of(frame: Frame, reduce: int, out: Optional[list], copy: bool, url: str) -> Answer:
     """Raises ConnectionError for a malformed reply, ValueError for arrays that do not fit it."""
-    header, columns = _parse(frame, url)
+    joints = frame.number(_JOINTS_RECORD, 4, url)
+    header, columns = _parse(frame, joints, url)
     given = {} if out is None else {bit: array for bit, array in enumerate(out) if array is not None}
-    _check_out(given, reduce, header)
+    _check_out(given, reduce, header, joints)
     rows = int(header["rows"])
     if copy:
         answer, offsets = _copied(frame, columns, given)
@@ -61,6 +64,7 @@ def answer_of(frame: Frame, reduce: int, out: Optional[list], copy: bool, url: s
         offsets = {bit: begin - first for bit, (begin, _) in columns.items()}
     answer._offsets = offsets
     answer.rows = answer.capacity = rows
+    answer.joints = joints
     for name in (
         "fields", "total", "configurations", "pairs", "scene_revision", "snapshot_revision", "snapshot_stamp_ns",
         "snapshot_sequence", "pose_age_ns", "engine_ns", "server_ns",
@@ -70,7 +74,12 @@ def answer_of(frame: Frame, reduce: int, out: Optional[list], copy: bool, url: s
     return answer
 
 
-def _parse(frame: Frame, url: str) -> tuple[np.ndarray, dict[int, tuple[int, int]]]:
+def column_shape(name: str, joints: int) -> tuple[int, ...]:
+    """What a row of a column has."""
+    return (joints,) if name == "gradient_joints" else COLUMNS[name].shape
+
+
+def _parse(frame: Frame, joints: int, url: str) -> tuple[np.ndarray, dict[int, tuple[int, int]]]:
     """The reply's header, and where each column lies in the payload: begin and bytes."""
     size = wire._wire.ReplyHeader.itemsize
     if len(frame.payload) < size:
@@ -80,9 +89,9 @@ def _parse(frame: Frame, url: str) -> tuple[np.ndarray, dict[int, tuple[int, int
     if fields & ~KNOWN_FIELDS:
         raise malformed(url, f"fields has unknown bits: {fields:#x}")
     columns, at = {}, size
-    for column in COLUMNS.values():
+    for name, column in COLUMNS.items():
         if fields >> column.bit & 1:
-            bytes_of_it = rows * column.dtype.itemsize * int(np.prod(column.shape, dtype=np.int64))
+            bytes_of_it = rows * column.dtype.itemsize * int(np.prod(column_shape(name, joints), dtype=np.int64))
             columns[column.bit] = at, bytes_of_it
             at = _padded(at + bytes_of_it)
     if at != len(frame.payload):
@@ -107,7 +116,7 @@ def _copied(
     return answer, offsets
 
 
-def _check_out(given: dict[int, np.ndarray], reduce: int, header: np.ndarray) -> None:
+def _check_out(given: dict[int, np.ndarray], reduce: int, header: np.ndarray, joints: int) -> None:
     """Every array has the shape of the answer ("within": room for all rows), and memory of its own."""
     rows, k, pairs = int(header["rows"]), int(header["configurations"]), int(header["pairs"])
     names = {column.bit: name for name, column in COLUMNS.items()}
@@ -122,7 +131,7 @@ def _check_out(given: dict[int, np.ndarray], reduce: int, header: np.ndarray) ->
             lead = (k, pairs)
         elif reduce == Reduce.NEAREST:
             lead = (k, rows // k if k else 0)
-        expected = lead + COLUMNS[names[bit]].shape
+        expected = lead + column_shape(names[bit], joints)
         is_within = reduce == Reduce.WITHIN
         fits = array.ndim == len(expected) and array.shape[1:] == expected[1:]
         if fits and (array.shape[0] >= rows if is_within else array.shape == expected):

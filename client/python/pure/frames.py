@@ -33,16 +33,20 @@ class Frame:
 
     def epoch(self, url: str) -> int:
         """Which run of the daemon has answered; 0: it is too old to say."""
-        at, epoch = 0, 0
+        return self.number(CommonRecord.EPOCH, 8, url)
+
+    def number(self, wanted: int, width: int, url: str) -> int:
+        """The unsigned number of so many bytes in the record of that tag; 0: there is none."""
+        at, number = 0, 0
         while at < len(self.records):
             tag, _, size = _RECORD.unpack_from(self.records, at)
             at += _RECORD.size
             if size > len(self.records) - at:
                 raise malformed(url, "a record goes past the end")
-            if tag == CommonRecord.EPOCH and size == 8:
-                (epoch,) = struct.unpack_from("<Q", self.records, at)
+            if tag == wanted and size == width:
+                number = int.from_bytes(self.records[at : at + size], "little")
             at += -(-size // 8) * 8
-        return epoch
+        return number
 
 
 def malformed(url: str, why: str) -> ConnectionError:

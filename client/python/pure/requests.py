@@ -13,6 +13,7 @@ from .. import wire
 from .._errors import ConnectionError, NewEpoch, QueryError, TimeoutError
 from .._words import COLUMNS, GROUP_BIT, MAX_NAME_BYTES, NONE, Field, Reduce
 from ..wire import MAX_FRAME_BYTES, MAX_REQUEST_BYTES, ErrorCode, FrameType, QueryRecord
+from .answers import column_shape
 from .connection import Connection, parse_error, refusal
 from .frames import Frame, header_bytes, malformed, name_of_type, record
 
@@ -31,6 +32,14 @@ _BODY_DOUBTS = 20  #: tag of the record of a new body that says what is not know
 _BODY_TRIANGLES = 21  #: of a mesh, whose vertices are the body's
 _BODY_CONVEXIFY = 22  #: what that mesh is
 _BODY_POINTS = 23  #: of a cloud
+
+
+#: More than any reply about a plan has.
+_PLAN_BYTES = 1024
+
+
+def _plan_record(number: int) -> bytes:
+    return struct.pack("<QQ", number, 0)
 
 
 class Scene(NamedTuple):
@@ -134,16 +143,23 @@ class Session:
 
     # ---- queries --------------------------------------------------------------------------------------------------
 
-    def send_query(self, query: Any, type: FrameType = FrameType.QUERY, rows: Optional[np.ndarray] = None) -> int:
+    def send_query(
+        self,
+        query: Any,
+        type: FrameType = FrameType.QUERY,
+        rows: Optional[np.ndarray] = None,
+        plan: Optional[int] = None,
+    ) -> int:
+        """plan: of OPEN_PLAN, how many configurations it has."""
         asked = query.__dict__
-        is_query, has_configurations = type == FrameType.QUERY, type != FrameType.PAIRS
+        is_query, has_configurations = type == FrameType.QUERY, type not in (FrameType.PAIRS, FrameType.OPEN_PLAN)
         revision = self._revision_of_ids()
         pairs, bodies, poses = query.pairs, query.bodies, query.configurations
         configurations = poses if poses is not None else query.positions
         header = wire.query_header(
             pair_count=0 if pairs is None else len(pairs),
             body_count=0 if bodies is None else len(bodies),
-            configuration_count=0 if configurations is None else len(configurations),
+            configuration_count=plan if plan is not None else 0 if configurations is None else len(configurations),
             all_pairs=pairs is None,
             **{name: asked[name] for name, row in self._options.items() if not row[0]},
         )
@@ -165,7 +181,10 @@ class Session:
         if rows is not None:
             tagged[QueryRecord.ROWS] = np.ascontiguousarray(rows, np.uint64).tobytes()
         records = b"".join(record(tag, tagged[tag]) for tag in sorted(tagged))
-        expected = self._expected_reply_bytes(header, pairs) if is_query else 0
+        joints = 0 if query.joints is None else len(query.joints)
+        expected = self._expected_reply_bytes(header, pairs, joints) if is_query else 0
+        if plan is not None:
+            expected = _PLAN_BYTES
         request_id = self._send(type, parts, revision, records, expected)
         if later or arrays:
             self._sent_in_records[request_id] = ", ".join([*later, *(name for name in arrays if name != "positions")])
@@ -178,6 +197,29 @@ class Session:
             raise malformed(self.connection.url, f"{count} pairs in {len(frame.payload)} bytes")
         return np.frombuffer(frame.payload, np.uint32, 2 * count, 16).reshape(-1, 2).copy() if count else _NO_PAIRS
 
+    def open_plan(self, query: Any, configurations: int) -> tuple[Any, list[tuple[int, int, int]]]:
+        """A PlanHeader, and its columns as [(field, bytes a row, offset)]."""
+        frame = self._receive(self.send_query(query, FrameType.OPEN_PLAN, None, configurations), "PLAN")
+        header = self._records(frame, 0, "PlanHeader", 1)[0]
+        columns = self._records(frame, header.nbytes, "PlanColumnRecord")
+        inside = all(
+            int(c["offset"]) + int(header["rows"]) * int(c["row_bytes"]) <= int(header["memory_bytes"]) for c in columns
+        )
+        if len(columns) != header["column_count"] or not inside:
+            raise malformed(self.connection.url, "a plan whose columns do not lie in its memory")
+        return header, [(int(c["field"]), int(c["row_bytes"]), int(c["offset"])) for c in columns]
+
+    def run_plan(self, number: int, scene_revision: int, timeout_s: Optional[float]) -> tuple[int, int]:
+        request = self._send(FrameType.RUN_PLAN, [_plan_record(number)], scene_revision, b"", _PLAN_BYTES)
+        done = self._whole(self._receive(request, "PLAN_DONE", timeout_s), "PlanResult")
+        return int(done["snapshot_revision"]), int(done["took_ns"])
+
+    def send_close_plan(self, number: int) -> int:
+        return self._send(FrameType.CLOSE_PLAN, [_plan_record(number)], 0, b"", _PLAN_BYTES)
+
+    def close_plan(self, number: int) -> None:
+        self._receive(self.send_close_plan(number), "PLAN_DONE")
+
     def certificate(self, query: Any, rows: Optional[np.ndarray]) -> str:
         """The document. rows: (R,) numbers; None: all."""
         frame = self._receive(self.send_query(query, FrameType.CERTIFY, rows), "CERTIFICATE")
@@ -186,7 +228,7 @@ class Session:
         except UnicodeDecodeError as error:
             raise malformed(self.connection.url, f"the certificate is no UTF-8: {error}") from None
 
-    def _expected_reply_bytes(self, q: np.ndarray, pairs: Optional[np.ndarray]) -> int:
+    def _expected_reply_bytes(self, q: np.ndarray, pairs: Optional[np.ndarray], joints: int) -> int:
         """Bytes of the reply, as far as can be said; 0: the daemon knows better."""
         rows = max(int(q["configuration_count"]), 1)
         reduce, scene = int(q["reduce"]), self._scene
@@ -205,10 +247,11 @@ class Session:
         fields = int(q["fields"]) | (Field.COMPACT if q["format"] else 0)
         if reduce != Reduce.NONE:
             fields |= Field.PAIR | Field.CONFIGURATION
-        size = 64 + wire._wire.ReplyHeader.itemsize + 16
-        for column in COLUMNS.values():
+        size = 64 + wire._wire.ReplyHeader.itemsize + 2 * 16  # of records: the epoch, and how many joints there are
+        for name, column in COLUMNS.items():
             if fields >> column.bit & 1:
-                size += -(-rows * column.dtype.itemsize * int(np.prod(column.shape, dtype=int)) // 64) * 64
+                each = int(np.prod(column_shape(name, joints), dtype=int))
+                size += -(-rows * column.dtype.itemsize * each // 64) * 64
         return size if size <= MAX_FRAME_BYTES else 0
 
     # ---- scene ----------------------------------------------------------------------------------------------------

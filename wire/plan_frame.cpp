@@ -1,0 +1,67 @@
+// Plans in a device's memory: where their poses and columns lie.
+#include "checks.h"
+
+namespace clearance::wire {
+namespace {
+
+/// Refuses a part that does not lie in the memory behind the parts before it. \param end of these, and then its own
+void expect_inside(const std::string& what, std::uint64_t offset, Wide bytes, std::uint64_t memory,
+                   std::uint64_t& end) {
+  if (offset < end || Wide(offset) + bytes > memory)
+    bad_frame("plan: " + what + " are " + str(bytes) + " bytes from " + str(offset) + " on, expected them from " +
+              str(end) + " on in a memory of " + str(memory));
+  end = offset + static_cast<std::uint64_t>(bytes);
+}
+
+}  // namespace
+
+PlanParts parse_plan(std::span<const std::byte> payload) {
+  PlanParts parts;
+  parts.header = head<PlanHeader>(payload, "plan");
+  const PlanHeader& h = parts.header;
+  expect_size(
+      "plan", [&] { return str(h.column_count) + " columns"; },
+      Wide(sizeof h) + Wide(h.column_count) * sizeof(PlanColumnRecord), payload.size());
+  expect_zero(h.reserved, "plan");
+  if (h.plan == 0) bad_frame("plan: its number is 0");
+  if (h.fields & ~kKnownFields) bad_frame("plan: fields has unknown bits: " + str(h.fields & ~kKnownFields));
+  std::uint64_t end = 0;
+  if (h.body_count)
+    expect_inside("poses", h.poses_offset, Wide(h.configurations) * h.body_count * sizeof(ConfigurationRecord),
+                  h.memory_bytes, end);
+  if (h.joint_count)
+    expect_inside("positions", h.positions_offset, Wide(h.configurations) * h.joint_count * sizeof(double),
+                  h.memory_bytes, end);
+  parts.columns = Cursor(payload.data() + sizeof h).take<PlanColumnRecord>(h.column_count);
+  std::uint64_t next = 0;
+  for (int f = 0; f < kFieldCount; ++f) {
+    if (!(h.fields >> f & 1)) continue;
+    const PlanColumnRecord column = next < h.column_count ? parts.columns[next] : PlanColumnRecord{};
+    if (column.field != 1u << f || column.row_bytes != field_bytes(f, h.joint_count))
+      bad_frame("plan: columns[" + str(next) + "] is none of " + str(field_bytes(f, h.joint_count)) +
+                " bytes a row of the field " + str(1u << f));
+    if (column.offset % kColumnAlignment)
+      bad_frame("plan: columns[" + str(next) + "] begins at " + str(column.offset) + ", expected a multiple of " +
+                str(kColumnAlignment));
+    expect_inside("columns[" + str(next) + "]", column.offset, Wide(h.rows) * column.row_bytes, h.memory_bytes, end);
+    ++next;
+  }
+  if (next != h.column_count) bad_frame("plan: " + str(h.column_count) + " columns, and fields of " + str(next));
+  return parts;
+}
+
+PlanRecord parse_plan_request(std::span<const std::byte> payload) {
+  const auto record = head<PlanRecord>(payload, "plan");
+  expect_size("plan", its_contents, sizeof record, payload.size());
+  if (record.reserved) bad_frame("plan: reserved words must be 0");
+  return record;
+}
+
+PlanResult parse_plan_done(std::span<const std::byte> payload) {
+  const auto result = head<PlanResult>(payload, "plan done");
+  expect_size("plan done", its_contents, sizeof result, payload.size());
+  expect_zero(result.reserved, "plan done");
+  return result;
+}
+
+}  // namespace clearance::wire
