@@ -79,7 +79,7 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
     const std::uint32_t i = first + threadIdx.x;
     Outcome outcome = Outcome::kNone;
-    if (i < count) {
+    if (i < count && !is_of_elements(r, Item(r, r.items[i]))) {
       const Item item(r, r.items[i]);
       PairAnswer answer = beyond_answer(0);  // of what is passed over
       if (!is_decided_before(r, item)) {

@@ -7,6 +7,7 @@
 // no order.
 #pragma once
 
+#include "engine/cuda/outer_box.cuh"
 #include "engine/cuda/overlap_kernel.cuh"
 #include "engine/cuda/pair_kernel.cuh"
 #include "engine/cuda/pair_table.cuh"
@@ -47,6 +48,13 @@ __device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i
   if (!r.keys) return r.items[i];
   const PairRef ref = listed_item(r, i).ref;
   return position_of(r.table, ref.a, ref.b);
+}
+
+// Whether one of its bodies is a cloud: element_kernel.cuh looks at it.
+__device__ inline bool is_of_elements(const ReducedView& r, const Item& item) {
+  const std::uint32_t* const of_body = r.elements.of_body;
+  return of_body && (of_body[body_of(r.chunk.bodies, item.ref.a)] != kNone ||
+                     of_body[body_of(r.chunk.bodies, item.ref.b)] != kNone);
 }
 
 // Where a row's last run has ended; null: it begins cold.
@@ -98,45 +106,6 @@ __device__ inline float from_order_key(std::uint32_t key) {
   return __uint_as_float(key >> 31 ? key & ~(1u << 31) : ~key);
 }
 
-__device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref, std::uint32_t k) {
-  const OuterBox* box = ref & kMovedBit ? bodies.moved_box + std::size_t{k} * bodies.moved_count + (ref & ~kMovedBit)
-                                        : bodies.fixed_box + ref;
-  const auto* halves = reinterpret_cast<const float4*>(box);
-  const float4 p = __ldg(halves), q = __ldg(halves + 1);
-  return {p.x, p.y, p.z, p.w, q.x, q.y, {0, 0}};
-}
-__device__ inline bool is_empty(const OuterBox& box) {
-  return box.low_x > box.high_x;
-}
-// No more than certify_box_gap() of the boxes: 2^-20 is more than the few roundings take. Finite. Below 0: how far the
-// boxes overlap.
-__device__ inline float gap_below(const OuterBox& a, const OuterBox& b) {
-  constexpr float kMost = 3.4028234e38f;
-  float x = fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), y = fmaxf(b.low_y - a.high_y, a.low_y - b.high_y),
-        z = fmaxf(b.low_z - a.high_z, a.low_z - b.high_z);
-  if (const float most = fmaxf(x, fmaxf(y, z)); most <= 0) return most;
-  x = fmaxf(x, 0.0f);
-  y = fmaxf(y, 0.0f);
-  z = fmaxf(z, 0.0f);
-  const float squared = x * x + y * y + z * z;
-  const float gap = squared < kMost ? sqrtf(squared) : fmaxf(x, fmaxf(y, z));
-  return fminf(gap, kMost) * (1 - 0x1p-20f);
-}
-
-// The square of how far boxes are apart, up to a few roundings; 0: they touch. Infinite for those of bodies without a
-// usable pose, and where it overflows.
-__device__ inline float squared_gap(const OuterBox& a, const OuterBox& b) {
-  const float x = fmaxf(fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), 0.0f),
-              y = fmaxf(fmaxf(b.low_y - a.high_y, a.low_y - b.high_y), 0.0f),
-              z = fmaxf(fmaxf(b.low_z - a.high_z, a.low_z - b.high_z), 0.0f);
-  return __fmaf_rn(x, x, __fmaf_rn(y, y, z * z));
-}
-// What squared_gap() is not above unless boxes are proved to be farther apart than the distance. The margin is more
-// than its few roundings take.
-__host__ __device__ inline float square_from_above(double distance) {
-  return detail::float_above(distance * distance * (1 + 0x1p-18));
-}
-
 __device__ inline void clear_counts(const ReducedView& r) {
   if (blockIdx.x == 0 && threadIdx.x < kCounts) r.chunk.counts[threadIdx.x] = 0;
 }
@@ -170,7 +139,8 @@ __device__ inline bool has_usable_pair(std::uint64_t seed) {
 
 // An upper bound on the distance, wherever a run is, and not below 0; infinite: none is proved. What has not ended has
 // a simplex all the same.
-__device__ inline double upper_so_far(const Run<Hull<SceneVertices>>& run) {
+template <class Hull>
+__device__ inline double upper_so_far(const Run<Hull>& run) {
   const Simplex<double>& s = run.g.simplex;
   const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then its weights are of no use
   const double length = norm(encloses ? s.vertex[0].w : SimplexPoint<double>(s).w);
@@ -200,8 +170,10 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const W
   return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
 }
 
-// One thread for each group.
-__global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constant__ ReducedView r) {
+// What the seeds cut off, a thread for each group. \param asks of a seed whether it is this kernel's. \param cutoff of
+// one; gets its row in the chunk, too
+template <class Asks, class Cutoff>
+__device__ inline void cut_off_by_seed(const ReducedView& r, const Asks& asks, const Cutoff& cutoff) {
   const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
   if (at >= std::uint64_t{r.chunk.configurations} * r.groups) return;
   const std::uint64_t seed = r.seed[at];
@@ -209,11 +181,17 @@ __global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constan
   const auto k = static_cast<std::uint32_t>(at / r.groups);
   const std::uint32_t row = k * r.chunk.pair_count + static_cast<std::uint32_t>(seed);
   const Item item(r, row);
+  if (!asks(item)) return;
   bool taken = false;  // by the thread of the pair's other group
   for_groups(r, item, [&](std::size_t g) { taken |= g < at && r.seed[g] == seed; });
   if (taken) return;
-  const auto key = static_cast<std::uint64_t>(__double_as_longlong(cutoff_of(r.chunk, item, warm_row(r, row))));
+  const auto key = static_cast<std::uint64_t>(__double_as_longlong(cutoff(item, row)));
   for_groups(r, item, [&](std::size_t g) { take_least(r.cutoff + g, key); });
+}
+__global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constant__ ReducedView r) {
+  cut_off_by_seed(
+      r, [&](const Item& item) { return !is_of_elements(r, item); },
+      [&](const Item& item, std::uint32_t row) { return cutoff_of(r.chunk, item, warm_row(r, row)); });
 }
 
 // Lists the pairs that must be looked at, in no order.
@@ -323,11 +301,12 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       enclosed.pair = item.p;
       enclosed.configuration = item.k;
-      several = has_several(c.hulls, at_a.body, at_b.body);
+      const bool elements = is_of_elements(r, item);
+      several = !elements && has_several(c.hulls, at_a.body, at_b.body);
       PairAnswer answer;
       WarmRow* const warm = kWarm ? warm_row(r, listed_row(r, i)) : nullptr;
       const S slack = known_slack<S>(c, item.ref, item.k);
-      if (!several) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
+      if (!several && !elements) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
       if (outcome == Outcome::kEnclosed)
         outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
