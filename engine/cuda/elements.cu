@@ -49,8 +49,8 @@ void start_element_seeds(const ReducedView& r, cudaStream_t stream) {
 
 void start_elements(const ReducedView& r, cudaStream_t stream) {
   const auto kernel = r.reduce == Reduce::kAny ? look_at_elements<true> : look_at_elements<false>;
-  const unsigned most = blocks_of(r.capacity, kElementsAtOnce * kElementThreads / 32);
-  kernel < <<most<kElementBlocks ? most : kElementBlocks, kElementThreads, 0, stream>>>(r);
+  const unsigned blocks = std::min(blocks_of(r.capacity, kElementsAtOnce * kElementThreads / 32), kElementBlocks);
+  kernel<<<blocks, kElementThreads, 0, stream>>>(r);
   check(cudaGetLastError(), "starting a kernel");
 }
 

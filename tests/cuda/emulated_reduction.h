@@ -231,7 +231,7 @@ class HostReduction {
   }
   template <bool kAny>
   void look_at_clouds() {
-    if (r_.elements.count > 0) launch(500, kElementThreads, [&] { look_at_elements<kAny>(r_); });
+    if (r_.elements.count > 0) launch(100, kElementThreads, [&] { look_at_elements<kAny>(r_); });
   }
   // The CPU's answers to what is left.
   void settle() {

@@ -1,6 +1,7 @@
 // The kernel that looks at clouds (engine/cuda/element_kernel.cuh), without a GPU: its code compiled for the host, its
-// intervals held against the CPU's and against the distances of all points.
-#include "engine/narrow/certify.h"
+// intervals held against the CPU's and before the exact judge.
+#include "cloud_case.h"
+#include "tests/exact/exact_surface.h"
 // Behind all that is included elsewhere.
 #include "emulated_reduction.h"
 
@@ -8,58 +9,7 @@ namespace clearance::test {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-
-enum class Kind { kPoints, kGrown, kVoxels };
-
-// Some convex bodies that move, one of them of two pieces, before a cloud that stays and a box.
-struct Case {
-  Case(Kind kind, std::size_t points, double room, std::uint32_t configurations, std::uint64_t seed, bool cloud_first) {
-    Random random(seed);
-    std::vector<CloudPoint> cloud;
-    for (std::size_t i = 0; i < points; ++i) {  // a sheet with waves, a heap, and some far away
-      const double u = random.uniform(-1, 1), v = random.uniform(-1, 1);
-      const Vec3d p = i % 10 == 9  ? Vec3d{random.uniform(-3, 3), random.uniform(-3, 3), random.uniform(-3, 3)}
-                      : i % 3 == 0 ? Vec3d{0.3 * u, 0.3 * v, 0.4 + 0.2 * random.uniform(-1, 1)}
-                                   : Vec3d{u, v, 0.2 * std::sin(4 * u) * std::cos(3 * v)};
-      cloud.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
-    }
-    const auto add_cloud = [&] {
-      Scene::BodyOptions options{.is_static = true, .pose = random.pose(0.2)};
-      if (kind == Kind::kGrown) options.radius = 0.03;
-      scene.add_points("cloud", cloud, kind == Kind::kVoxels ? 0.05 : 0, options);
-    };
-    if (cloud_first) add_cloud();
-    scene.add_hull("hull", cloud_on_sphere(60, 0.3, 4), {});
-    scene.add_box("box", {0.3, 0.5, 0.1}, {});
-    scene.add_capsule("capsule", 0.1, 0.4, {});
-    Body two;
-    two.name = "two";
-    two.pieces = {make_piece({{0, 0, 0}, {0.2, 0, 0}, {0, 0.2, 0}, {0, 0, 0.2}}),
-                  make_piece({{0.3, 0, 0}, {0.5, 0, 0}, {0.4, 0.2, 0}, {0.4, 0, 0.3}, {0.45, 0.3, 0.3}}, 0.02)};
-    scene.add_body(std::move(two));
-    if (!cloud_first) add_cloud();
-    scene.add_box("wall", {0.1, 2, 2}, {.is_static = true, .pose = Pose{{1.5, 0, 0}}});
-    const std::uint32_t first = cloud_first ? 1 : 0, cloud_at = cloud_first ? 0 : 4;
-    for (std::uint32_t b = first; b < first + 4; ++b) {
-      bodies.push_back(b);
-      pairs.push_back(b % 2 ? BodyPair{cloud_at, b} : BodyPair{b, cloud_at});
-      pairs.push_back({b, 5});
-    }
-    for (std::size_t i = 0; i < configurations * bodies.size(); ++i) poses.push_back(random.pose(room));
-    q.all_pairs = false;
-    q.fields = kAllFields;
-    q.configuration_count = configurations;
-    q.pairs = pairs;
-    q.bodies = bodies;
-    q.configurations = poses;
-  }
-
-  Scene scene;
-  std::vector<std::uint32_t> bodies;
-  std::vector<BodyPair> pairs;
-  std::vector<Pose> poses;
-  QueryView q;
-};
+constexpr CloudKind kKinds[] = {CloudKind::kPoints, CloudKind::kGrown, CloudKind::kVoxels};
 
 struct Found {
   std::uint64_t apart = 0, overlap = 0, beyond = 0, open = 0, left = 0, rows = 0, narrow = 0;
@@ -82,44 +32,156 @@ struct Found {
 };
 
 TEST(ElementKernels, HoldWhatTheCpuHolds) {
-  for (const Kind kind : {Kind::kPoints, Kind::kGrown, Kind::kVoxels})
-    for (const bool cloud_first : {true, false}) {
-      Found min, within, nearest, any;
-      for (const double room : {0.5, 1.0, 2.5}) {
-        Case c(kind, 700, room, 17, 5, cloud_first);
-        c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
-        const Engine cpu(std::move(c.scene), {"cpu"});
-        const auto run = [&](Found& found, const std::string& what) {
-          HostReduction reduction(cpu, c.q);
-          found.left += reduction.compare_bounds(what + ", kind " + std::to_string(static_cast<int>(kind)) + ", room " +
-                                                 std::to_string(room));
-          found.add(reduction, c.q);
-        };
-        for (const double distance : {kInf, 0.3, 0.02}) {
-          c.q.max_distance = distance;
-          const std::string what = "within " + std::to_string(distance);
-          c.q.reduce = Reduce::kMin;
-          run(min, "min " + what);
-          c.q.reduce = Reduce::kNearest;
-          run(nearest, "nearest " + what);
-          c.q.reduce = Reduce::kWithin;
-          run(within, "within " + what);
-        }
-        c.q.max_distance = kInf;
-        c.q.reduce = Reduce::kAny;
-        for (const double margin : {0.0, 1e-6, 0.02, 0.3}) {
-          c.q.margin = margin;
-          run(any, "any " + std::to_string(margin));
-        }
+  for (const CloudKind kind : kKinds) {
+    Found min, within, nearest, any;
+    for (const double room : {0.5, 1.0, 2.5}) {
+      CloudCase c(kind, 700, room, 9, 5, room == 1);
+      c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
+      const Engine cpu(std::move(c.scene), {"cpu"});
+      const auto run = [&](Found& found, const std::string& what) {
+        HostReduction reduction(cpu, c.q);
+        found.left += reduction.compare_bounds(what + ", kind " + std::to_string(static_cast<int>(kind)) + ", room " +
+                                               std::to_string(room));
+        found.add(reduction, c.q);
+      };
+      for (const double distance : {kInf, 0.1}) {
+        c.q.max_distance = distance;
+        const std::string what = "within " + std::to_string(distance);
+        c.q.reduce = Reduce::kMin;
+        run(min, "min " + what);
+        c.q.reduce = Reduce::kNearest;
+        run(nearest, "nearest " + what);
+        c.q.reduce = Reduce::kWithin;
+        run(within, "within " + what);
       }
-      for (const Found& found : {min, within, nearest, any}) {
-        EXPECT_GT(found.overlap, 10u);
-        EXPECT_LT(found.left, found.rows / 10) << "few are the CPU's to finish";
+      c.q.max_distance = kInf;
+      c.q.reduce = Reduce::kAny;
+      for (const double margin : {0.0, 0.02, 0.3}) {
+        c.q.margin = margin;
+        run(any, "any " + std::to_string(margin));
       }
-      for (const Found& found : {min, nearest, any}) EXPECT_GT(found.beyond, 5u);
-      for (const Found& found : {min, within, nearest}) EXPECT_GT(found.narrow, 5u);
-      EXPECT_GT(any.apart, 5u) << "within their margins, and apart";
     }
+    for (const Found& found : {min, within, nearest, any}) {
+      EXPECT_GT(found.overlap, 10u);
+      EXPECT_LT(found.left, found.rows / 10) << "few are the CPU's to finish";
+    }
+    for (const Found& found : {min, nearest, any}) EXPECT_GT(found.beyond, 3u);
+    for (const Found& found : {min, within, nearest}) EXPECT_GT(found.narrow, 5u);
+    EXPECT_GT(any.apart, 3u) << "within their margins, and apart";
+  }
+}
+
+// The exact distance of two bodies between its neighbours among the doubles; 0: they overlap.
+struct Exact {
+  double below = kInf, above = kInf;
+};
+// A cloud for the judge: its points as triangles of one corner each, its voxels as solids.
+struct JudgedCloud {
+  std::vector<Vec3d> vertices;
+  std::vector<Triangle> triangles;
+  bool is_solid;
+
+  explicit JudgedCloud(const Surface& cloud) : is_solid(cloud.edge() > 0) {
+    for (std::uint32_t i = 0; i < cloud.size(); ++i) {
+      const auto first = static_cast<std::uint32_t>(vertices.size());
+      const ElementCorners corners = cloud.element(i);
+      vertices.insert(vertices.end(), corners.span().begin(), corners.span().end());
+      if (!is_solid) {
+        triangles.push_back({first, first, first});
+        continue;
+      }
+      constexpr std::uint32_t kFaces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
+                                              {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
+      for (const auto& f : kFaces) {
+        triangles.push_back({first + f[0], first + f[1], first + f[2]});
+        triangles.push_back({first + f[0], first + f[2], first + f[3]});
+      }
+    }
+  }
+};
+Exact judge(const Body& a, const Pose& at_a, const Body& b, const Pose& at_b) {
+  Exact least;
+  for (const PiecePtr& of_a : a.pieces)
+    for (const PiecePtr& of_b : b.pieces) {
+      std::vector<JudgedCloud> clouds;
+      clouds.reserve(2);
+      const auto view = [&](const Piece& piece) {
+        if (!piece.surface) return exact::BodyView{piece.vertices, {}, false, piece.radius};
+        const JudgedCloud& cloud = clouds.emplace_back(*piece.surface);
+        return exact::BodyView{cloud.vertices, cloud.triangles, cloud.is_solid, piece.radius};
+      };
+      const exact::BodyView view_a = view(*of_a), view_b = view(*of_b);
+      const exact::Value d = exact::exact_distance(view_a, at_a, view_b, at_b).distance;
+      const Exact one = d.compare(0) > 0 ? Exact{d.lower(), d.upper()} : Exact{0, 0};
+      least = {std::min(least.below, one.below), std::min(least.above, one.above)};
+    }
+  return least;
+}
+
+TEST(ElementKernels, HoldTheExactDistance) {
+  for (const CloudKind kind : kKinds) {
+    std::uint64_t apart = 0, overlap = 0, near = 0, far = 0;
+    for (const double room : {0.6, 1.2}) {
+      constexpr std::uint32_t kConfigurations = 8;
+      CloudCase c(kind, 90, room, kConfigurations, 11, true, 0.0625);  // whose voxels have exact corners
+      const Engine cpu(std::move(c.scene), {"cpu"});
+      const std::vector<Body>& bodies = cpu.scene().bodies();
+      const auto pose = [&](std::uint32_t k, std::uint32_t b) {
+        const auto at = std::find(c.bodies.begin(), c.bodies.end(), b);
+        if (at == c.bodies.end()) return *bodies[b].pose;
+        return c.poses[k * c.bodies.size() + static_cast<std::size_t>(at - c.bodies.begin())];
+      };
+      std::vector<Exact> exact;  // (K, P)
+      for (std::uint32_t k = 0; k < kConfigurations; ++k)
+        for (const BodyPair p : c.pairs) exact.push_back(judge(bodies[p.a], pose(k, p.a), bodies[p.b], pose(k, p.b)));
+      const auto exact_of = [&](std::uint32_t k, BodyPair p) {
+        return exact[k * c.pairs.size() +
+                     static_cast<std::size_t>(std::find(c.pairs.begin(), c.pairs.end(), p) - c.pairs.begin())];
+      };
+      const auto least = [&](std::uint32_t k) {
+        const auto begin = exact.begin() + static_cast<std::ptrdiff_t>(k * c.pairs.size());
+        return *std::min_element(begin, begin + static_cast<std::ptrdiff_t>(c.pairs.size()),
+                                 [](const Exact& a, const Exact& b) { return a.above < b.above; });
+      };
+      const auto holds = [&](const ReplyView& rows, std::uint64_t i, const Exact& d, const std::string& what) {
+        EXPECT_LE(rows.lower[i], d.below) << what << ", row " << i;
+        EXPECT_GE(rows.upper[i], d.above) << what << ", row " << i;
+        (d.above > 0 ? apart : overlap) += 1;
+      };
+      for (const Reduce reduce : {Reduce::kWithin, Reduce::kMin}) {
+        c.q.reduce = reduce;
+        c.q.max_distance = reduce == Reduce::kMin ? kInf : 1;
+        HostReduction reduction(cpu, c.q);
+        reduction.compare_bounds("judged");
+        const ReplyView& rows = reduction.rows();
+        std::uint64_t expected = 0;
+        for (const Exact& d : exact) expected += d.above <= 1;
+        EXPECT_EQ(reduction.row_count(), reduce == Reduce::kMin ? kConfigurations : expected);
+        for (std::uint64_t i = 0; i < reduction.row_count(); ++i) {
+          const std::uint32_t k = rows.configuration[i];
+          holds(rows, i, reduce == Reduce::kMin ? least(k) : exact_of(k, rows.pair[i]), "reduced");
+        }
+      }
+      c.q.reduce = Reduce::kAny;
+      c.q.max_distance = kInf;
+      for (const double margin : {0.0, 0.05, 0.2}) {
+        c.q.margin = margin;
+        HostReduction reduction(cpu, c.q);
+        reduction.compare_bounds("judged");
+        const ReplyView& rows = reduction.rows();
+        for (std::uint32_t k = 0; k < kConfigurations; ++k) {
+          const bool is_far = static_cast<Status>(rows.status[k]) == Status::kBeyond;
+          EXPECT_EQ(is_far, least(k).below > margin) << "margin " << margin << ", configuration " << k;
+          (is_far ? far : near) += 1;
+          if (!is_far) holds(rows, k, exact_of(k, rows.pair[k]), "any");
+        }
+      }
+    }
+    EXPECT_GT(apart, 30u);
+    EXPECT_GT(overlap, 20u);
+    EXPECT_GT(near, 10u);
+    EXPECT_GT(far, 5u);
+  }
 }
 
 }  // namespace
