@@ -2,8 +2,8 @@
 // the CPU's way through it), and its threads answer the points that are left by GJK, side by side.
 #pragma once
 
-#include "engine/cuda/any_kernel.cuh"
 #include "engine/cuda/element_search.cuh"
+#include "engine/cuda/items.cuh"
 
 namespace clearance::cuda {
 
