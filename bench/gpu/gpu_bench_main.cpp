@@ -159,18 +159,23 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   // hold the same distance.
   bool same = std::memcmp(pinned.data(), pinned_cpu.data(), bytes) == 0;
   const bool may_differ = w.warm || has_clouds;
+  const ReplyView rows = view(pinned.data()), cpu_rows = view(pinned_cpu.data());
   if (may_differ) {
     same = true;
-    const ReplyView a = view(pinned.data()), b = view(pinned_cpu.data());
-    for (std::uint64_t i = 0; i < size.rows; ++i)
-      same = same && (a.compact ? a.compact[i].lower <= b.compact[i].upper && b.compact[i].lower <= a.compact[i].upper
-                      : a.lower ? a.lower[i] <= b.upper[i] && b.lower[i] <= a.upper[i]
-                                : (a.status[i] == b.status[i]));
+    const auto meet = [&](std::uint64_t i) {
+      if (rows.compact)
+        return rows.compact[i].lower <= cpu_rows.compact[i].upper && cpu_rows.compact[i].lower <= rows.compact[i].upper;
+      if (rows.lower) return rows.lower[i] <= cpu_rows.upper[i] && cpu_rows.lower[i] <= rows.upper[i];
+      const auto beyond = static_cast<std::uint8_t>(Status::kBeyond);  // of decisions: all apart, or not
+      return (rows.status[i] == beyond) == (cpu_rows.status[i] == beyond);
+    };
+    for (std::uint64_t i = 0; i < size.rows; ++i) same = same && meet(i);
   }
-  const char* const agreement = !same ? "DIFFERENT"
-                                : may_differ
-                                    ? (has_clouds && !view(pinned.data()).lower ? "verdicts same" : "intervals meet")
-                                    : "same";
+  const bool has_bounds = rows.compact || rows.lower;
+  const char* const agreement = !same         ? "DIFFERENT"
+                                : !may_differ ? "same"
+                                : has_bounds  ? "intervals meet"
+                                              : "verdicts same";
 
   const unsigned cores = std::thread::hardware_concurrency();
   csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << direct.kernel_us << ',' << direct.wall_us

@@ -74,6 +74,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
             c.q.margin = margin;
             compare(device, cpu, c.q, name + ", margin " + std::to_string(margin), any);
           }
+          c.q.margin = 0;
         }
         settled += counter(device, "cuda.pairs_settled");
         left += counter(device, "cuda.pairs_finished_on_cpu");
@@ -96,7 +97,7 @@ TEST_F(CudaElements, RepeatThemselves) {
   const Engine device(std::move(c.scene), {"cuda"});
   for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kAny}) {
     c.q.reduce = reduce;
-    c.q.margin = 0.05;
+    c.q.margin = reduce == Reduce::kAny ? 0.05 : 0;
     const Answer first = ask(device, c.q);
     for (int i = 0; i < 5; ++i) expect_same(ask(device, c.q), first, "again", true);
   }
@@ -135,8 +136,10 @@ TEST_F(CudaElements, FollowTheirPoints) {
 // What a cloud that moves or depths of it would ask for is the CPU's.
 TEST_F(CudaElements, LeaveToTheCpuWhatTheyDoNotAnswer) {
   CloudCase c(CloudKind::kPoints, 300, 1.2, 20, 3, true);
-  c.scene.add_points("other", std::vector<CloudPoint>{{3, 3, 3}}, 0, {.is_static = true, .pose = Pose()});
-  const auto other = static_cast<std::uint32_t>(c.scene.bodies().size() - 1);
+  const std::vector<CloudPoint> points{{0, 0, 0}, {0.1f, 0.2f, 0.3f}};
+  const auto resting = static_cast<std::uint32_t>(c.scene.bodies().size()), moving = resting + 1;
+  c.scene.add_points("resting", points, 0, {.is_static = true, .pose = Pose{{0.5, 0.5, 0.5}}});
+  c.scene.add_points("moving", points, 0, {});
   const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
   c.q.reduce = Reduce::kMin;
   std::uint64_t on_cpu = 0;
@@ -144,16 +147,15 @@ TEST_F(CudaElements, LeaveToTheCpuWhatTheyDoNotAnswer) {
     expect_same(ask(device, q), ask(cpu, q), what, false);
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), ++on_cpu) << what;
   };
-  std::vector<BodyPair> pairs = c.pairs;
-  pairs.push_back({0, other});
-  QueryView q = c.q;
-  q.pairs = pairs;
-  expect_cpu(q, "two clouds");
   std::vector<std::uint32_t> bodies = c.bodies;
-  bodies[3] = 0;  // the cloud moves, and the last hull does not
-  q = c.q;
+  bodies[3] = moving;
+  QueryView q = c.q;
   q.bodies = bodies;
+  const std::vector<BodyPair> before_a_hull{{bodies[0], moving}}, before_a_cloud{{moving, resting}};
+  q.pairs = before_a_hull;
   expect_cpu(q, "a cloud that moves");
+  q.pairs = before_a_cloud;
+  expect_cpu(q, "two clouds");
 }
 
 }  // namespace
