@@ -119,15 +119,19 @@ class HostReduction {
     for (std::uint64_t row = 0; row < rows_.size.rows; ++row) compare_row(expected.view, row, what);
     return left;
   }
-  /// Expects rows that hold what the CPU's hold, of which each may be another interval. \returns how many pairs were
-  /// left
-  std::uint32_t compare_bounds(const std::string& what) {
+  /// Answers the query, the CPU what is left. \returns how many pairs that were
+  std::uint32_t answer() {
     const bool within = q_.reduce == Reduce::kWithin;
     const std::uint32_t left = look_at_pairs([&] { within ? mark() : seed(); });
     settle();
     write();
     rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
     rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
+    return left;
+  }
+  /// The same, and expects rows that hold what the CPU's hold, of which each may be another interval.
+  std::uint32_t compare_bounds(const std::string& what) {
+    const std::uint32_t left = answer();
     const Answer expected = ask(cpu_, q_);
     EXPECT_EQ(rows_.info.rows, expected.info.rows) << what;
     for (std::uint64_t row = 0; row < std::min(rows_.info.rows, expected.info.rows); ++row)
