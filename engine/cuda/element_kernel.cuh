@@ -23,8 +23,8 @@ __device__ inline double group_cut_off(const ReducedView& r, const Item& item) {
 
 // Answers an item of a cloud. All the warp's threads call it, and one of them holds the answer.
 template <bool kAny>
-__device__ inline Outcome answer_elements(const ReducedView& r, const Item& item, ElementRoom& room, PairAnswer& answer,
-                                          bool& is_mine) {
+__device__ inline Outcome answer_elements(const ReducedView& r, const Item& item, const ElementRoom& room,
+                                          PairAnswer& answer, bool& is_mine) {
   const ChunkView& c = r.chunk;
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
@@ -51,8 +51,11 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
 // Of the pairs that are listed, those of a cloud. What is not settled goes where the others' goes.
 template <bool kAny>
 __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid_constant__ ReducedView r) {
-  __shared__ ElementRoom rooms[kElementThreads / 32];
-  ElementRoom& room = rooms[threadIdx.x / 32];
+  constexpr std::uint32_t kWarps = kElementThreads / 32;
+  __shared__ std::uint32_t nodes[kWarps][kStackEntries], points[kWarps][kWaitingEntries];
+  __shared__ float node_gaps[kWarps][kStackEntries], point_gaps[kWarps][kWaitingEntries];
+  const std::uint32_t warp = threadIdx.x / 32;
+  const ElementRoom room{nodes[warp], points[warp], node_gaps[warp], point_gaps[warp]};
   const std::uint32_t count = item_count(r), lane = threadIdx.x % 32;
   for (;;) {
     std::uint32_t first = 0;

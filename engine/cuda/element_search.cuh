@@ -15,10 +15,10 @@ namespace clearance::cuda {
 
 inline constexpr std::uint32_t kStackEntries = 320, kWaitingEntries = 32 + 32 * 4;
 
-// What waits of one warp's search.
+// Where nodes (kStackEntries) and points (kWaitingEntries) of one warp's search wait, each with its gap.
 struct ElementRoom {
-  std::uint32_t node[kStackEntries], point[kWaitingEntries];
-  float node_gap[kStackEntries], point_gap[kWaitingEntries];
+  std::uint32_t *node, *point;
+  float *node_gap, *point_gap;
 };
 
 template <class T>
@@ -37,7 +37,7 @@ class CloudSearch {
   // farther.
   // \param enough an upper bound so low is all that is asked
   __device__ CloudSearch(const ReducedView& r, const Question& q, const Where& at_a, const Where& at_b,
-                         const Slack& slack, double cut_off, double enough, ElementRoom& room)
+                         const Slack& slack, double cut_off, double enough, const ElementRoom& room)
       : c_(r.chunk),
         q_(q),
         at_a_(at_a),
@@ -305,7 +305,7 @@ class CloudSearch {
   const Where &at_a_, &at_b_;
   const Slack slack_;
   const double cut_off_, enough_;
-  ElementRoom& room_;
+  const ElementRoom room_;
   const bool cloud_first_;
   const ElementSet& set_;
   const PlacedFrame of_a_, of_b_;

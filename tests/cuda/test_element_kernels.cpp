@@ -180,10 +180,12 @@ TEST(ElementKernels, HoldTheExactDistance) {
         }
       }
     }
+#ifndef CLEARANCE_MUTANT
     EXPECT_GT(apart, 30u);
     EXPECT_GT(overlap, 20u);
     EXPECT_GT(near, 10u);
     EXPECT_GT(far, 5u);
+#endif
   }
 #ifdef CLEARANCE_MUTANT
   EXPECT_GT(wrong, 0u) << "nobody would find this";
