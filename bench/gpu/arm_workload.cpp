@@ -65,8 +65,10 @@ std::string thing_name(std::uint32_t i) {
 
 }  // namespace
 
-Scene arm_scene_of_hulls() {
-  Random random(19);
+namespace {
+
+// The arm, its links' hulls made by `random`.
+Scene arm_alone(Random& random) {
   Scene scene;
   const std::filesystem::path file =
       std::filesystem::temp_directory_path() / ("clearance_arm_" + std::to_string(getpid()) + ".urdf");
@@ -81,6 +83,14 @@ Scene arm_scene_of_hulls() {
     scene.add_hull(hull_name(i),
                    ellipsoid(random, 48 + 6 * static_cast<int>(i), kArmShapes[i].size, kArmShapes[i].centre),
                    {.parent = "arm/l" + std::to_string(i), .pose = Pose()});
+  return scene;
+}
+
+}  // namespace
+
+Scene arm_scene_of_hulls() {
+  Random random(19);
+  Scene scene = arm_alone(random);
   scene.add_box(thing_name(0), {2, 2, 0.1}, {.is_static = true, .pose = Pose{{0, 0, -0.06}}});
   for (std::uint32_t i = 1; i < kThings; ++i) {
     const double turn = random.uniform(-M_PI, M_PI), far = random.uniform(0.45, 0.95), high = random.uniform(0, 1.1);
@@ -93,10 +103,52 @@ Scene arm_scene_of_hulls() {
   return scene;
 }
 
+std::vector<CloudPoint> room_points(std::size_t count, std::uint64_t seed) {
+  Random random(seed);
+  constexpr Vec3d kLow{-1.4, -1.5, -0.05}, kHigh{1.6, 1.5, 2.0};
+  const auto inside = [&](double edge) {
+    return Vec3d{random.uniform(kLow.x + edge, kHigh.x - edge), random.uniform(kLow.y + edge, kHigh.y - edge),
+                 random.uniform(kLow.z + edge, kHigh.z - edge)};
+  };
+  std::vector<std::pair<Vec3d, Vec3d>> boxes;  // centres and half sizes
+  while (boxes.size() < 40) {
+    const Vec3d centre = inside(0.2),
+                half{random.uniform(0.03, 0.12), random.uniform(0.03, 0.12), random.uniform(0.03, 0.12)};
+    if (std::hypot(centre.x, centre.y) > 0.5) boxes.emplace_back(centre, half);
+  }
+  std::vector<CloudPoint> points;
+  while (points.size() < count) {
+    Vec3d p = inside(0);
+    if (random.below(10) < 6) {
+      const int axis = static_cast<int>(random.below(3));
+      p[axis] = random.below(2) ? kLow[axis] : kHigh[axis];
+    } else {
+      const auto& [centre, half] = boxes[random.below(boxes.size())];
+      Vec3d u{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
+      u[static_cast<int>(random.below(3))] = random.below(2) ? 1 : -1;
+      p = centre + Vec3d{u.x * half.x, u.y * half.y, u.z * half.z};
+    }
+    const auto seen = [&](double x) { return static_cast<float>(x + 0.002 * random.normal()); };
+    if (std::hypot(p.x, p.y) > 0.25) points.push_back({seen(p.x), seen(p.y), seen(p.z)});
+  }
+  return points;
+}
+
+Scene arm_scene_in_room() {
+  Random random(19);
+  Scene scene = arm_alone(random);
+  scene.add_points("room", room_points(kRoomPoints, 23), 0, {.is_static = true, .pose = Pose()});
+  return scene;
+}
+
 std::vector<BodyPair> arm_pairs(const Scene& scene) {
   std::vector<BodyPair> pairs;
   for (std::uint32_t i = 1; i < kArmLinks; ++i) {
     const std::uint32_t hull = scene.find_body(hull_name(i));
+    if (const std::uint32_t room = scene.find_body("room"); room != kNone) {
+      pairs.push_back({hull, room});
+      continue;
+    }
     for (std::uint32_t t = 0; t < kThings; ++t) pairs.push_back({hull, scene.find_body(thing_name(t))});
     for (std::uint32_t j = 0; j + 1 < i; ++j) pairs.push_back({scene.find_body(hull_name(j)), hull});
   }

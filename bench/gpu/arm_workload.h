@@ -11,8 +11,14 @@ namespace clearance::test {
 /// Seven joints, a hull of 48 to 96 vertices on each of the arm's eight links, and 21 things of 8 to 256 vertices.
 Scene arm_scene_of_hulls();
 
+/// The same arm in a cloud of kRoomPoints points, as a depth camera sees a room: body "room".
+Scene arm_scene_in_room();
+inline constexpr std::size_t kRoomPoints = 100'000;
+/// Walls, a floor and 40 boxes, no point within 25 cm of the arm's axis, noise of 2 mm.
+std::vector<CloudPoint> room_points(std::size_t count, std::uint64_t seed);
+
 /// Each moving link's hull against all things, and links' hulls against each other where no joint is between them
-/// alone.
+/// alone; in a room each moving link's hull against that.
 std::vector<BodyPair> arm_pairs(const Scene& scene);
 /// (configurations, joints) within the joints' limits.
 std::vector<double> arm_positions(const Scene& scene, std::uint32_t configurations, std::uint64_t seed);

@@ -86,6 +86,14 @@ Workload joints(const std::string& what, std::uint32_t configurations, std::uint
   w.margin = margin;
   return w;
 }
+// The same arm in a cloud.
+Workload in_room(const std::string& what, std::uint32_t fields, Reduce reduce, double max_distance = kFar,
+                 double margin = 0) {
+  Workload w = joints(what, 4096, fields, reduce, max_distance, margin);
+  w.name = "an arm of 8 hulls in a cloud of 100,000 points, 4096 configurations of joints, " + what;
+  w.scene = arm_scene_in_room;
+  return w;
+}
 }  // namespace
 
 const std::vector<Workload>& workloads() {
@@ -159,6 +167,11 @@ const std::vector<Workload>& workloads() {
       joints("any", 65536, kFieldStatus | kFieldPair, Reduce::kAny),
       joints("any", 1048576, kFieldStatus | kFieldPair, Reduce::kAny),
       joints("min", 65536, kBounds, Reduce::kMin),
+      in_room("any", kFieldStatus | kFieldPair, Reduce::kAny),
+      in_room("any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
+      in_room("min", kBounds, Reduce::kMin),
+      in_room("nearest", kBounds, Reduce::kNearest),
+      in_room("within 0.02", kBounds, Reduce::kWithin, 0.02),
   };
   return all;
 }
@@ -171,7 +184,7 @@ Asked::Asked(const Workload& w, const Engine& cpu) {
   q.precision = w.precision;
   q.signed_distance = w.depth;
   q.margin = w.margin;
-  if (w.scene == arm_scene_of_hulls) {
+  if (w.scene == arm_scene_of_hulls || w.scene == arm_scene_in_room) {
     pairs = arm_pairs(cpu.scene());
     for (std::uint32_t j = 0; j < cpu.scene().joints().size(); ++j) joints.push_back(j);
     positions = arm_positions(cpu.scene(), w.configurations, 13);

@@ -11,17 +11,6 @@
 
 namespace clearance::cuda {
 
-__device__ inline double margin_of(const ReducedView& r, std::uint32_t p) {
-  return r.margins ? r.margins[p] : r.margin;
-}
-__device__ inline std::uint64_t place_key(const Item& item, std::uint32_t i) {
-  return std::uint64_t{item.p} << 32 | i;
-}
-// Whether a pair within its margin comes before an item.
-__device__ inline bool is_decided_before(const ReducedView& r, const Item& item) {
-  return __ldcg(r.winner + item.k) < place_key(item, 0);
-}
-
 // Lists the pairs whose boxes are within their margins, in no order, and finds those without usable poses.
 __global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_constant__ ReducedView r) {
   const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
@@ -63,15 +52,6 @@ __device__ inline Outcome narrow_to_margin(const ChunkView& c, const Question& q
   return proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
 }
 
-// Brings an answer before its configuration.
-__device__ inline void offer_to_decision(const ReducedView& r, const Item& item, std::uint32_t i,
-                                         const PairAnswer& answer) {
-  if (answer.upper <= margin_of(r, item.p))
-    take_least(r.winner + item.k, place_key(item, i));
-  else if (!isnan(answer.distance) && answer.status != Status::kBeyond)
-    take_least(r.lowest + item.k, place_key(item, i));
-}
-
 template <class S>
 __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
@@ -79,7 +59,7 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
     const std::uint32_t i = first + threadIdx.x;
     Outcome outcome = Outcome::kNone;
-    if (i < count) {
+    if (i < count && !is_of_elements(r, Item(r, r.items[i]))) {
       const Item item(r, r.items[i]);
       PairAnswer answer = beyond_answer(0);  // of what is passed over
       if (!is_decided_before(r, item)) {

@@ -3,6 +3,7 @@
 #include <mutex>
 
 #include "engine/cuda/dense_workspace.cuh"
+#include "engine/cuda/elements.cuh"
 #include "engine/cuda/reduced.cuh"
 #include "engine/cuda/shared_memory.cuh"
 #include "engine/cuda/standing_dense.cuh"
@@ -121,6 +122,13 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   std::shared_ptr<const ResidentTable> upload(const PairTable& table) override {
     const OnDevice here(hulls_.device());
     return std::make_shared<CudaTable>(work_.memory, table);
+  }
+
+  std::shared_ptr<ResidentCloud> upload(const Surface& cloud, std::shared_ptr<ResidentCloud> room) override {
+    const OnDevice here(hulls_.device());
+    auto to = room ? std::static_pointer_cast<CudaCloud>(std::move(room)) : std::make_shared<CudaCloud>(work_.memory);
+    to->take(cloud);
+    return to;
   }
 
   std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) override {

@@ -7,18 +7,14 @@
 
 namespace clearance::cuda {
 
-// Not inlined: few pairs come here. False: the proof fails, or double-double would make a better common point; the CPU
-// finishes the pair. \param outer of the pair's slack: the pieces must overlap by as much
-__device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b,
-                                                  const Enclosed& e, const Where& at_a, const Where& at_b, double outer,
-                                                  PairAnswer& answer) {
-  const PairFrame<double> at = place_pair<double>(at_a, a, at_b, b);
-  const auto vertex_a = [&](std::uint32_t i) {
-    return Vec3d{c.hulls.x[a.first + i], c.hulls.y[a.first + i], c.hulls.z[a.first + i]};
-  };
-  const auto vertex_b = [&](std::uint32_t i) {
-    return Vec3d{c.hulls.x[b.first + i], c.hulls.y[b.first + i], c.hulls.z[b.first + i]};
-  };
+// False: the proof fails, or double-double would make a better common point; the CPU finishes the pair.
+// \param vertex_a, vertex_b of the pieces, by their numbers \param outer of the pair's slack: the pieces must overlap
+// by as much
+template <class VertexA, class VertexB>
+__device__ inline bool prove_overlap_of(const Question& q, const HullExtents& a, const VertexA& vertex_a,
+                                        const HullExtents& b, const VertexB& vertex_b, const PairFrame<double>& at,
+                                        const Enclosed& e, const Where& at_a, const Where& at_b, double outer,
+                                        PairAnswer& answer) {
   const double scale = pair_scale(at.D, a.rho, b.rho, a.radius + b.radius);
 
   Simplex<double> s;
@@ -38,8 +34,8 @@ __device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const Hull
   if (!view.one_side() && !is_surrounded(w, faces, 4, ball)) return false;
 
   decide({}, -__builtin_inf(), 0, [] { return 0.0; }, answer);
-  if (c.question.want_nonsmooth) answer.flags |= kFlagNonsmooth;
-  if (!c.question.want_points) return true;
+  if (q.want_nonsmooth) answer.flags |= kFlagNonsmooth;
+  if (!q.want_points) return true;
   const Simplex<double> around = around_origin(s.vertex, faces, 4);
   if (around.size == 0) return false;
   const CsoPoint<double> point(around, at_a.rotation(), vertex_a, at_b.rotation(), vertex_b);
@@ -52,6 +48,19 @@ __device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const Hull
   answer.point_b = point.core_b - separation * (1 - share);
   answer.normal = length > 0 ? separation * (1 / length) : Vec3d{1, 0, 0};
   return true;
+}
+
+// The same of two hulls. Not inlined: few pairs come here.
+__device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b,
+                                                  const Enclosed& e, const Where& at_a, const Where& at_b, double outer,
+                                                  PairAnswer& answer) {
+  const auto vertices_of = [&](const HullHead& hull) {
+    return [&c, first = hull.first](std::uint32_t i) {
+      return Vec3d{c.hulls.x[first + i], c.hulls.y[first + i], c.hulls.z[first + i]};
+    };
+  };
+  return prove_overlap_of(c.question, a, vertices_of(a), b, vertices_of(b), place_pair<double>(at_a, a, at_b, b), e,
+                          at_a, at_b, outer, answer);
 }
 
 // What becomes of an enclosed pair of single pieces.

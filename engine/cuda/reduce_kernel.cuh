@@ -7,6 +7,8 @@
 // no order.
 #pragma once
 
+#include "engine/cuda/items.cuh"
+#include "engine/cuda/outer_box.cuh"
 #include "engine/cuda/overlap_kernel.cuh"
 #include "engine/cuda/pair_kernel.cuh"
 #include "engine/cuda/pair_table.cuh"
@@ -17,125 +19,9 @@ namespace clearance::cuda {
 
 inline constexpr std::uint32_t kScanThreads = 256;  // rows of a block, where boxes are compared
 inline constexpr std::uint32_t kSeedBlocks = 528;
-inline constexpr std::uint32_t kItemThreads = 64;
 inline constexpr std::uint32_t kSolveBlocks = 528,
                                kItemBlocks = 132;  // how many items there are is not known at launch
 inline constexpr std::int32_t kSeedSteps = 2;      // of GJK, for a bound that leaves pairs out
-
-// A pair in a configuration.
-struct Item {
-  std::uint32_t k, p;
-  PairRef ref;
-
-  __device__ Item(const ReducedView& r, std::uint32_t row)
-      : k(row / r.chunk.pair_count), p(row - k * r.chunk.pair_count), ref(r.chunk.pairs[p]) {}
-  __device__ explicit Item(PairRef of_table) : k(0), p(0), ref(of_table) {}
-};
-
-// The pair at a place of the list of those that are looked at.
-__device__ inline Item listed_item(const ReducedView& r, std::uint32_t i) {
-  if (!r.keys) return Item(r, r.items[i]);
-  return Item(PairRef{static_cast<std::uint32_t>(r.keys[i] >> r.key_bits),
-                      static_cast<std::uint32_t>(r.keys[i]) & ((1u << r.key_bits) - 1)});
-}
-// What stands for it in Reduce::kWithin's words.
-__device__ inline std::uint32_t listed_bit(const ReducedView& r, std::uint32_t i) {
-  return r.keys ? i : r.items[i];
-}
-// Its row in a reply that holds all.
-__device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i) {
-  if (!r.keys) return r.items[i];
-  const PairRef ref = listed_item(r, i).ref;
-  return position_of(r.table, ref.a, ref.b);
-}
-
-// Where a row's last run has ended; null: it begins cold.
-__device__ inline WarmRow* warm_row(const ReducedView& r, std::uint32_t row) {
-  return r.chunk.warm ? r.chunk.warm + row : nullptr;
-}
-
-template <class Visit>
-__device__ inline void for_groups(const ReducedView& r, const Item& item, Visit visit) {
-  if (r.reduce != Reduce::kNearest) return visit(std::size_t{item.k});
-  visit(std::size_t{item.k} * r.groups + body_of(r.chunk.bodies, item.ref.a));
-  visit(std::size_t{item.k} * r.groups + body_of(r.chunk.bodies, item.ref.b));
-}
-
-// The least of many keys. Most keys are not less than what is there already: a look spares the atomic operation.
-__device__ inline void take_least(std::uint64_t* where, std::uint64_t key) {
-  static_assert(sizeof(unsigned long long) == sizeof(std::uint64_t));
-  auto* p = reinterpret_cast<unsigned long long*>(where);
-  if (key < __ldcg(p)) atomicMin(p, static_cast<unsigned long long>(key));
-}
-// The same for a warp, whose keys are often of one group. All its threads call it; ~0: no key.
-__device__ inline void take_least_of_warp(std::uint64_t* where, std::size_t group, std::uint64_t key) {
-  const std::size_t first = __shfl_sync(~0u, group, 0);
-  if (__all_sync(~0u, group == first || key == ~std::uint64_t{0})) {
-    for (int step = 16; step > 0; step /= 2) {
-      const std::uint64_t other = __shfl_xor_sync(~0u, key, step);
-      if (other < key) key = other;
-    }
-    if (threadIdx.x % 32 == 0 && key != ~std::uint64_t{0}) take_least(where + first, key);
-  } else if (key != ~std::uint64_t{0}) {
-    take_least(where + group, key);
-  }
-}
-
-// Numbers in the order of their keys. -0 counts as 0.
-__device__ inline std::uint64_t order_key(double x) {
-  const auto bits = static_cast<std::uint64_t>(__double_as_longlong(x + 0.0));
-  return bits >> 63 ? ~bits : bits | std::uint64_t{1} << 63;
-}
-__device__ inline std::uint32_t order_key(float x) {
-  const std::uint32_t bits = __float_as_uint(x);
-  return bits >> 31 ? ~bits : bits | 1u << 31;
-}
-inline constexpr std::uint32_t kUnusable = ~0u;  // more than any number's key
-__device__ inline double from_order_key(std::uint64_t key) {
-  return __longlong_as_double(static_cast<long long>(key >> 63 ? key & ~(std::uint64_t{1} << 63) : ~key));
-}
-__device__ inline float from_order_key(std::uint32_t key) {
-  return __uint_as_float(key >> 31 ? key & ~(1u << 31) : ~key);
-}
-
-__device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref, std::uint32_t k) {
-  const OuterBox* box = ref & kMovedBit ? bodies.moved_box + std::size_t{k} * bodies.moved_count + (ref & ~kMovedBit)
-                                        : bodies.fixed_box + ref;
-  const auto* halves = reinterpret_cast<const float4*>(box);
-  const float4 p = __ldg(halves), q = __ldg(halves + 1);
-  return {p.x, p.y, p.z, p.w, q.x, q.y, {0, 0}};
-}
-__device__ inline bool is_empty(const OuterBox& box) {
-  return box.low_x > box.high_x;
-}
-// No more than certify_box_gap() of the boxes: 2^-20 is more than the few roundings take. Finite. Below 0: how far the
-// boxes overlap.
-__device__ inline float gap_below(const OuterBox& a, const OuterBox& b) {
-  constexpr float kMost = 3.4028234e38f;
-  float x = fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), y = fmaxf(b.low_y - a.high_y, a.low_y - b.high_y),
-        z = fmaxf(b.low_z - a.high_z, a.low_z - b.high_z);
-  if (const float most = fmaxf(x, fmaxf(y, z)); most <= 0) return most;
-  x = fmaxf(x, 0.0f);
-  y = fmaxf(y, 0.0f);
-  z = fmaxf(z, 0.0f);
-  const float squared = x * x + y * y + z * z;
-  const float gap = squared < kMost ? sqrtf(squared) : fmaxf(x, fmaxf(y, z));
-  return fminf(gap, kMost) * (1 - 0x1p-20f);
-}
-
-// The square of how far boxes are apart, up to a few roundings; 0: they touch. Infinite for those of bodies without a
-// usable pose, and where it overflows.
-__device__ inline float squared_gap(const OuterBox& a, const OuterBox& b) {
-  const float x = fmaxf(fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), 0.0f),
-              y = fmaxf(fmaxf(b.low_y - a.high_y, a.low_y - b.high_y), 0.0f),
-              z = fmaxf(fmaxf(b.low_z - a.high_z, a.low_z - b.high_z), 0.0f);
-  return __fmaf_rn(x, x, __fmaf_rn(y, y, z * z));
-}
-// What squared_gap() is not above unless boxes are proved to be farther apart than the distance. The margin is more
-// than its few roundings take.
-__host__ __device__ inline float square_from_above(double distance) {
-  return detail::float_above(distance * distance * (1 + 0x1p-18));
-}
 
 __device__ inline void clear_counts(const ReducedView& r) {
   if (blockIdx.x == 0 && threadIdx.x < kCounts) r.chunk.counts[threadIdx.x] = 0;
@@ -164,21 +50,6 @@ __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant
   }
 }
 
-__device__ inline bool has_usable_pair(std::uint64_t seed) {
-  return static_cast<std::uint32_t>(seed >> 32) != kUnusable;
-}
-
-// An upper bound on the distance, wherever a run is, and not below 0; infinite: none is proved. What has not ended has
-// a simplex all the same.
-__device__ inline double upper_so_far(const Run<Hull<SceneVertices>>& run) {
-  const Simplex<double>& s = run.g.simplex;
-  const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then its weights are of no use
-  const double length = norm(encloses ? s.vertex[0].w : SimplexPoint<double>(s).w);
-  const double upper =
-      upper_from_point(length, run.radius, rounding_error(double(RoundingUnits<double>::kUpper), run.scale));
-  return upper <= 0 ? 0 : upper < __builtin_inf() ? upper : __builtin_inf();
-}
-
 // A distance beyond which no pair of this one's groups needs a look: its upper bound, or, where its boxes alone are
 // farther than max_distance, their gap. Not below 0: boxes that touch say nothing about depths.
 // \param warm where its last run has ended; null: not known
@@ -200,20 +71,10 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const W
   return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
 }
 
-// One thread for each group.
 __global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constant__ ReducedView r) {
-  const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
-  if (at >= std::uint64_t{r.chunk.configurations} * r.groups) return;
-  const std::uint64_t seed = r.seed[at];
-  if (!has_usable_pair(seed)) return;
-  const auto k = static_cast<std::uint32_t>(at / r.groups);
-  const std::uint32_t row = k * r.chunk.pair_count + static_cast<std::uint32_t>(seed);
-  const Item item(r, row);
-  bool taken = false;  // by the thread of the pair's other group
-  for_groups(r, item, [&](std::size_t g) { taken |= g < at && r.seed[g] == seed; });
-  if (taken) return;
-  const auto key = static_cast<std::uint64_t>(__double_as_longlong(cutoff_of(r.chunk, item, warm_row(r, row))));
-  for_groups(r, item, [&](std::size_t g) { take_least(r.cutoff + g, key); });
+  cut_off_by_seed(
+      r, [&](const Item& item) { return !is_of_elements(r, item); },
+      [&](const Item& item, std::uint32_t row) { return cutoff_of(r.chunk, item, warm_row(r, row)); });
 }
 
 // Lists the pairs that must be looked at, in no order.
@@ -262,41 +123,6 @@ __host__ __device__ inline std::uint32_t hit_word_count(const ReducedView& r) {
   return ((r.keys ? r.capacity : r.rows) + 31) / 32;
 }
 
-__device__ inline std::uint32_t item_count(const ReducedView& r) {
-  const std::uint32_t count = r.chunk.counts[kCandidates];
-  return count < r.capacity ? count : r.capacity;
-}
-
-// Brings an answer before its groups.
-__device__ inline double group_lower(const PairAnswer& answer, const Where& at_a, const Where& at_b) {
-  return lower_with_box(answer.lower, certify_box_gap(at_a.box(), at_b.box()));
-}
-__device__ inline void offer(const ReducedView& r, const Item& item, std::uint32_t i, const PairAnswer& answer,
-                             const Where& at_a, const Where& at_b) {
-  if (r.reduce == Reduce::kWithin) {
-    const std::uint32_t bit = listed_bit(r, i);
-    if (answer.status == Status::kBeyond) atomicAnd(r.hit_words + bit / 32, ~(1u << bit % 32));
-    return;
-  }
-  if (isnan(answer.distance)) return;
-  const std::uint64_t upper = order_key(answer.upper), lower = order_key(group_lower(answer, at_a, at_b));
-  for_groups(r, item, [&](std::size_t g) {
-    take_least(r.upper + g, upper);
-    take_least(r.lower + g, lower);
-  });
-}
-
-// What became of an item. All threads of a warp call it.
-__device__ inline void report_item(const ReducedView& r, Outcome outcome, std::uint32_t i) {
-  const std::uint32_t rest = take_place(r.chunk.counts + kRest, outcome == Outcome::kUnsettled);
-  if (outcome == Outcome::kUnsettled) {
-    r.chunk.rest[rest] = i;
-    r.rest_rows[rest] = listed_row(r, i);
-    r.answers[i] = no_answer(Status::kOk);  // the CPU's comes later
-  }
-  add_count(r.chunk.counts + kSettledRows, outcome == Outcome::kSettled);
-}
-
 template <bool kWarm, class S>
 __device__ inline Outcome solve_candidate(const ChunkView& c, const Item& item, const Where& at_a, const Where& at_b,
                                           PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
@@ -323,11 +149,12 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       enclosed.pair = item.p;
       enclosed.configuration = item.k;
-      several = has_several(c.hulls, at_a.body, at_b.body);
+      const bool elements = is_of_elements(r, item);
+      several = !elements && has_several(c.hulls, at_a.body, at_b.body);
       PairAnswer answer;
       WarmRow* const warm = kWarm ? warm_row(r, listed_row(r, i)) : nullptr;
       const S slack = known_slack<S>(c, item.ref, item.k);
-      if (!several) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
+      if (!several && !elements) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
       if (outcome == Outcome::kEnclosed)
         outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {

@@ -5,6 +5,7 @@
 
 #include "engine/cuda/any_kernel.cuh"
 #include "engine/cuda/decide_kernel.cuh"
+#include "engine/cuda/elements.cuh"
 #include "engine/cuda/resident.cuh"
 
 namespace clearance::cuda {
@@ -37,6 +38,7 @@ struct ReducedQuestion {
     r.beyond = beyond;
     r.keys = nullptr;
     r.answered = nullptr;
+    r.elements = {};
   }
 };
 
@@ -99,6 +101,7 @@ inline unsigned item_blocks(const ReducedView& r, std::uint32_t most = kItemBloc
 inline void start_seeds(const ReducedView& r, cudaStream_t stream) {
   find_seeds<<<std::min(blocks_of(r.rows, kScanThreads), kSeedBlocks), kScanThreads, 0, stream>>>(r);
   solve_seeds<<<blocks_of(groups_of(r), kItemThreads), kItemThreads, 0, stream>>>(r);
+  if (r.elements.count > 0) start_element_seeds(r, stream);
   check(cudaGetLastError(), "starting a kernel");
 }
 /// Lists the pairs that the seeds leave.
@@ -113,6 +116,7 @@ inline void start_items(const ReducedView& r, bool several, cudaStream_t stream)
   const auto kernel = r.chunk.bodies.doubts.fixed ? doubted : known;
   kernel<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
   if (several) solve_several<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
+  if (r.elements.count > 0) start_elements(r, stream);
   check(cudaGetLastError(), "starting a kernel");
 }
 /// Of Reduce::kAny: looks at the pairs whose boxes are within their margins, and lists those that are left open.
@@ -120,6 +124,7 @@ inline void start_decisions(const ReducedView& r, cudaStream_t stream) {
   find_near_pairs<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, stream>>>(r);
   const auto look = r.chunk.bodies.doubts.fixed ? look_at_near_pairs<Slack> : look_at_near_pairs<NoSlack>;
   look<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
+  if (r.elements.count > 0) start_elements(r, stream);
   list_open_pairs<<<item_blocks(r), kItemThreads, 0, stream>>>(r);
   check(cudaGetLastError(), "starting a kernel");
 }

@@ -62,6 +62,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     table_ = static_cast<const CudaTable*>(s.table);
     if (table_) clear_counts(*slots_[0]);  // now, so that it does not stand between boxes and near pairs
     QuerySide::begin(s);
+    begin_elements(s);
     asked_ = ReducedQuestion(s, hulls_);
     warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
     most_rows_ = s.most_rows;
@@ -75,6 +76,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     ReducedView& r = slot.view;
     r.chunk = view_of(slot, chunk);
     asked_.tell(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
+    r.elements = elements_.view();
     r.chunk.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(kCounts * sizeof(std::uint32_t)));
     r.chunk.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_counts.reserve(kCounts * sizeof(std::uint32_t)));
     slot.direct = direct;
@@ -152,6 +154,17 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
  private:
   bool within() const { return asked_.reduce == Reduce::kWithin; }
   bool any() const { return asked_.reduce == Reduce::kAny; }
+
+  // Clouds among the bodies, with their boxes.
+  void begin_elements(const QuerySetup& s) {
+    const OnDevice here = on_device();
+    elements_.begin(s.elements, bodies_.bodies, slots_[0]->stream);
+    if (s.elements.empty()) return;
+    start_element_boxes(elements_.view(), bodies_, slots_[0]->stream);
+    check(cudaEventRecord(ready_.event, slots_[0]->stream), "recording an event");
+    for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
+      check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
+  }
 
   void kernels_begin(ReducedSlot& slot) { check(cudaEventRecord(slot.begun.event, slot.stream), "recording an event"); }
   void kernels_end(ReducedSlot& slot) {
@@ -315,8 +328,9 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   ReducedQuestion asked_;
   std::uint64_t most_rows_ = 0;
   const CudaTable* table_ = nullptr;  // null: the query's pairs are listed
-  WarmRow* warm_ = nullptr;           // of the query's rows; null: cold
-  Event ended_[kSlots + 1];           // of chunks, by their number
+  QueryElements elements_{counters_.memory};
+  WarmRow* warm_ = nullptr;  // of the query's rows; null: cold
+  Event ended_[kSlots + 1];  // of chunks, by their number
   std::uint64_t chunks_ = 0;
 };
 

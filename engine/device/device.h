@@ -18,6 +18,8 @@
 namespace clearance {
 class PairTable;
 class Scene;
+class Surface;
+struct Piece;
 }  // namespace clearance
 
 namespace clearance::cuda {
@@ -59,6 +61,18 @@ class ResidentTable {
 class ResidentWarm {
  public:
   virtual ~ResidentWarm() = default;
+};
+
+/// The points of a cloud and their tree in device memory.
+class ResidentCloud {
+ public:
+  virtual ~ResidentCloud() = default;
+};
+/// A body of points or voxels that a query asks for.
+struct ElementBody {
+  std::uint32_t body;
+  const Piece* piece;          ///< around its elements
+  const ResidentCloud* cloud;  ///< these
 };
 
 /// Where the snapshot's bodies go, as BodiesView has them; without boxes.
@@ -103,6 +117,7 @@ struct QuerySetup {
   std::uint32_t groups = 1;     ///< of one configuration
   std::uint64_t most_rows = 0;  ///< of Reduce::kWithin
   bool by_teams = false;  ///< of Reduce::kMin: one launch decides each configuration. Without depths and float32 only
+  std::span<const ElementBody> elements;  ///< among the bodies of its pairs; by_teams is false where there are any
   // Of Reduce::kAny, as ReducedView has it.
   std::span<const double> margins;  ///< empty: each pair has `margin`
   double margin = 0;
@@ -227,6 +242,9 @@ class Device {
                                                       std::span<const std::uint32_t> position,
                                                       std::span<const Group> group_of_tile) = 0;
   virtual std::shared_ptr<const ResidentTable> upload(const PairTable& table) = 0;
+  /// Copies a cloud's points and tree to the device. \param room a cloud that nobody needs any more, in whose memory it
+  /// may go; may be null. Null: this device holds no clouds.
+  virtual std::shared_ptr<ResidentCloud> upload(const Surface&, std::shared_ptr<ResidentCloud>) { return nullptr; }
   /// Cold state for so many rows. Throws DeviceError where there is no room.
   virtual std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) = 0;
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.

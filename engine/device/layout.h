@@ -51,6 +51,28 @@ struct HullsView {
   const std::uint32_t* piece_hull;   ///< (pieces,) index of the hull
 };
 
+/// A node of a cloud's tree, as Surface has it: the tree is copied to the device as it is.
+struct alignas(16) ElementNode {
+  float low_x, low_y, low_z, high_x, high_y, high_z;
+  std::uint32_t right, few;
+};
+/// The elements of a body of points or voxels, in device memory.
+struct ElementSet {
+  HullExtents hull;          ///< around all of them; they are grown by its radius
+  const ElementNode* nodes;  ///< the root is the first
+  const float* points;       ///< (points, 3) in the order of the leaves
+  double half;               ///< of the boxes' edges; 0: points
+  double reach;  ///< along each axis from its point, no corner of a box is farther: `half`, as it is rounded
+  std::uint32_t body;
+};
+/// Bodies of elements in a query's pairs. They stay where the snapshot has them.
+struct ElementsView {
+  const ElementSet* sets;
+  const std::uint32_t*
+      of_body;          ///< (bodies,) which set; kNone: it has a hull, or is not asked for; null: there are none
+  std::uint32_t count;  ///< sets
+};
+
 /// A body in a pair: its id, or kMovedBit and its place among the bodies that the query moves.
 inline constexpr std::uint32_t kMovedBit = 1u << 31;
 struct PairRef {
@@ -206,8 +228,10 @@ struct LeftOpen {
 /// queries pairs that are looked at, and rows that come back.
 /// And blocks that are done, of chunks whose last block hands the counts over; pairs that float32 has left open; of
 /// reduced queries those of the pairs that are looked at of which a body has several pieces.
+/// kElementsTaken (of reduced queries, which leave kLeftOpen alone): how many of the pairs that are looked at were
+/// taken by who looks at elements.
 inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
-                               kBlocksDone = 5, kLeftOpen = 6, kSeveralPairs = 7, kCounts = 8;
+                               kBlocksDone = 5, kLeftOpen = 6, kElementsTaken = 6, kSeveralPairs = 7, kCounts = 8;
 
 /// What a dense chunk's last kernel leaves in host memory once its rows and counts are there.
 struct Finished {
@@ -283,6 +307,7 @@ struct ReducedView {
   std::uint64_t *found,
       *keys;  ///< (capacity,) a << key_bits | b: in no order, in order; null: rows are listed in `items`
   std::uint32_t key_bits;
+  ElementsView elements;
 };
 
 }  // namespace clearance::cuda

@@ -29,12 +29,14 @@ namespace {
 
 class ReducedDeviceQuery final : public DeviceQuery {
  public:
-  /// \param list of the pairs, or their \param table.
+  /// \param list of the pairs, or their \param table. \param clouds among the bodies of the list; null: there are none
   ReducedDeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply,
-                     std::shared_ptr<const PairListOnDevice> list, std::shared_ptr<const TableOnDevice> table)
+                     std::shared_ptr<const PairListOnDevice> list, std::shared_ptr<const TableOnDevice> table,
+                     std::shared_ptr<const CloudsOnDevice> clouds)
       : DeviceQuery(context, std::move(plan), reply),
         list_(std::move(list)),
         table_(std::move(table)),
+        clouds_(std::move(clouds)),
         groups_(plan_.query.reduce == Reduce::kNearest ? scene().bodies().size() : 1) {}
 
   void begin() override {
@@ -52,7 +54,8 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.reduce = plan_.query.reduce;
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;
-    s.by_teams = is_for_teams(scene(), plan_);
+    s.by_teams = !clouds_ && is_for_teams(scene(), plan_);
+    if (clouds_) s.elements = clouds_->bodies;
     if (plan_.query.reduce == Reduce::kAny) {  // which begins cold
       s.margins = plan_.margins.each();
       s.margin = plan_.margins.most();
@@ -119,6 +122,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
 
   std::shared_ptr<const PairListOnDevice> list_;  // one of the two
   std::shared_ptr<const TableOnDevice> table_;
+  std::shared_ptr<const CloudsOnDevice> clouds_;
   std::uint64_t groups_, configurations_ = 1;  // of one configuration; of one chunk
   std::uint64_t written_ = 0;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> order_;
@@ -133,11 +137,18 @@ std::unique_ptr<DeviceQuery> make_reduced_device_query(const JobContext& context
   if (plan.query.reduce == Reduce::kWithin && plan.pairs.is_whole_table() && plan.query.configuration_count == 0) {
     auto table = context.device->table(plan);
     if (!table->resident) return nullptr;
-    return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, nullptr, std::move(table));
+    return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, nullptr, std::move(table), nullptr);
   }
   auto list = context.device->list(plan);
   if (!list->resident) return nullptr;
-  return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, std::move(list), nullptr);
+  std::shared_ptr<const CloudsOnDevice> clouds;
+  if (!list->clouds.empty()) {
+    if (plan.query.signed_distance) return nullptr;
+    clouds = context.device->clouds(*context.scene, list->clouds);
+    if (!clouds) return nullptr;
+  }
+  return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, std::move(list), nullptr,
+                                              std::move(clouds));
 }
 
 }  // namespace clearance::cuda

@@ -8,17 +8,46 @@
 #include "engine/narrow/lanes.h"
 #include "engine/query/evaluate.h"
 #include "engine/query/reduction.h"
+#include "engine/surface/surface.h"
 // Behind all that is included elsewhere.
 #include "emulated_scene.h"
 
 #define cuda emulated
 #include "engine/cuda/any_kernel.cuh"
+#include "engine/cuda/element_kernel.cuh"
 #include "engine/cuda/open_items.cuh"
 #undef cuda
 
 namespace clearance::test {
 
 inline constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
+
+/// The clouds of a scene as kernels see them.
+class HostElements {
+ public:
+  explicit HostElements(const Scene& scene) : of_body_(scene.bodies().size(), kNone) {
+    for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
+      if (scene.bodies()[b].cloud != CloudState::kPoints) continue;
+      const Piece& piece = *scene.bodies()[b].pieces[0];
+      const Surface& cloud = *piece.surface;
+      std::vector<ElementNode>& nodes = nodes_.emplace_back(cloud.nodes().size());
+      static_assert(sizeof(ElementNode) == sizeof(Surface::Node));
+      std::memcpy(static_cast<void*>(nodes.data()), cloud.nodes().data(), nodes.size() * sizeof(ElementNode));
+      const double half = 0.5 * double{cloud.edge()};
+      of_body_[b] = static_cast<std::uint32_t>(sets_.size());
+      sets_.push_back({piece.extents(), nodes.data(), cloud.points()[0].data(), half, half + cloud.rounding(), b});
+    }
+  }
+  ElementsView view() const {
+    if (sets_.empty()) return {};
+    return {sets_.data(), of_body_.data(), static_cast<std::uint32_t>(sets_.size())};
+  }
+
+ private:
+  std::vector<std::vector<ElementNode>> nodes_;
+  std::vector<ElementSet> sets_;
+  std::vector<std::uint32_t> of_body_;
+};
 
 /// A reduced query in host memory: one chunk.
 class HostReduction {
@@ -28,6 +57,7 @@ class HostReduction {
         q_(q),
         hulls_(cpu.scene(), kMostShared),
         bodies_(cpu.scene(), hulls_.view(), q),
+        elements_(cpu.scene()),
         pairs_(bodies_.refs()),
         rows_(room_for(cpu, q)) {
     const auto K = static_cast<std::uint32_t>(bodies_.plan.size.configurations),
@@ -53,6 +83,11 @@ class HostReduction {
     r_.rest_rows = items_.data() + 2 * r_.rows;
     r_.several = items_.data() + 3 * r_.rows;
     r_.answers = answers_.data();
+    r_.elements = elements_.view();
+    const std::size_t n = cpu.scene().bodies().size();
+    for_each_thread(r_.elements.count, [&] {
+      box_elements(r_.elements, bodies_.view, bodies_.fixed.data() + kPoseComponents * n, bodies_.fixed_box.data());
+    });
   }
   HostReduction(const HostReduction&) = delete;
 
@@ -84,6 +119,25 @@ class HostReduction {
     for (std::uint64_t row = 0; row < rows_.size.rows; ++row) compare_row(expected.view, row, what);
     return left;
   }
+  /// Answers the query, the CPU what is left. \returns how many pairs that were
+  std::uint32_t answer() {
+    const bool within = q_.reduce == Reduce::kWithin;
+    const std::uint32_t left = look_at_pairs([&] { within ? mark() : seed(); });
+    settle();
+    write();
+    rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
+    rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
+    return left;
+  }
+  /// The same, and expects rows that hold what the CPU's hold, of which each may be another interval.
+  std::uint32_t compare_bounds(const std::string& what) {
+    const std::uint32_t left = answer();
+    const Answer expected = ask(cpu_, q_);
+    EXPECT_EQ(rows_.info.rows, expected.info.rows) << what;
+    for (std::uint64_t row = 0; row < std::min(rows_.info.rows, expected.info.rows); ++row)
+      compare_row(expected.view, row, what);
+    return left;
+  }
   std::uint64_t others() const { return others_; }  ///< rows of compare_alone() that are not the CPU's
   const ReplyView& rows() const { return rows_.view; }
   std::uint64_t row_count() const { return rows_.info.rows; }
@@ -98,6 +152,7 @@ class HostReduction {
   const QueryView& q_;
   HullArrays hulls_;
   HostBodies bodies_;
+  HostElements elements_;
   std::uint32_t counts_[kCounts] = {}, host_counts_[kCounts] = {};
   ReducedView r_{};
 
@@ -154,12 +209,14 @@ class HostReduction {
     launch(r_.rows, kScanThreads, [&] { find_near_pairs(r_); });
     launch(r_.rows / 4, kItemThreads,
            [&] { bodies_.doubted ? look_at_near_pairs<Slack>(r_) : look_at_near_pairs<NoSlack>(r_); });
+    look_at_clouds<true>();
     launch(r_.rows / 4, kItemThreads, [&] { list_open_pairs(r_); });
   }
 
   void seed() {
     launch(r_.rows / 2, kScanThreads, [&] { find_seeds(r_); });
     launch(groups(), kItemThreads, [&] { solve_seeds(r_); });
+    if (r_.elements.count > 0) launch(groups(), kItemThreads, [&] { seed_elements(r_); });
     launch(r_.rows, kScanThreads, [&] { find_candidates(r_); });
   }
   void mark() {
@@ -174,6 +231,11 @@ class HostReduction {
   void solve() {
     launch(r_.rows / 4, kItemThreads, [&] { solve_candidates<false, S>(r_); });
     launch(r_.rows / 4, kItemThreads, [&] { solve_several(r_); });
+    look_at_clouds<false>();
+  }
+  template <bool kAny>
+  void look_at_clouds() {
+    if (r_.elements.count > 0) launch(100, kElementThreads, [&] { look_at_elements<kAny>(r_); });
   }
   // The CPU's answers to what is left.
   void settle() {

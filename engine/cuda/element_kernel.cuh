@@ -1,0 +1,173 @@
+// Pairs of which one body is a cloud: a warp for each goes down the cloud's tree (engine/query/nearest_elements.h has
+// the CPU's way through it), and its threads answer the points that are left by GJK, side by side.
+#pragma once
+
+#include "engine/cuda/element_search.cuh"
+#include "engine/cuda/items.cuh"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kElementThreads = 64, kElementBlocks = 1056;
+inline constexpr std::uint32_t kElementsAtOnce = 2;  // items that a warp takes from the list at a time
+inline constexpr int kSeedPointSteps = 4;            // of GJK, for a bound that leaves pairs out
+
+// No pair of this one's groups need be known better than that it is farther. Infinite: nothing is cut off yet.
+__device__ inline double group_cut_off(const ReducedView& r, const Item& item) {
+  double most = 0;
+  for_groups(r, item, [&](std::size_t g) {
+    const double cut = __longlong_as_double(static_cast<long long>(r.cutoff[g]));
+    most = cut >= 0 ? fmax(most, cut) : __builtin_inf();  // all bits set: a NaN
+  });
+  return most;
+}
+
+// Answers an item of a cloud. All the warp's threads call it, and one of them holds the answer.
+template <bool kAny>
+__device__ inline Outcome answer_elements(const ReducedView& r, const Item& item, const ElementRoom& room,
+                                          PairAnswer& answer, bool& is_mine) {
+  const ChunkView& c = r.chunk;
+  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+      at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  Question q = c.question;
+  if (kAny) q.max_distance = margin_of(r, item.p);
+  is_mine = threadIdx.x % 32 == 0;
+  if (answer_without_pieces(q, at_a, at_b, answer)) return Outcome::kWithoutPieces;
+  if (!q.prove_overlaps) return Outcome::kUnsettled;
+  const Slack slack = slack_of_pair(c, item.ref, item.k);
+  double most = q.max_distance, enough = -__builtin_inf();
+  if (kAny)
+    enough = slack.near_enough(q.max_distance);
+  else if (r.reduce != Reduce::kWithin)
+    most = fmin(most, group_cut_off(r, item));
+  CloudSearch search(r, q, at_a, at_b, slack, slack.cut_off(most), enough, room);
+  const Outcome outcome = search.run(answer);
+  if (outcome != Outcome::kSettled) return outcome;
+  is_mine = search.has_answer();
+  // Neither farther than its margin nor within it, as far as is known.
+  const bool is_decided = !kAny || answer.upper <= q.max_distance || answer.status == Status::kBeyond;
+  return __all_sync(~0u, !is_mine || is_decided) ? Outcome::kSettled : Outcome::kUnsettled;
+}
+
+// Of the pairs that are listed, those of a cloud. What is not settled goes where the others' goes.
+template <bool kAny>
+__global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid_constant__ ReducedView r) {
+  constexpr std::uint32_t kWarps = kElementThreads / 32;
+  __shared__ std::uint32_t nodes[kWarps][kStackEntries], points[kWarps][kWaitingEntries];
+  __shared__ float node_gaps[kWarps][kStackEntries], point_gaps[kWarps][kWaitingEntries];
+  const std::uint32_t warp = threadIdx.x / 32;
+  const ElementRoom room{nodes[warp], points[warp], node_gaps[warp], point_gaps[warp]};
+  const std::uint32_t count = item_count(r), lane = threadIdx.x % 32;
+  for (;;) {
+    std::uint32_t first = 0;
+    if (lane == 0) first = atomicAdd(r.chunk.counts + kElementsTaken, kElementsAtOnce);
+    first = __shfl_sync(~0u, first, 0);
+    if (first >= count) break;
+    for (std::uint32_t i = first; i < count && i < first + kElementsAtOnce; ++i) {
+      const Item item = listed_item(r, i);
+      if (!is_of_elements(r, item)) continue;
+      PairAnswer answer = beyond_answer(0);  // of what is passed over
+      bool is_mine = lane == 0;
+      Outcome outcome = Outcome::kNone;
+      if (!kAny || !__any_sync(~0u, is_decided_before(r, item))) {
+        outcome = answer_elements<kAny>(r, item, room, answer, is_mine);
+        if (is_mine && (outcome == Outcome::kSettled || outcome == Outcome::kWithoutPieces)) {
+          const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
+              at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
+          r.answers[i] = answer;
+          if constexpr (kAny)
+            offer_to_decision(r, item, i, answer);
+          else
+            offer(r, item, i, answer, at_a, at_b);
+        }
+      } else if (is_mine) {
+        r.answers[i] = answer;
+      }
+      if constexpr (kAny) {
+        if (outcome == Outcome::kUnsettled && lane == 0)
+          r.answers[i] = no_answer(Status::kOk);  // for list_open_pairs()
+        add_count(r.chunk.counts + kSettledRows, lane == 0 && outcome == Outcome::kSettled);
+      } else {
+        report_item(r, lane == 0 ? outcome : Outcome::kNone, i);
+      }
+    }
+  }
+}
+
+// An upper bound on how far a pair of a cloud is apart, or where boxes alone are farther than max_distance a lower one:
+// cutoff_of(). By the point at the end of one way down the tree, before the first of the other body's pieces.
+__device__ inline double element_cutoff_of(const ReducedView& r, const Item& item) {
+  const ChunkView& c = r.chunk;
+  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+      at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  const double gap = certify_box_gap(at_a.box(), at_b.box());
+  if (gap > c.question.max_distance) return gap;
+  const bool cloud_first = r.elements.of_body[at_a.body] != kNone;
+  const ElementSet& set = r.elements.sets[r.elements.of_body[cloud_first ? at_a.body : at_b.body]];
+  const HullHead* const head =
+      c.hulls.heads + c.hulls.piece_hull[c.hulls.piece_begin[cloud_first ? at_b.body : at_a.body]];
+  const PieceBefore before(set, cloud_first ? at_a.frame() : at_b.frame(), *head,
+                           cloud_first ? at_b.frame() : at_a.frame());
+  constexpr double kInf = __builtin_inf();
+  std::uint32_t at = 0;
+  for (;;) {
+    const LoadedNode node(set, at);
+    if (node.is_leaf()) {
+      at = node.begin();
+      double least = kInf;
+      for (std::uint32_t i = node.begin(); i < node.begin() + node.count(); ++i) {
+        const double to_point = before.gap(box_of_element(set, i), kInf);
+        if (!(to_point < least)) continue;
+        least = to_point;
+        at = i;
+      }
+      break;
+    }
+    const LoadedNode one(set, at + 1), other(set, node.right);
+    const double to_one = before.gap(one.box, kInf), to_other = before.gap(other.box, kInf);
+    const bool is_one =
+        to_one != to_other ? to_one < to_other : !(before.between_middles(other.box) < before.between_middles(one.box));
+    at = is_one ? at + 1 : node.right;
+  }
+  const Vec3d middle = box_of_element(set, at).centre;
+  const HullHead of_element = element_head(set, middle);
+  const Part x = piece_part(c.hulls, head), e = element_part(set, middle, &of_element);
+  const Part& a = cloud_first ? e : x;
+  const Part& b = cloud_first ? x : e;
+  const PairFrame<double> frame = place_pair<double>(at_a, *a.head, at_b, *b.head);
+  Run<Part> run(c.question, a, b, frame);
+  for (int steps = 0; run.g.end == 0 && steps < kSeedPointSteps; ++steps) run.step();
+  return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
+}
+
+// solve_seeds() of the seeds that are pairs of a cloud.
+__global__ void __launch_bounds__(kItemThreads) seed_elements(const __grid_constant__ ReducedView r) {
+  cut_off_by_seed(
+      r, [&](const Item& item) { return is_of_elements(r, item); },
+      [&](const Item& item, std::uint32_t) { return element_cutoff_of(r, item); });
+}
+
+// Boxes of clouds that stay where the snapshot has them: what box_fixed_bodies() makes of hulls.
+__global__ void __launch_bounds__(kItemThreads)
+    box_elements(ElementsView elements, BodiesView bodies, double* boxes, OuterBox* outer_boxes) {
+  const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x, n = bodies.bodies;
+  if (i >= elements.count) return;
+  const ElementSet& set = elements.sets[i];
+  if (static_cast<Status>(bodies.fixed_state[set.body] & kStateStatus) != Status::kOk) return;
+  const Where at(bodies, 0, set.body, 0);
+  const HullExtents& h = set.hull;
+  const Aabb box = grown(certify_box(h.centre, h.half, h.spread, h.rho, h.radius, at.rotation(), at.translation()),
+                         bodies.doubts.fixed ? bodies.doubts.fixed[set.body].all.inner : 0);
+  for (int k = 0; k < 3; ++k) {
+    boxes[static_cast<std::size_t>(k) * n + set.body] = box.low[k];
+    boxes[static_cast<std::size_t>(3 + k) * n + set.body] = box.high[k];
+  }
+  outer_boxes[set.body] = {__double2float_rd(box.low.x),
+                           __double2float_rd(box.low.y),
+                           __double2float_rd(box.low.z),
+                           __double2float_ru(box.high.x),
+                           __double2float_ru(box.high.y),
+                           __double2float_ru(box.high.z),
+                           {0, 0}};
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,49 @@
+// Bodies' boxes in float32, as kernels compare them.
+#pragma once
+
+#include <cstddef>
+
+#include "engine/device/layout.h"
+
+namespace clearance::cuda {
+
+__device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref, std::uint32_t k) {
+  const OuterBox* box = ref & kMovedBit ? bodies.moved_box + std::size_t{k} * bodies.moved_count + (ref & ~kMovedBit)
+                                        : bodies.fixed_box + ref;
+  const auto* halves = reinterpret_cast<const float4*>(box);
+  const float4 p = __ldg(halves), q = __ldg(halves + 1);
+  return {p.x, p.y, p.z, p.w, q.x, q.y, {0, 0}};
+}
+__device__ inline bool is_empty(const OuterBox& box) {
+  return box.low_x > box.high_x;
+}
+// No more than certify_box_gap() of the boxes: 2^-20 is more than the few roundings take. Finite. Below 0: how far the
+// boxes overlap.
+__device__ inline float gap_below(const OuterBox& a, const OuterBox& b) {
+  constexpr float kMost = 3.4028234e38f;
+  float x = fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), y = fmaxf(b.low_y - a.high_y, a.low_y - b.high_y),
+        z = fmaxf(b.low_z - a.high_z, a.low_z - b.high_z);
+  if (const float most = fmaxf(x, fmaxf(y, z)); most <= 0) return most;
+  x = fmaxf(x, 0.0f);
+  y = fmaxf(y, 0.0f);
+  z = fmaxf(z, 0.0f);
+  const float squared = x * x + y * y + z * z;
+  const float gap = squared < kMost ? sqrtf(squared) : fmaxf(x, fmaxf(y, z));
+  return fminf(gap, kMost) * (1 - 0x1p-20f);
+}
+
+// The square of how far boxes are apart, up to a few roundings; 0: they touch. Infinite for those of bodies without a
+// usable pose, and where it overflows.
+__device__ inline float squared_gap(const OuterBox& a, const OuterBox& b) {
+  const float x = fmaxf(fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), 0.0f),
+              y = fmaxf(fmaxf(b.low_y - a.high_y, a.low_y - b.high_y), 0.0f),
+              z = fmaxf(fmaxf(b.low_z - a.high_z, a.low_z - b.high_z), 0.0f);
+  return __fmaf_rn(x, x, __fmaf_rn(y, y, z * z));
+}
+// What squared_gap() is not above unless boxes are proved to be farther apart than the distance. The margin is more
+// than its few roundings take.
+__host__ __device__ inline float square_from_above(double distance) {
+  return detail::float_above(distance * distance * (1 + 0x1p-18));
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,162 @@
+// Clouds on a device: rows that hold what the CPU's hold, of the points that are there now.
+#include "cloud_case.h"
+
+namespace clearance::test {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+class CudaElements : public testing::Test {
+ protected:
+  void SetUp() override { SKIP_WITHOUT_DEVICE(); }
+};
+
+bool is_within(std::uint8_t status) {
+  const auto s = static_cast<Status>(status);
+  return s == Status::kOk || s == Status::kOverlap || s == Status::kContact;
+}
+
+struct Found {
+  std::uint64_t apart = 0, overlap = 0, beyond = 0, rows = 0;
+};
+
+// Asks both. Intervals are as narrow as asked and hold the same distance; what one has decided the other does not deny.
+void compare(const Engine& device, const Engine& cpu, const QueryView& q, const std::string& what, Found& found) {
+  const Answer rows = ask(device, q), expected = ask(cpu, q);
+  EXPECT_EQ(rows.info.backend, "cuda") << what;
+  ASSERT_EQ(rows.info.rows, expected.info.rows) << what;
+  const ReplyView &a = rows.view, &b = expected.view;
+  for (std::uint64_t i = 0; i < rows.info.rows; ++i, ++found.rows) {
+    const auto status = static_cast<Status>(a.status[i]);
+    found.apart += status == Status::kOk;
+    found.overlap += status == Status::kOverlap;
+    found.beyond += status == Status::kBeyond;
+    EXPECT_EQ(std::isnan(a.distance[i]), std::isnan(b.distance[i])) << what << ", row " << i;
+    EXPECT_LE(a.lower[i], a.upper[i]) << what << ", row " << i;
+    if (q.reduce == Reduce::kAny) {
+      EXPECT_FALSE(status == Status::kBeyond && is_within(b.status[i])) << what << ", row " << i;
+      EXPECT_FALSE(static_cast<Status>(b.status[i]) == Status::kBeyond && is_within(a.status[i]))
+          << what << ", row " << i;
+    } else if (!std::isnan(a.distance[i])) {
+      EXPECT_TRUE(a.lower[i] <= b.upper[i] && b.lower[i] <= a.upper[i])
+          << what << ", row " << i << ": [" << a.lower[i] << ", " << a.upper[i] << "] and [" << b.lower[i] << ", "
+          << b.upper[i] << "]";
+      if (status == Status::kOk) {
+        EXPECT_LE(a.upper[i] - a.lower[i], tolerance_at(a.upper[i], q.abs_tol, default_rel_tol(q.precision)));
+      }
+    }
+  }
+}
+
+TEST_F(CudaElements, HoldWhatTheCpuHolds) {
+  for (const CloudKind kind : {CloudKind::kPoints, CloudKind::kGrown, CloudKind::kVoxels})
+    for (const std::size_t points : {std::size_t{1}, std::size_t{30}, std::size_t{20000}}) {
+      Found least, any;
+      std::uint64_t settled = 0, left = 0;
+      for (const double room : {0.6, 1.2, 3.0}) {
+        CloudCase c(kind, points, room, 400, 3, room == 1.2);
+        c.poses[7].translation.y = std::numeric_limits<double>::quiet_NaN();
+        const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+        const std::string name = std::to_string(points) + " points of kind " + std::to_string(static_cast<int>(kind)) +
+                                 ", room " + std::to_string(room);
+        for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+          c.q.precision = precision;
+          for (const double distance : {kInf, 0.1}) {
+            c.q.max_distance = distance;
+            for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kWithin}) {
+              c.q.reduce = reduce;
+              compare(device, cpu, c.q, name + ", reduce " + std::to_string(static_cast<int>(reduce)), least);
+            }
+          }
+          c.q.max_distance = kInf;
+          c.q.reduce = Reduce::kAny;
+          for (const double margin : {0.0, 0.02, 0.3}) {
+            c.q.margin = margin;
+            compare(device, cpu, c.q, name + ", margin " + std::to_string(margin), any);
+          }
+          c.q.margin = 0;
+        }
+        settled += counter(device, "cuda.pairs_settled");
+        left += counter(device, "cuda.pairs_finished_on_cpu");
+        EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u) << name;
+      }
+      EXPECT_GT(least.apart, 100u);
+      EXPECT_GT(any.beyond, 100u);
+      if (points > 1) {
+        EXPECT_GT(least.overlap, 30u);
+        EXPECT_GT(any.overlap, 30u);
+      }
+      EXPECT_GT(settled, 2000u);
+      EXPECT_LT(left, settled / 20);
+    }
+}
+
+// The same query, the same bits: threads that are faster than others change nothing.
+TEST_F(CudaElements, RepeatThemselves) {
+  CloudCase c(CloudKind::kGrown, 20000, 1.2, 300, 3, true);
+  const Engine device(std::move(c.scene), {"cuda"});
+  for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kAny}) {
+    c.q.reduce = reduce;
+    c.q.margin = reduce == Reduce::kAny ? 0.05 : 0;
+    const Answer first = ask(device, c.q);
+    for (int i = 0; i < 5; ++i) expect_same(ask(device, c.q), first, "again", true);
+  }
+}
+
+// Points are swapped, in the memory of those before and beside a query of these; bodies are emptied.
+TEST_F(CudaElements, FollowTheirPoints) {
+  CloudCase c(CloudKind::kPoints, 3000, 1.2, 200, 3, true);
+  Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+  c.q.reduce = Reduce::kMin;
+  Random random(5);
+  Found found;
+  std::uint64_t on_cpu = 0;
+  for (const std::size_t count : {3000u, 10u, 100000u, 1u, 0u, 500u}) {
+    std::vector<CloudPoint> points;
+    const float shift = static_cast<float>(random.uniform(-0.5, 0.5));
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto x = [&] { return static_cast<float>(random.uniform(-1, 1)); };
+      points.push_back({shift + x(), x(), 0.3f * x()});
+    }
+    for (Engine* engine : {&cpu, &device}) engine->set_points(0, points);
+    for (int i = 0; i < 2; ++i) {
+      if (count > 0) {
+        compare(device, cpu, c.q, std::to_string(count) + " points", found);
+        EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), on_cpu);
+      } else {
+        expect_same(ask(device, c.q), ask(cpu, c.q), "no points", false);
+        EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), ++on_cpu);
+      }
+    }
+  }
+  EXPECT_GT(found.apart, 200u);
+  EXPECT_GT(found.overlap, 200u);
+}
+
+// What a cloud that moves or depths of it would ask for is the CPU's.
+TEST_F(CudaElements, LeaveToTheCpuWhatTheyDoNotAnswer) {
+  CloudCase c(CloudKind::kPoints, 300, 1.2, 20, 3, true);
+  const std::vector<CloudPoint> points{{0, 0, 0}, {0.1f, 0.2f, 0.3f}};
+  const auto resting = static_cast<std::uint32_t>(c.scene.bodies().size()), moving = resting + 1;
+  c.scene.add_points("resting", points, 0, {.is_static = true, .pose = Pose{{0.5, 0.5, 0.5}}});
+  c.scene.add_points("moving", points, 0, {});
+  const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+  c.q.reduce = Reduce::kMin;
+  std::uint64_t on_cpu = 0;
+  const auto expect_cpu = [&](const QueryView& q, const std::string& what) {
+    expect_same(ask(device, q), ask(cpu, q), what, false);
+    EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), ++on_cpu) << what;
+  };
+  std::vector<std::uint32_t> bodies = c.bodies;
+  bodies[3] = moving;
+  QueryView q = c.q;
+  q.bodies = bodies;
+  const std::vector<BodyPair> before_a_hull{{bodies[0], moving}}, before_a_cloud{{moving, resting}};
+  q.pairs = before_a_hull;
+  expect_cpu(q, "a cloud that moves");
+  q.pairs = before_a_cloud;
+  expect_cpu(q, "two clouds");
+}
+
+}  // namespace
+}  // namespace clearance::test
