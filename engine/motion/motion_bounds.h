@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/motion/body_motion.h"
+#include "engine/motion/motion_step.h"
 #include "engine/query/placement.h"
 #include "engine/query/plan.h"
 #include "engine/robot/link_twists.h"
@@ -28,15 +29,6 @@ struct MovingBodies {
   std::vector<double> errors;                 ///< of each of Plan::moved: ConfigurationPoses::Block::errors
   bool half_turn = false;                     ///< one of `given` is_half_turn()
   std::vector<std::uint8_t> end_facts;        ///< of the links in Plan::bodies: LinkFact bits of both ends; empty: 0
-};
-
-/// How fast two bodies can come nearer, in a unit of time. Rounded up.
-struct PairRates {
-  double speed = 0;                  ///< metres: no faster does their distance change, nor what is not known of it
-  double acceleration = 0;           ///< metres: of points of both together, as `seer` sees them
-  std::uint32_t seer = kNone;        ///< a body, whose own twist is taken off; kNone: the world
-  std::uint32_t speed_seer = kNone;  ///< likewise: before whose eyes `speed` holds
-  double drift = 0;  ///< metres: what is not known of the pair changes so fast, and twists are so far off
 };
 
 /// Which joints and poses move the bodies of each pair before each other, once for a query. Immutable.
