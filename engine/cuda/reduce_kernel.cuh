@@ -7,6 +7,7 @@
 // no order.
 #pragma once
 
+#include "engine/cuda/outer_boxes.cuh"
 #include "engine/cuda/overlap_kernel.cuh"
 #include "engine/cuda/pair_kernel.cuh"
 #include "engine/cuda/pair_table.cuh"
@@ -61,13 +62,7 @@ __device__ inline void for_groups(const ReducedView& r, const Item& item, Visit 
   visit(std::size_t{item.k} * r.groups + body_of(r.chunk.bodies, item.ref.b));
 }
 
-// The least of many keys. Most keys are not less than what is there already: a look spares the atomic operation.
-__device__ inline void take_least(std::uint64_t* where, std::uint64_t key) {
-  static_assert(sizeof(unsigned long long) == sizeof(std::uint64_t));
-  auto* p = reinterpret_cast<unsigned long long*>(where);
-  if (key < __ldcg(p)) atomicMin(p, static_cast<unsigned long long>(key));
-}
-// The same for a warp, whose keys are often of one group. All its threads call it; ~0: no key.
+// take_least() for a warp, whose keys are often of one group. All its threads call it; ~0: no key.
 __device__ inline void take_least_of_warp(std::uint64_t* where, std::size_t group, std::uint64_t key) {
   const std::size_t first = __shfl_sync(~0u, group, 0);
   if (__all_sync(~0u, group == first || key == ~std::uint64_t{0})) {
@@ -96,31 +91,6 @@ __device__ inline double from_order_key(std::uint64_t key) {
 }
 __device__ inline float from_order_key(std::uint32_t key) {
   return __uint_as_float(key >> 31 ? key & ~(1u << 31) : ~key);
-}
-
-__device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref, std::uint32_t k) {
-  const OuterBox* box = ref & kMovedBit ? bodies.moved_box + std::size_t{k} * bodies.moved_count + (ref & ~kMovedBit)
-                                        : bodies.fixed_box + ref;
-  const auto* halves = reinterpret_cast<const float4*>(box);
-  const float4 p = __ldg(halves), q = __ldg(halves + 1);
-  return {p.x, p.y, p.z, p.w, q.x, q.y, {0, 0}};
-}
-__device__ inline bool is_empty(const OuterBox& box) {
-  return box.low_x > box.high_x;
-}
-// No more than certify_box_gap() of the boxes: 2^-20 is more than the few roundings take. Finite. Below 0: how far the
-// boxes overlap.
-__device__ inline float gap_below(const OuterBox& a, const OuterBox& b) {
-  constexpr float kMost = 3.4028234e38f;
-  float x = fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), y = fmaxf(b.low_y - a.high_y, a.low_y - b.high_y),
-        z = fmaxf(b.low_z - a.high_z, a.low_z - b.high_z);
-  if (const float most = fmaxf(x, fmaxf(y, z)); most <= 0) return most;
-  x = fmaxf(x, 0.0f);
-  y = fmaxf(y, 0.0f);
-  z = fmaxf(z, 0.0f);
-  const float squared = x * x + y * y + z * z;
-  const float gap = squared < kMost ? sqrtf(squared) : fmaxf(x, fmaxf(y, z));
-  return fminf(gap, kMost) * (1 - 0x1p-20f);
 }
 
 // The square of how far boxes are apart, up to a few roundings; 0: they touch. Infinite for those of bodies without a

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/motion/body_motion.h"
+#include "engine/motion/motion_arrays.h"
 #include "engine/motion/motion_step.h"
 #include "engine/query/placement.h"
 #include "engine/query/plan.h"
@@ -47,6 +48,9 @@ class MotionBounds {
   /// How fast a body moves before the eyes of another one; kNone: of the world. \param twists of each of Plan::moved
   Twist twist_before(std::uint32_t seer, std::uint32_t body, std::span<const Twist> twists,
                      const Placement& placed) const;
+  /// The same as plain arrays. False where poses move bodies, or a robot that is carried by another one moves: no
+  /// kernel knows such chains.
+  bool flatten(MotionArrays& arrays) const;
 
  private:
   static constexpr std::uint32_t kStill = ~std::uint32_t{0};  // a chain that nothing moves
