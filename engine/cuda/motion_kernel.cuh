@@ -160,8 +160,8 @@ __device__ inline bool leaves_by_boxes(const MotionsView& m, PairRef ref, std::u
   const auto speed = [&](std::uint32_t body) -> double {
     return body & kMovedBit ? m.speeds[std::size_t{body & ~kMovedBit} * m.span_capacity + s] : 0;
   };
-  const double low = difference_below(gap_below(a, b),
-                                      sum_above(speed(ref.a), speed(ref.b)) * span.half() * (1 + 0x1p-50));
+  const double low =
+      difference_below(gap_below(a, b), sum_above(speed(ref.a), speed(ref.b)) * span.half() * (1 + 0x1p-50));
   return low > target_of(m, pair);
 }
 
@@ -295,8 +295,8 @@ __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_cons
   MotionSpan span{};
   if (wanted) {
     span = m.spans[s];
-    wanted = m.shares[i] != ~0u && m.hit[span.motion] == ~std::uint64_t{0} && !m.open[span.motion] &&
-             !m.to_cpu[span.motion];
+    wanted =
+        m.shares[i] != ~0u && m.hit[span.motion] == ~std::uint64_t{0} && !m.open[span.motion] && !m.to_cpu[span.motion];
     m.next_children[i] = kNone;
     if (wanted && m.level + 1 == kMotionLevels) {
       m.open[span.motion] = 1;

@@ -74,8 +74,8 @@ __device__ inline LocalPose local_pose(const MovesView& moves, std::uint32_t slo
   return {facts & kLinkBad ? Pose{{bad, bad, bad}, bad, bad, bad, bad} : Pose{t, q.w, q.x, q.y, q.z}, facts};
 }
 
-// Places a moved body in configuration k, with its boxes. \param beside metres: it may be off by so much besides what is
-// doubted of its frames. \returns what is doubted of it, without that. \tparam kDoubted something is
+// Places a moved body in configuration k, with its boxes. \param beside metres: it may be off by so much besides what
+// is doubted of its frames. \returns what is doubted of it, without that. \tparam kDoubted something is
 template <bool kDoubted>
 __device__ inline PlacedDoubt place_body(const HullsView& hulls, const BodiesView& bodies, const MovesView& moves,
                                          std::uint32_t slot, std::uint32_t k, std::uint32_t configurations,
@@ -131,7 +131,8 @@ __device__ inline PlacedDoubt place_body(const HullsView& hulls, const BodiesVie
       p[std::size_t(3 + c) * configurations] = of_piece.high[c];
     }
   };
-  const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w, kDoubted ? sum_above(doubt.slack.inner, beside) : 0, put_piece);
+  const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w,
+                               kDoubted ? sum_above(doubt.slack.inner, beside) : 0, put_piece);
   if (!want_box) return doubt;
   put(12, box.low);
   put(15, box.high);

@@ -10,8 +10,8 @@ namespace clearance {
 namespace {
 
 constexpr double kUnit = 0x1p-53;
-constexpr double kUp = kMotionSlack;     // sums and products of what follows
-constexpr double kAxisError = 0x1p-48;   // of a vector's part across an axis
+constexpr double kUp = kMotionSlack;    // sums and products of what follows
+constexpr double kAxisError = 0x1p-48;  // of a vector's part across an axis
 
 double length_of(const Vec3d& v) {
   return std::hypot(v.x, v.y, v.z);

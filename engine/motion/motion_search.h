@@ -30,6 +30,9 @@ struct MotionRow {
   std::uint32_t steps = 0;
 };
 
+/// Writes it as a row of a reply.
+void write_motion_row(const ReplyView& reply, std::uint64_t at, const MotionRow& row);
+
 /// What every search of a query shares. All must outlive it.
 struct MotionQuestion {
   const Scene& scene;

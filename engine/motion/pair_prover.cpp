@@ -221,8 +221,8 @@ PairProver::Halves PairProver::by_direction(const Vec3d& n, const Piece* p, cons
     return MovingBody{scene_.bodies()[body], here[body].pose,
                       bounds_.twist_before(rates_.seer, body, moment_.twists(), here), nullptr, piece};
   };
-  const HalfSpans gaps = gaps_along(n, moving_body(pair_.a, p), moving_body(pair_.b, q), half,
-                                    bend_of_pair(rates_, half));
+  const HalfSpans gaps =
+      gaps_along(n, moving_body(pair_.a, p), moving_body(pair_.b, q), half, bend_of_pair(rates_, half));
   const double less = (slack_.inner + rates_.drift * half) * (1 + 0x1p-40);
   return {difference_below(gaps.before, less) >= lower_, difference_below(gaps.after, less) >= lower_};
 }

@@ -36,9 +36,8 @@ class HostMotions {
     m_.pair_capacity = pair_capacity ? pair_capacity : 2 * motions * pairs;
     m_.hit_capacity = hit_capacity ? hit_capacity : motions * pairs;
     m_.max_steps = q.max_steps;
-    m_.tables = {arrays_.movers.data(),        arrays_.chains.data(), arrays_.chain_of_slot.data(),
-                 arrays_.views.data(),         arrays_.views_of_pair.data(),
-                 arrays_.reach.data()};
+    m_.tables = {arrays_.movers.data(), arrays_.chains.data(),        arrays_.chain_of_slot.data(),
+                 arrays_.views.data(),  arrays_.views_of_pair.data(), arrays_.reach.data()};
     for (std::uint32_t p = 0; p < pairs; ++p) margins_.push_back(plan.margins.of(p));
     m_.margins = margins_.data();
     m_.ends = plan.positions.data();
