@@ -317,7 +317,7 @@ __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_cons
 }
 
 // What became of each motion, and the rows of those that hit.
-__global__ void __launch_bounds__(kMotionThreads) judge_motions(const __grid_constant__ MotionsView m) {
+__global__ void __launch_bounds__(kMotionThreads) conclude_motions(const __grid_constant__ MotionsView m) {
   const std::uint32_t i = thread_index();
   if (i >= m.motions) return;
   const bool is_hit = m.hit[i] != ~std::uint64_t{0};

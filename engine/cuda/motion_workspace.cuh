@@ -91,7 +91,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
   static constexpr std::uint32_t kListBlocks = 2112;  // for lists whose length nobody knows: all that an H100 holds
   static constexpr std::uint32_t kMostPairBlocks = 1u << 16;
   static constexpr std::uint64_t kMostPairs = 1u << 23;  // of a list
-  static constexpr std::uint32_t kHitsOfMotion = 4;
+  static constexpr std::uint32_t kHitsOfMotion = 4, kMoreSpans = 256;
 
   static std::size_t rounded(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
   // Counts, steps and verdicts lie one after another, and go to the host together.
@@ -132,9 +132,10 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     m.margin = margin_;
     m.max_steps = max_steps_;
     m.motions = chunk.configurations;
-    m.span_capacity = m.chunk.configurations = 2 * m.motions;
+    m.span_capacity = m.chunk.configurations = 2 * m.motions + kMoreSpans;
     const std::uint64_t pairs = std::uint64_t{m.motions} * chunk.pair_count;
-    m.pair_capacity = static_cast<std::uint32_t>(std::min(pairs, std::max<std::uint64_t>(kMostPairs, m.motions)));
+    m.pair_capacity =
+        static_cast<std::uint32_t>(std::min(pairs + kMoreSpans * std::uint64_t{chunk.pair_count}, kMostPairs));
     m.hit_capacity = kHitsOfMotion * m.motions + kMotionThreads;
     make_parts(slot.motions, [&](Parts& parts) {
       std::byte* begin = nullptr;
@@ -205,7 +206,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       std::swap(m.children, m.next_children);
       std::swap(m.on, m.next_on);
     }
-    judge_motions<<<blocks(m.motions), kMotionThreads, 0, stream>>>(m);
+    conclude_motions<<<blocks(m.motions), kMotionThreads, 0, stream>>>(m);
     gather_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
     check(cudaGetLastError(), "starting a kernel");
   }

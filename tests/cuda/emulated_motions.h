@@ -32,8 +32,8 @@ class HostMotions {
                pairs = static_cast<std::uint32_t>(plan.size.pairs);
     const std::size_t J = plan.joints.size(), M = plan.moved.size();
     m_.motions = motions;
-    m_.span_capacity = span_capacity ? span_capacity : 2 * motions;
-    m_.pair_capacity = pair_capacity ? pair_capacity : 2 * motions * pairs;
+    m_.span_capacity = span_capacity ? span_capacity : 2 * motions + 64;
+    m_.pair_capacity = pair_capacity ? pair_capacity : (2 * motions + 64) * pairs;
     m_.hit_capacity = hit_capacity ? hit_capacity : motions * pairs;
     m_.max_steps = q.max_steps;
     m_.tables = {arrays_.movers.data(), arrays_.chains.data(),        arrays_.chain_of_slot.data(),
@@ -87,7 +87,7 @@ class HostMotions {
       std::swap(m_.children, m_.next_children);
       std::swap(m_.on, m_.next_on);
     }
-    launch(m_.motions, [&] { judge_motions(m_); });
+    launch(m_.motions, [&] { conclude_motions(m_); });
     launch(300, [&] { gather_hits(m_); });
     hit_row_.assign(m_.motions, kNone);
     for (std::uint32_t i = 0; i < m_.counts[kHitRowCount]; ++i) hit_row_[m_.hit_rows[i].motion] = i;

@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "tests/engine/arm_scene.h"
-#include "tests/motion/motion_cases.h"
+#include "tests/motion/motion_judge.h"
 #include "tests/motion/motion_test.h"
 // Behind all that is included elsewhere.
 #include "emulated_motions.h"
@@ -134,6 +134,80 @@ TEST(MotionKernels, DecideAnArmsEdgesAsTheCpuDoes) {
     EXPECT_LT(found.open, 10);
   }
 }
+
+// Lists that are too short leave motions to the CPU, and say nothing wrong of the others.
+TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
+  const ArmEdges edges(5, 60, 1.5);
+  const QueryView q = edges.query(0.01);
+  HostMotions whole(edges.scene, q);
+  const Found all = compare(edges, q, whole);
+  const auto pairs = static_cast<std::uint32_t>(whole.plan().size.pairs);
+  struct Room {
+    const char* what;
+    std::uint32_t pairs, spans, hits;
+  };
+  for (const Room& room : {Room{"pairs", 10 * pairs, 0, 0}, Room{"spans", 0, 60, 0}, Room{"hits", 0, 0, 5}}) {
+    SCOPED_TRACE(room.what);
+    HostMotions host(edges.scene, q, room.pairs, room.spans, room.hits);
+    const Found found = compare(edges, q, host);
+    EXPECT_GT(found.open, all.open + 2);
+    EXPECT_GT(found.free + found.hits, 4);
+  }
+  QueryView hasty = q;
+  hasty.max_steps = 1;
+  HostMotions host(edges.scene, hasty);
+  const Found found = compare(edges, hasty, host);
+  EXPECT_GT(found.open, all.open + 2);
+}
+
+// Ends that rows have something to say of, bodies without a pose, and robots that kernels do not know.
+TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
+  ArmEdges edges(6, 6, 0.3);
+  const std::size_t J = edges.motions.joints.size();
+  edges.motions.positions[0] = std::numeric_limits<double>::quiet_NaN();
+  edges.motions.positions[(2 * 2 + 1) * J + 1] = 50;  // beyond its limits
+  const QueryView q = edges.query(0);
+  HostMotions host(edges.scene, q);
+  host.run();
+  EXPECT_EQ(host.verdict(0), MotionVerdict::kOpen);
+  EXPECT_EQ(host.verdict(2), MotionVerdict::kOpen);
+  int decided = 0;
+  for (const std::uint32_t i : {1u, 3u, 4u, 5u}) decided += host.verdict(i) != MotionVerdict::kOpen;
+  EXPECT_GT(decided, 2);
+  // A body whose pose nobody knows is in each motion's way.
+  edges.scene.add_sphere("lost", 0.1, {});
+  edges.motions.pairs.push_back({edges.scene.find_body("tool"), edges.scene.find_body("lost")});
+  const QueryView with_lost = edges.query(0);
+  HostMotions lost(edges.scene, with_lost);
+  lost.run();
+  for (std::uint32_t i = 0; i < 6; ++i) EXPECT_EQ(lost.verdict(i), MotionVerdict::kOpen) << i;
+}
+
+// What kernels say of a motion that is asked alone.
+MotionDecision decision_of(const Scene& scene, const QueryView& q) {
+  HostMotions host(scene, q);
+  MotionDecision found;
+  if (!host.fits()) return found;
+  host.run();
+  if (host.verdict(0) == MotionVerdict::kFree) found.kind = MotionDecision::kFree;
+  if (host.verdict(0) != MotionVerdict::kHit) return found;
+  const MotionHitRow& hit = *host.hit(0);
+  return {MotionDecision::kHit, host.plan().pairs.at(hit.key >> 32), hit.time, hit.answer.lower, hit.answer.upper};
+}
+
+class JudgedMotionKernels : public ::testing::TestWithParam<int> {};
+
+TEST_P(JudgedMotionKernels, SayNothingThatIsUntrue) {
+  const MotionFindings found = judge_decisions(21, 32, GetParam(), decision_of);
+  std::printf("%s\n", found.text().c_str());
+  EXPECT_EQ(found.wrong(), 0) << found.text();
+  EXPECT_GE(found.motions, 32);
+  EXPECT_GT(found.hits, 2);
+  EXPECT_GT(found.free, 2);
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, JudgedMotionKernels, ::testing::Range(0, kMotionKinds),
+                         [](const auto& kind) { return name_of(static_cast<MotionKind>(kind.param)); });
 
 }  // namespace
 }  // namespace clearance::test
