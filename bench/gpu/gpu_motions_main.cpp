@@ -74,7 +74,7 @@ struct Edges {
     q.margin = margin;
     q.abs_tol = 0;
     q.rel_tol = 1e-6;
-    q.fields = kFieldStatus | kFieldBounds | kFieldPair | kFieldTime | kFieldSteps;
+    q.fields = kDefaultFields | kFieldPair | kFieldTime | kFieldSteps;
     return q;
   }
 };
