@@ -31,7 +31,14 @@ struct SpanPair {
 };
 
 /// What is known of a span's moved bodies beside where they are, each component for all spans side by side.
-enum MotionNumber : std::uint32_t { kOwnSpeed, kOwnAcceleration, kOwnDrift, kOwnTurn, kOwnShift = 6, kMotionNumbers = 9 };
+enum MotionNumber : std::uint32_t {
+  kOwnSpeed,
+  kOwnAcceleration,
+  kOwnDrift,
+  kOwnTurn,
+  kOwnShift = 6,
+  kMotionNumbers = 9
+};
 
 /// A pair that is within its margin at a time.
 struct MotionHitRow {
@@ -79,9 +86,9 @@ struct MotionsView {
   MotionVerdict* verdicts;
   // Of this level's spans and of the next level's:
   MotionSpan *spans, *next_spans;
-  std::uint32_t* shares;                     ///< (spans, 2) of each half proved so far, float bits; all set: wholly
-  std::uint32_t *children, *next_children;   ///< (spans, 2) where it goes on at the next level; kNone: it does not
-  SpanPair *on, *next_on;                    ///< pairs that go on
+  std::uint32_t* shares;                    ///< (spans, 2) of each half proved so far, float bits; all set: wholly
+  std::uint32_t *children, *next_children;  ///< (spans, 2) where it goes on at the next level; kNone: it does not
+  SpanPair *on, *next_on;                   ///< pairs that go on
   SpanPair *near, *asked;
   MotionHitRow *hits, *hit_rows;
   std::uint32_t* counts;
