@@ -121,7 +121,7 @@ gpu-compile: setup  ## the kernels for every GPU architecture from 7.5 to 12.0; 
 	@tools/build.sh gpus kernels
 
 gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
-	@tools/build.sh release test_cuda_backend test_cuda_slack test_cuda_reductions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_cuda_containment test_device_plan test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench clearance_cuda
+	@tools/build.sh release test_cuda_backend test_cuda_slack test_cuda_reductions test_cuda_motions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_cuda_containment test_device_plan test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench clearance_cuda
 	@tools/gpu.sh test
 
 gpu-certify: setup  ## a million pairs of every hard class on this machine's GPU against exact arithmetic; writes docs/results/accuracy_*.csv

@@ -39,7 +39,7 @@ case $what in
     [ -x "$bin/test_cuda_backend" ] || { echo "gpu.sh: $bin/test_cuda_backend is not there: was nvcc found?" >&2; exit 1; }
     "$bin/clearance-gpu-bench" --device || exit 1
     failed=0
-    for run in "test_cuda_backend" "test_cuda_slack" "test_cuda_decisions" "test_cuda_reductions" "test_cuda_loss" "test_device_faults" "test_several_devices" "test_router" "test_cuda_classes" "test_device_plan" "test_cuda_containment" "test_segment_pinner" "test_robots" \
+    for run in "test_cuda_backend" "test_cuda_slack" "test_cuda_decisions" "test_cuda_reductions" "test_cuda_motions" "test_cuda_loss" "test_device_faults" "test_several_devices" "test_router" "test_cuda_classes" "test_device_plan" "test_cuda_containment" "test_segment_pinner" "test_robots" \
                "test_engine --gtest_filter=*cuda*" "test_narrow_baselines --gtest_filter=*uda*:-Worlds*"; do
       # shellcheck disable=SC2086
       "$bin"/$run >"$out/gpu_test.log" 2>&1 || { failed=1; grep -E "Failure|FAILED|error" "$out/gpu_test.log" | head -20; }
