@@ -50,7 +50,9 @@ __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_con
   m.open[i] = 0;
   m.spans[i] = {i, 0, 1};
   const FramesView& f = m.moves.frames;
-  bool is_strange = false;  // a position is none, or beyond its limits, which rows say
+  // A position is none; or beyond its limits, where rows have flags that say so.
+  const std::uint8_t strange = kLinkBad | (m.chunk.question.want_nonsmooth ? kLinkBeyondLimits : 0);
+  bool is_strange = false;
   for (std::uint32_t r = 0; r < f.robot_count; ++r) {
     const JointRobot& robot = f.robots[r];
     double travel = 0;
@@ -58,7 +60,7 @@ __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_con
       const JointRow row{f.columns + robot.first_column, m.ends + (std::size_t{i} * 2 + end) * f.joints};
       for (std::uint32_t s = 0; s < robot.steps; ++s) {
         const KinematicStep& step = f.steps[robot.first_step + s];
-        is_strange |= moving_fact_of_step(step, row) != 0;
+        is_strange |= (moving_fact_of_step(step, row) & strange) != 0;
         const double out = travel_of(step, row);
         if (travel < out) travel = out;
       }

@@ -44,7 +44,8 @@ class MotionDeviceQuery final : public DeviceQuery {
     chunks_ = (K + motions_ - 1) / motions_;
     beyond_ = {{kNone, kNone}, 0, beyond_all_margins(plan_, options_)};
     QuerySetup s = setup(*workspace_);
-    s.question.want_points = true;  // the directions that keep pairs apart
+    s.question.want_points = true;                                        // the directions that keep pairs apart
+    s.question.want_nonsmooth |= plan_.query.format == Format::kCompact;  // which stands for all flags of ends
     s.pairs = list_->resident.get();
     s.chunks = chunks_;
     s.reduce = plan_.query.reduce;

@@ -98,6 +98,7 @@ class HostMotions {
   const MotionHitRow* hit(std::uint32_t motion) const {
     return hit_row_[motion] == kNone ? nullptr : m_.hit_rows + hit_row_[motion];
   }
+  bool is_for_cpu(std::uint32_t motion) const { return m_.to_cpu[motion] != 0; }
   std::uint32_t steps(std::uint32_t motion) const { return m_.steps[motion]; }
   std::uint32_t count(std::uint32_t which, std::uint32_t level) const {
     return m_.counts[level * kCountsOfLevel + which];
@@ -119,7 +120,8 @@ class HostMotions {
     ChunkView& c = m_.chunk;
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;
-    c.question = {q.max_distance, q.abs_tol, q.rel_tol, 256, true, true, false, true, false, false};
+    const bool flags = (q.fields & kFieldFlags) != 0;
+    c.question = {q.max_distance, q.abs_tol, q.rel_tol, 256, true, true, flags, true, false, false};
     c.pairs = pairs_.data();
     c.pair_count = pairs;
     c.configurations = m_.span_capacity;

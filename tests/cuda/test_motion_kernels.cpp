@@ -122,6 +122,13 @@ TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
   int decided = 0;
   for (const std::uint32_t i : {1u, 3u, 4u, 5u}) decided += host.verdict(i) != MotionVerdict::kOpen;
   EXPECT_GT(decided, 2);
+  // Without flags nothing is said of limits.
+  QueryView without_flags = q;
+  without_flags.fields &= ~kFieldFlags;
+  HostMotions silent(edges.scene, without_flags);
+  compare(edges, without_flags, silent);
+  EXPECT_TRUE(silent.is_for_cpu(0));
+  EXPECT_FALSE(silent.is_for_cpu(2));
   // A body whose pose nobody knows is in each motion's way.
   edges.scene.add_sphere("lost", 0.1, {});
   edges.motions.pairs.push_back({edges.scene.find_body("tool"), edges.scene.find_body("lost")});

@@ -145,7 +145,7 @@ class MotionJudge {
     one.pairs = pairs_;
     QueryView query = one.view(Reduce::kAny, 512);
     query.margin = margin_beside_least();
-    query.fields &= ~kFieldFirstContact;
+    query.fields &= ~(kFieldFirstContact | kFieldFlags);
     const MotionDecision found = decide(engine_.scene(), query);
     findings_.free += found.kind == MotionDecision::kFree;
     findings_.undecided += found.kind == MotionDecision::kOpen;
