@@ -133,7 +133,7 @@ gpu-sanitize: setup  ## the cuda backend's tests under compute-sanitizer: memory
 	@tools/gpu.sh sanitize
 
 gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine; writes docs/results/gpu_*.csv
-	@tools/build.sh release clearance-gpu-bench clearance-gpu-plans clearanced clearance_cli clearance_cuda
+	@tools/build.sh release clearance-gpu-bench clearance-gpu-plans clearance-gpu-motions clearanced clearance_cli clearance_cuda
 	@tools/gpu.sh bench
 
 gpu-several: setup  ## all GPUs of this machine together beside one of them; writes docs/results/gpus_*.csv

@@ -76,6 +76,12 @@ case $what in
     if [ -x "$bin/clearanced" ]; then bench_service; fi
     # Python's calls, by a Python that has the package (PYTHON=... names one).
     python=${PYTHON:-.venv/bin/python}
+    # MotionBenchMaker's edges: problems that write_motion_scenes.py has written (MOTION_SCENES=... names a folder).
+    scenes=${MOTION_SCENES:-build/motion_scenes}
+    [ -d "$scenes" ] || "$python" bench/gpu/write_motion_scenes.py "$scenes"
+    if [ -d "$scenes" ] && [ -x "$bin/clearance-gpu-motions" ]; then
+      file=$(results_file gpu_motions) && "$bin/clearance-gpu-motions" "$scenes"/* --csv "$file" && echo "$file"
+    fi
     if "$python" -c "import clearance" 2>/dev/null; then
       file=$(results_file gpu_python) && printf '# device: %s\n# command: make gpu-bench\nway,python_us,engine_us,kernel_us\n' "$("$bin/clearance-gpu-bench" --device)" >"$file" &&
         "$python" bench/gpu/bench_engine.py cuda --csv "$file" && echo "$file"

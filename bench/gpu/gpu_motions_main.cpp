@@ -18,7 +18,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-  std::uint32_t edges = 200'000, compared = 5000;
+  std::uint32_t edges = 1'000'000, compared = 5000;
   double margin = 0;
   int repeats = 5, threads = 0;
   std::string csv;
@@ -85,7 +85,15 @@ struct Sums {
   std::uint64_t steps = 0, apart = 0;
 };
 
-void run(const std::string& folder, const Options& o, Sums& sums) {
+// A row of the results.
+void write(std::ostream& csv, const std::string& name, std::uint64_t pairs, double margin, const Sums& s) {
+  const double million = 1e-6 * static_cast<double>(s.edges);
+  csv << name << ',' << pairs << ',' << margin << ',' << s.edges << ',' << million / s.wall_s << ','
+      << million / s.kernel_s << ',' << 1e-6 * static_cast<double>(s.compared) / s.cpu_s << ',' << s.free << ','
+      << s.on_cpu << ',' << s.undecided << ',' << s.compared << ',' << s.undecided_on_cpu << ',' << s.wrong << '\n';
+}
+
+void run(const std::string& folder, const Options& o, std::ostream& csv, Sums& sums) {
   const Scene scene = Scene::load(folder + "/scene.yaml", true);
   const Edges edges(scene, folder, o.edges);
   Engine device(Scene(scene), {.backend = "cuda", .threads = o.threads}),
@@ -151,6 +159,9 @@ void run(const std::string& folder, const Options& o, Sums& sums) {
       static_cast<unsigned long long>(own.undecided_on_cpu), static_cast<unsigned long long>(own.compared),
       static_cast<double>(own.steps) / o.edges, static_cast<unsigned long long>(own.wrong));
   std::fflush(stdout);
+  own.wrong += own.apart;
+  const std::size_t slash = folder.find_last_of('/');
+  write(csv, folder.substr(slash == std::string::npos ? 0 : slash + 1), size.pairs, o.margin, own);
   sums.wall_s += wall;
   sums.kernel_s += kernel;
   sums.cpu_s += own.cpu_s;
@@ -159,7 +170,7 @@ void run(const std::string& folder, const Options& o, Sums& sums) {
   sums.undecided += own.undecided;
   sums.on_cpu += own.on_cpu;
   sums.compared += own.compared;
-  sums.wrong += own.wrong + own.apart;
+  sums.wrong += own.wrong;
   sums.undecided_on_cpu += own.undecided_on_cpu;
 }
 
@@ -191,7 +202,12 @@ int main_of(int argc, char** argv) {
     return 2;
   }
   Sums sums;
-  for (const std::string& folder : o.folders) run(folder, o, sums);
+  std::ofstream csv(o.csv);  // without a name nothing is written
+  csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\nscene,pairs,margin_m,edges,"
+      << "million_edges_s,million_edges_s_in_kernels,million_edges_s_cpu,free,finished_by_cpu,undecided,compared,"
+      << "undecided_by_cpu,wrong\n";
+  for (const std::string& folder : o.folders) run(folder, o, csv, sums);
+  write(csv, "all", 0, o.margin, sums);
   const double million = 1e-6 * static_cast<double>(sums.edges);
   std::printf(
       "all: %.2f M edges/s host to host, %.2f M in kernels; CPU %.4f M; undecided %llu of %llu; wrong %llu of "
@@ -199,14 +215,6 @@ int main_of(int argc, char** argv) {
       million / sums.wall_s, million / sums.kernel_s, 1e-6 * static_cast<double>(sums.compared) / sums.cpu_s,
       static_cast<unsigned long long>(sums.undecided), static_cast<unsigned long long>(sums.edges),
       static_cast<unsigned long long>(sums.wrong), static_cast<unsigned long long>(sums.compared));
-  if (!o.csv.empty()) {
-    std::ofstream csv(o.csv);
-    csv << "# " << cuda::device_info().name << "\nscenes,edges,margin_m,million_edges_s,million_edges_s_in_kernels,"
-        << "million_edges_s_cpu,free,to_cpu,undecided,compared,wrong\n"
-        << o.folders.size() << ',' << sums.edges << ',' << o.margin << ',' << million / sums.wall_s << ','
-        << million / sums.kernel_s << ',' << 1e-6 * static_cast<double>(sums.compared) / sums.cpu_s << ',' << sums.free
-        << ',' << sums.on_cpu << ',' << sums.undecided << ',' << sums.compared << ',' << sums.wrong << '\n';
-  }
   return sums.wrong > 0;
 }
 
