@@ -354,14 +354,11 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const bool motions = plan.query.max_steps > 0, scales = plan.query.fields & kFieldFreeScale,
              is_kept = plan.question && KeptJobs::keeps(plan.size), by_pieces = context.scene->has_stand_ins();
   // Nor has the router its say where no kernel answers yet.
-  const char* const unknown = motions     ? "max_steps"
-                              : scales    ? "the column free_scale"
-                              : by_pieces ? "the model pieces"
-                                          : nullptr;
-  const bool for_cpu = query.keep_on_cpu_ || is_kept || unknown;
-  if (unknown && impl_->device && !impl_->router && !impl_->options.device_fallback)
-    throw QueryError(QueryErrorCode::kNotSupported,
-                     std::string(unknown) + ": backend cuda does not answer it, and the CPU may not");
+  std::string unknown = cuda::beyond_the_device(plan);
+  if (unknown.empty() && by_pieces) unknown = "the model pieces";
+  const bool for_cpu = query.keep_on_cpu_ || is_kept || !unknown.empty();
+  if (!unknown.empty() && impl_->device && !impl_->router && !impl_->options.device_fallback)
+    throw QueryError(QueryErrorCode::kNotSupported, unknown + ": backend cuda does not answer it, and the CPU may not");
   cuda::Router* const router = for_cpu ? nullptr : impl_->router.get();
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;

@@ -64,7 +64,7 @@ case $what in
     [ -x "$bin/test_cuda_backend" ] || { echo "gpu.sh: $bin/test_cuda_backend is not there: was nvcc found?" >&2; exit 1; }
     "$bin/clearance-gpu-bench" --device || exit 1
     failed=0
-    for run in "test_cuda_backend" "test_cuda_slack" "test_cuda_elements" "test_cuda_decisions" "test_cuda_reductions" "test_cuda_loss" "test_device_faults" "test_several_devices" "test_router" "test_cuda_classes" "test_device_plan" "test_shared_memory" "test_daemon_plans" "test_cuda_containment" "test_segment_pinner" "test_robots" \
+    for run in "test_cuda_backend" "test_cuda_slack" "test_cuda_elements" "test_cuda_decisions" "test_cuda_reductions" "test_cuda_motions" "test_cuda_loss" "test_device_faults" "test_several_devices" "test_router" "test_cuda_classes" "test_device_plan" "test_shared_memory" "test_daemon_plans" "test_cuda_containment" "test_segment_pinner" "test_robots" \
                "test_engine --gtest_filter=*cuda*" "test_narrow_baselines --gtest_filter=*uda*:-Worlds*"; do
       # shellcheck disable=SC2086
       "$bin"/$run >"$out/gpu_test.log" 2>&1 || { failed=1; grep -E "Failure|FAILED|error" "$out/gpu_test.log" | head -20; }
@@ -102,6 +102,12 @@ case $what in
     if [ -x "$bin/clearanced" ] && [ -x "$bin/clearance-gpu-daemon" ]; then bench_daemon_plans; fi
     # Python's calls, by a Python that has the package (PYTHON=... names one).
     python=${PYTHON:-.venv/bin/python}
+    # MotionBenchMaker's edges: problems that write_motion_scenes.py has written (MOTION_SCENES=... names a folder).
+    scenes=${MOTION_SCENES:-build/motion_scenes}
+    [ -d "$scenes" ] || "$python" bench/gpu/write_motion_scenes.py "$scenes"
+    if [ -d "$scenes" ] && [ -x "$bin/clearance-gpu-motions" ]; then
+      file=$(results_file gpu_motions) && "$bin/clearance-gpu-motions" "$scenes"/* --csv "$file" && echo "$file"
+    fi
     if "$python" -c "import clearance" 2>/dev/null; then
       file=$(results_file gpu_python) && printf '# device: %s\n# command: make gpu-bench\nway,python_us,engine_us,kernel_us\n' "$("$bin/clearance-gpu-bench" --device)" >"$file" &&
         "$python" bench/gpu/bench_engine.py cuda --csv "$file" && echo "$file"

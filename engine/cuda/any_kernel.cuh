@@ -7,6 +7,7 @@
 // behind one that is within its margin changes nothing and is passed over where that is known in time.
 #pragma once
 
+#include "engine/cuda/margin_pair.cuh"
 #include "engine/cuda/reduce_kernel.cuh"
 
 namespace clearance::cuda {
@@ -29,29 +30,6 @@ __global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_con
   if (wanted && at < r.capacity) r.items[at] = static_cast<std::uint32_t>(row);
 }
 
-// A pair of single pieces, asked for no more than its margin. \param q with it as max_distance. \tparam S a Slack where
-// something is doubted, else NoSlack
-template <class S>
-__device__ inline Outcome narrow_to_margin(const ChunkView& c, const Question& q, const Item& item, const Where& at_a,
-                                           const Where& at_b, PairAnswer& answer, const S& slack) {
-  const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
-  const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
-  const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
-  const auto take = [&](const Gjk<double>& g, const RunBounds<double>& bounds) {
-    take_settled<false>(q, PairHulls<Hull<SceneVertices>>{a, b}, at_a, at_b, g, bounds, answer, slack);
-  };
-  Question of_pieces = q;
-  double near_enough = q.max_distance;
-  if constexpr (kHasSlack<S>) {
-    of_pieces.max_distance = slack.cut_off(q.max_distance);
-    near_enough = slack.near_enough(q.max_distance);
-  }
-  Enclosed enclosed;
-  const Outcome outcome = run_to_end<false>(of_pieces, a, b, at, enclosed, nullptr, take, near_enough);
-  if (outcome != Outcome::kEnclosed) return outcome;
-  return proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
-}
-
 template <class S>
 __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
@@ -67,12 +45,7 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
             at_b(c.bodies, c.configurations, item.ref.b, item.k);
         Question q = c.question;
         q.max_distance = margin_of(r, item.p);
-        if (has_several(c.hulls, at_a.body, at_b.body))
-          outcome = solve_pieces<false>(c, q, item.ref, item.k, at_a, at_b, answer, q.max_distance);
-        else if (answer_without_pieces(q, at_a, at_b, answer))
-          outcome = Outcome::kWithoutPieces;
-        else
-          outcome = narrow_to_margin(c, q, item, at_a, at_b, answer, known_slack<S>(c, item.ref, item.k));
+        outcome = look_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
         if (outcome == Outcome::kUnsettled)
           answer = no_answer(Status::kOk);  // list_open_pairs() knows it by this
         else

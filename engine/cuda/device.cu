@@ -4,6 +4,7 @@
 
 #include "engine/cuda/dense_workspace.cuh"
 #include "engine/cuda/elements.cuh"
+#include "engine/cuda/motions.cuh"
 #include "engine/cuda/reduced.cuh"
 #include "engine/cuda/shared_memory.cuh"
 #include "engine/cuda/standing_dense.cuh"
@@ -105,7 +106,8 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
         work_(budget_),
         hulls_(scene, most_shared(), scene_memory_),
         dense_(hulls_, work_, make_dense),
-        reduced_(hulls_, work_, make_reduced) {
+        reduced_(hulls_, work_, make_reduced),
+        motions_(hulls_, work_, make_motions) {
     allow_shared_memory<double>();
     allow_shared_memory<float>();
   }
@@ -137,6 +139,7 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   }
   std::shared_ptr<Workspace> borrow() override { return dense_.borrow(shared_from_this()); }
   std::shared_ptr<ReducedWorkspace> borrow_reduced() override { return reduced_.borrow(shared_from_this()); }
+  std::shared_ptr<MotionWorkspace> borrow_motions() override { return motions_.borrow(shared_from_this()); }
   std::shared_ptr<StandingWorkspace> make_standing(Reduce reduce) override {
     const OnDevice here(hulls_.device());
     std::unique_ptr<StandingWorkspace> made;
@@ -171,6 +174,7 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   ResidentHulls hulls_;
   Pool<DenseWorkspace> dense_;
   Pool<LentReduced> reduced_;
+  Pool<LentMotions> motions_;
 };
 
 const DeviceInfo& installed() {

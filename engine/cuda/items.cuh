@@ -2,6 +2,7 @@
 // stages share, whichever looks at an item.
 #pragma once
 
+#include "engine/cuda/least.cuh"
 #include "engine/cuda/pair_kernel.cuh"
 #include "engine/cuda/pair_table.cuh"
 #include "engine/narrow/group.h"
@@ -56,13 +57,7 @@ __device__ inline void for_groups(const ReducedView& r, const Item& item, Visit 
   visit(std::size_t{item.k} * r.groups + body_of(r.chunk.bodies, item.ref.b));
 }
 
-// The least of many keys. Most keys are not less than what is there already: a look spares the atomic operation.
-__device__ inline void take_least(std::uint64_t* where, std::uint64_t key) {
-  static_assert(sizeof(unsigned long long) == sizeof(std::uint64_t));
-  auto* p = reinterpret_cast<unsigned long long*>(where);
-  if (key < __ldcg(p)) atomicMin(p, static_cast<unsigned long long>(key));
-}
-// The same for a warp, whose keys are often of one group. All its threads call it; ~0: no key.
+// take_least() for a warp, whose keys are often of one group. All its threads call it; ~0: no key.
 __device__ inline void take_least_of_warp(std::uint64_t* where, std::size_t group, std::uint64_t key) {
   const std::size_t first = __shfl_sync(~0u, group, 0);
   if (__all_sync(~0u, group == first || key == ~std::uint64_t{0})) {

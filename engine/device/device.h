@@ -19,10 +19,14 @@ namespace clearance {
 class PairTable;
 class Scene;
 class Surface;
+struct MotionArrays;
 struct Piece;
 }  // namespace clearance
 
 namespace clearance::cuda {
+
+struct MotionHitRow;                      // motion_layout.h
+enum class MotionVerdict : std::uint8_t;  // likewise
 
 /// A device that the backend can use.
 struct DeviceInfo {
@@ -122,6 +126,9 @@ struct QuerySetup {
   std::span<const double> margins;  ///< empty: each pair has `margin`
   double margin = 0;
   PairAnswer beyond{};
+  // Of motions.
+  const MotionArrays* motions = nullptr;
+  std::uint32_t max_steps = 0;
 };
 
 /// What a query gives for each configuration.
@@ -227,6 +234,24 @@ class ReducedWorkspace : public QueryWorkspace {
   virtual ReducedResult settle(int slot, std::span<const PairAnswer> answers) = 0;
 };
 
+/// What a chunk of motions came to. Views are valid until the slot is launched again.
+struct MotionResult {
+  std::span<const MotionVerdict> verdicts;  ///< of each
+  std::span<const std::uint32_t> steps;     ///< likewise: configurations that were looked at
+  std::span<const MotionHitRow> hits;       ///< of those that hit, in no order
+  std::uint64_t settled = 0;                ///< pairs that the narrow phase answered
+};
+
+/// For motions of joints of which it is asked whether all pairs stay beyond their margins. A chunk's configurations are
+/// motions, with positions (motions, 2, joints).
+class MotionWorkspace : public QueryWorkspace {
+ public:
+  /// Starts a chunk and returns.
+  virtual void launch(int slot, const ChunkSetup& chunk) = 0;
+  /// Waits for a slot's chunk.
+  virtual MotionResult finish(int slot) = 0;
+};
+
 class Device {
  public:
   virtual ~Device() = default;
@@ -250,6 +275,8 @@ class Device {
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.
   virtual std::shared_ptr<Workspace> borrow() = 0;
   virtual std::shared_ptr<ReducedWorkspace> borrow_reduced() = 0;
+  /// Null: the CPU answers motions.
+  virtual std::shared_ptr<MotionWorkspace> borrow_motions() { return nullptr; }
   /// One more, for as long as its owner keeps it; null: what there is are several devices.
   /// \param reduce none, min or any
   virtual std::shared_ptr<StandingWorkspace> make_standing(Reduce) { return nullptr; }

@@ -108,6 +108,7 @@ void DeviceBackend::append(Counters& counters) const {
                                    {"cuda.usable", usable_ ? 1u : 0u},
                                    {"cuda.pairs_settled", settled},
                                    {"cuda.pairs_finished_on_cpu", finished_on_cpu},
+                                   {"cuda.motions_finished_on_cpu", motions_finished_on_cpu},
                                    {"cuda.reply_bytes_copied", reply_bytes_copied}});
   if (several_) several_->append(counters);
 }

@@ -139,6 +139,8 @@ bool is_for_teams(const Scene& scene, const Plan& plan);
 
 std::unique_ptr<DeviceQuery> make_dense_device_query(const JobContext& context, Plan&& plan, const ReplyView& reply);
 /// Null, and the plan untouched, where the device does not know all bodies.
+std::unique_ptr<DeviceQuery> make_motion_device_query(const JobContext& context, Plan& plan, const ReplyView& reply);
+/// Likewise.
 std::unique_ptr<DeviceQuery> make_reduced_device_query(const JobContext& context, Plan& plan, const ReplyView& reply);
 
 }  // namespace clearance::cuda

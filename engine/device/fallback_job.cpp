@@ -4,6 +4,7 @@
 #include <string>
 
 #include "engine/device/device_query.h"
+#include "engine/motion/motion_job.h"
 
 namespace clearance::cuda {
 
@@ -13,14 +14,19 @@ namespace {
   throw QueryError(QueryErrorCode::kNotSupported, "the device cannot answer, and the CPU may not take over: " + error);
 }
 
+std::unique_ptr<DeviceQuery> make_device_query(const JobContext& context, Plan& plan, const ReplyView& reply) {
+  if (plan.query.max_steps > 0) return make_motion_device_query(context, plan, reply);
+  return plan.query.reduce == Reduce::kNone ? make_dense_device_query(context, std::move(plan), reply)
+                                            : make_reduced_device_query(context, plan, reply);
+}
+
 // Null, and the plan as it was, where the CPU has to answer it. Throws QueryError where the CPU may not take over.
 std::unique_ptr<DeviceQuery> begin_on_device(const JobContext& context, Plan& plan, const ReplyView& reply) {
   DeviceBackend& backend = *context.device;
   while (backend.usable()) {
     std::unique_ptr<DeviceQuery> query;
     try {
-      query = plan.query.reduce == Reduce::kNone ? make_dense_device_query(context, std::move(plan), reply)
-                                                 : make_reduced_device_query(context, plan, reply);
+      query = make_device_query(context, plan, reply);
       if (query) query->begin();
       return query;
     } catch (const DeviceError& error) {
@@ -73,7 +79,7 @@ class FallbackJob final : public Job::State {
     if (others_are_left) query_ = begin_on_device(context_, plan, reply_);
     if (query_) return;
     backend.queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
-    on_cpu_ = make_cpu_job(context_, std::move(plan), reply_);
+    on_cpu_ = (plan.query.max_steps > 0 ? make_motion_job : make_cpu_job)(context_, std::move(plan), reply_);
   }
 
   JobContext context_;
@@ -87,7 +93,10 @@ class FallbackJob final : public Job::State {
 
 std::string beyond_the_device(const Plan& plan) {
   if (plan.query.fields & kFieldFreeScale) return "the column free_scale";
-  return plan.query.max_steps > 0 ? "max_steps" : "";
+  if (plan.query.max_steps == 0) return "";
+  if (plan.query.reduce != Reduce::kAny) return "max_steps without reduce: any";
+  if (plan.query.fields & kFieldFirstContact) return "the column first_contact";
+  return plan.given_bodies > 0 || plan.joints.empty() ? "motions of bodies by their poses" : "";
 }
 
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {

@@ -16,7 +16,7 @@ struct Guess {
   double cpu, device;
 };
 constexpr std::array<Guess, kQueryKinds> kGuesses{
-    {{400, 1}, {200, 1}, {20, 1}, {2000, 30}, {20, 0.5}, {10, 0.3}, {60, 0.7}, {10, 0.3}}};
+    {{400, 1}, {200, 1}, {20, 1}, {2000, 30}, {20, 0.5}, {10, 0.3}, {60, 0.7}, {10, 0.3}, {500, 5}}};
 constexpr double kCpuQueryNs = 1000, kDeviceQueryNs = 30'000;
 constexpr double kPairsPerThread = 300;  // fewer are not worth waking a thread for
 
@@ -32,6 +32,7 @@ int size_of(std::uint64_t pairs) {
 }  // namespace
 
 QueryKind kind_of(const QueryView& q) {
+  if (q.max_steps > 0) return QueryKind::kMotion;
   if (q.reduce == Reduce::kAny) return QueryKind::kDecision;
   if (q.reduce != Reduce::kNone) {
     if (q.configuration_count > 0) return QueryKind::kConfigurations;
@@ -90,8 +91,8 @@ void Router::learn(QueryKind kind, std::uint64_t pairs, bool on_device, std::chr
 }
 
 void Router::append(Counters& counters) const {
-  static constexpr const char* kNames[kQueryKinds] = {"dense", "warm",   "near",           "depth",
-                                                      "table", "within", "configurations", "any"};
+  static constexpr const char* kNames[kQueryKinds] = {"dense",  "warm",           "near", "depth", "table",
+                                                      "within", "configurations", "any",  "motion"};
   const std::lock_guard lock(mutex_);
   for (std::size_t kind = 0; kind < kQueryKinds; ++kind) {
     const std::string name = std::string("route.") + kNames[kind];

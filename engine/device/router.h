@@ -21,8 +21,9 @@ enum class QueryKind : std::uint8_t {
   kWithin,          ///< within a distance, likewise
   kConfigurations,  ///< reduced, over configurations
   kDecision,        ///< reduced to whether each pair is farther than its margin
+  kMotion,          ///< the same all along motions
 };
-inline constexpr int kQueryKinds = 8;
+inline constexpr int kQueryKinds = 9;
 /// Depth before max_distance before warm: what costs most decides.
 QueryKind kind_of(const QueryView& query);
 

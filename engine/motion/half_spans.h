@@ -2,6 +2,7 @@
 #pragma once
 
 #include "engine/hull/box.h"
+#include "engine/motion/motion_step.h"
 #include "engine/pose/placed.h"
 #include "engine/robot/link_twists.h"
 #include "engine/scene/scene.h"
@@ -15,13 +16,6 @@ struct MovingBody {
   Twist twist;                   ///< world axes
   const Aabb* box = nullptr;     ///< looked at in place of the pieces that it holds; world axes
   const Piece* piece = nullptr;  ///< looked at in place of all pieces
-};
-
-/// Metres: no nearer are the pieces in the half before the middle, and in the one behind it; and in the middle itself.
-/// May be negative. From the middle to an end what is proved is concave in time: no less than on the straight line
-/// between the two.
-struct HalfSpans {
-  double before, after, middle;
 };
 
 /// Along one direction, which the seer carries with him. \param normal world axes, from a to b, about of length 1.

@@ -51,16 +51,20 @@ MotionBlock::MotionBlock(const MotionQuestion& question, const EvaluateOptions& 
   places_.resize(places);
 }
 
-void MotionBlock::begin(std::uint64_t first, std::uint64_t count, WorkMeter& meter) {
+void MotionBlock::begin_searches(std::uint64_t count) {
   assert(count > 0 && count <= searches_.size());
   count_ = count;
   is_asked_ = false;
-  for (std::uint64_t i = 0; i < count; ++i) {
-    question_.bounds.take(first + i, searches_[i].moving);
-    poses_.look_at_ends(searches_[i].moving);
-    searches_[i].begin();
-  }
-  meter.count(count * (question_.plan.moved.size() / kBodiesPerUnit + question_.plan.size.pairs / kPairsPerUnit + 1));
+}
+
+void MotionBlock::begin_search(std::uint64_t i, std::uint64_t motion) {
+  question_.bounds.take(motion, searches_[i].moving);
+  poses_.look_at_ends(searches_[i].moving);
+  searches_[i].begin();
+}
+
+void MotionBlock::count_begun(WorkMeter& meter) const {
+  meter.count(count_ * (question_.plan.moved.size() / kBodiesPerUnit + question_.plan.size.pairs / kPairsPerUnit + 1));
 }
 
 bool MotionBlock::advance(WorkMeter& meter) {

@@ -27,7 +27,13 @@ class MotionBlock {
 
   bool has_begun() const { return count_ > 0; }
   /// \param first motion of `count`
-  void begin(std::uint64_t first, std::uint64_t count, WorkMeter& meter);
+  void begin(std::uint64_t first, std::uint64_t count, WorkMeter& meter) {
+    begin_each(count, [first](std::uint64_t i) { return first + i; }, meter);
+  }
+  /// Motions that need not be side by side.
+  void begin(std::span<const std::uint64_t> motions, WorkMeter& meter) {
+    begin_each(motions.size(), [motions](std::uint64_t i) { return motions[i]; }, meter);
+  }
   /// Goes on until the slice is over. Returns true once all are answered.
   bool advance(WorkMeter& meter);
   /// Appends the rows of all motions, in order. Returns how many pairs were evaluated.
@@ -41,6 +47,15 @@ class MotionBlock {
     std::vector<Twist> twists;  // of Plan::moved
     std::size_t end = 0;        // of its questions
   };
+  template <class At>
+  void begin_each(std::uint64_t count, const At& motion, WorkMeter& meter) {
+    begin_searches(count);
+    for (std::uint64_t i = 0; i < count; ++i) begin_search(i, motion(i));
+    count_begun(meter);
+  }
+  void begin_searches(std::uint64_t count);
+  void begin_search(std::uint64_t i, std::uint64_t motion);
+  void count_begun(WorkMeter& meter) const;
   bool ask(WorkMeter& meter);
   void place(WorkMeter& meter);
   bool ask_again();

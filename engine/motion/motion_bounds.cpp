@@ -10,10 +10,8 @@ namespace clearance {
 namespace {
 
 constexpr double kUnit = 0x1p-53;
-constexpr double kUp = 1 + 0x1p-30;      // sums and products of what follows
-constexpr double kTimeUnits = 6;         // of q0 + t (q1 - q0), of the larger of both
-constexpr double kTwistError = 0x1p-40;  // of a point's speed, as computed, beside what its place is off
-constexpr double kAxisError = 0x1p-48;   // of a vector's part across an axis
+constexpr double kUp = kMotionSlack;    // sums and products of what follows
+constexpr double kAxisError = 0x1p-48;  // of a vector's part across an axis
 
 double length_of(const Vec3d& v) {
   return std::hypot(v.x, v.y, v.z);
@@ -164,9 +162,10 @@ void MotionBounds::take_joints(std::size_t robot, MovingBodies& moving) const {
     const double q0 = start[m.at], q1 = end[m.at];
     first[m.column] = q0;
     last[m.column] = q1;
-    along[m.column] = q1 - q0;
-    change[m.column] = std::abs(q1 - q0) * kUp;
-    if (q1 != q0) rounding[m.column] = kTimeUnits * kUnit * std::max(std::abs(q0), std::abs(q1)) * kUp;
+    const JointChange by = joint_change(q0, q1);
+    along[m.column] = by.along;
+    change[m.column] = by.change;
+    rounding[m.column] = by.rounding;
   }
   const Kinematics& kinematics = motion.robot().kinematics;
   moving.travel[robot] = std::max(kinematics.travel(first), kinematics.travel(last));
@@ -245,8 +244,7 @@ double MotionBounds::drift_of(std::uint32_t body, const MovingBodies& moving, co
   const std::uint32_t chain = chain_of_body_[body];
   if (chain == kStill) return 0;
   const MotionRates& own = moving.chains[chain];
-  const double twist_error = kTwistError + 4 * moving.chain_turns[chain];
-  return (doubt_turn(body, placed) + twist_error) * own.speed + 4 * own.turn * moving.chain_errors[chain];
+  return drift_of_chain(own, moving.chain_errors[chain], moving.chain_turns[chain], doubt_turn(body, placed));
 }
 
 void MotionBounds::speeds(const MovingBodies& moving, const Placement& placed, std::vector<double>& speeds) const {
@@ -269,26 +267,18 @@ PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const Movin
   if (const auto views = views_.find(position); views != views_.end()) {
     for (std::uint32_t v = 0; v < views->second.count; ++v) {
       const View& view = views->second.view[v];
-      const double speed = of(view.a).speed + of(view.b).speed;
-      if (speed < rates.speed) rates.speed = speed, rates.speed_seer = view.seer;
-      const double acceleration = of(view.a).acceleration + of(view.b).acceleration;
-      if (acceleration < rates.acceleration) rates.acceleration = acceleration, rates.seer = view.seer;
+      rates.see(of(view.a), of(view.b), view.seer);
     }
   }
-  rates.drift = drift_of(pair.a, moving, placed) + drift_of(pair.b, moving, placed);
-  rates.speed = (rates.speed + rates.drift) * kUp;
+  rates.add_drift(drift_of(pair.a, moving, placed) + drift_of(pair.b, moving, placed));
   return rates;
 }
 
 Twist MotionBounds::twist_before(std::uint32_t seer, std::uint32_t body, std::span<const Twist> twists,
                                  const Placement& placed) const {
   const auto twist_of = [&](std::uint32_t of) { return slot_[of] == kNone ? Twist() : twists[slot_[of]]; };
-  Twist twist = twist_of(body);
-  if (seer == kNone) return twist;
-  const Twist own = twist_of(seer);
-  twist.shift = twist.shift - (own.shift + cross(own.turn, placed[body].pose.t_w - placed[seer].pose.t_w));
-  twist.turn = twist.turn - own.turn;
-  return twist;
+  if (seer == kNone) return twist_of(body);
+  return twist_seen(twist_of(body), twist_of(seer), placed[body].pose.t_w - placed[seer].pose.t_w);
 }
 
 }  // namespace clearance

@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "engine/motion/body_motion.h"
+#include "engine/motion/motion_arrays.h"
+#include "engine/motion/motion_step.h"
 #include "engine/query/placement.h"
 #include "engine/query/plan.h"
 #include "engine/robot/link_twists.h"
@@ -30,15 +32,6 @@ struct MovingBodies {
   std::vector<std::uint8_t> end_facts;        ///< of the links in Plan::bodies: LinkFact bits of both ends; empty: 0
 };
 
-/// How fast two bodies can come nearer, in a unit of time. Rounded up.
-struct PairRates {
-  double speed = 0;                  ///< metres: no faster does their distance change, nor what is not known of it
-  double acceleration = 0;           ///< metres: of points of both together, as `seer` sees them
-  std::uint32_t seer = kNone;        ///< a body, whose own twist is taken off; kNone: the world
-  std::uint32_t speed_seer = kNone;  ///< likewise: before whose eyes `speed` holds
-  double drift = 0;  ///< metres: what is not known of the pair changes so fast, and twists are so far off
-};
-
 /// Which joints and poses move the bodies of each pair before each other, once for a query. Immutable.
 class MotionBounds {
  public:
@@ -55,6 +48,9 @@ class MotionBounds {
   /// How fast a body moves before the eyes of another one; kNone: of the world. \param twists of each of Plan::moved
   Twist twist_before(std::uint32_t seer, std::uint32_t body, std::span<const Twist> twists,
                      const Placement& placed) const;
+  /// The same as plain arrays. False where poses move bodies, or a robot that is carried by another one moves: no
+  /// kernel knows such chains.
+  bool flatten(MotionArrays& arrays) const;
 
  private:
   static constexpr std::uint32_t kStill = ~std::uint32_t{0};  // a chain that nothing moves

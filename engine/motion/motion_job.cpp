@@ -58,13 +58,7 @@ class MotionJob final : public ParallelJob {
 
   void write(const MotionRow& row) {
     assert(written_ < plan_.size.rows);
-    if (reply_.time) reply_.time[written_] = row.time;
-    if (reply_.first_contact) {
-      reply_.first_contact[2 * written_] = row.free_until;
-      reply_.first_contact[2 * written_ + 1] = row.hit.time;
-    }
-    if (reply_.steps) reply_.steps[written_] = row.steps;
-    write_row(reply_, written_++, row.row);
+    write_motion_row(reply_, written_++, row);
   }
 
   MotionBounds bounds_;

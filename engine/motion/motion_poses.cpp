@@ -26,7 +26,7 @@ void MotionPoses::take_rows(const Instant& instant, double* row) const {
   for (std::size_t j = 0; j < joints; ++j) {
     const double q0 = start[j], q1 = start[joints + j];
     const bool good = std::abs(q0) <= kMaxPosition && std::abs(q1) <= kMaxPosition;
-    row[j] = good ? q0 + instant.time * (q1 - q0) : std::numeric_limits<double>::quiet_NaN();
+    row[j] = good ? position_at(q0, q1, instant.time) : std::numeric_limits<double>::quiet_NaN();
   }
 }
 

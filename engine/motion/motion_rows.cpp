@@ -95,4 +95,14 @@ void MotionSearch::append_rows(std::vector<MotionRow>& rows) const {
   rows.push_back(none);
 }
 
+void write_motion_row(const ReplyView& reply, std::uint64_t at, const MotionRow& row) {
+  if (reply.time) reply.time[at] = row.time;
+  if (reply.first_contact) {
+    reply.first_contact[2 * at] = row.free_until;
+    reply.first_contact[2 * at + 1] = row.hit.time;
+  }
+  if (reply.steps) reply.steps[at] = row.steps;
+  write_row(reply, at, row.row);
+}
+
 }  // namespace clearance

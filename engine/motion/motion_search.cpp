@@ -13,8 +13,6 @@ namespace clearance {
 namespace {
 
 constexpr double kLeastHalf = 0x1p-40;    // of a span
-constexpr double kGrid = 0x1p-12;         // times that spans are cut at
-constexpr double kLeastTrimmed = 0x1p-7;  // half of a span that is cut so: 30 more halves are exact
 constexpr double kContactTime = 0x1p-10;  // first contact is narrowed to that, of the motion
 
 bool is_less_promising(const MotionSearch::Node& p, const MotionSearch::Node& q) {
@@ -184,8 +182,7 @@ bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pai
 bool MotionSearch::leaves_along_boxes(const Question& asked, const Node& node, BodyPair pair, const Moment& moment) {
   const Aabb *const a = moment.placed.known_box(pair.a), *const b = moment.placed.known_box(pair.b);
   if (!a || !b || asked.way == 0) return false;
-  Vec3d n{0, 0, 0};
-  for (int k = 0; k < 3; ++k) n[k] = std::max(b->low[k] - a->high[k], 0.0) - std::max(a->low[k] - b->high[k], 0.0);
+  const Vec3d n = way_between(*a, *b);
   const double length = norm(n);
   if (!(length > asked.target)) return false;
   const HalfSpans gaps = half_spans(pair, asked.rates, n, 0, moment, node.half(), true);
@@ -202,7 +199,7 @@ MotionSearch::Question MotionSearch::question_about(std::size_t i, const Node& n
   Question question{static_cast<std::uint32_t>(i), 0, 0, 0, {}};
   if (!is_unusable(question_.scene, placed, pair)) {
     question.rates = question_.bounds.rates(position, pair, moving, placed);
-    if (question.rates.speed > 0) question.way = sum_above(question.rates.speed * node.half(), 0x1p-1000);
+    question.way = way_of_pair(question.rates, node.half());
     question.inner = pair_slack(placed, pair).inner;
   }
   question.target = target_of(position, goal_of(position), question.inner);
@@ -253,19 +250,8 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const 
                       question_.bounds.twist_before(rates.seer, body, moment.twists, moment.placed),
                       of_boxes ? moment.placed.known_box(body) : nullptr};
   };
-  const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half,
-                                    rates.acceleration * (0.5 * half * half) * (1 + 0x1p-40));
-  const double less = (inner + rates.drift * half) * (1 + 0x1p-40);
-  return {difference_below(gaps.before, less), difference_below(gaps.after, less),
-          difference_below(gaps.middle, inner * (1 + 0x1p-40))};
-}
-
-// How much of the way from a middle to an end keeps a bound of its target that is concave in between: of what is above
-// the target in the middle all but a little may be lost.
-MotionSearch::Proved MotionSearch::proved_until(double middle, double end, double target) {
-  const double kept = target + 0x1p-6 * (middle - target);
-  if (!(middle > target) || !(end < kept)) return {};
-  return {(middle - kept) / (middle - end) * (1 - 0x1p-30), std::min(kept, middle)};
+  const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half, bend_of_pair(rates, half));
+  return without_doubts(gaps, inner, rates.drift, half);
 }
 
 // What an answer proves of both halves of the span. Where that is not enough the pair goes on in the half.
@@ -293,8 +279,8 @@ void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const
     } else {
       half.node.open.push_back(position);
       half.node.low.push_back(gap);
-      const Proved by_way = proved_until(answer.lower, by_speed, target),
-                   by_normal = proved_until(gaps.middle, along, target), most = std::max(by_way, by_normal);
+      const ProvedShare by_way = proved_until(answer.lower, by_speed, target),
+                        by_normal = proved_until(gaps.middle, along, target), most = std::max(by_way, by_normal);
       half.proved = std::min(half.proved, most.share * node.half());
       half.proved_low.push_back(most.low);
       half.inner.push_back(inner);
@@ -308,9 +294,8 @@ void MotionSearch::push_rest(Half& half, double middle) {
   Node& node = half.node;
   if (node.open.empty()) return;
   const bool is_after = node.begin == middle;
-  const double end =
-      is_after ? std::floor((middle + half.proved) / kGrid) * kGrid : std::ceil((middle - half.proved) / kGrid) * kGrid;
-  if (half.proved > kGrid && node.half() >= kLeastTrimmed && (is_after ? end > middle : end < middle)) {
+  const double end = rest_of_half(middle, half.proved, node.half(), is_after);
+  if (end != middle) {
     for (std::size_t i = 0; i < node.open.size(); ++i)
       leave(goal_of(node.open[i]), node.open[i], std::max(half.proved_low[i], node.low[i]), half.inner[i],
             is_after ? middle : end);

@@ -30,6 +30,9 @@ struct MotionRow {
   std::uint32_t steps = 0;
 };
 
+/// Writes it as a row of a reply.
+void write_motion_row(const ReplyView& reply, std::uint64_t at, const MotionRow& row);
+
 /// What every search of a query shares. All must outlive it.
 struct MotionQuestion {
   const Scene& scene;
@@ -110,11 +113,6 @@ class MotionSearch {
     double upper() const { return pair == kNowhere ? kInf : best.upper; }
   };
 
-  // A share of half a span, from its middle on, in which a pair is no nearer than `low`.
-  struct Proved {
-    double share = 0, low = 0;
-    bool operator<(const Proved& other) const { return share < other.share; }
-  };
   // Half a span, with the pairs that go on in it.
   struct Half {
     Node node;
@@ -133,7 +131,6 @@ class MotionSearch {
   void leave(Goal& goal, std::uint64_t position, double low, double slack, double begin);
   void see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer, const Placement& placed);
   bool is_proved(std::uint64_t position, const Goal& goal, double low, double slack) const;
-  static Proved proved_until(double middle, double end, double target);
   void divide(const Question& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
               Half (&halves)[2]);
   void push_rest(Half& half, double middle);

@@ -60,7 +60,7 @@ void PairProver::look() {
   moment_.move_to(span.middle());
   rates_ = bounds_.rates(position_, pair_, moment_.moving(), moment_.placed());
   slack_ = pair_slack(moment_.placed(), pair_);
-  way_ = rates_.speed > 0 ? sum_above(rates_.speed * span.half(), 0x1p-1000) : 0;
+  way_ = way_of_pair(rates_, span.half());
   i_ = j_ = 0;
   halves_ = {};
   claims_.clear();
@@ -222,8 +222,8 @@ PairProver::Halves PairProver::by_direction(const Vec3d& n, const Piece* p, cons
     return MovingBody{scene_.bodies()[body], here[body].pose,
                       bounds_.twist_before(rates_.seer, body, moment_.twists(), here), nullptr, piece};
   };
-  const HalfSpans gaps = gaps_along(n, moving_body(pair_.a, p), moving_body(pair_.b, q), half,
-                                    rates_.acceleration * (0.5 * half * half) * (1 + 0x1p-40));
+  const HalfSpans gaps =
+      gaps_along(n, moving_body(pair_.a, p), moving_body(pair_.b, q), half, bend_of_pair(rates_, half));
   const double less = (slack_.inner + rates_.drift * half) * (1 + 0x1p-40);
   return {difference_below(gaps.before, less) >= lower_, difference_below(gaps.after, less) >= lower_};
 }

@@ -6,14 +6,9 @@
 #include <vector>
 
 #include "engine/robot/kinematics.h"
+#include "engine/robot/motion_path_step.h"
 
 namespace clearance {
-
-/// How fast a body moves.
-struct Twist {
-  Vec3d turn{0, 0, 0};   ///< radians in a unit of time, about that axis
-  Vec3d shift{0, 0, 0};  ///< metres in a unit of time, of the body's origin
-};
 
 /// Rounded: an axis is off by no more than its link is turned, and lies beside its place by no more than its link is
 /// (Kinematics::error).

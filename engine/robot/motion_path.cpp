@@ -8,20 +8,13 @@ namespace clearance {
 
 namespace {
 
-// Rounding of the sums below, and of the constants that they are made of, which err by a few 2^-53 of their size.
-constexpr double kSlack = 1 + 0x1p-30;
+constexpr double kSlack = kMotionSlack;
 constexpr double kAxisError = 0x1p-48;  // of a vector's part across an axis: of the vector's length
 
 using Kind = KinematicStep::Kind;
 
 bool turns(const KinematicStep& step) {
   return step.kind == Kind::kTurning || step.kind == Kind::kPlanar;
-}
-
-Vec3d axis_of(const KinematicStep& step) {  // in the link's own frame: still^-1 turning is (0, axis)
-  const Quaternion<double>& q = step.still;
-  const Quaternion<double> axis = product(Quaternion<double>{q.w, -q.x, -q.y, -q.z}, step.turning);
-  return {axis.x, axis.y, axis.z};
 }
 
 double length_of(const Vec3d& v) {
@@ -76,7 +69,7 @@ class MotionPathBuilder {
   void descend(std::uint32_t to) {
     while (frame_ != to) {
       const KinematicStep& step = *step_of(frame_);
-      if (turns(step)) add_turn(step, axis_of(step));
+      if (turns(step)) add_turn(step, axis_of_step(step));
       pass();
       add_slides(step);
       next_ = step.at;
@@ -90,7 +83,7 @@ class MotionPathBuilder {
     next_ = next_ - step.at;
     next_travel_ += travel_of(step);
     add_slides(step);
-    if (turns(step)) add_turn(step, turned(step.still, axis_of(step)));
+    if (turns(step)) add_turn(step, turned(step.still, axis_of_step(step)));
     pass();
     next_ = {0, 0, 0};
     next_travel_ = 0;
@@ -155,7 +148,7 @@ MotionPath::MotionPath(const Kinematics& robot, std::uint32_t seen_from, std::ui
 }
 
 double MotionPath::way_of(const Mover& mover, double travel) {
-  return (mover.reach + mover.reach_travel * travel) * mover.scale * kSlack;
+  return way_of_mover(mover, travel);
 }
 
 double MotionPath::way(std::span<const double> change, double travel) const {
@@ -170,15 +163,8 @@ MotionRates MotionRates::within(const MotionRates& outer) const {
 }
 
 MotionRates MotionPath::rates(std::span<const double> change, double travel, double beyond) const {
-  MotionRates sum;
-  for (const Mover& mover : movers_) {
-    const double turn = mover.turns ? mover.scale * change[mover.column] : 0;
-    const double speed = (way_of(mover, travel) + (mover.turns ? mover.scale * beyond : 0)) * change[mover.column];
-    sum.speed += speed;
-    sum.acceleration += speed * (turn + 2 * sum.turn);
-    sum.turn += turn;
-  }
-  return {sum.speed * kSlack, sum.acceleration * kSlack, sum.turn * kSlack};
+  return rates_of_path(
+      movers_.data(), movers_.size(), [&](std::uint32_t column) { return change[column]; }, travel, beyond);
 }
 
 std::uint32_t fork_of(const Kinematics& robot, std::uint32_t a, std::uint32_t b) {

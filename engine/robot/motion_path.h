@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/robot/kinematics.h"
+#include "engine/robot/motion_path_step.h"
 
 namespace clearance {
 
@@ -14,25 +15,6 @@ namespace clearance {
 struct LinkBall {
   Vec3d centre{0, 0, 0};
   double radius = 0;
-};
-
-/// What one position moves on a path.
-struct Mover {
-  std::uint32_t column = 0;
-  bool turns = false;  ///< else it slides
-  double scale = 1;    ///< the joint moves by so much a unit of the position: |multiplier| of a mimic joint
-  double reach = 1;    ///< metres a radian: no point is farther from the axis, sliding joints at 0; 1 of what slides
-  double reach_travel = 0;  ///< and so much farther for each metre of travel
-};
-
-/// Of points while positions change uniformly, in a unit of time. Rounded up.
-struct MotionRates {
-  double speed = 0;         ///< metres: none goes faster
-  double acceleration = 0;  ///< metres: none is accelerated by more
-  double turn = 0;          ///< radians: what carries them turns no faster
-
-  /// Of the same points where what they move before (`outer`, of which all rates are about these points) moves, too.
-  MotionRates within(const MotionRates& outer) const;
 };
 
 /// The joints that move a link's points as somebody else sees them, the nearest to him first. Bounds are rounded up,

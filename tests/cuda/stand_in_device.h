@@ -74,10 +74,11 @@ struct IdleWarm : cuda::ResidentWarm {
   const Fault* of = nullptr;
 };
 
+// What all kinds of workspaces have in common.
 template <class Interface>
-class IdleWorkspace : public Interface {
+class IdleSide : public Interface {
  public:
-  explicit IdleWorkspace(Fault& fault) : fault_(fault) {}
+  explicit IdleSide(Fault& fault) : fault_(fault) {}
 
   cuda::FixedBodies room_for_bodies(std::size_t bodies) override {
     components_.resize(bodies * cuda::kPoseComponents);
@@ -101,21 +102,8 @@ class IdleWorkspace : public Interface {
   std::byte* room_for_all(cuda::Given given, std::size_t bytes) override {
     return room(all_given_[static_cast<int>(given)], bytes);
   }
-  void launch(int slot, const cuda::ChunkSetup& chunk, const ReplyView&) override {
-    fault_.call("launching");
-    ++fault_.launches;
-    EXPECT_TRUE(slot >= 0 && slot < cuda::kChunksUnderWay && rows_[slot].empty()) << "slot " << slot;
-    rows_[slot].resize(chunk.rows());
-    for (std::uint32_t i = 0; i < rows_[slot].size(); ++i) rows_[slot][i] = i;
-  }
 
  protected:
-  std::span<const std::uint32_t> all_rows(int slot) {
-    fault_.call("waiting");
-    EXPECT_FALSE(rows_[slot].empty()) << "slot " << slot;
-    finished_[slot] = std::exchange(rows_[slot], {});
-    return finished_[slot];
-  }
   Fault& fault_;
 
  private:
@@ -126,6 +114,29 @@ class IdleWorkspace : public Interface {
   std::vector<double> components_;
   std::vector<std::uint8_t> state_;
   std::vector<Pose> given_[2][cuda::kChunksUnderWay], all_given_[2];  // by what is given
+};
+
+template <class Interface>
+class IdleWorkspace : public IdleSide<Interface> {
+ public:
+  using IdleSide<Interface>::IdleSide;
+  void launch(int slot, const cuda::ChunkSetup& chunk, const ReplyView&) override {
+    this->fault_.call("launching");
+    ++this->fault_.launches;
+    EXPECT_TRUE(slot >= 0 && slot < cuda::kChunksUnderWay && rows_[slot].empty()) << "slot " << slot;
+    rows_[slot].resize(chunk.rows());
+    for (std::uint32_t i = 0; i < rows_[slot].size(); ++i) rows_[slot][i] = i;
+  }
+
+ protected:
+  std::span<const std::uint32_t> all_rows(int slot) {
+    this->fault_.call("waiting");
+    EXPECT_FALSE(rows_[slot].empty()) << "slot " << slot;
+    finished_[slot] = std::exchange(rows_[slot], {});
+    return finished_[slot];
+  }
+
+ private:
   std::vector<std::uint32_t> rows_[cuda::kChunksUnderWay], finished_[cuda::kChunksUnderWay];
 };
 

@@ -46,6 +46,21 @@ class MotionJudge {
     }
   }
 
+  // What somebody else decides.
+  void judge_decisions(const MotionDecider& decide) {
+    Motions all = case_.motions;
+    all.pairs = pairs_;
+    const Answer min = ask(engine_, all.view(Reduce::kMin));
+    for (std::uint32_t m = 0; m < all.count(); ++m) {
+      ++findings_.motions;
+      motion_ = m;
+      looks_.clear();
+      look_around(min.view.time[m]);
+      judge_decision_of(decide);
+    }
+  }
+  bool has_pairs() const { return !pairs_.empty(); }
+
  private:
   // Pairs that overlap by chance would leave nothing to be found of the others.
   bool overlaps_by_chance(BodyPair pair) {
@@ -119,13 +134,37 @@ class MotionJudge {
     for (std::size_t p = 0; p < pairs_.size(); ++p) judge_row(none, m * pairs_.size() + p, &pairs_[p]);
   }
 
-  // By a margin that is 1e-6 to 1e-4 m less or more than the least distance that was seen.
+  // A margin that is 1e-6 to 1e-4 m less or more than the least distance that was seen.
+  double margin_beside_least() {
+    const double graze = std::pow(10.0, random_.uniform(-6, -4)) * (random_.below(2) ? 1 : -1);
+    return std::max(look_once(best_).least + graze, 0.0);
+  }
+
+  void judge_decision_of(const MotionDecider& decide) {
+    Motions one = case_.one(motion_);
+    one.pairs = pairs_;
+    QueryView query = one.view(Reduce::kAny, 512);
+    query.margin = margin_beside_least();
+    query.fields &= ~(kFieldFirstContact | kFieldFlags);
+    const MotionDecision found = decide(engine_.scene(), query);
+    findings_.free += found.kind == MotionDecision::kFree;
+    findings_.undecided += found.kind == MotionDecision::kOpen;
+    if (found.kind == MotionDecision::kHit) {
+      ++findings_.hits;
+      const Look& there = look_once(found.time);
+      findings_.untrue += !(found.upper <= query.margin);
+      findings_.farther += !is_within(there, found.upper, &found.pair, true);
+      findings_.nearer += found.lower > 0 && is_within(there, found.lower, &found.pair, false);
+    }
+    if (found.kind == MotionDecision::kFree)
+      for (const Look& look : looks_) findings_.untrue += is_within(look, query.margin, nullptr, true);
+  }
+
   void judge_decision() {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
-    const double graze = std::pow(10.0, random_.uniform(-6, -4)) * (random_.below(2) ? 1 : -1);
     QueryView query = one.view(Reduce::kAny, 512);
-    query.margin = std::max(look_once(best_).least + graze, 0.0);
+    query.margin = margin_beside_least();
     const Answer any = ask(engine_, query);
     const auto status = static_cast<Status>(any.view.status[0]);
     const double unproved = any.view.first_contact[0], hit = any.view.first_contact[1], time = any.view.time[0];
@@ -189,15 +228,38 @@ void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFi
   MotionJudge(c, random, findings).judge(each_pair);
 }
 
-MotionFindings judge_many(std::uint64_t seed, int motions, int only, bool until_wrong) {
+namespace {
+
+// Cases of every kind in turn, or of one. \param judge returns whether to go on
+template <class Judge>
+void for_cases(std::uint64_t seed, int only, const Judge& judge) {
   const Folder folder;
-  MotionFindings findings;
-  for (std::uint64_t i = 0; findings.motions < motions && !(until_wrong && findings.wrong() > 0); ++i) {
+  for (std::uint64_t i = 0;; ++i) {
     const int kind = only < 0 ? static_cast<int>(i % kMotionKinds) : only;
     Random random(seed * 1'000'003 + i * static_cast<std::uint64_t>(kMotionKinds) + static_cast<std::uint64_t>(kind));
     const MotionCase c(random, static_cast<MotionKind>(kind), 4, folder.path);
-    judge_motions(c, random, i % 4 == 0 || until_wrong, findings);
+    if (!judge(c, random, i)) return;
   }
+}
+
+}  // namespace
+
+MotionFindings judge_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide) {
+  MotionFindings findings;
+  for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t) {
+    if (c.motions.bodies.empty())
+      if (MotionJudge judge(c, random, findings); judge.has_pairs()) judge.judge_decisions(decide);
+    return findings.motions < motions;
+  });
+  return findings;
+}
+
+MotionFindings judge_many(std::uint64_t seed, int motions, int only, bool until_wrong) {
+  MotionFindings findings;
+  for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t i) {
+    judge_motions(c, random, i % 4 == 0 || until_wrong, findings);
+    return findings.motions < motions && !(until_wrong && findings.wrong() > 0);
+  });
   return findings;
 }
 

@@ -2,6 +2,8 @@
 // to be, and downhill from there.
 #pragma once
 
+#include <functional>
+
 #include "motion_cases.h"
 
 namespace clearance::test {
@@ -31,5 +33,16 @@ void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFi
 /// always the same. \param only one kind, or all where it is negative. Ends early once something is wrong, if
 /// `until_wrong`.
 MotionFindings judge_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false);
+
+/// What somebody else than the engine's CPU says of one motion.
+struct MotionDecision {
+  enum Kind { kFree, kHit, kOpen } kind = kOpen;
+  BodyPair pair{};
+  double time = 0, lower = 0, upper = 0;  ///< of a hit: when, and how far the pair is apart then
+};
+using MotionDecider = std::function<MotionDecision(const Scene&, const QueryView&)>;
+/// Decisions alone, of motions that joints alone make: cases as those of judge_many(). What is open counts as
+/// undecided.
+MotionFindings judge_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide);
 
 }  // namespace clearance::test

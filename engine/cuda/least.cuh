@@ -1,0 +1,15 @@
+// The least of what many threads find.
+#pragma once
+
+#include <cstdint>
+
+namespace clearance::cuda {
+
+// The least of many keys. Most keys are not less than what is there already: a look spares the atomic operation.
+__device__ inline void take_least(std::uint64_t* where, std::uint64_t key) {
+  static_assert(sizeof(unsigned long long) == sizeof(std::uint64_t));
+  auto* p = reinterpret_cast<unsigned long long*>(where);
+  if (key < __ldcg(p)) atomicMin(p, static_cast<unsigned long long>(key));
+}
+
+}  // namespace clearance::cuda

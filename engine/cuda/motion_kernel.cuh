@@ -1,0 +1,344 @@
+// Motions of which it is asked whether all pairs stay farther apart than their margins: all of a chunk, level by level.
+// A level looks at spans in their middles; what is not proved of a pair until both ends goes on in a span of the next
+// one (engine/motion/motion_search.h's words, with bounds from engine/motion/motion_step.h). How many there are nobody
+// knows but the device: kernels read it there, and none waits for the host.
+//
+// What a list has no room for, what the narrow phase does not settle and what the last level leaves makes a motion the
+// CPU's.
+#pragma once
+
+#include "engine/cuda/least.cuh"
+#include "engine/cuda/margin_pair.cuh"
+#include "engine/cuda/motion_rates.cuh"
+#include "engine/cuda/outer_box.cuh"
+#include "engine/cuda/place_body.cuh"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kMotionThreads = 128;
+inline constexpr double kRoughMotion = 0.02;  // of a distance: what a first look at a pair asks for
+
+__device__ inline std::uint32_t& count_of(const MotionsView& m, std::uint32_t which, std::uint32_t level) {
+  return m.counts[level * kCountsOfLevel + which];
+}
+__device__ inline std::uint32_t listed(std::uint32_t count, std::uint32_t capacity) {
+  return count < capacity ? count : capacity;
+}
+__device__ inline std::uint32_t span_count(const MotionsView& m) {
+  return listed(count_of(m, kSpanCount, m.level), m.span_capacity);
+}
+__device__ inline std::uint32_t thread_index() {
+  return blockIdx.x * blockDim.x + threadIdx.x;
+}
+__device__ inline double target_of(const MotionsView& m, std::uint32_t pair) {
+  return m.margins ? m.margins[pair] : m.margin;
+}
+__device__ inline std::uint64_t hit_key(std::uint32_t pair, double time) {
+  return std::uint64_t{pair} << 32 | __float_as_uint(static_cast<float>(time));
+}
+// Whether a pair before this one is known to be within its margin at some time.
+__device__ inline bool is_hit_before(const MotionsView& m, std::uint32_t motion, std::uint32_t pair) {
+  return __ldcg(m.hit + motion) < hit_key(pair, 0);
+}
+
+// A thread for each motion: nothing is known of it yet, but for what its ends say.
+__global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_constant__ MotionsView m) {
+  const std::uint32_t i = thread_index();
+  if (i < kMotionCounts) m.counts[i] = i == kSpanCount ? m.motions : 0;
+  if (i >= m.motions) return;
+  m.hit[i] = ~std::uint64_t{0};
+  m.steps[i] = 0;
+  m.open[i] = 0;
+  m.spans[i] = {i, 0, 1};
+  const FramesView& f = m.moves.frames;
+  // A position is none; or beyond its limits, where rows have flags that say so.
+  const std::uint8_t strange = kLinkBad | (m.chunk.question.want_nonsmooth ? kLinkBeyondLimits : 0);
+  bool is_strange = false;
+  for (std::uint32_t r = 0; r < f.robot_count; ++r) {
+    const JointRobot& robot = f.robots[r];
+    double travel = 0;
+    for (std::uint32_t end = 0; end < 2; ++end) {
+      const JointRow row{f.columns + robot.first_column, m.ends + (std::size_t{i} * 2 + end) * f.joints};
+      for (std::uint32_t s = 0; s < robot.steps; ++s) {
+        const KinematicStep& step = f.steps[robot.first_step + s];
+        is_strange |= (moving_fact_of_step(step, row) & strange) != 0;
+        const double out = travel_of(step, row);
+        if (travel < out) travel = out;
+      }
+    }
+    m.travels[std::size_t{i} * f.robot_count + r] = travel;
+  }
+  m.to_cpu[i] = is_strange;
+}
+
+// A thread for each joint in each span: the positions in its middle.
+__global__ void __launch_bounds__(kMotionThreads) place_spans(const __grid_constant__ MotionsView m) {
+  const std::uint32_t joints = m.moves.frames.joints;
+  const std::uint32_t s = thread_index() / joints, j = thread_index() % joints;
+  if (s >= span_count(m)) return;
+  const MotionSpan span = m.spans[s];
+  const double* const ends = m.ends + std::size_t{span.motion} * 2 * joints + j;
+  m.positions[std::size_t{s} * joints + j] = position_at(ends[0], ends[joints], span.middle());
+  if (j != 0) return;
+  m.shares[2 * s] = m.shares[2 * s + 1] = ~0u;
+  atomicAdd(m.steps + span.motion, 1);
+}
+
+// A thread for each robot in each span: where its links are, and how fast they move.
+__global__ void __launch_bounds__(kMotionThreads) place_span_links(const __grid_constant__ MotionsView m) {
+  const FramesView& f = m.moves.frames;
+  const std::uint32_t which = thread_index() / m.span_capacity, s = thread_index() % m.span_capacity;
+  if (which >= f.robot_count || s >= span_count(m)) return;
+  const JointRobot robot = f.robots[which];
+  const MotionOf motion(m, m.spans[s].motion);
+  const JointColumn* const columns = f.columns + robot.first_column;
+  for (std::uint32_t r = 0; r < robot.roots; ++r) store_twist(m, robot.first_frame + r, s, {});
+  place_links_of(f, which, s, m.span_capacity,
+                 [&](std::uint32_t i, const KinematicFrame<double>& from, const KinematicFrame<double>& to) {
+                   const KinematicStep& step = f.steps[robot.first_step + i];
+                   const auto change = [&](std::uint32_t column) {
+                     const std::uint32_t at = columns[column].at;
+                     return at == kNone ? 0.0 : motion.joint(at).along;
+                   };
+                   const Twist carrier = load_twist(m, robot.first_frame + step.from, s);
+                   store_twist(m, robot.first_frame + robot.roots + i, s,
+                               twist_of_step(step, axis_of_step(step), from, carrier, to, change));
+                 });
+}
+
+// A thread for each moved body in each span: where it is, what is not known of it there, and how fast it moves.
+__global__ void __launch_bounds__(kMotionThreads) place_span_bodies(const __grid_constant__ MotionsView m) {
+  const std::uint32_t slot = thread_index() / m.span_capacity, s = thread_index() % m.span_capacity;
+  if (slot >= m.chunk.bodies.moved_count || s >= span_count(m)) return;
+  const std::uint32_t chain = m.tables.chain_of_slot[slot];
+  const ChainMotion own = motion_of_chain(m, chain, m.spans[s].motion);
+  const PlacedDoubt doubt =
+      place_body<true>(m.chunk.hulls, m.chunk.bodies, m.moves, slot, s, m.span_capacity, own.error);
+  const double doubt_turn = doubt.known.turn + doubt.placed.turn + 4 * kMotionUnit;
+  const double drift = chain == kNone ? 0 : drift_of_chain(own.rates, own.error, own.turn_error, doubt_turn);
+  set_number(m, kOwnSpeed, slot, s, own.rates.speed);
+  set_number(m, kOwnAcceleration, slot, s, own.rates.acceleration);
+  set_number(m, kOwnDrift, slot, s, drift);
+  m.speeds[std::size_t{slot} * m.span_capacity + s] = __double2float_ru((own.rates.speed + drift) * kMotionSlack);
+}
+
+// Behind them: the twists of bodies in world axes, down the chain that carries each.
+__global__ void __launch_bounds__(kMotionThreads) move_span_bodies(const __grid_constant__ MotionsView m) {
+  const std::uint32_t slot = thread_index() / m.span_capacity, s = thread_index() % m.span_capacity;
+  if (slot >= m.chunk.bodies.moved_count || s >= span_count(m)) return;
+  Twist twist;
+  for (std::uint32_t i = m.moves.chain_begin[slot]; i < m.moves.chain_begin[slot + 1]; ++i) {
+    const bool is_first = i == m.moves.chain_begin[slot];
+    const std::uint32_t body = m.moves.chain[i], source = m.moves.source[body];
+    const PlacedFrame here = moved_frame(m, body, s);
+    Twist own;
+    if (source != kNone) {  // in the axes of what it follows
+      own = load_twist(m, source, s);
+      if (!is_first || m.moves.has_base[slot]) {
+        const Mat3d R_wp = is_first ? m.moves.base[slot].pose.R_wb : moved_frame(m, m.moves.chain[i - 1], s).R_wb;
+        own = {R_wp * own.turn, R_wp * own.shift};
+      }
+    }
+    if (!is_first) {
+      const Vec3d away = here.t_w - moved_frame(m, m.moves.chain[i - 1], s).t_w;
+      own.turn += twist.turn;
+      own.shift += twist.shift + cross(twist.turn, away);
+    }
+    twist = own;
+  }
+  for (int c = 0; c < 3; ++c) {
+    set_number(m, kOwnTurn + c, slot, s, twist.turn[c]);
+    set_number(m, kOwnShift + c, slot, s, twist.shift[c]);
+  }
+}
+
+// Whether a pair is so far apart by its bodies' boxes that it stays beyond its target, however they move.
+__device__ inline bool leaves_by_boxes(const MotionsView& m, PairRef ref, std::uint32_t pair, std::uint32_t s,
+                                       const MotionSpan& span) {
+  const OuterBox a = load_box(m.chunk.bodies, ref.a, s), b = load_box(m.chunk.bodies, ref.b, s);
+  if (is_empty(a) || is_empty(b)) {  // without a usable pose
+    m.to_cpu[span.motion] = 1;
+    return true;
+  }
+  const auto speed = [&](std::uint32_t body) -> double {
+    return body & kMovedBit ? m.speeds[std::size_t{body & ~kMovedBit} * m.span_capacity + s] : 0;
+  };
+  const double low =
+      difference_below(gap_below(a, b), sum_above(speed(ref.a), speed(ref.b)) * span.half() * (1 + 0x1p-50));
+  return low > target_of(m, pair);
+}
+
+// Lists the pairs that boxes leave. Of the first level all pairs of all spans, those of one pair side by side; then
+// those that go on.
+template <bool kFirst>
+__global__ void __launch_bounds__(kMotionThreads) find_near_in_spans(const __grid_constant__ MotionsView m) {
+  const std::uint32_t spans = span_count(m);
+  const std::uint64_t count =
+      kFirst ? std::uint64_t{spans} * m.chunk.pair_count : listed(count_of(m, kOnCount, m.level - 1), m.pair_capacity);
+  for (std::uint64_t first = std::uint64_t{blockIdx.x} * kMotionThreads; first < count;
+       first += std::uint64_t{gridDim.x} * kMotionThreads) {
+    const std::uint64_t i = first + threadIdx.x;
+    bool wanted = i < count;
+    SpanPair item{0, 0};
+    MotionSpan span{};
+    if (wanted && kFirst) {
+      item = {static_cast<std::uint32_t>(i % spans), static_cast<std::uint32_t>(i / spans)};
+    } else if (wanted) {
+      const SpanPair on = m.on[i];
+      item = {m.children[2 * on.span + (on.pair & 1)], on.pair >> 1};
+      wanted = item.span != kNone;
+    }
+    if (wanted) {
+      span = m.spans[item.span];
+      wanted = !leaves_by_boxes(m, m.chunk.pairs[item.pair], item.pair, item.span, span);
+    }
+    const std::uint32_t at = take_place(&count_of(m, kNearCount, m.level), wanted);
+    if (!wanted) continue;
+    if (at < m.pair_capacity)
+      m.near[at] = item;
+    else
+      m.open[span.motion] = 1;
+  }
+}
+
+// Lists those of them that come near along the way from one box to the other, as they move there.
+__global__ void __launch_bounds__(kMotionThreads) look_along_boxes(const __grid_constant__ MotionsView m) {
+  const std::uint32_t count = listed(count_of(m, kNearCount, m.level), m.pair_capacity);
+  for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
+    bool wanted = first + threadIdx.x < count;
+    SpanPair item{0, 0};
+    MotionSpan span{};
+    if (wanted) {
+      item = m.near[first + threadIdx.x];
+      span = m.spans[item.span];
+      const MovingPair pair(m, item, span);
+      wanted = !pair.leaves_along_boxes(target_of(m, item.pair));
+    }
+    const std::uint32_t at = take_place(&count_of(m, kAskedCount, m.level), wanted);
+    if (!wanted) continue;
+    if (at < m.pair_capacity)
+      m.asked[at] = item;
+    else
+      m.open[span.motion] = 1;
+  }
+}
+
+// Takes note of a pair that is within its margin.
+__device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const MovingPair& pair,
+                               const PairAnswer& answer) {
+  const MotionSpan& span = pair.span;
+  const double time = pair.way > 0 ? span.middle() : span.begin;  // what does not move is there from the beginning on
+  const std::uint32_t at = atomicAdd(m.counts + kHitCount, 1);
+  if (at >= m.hit_capacity) {
+    m.to_cpu[span.motion] = 1;
+    return;
+  }
+  const std::uint64_t key = hit_key(item.pair, time);
+  m.hits[at] = {key, span.motion, time, pair.at_a.translation(), pair.at_b.translation(), answer};
+  take_least(m.hit + span.motion, key);
+}
+
+// Looks at the pairs that are left, a thread for each, and lists in which half of the span each goes on.
+__global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __grid_constant__ MotionsView m) {
+  const ChunkView& c = m.chunk;
+  const std::uint32_t count = listed(count_of(m, kAskedCount, m.level), m.pair_capacity);
+  for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
+    const bool exists = first + threadIdx.x < count;
+    SpanPair item{0, 0};
+    std::uint32_t motion = 0;
+    bool settled = false, goes_on[2] = {false, false};
+    if (exists) {
+      item = m.asked[first + threadIdx.x];
+      const MotionSpan span = m.spans[item.span];
+      motion = span.motion;
+      if (!is_hit_before(m, motion, item.pair)) {
+        const MovingPair pair(m, item, span);
+        const double target = target_of(m, item.pair);
+        Question q = c.question;
+        q.max_distance = sum_above(target, pair.way);
+        PairAnswer answer = beyond_answer(0);
+        Outcome outcome = Outcome::kNone;
+        // A rough look mostly says on which side of its target it is.
+        const double wanted = q.rel_tol;
+        q.rel_tol = wanted < kRoughMotion ? kRoughMotion : wanted;
+#pragma unroll 1
+        for (;;) {
+          outcome = look_at_margin<Slack>(c, q, target, pair.ref, item.span, pair.at_a, pair.at_b, answer);
+          const bool is_unsure =
+              outcome == Outcome::kSettled && answer.lower <= target && answer.upper > target && q.rel_tol > wanted;
+          if (!is_unsure) break;
+          q.rel_tol = wanted;
+        }
+        settled = outcome == Outcome::kSettled;
+        if (outcome == Outcome::kUnsettled)
+          m.open[motion] = 1;
+        else if (answer.upper <= target)
+          add_hit(m, item, pair, answer);
+        else
+          pair.divide(answer, target, goes_on);
+      }
+    }
+    add_count(m.counts + kSettledCount, settled);
+    for (std::uint32_t h = 0; h < 2; ++h) {
+      const std::uint32_t at = take_place(&count_of(m, kOnCount, m.level), goes_on[h]);
+      if (!goes_on[h]) continue;
+      if (at < m.pair_capacity)
+        m.next_on[at] = {item.span, 2 * item.pair + h};
+      else
+        m.open[motion] = 1;
+    }
+  }
+}
+
+// A thread for each half of each span: what is left of it becomes a span of the next level, behind what is proved of
+// all of its pairs.
+__global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_constant__ MotionsView m) {
+  const std::uint32_t i = thread_index(), s = i / 2;
+  bool wanted = s < span_count(m);
+  MotionSpan span{};
+  if (wanted) {
+    span = m.spans[s];
+    wanted =
+        m.shares[i] != ~0u && m.hit[span.motion] == ~std::uint64_t{0} && !m.open[span.motion] && !m.to_cpu[span.motion];
+    m.next_children[i] = kNone;
+    if (wanted && m.level + 1 == kMotionLevels) {
+      m.open[span.motion] = 1;
+      wanted = false;
+    }
+  }
+  const std::uint32_t at = take_place(&count_of(m, kSpanCount, m.level + 1), wanted);
+  if (!wanted) return;
+  if (at >= m.span_capacity) {
+    m.open[span.motion] = 1;
+    return;
+  }
+  const bool is_after = i % 2 == 1;
+  const double middle = span.middle(), proved = static_cast<double>(__uint_as_float(m.shares[i])) * span.half();
+  const double rest = rest_of_half(middle, proved, 0.5 * span.half(), is_after);
+  m.next_spans[at] = is_after ? MotionSpan{span.motion, rest, span.end} : MotionSpan{span.motion, span.begin, rest};
+  m.next_children[i] = at;
+}
+
+// What became of each motion, and the rows of those that hit.
+__global__ void __launch_bounds__(kMotionThreads) conclude_motions(const __grid_constant__ MotionsView m) {
+  const std::uint32_t i = thread_index();
+  if (i >= m.motions) return;
+  const bool is_hit = m.hit[i] != ~std::uint64_t{0};
+  const bool is_open = m.to_cpu[i] != 0 || (!is_hit && m.open[i] != 0) || m.steps[i] > m.max_steps;
+  m.verdicts[i] = is_open ? MotionVerdict::kOpen : is_hit ? MotionVerdict::kHit : MotionVerdict::kFree;
+}
+__global__ void __launch_bounds__(kMotionThreads) gather_hits(const __grid_constant__ MotionsView m) {
+  const std::uint32_t count = listed(m.counts[kHitCount], m.hit_capacity);
+  for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
+    const std::uint32_t i = first + threadIdx.x;
+    bool wanted = false;
+    if (i < count) {
+      const MotionHitRow& hit = m.hits[i];
+      wanted = hit.key == m.hit[hit.motion] && m.verdicts[hit.motion] == MotionVerdict::kHit;
+    }
+    const std::uint32_t at = take_place(m.counts + kHitRowCount, wanted);
+    if (wanted) m.hit_rows[at] = m.hits[i];
+  }
+}
+
+}  // namespace clearance::cuda

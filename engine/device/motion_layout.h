@@ -1,0 +1,97 @@
+// What host and device share of motions: how the joints move the bodies of each pair, and what is found of each motion.
+#pragma once
+
+#include "engine/device/layout.h"
+#include "engine/motion/motion_arrays.h"
+#include "engine/motion/motion_step.h"
+
+namespace clearance::cuda {
+
+/// MotionArrays, in device memory.
+struct MotionTables {
+  const Mover* movers;
+  const MotionChain* chains;
+  const std::uint32_t* chain_of_slot;  ///< (moved,) from the world; kNone: nothing moves it
+  const MotionViews* views;
+  const std::uint32_t* views_of_pair;  ///< (pairs,); kNone: both are seen from the world
+  const double* reach;                 ///< (bodies,) metres: no point of a body is farther from its origin
+};
+
+/// A part of a motion that is looked at in its middle.
+struct MotionSpan {
+  std::uint32_t motion;
+  double begin, end;  ///< of it, 0 to 1
+
+  CLEARANCE_HD double middle() const { return 0.5 * begin + 0.5 * end; }
+  CLEARANCE_HD double half() const { return 0.5 * (end - begin); }
+};
+/// A pair in a span; of those that go on in half a span, 2 pair + 1 for the second half.
+struct SpanPair {
+  std::uint32_t span, pair;
+};
+
+/// What is known of a span's moved bodies beside where they are, each component for all spans side by side.
+enum MotionNumber : std::uint32_t {
+  kOwnSpeed,
+  kOwnAcceleration,
+  kOwnDrift,
+  kOwnTurn,
+  kOwnShift = 6,
+  kMotionNumbers = 9
+};
+
+/// A pair that is within its margin at a time.
+struct MotionHitRow {
+  std::uint64_t key;  ///< pair << 32 | the time as float bits: the least of a motion stands for it
+  std::uint32_t motion;
+  double time;
+  Vec3d origin_a, origin_b;
+  PairAnswer answer;
+};
+/// What became of a motion.
+enum class MotionVerdict : std::uint8_t {
+  kFree,  ///< no pair is within its margin
+  kHit,   ///< one is: there is a MotionHitRow
+  kOpen,  ///< the CPU has to look
+};
+
+/// Places in MotionsView::counts: of each level spans, pairs that boxes leave, pairs that are asked, pairs that go on.
+inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kAskedCount = 2, kOnCount = 3, kCountsOfLevel = 4;
+/// Levels: spans of the k-th are at most 2^-k of a motion. What is left then is the CPU's.
+inline constexpr std::uint32_t kMotionLevels = 8;
+/// Behind those of the levels: hits that were found, rows of hits, pairs that the narrow phase settled.
+inline constexpr std::uint32_t kHitCount = kCountsOfLevel * (kMotionLevels + 1), kHitRowCount = kHitCount + 1,
+                               kSettledCount = kHitCount + 2, kMotionCounts = kHitCount + 3;
+
+/// One chunk of motions at one level.
+struct MotionsView {
+  ChunkView chunk;  ///< pairs in the query's order; its configurations are the spans that there is room for
+  MovesView moves;  ///< of the spans' middles
+  MotionTables tables;
+  const double* margins;  ///< (pairs,) metres; null: each has `margin`
+  double margin;
+  std::uint32_t motions, level;
+  std::uint32_t span_capacity, pair_capacity, hit_capacity;
+  std::uint32_t max_steps;
+  const double* ends;  ///< (motions, 2, joints)
+  double* positions;   ///< (spans, joints) in their middles
+  double* travels;     ///< (motions, robots) the largest of both ends
+  double* twists;      ///< (frames, 6, spans) of links before their roots: turn, shift
+  double* numbers;     ///< (moved, kMotionNumbers, spans)
+  float* speeds;       ///< (moved, spans) metres in a unit of time, rounded up, with the drift
+  // Of each motion:
+  std::uint64_t* hit;  ///< the least key; all bits set: none
+  std::uint32_t* steps;
+  std::uint8_t *open, *to_cpu;  ///< something is not proved; the CPU has to look whatever else is found
+  MotionVerdict* verdicts;
+  // Of this level's spans and of the next level's:
+  MotionSpan *spans, *next_spans;
+  std::uint32_t* shares;                    ///< (spans, 2) of each half proved so far, float bits; all set: wholly
+  std::uint32_t *children, *next_children;  ///< (spans, 2) where it goes on at the next level; kNone: it does not
+  SpanPair *on, *next_on;                   ///< pairs that go on
+  SpanPair *near, *asked;
+  MotionHitRow *hits, *hit_rows;
+  std::uint32_t* counts;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,269 @@
+// The kernels that decide motions (engine/cuda/motion_kernel.cuh), without a GPU: held against the CPU's verdicts, and
+// against 60 digits.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <filesystem>
+
+#include "arm_edges.h"
+#include "stand_in_device.h"
+#include "tests/motion/motion_judge.h"
+#include "tests/motion/motion_test.h"
+// Behind all that is included elsewhere.
+#include "emulated_motions.h"
+
+namespace clearance::test {
+namespace {
+
+struct Found {
+  int free = 0, hits = 0, open = 0, undecided = 0, deeper = 0;
+};
+
+// Verdicts never contradict the CPU's, and what hits is there.
+Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
+  const Engine cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
+  const Answer wanted = ask(cpu, q);
+  host.run();
+  Found found;
+  for (std::uint32_t i = 0; i < edges.motions.count(); ++i) {
+    const auto status = static_cast<Status>(wanted.view.status[i]);
+    const bool is_free = status == Status::kBeyond, is_undecided = status == Status::kUnconverged;
+    found.undecided += is_undecided;
+    switch (host.verdict(i)) {
+      case MotionVerdict::kOpen:
+        ++found.open;
+        break;
+      case MotionVerdict::kFree:
+        ++found.free;
+        EXPECT_TRUE(is_free || is_undecided) << i;
+        break;
+      case MotionVerdict::kHit: {
+        ++found.hits;
+        EXPECT_FALSE(is_free) << i;
+        const MotionHitRow* const hit = host.hit(i);
+        EXPECT_TRUE(hit);
+        if (!hit) break;
+        const double margin = q.margin;
+        EXPECT_LE(hit->answer.upper, margin) << i;
+        // The same pair where the CPU has it at that time.
+        const Samples there(edges.motions, i, hit->time);
+        const std::vector<BodyPair> pair{host.plan().pairs.at(hit->key >> 32)};
+        QueryView single;
+        single.all_pairs = false;
+        single.pairs = pair;
+        single.joints = edges.motions.joints;
+        single.positions = there.positions;
+        single.configuration_count = 1;
+        single.fields = kDefaultFields;
+        const Answer at = ask(cpu, single);
+        EXPECT_LE(at.view.lower[0], hit->answer.upper + 1e-9) << i;
+        EXPECT_GE(at.view.upper[0], hit->answer.lower - 1e-9) << i;
+        break;
+      }
+    }
+  }
+  return found;
+}
+
+TEST(MotionKernels, DecideAnArmsEdgesAsTheCpuDoes) {
+  for (const double margin : {0.0, 0.02}) {
+    const ArmEdges edges(3, 120, 0.7);
+    const QueryView q = edges.query(margin);
+    HostMotions host(edges.scene, q);
+    ASSERT_TRUE(host.fits());
+    const Found found = compare(edges, q, host);
+    std::printf("margin %g: %d free, %d hit, %d open; spans", margin, found.free, found.hits, found.open);
+    for (std::uint32_t level = 0; level < kMotionLevels; ++level)
+      std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
+                  host.count(kAskedCount, level));
+    std::printf("\n");
+    EXPECT_GT(found.free, 20);
+    EXPECT_GT(found.hits, 20);
+    EXPECT_LT(found.open, 10);
+  }
+}
+
+// Lists that are too short leave motions to the CPU, and say nothing wrong of the others.
+TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
+  const ArmEdges edges(5, 60, 1.5);
+  const QueryView q = edges.query(0.01);
+  HostMotions whole(edges.scene, q);
+  const Found all = compare(edges, q, whole);
+  const auto pairs = static_cast<std::uint32_t>(whole.plan().size.pairs);
+  struct Room {
+    const char* what;
+    std::uint32_t pairs, spans, hits;
+  };
+  for (const Room& room : {Room{"pairs", 10 * pairs, 0, 0}, Room{"spans", 0, 60, 0}, Room{"hits", 0, 0, 5}}) {
+    SCOPED_TRACE(room.what);
+    HostMotions host(edges.scene, q, room.pairs, room.spans, room.hits);
+    const Found found = compare(edges, q, host);
+    EXPECT_GT(found.open, all.open + 2);
+    EXPECT_GT(found.free + found.hits, 1);
+  }
+  QueryView hasty = q;
+  hasty.max_steps = 1;
+  HostMotions host(edges.scene, hasty);
+  const Found found = compare(edges, hasty, host);
+  EXPECT_GT(found.open, all.open + 2);
+}
+
+// Ends that rows have something to say of, bodies without a pose, and robots that kernels do not know.
+TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
+  ArmEdges edges(6, 6, 0.3);
+  const std::size_t J = edges.motions.joints.size();
+  edges.motions.positions[0] = std::numeric_limits<double>::quiet_NaN();
+  edges.motions.positions[(2 * 2 + 1) * J + 1] = 50;  // beyond its limits
+  const QueryView q = edges.query(0);
+  HostMotions host(edges.scene, q);
+  host.run();
+  EXPECT_EQ(host.verdict(0), MotionVerdict::kOpen);
+  EXPECT_EQ(host.verdict(2), MotionVerdict::kOpen);
+  int decided = 0;
+  for (const std::uint32_t i : {1u, 3u, 4u, 5u}) decided += host.verdict(i) != MotionVerdict::kOpen;
+  EXPECT_GT(decided, 2);
+  // Without flags nothing is said of limits.
+  QueryView without_flags = q;
+  without_flags.fields &= ~kFieldFlags;
+  HostMotions silent(edges.scene, without_flags);
+  compare(edges, without_flags, silent);
+  EXPECT_TRUE(silent.is_for_cpu(0));
+  EXPECT_FALSE(silent.is_for_cpu(2));
+  // A body whose pose nobody knows is in each motion's way.
+  edges.scene.add_sphere("lost", 0.1, {});
+  edges.motions.pairs.push_back({edges.scene.find_body("tool"), edges.scene.find_body("lost")});
+  const QueryView with_lost = edges.query(0);
+  HostMotions lost(edges.scene, with_lost);
+  lost.run();
+  for (std::uint32_t i = 0; i < 6; ++i) EXPECT_EQ(lost.verdict(i), MotionVerdict::kOpen) << i;
+}
+
+// What kernels say of a motion that is asked alone.
+MotionDecision decision_of(const Scene& scene, const QueryView& q) {
+  HostMotions host(scene, q);
+  MotionDecision found;
+  if (!host.fits()) return found;
+  host.run();
+  if (host.verdict(0) == MotionVerdict::kFree) found.kind = MotionDecision::kFree;
+  if (host.verdict(0) != MotionVerdict::kHit) return found;
+  const MotionHitRow& hit = *host.hit(0);
+  return {MotionDecision::kHit, host.plan().pairs.at(hit.key >> 32), hit.time, hit.answer.lower, hit.answer.upper};
+}
+
+class JudgedMotionKernels : public ::testing::TestWithParam<int> {};
+
+TEST_P(JudgedMotionKernels, SayNothingThatIsUntrue) {
+  const MotionFindings found = judge_decisions(21, 32, GetParam(), decision_of);
+  std::printf("%s\n", found.text().c_str());
+  EXPECT_EQ(found.wrong(), 0) << found.text();
+  EXPECT_GE(found.motions, 32);
+  EXPECT_GT(found.hits, 2);
+  EXPECT_GT(found.free, 2);
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, JudgedMotionKernels, ::testing::Range(0, kMotionKinds),
+                         [](const auto& kind) { return name_of(static_cast<MotionKind>(kind.param)); });
+
+// A device whose workspace runs the kernels here, on the chunks that the engine deals it.
+struct EmulatedWork {
+  const Scene* scene = nullptr;
+  QueryView q;
+  int launches = 0;
+};
+class EmulatedWorkspace final : public IdleSide<cuda::MotionWorkspace> {
+ public:
+  EmulatedWorkspace(Fault& fault, EmulatedWork& work) : IdleSide(fault), work_(work) {}
+  void launch(int slot, const cuda::ChunkSetup& chunk) override {
+    ++work_.launches;
+    Slot& at = slots_[slot];
+    const std::size_t numbers = 2 * std::size_t{chunk.configurations} * work_.q.joints.size();
+    if (chunk.wait_for) chunk.wait_for(cuda::Given::kPositions, chunk.positions + numbers);
+    at.positions.assign(chunk.positions, chunk.positions + numbers);
+    QueryView q = work_.q;
+    q.positions = at.positions;
+    q.configuration_count = 2 * chunk.configurations;
+    HostMotions host(*work_.scene, q);
+    host.run();
+    at.verdicts.clear(), at.steps.clear(), at.hits.clear();
+    for (std::uint32_t i = 0; i < chunk.configurations; ++i) {
+      at.verdicts.push_back(host.verdict(i));
+      at.steps.push_back(host.steps(i));
+      if (at.verdicts[i] == MotionVerdict::kHit) at.hits.push_back(*host.hit(i));
+    }
+  }
+  cuda::MotionResult finish(int slot) override {
+    const Slot& at = slots_[slot];
+    return {at.verdicts, at.steps, at.hits, 0};
+  }
+
+ private:
+  struct Slot {
+    std::vector<double> positions;
+    std::vector<MotionVerdict> verdicts;
+    std::vector<std::uint32_t> steps;
+    std::vector<MotionHitRow> hits;
+  } slots_[cuda::kChunksUnderWay];
+  EmulatedWork& work_;
+};
+class EmulatedDevice final : public IdleDevice {
+ public:
+  EmulatedDevice(Fault& fault, EmulatedWork& work) : IdleDevice(fault), its_fault_(fault), work_(work) {}
+  std::shared_ptr<cuda::MotionWorkspace> borrow_motions() override {
+    return std::make_shared<EmulatedWorkspace>(its_fault_, work_);
+  }
+
+ private:
+  Fault& its_fault_;
+  EmulatedWork& work_;
+};
+
+// Through the engine: rows of what kernels decide, and of what they leave to the CPU.
+TEST(MotionKernels, AnswerAnEnginesMotions) {
+  const ArmEdges edges(8, 2500, 0.4);  // three chunks
+  for (const double margin : {0.0, 0.01}) {
+    const QueryView q = edges.query(margin);
+    Fault fault;
+    EmulatedWork work{&edges.scene, q};
+    const cuda::DeviceStandIn stand_in({true, "emulated", "", 1}, [&](const Scene&, int, std::uint64_t) {
+      return std::make_shared<EmulatedDevice>(fault, work);
+    });
+    const Engine device(Scene(edges.scene), {.backend = "cuda", .threads = 2}),
+        cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
+    const Answer found = ask(device, q), wanted = ask(cpu, q);
+    EXPECT_EQ(found.info.backend, "cuda");
+    EXPECT_EQ(found.info.rows, 2500u);
+    EXPECT_EQ(work.launches, 3);
+    const auto on_cpu = counter(device, "cuda.motions_finished_on_cpu");
+    EXPECT_GT(on_cpu, 0u);
+    EXPECT_LT(on_cpu, 150u);
+    int free = 0, hits = 0;
+    for (std::uint32_t i = 0; i < 2500; ++i) {
+      const auto ours = static_cast<Status>(found.view.status[i]), theirs = static_cast<Status>(wanted.view.status[i]);
+      EXPECT_EQ(found.view.configuration[i], i);
+      EXPECT_LE(found.view.lower[i], found.view.upper[i]);
+      EXPECT_GT(found.view.steps[i], 0u);
+      if (theirs == Status::kUnconverged || ours == Status::kUnconverged) continue;
+      EXPECT_EQ(ours == Status::kBeyond, theirs == Status::kBeyond) << i;
+      if (ours == Status::kBeyond) {
+        ++free;
+        EXPECT_GT(found.view.lower[i], margin);
+        EXPECT_EQ(found.view.pair[i].a, kNone);
+        EXPECT_TRUE(std::isnan(found.view.time[i]));
+      } else {
+        ++hits;
+        EXPECT_LE(found.view.upper[i], margin);
+        EXPECT_TRUE(found.view.time[i] >= 0 && found.view.time[i] <= 1);
+      }
+    }
+    EXPECT_GT(free, 300);
+    EXPECT_GT(hits, 300);
+    // What no kernel answers is the CPU's.
+    QueryView when = q;
+    when.fields |= kFieldFirstContact;
+    EXPECT_EQ(ask(device, when).info.backend, "cpu");
+    EXPECT_EQ(work.launches, 3);
+  }
+}
+
+}  // namespace
+}  // namespace clearance::test
