@@ -79,9 +79,10 @@ bench-motions: build  ## edges of the same problems, proved free all along, besi
 bench-ompl: build  ## the same problems planned by OMPL, with edges that are sampled and with edges that are proved; rewrites docs/results/ompl.csv
 	@$(PYTHON_VENV) bench/robots/bench_ompl.py --csv docs/results/ompl.csv
 
-bench-surfaces: build  ## meshes that are not convex, beside Coal, which it installs; rewrites docs/results/surfaces.csv and pieces.csv
+bench-surfaces: build  ## meshes that are not convex, beside Coal, which it installs; rewrites docs/results/surfaces.csv, pieces.csv and link_meshes.csv
 	@$(PYTHON_VENV) bench/surfaces/bench_surfaces.py --csv docs/results/surfaces.csv
 	@$(PYTHON_VENV) bench/surfaces/bench_pieces.py --csv docs/results/pieces.csv
+	@$(PYTHON_VENV) bench/robots/bench_link_meshes.py --csv docs/results/link_meshes.csv
 
 bench-clouds: build  ## points against a robot, beside Coal's octree, which it installs; rewrites docs/results/clouds.csv
 	@$(PYTHON_VENV) bench/surfaces/bench_clouds.py --csv docs/results/clouds.csv
