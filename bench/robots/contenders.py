@@ -18,6 +18,16 @@ sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "build/python")]
 _BOUNDS = ("lower", "upper")
 
 
+def tree_of_triangles(coal, vertices, triangles):
+    """Coal's model of a mesh. vertices: (N, 3) metres; triangles: (M, 3)."""
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(len(triangles), len(vertices))
+    model.addVertices(np.ascontiguousarray(vertices))
+    model.addTriangles(np.ascontiguousarray(triangles.astype(np.int64)))
+    model.endModel()
+    return model
+
+
 class PinocchioCoal:
     """Pinocchio's kinematics and Coal's distances, each a call in C++ for one state.
 
@@ -65,13 +75,7 @@ class PinocchioCoal:
 
     def _shape(self, thing):
         if thing.shape == "mesh":
-            vertices, triangles = thing.sizes
-            model = self.coal.BVHModelOBBRSS()
-            model.beginModel(len(triangles), len(vertices))
-            model.addVertices(np.ascontiguousarray(vertices))
-            model.addTriangles(np.ascontiguousarray(triangles.astype(np.int64)))
-            model.endModel()
-            return model
+            return tree_of_triangles(self.coal, *thing.sizes)
         if thing.shape == "box":
             return self.coal.Box(*thing.sizes)
         if thing.shape == "cylinder":

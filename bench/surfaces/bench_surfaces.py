@@ -25,6 +25,7 @@ from environment import in_own_environment  # noqa: E402
 if __name__ == "__main__":
     in_own_environment()
 import numpy as np  # noqa: E402
+from contenders import tree_of_triangles  # noqa: E402
 
 
 def ring(triangles, radius, tube, rng):
@@ -81,12 +82,7 @@ class Coal:
             points = self.coal.StdVec_Vec3s()
             points.extend(list(vertices))
             return self.coal.Convex.convexHull(points, True, "Qt")
-        model = self.coal.BVHModelOBBRSS()
-        model.beginModel(len(faces), len(vertices))
-        model.addVertices(np.ascontiguousarray(vertices))
-        model.addTriangles(np.ascontiguousarray(faces.astype(np.int64)))
-        model.endModel()
-        return model
+        return tree_of_triangles(self.coal, vertices, faces)
 
     def places(self, X):
         """Poses as Coal has them: made before the time is taken."""

@@ -165,7 +165,7 @@ TEST_F(DaemonPlans, GiveTheBitsOfAnEngineHere) {
 /// Not a test: what the next one starts as a process of its own, and kills.
 TEST_F(DaemonPlans, Doomed) {
   const char* url = std::getenv("CLEARANCE_TEST_DOOMED");
-  if (!url) GTEST_SKIP() << "for another test";
+  if (!url) GTEST_SKIP() << "a process of OfAKilledProcessGoAndLeaveOthersAlone, which starts it itself";
   Client client = patient(url);
   Query query;
   query.fields = kFieldLower;
