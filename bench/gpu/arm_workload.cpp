@@ -2,11 +2,13 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <string>
 
+#include "tests/cuda/box_mesh.h"
 #include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {
@@ -141,12 +143,30 @@ Scene arm_scene_in_room() {
   return scene;
 }
 
+Scene arm_scene_in_cell() {
+  constexpr std::uint32_t kCells = 5;
+  BoxMesh cell;
+  const auto board = [&](const Vec3d& low, const Vec3d& high) {
+    cell.add_box(0.5 * (low + high), 0.5 * (high - low), kCells, false);
+  };
+  board({-1.1, -1.3, -0.06}, {1.1, 1.3, -0.01});                                             // floor
+  board({-1.1, -1.3, -0.04}, {-1.05, 1.3, 1.6});                                             // walls
+  for (const double y : {-1.3, 1.25}) board({-1.1, y, -0.04}, {1.1, y + 0.05, 1.6});
+  board({0.8, -0.9, -0.04}, {0.83, 0.9, 1.5});                                               // back of the shelf
+  for (const double z : {0.4, 0.85, 1.3}) board({0.4, -0.9, z}, {0.82, 0.9, z + 0.02});      // its boards
+  for (const double y : {-0.9, -0.3, 0.28, 0.88}) board({0.4, y, -0.03}, {0.82, y + 0.02, 1.5});  // and uprights
+  Random random(19);
+  Scene scene = arm_alone(random);
+  scene.add_mesh("cell", cell.vertices, cell.triangles, Convexify::kSolid, {.is_static = true, .pose = Pose()});
+  return scene;
+}
+
 std::vector<BodyPair> arm_pairs(const Scene& scene) {
   std::vector<BodyPair> pairs;
   for (std::uint32_t i = 1; i < kArmLinks; ++i) {
     const std::uint32_t hull = scene.find_body(hull_name(i));
-    if (const std::uint32_t room = scene.find_body("room"); room != kNone) {
-      pairs.push_back({hull, room});
+    if (const std::uint32_t around = std::min(scene.find_body("room"), scene.find_body("cell")); around != kNone) {
+      pairs.push_back({hull, around});
       continue;
     }
     for (std::uint32_t t = 0; t < kThings; ++t) pairs.push_back({hull, scene.find_body(thing_name(t))});

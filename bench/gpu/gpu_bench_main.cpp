@@ -144,8 +144,8 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   Motion motion;
   if (w.warm) q.warm_slot = 1;
   if (w.warm || w.moves) motion = motion_of(asked, cpu.scene());
-  const bool has_clouds = cpu.scene().has_surfaces();
-  const int repeats = size.rows > 4'000'000 ? 10 : size.rows < 20'000 && !has_clouds ? 300 : 30;
+  const bool has_elements = cpu.scene().has_surfaces();
+  const int repeats = size.rows > 4'000'000 ? 10 : size.rows < 20'000 && !has_elements ? 300 : 30;
   const Timing direct = time_queries(device, q, view(pinned.data()), repeats, motion);
   const std::uint64_t rest = counter(device, "cuda.pairs_finished_on_cpu") / static_cast<std::uint64_t>(repeats + 2);
   const Timing staged = time_queries(device, q, view(aligned), repeats, motion);
@@ -155,10 +155,10 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   std::memset(pinned_cpu.data(), 1, bytes);
   time_queries(device, q, view(pinned.data()), 1);
   time_queries(cpu, q, view(pinned_cpu.data()), 1);
-  // Warm answers depend on what was asked before, and those of clouds on the way through their trees; their intervals
+  // Warm answers depend on what was asked before, and those of clouds and meshes on the way through their trees; their intervals
   // hold the same distance.
   bool same = std::memcmp(pinned.data(), pinned_cpu.data(), bytes) == 0;
-  const bool may_differ = w.warm || has_clouds;
+  const bool may_differ = w.warm || has_elements;
   const ReplyView rows = view(pinned.data()), cpu_rows = view(pinned_cpu.data());
   if (may_differ) {
     same = true;

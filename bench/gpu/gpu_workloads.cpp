@@ -94,6 +94,14 @@ Workload in_room(const std::string& what, std::uint32_t fields, Reduce reduce, d
   w.scene = arm_scene_in_room;
   return w;
 }
+// And in a cell of one mesh.
+Workload in_cell(const std::string& what, std::uint32_t fields, Reduce reduce, double max_distance = kFar,
+                 double margin = 0) {
+  Workload w = joints(what, 4096, fields, reduce, max_distance, margin);
+  w.name = "an arm of 8 hulls in a mesh of 3600 triangles, 4096 configurations of joints, " + what;
+  w.scene = arm_scene_in_cell;
+  return w;
+}
 }  // namespace
 
 const std::vector<Workload>& workloads() {
@@ -172,6 +180,11 @@ const std::vector<Workload>& workloads() {
       in_room("min", kBounds, Reduce::kMin),
       in_room("nearest", kBounds, Reduce::kNearest),
       in_room("within 0.02", kBounds, Reduce::kWithin, 0.02),
+      in_cell("any", kFieldStatus | kFieldPair, Reduce::kAny),
+      in_cell("any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
+      in_cell("min", kBounds, Reduce::kMin),
+      in_cell("nearest", kBounds, Reduce::kNearest),
+      in_cell("within 0.02", kBounds, Reduce::kWithin, 0.02),
   };
   return all;
 }
@@ -184,7 +197,7 @@ Asked::Asked(const Workload& w, const Engine& cpu) {
   q.precision = w.precision;
   q.signed_distance = w.depth;
   q.margin = w.margin;
-  if (w.scene == arm_scene_of_hulls || w.scene == arm_scene_in_room) {
+  if (w.scene == arm_scene_of_hulls || w.scene == arm_scene_in_room || w.scene == arm_scene_in_cell) {
     pairs = arm_pairs(cpu.scene());
     for (std::uint32_t j = 0; j < cpu.scene().joints().size(); ++j) joints.push_back(j);
     positions = arm_positions(cpu.scene(), w.configurations, 13);

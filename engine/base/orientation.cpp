@@ -100,14 +100,8 @@ bool orientation_applies(const Vec3d& v) {
 }
 
 int orientation(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p) {
-  const Vec3d u = b - a, v = c - a, w = p - a;
-  const double xy = u.x * v.y, yx = u.y * v.x, yz = u.y * v.z, zy = u.z * v.y, zx = u.z * v.x, xz = u.x * v.z;
-  const double det = w.x * (yz - zy) + w.y * (zx - xz) + w.z * (xy - yx);
-  const double permanent = std::abs(w.x) * (std::abs(yz) + std::abs(zy)) +
-                           std::abs(w.y) * (std::abs(zx) + std::abs(xz)) +
-                           std::abs(w.z) * (std::abs(xy) + std::abs(yx));
-  constexpr double kBound = (7 + 56 * kU) * kU;
-  if (det > kBound * permanent || -det > kBound * permanent) return sign(det);
+  double permanent;
+  if (const int sure = orientation_in_float64(a, b, c, p, permanent); sure != kUnsure) return sure;
 
   // The differences are exact now. Each of the six products of three is wrong by less than 2 * 7 u^2 of itself, and the
   // five additions by 3 u^2 of their results: in all below 64 u^2 of the permanent, whose own rounding 1 + 2^-20

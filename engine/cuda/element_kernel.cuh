@@ -1,15 +1,16 @@
-// Pairs of which one body is a cloud: a warp for each goes down the cloud's tree (engine/query/nearest_elements.h has
-// the CPU's way through it), and its threads answer the points that are left by GJK, side by side.
+// Pairs of which one body is a cloud or a mesh: a warp for each goes down its tree (engine/query/nearest_elements.h has
+// the CPU's way through it), and its threads answer the elements that are left by GJK, side by side.
 #pragma once
 
 #include "engine/cuda/element_search.cuh"
 #include "engine/cuda/items.cuh"
+#include "engine/cuda/place_body.cuh"
 
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kElementThreads = 64, kElementBlocks = 1056;
 inline constexpr std::uint32_t kElementsAtOnce = 2;  // items that a warp takes from the list at a time
-inline constexpr int kSeedPointSteps = 4;            // of GJK, for a bound that leaves pairs out
+inline constexpr int kElementSeedSteps = 4;                  // of GJK, for a bound that leaves pairs out
 
 // No pair of this one's groups need be known better than that it is farther. Infinite: nothing is cut off yet.
 __device__ inline double group_cut_off(const ReducedView& r, const Item& item) {
@@ -21,7 +22,7 @@ __device__ inline double group_cut_off(const ReducedView& r, const Item& item) {
   return most;
 }
 
-// Answers an item of a cloud. All the warp's threads call it, and one of them holds the answer.
+// Answers an item of elements. All the warp's threads call it, and one of them holds the answer.
 template <bool kAny>
 __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item, const ElementRoom& room,
                                           PairAnswer& answer, bool& is_mine) {
@@ -39,7 +40,7 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
     enough = slack.near_enough(q.max_distance);
   else if (r.reduce != Reduce::kWithin)
     most = fmin(most, group_cut_off(r, item));
-  CloudSearch search(r, q, at_a, at_b, slack, slack.cut_off(most), enough, room);
+  WarpSearch search(r, q, at_a, at_b, slack, slack.cut_off(most), enough, room);
   const Outcome outcome = search.run(answer);
   if (outcome != Outcome::kSettled) return outcome;
   is_mine = search.has_answer();
@@ -48,14 +49,14 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
   return __all_sync(~0u, !is_mine || is_decided) ? Outcome::kSettled : Outcome::kUnsettled;
 }
 
-// Of the pairs that are listed, those of a cloud. What is not settled goes where the others' goes.
+// Of the pairs that are listed, those of elements. What is not settled goes where the others' goes.
 template <bool kAny>
 __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid_constant__ ReducedView r) {
   constexpr std::uint32_t kWarps = kElementThreads / 32;
-  __shared__ std::uint32_t nodes[kWarps][kStackEntries], points[kWarps][kWaitingEntries];
-  __shared__ float node_gaps[kWarps][kStackEntries], point_gaps[kWarps][kWaitingEntries];
+  __shared__ std::uint32_t nodes[kWarps][kStackEntries], elements[kWarps][kWaitingEntries];
+  __shared__ float node_gaps[kWarps][kStackEntries], element_gaps[kWarps][kWaitingEntries];
   const std::uint32_t warp = threadIdx.x / 32;
-  const ElementRoom room{nodes[warp], points[warp], node_gaps[warp], point_gaps[warp]};
+  const ElementRoom room{nodes[warp], elements[warp], node_gaps[warp], element_gaps[warp]};
   const std::uint32_t count = item_count(r), lane = threadIdx.x % 32;
   for (;;) {
     std::uint32_t first = 0;
@@ -93,20 +94,20 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
   }
 }
 
-// An upper bound on how far a pair of a cloud is apart, or where boxes alone are farther than max_distance a lower one:
-// cutoff_of(). By the point at the end of one way down the tree, before the first of the other body's pieces.
+// An upper bound on how far a pair of elements is apart, or where boxes alone are farther than max_distance a lower one:
+// cutoff_of(). By the element at the end of one way down the tree, before the first of the other body's pieces.
 __device__ inline double element_cutoff_of(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.question.max_distance) return gap;
-  const bool cloud_first = r.elements.of_body[at_a.body] != kNone;
-  const ElementSet& set = r.elements.sets[r.elements.of_body[cloud_first ? at_a.body : at_b.body]];
+  const bool elements_first = r.elements.of_body[at_a.body] != kNone;
+  const ElementSet& set = r.elements.sets[r.elements.of_body[elements_first ? at_a.body : at_b.body]];
   const HullHead* const head =
-      c.hulls.heads + c.hulls.piece_hull[c.hulls.piece_begin[cloud_first ? at_b.body : at_a.body]];
-  const PieceBefore before(set, cloud_first ? at_a.frame() : at_b.frame(), *head,
-                           cloud_first ? at_b.frame() : at_a.frame());
+      c.hulls.heads + c.hulls.piece_hull[c.hulls.piece_begin[elements_first ? at_b.body : at_a.body]];
+  const PieceBefore before(set, elements_first ? at_a.frame() : at_b.frame(), *head,
+                           elements_first ? at_b.frame() : at_a.frame());
   constexpr double kInf = __builtin_inf();
   std::uint32_t at = 0;
   for (;;) {
@@ -115,59 +116,77 @@ __device__ inline double element_cutoff_of(const ReducedView& r, const Item& ite
       at = node.begin();
       double least = kInf;
       for (std::uint32_t i = node.begin(); i < node.begin() + node.count(); ++i) {
-        const double to_point = before.gap(box_of_element(set, i), kInf);
-        if (!(to_point < least)) continue;
-        least = to_point;
+        const double to_element = before.gap(bulk_of_element(set, i), kInf);
+        if (!(to_element < least)) continue;
+        least = to_element;
         at = i;
       }
       break;
     }
     const LoadedNode one(set, at + 1), other(set, node.right);
-    const double to_one = before.gap(one.box, kInf), to_other = before.gap(other.box, kInf);
+    const double to_one = before.gap(one.bulk, kInf), to_other = before.gap(other.bulk, kInf);
     const bool is_one =
-        to_one != to_other ? to_one < to_other : !(before.between_middles(other.box) < before.between_middles(one.box));
+        to_one != to_other ? to_one < to_other : !(before.between_middles(other.bulk) < before.between_middles(one.bulk));
     at = is_one ? at + 1 : node.right;
   }
-  const Vec3d middle = box_of_element(set, at).centre;
-  const HullHead of_element = element_head(set, middle);
-  const Part x = piece_part(c.hulls, head), e = element_part(set, middle, &of_element);
-  const Part& a = cloud_first ? e : x;
-  const Part& b = cloud_first ? x : e;
+  const ElementHull hull(set, at);
+  const Part x = piece_part(c.hulls, head), e = hull.part();
+  const Part& a = elements_first ? e : x;
+  const Part& b = elements_first ? x : e;
   const PairFrame<double> frame = place_pair<double>(at_a, *a.head, at_b, *b.head);
   Run<Part> run(c.question, a, b, frame);
-  for (int steps = 0; run.g.end == 0 && steps < kSeedPointSteps; ++steps) run.step();
+  for (int steps = 0; run.g.end == 0 && steps < kElementSeedSteps; ++steps) run.step();
   return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
 }
 
-// solve_seeds() of the seeds that are pairs of a cloud.
+// solve_seeds() of the seeds that are pairs of elements.
 __global__ void __launch_bounds__(kItemThreads) seed_elements(const __grid_constant__ ReducedView r) {
   cut_off_by_seed(
       r, [&](const Item& item) { return is_of_elements(r, item); },
       [&](const Item& item, std::uint32_t) { return element_cutoff_of(r, item); });
 }
 
-// Boxes of clouds that stay where the snapshot has them: what box_fixed_bodies() makes of hulls.
+// The box of a body of elements where it stands: what kernels that place bodies make of hulls. Metres.
+// \param inner of its slack
+__device__ inline Aabb box_of_elements(const ElementSet& set, const Where& at, double inner) {
+  const HullExtents& h = set.hull;
+  return grown(certify_box(h.centre, h.half, h.spread, h.rho, h.radius, at.rotation(), at.translation()), inner);
+}
+
+// Boxes of those that stay where the snapshot has them.
 __global__ void __launch_bounds__(kItemThreads)
     box_elements(ElementsView elements, BodiesView bodies, double* boxes, OuterBox* outer_boxes) {
   const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x, n = bodies.bodies;
   if (i >= elements.count) return;
   const ElementSet& set = elements.sets[i];
-  if (static_cast<Status>(bodies.fixed_state[set.body] & kStateStatus) != Status::kOk) return;
   const Where at(bodies, 0, set.body, 0);
-  const HullExtents& h = set.hull;
-  const Aabb box = grown(certify_box(h.centre, h.half, h.spread, h.rho, h.radius, at.rotation(), at.translation()),
-                         bodies.doubts.fixed ? bodies.doubts.fixed[set.body].all.inner : 0);
+  if (at.status() != Status::kOk) return;
+  const Aabb box = box_of_elements(set, at, bodies.doubts.fixed ? bodies.doubts.fixed[set.body].all.inner : 0);
   for (int k = 0; k < 3; ++k) {
     boxes[static_cast<std::size_t>(k) * n + set.body] = box.low[k];
     boxes[static_cast<std::size_t>(3 + k) * n + set.body] = box.high[k];
   }
-  outer_boxes[set.body] = {__double2float_rd(box.low.x),
-                           __double2float_rd(box.low.y),
-                           __double2float_rd(box.low.z),
-                           __double2float_ru(box.high.x),
-                           __double2float_ru(box.high.y),
-                           __double2float_ru(box.high.z),
-                           {0, 0}};
+  outer_boxes[set.body] = outer_box(box);
+}
+
+// Boxes of those that the query moves, where they have been placed: a thread for each moved body and configuration.
+__global__ void __launch_bounds__(kItemThreads)
+    box_moved_elements(ElementsView elements, BodiesView bodies, std::uint32_t configurations) {
+  const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x, slot = i / configurations, k = i % configurations;
+  if (slot >= bodies.moved_count) return;
+  const std::uint32_t of = elements.of_body[bodies.moved_body[slot]];
+  if (of == kNone) return;
+  const Where at(bodies, configurations, slot | kMovedBit, k);
+  if (at.status() != Status::kOk) return;
+  const std::size_t here = std::size_t{slot} * configurations + k;
+  const Aabb box =
+      box_of_elements(elements.sets[of], at, bodies.doubts.fixed ? bodies.doubts.moved[here].all.inner : 0);
+  double* const out = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;
+  for (std::uint32_t c = 0; c < 3; ++c) {
+    out[std::size_t{kPoseComponents + c} * configurations] = box.low[static_cast<int>(c)];
+    out[std::size_t{kPoseComponents + 3 + c} * configurations] = box.high[static_cast<int>(c)];
+  }
+  bodies.moved_box[std::size_t{k} * bodies.moved_count + slot] = outer_box(box);
 }
 
 }  // namespace clearance::cuda

@@ -1,24 +1,26 @@
-// The nearest elements of a cloud and of a body of convex pieces, looked for by a warp.
+// The nearest elements of a cloud or mesh and of a body of convex pieces, looked for by a warp.
 //
 // Subtrees wait on a stack in shared memory, each with a lower bound on its distance to the other body's piece: by
 // boxes, along the line of their middles, and along the direction that the nearest point so far was proved by;
 // docs/bounds.md, "Surfaces". What is proved to be farther than an upper bound is left out, and its gap counts in the
 // lower bound. So the interval is one that contains the distance, as narrow as asked; which one of those may be another
 // than the CPU's, who goes another way. Which one it is depends on the pair alone, and on what its group's seed cuts
-// off.
+// off. Where all triangles of a solid are apart from a piece, one of the piece's points says whether it lies within.
 #pragma once
 
 #include "engine/cuda/element_parts.cuh"
+#include "engine/cuda/element_winding.cuh"
 #include "engine/cuda/overlap_kernel.cuh"
 
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kStackEntries = 320, kWaitingEntries = 32 + 32 * 4;
+inline constexpr std::uint32_t kWindingPoints = 4;  // of a piece that are asked whether they lie within a solid
 
-// Where nodes (kStackEntries) and points (kWaitingEntries) of one warp's search wait, each with its gap.
+// Where nodes (kStackEntries) and elements (kWaitingEntries) of one warp's search wait, each with its gap.
 struct ElementRoom {
-  std::uint32_t *node, *point;
-  float *node_gap, *point_gap;
+  std::uint32_t *node, *element;
+  float *node_gap, *element_gap;
 };
 
 template <class T>
@@ -30,13 +32,13 @@ __device__ inline T least_of_warp(T x) {
   return x;
 }
 
-// A pair of a cloud and of convex pieces, of which all of a warp's threads look for the nearest element.
-class CloudSearch {
+// A pair of elements and of convex pieces, of which all of a warp's threads look for the nearest element.
+class WarpSearch {
  public:
   // \param q what is asked of the pair's bodies. \param cut_off of its pieces: no more need be known of what is
   // farther.
   // \param enough an upper bound so low is all that is asked
-  __device__ CloudSearch(const ReducedView& r, const Question& q, const Where& at_a, const Where& at_b,
+  __device__ WarpSearch(const ReducedView& r, const Question& q, const Where& at_a, const Where& at_b,
                          const Slack& slack, double cut_off, double enough, const ElementRoom& room)
       : c_(r.chunk),
         q_(q),
@@ -46,12 +48,12 @@ class CloudSearch {
         cut_off_(cut_off),
         enough_(enough),
         room_(room),
-        cloud_first_(r.elements.of_body[at_a.body] != kNone),
-        set_(r.elements.sets[r.elements.of_body[cloud_first_ ? at_a.body : at_b.body]]),
+        elements_first_(r.elements.of_body[at_a.body] != kNone),
+        set_(r.elements.sets[r.elements.of_body[elements_first_ ? at_a.body : at_b.body]]),
         of_a_(at_a.frame()),
         of_b_(at_b.frame()),
         at_(pair_frame<double>(set_.hull, of_a_.R_wb, of_a_.t_w, set_.hull, of_b_.R_wb, of_b_.t_w)) {
-    const std::uint32_t body = cloud_first_ ? at_b.body : at_a.body;
+    const std::uint32_t body = elements_first_ ? at_b.body : at_a.body;
     first_piece_ = c_.hulls.piece_begin[body];
     pieces_ = c_.hulls.piece_begin[body + 1] - first_piece_;
   }
@@ -81,7 +83,7 @@ class CloudSearch {
 
   __device__ void search(std::uint32_t piece, PairAnswer& answer) {
     const HullHead* const head = c_.hulls.heads + c_.hulls.piece_hull[first_piece_ + piece];
-    PieceBefore before(set_, cloud_first_ ? of_a_ : of_b_, *head, cloud_first_ ? of_b_ : of_a_);
+    PieceBefore before(set_, elements_first_ ? of_a_ : of_b_, *head, elements_first_ ? of_b_ : of_a_);
     stacked_ = waiting_ = 0;
     put_root(before);
     while ((stacked_ > 0 || waiting_ > 0) && !is_over()) {
@@ -92,20 +94,20 @@ class CloudSearch {
     }
     // What was not looked at: it is no nearer than its gap.
     for (std::uint32_t i = lane(); i < stacked_; i += 32) leave_out(room_.node_gap[i]);
-    for (std::uint32_t i = lane(); i < waiting_; i += 32) leave_out(room_.point_gap[i]);
+    for (std::uint32_t i = lane(); i < waiting_; i += 32) leave_out(room_.element_gap[i]);
     __syncwarp();
     if (is_over())  // of the other pieces nothing is known
       for (std::uint32_t other = piece + 1 + lane(); other < pieces_; other += 32) {
         const HullHead& of = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + other]];
-        const PieceBefore there(set_, cloud_first_ ? of_a_ : of_b_, of, cloud_first_ ? of_b_ : of_a_);
-        leave_out(there.gap(LoadedNode(set_, 0).box, __builtin_inf()));
+        const PieceBefore there(set_, elements_first_ ? of_a_ : of_b_, of, elements_first_ ? of_b_ : of_a_);
+        leave_out(there.gap(LoadedNode(set_, 0).bulk, __builtin_inf()));
       }
   }
 
   __device__ void leave_out(double gap) { lower_ = gap < lower_ ? gap : lower_; }
 
   __device__ void put_root(const PieceBefore& before) {
-    const double limit = this->limit(), gap = before.gap(LoadedNode(set_, 0).box, limit);
+    const double limit = this->limit(), gap = before.gap(LoadedNode(set_, 0).bulk, limit);
     put(lane() == 0, 0, gap, limit, room_.node, room_.node_gap, stacked_);
   }
   // All threads call it; those that have something to put, in the order of their lanes.
@@ -141,28 +143,28 @@ class CloudSearch {
       leave_out(known);
       there = false;
     }
-    std::uint32_t right = 0, few = 0, points = 0;
+    std::uint32_t right = 0, first = 0, elements = 0;
     if (there) {
       const LoadedNode node(set_, at);
       right = node.right;
-      few = node.few;
-      points = node.is_leaf() ? node.count() : 0;
+      first = node.begin();
+      elements = node.is_leaf() ? node.count() : 0;
     }
-    for (std::uint32_t i = 0; __any_sync(~0u, i < points); ++i) {
-      const bool has = i < points;
-      const std::uint32_t point = few / 4 + i;
-      const double gap = has ? before.gap(box_of_element(set_, point), limit) : 0;
-      put(has, point, gap, limit, room_.point, room_.point_gap, waiting_);
+    for (std::uint32_t i = 0; __any_sync(~0u, i < elements); ++i) {
+      const bool has = i < elements;
+      const std::uint32_t element = first + i;
+      const double gap = has ? before.gap(bulk_of_element(set_, element), limit) : 0;
+      put(has, element, gap, limit, room_.element, room_.element_gap, waiting_);
     }
-    const bool divides = there && points == 0;
+    const bool divides = there && elements == 0;
     std::uint32_t near = at + 1, far = right;
     double near_gap = 0, far_gap = 0;
     if (divides) {
       const LoadedNode one(set_, near), other(set_, far);
-      near_gap = before.gap(one.box, limit);
-      far_gap = before.gap(other.box, limit);
+      near_gap = before.gap(one.bulk, limit);
+      far_gap = before.gap(other.bulk, limit);
       if (far_gap < near_gap ||
-          (far_gap == near_gap && before.between_middles(other.box) < before.between_middles(one.box))) {
+          (far_gap == near_gap && before.between_middles(other.bulk) < before.between_middles(one.bulk))) {
         const std::uint32_t node = near;
         near = far;
         far = node;
@@ -176,18 +178,18 @@ class CloudSearch {
     __syncwarp();
   }
 
-  // Answers the points that wait, a thread for each.
+  // Answers the elements that wait, a thread for each.
   __device__ void look(std::uint32_t piece, const HullHead& head, PieceBefore& before, PairAnswer& answer) {
     __syncwarp();
     const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
     waiting_ -= count;
     const double limit = this->limit();
     bool there = lane() < count;
-    const std::uint32_t point = there ? room_.point[waiting_ + lane()] : 0;
+    const std::uint32_t element = there ? room_.element[waiting_ + lane()] : 0;
     if (there) {
       // Along what was found since, too.
       const double known =
-          fmax(static_cast<double>(room_.point_gap[waiting_ + lane()]), before.gap(box_of_element(set_, point), limit));
+          fmax(static_cast<double>(room_.element_gap[waiting_ + lane()]), before.gap(bulk_of_element(set_, element), limit));
       if (known > limit) {
         leave_out(known);
         there = false;
@@ -197,11 +199,10 @@ class CloudSearch {
     if (!__any_sync(~0u, there)) return;
     Question q = q_;
     q.max_distance = limit;
-    const Vec3d middle = box_of_element(set_, point).centre;
-    const HullHead of_element = element_head(set_, middle);
-    const Part x = piece_part(c_.hulls, &head), e = element_part(set_, middle, &of_element);
-    const Part& a = cloud_first_ ? e : x;
-    const Part& b = cloud_first_ ? x : e;
+    const ElementHull hull(set_, element);
+    const Part x = piece_part(c_.hulls, &head), e = hull.part();
+    const Part& a = elements_first_ ? e : x;
+    const Part& b = elements_first_ ? x : e;
     double upper = __builtin_inf();
     Vec3d v{0, 0, 0};
     bool open = false, overlaps = false;
@@ -225,7 +226,7 @@ class CloudSearch {
           if (upper < best_upper_) {
             best_upper_ = upper;
             best_piece_ = piece;
-            best_point_ = point;
+            best_element_ = element;
             witness_ = witness_of(run.g, bounds, of_a_.R_wb);
           }
         }
@@ -247,7 +248,7 @@ class CloudSearch {
     const int nearest = static_cast<int>(first_of(__ballot_sync(~0u, upper == least)));
     const Vec3d of_nearest{__shfl_sync(~0u, v.x, nearest), __shfl_sync(~0u, v.y, nearest),
                            __shfl_sync(~0u, v.z, nearest)};
-    before.look_along(cloud_first_ ? -of_nearest : before.turned(of_nearest), x);
+    before.look_along(elements_first_ ? -of_nearest : before.turned(of_nearest), x);
   }
   __device__ static std::uint32_t first_of(std::uint32_t bits) {
     return static_cast<std::uint32_t>(__ffs(static_cast<int>(bits))) - 1;
@@ -261,14 +262,18 @@ class CloudSearch {
   }
   __device__ void set_pieces(std::uint32_t piece, PairAnswer& answer) const {
     if (!q_.want_points) return;
-    answer.piece_a = cloud_first_ ? 0 : piece;
-    answer.piece_b = cloud_first_ ? piece : 0;
+    answer.piece_a = elements_first_ ? 0 : piece;
+    answer.piece_b = elements_first_ ? piece : 0;
   }
 
   // What all that was found says of the pair.
   __device__ Outcome finish(PairAnswer& answer) {
     const double lower = least_of_warp(lower_), upper = upper_;
     const std::uint16_t flags = answer.flags;
+    if (lower > 0 && set_.is_solid) {
+      const Outcome held = look_within(lower, answer);
+      if (held != Outcome::kNone) return held;
+    }
     if (lower > cut_off_ || !(upper < __builtin_inf())) {  // all are proved beyond the cut-off
       answer = beyond_answer(slack_.true_lower(lower));
       answer.flags = flags;
@@ -282,13 +287,54 @@ class CloudSearch {
     if (is_writer_ && q_.want_points) add_points_of_best(upper <= 0, answer);
     return Outcome::kSettled;
   }
+  // Whether a piece lies within the solid, all of whose triangles are farther than `apart`: docs/bounds.md, "Surfaces".
+  // kNone: none does.
+  __device__ Outcome look_within(double apart, PairAnswer& answer) {
+    const PlacedFrame &outer = elements_first_ ? of_a_ : of_b_, &inner = elements_first_ ? of_b_ : of_a_;
+    const Vec3d shift = inner.t_w - outer.t_w;
+    for (std::uint32_t piece = 0; piece < pieces_; ++piece) {
+      const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + piece]];
+      if (PieceBefore(set_, outer, head, inner).gap(LoadedNode(set_, 0).bulk, 0) > 0) continue;
+      // A point as computed must be on the side of every triangle that it is on.
+      const double radii = set_.hull.radius + head.radius,
+                   wrong = rounding_error(double(RoundingUnits<double>::kLower),
+                                          pair_scale(shift, set_.hull.rho, head.rho, radii));
+      if (!(apart + radii > wrong)) return Outcome::kUnsettled;
+      // All of the piece lies on one side: where float64 is not sure of one of its points, it may be of another.
+      Winding winding{0, false};
+      Vec3d turned{0, 0, 0};
+      for (std::uint32_t i = 0; i < kWindingPoints && i < head.count && !winding.is_sure; ++i) {
+        turned = inner.R_wb * piece_part(c_.hulls, &head).vertex(i * (head.count / kWindingPoints));
+        winding = count_winding(set_, outer.R_wb.transpose_times(turned + shift), room_.node, kStackEntries);
+      }
+      if (!winding.is_sure) return Outcome::kUnsettled;
+      if (winding.number == 0) continue;
+      add_held(piece, turned, turned + shift, apart, answer);
+      return Outcome::kSettled;
+    }
+    return Outcome::kNone;
+  }
+  // \param from_inner, from_outer a point that both share, from the origin of either
+  __device__ void add_held(std::uint32_t piece, const Vec3d& from_inner, const Vec3d& from_outer, double apart,
+                           PairAnswer& answer) {
+    const bool has_best = upper_ < __builtin_inf();
+    is_writer_ = has_best ? lane() == first_of(__ballot_sync(~0u, best_upper_ == upper_)) : lane() == 0;
+    decide(limits_of(q_), -__builtin_inf(), -apart, [] { return 0.0; }, answer);
+    if (q_.want_nonsmooth) answer.flags |= kFlagNonsmooth;
+    if (!q_.want_points) return;
+    set_pieces(piece, answer);
+    answer.point_a = elements_first_ ? from_outer : from_inner;
+    answer.point_b = elements_first_ ? from_inner : from_outer;
+    answer.normal = has_best && witness_.separation_length > 0
+                        ? witness_.separation * (1 / witness_.separation_length)
+                        : Vec3d{1, 0, 0};
+  }
   __device__ void add_points_of_best(bool overlap, PairAnswer& answer) const {
     const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + best_piece_]];
-    const Vec3d middle = box_of_element(set_, best_point_).centre;
-    const HullHead of_element = element_head(set_, middle);
-    const Part x = piece_part(c_.hulls, &head), e = element_part(set_, middle, &of_element);
-    const Part& a = cloud_first_ ? e : x;
-    const Part& b = cloud_first_ ? x : e;
+    const ElementHull hull(set_, best_element_);
+    const Part x = piece_part(c_.hulls, &head), e = hull.part();
+    const Part& a = elements_first_ ? e : x;
+    const Part& b = elements_first_ ? x : e;
     add_points(a, at_a_, b, at_b_, witness_, q_.want_nonsmooth, answer);
     set_pieces(best_piece_, answer);
     if (!overlap) return;
@@ -306,7 +352,7 @@ class CloudSearch {
   const Slack slack_;
   const double cut_off_, enough_;
   const ElementRoom room_;
-  const bool cloud_first_;
+  const bool elements_first_;
   const ElementSet& set_;
   const PlacedFrame of_a_, of_b_;
   const PairFrame<double> at_;
@@ -317,7 +363,7 @@ class CloudSearch {
   double upper_ = __builtin_inf();  // of all
   // The nearest that this thread has answered.
   double best_upper_ = __builtin_inf();
-  std::uint32_t best_piece_ = 0, best_point_ = 0;
+  std::uint32_t best_piece_ = 0, best_element_ = 0;
   LaneWitness witness_;
 };
 

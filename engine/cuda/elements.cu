@@ -1,20 +1,22 @@
 #include "engine/cuda/element_kernel.cuh"
 #include "engine/cuda/elements.cuh"
-#include "engine/surface/surface.h"
+#include "engine/device/element_arrays.h"
 
 namespace clearance::cuda {
 
-static_assert(sizeof(ElementNode) == sizeof(Surface::Node) && Surface::kLeafElements == 4);
-
-void CudaCloud::take(const Surface& cloud) {
+void CudaElements::take(const Surface& surface) {
+  const ElementArrays arrays(surface);
   memory_.clear();
-  const std::span<const Surface::Node> nodes = cloud.nodes();
-  nodes_ = memory_.add(nodes);
-  points_ = memory_.add(cloud.points());
-  half_ = 0.5 * double{cloud.edge()};
-  reach_ = half_ + cloud.rounding();
+  const std::size_t nodes = memory_.add(arrays.nodes), points = memory_.add(arrays.points),
+                    slabs = memory_.add(arrays.slabs), corners = memory_.add(std::span<const double>(arrays.corners));
   memory_.send(nullptr);
-  check(cudaStreamSynchronize(nullptr), "copying a cloud to the device");
+  check(cudaStreamSynchronize(nullptr), "copying elements to the device");
+  set_ = arrays.set;
+  set_.nodes = memory_.at<ElementNode>(nodes);
+  set_.points = memory_.at<float>(points);
+  set_.slabs = memory_.at<ElementSlab>(slabs);
+  set_.corners = surface.is_cloud() ? nullptr : memory_.at<double>(corners);
+  if (!surface.is_cloud()) memory_.forget_host();
 }
 
 void QueryElements::begin(std::span<const ElementBody> elements, std::size_t bodies, cudaStream_t stream) {
@@ -23,9 +25,10 @@ void QueryElements::begin(std::span<const ElementBody> elements, std::size_t bod
   sets_.clear();
   of_body_.assign(bodies, kNone);
   for (const ElementBody& of : elements) {
-    const auto& cloud = static_cast<const CudaCloud&>(*of.cloud);
     of_body_[of.body] = static_cast<std::uint32_t>(sets_.size());
-    sets_.push_back({of.piece->extents(), cloud.nodes(), cloud.points(), cloud.half(), cloud.reach(), of.body});
+    ElementSet& set = sets_.emplace_back(static_cast<const CudaElements&>(*of.resident).set());
+    set.hull = of.piece->extents();
+    set.body = of.body;
   }
   memory_.clear();
   const std::size_t sets = memory_.add(std::span<const ElementSet>(sets_)),
@@ -38,6 +41,14 @@ void start_element_boxes(const ElementsView& elements, const BodiesView& bodies,
   box_elements<<<blocks_of(elements.count, kItemThreads), kItemThreads, 0, stream>>>(
       elements, bodies, const_cast<double*>(bodies.fixed) + std::size_t{kPoseComponents} * bodies.bodies,
       const_cast<OuterBox*>(bodies.fixed_box));
+  check(cudaGetLastError(), "starting a kernel");
+}
+
+void start_moved_element_boxes(const ChunkView& chunk, const ElementsView& elements, cudaStream_t stream) {
+  const std::uint64_t all = std::uint64_t{chunk.bodies.moved_count} * chunk.configurations;
+  if (all == 0) return;
+  box_moved_elements<<<blocks_of(all, kItemThreads), kItemThreads, 0, stream>>>(elements, chunk.bodies,
+                                                                                chunk.configurations);
   check(cudaGetLastError(), "starting a kernel");
 }
 

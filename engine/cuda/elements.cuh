@@ -1,4 +1,4 @@
-// Clouds in device memory, and what starts the kernels that look at them, which are compiled by themselves.
+// Clouds and meshes in device memory, and what starts the kernels that look at them, which are compiled by themselves.
 #pragma once
 
 #include <span>
@@ -9,25 +9,22 @@
 
 namespace clearance::cuda {
 
-/// A cloud's tree and points in device memory.
-class CudaCloud final : public ResidentCloud {
+/// A surface's tree and elements in device memory.
+class CudaElements final : public ResidentElements {
  public:
-  explicit CudaCloud(MemoryCounters& counters) : memory_(counters) {}
+  explicit CudaElements(MemoryCounters& counters) : memory_(counters) {}
   /// In the place of what was there. Waits until it is on the calling thread's device.
-  void take(const Surface& cloud);
+  void take(const Surface& surface);
 
-  const ElementNode* nodes() const { return memory_.at<ElementNode>(nodes_); }
-  const float* points() const { return memory_.at<float>(points_); }
-  double half() const { return half_; }
-  double reach() const { return reach_; }
+  /// But for the body and its hull.
+  const ElementSet& set() const { return set_; }
 
  private:
   Upload memory_;  // its pinned memory stays, for the next points
-  std::size_t nodes_ = 0, points_ = 0;
-  double half_ = 0, reach_ = 0;
+  ElementSet set_{};
 };
 
-/// The clouds of a query.
+/// The bodies of elements of a query.
 class QueryElements {
  public:
   explicit QueryElements(MemoryCounters& counters) : memory_(counters) {}
@@ -43,11 +40,13 @@ class QueryElements {
   ElementsView view_{};
 };
 
-/// Boxes of the clouds, where those of other bodies are.
+/// Boxes of those that stay, where those of other bodies are.
 void start_element_boxes(const ElementsView& elements, const BodiesView& bodies, cudaStream_t stream);
-/// What the seeds that are pairs of clouds cut off.
+/// The same of those that a chunk moves, once they are placed.
+void start_moved_element_boxes(const ChunkView& chunk, const ElementsView& elements, cudaStream_t stream);
+/// What the seeds that are pairs of elements cut off.
 void start_element_seeds(const ReducedView& r, cudaStream_t stream);
-/// Looks at those of the listed pairs that are of clouds.
+/// Looks at those of the listed pairs that are of elements.
 void start_elements(const ReducedView& r, cudaStream_t stream);
 
 }  // namespace clearance::cuda

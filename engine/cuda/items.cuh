@@ -38,7 +38,7 @@ __device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i
   return position_of(r.table, ref.a, ref.b);
 }
 
-// Whether one of its bodies is a cloud: element_kernel.cuh looks at it.
+// Whether one of its bodies is a cloud or a mesh: element_kernel.cuh looks at it.
 __device__ inline bool is_of_elements(const ReducedView& r, const Item& item) {
   const std::uint32_t* const of_body = r.elements.of_body;
   return of_body && (of_body[body_of(r.chunk.bodies, item.ref.a)] != kNone ||

@@ -77,6 +77,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     r.chunk = view_of(slot, chunk);
     asked_.tell(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
     r.elements = elements_.view();
+    if (r.elements.count > 0) start_moved_element_boxes(r.chunk, r.elements, slot.stream);
     r.chunk.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(kCounts * sizeof(std::uint32_t)));
     r.chunk.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_counts.reserve(kCounts * sizeof(std::uint32_t)));
     slot.direct = direct;
@@ -155,7 +156,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   bool within() const { return asked_.reduce == Reduce::kWithin; }
   bool any() const { return asked_.reduce == Reduce::kAny; }
 
-  // Clouds among the bodies, with their boxes.
+  // Clouds and meshes among the bodies, with the boxes of those that stay.
   void begin_elements(const QuerySetup& s) {
     const OnDevice here = on_device();
     elements_.begin(s.elements, bodies_.bodies, slots_[0]->stream);

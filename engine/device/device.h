@@ -67,16 +67,16 @@ class ResidentWarm {
   virtual ~ResidentWarm() = default;
 };
 
-/// The points of a cloud and their tree in device memory.
-class ResidentCloud {
+/// A surface's elements and their tree in device memory.
+class ResidentElements {
  public:
-  virtual ~ResidentCloud() = default;
+  virtual ~ResidentElements() = default;
 };
-/// A body of points or voxels that a query asks for.
+/// A body of points, voxels or triangles that a query asks for.
 struct ElementBody {
   std::uint32_t body;
-  const Piece* piece;          ///< around its elements
-  const ResidentCloud* cloud;  ///< these
+  const Piece* piece;                ///< around its elements
+  const ResidentElements* resident;  ///< these
 };
 
 /// Where the snapshot's bodies go, as BodiesView has them; without boxes.
@@ -267,9 +267,9 @@ class Device {
                                                       std::span<const std::uint32_t> position,
                                                       std::span<const Group> group_of_tile) = 0;
   virtual std::shared_ptr<const ResidentTable> upload(const PairTable& table) = 0;
-  /// Copies a cloud's points and tree to the device. \param room a cloud that nobody needs any more, in whose memory it
-  /// may go; may be null. Null: this device holds no clouds.
-  virtual std::shared_ptr<ResidentCloud> upload(const Surface&, std::shared_ptr<ResidentCloud>) { return nullptr; }
+  /// Copies a surface's elements and tree to the device. \param room of elements that nobody needs any more, in whose
+  /// memory they may go; may be null. Null: this device holds none.
+  virtual std::shared_ptr<ResidentElements> upload(const Surface&, std::shared_ptr<ResidentElements>) { return nullptr; }
   /// Cold state for so many rows. Throws DeviceError where there is no room.
   virtual std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) = 0;
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.

@@ -49,15 +49,15 @@ struct PairDeal {
 /// A query's pairs on the device in the query's order, for reduced queries.
 struct PairListOnDevice {
   std::shared_ptr<const ResidentPairs> resident;  ///< null: the device does not know a body of theirs
-  std::vector<std::uint32_t> clouds;              ///< among their bodies; each is before hulls alone, and stays
+  std::vector<std::uint32_t> of_elements;         ///< bodies of theirs; each is before hulls alone
   AskedPairs asked;
 };
 
-/// Clouds as a query has them.
-struct CloudsOnDevice {
+/// Clouds and meshes as a query has them.
+struct ElementsOnDevice {
   std::vector<ElementBody> bodies;
   std::vector<PiecePtr> pieces;  // what they point to
-  std::vector<std::shared_ptr<const ResidentCloud>> resident;
+  std::vector<std::shared_ptr<const ResidentElements>> resident;
 };
 
 /// A scene's table of pairs on the device, for reduced queries over all of it.
@@ -98,9 +98,9 @@ class DeviceBackend {
   std::shared_ptr<const PairDeal> deal_anew(const Plan& plan, std::uint64_t chunk_rows) const;
   /// The plan's pairs in their order: the last list if it fits.
   std::shared_ptr<const PairListOnDevice> list(const Plan& plan);
-  /// What is in these bodies of points now, copied to the device where it is not there yet; null: a body is empty, or
-  /// the device holds no clouds. \param scene of the query
-  std::shared_ptr<const CloudsOnDevice> clouds(const Scene& scene, std::span<const std::uint32_t> bodies);
+  /// The elements of these bodies as they are now, copied to the device where they are not there yet; null: a body is
+  /// empty, or the device holds none. \param scene of the query
+  std::shared_ptr<const ElementsOnDevice> elements(const Scene& scene, std::span<const std::uint32_t> bodies);
   /// The plan's whole table: the last one if it is the same.
   std::shared_ptr<const TableOnDevice> table(const Plan& plan);
   /// The client's warm state for this plan, cold if it asked for something else before; null where there is no room.
@@ -126,12 +126,12 @@ class DeviceBackend {
   std::shared_ptr<const PairDeal> last_;
   std::shared_ptr<const PairListOnDevice> last_list_;
   std::shared_ptr<const TableOnDevice> last_table_;
-  std::mutex clouds_mutex_;  // of what follows, also while a cloud is copied
-  struct KnownCloud {
+  std::mutex elements_mutex_;  // of what follows, also while elements are copied
+  struct KnownElements {
     std::shared_ptr<const Surface> surface;
-    std::shared_ptr<ResidentCloud> resident;
+    std::shared_ptr<ResidentElements> resident;
   };
-  std::unordered_map<std::uint32_t, KnownCloud> clouds_;  // by body: the last one that was asked for
+  std::unordered_map<std::uint32_t, KnownElements> elements_;  // by body: the last one that was asked for
   LatestTables<DeviceWarmTable> warm_{kWarmClients};
 };
 

@@ -191,7 +191,7 @@ class StandingReduction final : public StandingQuery {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
     if (P == 0) refuse("no pairs");
     if (P >= std::uint64_t{1} << 32) refuse("too many pairs");
-    if (!in_order_->resident || !in_order_->clouds.empty()) refuse_pair(first_unknown());
+    if (!in_order_->resident || !in_order_->of_elements.empty()) refuse_pair(first_unknown());
     configurations_ = std::clamp<std::uint64_t>(kMostPlanRows / P, 1, K);
     most_rows_ = configurations_ * P;
     setup.pairs = in_order_->resident.get();

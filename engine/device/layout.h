@@ -51,21 +51,33 @@ struct HullsView {
   const std::uint32_t* piece_hull;   ///< (pieces,) index of the hull
 };
 
-/// A node of a cloud's tree, as Surface has it: the tree is copied to the device as it is.
+/// A node of a tree of elements, as Surface has it: the tree is copied to the device as it is.
 struct alignas(16) ElementNode {
   float low_x, low_y, low_z, high_x, high_y, high_z;
   std::uint32_t right, few;
 };
-/// The elements of a body of points or voxels, in device memory.
+/// The planes of a mesh's node: Surface::Slab.
+struct alignas(16) ElementSlab {
+  float low, high;
+  std::int16_t units[3];
+  CLEARANCE_HD Vec3d normal() const { return 0x1p-14 * Vec3d{double(units[0]), double(units[1]), double(units[2])}; }
+};
+/// The elements of a body, in device memory, in the order of the leaves: points, voxels or a mesh's triangles.
 struct ElementSet {
   HullExtents hull;          ///< around all of them; they are grown by its radius
+  Vec3d centre;              ///< of the nodes' corners
   const ElementNode* nodes;  ///< the root is the first
-  const float* points;       ///< (points, 3) in the order of the leaves
+  const float* points;       ///< (points, 3)
   double half;               ///< of the boxes' edges; 0: points
   double reach;  ///< along each axis from its point, no corner of a box is farther: `half`, as it is rounded
+  const ElementSlab* slabs;  ///< of a mesh's nodes
+  const double* corners;     ///< (triangles, 3 axes, 3 corners) of a mesh; null: it is none
   std::uint32_t body;
+  bool is_solid;  ///< what the triangles wind around belongs to it
+
+  CLEARANCE_HD bool is_mesh() const { return corners != nullptr; }
 };
-/// Bodies of elements in a query's pairs. They stay where the snapshot has them.
+/// Bodies of elements in a query's pairs.
 struct ElementsView {
   const ElementSet* sets;
   const std::uint32_t*

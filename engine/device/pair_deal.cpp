@@ -148,9 +148,10 @@ class Dealer {
   std::vector<Group> group_of_tile_;
 };
 
-// The pairs in their order, or nothing where the CPU has to answer one of them. \param clouds gets those among them
+// The pairs in their order, or nothing where the CPU has to answer one of them. \param of_elements gets their bodies
+// that are no hulls
 std::vector<PairRef> refs_in_order(const Scene& scene, const Device& device, const Plan& plan,
-                                   std::vector<std::uint32_t>& clouds) {
+                                   std::vector<std::uint32_t>& of_elements) {
   std::vector<std::uint32_t> ref(scene.bodies().size());
   std::iota(ref.begin(), ref.end(), 0u);
   if (plan.query.configuration_count > 0)
@@ -158,8 +159,9 @@ std::vector<PairRef> refs_in_order(const Scene& scene, const Device& device, con
   std::vector<PairRef> refs;
   refs.reserve(plan.pairs.size());
   std::vector<std::uint8_t> is_asked(ref.size(), 0);
-  const auto is_resting_cloud = [&](std::uint32_t body) {
-    return is_cloud(scene.bodies()[body]) && !(ref[body] & kMovedBit);
+  const auto is_by_elements = [&](std::uint32_t body) {
+    const Body& of = scene.bodies()[body];
+    return is_cloud(of) || (of.pieces.size() == 1 && of.pieces[0]->surface);
   };
   std::vector<BodyPair> room;
   constexpr std::uint64_t kSlice = 1u << 16;
@@ -167,12 +169,12 @@ std::vector<PairRef> refs_in_order(const Scene& scene, const Device& device, con
     for (const auto [a, b] : plan.pairs.slice(first, std::min(kSlice, plan.pairs.size() - first), room)) {
       if (a >= ref.size() || b >= ref.size()) return {};
       const bool knows_a = device.hull_of(a) != kNone, knows_b = device.hull_of(b) != kNone;
-      if ((!knows_a && !(knows_b && is_resting_cloud(a))) || (!knows_b && !(knows_a && is_resting_cloud(b)))) return {};
+      if ((!knows_a && !(knows_b && is_by_elements(a))) || (!knows_b && !(knows_a && is_by_elements(b)))) return {};
       refs.push_back({ref[a], ref[b]});
       is_asked[a] = is_asked[b] = 1;
     }
   for (std::uint32_t body = 0; body < ref.size(); ++body)
-    if (is_asked[body] && device.hull_of(body) == kNone) clouds.push_back(body);
+    if (is_asked[body] && device.hull_of(body) == kNone) of_elements.push_back(body);
   return refs;
 }
 
@@ -223,23 +225,24 @@ std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {
   }
   auto next = std::make_shared<PairListOnDevice>();
   next->asked = AskedPairs(plan);
-  if (const std::vector<PairRef> refs = refs_in_order(scene_, *device_, plan, next->clouds); !refs.empty())
+  if (const std::vector<PairRef> refs = refs_in_order(scene_, *device_, plan, next->of_elements); !refs.empty())
     next->resident = device_->upload(refs, {}, {});
   const std::lock_guard lock(mutex_);
   last_list_ = next;
   return next;
 }
 
-std::shared_ptr<const CloudsOnDevice> DeviceBackend::clouds(const Scene& scene, std::span<const std::uint32_t> bodies) {
-  auto all = std::make_shared<CloudsOnDevice>();
-  const std::lock_guard lock(clouds_mutex_);
+std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const Scene& scene,
+                                                                 std::span<const std::uint32_t> bodies) {
+  auto all = std::make_shared<ElementsOnDevice>();
+  const std::lock_guard lock(elements_mutex_);
   for (const std::uint32_t body : bodies) {
     const Body& of = scene.bodies()[body];
-    if (of.cloud != CloudState::kPoints) return nullptr;
-    KnownCloud& known = clouds_[body];
+    if (is_cloud(of) && of.cloud != CloudState::kPoints) return nullptr;
+    KnownElements& known = elements_[body];
     if (known.surface != of.pieces[0]->surface) {
       // A query that still asks for the points before these keeps them where they are.
-      std::shared_ptr<ResidentCloud> room = std::exchange(known.resident, nullptr);
+      std::shared_ptr<ResidentElements> room = std::exchange(known.resident, nullptr);
       known.surface = nullptr;
       if (room.use_count() > 1) room = nullptr;
       known.resident = device_->upload(*of.pieces[0]->surface, std::move(room));

@@ -29,14 +29,15 @@ namespace {
 
 class ReducedDeviceQuery final : public DeviceQuery {
  public:
-  /// \param list of the pairs, or their \param table. \param clouds among the bodies of the list; null: there are none
+  /// \param list of the pairs, or their \param table. \param elements of bodies of the list;
+  /// null: all are hulls
   ReducedDeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply,
                      std::shared_ptr<const PairListOnDevice> list, std::shared_ptr<const TableOnDevice> table,
-                     std::shared_ptr<const CloudsOnDevice> clouds)
+                     std::shared_ptr<const ElementsOnDevice> elements)
       : DeviceQuery(context, std::move(plan), reply),
         list_(std::move(list)),
         table_(std::move(table)),
-        clouds_(std::move(clouds)),
+        elements_(std::move(elements)),
         groups_(plan_.query.reduce == Reduce::kNearest ? scene().bodies().size() : 1) {}
 
   void begin() override {
@@ -54,8 +55,8 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.reduce = plan_.query.reduce;
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;
-    s.by_teams = !clouds_ && is_for_teams(scene(), plan_);
-    if (clouds_) s.elements = clouds_->bodies;
+    s.by_teams = !elements_ && is_for_teams(scene(), plan_);
+    if (elements_) s.elements = elements_->bodies;
     if (plan_.query.reduce == Reduce::kAny) {  // which begins cold
       s.margins = plan_.margins.each();
       s.margin = plan_.margins.most();
@@ -122,7 +123,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
 
   std::shared_ptr<const PairListOnDevice> list_;  // one of the two
   std::shared_ptr<const TableOnDevice> table_;
-  std::shared_ptr<const CloudsOnDevice> clouds_;
+  std::shared_ptr<const ElementsOnDevice> elements_;
   std::uint64_t groups_, configurations_ = 1;  // of one configuration; of one chunk
   std::uint64_t written_ = 0;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> order_;
@@ -141,14 +142,14 @@ std::unique_ptr<DeviceQuery> make_reduced_device_query(const JobContext& context
   }
   auto list = context.device->list(plan);
   if (!list->resident) return nullptr;
-  std::shared_ptr<const CloudsOnDevice> clouds;
-  if (!list->clouds.empty()) {
+  std::shared_ptr<const ElementsOnDevice> elements;
+  if (!list->of_elements.empty()) {
     if (plan.query.signed_distance) return nullptr;
-    clouds = context.device->clouds(*context.scene, list->clouds);
-    if (!clouds) return nullptr;
+    elements = context.device->elements(*context.scene, list->of_elements);
+    if (!elements) return nullptr;
   }
   return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, std::move(list), nullptr,
-                                              std::move(clouds));
+                                              std::move(elements));
 }
 
 }  // namespace clearance::cuda

@@ -10,6 +10,7 @@
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
 #include "engine/hull/direction_table.h"
+#include "engine/hull/measure.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
 #include "engine/pose/pose.h"
@@ -22,11 +23,6 @@ namespace {
 constexpr std::size_t kFew = 6, kFewOfMany = 16, kMany = 200000;
 
 constexpr std::size_t kWidestRegister = 64;  // bytes
-
-// Rounds a length up past every rounding made in computing it (a few operations, each within 2^-53).
-double padded(double length) {
-  return length * (1 + 8 * std::numeric_limits<double>::epsilon());
-}
 
 void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
   const auto padded_to = [&](std::size_t lanes) { return (vertices.size() + lanes - 1) / lanes * lanes; };
@@ -43,23 +39,9 @@ void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
   }
 }
 
-// Where the vertices are, and how far they reach.
 void measure(Piece& piece, const std::vector<Vec3d>& vertices) {
-  Vec3d low = vertices[0], high = vertices[0];
-  for (const Vec3d& v : vertices)
-    for (int k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], v[k]);
-      high[k] = std::max(high[k], v[k]);
-    }
-  piece.centre = 0.5 * low + 0.5 * high;
-  for (int k = 0; k < 3; ++k) piece.half[k] = padded(std::max(high[k] - piece.centre[k], piece.centre[k] - low[k]));
-  double rho2 = 0, spread2 = 0;
-  for (const Vec3d& v : vertices) {
-    rho2 = std::max(rho2, squared_norm(v));
-    spread2 = std::max(spread2, squared_norm(v - piece.centre));
-  }
-  piece.rho = padded(std::sqrt(rho2));
-  piece.spread = padded(std::sqrt(spread2));
+  measure_hull(
+      static_cast<std::uint32_t>(vertices.size()), [&](std::uint32_t i) -> const Vec3d& { return vertices[i]; }, piece);
 }
 
 }  // namespace

@@ -2,13 +2,15 @@
 #pragma once
 
 #include <bit>
+#include <deque>
 #include <limits>
+#include <memory>
 #include <vector>
 
+#include "engine/device/element_arrays.h"
 #include "engine/narrow/lanes.h"
 #include "engine/query/evaluate.h"
 #include "engine/query/reduction.h"
-#include "engine/surface/surface.h"
 // Behind all that is included elsewhere.
 #include "emulated_scene.h"
 
@@ -22,20 +24,23 @@ namespace clearance::test {
 
 inline constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
 
-/// The clouds of a scene as kernels see them.
+/// The clouds and meshes of a scene as kernels see them.
 class HostElements {
  public:
   explicit HostElements(const Scene& scene) : of_body_(scene.bodies().size(), kNone) {
     for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
-      if (scene.bodies()[b].cloud != CloudState::kPoints) continue;
       const Piece& piece = *scene.bodies()[b].pieces[0];
-      const Surface& cloud = *piece.surface;
-      std::vector<ElementNode>& nodes = nodes_.emplace_back(cloud.nodes().size());
-      static_assert(sizeof(ElementNode) == sizeof(Surface::Node));
-      std::memcpy(static_cast<void*>(nodes.data()), cloud.nodes().data(), nodes.size() * sizeof(ElementNode));
-      const double half = 0.5 * double{cloud.edge()};
+      if (!piece.surface) continue;
+      arrays_.emplace_back(*piece.surface);
+      const ElementArrays& of = arrays_.back();
       of_body_[b] = static_cast<std::uint32_t>(sets_.size());
-      sets_.push_back({piece.extents(), nodes.data(), cloud.points()[0].data(), half, half + cloud.rounding(), b});
+      ElementSet& set = sets_.emplace_back(of.set);
+      set.hull = piece.extents();
+      set.nodes = copied<ElementNode>(of.nodes);
+      set.points = of.points.empty() ? nullptr : of.points[0].data();
+      set.slabs = copied<ElementSlab>(of.slabs);
+      set.corners = of.corners.empty() ? nullptr : of.corners.data();
+      set.body = b;
     }
   }
   ElementsView view() const {
@@ -44,7 +49,18 @@ class HostElements {
   }
 
  private:
-  std::vector<std::vector<ElementNode>> nodes_;
+  // As kernels know them, and aligned as they ask.
+  template <class To, class From>
+  const To* copied(std::span<const From> from) {
+    static_assert(sizeof(To) == sizeof(From));
+    const auto to = std::make_shared<std::vector<To>>(from.size());
+    std::memcpy(static_cast<void*>(to->data()), from.data(), from.size_bytes());
+    copies_.push_back(to);
+    return to->data();
+  }
+
+  std::deque<ElementArrays> arrays_;
+  std::vector<std::shared_ptr<void>> copies_;
   std::vector<ElementSet> sets_;
   std::vector<std::uint32_t> of_body_;
 };
@@ -88,6 +104,8 @@ class HostReduction {
     for_each_thread(r_.elements.count, [&] {
       box_elements(r_.elements, bodies_.view, bodies_.fixed.data() + kPoseComponents * n, bodies_.fixed_box.data());
     });
+    if (r_.elements.count > 0)
+      for_each_thread(std::size_t{K} * bodies_.view.moved_count, [&] { box_moved_elements(r_.elements, bodies_.view, K); });
   }
   HostReduction(const HostReduction&) = delete;
 
@@ -209,7 +227,7 @@ class HostReduction {
     launch(r_.rows, kScanThreads, [&] { find_near_pairs(r_); });
     launch(r_.rows / 4, kItemThreads,
            [&] { bodies_.doubted ? look_at_near_pairs<Slack>(r_) : look_at_near_pairs<NoSlack>(r_); });
-    look_at_clouds<true>();
+    look_at_elements_of<true>();
     launch(r_.rows / 4, kItemThreads, [&] { list_open_pairs(r_); });
   }
 
@@ -231,10 +249,10 @@ class HostReduction {
   void solve() {
     launch(r_.rows / 4, kItemThreads, [&] { solve_candidates<false, S>(r_); });
     launch(r_.rows / 4, kItemThreads, [&] { solve_several(r_); });
-    look_at_clouds<false>();
+    look_at_elements_of<false>();
   }
   template <bool kAny>
-  void look_at_clouds() {
+  void look_at_elements_of() {
     if (r_.elements.count > 0) launch(100, kElementThreads, [&] { look_at_elements<kAny>(r_); });
   }
   // The CPU's answers to what is left.

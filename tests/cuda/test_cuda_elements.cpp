@@ -1,5 +1,7 @@
-// Clouds on a device: rows that hold what the CPU's hold, of the points that are there now.
-#include "cloud_case.h"
+// Clouds and meshes on a device: rows that hold what the CPU's hold, of the points that are there now.
+#include <array>
+
+#include "element_case.h"
 
 namespace clearance::test {
 namespace {
@@ -49,15 +51,17 @@ void compare(const Engine& device, const Engine& cpu, const QueryView& q, const 
 }
 
 TEST_F(CudaElements, HoldWhatTheCpuHolds) {
-  for (const CloudKind kind : {CloudKind::kPoints, CloudKind::kGrown, CloudKind::kVoxels})
-    for (const std::size_t points : {std::size_t{1}, std::size_t{30}, std::size_t{20000}}) {
+  for (const ElementKind kind : {ElementKind::kPoints, ElementKind::kGrown, ElementKind::kVoxels, ElementKind::kSurface,
+                                 ElementKind::kSolid, ElementKind::kGrownSolid})
+    for (const std::size_t size : is_mesh(kind) ? std::array<std::size_t, 3>{1, 4, 40}
+                                                  : std::array<std::size_t, 3>{1, 30, 20000}) {
       Found least, any;
       std::uint64_t settled = 0, left = 0;
       for (const double room : {0.6, 1.2, 3.0}) {
-        CloudCase c(kind, points, room, 400, 3, room == 1.2);
+        ElementCase c(kind, size, room, 400, 3, room == 1.2, 0.05, room == 0.6);
         c.poses[7].translation.y = std::numeric_limits<double>::quiet_NaN();
         const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
-        const std::string name = std::to_string(points) + " points of kind " + std::to_string(static_cast<int>(kind)) +
+        const std::string name = "size " + std::to_string(size) + ", kind " + std::to_string(static_cast<int>(kind)) +
                                  ", room " + std::to_string(room);
         for (const Precision precision : {Precision::kF64, Precision::kF32}) {
           c.q.precision = precision;
@@ -82,7 +86,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
       }
       EXPECT_GT(least.apart, 100u);
       EXPECT_GT(any.beyond, 100u);
-      if (points > 1) {
+      if (size > 1 || is_mesh(kind)) {
         EXPECT_GT(least.overlap, 30u);
         EXPECT_GT(any.overlap, 30u);
       }
@@ -93,19 +97,21 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
 
 // The same query, the same bits: threads that are faster than others change nothing.
 TEST_F(CudaElements, RepeatThemselves) {
-  CloudCase c(CloudKind::kGrown, 20000, 1.2, 300, 3, true);
-  const Engine device(std::move(c.scene), {"cuda"});
-  for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kAny}) {
-    c.q.reduce = reduce;
-    c.q.margin = reduce == Reduce::kAny ? 0.05 : 0;
-    const Answer first = ask(device, c.q);
-    for (int i = 0; i < 5; ++i) expect_same(ask(device, c.q), first, "again", true);
+  for (const ElementKind kind : {ElementKind::kGrown, ElementKind::kSolid}) {
+    ElementCase c(kind, is_mesh(kind) ? 20 : 20000, 1.2, 300, 3, true);
+    const Engine device(std::move(c.scene), {"cuda"});
+    for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kAny}) {
+      c.q.reduce = reduce;
+      c.q.margin = reduce == Reduce::kAny ? 0.05 : 0;
+      const Answer first = ask(device, c.q);
+      for (int i = 0; i < 5; ++i) expect_same(ask(device, c.q), first, "again", true);
+    }
   }
 }
 
 // Points are swapped, in the memory of those before and beside a query of these; bodies are emptied.
 TEST_F(CudaElements, FollowTheirPoints) {
-  CloudCase c(CloudKind::kPoints, 3000, 1.2, 200, 3, true);
+  ElementCase c(ElementKind::kPoints, 3000, 1.2, 200, 3, true);
   Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
   c.q.reduce = Reduce::kMin;
   Random random(5);
@@ -133,13 +139,15 @@ TEST_F(CudaElements, FollowTheirPoints) {
   EXPECT_GT(found.overlap, 200u);
 }
 
-// What a cloud that moves or depths of it would ask for is the CPU's.
+// Two bodies of elements in one pair are the CPU's.
 TEST_F(CudaElements, LeaveToTheCpuWhatTheyDoNotAnswer) {
-  CloudCase c(CloudKind::kPoints, 300, 1.2, 20, 3, true);
+  ElementCase c(ElementKind::kPoints, 300, 1.2, 20, 3, true);
   const std::vector<CloudPoint> points{{0, 0, 0}, {0.1f, 0.2f, 0.3f}};
   const auto resting = static_cast<std::uint32_t>(c.scene.bodies().size()), moving = resting + 1;
   c.scene.add_points("resting", points, 0, {.is_static = true, .pose = Pose{{0.5, 0.5, 0.5}}});
   c.scene.add_points("moving", points, 0, {});
+  const MeshOfCase mesh(1);
+  c.scene.add_mesh("shelf", mesh.vertices, mesh.triangles, Convexify::kSolid, {});
   const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
   c.q.reduce = Reduce::kMin;
   std::uint64_t on_cpu = 0;
@@ -151,11 +159,13 @@ TEST_F(CudaElements, LeaveToTheCpuWhatTheyDoNotAnswer) {
   bodies[3] = moving;
   QueryView q = c.q;
   q.bodies = bodies;
-  const std::vector<BodyPair> before_a_hull{{bodies[0], moving}}, before_a_cloud{{moving, resting}};
-  q.pairs = before_a_hull;
-  expect_cpu(q, "a cloud that moves");
+  const std::vector<BodyPair> before_a_cloud{{moving, resting}};
   q.pairs = before_a_cloud;
   expect_cpu(q, "two clouds");
+  bodies[3] = moving + 1;
+  const std::vector<BodyPair> before_a_mesh{{resting, moving + 1}};
+  q.pairs = before_a_mesh;
+  expect_cpu(q, "a cloud before a mesh");
 }
 
 }  // namespace

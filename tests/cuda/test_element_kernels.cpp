@@ -1,7 +1,7 @@
-// The kernel that looks at clouds (engine/cuda/element_kernel.cuh), without a GPU: its code compiled for the host, its
+// The kernel that looks at clouds and meshes (engine/cuda/element_kernel.cuh), without a GPU: its code compiled for the host, its
 // intervals held against the CPU's and before the exact judge. With CLEARANCE_MUTANT its code is another, which the
 // judge has to find.
-#include "cloud_case.h"
+#include "element_case.h"
 #include "tests/exact/exact_surface.h"
 // Behind all that is included elsewhere.
 #include "emulated_reduction.h"
@@ -10,7 +10,8 @@ namespace clearance::test {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr CloudKind kKinds[] = {CloudKind::kPoints, CloudKind::kGrown, CloudKind::kVoxels};
+constexpr ElementKind kKinds[] = {ElementKind::kPoints,  ElementKind::kGrown, ElementKind::kVoxels,
+                                  ElementKind::kSurface, ElementKind::kSolid, ElementKind::kGrownSolid};
 
 #ifndef CLEARANCE_MUTANT
 struct Found {
@@ -34,10 +35,10 @@ struct Found {
 };
 
 TEST(ElementKernels, HoldWhatTheCpuHolds) {
-  for (const CloudKind kind : kKinds) {
+  for (const ElementKind kind : kKinds) {
     Found min, within, nearest, any;
     for (const double room : {0.5, 1.0, 2.5}) {
-      CloudCase c(kind, 700, room, 9, 5, room == 1);
+      ElementCase c(kind, is_mesh(kind) ? 3 : 700, room, 9, 5, room == 1, 0.05, room == 0.5);
       c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
       const Engine cpu(std::move(c.scene), {"cpu"});
       const auto run = [&](Found& found, const std::string& what) {
@@ -72,19 +73,82 @@ TEST(ElementKernels, HoldWhatTheCpuHolds) {
     EXPECT_GT(any.apart, 3u) << "within their margins, and apart";
   }
 }
+
+// Bodies that touch no triangle: within a block, in a cavity, in a shelf and beside all of it. None is left to the CPU.
+TEST(ElementKernels, KnowWhatASolidHolds) {
+  for (const ElementKind kind : {ElementKind::kSurface, ElementKind::kSolid, ElementKind::kGrownSolid})
+    for (const bool elements_first : {true, false}) {
+      ElementCase c(kind, 4, 1, 24, 7, elements_first);
+      const Pose at = *c.scene.bodies()[elements_first ? 0 : 4].pose;
+      const std::uint32_t body = c.bodies[1];  // the box
+      c.pairs = {elements_first ? BodyPair{0, body} : BodyPair{body, 4}};
+      c.q.pairs = c.pairs;
+      Random random(3);
+      constexpr Vec3d kPlaces[] = {MeshOfCase::kInBlock, MeshOfCase::kInCavity, MeshOfCase::kInShelf, {0, 0, 2}};
+      for (std::uint32_t k = 0; k < 24; ++k) {
+        Pose& pose = c.poses[k * c.bodies.size() + 1];
+        pose = random.pose(0.02);
+        pose.translation = pose.translation + kPlaces[k % 4];
+        pose = compose(at, pose);
+      }
+      const Engine cpu(std::move(c.scene), {"cpu"});
+      for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
+        c.q.reduce = reduce;
+        HostReduction reduction(cpu, c.q);
+        EXPECT_EQ(reduction.compare_bounds("what a solid holds"), 0u);
+        for (std::uint32_t k = 0; k < 24; ++k) {
+          const bool overlaps = static_cast<Status>(reduction.rows().status[k]) == Status::kOverlap;
+          EXPECT_EQ(overlaps, k % 4 == 0 && kind != ElementKind::kSurface) << "configuration " << k;
+        }
+      }
+    }
+}
+
+// Rays through faces, and through edges and corners, whose points differ from corners in x alone.
+TEST(ElementKernels, CountHowOftenTrianglesWind) {
+  const ElementCase c(ElementKind::kSolid, 4, 1, 1, 7, true);
+  const HostElements elements(c.scene);
+  const ElementSet& set = elements.view().sets[0];
+  const Surface& surface = *c.scene.bodies()[0].pieces[0]->surface;
+  Random random(17);
+  std::uint64_t within[2] = {}, unsure = 0;
+  std::vector<std::uint32_t> stack(320);
+  for (std::uint32_t i = 0; i < 600; ++i) {
+    const bool by_corner = i % 2 == 0;
+    Vec3d p{random.uniform(-1.2, 1.2), random.uniform(-2, 2), random.uniform(-1.1, 1.1)};
+    if (by_corner) {
+      const Vec3d& v = surface.vertices()[random.below(surface.vertices().size())];
+      p = {p.x, v.y, v.z};
+    }
+    emulated::Winding found{};
+    EmulatedGrid::one().launch(1, 32, [&] { found = emulated::count_winding(set, p, stack.data(), 320); });
+    unsure += !found.is_sure;
+    if (!found.is_sure) continue;
+    EXPECT_EQ(found.number, winding_number(surface, p)) << "point " << i;
+    within[by_corner] += found.number != 0;
+  }
+  EXPECT_GT(within[0], 50u);
+  EXPECT_GT(within[1], 50u);
+  EXPECT_LT(unsure, 60u);
+}
 #endif
 
 // The exact distance of two bodies between its neighbours among the doubles; 0: they overlap.
 struct Exact {
   double below = kInf, above = kInf;
 };
-// A cloud for the judge: its points as triangles of one corner each, its voxels as solids.
-struct JudgedCloud {
+// Elements for the judge: a cloud's points as triangles of one corner each, its voxels as solids.
+struct JudgedElements {
   std::vector<Vec3d> vertices;
   std::vector<Triangle> triangles;
   bool is_solid;
 
-  explicit JudgedCloud(const Surface& cloud) : is_solid(cloud.edge() > 0) {
+  explicit JudgedElements(const Surface& cloud) : is_solid(cloud.edge() > 0 || cloud.is_solid()) {
+    if (!cloud.is_cloud()) {
+      vertices.assign(cloud.vertices().begin(), cloud.vertices().end());
+      triangles.assign(cloud.triangles().begin(), cloud.triangles().end());
+      return;
+    }
     for (std::uint32_t i = 0; i < cloud.size(); ++i) {
       const auto first = static_cast<std::uint32_t>(vertices.size());
       const ElementCorners corners = cloud.element(i);
@@ -106,12 +170,12 @@ Exact judge(const Body& a, const Pose& at_a, const Body& b, const Pose& at_b) {
   Exact least;
   for (const PiecePtr& of_a : a.pieces)
     for (const PiecePtr& of_b : b.pieces) {
-      std::vector<JudgedCloud> clouds;
-      clouds.reserve(2);
+      std::vector<JudgedElements> elements;
+      elements.reserve(2);
       const auto view = [&](const Piece& piece) {
         if (!piece.surface) return exact::BodyView{piece.vertices, {}, false, piece.radius};
-        const JudgedCloud& cloud = clouds.emplace_back(*piece.surface);
-        return exact::BodyView{cloud.vertices, cloud.triangles, cloud.is_solid, piece.radius};
+        const JudgedElements& of = elements.emplace_back(*piece.surface);
+        return exact::BodyView{of.vertices, of.triangles, of.is_solid, piece.radius};
       };
       const exact::BodyView view_a = view(*of_a), view_b = view(*of_b);
       const exact::Value d = exact::exact_distance(view_a, at_a, view_b, at_b).distance;
@@ -123,11 +187,12 @@ Exact judge(const Body& a, const Pose& at_a, const Body& b, const Pose& at_b) {
 
 TEST(ElementKernels, HoldTheExactDistance) {
   std::uint64_t wrong = 0;
-  for (const CloudKind kind : kKinds) {
+  for (const ElementKind kind : kKinds) {
     std::uint64_t apart = 0, overlap = 0, near = 0, far = 0;
     for (const double room : {0.6, 1.2}) {
       constexpr std::uint32_t kConfigurations = 8;
-      CloudCase c(kind, 90, room, kConfigurations, 11, true, 0.0625);  // whose voxels have exact corners
+      ElementCase c(kind, is_mesh(kind) ? 1 : 90, room, kConfigurations, 11, true,
+                    0.0625, room == 1.2);  // whose voxels have exact corners
       const Engine cpu(std::move(c.scene), {"cpu"});
       const std::vector<Body>& bodies = cpu.scene().bodies();
       const auto pose = [&](std::uint32_t k, std::uint32_t b) {
