@@ -11,7 +11,7 @@
 #include "frames.h"
 #include "scratch_file.h"
 #include "server/loop.h"
-#include "server/zmq_calls.h"
+#include "wire/zmq_calls.h"
 #include "tests/server/memory_transport.h"
 #include "tests/server/test_scene.h"
 #include "wire/shm_os.h"
