@@ -162,7 +162,7 @@ TEST_F(ZmqTest, RepliesToAClientThatReadsLateAreKept) {
     lazy.send(zmq::buffer(&header, sizeof header), zmq::send_flags::sndmore);
     lazy.send(zmq::buffer(payload), zmq::send_flags::none);
   }
-  for (std::uint64_t own = 1; counter(witness, "zmq.frames") < own + kAsked; ++own) std::this_thread::sleep_for(1ms);
+  for (std::uint64_t own = 1; counter(witness, "ipc.frames") < own + kAsked; ++own) std::this_thread::sleep_for(1ms);
   EXPECT_EQ(counter(witness, "zmq.replies_dropped"), 0u);
   lazy.set(zmq::sockopt::rcvtimeo, 60'000);
   for (std::uint64_t id = 1; id <= kAsked; ++id) {
