@@ -1,7 +1,6 @@
 #include "engine/query/nearest_elements.h"
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -55,14 +54,6 @@ const Piece& piece_of(const Body& body, const Element& element, Piece& room) {
   return room;
 }
 
-// The nearest first; of the same gap those farther down, which end sooner.
-bool NearestElements::comes_later(const Entry& p, const Entry& q) {
-  if (p.gap != q.gap) return p.gap > q.gap;
-  if (p.at_a != q.at_a) return p.at_a < q.at_a;
-  if (p.at_b != q.at_b) return p.at_b < q.at_b;
-  return p.piece_a != q.piece_a ? p.piece_a < q.piece_a : p.piece_b < q.piece_b;
-}
-
 void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b) {
   a_ = &a;
   b_ = &b;
@@ -77,7 +68,7 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
   looks_deep_ = false;
   reached_ = 0;
   left_out_ = kInf;
-  heap_.clear();
+  open_.clear();
   const auto first = [](const PiecePtr& piece) { return piece->surface ? 0 : kNone; };
   for (std::uint32_t i = 0; i < a.pieces.size(); ++i)
     for (std::uint32_t j = 0; j < b.pieces.size(); ++j) {
@@ -236,25 +227,28 @@ double NearestElements::gap_along(const Entry& e, const Bulk& a, const Bulk& b, 
 double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bulk,
                                     int levels) const {
   if (is_element(at) || levels <= 0) return by_bulk;
-  const Body& body = of_a ? *a_ : *b_;
-  const Surface& surface = *body.pieces[piece]->surface;
-  const Vec3d n = of_a ? n_a_ : -n_b_;
-  if (surface.nodes()[at].is_leaf()) return reach(body, piece, at, {}, n);
   Reach& known = reaches_[(at * 2654435761u + piece * 40503u + of_a) % kReaches];
   if (known.direction == directions_ && known.at == at && known.piece == piece && known.of_a == of_a)
     return known.reach;
-  ++reached_;
-  const NodesBelow below(surface, at);
-  PartColumn far;
-  node_reaches(below.columns, n, far);
+  const Body& body = of_a ? *a_ : *b_;
+  const Surface& surface = *body.pieces[piece]->surface;
+  const Vec3d n = of_a ? n_a_ : -n_b_;
   double most = -kInf;
-  for (std::uint32_t left = below.count; left > 0; --left) {
-    std::uint32_t farthest = 0;
-    for (std::uint32_t k = 1; k < below.count; ++k)
-      if (far[k] > far[farthest]) farthest = k;
-    if (!(far[farthest] > most)) break;
-    most = std::max(most, known_reach(of_a, piece, below.nodes[farthest], far[farthest], levels - 2));
-    far[farthest] = -kInf;
+  if (surface.nodes()[at].is_leaf()) {
+    most = reach(body, piece, at, {}, n);
+  } else {
+    ++reached_;
+    const NodesBelow below(surface, at);
+    PartColumn far;
+    node_reaches(below.columns, n, far);
+    for (std::uint32_t left = below.count; left > 0; --left) {
+      std::uint32_t farthest = 0;
+      for (std::uint32_t k = 1; k < below.count; ++k)
+        if (far[k] > far[farthest]) farthest = k;
+      if (!(far[farthest] > most)) break;
+      most = std::max(most, known_reach(of_a, piece, below.nodes[farthest], far[farthest], levels - 2));
+      far[farthest] = -kInf;
+    }
   }
   known = {directions_, piece, at, of_a, most};
   return most;
@@ -298,15 +292,7 @@ void NearestElements::put(const Entry& entry, double cut_off) {
     left_out_ = std::min(left_out_, entry.gap);
     return;
   }
-  heap_.push_back(entry);
-  std::push_heap(heap_.begin(), heap_.end(), comes_later);
-}
-
-NearestElements::Entry NearestElements::pop() {
-  std::pop_heap(heap_.begin(), heap_.end(), comes_later);
-  const Entry e = heap_.back();
-  heap_.pop_back();
-  return e;
+  open_.put(entry);
 }
 
 // The larger of both is divided. \param each gets the parts, each with its gap, exact as long as it is no greater than
@@ -428,13 +414,12 @@ void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a
 }
 
 ElementPair NearestElements::pieces() const {
-  assert(!heap_.empty());
-  const Entry& e = heap_.front();
+  const Entry& e = open_.front();
   return {e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}};
 }
 
 bool NearestElements::is_one_within() const {
-  const Bulk a = bulk_a(heap_.front()), b = bulk_b(heap_.front());
+  const Bulk a = bulk_a(open_.front()), b = bulk_b(open_.front());
   const auto holds = [](const Bulk& outer, const Vec3d& centre, const Vec3d& half) {
     for (int k = 0; k < 3; ++k)
       if (!(std::abs(centre[k] - outer.centre[k]) + half[k] < outer.half[k])) return false;
@@ -447,21 +432,22 @@ bool NearestElements::is_one_within() const {
 }
 
 void NearestElements::touching_pieces(std::vector<ElementPair>& others) const {
-  for (std::size_t i = 1; i < heap_.size(); ++i)
-    if (const Entry& e = heap_[i]; !(e.gap > 0)) others.push_back({e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}});
+  open_.each_behind([&](const Entry& e) {
+    if (!(e.gap > 0)) others.push_back({e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}});
+  });
 }
 
 void NearestElements::take_pieces(double lower) {
   looks_deep_ = lower > 0;  // where no direction keeps all of both apart, it is good for a few triangles
-  Entry e = pop();
+  Entry e = open_.pop();
   e.gap = std::max(e.gap, lower);
   put(e, kInf);
 }
 
 // Straight down, by the boxes that are nearest, and of those that touch by their middles. What it passes by stays.
 bool NearestElements::take_near(double cut_off, ElementPair& pair) {
-  if (heap_.empty() || heap_.front().gap > cut_off) return false;
-  Entry at = pop();
+  if (open_.empty() || open_.front().gap > cut_off) return false;
+  Entry at = open_.pop();
   const double known = at.gap;  // of all below, which tells them not apart
   const auto middles = [&](const Entry& e) { return squared_norm(before_a(bulk_b(e)).centre - bulk_a(e).centre); };
   const auto pass_by = [&](Entry e) {
@@ -491,8 +477,8 @@ bool NearestElements::take_near(double cut_off, ElementPair& pair) {
 }
 
 NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, ElementPair& pair) {
-  for (std::uint64_t opened = 1; !heap_.empty() && heap_.front().gap <= cut_off; ++opened) {
-    Entry e = pop();
+  for (std::uint64_t opened = 1; !open_.empty() && open_.front().gap <= cut_off; ++opened) {
+    Entry e = open_.pop();
     if (const double along = e.looked == looks_ ? 0 : gap_known(e, bulk_a(e), bulk_b(e)); along > e.gap) {
       e.gap = along;  // it may not be its turn any more
       e.looked = looks_;

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine/base/best_first.h"
 #include "engine/narrow/piece_search.h"
 #include "engine/narrow/work_meter.h"
 #include "engine/pose/placed.h"
@@ -50,9 +51,9 @@ class NearestElements {
   /// (kPaused).
   Found next(double cut_off, WorkMeter& meter, ElementPair& pair);
   /// No pair that is left is nearer, metres; +inf: there is none.
-  double left() const { return heap_.empty() || left_out_ < heap_.front().gap ? left_out_ : heap_.front().gap; }
+  double left() const { return open_.empty() || left_out_ < open_.front().gap ? left_out_ : open_.front().gap; }
   /// Whether what is left has grown beyond what is kept of a pair of bodies: then nothing more is to be asked.
-  bool is_full() const { return heap_.size() > kMostEntries; }
+  bool is_full() const { return open_.size() > kMostEntries; }
   /// From here on gaps along this direction count, too: one that has separated a pair separates its neighbours.
   /// \param n_w from a towards b, world axes, of length 1 up to rounding
   void look_along(const Vec3d& n_w);
@@ -77,7 +78,15 @@ class NearestElements {
 
     NodesBelow(const Surface& surface, std::uint32_t at);
   };
-  static bool comes_later(const Entry& p, const Entry& q);
+  // The nearest first; of the same gap those farther down, which end sooner.
+  struct ComesLater {
+    bool operator()(const Entry& p, const Entry& q) const {
+      if (p.gap != q.gap) return p.gap > q.gap;
+      if (p.at_a != q.at_a) return p.at_a < q.at_a;
+      if (p.at_b != q.at_b) return p.at_b < q.at_b;
+      return p.piece_a != q.piece_a ? p.piece_a < q.piece_a : p.piece_b < q.piece_b;
+    }
+  };
   static bool is_element(std::uint32_t at) { return (at & kTriangle) != 0; }  // kNone, too
   static Element element(std::uint32_t piece, std::uint32_t at) {
     return {piece, at == kNone ? kNone : at & ~kTriangle};
@@ -98,7 +107,6 @@ class NearestElements {
   double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box) const;
   int levels(const Body& body, std::uint32_t piece) const;
   void put(const Entry& entry, double cut_off);
-  Entry pop();
   template <class Each>
   void open(const Entry& entry, double cut_off, const Each& each) const;
   template <class Each>
@@ -117,7 +125,7 @@ class NearestElements {
   double left_out_ = 0;      // the least gap of what was beyond a cut-off
   std::uint32_t looks_ = 0;  // how many directions were known so far: the last one counts
   Vec3d n_a_{0, 0, 0}, n_b_{0, 0, 0};
-  std::vector<Entry> heap_;
+  BestFirst<Entry, ComesLater> open_;
 
   // What subtrees were found to reach along the direction that is known: many partners ask the same of each.
   struct Reach {
