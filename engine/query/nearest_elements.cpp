@@ -364,7 +364,7 @@ void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const
     std::array<Vec3d, 3> room;
     PartColumn gaps;
     part_gaps(below.columns, part_bulk(other, other_piece, before_at, other_bulk, room), opens_a ? R_ : R_ba_,
-              opens_a ? D_ : D_ba_, gaps);
+              opens_a ? D_ : D_ba_, cut_off + margin(e), gaps);
     const double other_far = looks_ ? known_reach(!opens_a, other_piece, before_at, other_bulk) : 0;
     for (std::uint32_t k = 0; k < below.count; ++k) {
       Entry part = e;

@@ -29,6 +29,11 @@ CLEARANCE_INLINE Vec3<T> absolute(const Vec3<T>& v) {
 CLEARANCE_INLINE Vec3<Column> columns(const Vec3d& v) {
   return {v.x - Column{}, v.y - Column{}, v.z - Column{}};
 }
+CLEARANCE_INLINE bool are_all_above(const Column& x, double y) {
+  bool all = true;
+  for (std::size_t k = 0; k < kParts; ++k) all &= x[k] > y;
+  return all;
+}
 CLEARANCE_INLINE void root(Column& x) {
   for (std::size_t k = 0; k < kParts; ++k) x[k] = __builtin_sqrt(x[k]);
 }
@@ -213,7 +218,7 @@ CLEARANCE_INLINE Vec3<Column> to_triangle(const Vec3<Column>& p, const Vec3d (&c
 
 template <class Own>
 CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBulk& other, const Mat3d& R, const Vec3d& D,
-                              PartColumn& gaps) {
+                              double enough, PartColumn& gaps) {
   const Seen others{columns(other.centre), columns(other.half), columns(other.normal),
                                        other.low - Column{}, other.high - Column{}};
   const Vec3<Column> from{columns(D)};
@@ -240,11 +245,13 @@ CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBulk& 
   }
   gaps = dot(apart, apart);
   root(gaps);
+  if (are_all_above(gaps, enough)) return;
   // Along the line of the middles, or to the nearest point.
   if (other.corners.size() == 3)
     d = to_triangle(own.centre, {R * other.corners[0] + D, R * other.corners[1] + D, R * other.corners[2] + D});
   const Vec3<Column> n = scaled(d, by_length(d));
   take_greater(gaps, ((dot(n, from) - far_back(n)) - reach(n, own)) * kShort);
+  if (are_all_above(gaps, enough)) return;
   // Across the other one, and across these: clouds and convex pieces have no planes.
   const bool is_flat = squared_norm(other.normal) > 0;
   if (!is_flat && !have_planes) return;
@@ -258,15 +265,15 @@ CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBulk& 
 }  // namespace
 
 CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const NodeColumns& nodes, const PartBulk& other,
-                                                         const Mat3d& R, const Vec3d& D, PartColumn& gaps) {
-  gaps_of(seen(nodes), nodes.have_planes, other, R, D, gaps);
+                                                         const Mat3d& R, const Vec3d& D, double enough, PartColumn& gaps) {
+  gaps_of(seen(nodes), nodes.have_planes, other, R, D, enough, gaps);
 }
 CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const ElementColumns& elements, const PartBulk& other,
-                                                         const Mat3d& R, const Vec3d& D, PartColumn& gaps) {
+                                                         const Mat3d& R, const Vec3d& D, double enough, PartColumn& gaps) {
   if (elements.are_points)
-    gaps_of(seen_points(elements), false, other, R, D, gaps);
+    gaps_of(seen_points(elements), false, other, R, D, enough, gaps);
   else
-    gaps_of(seen_triangles(elements), true, other, R, D, gaps);
+    gaps_of(seen_triangles(elements), true, other, R, D, enough, gaps);
 }
 
 CLEARANCE_CLONES __attribute__((flatten)) void triangle_gaps(const ElementColumns& a, const ElementColumns& b,

@@ -52,9 +52,11 @@ void part_reaches(const ElementColumns& elements, const Vec3d& n, PartColumn& re
 /// How far each is from `other` at least, or less: by both boxes in the axes of the parts' body, along the line of
 /// their middles (towards a triangle: to its nearest point) and across the planes of both; docs/bounds.md, "Surfaces".
 /// Not below 0.
-/// \param R, D take the other body's coordinates to those of the parts' body
-void part_gaps(const NodeColumns& nodes, const PartBulk& other, const Mat3d& R, const Vec3d& D, PartColumn& gaps);
-void part_gaps(const ElementColumns& elements, const PartBulk& other, const Mat3d& R, const Vec3d& D,
+/// \param R, D take the other body's coordinates to those of the parts' body \param enough where all are farther than
+/// this nothing more is found out
+void part_gaps(const NodeColumns& nodes, const PartBulk& other, const Mat3d& R, const Vec3d& D, double enough,
+               PartColumn& gaps);
+void part_gaps(const ElementColumns& elements, const PartBulk& other, const Mat3d& R, const Vec3d& D, double enough,
                PartColumn& gaps);
 
 /// How far each triangle of a (lanes) is from each of b at least, or less: along `n` and the normals of all. Not below
