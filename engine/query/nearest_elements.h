@@ -72,8 +72,8 @@ class NearestElements {
   // nobody could foresee: gaps are not below 0, so that their bits are in their order.
   struct ComesLater {
     static unsigned __int128 rank(const Entry& e) {
-      return static_cast<unsigned __int128>(std::bit_cast<std::uint64_t>(e.gap)) << 64 |
-             std::uint64_t{~e.at_a} << 32 | ~e.at_b;
+      return static_cast<unsigned __int128>(std::bit_cast<std::uint64_t>(e.gap)) << 64 | std::uint64_t{~e.at_a} << 32 |
+             ~e.at_b;
     }
     bool operator()(const Entry& p, const Entry& q) const {
       const unsigned __int128 of_p = rank(p), of_q = rank(q);

@@ -219,8 +219,8 @@ CLEARANCE_INLINE Vec3<Column> to_triangle(const Vec3<Column>& p, const Vec3d (&c
 template <class Own>
 CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBulk& other, const Mat3d& R, const Vec3d& D,
                               double enough, PartColumn& gaps) {
-  const Seen others{columns(other.centre), columns(other.half), columns(other.normal),
-                                       other.low - Column{}, other.high - Column{}};
+  const Seen others{columns(other.centre), columns(other.half), columns(other.normal), other.low - Column{},
+                    other.high - Column{}};
   const Vec3<Column> from{columns(D)};
   const auto back = [&](const Vec3<Column>& n) {  // in the other body's axes, and the other way
     return Vec3<Column>{-(R.row[0].x * n.x + R.row[1].x * n.y + R.row[2].x * n.z),
@@ -265,11 +265,13 @@ CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBulk& 
 }  // namespace
 
 CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const NodeColumns& nodes, const PartBulk& other,
-                                                         const Mat3d& R, const Vec3d& D, double enough, PartColumn& gaps) {
+                                                         const Mat3d& R, const Vec3d& D, double enough,
+                                                         PartColumn& gaps) {
   gaps_of(seen(nodes), nodes.have_planes, other, R, D, enough, gaps);
 }
 CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const ElementColumns& elements, const PartBulk& other,
-                                                         const Mat3d& R, const Vec3d& D, double enough, PartColumn& gaps) {
+                                                         const Mat3d& R, const Vec3d& D, double enough,
+                                                         PartColumn& gaps) {
   if (elements.are_points)
     gaps_of(seen_points(elements), false, other, R, D, enough, gaps);
   else
