@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <string>
 
 #include "tests/cuda/box_mesh.h"
@@ -69,8 +70,11 @@ std::string thing_name(std::uint32_t i) {
 
 namespace {
 
-// The arm, its links' hulls made by `random`.
-Scene arm_alone(Random& random) {
+// Adds what is on a link's frame.
+using AddLink = std::function<void(Scene&, const std::string& name, std::uint32_t link, const Scene::BodyOptions&)>;
+
+// The arm.
+Scene arm_alone(const AddLink& add_link) {
   Scene scene;
   const std::filesystem::path file =
       std::filesystem::temp_directory_path() / ("clearance_arm_" + std::to_string(getpid()) + ".urdf");
@@ -82,17 +86,47 @@ Scene arm_alone(Random& random) {
   scene.add_robot("arm", options);
   std::filesystem::remove(file);
   for (std::uint32_t i = 0; i < kArmLinks; ++i)
-    scene.add_hull(hull_name(i),
-                   ellipsoid(random, 48 + 6 * static_cast<int>(i), kArmShapes[i].size, kArmShapes[i].centre),
-                   {.parent = "arm/l" + std::to_string(i), .pose = Pose()});
+    add_link(scene, hull_name(i), i, {.parent = "arm/l" + std::to_string(i), .pose = Pose()});
   return scene;
 }
+// Its links' hulls made by `random`.
+Scene arm_alone(Random& random) {
+  return arm_alone([&](Scene& scene, const std::string& name, std::uint32_t i, const Scene::BodyOptions& options) {
+    scene.add_hull(name, ellipsoid(random, 48 + 6 * static_cast<int>(i), kArmShapes[i].size, kArmShapes[i].centre),
+                   options);
+  });
+}
 
-}  // namespace
+// An ellipsoid with grooves from pole to pole: a solid of 2 * kAround * (kRows - 1) triangles.
+void add_grooved(Scene& scene, const std::string& name, const LinkShape& shape, const Scene::BodyOptions& options) {
+  constexpr std::uint32_t kAround = 24, kRows = 13;
+  std::vector<Vec3d> vertices;
+  std::vector<Triangle> triangles;
+  const auto add = [&](double x, double y, double z) {
+    vertices.push_back(shape.centre + Vec3d{x * shape.size.x, y * shape.size.y, z * shape.size.z});
+  };
+  add(0, 0, -1);
+  for (std::uint32_t row = 1; row < kRows; ++row)
+    for (std::uint32_t i = 0; i < kAround; ++i) {
+      const double height = M_PI * row / kRows, turn = 2 * M_PI * i / kAround, out = i % 4 == 0 ? 0.75 : 1;
+      add(out * std::sin(height) * std::cos(turn), out * std::sin(height) * std::sin(turn), -std::cos(height));
+    }
+  add(0, 0, 1);
+  const auto last = static_cast<std::uint32_t>(vertices.size()) - 1;
+  for (std::uint32_t i = 0; i < kAround; ++i) {
+    const std::uint32_t j = (i + 1) % kAround;
+    triangles.push_back({0, 1 + j, 1 + i});
+    for (std::uint32_t row = 0; row + 2 < kRows; ++row) {
+      const std::uint32_t here = 1 + row * kAround, above = here + kAround;
+      triangles.push_back({here + i, here + j, above + j});
+      triangles.push_back({here + i, above + j, above + i});
+    }
+    triangles.push_back({last, last - kAround + i, last - kAround + j});
+  }
+  scene.add_mesh(name, vertices, triangles, Convexify::kSolid, options);
+}
 
-Scene arm_scene_of_hulls() {
-  Random random(19);
-  Scene scene = arm_alone(random);
+void add_things(Scene& scene, Random& random) {
   scene.add_box(thing_name(0), {2, 2, 0.1}, {.is_static = true, .pose = Pose{{0, 0, -0.06}}});
   for (std::uint32_t i = 1; i < kThings; ++i) {
     const double turn = random.uniform(-M_PI, M_PI), far = random.uniform(0.45, 0.95), high = random.uniform(0, 1.1);
@@ -102,6 +136,23 @@ Scene arm_scene_of_hulls() {
     scene.add_hull(thing_name(i), ellipsoid(random, 16 + 12 * static_cast<int>(i), size, {0, 0, 0}),
                    {.is_static = true, .pose = pose});
   }
+}
+
+}  // namespace
+
+Scene arm_scene_of_hulls() {
+  Random random(19);
+  Scene scene = arm_alone(random);
+  add_things(scene, random);
+  return scene;
+}
+
+Scene arm_scene_of_meshes() {
+  Scene scene = arm_alone([](Scene& to, const std::string& name, std::uint32_t i, const Scene::BodyOptions& options) {
+    add_grooved(to, name, kArmShapes[i], options);
+  });
+  Random random(19);
+  add_things(scene, random);
   return scene;
 }
 
@@ -149,11 +200,11 @@ Scene arm_scene_in_cell() {
   const auto board = [&](const Vec3d& low, const Vec3d& high) {
     cell.add_box(0.5 * (low + high), 0.5 * (high - low), kCells, false);
   };
-  board({-1.1, -1.3, -0.06}, {1.1, 1.3, -0.01});                                             // floor
-  board({-1.1, -1.3, -0.04}, {-1.05, 1.3, 1.6});                                             // walls
+  board({-1.1, -1.3, -0.06}, {1.1, 1.3, -0.01});  // floor
+  board({-1.1, -1.3, -0.04}, {-1.05, 1.3, 1.6});  // walls
   for (const double y : {-1.3, 1.25}) board({-1.1, y, -0.04}, {1.1, y + 0.05, 1.6});
-  board({0.8, -0.9, -0.04}, {0.83, 0.9, 1.5});                                               // back of the shelf
-  for (const double z : {0.4, 0.85, 1.3}) board({0.4, -0.9, z}, {0.82, 0.9, z + 0.02});      // its boards
+  board({0.8, -0.9, -0.04}, {0.83, 0.9, 1.5});                                                    // back of the shelf
+  for (const double z : {0.4, 0.85, 1.3}) board({0.4, -0.9, z}, {0.82, 0.9, z + 0.02});           // its boards
   for (const double y : {-0.9, -0.3, 0.28, 0.88}) board({0.4, y, -0.03}, {0.82, y + 0.02, 1.5});  // and uprights
   Random random(19);
   Scene scene = arm_alone(random);
@@ -170,7 +221,8 @@ std::vector<BodyPair> arm_pairs(const Scene& scene) {
       continue;
     }
     for (std::uint32_t t = 0; t < kThings; ++t) pairs.push_back({hull, scene.find_body(thing_name(t))});
-    for (std::uint32_t j = 0; j + 1 < i; ++j) pairs.push_back({scene.find_body(hull_name(j)), hull});
+    for (std::uint32_t j = 0; j + 1 < i && !has_surface(scene.bodies()[hull]); ++j)
+      pairs.push_back({scene.find_body(hull_name(j)), hull});
   }
   return pairs;
 }

@@ -17,11 +17,15 @@ inline constexpr std::size_t kRoomPoints = 100'000;
 /// Walls, a floor and 40 boxes, no point within 25 cm of the arm's axis, noise of 2 mm.
 std::vector<CloudPoint> room_points(std::size_t count, std::uint64_t seed);
 
-/// The same arm in a cell of one mesh, a solid that is not convex: floor, walls and a shelf before the arm, body "cell".
+/// The same arm in a cell of one mesh, a solid that is not convex: floor, walls and a shelf before the arm, body
+/// "cell".
 Scene arm_scene_in_cell();
 
+/// An arm of links that are meshes of 576 triangles, solids that are not convex, among the 21 things.
+Scene arm_scene_of_meshes();
+
 /// Each moving link's hull against all things, and links' hulls against each other where no joint is between them
-/// alone; in a room or a cell each moving link's hull against that.
+/// alone; in a room or a cell each moving link's hull against that, and meshes of links against things alone.
 std::vector<BodyPair> arm_pairs(const Scene& scene);
 /// (configurations, joints) within the joints' limits.
 std::vector<double> arm_positions(const Scene& scene, std::uint32_t configurations, std::uint64_t seed);

@@ -155,8 +155,8 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   std::memset(pinned_cpu.data(), 1, bytes);
   time_queries(device, q, view(pinned.data()), 1);
   time_queries(cpu, q, view(pinned_cpu.data()), 1);
-  // Warm answers depend on what was asked before, and those of clouds and meshes on the way through their trees; their intervals
-  // hold the same distance.
+  // Warm answers depend on what was asked before, and those of clouds and meshes on the way through their trees; their
+  // intervals hold the same distance.
   bool same = std::memcmp(pinned.data(), pinned_cpu.data(), bytes) == 0;
   const bool may_differ = w.warm || has_elements;
   const ReplyView rows = view(pinned.data()), cpu_rows = view(pinned_cpu.data());

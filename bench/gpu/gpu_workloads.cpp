@@ -102,6 +102,13 @@ Workload in_cell(const std::string& what, std::uint32_t fields, Reduce reduce, d
   w.scene = arm_scene_in_cell;
   return w;
 }
+// Its links meshes.
+Workload of_meshes(const std::string& what, std::uint32_t fields, Reduce reduce, double margin = 0) {
+  Workload w = joints(what, 4096, fields, reduce, kFar, margin);
+  w.name = "an arm of 7 meshes, 21 things, 4096 configurations of joints, " + what;
+  w.scene = arm_scene_of_meshes;
+  return w;
+}
 }  // namespace
 
 const std::vector<Workload>& workloads() {
@@ -185,6 +192,9 @@ const std::vector<Workload>& workloads() {
       in_cell("min", kBounds, Reduce::kMin),
       in_cell("nearest", kBounds, Reduce::kNearest),
       in_cell("within 0.02", kBounds, Reduce::kWithin, 0.02),
+      of_meshes("any", kFieldStatus | kFieldPair, Reduce::kAny),
+      of_meshes("any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, 0.02),
+      of_meshes("min", kBounds, Reduce::kMin),
   };
   return all;
 }
@@ -197,7 +207,8 @@ Asked::Asked(const Workload& w, const Engine& cpu) {
   q.precision = w.precision;
   q.signed_distance = w.depth;
   q.margin = w.margin;
-  if (w.scene == arm_scene_of_hulls || w.scene == arm_scene_in_room || w.scene == arm_scene_in_cell) {
+  if (w.scene == arm_scene_of_hulls || w.scene == arm_scene_in_room || w.scene == arm_scene_in_cell ||
+      w.scene == arm_scene_of_meshes) {
     pairs = arm_pairs(cpu.scene());
     for (std::uint32_t j = 0; j < cpu.scene().joints().size(); ++j) joints.push_back(j);
     positions = arm_positions(cpu.scene(), w.configurations, 13);

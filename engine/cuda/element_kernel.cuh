@@ -10,7 +10,7 @@ namespace clearance::cuda {
 
 inline constexpr std::uint32_t kElementThreads = 64, kElementBlocks = 1056;
 inline constexpr std::uint32_t kElementsAtOnce = 2;  // items that a warp takes from the list at a time
-inline constexpr int kElementSeedSteps = 4;                  // of GJK, for a bound that leaves pairs out
+inline constexpr int kElementSeedSteps = 4;          // of GJK, for a bound that leaves pairs out
 
 // No pair of this one's groups need be known better than that it is farther. Infinite: nothing is cut off yet.
 __device__ inline double group_cut_off(const ReducedView& r, const Item& item) {
@@ -94,8 +94,8 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
   }
 }
 
-// An upper bound on how far a pair of elements is apart, or where boxes alone are farther than max_distance a lower one:
-// cutoff_of(). By the element at the end of one way down the tree, before the first of the other body's pieces.
+// An upper bound on how far a pair of elements is apart, or where boxes alone are farther than max_distance a lower
+// one: cutoff_of(). By the element at the end of one way down the tree, before the first of the other body's pieces.
 __device__ inline double element_cutoff_of(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
@@ -125,8 +125,8 @@ __device__ inline double element_cutoff_of(const ReducedView& r, const Item& ite
     }
     const LoadedNode one(set, at + 1), other(set, node.right);
     const double to_one = before.gap(one.bulk, kInf), to_other = before.gap(other.bulk, kInf);
-    const bool is_one =
-        to_one != to_other ? to_one < to_other : !(before.between_middles(other.bulk) < before.between_middles(one.bulk));
+    const bool is_one = to_one != to_other ? to_one < to_other
+                                           : !(before.between_middles(other.bulk) < before.between_middles(one.bulk));
     at = is_one ? at + 1 : node.right;
   }
   const ElementHull hull(set, at);

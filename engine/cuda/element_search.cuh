@@ -39,7 +39,7 @@ class WarpSearch {
   // farther.
   // \param enough an upper bound so low is all that is asked
   __device__ WarpSearch(const ReducedView& r, const Question& q, const Where& at_a, const Where& at_b,
-                         const Slack& slack, double cut_off, double enough, const ElementRoom& room)
+                        const Slack& slack, double cut_off, double enough, const ElementRoom& room)
       : c_(r.chunk),
         q_(q),
         at_a_(at_a),
@@ -188,8 +188,8 @@ class WarpSearch {
     const std::uint32_t element = there ? room_.element[waiting_ + lane()] : 0;
     if (there) {
       // Along what was found since, too.
-      const double known =
-          fmax(static_cast<double>(room_.element_gap[waiting_ + lane()]), before.gap(bulk_of_element(set_, element), limit));
+      const double known = fmax(static_cast<double>(room_.element_gap[waiting_ + lane()]),
+                                before.gap(bulk_of_element(set_, element), limit));
       if (known > limit) {
         leave_out(known);
         there = false;
@@ -325,9 +325,8 @@ class WarpSearch {
     set_pieces(piece, answer);
     answer.point_a = elements_first_ ? from_outer : from_inner;
     answer.point_b = elements_first_ ? from_inner : from_outer;
-    answer.normal = has_best && witness_.separation_length > 0
-                        ? witness_.separation * (1 / witness_.separation_length)
-                        : Vec3d{1, 0, 0};
+    answer.normal = has_best && witness_.separation_length > 0 ? witness_.separation * (1 / witness_.separation_length)
+                                                               : Vec3d{1, 0, 0};
   }
   __device__ void add_points_of_best(bool overlap, PairAnswer& answer) const {
     const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + best_piece_]];

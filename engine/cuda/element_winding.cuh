@@ -12,8 +12,8 @@ struct Winding {
   bool is_sure;
 };
 
-// All the warp's threads call it. \param p in the solid's axes, as winding_number() has it \param stack in shared memory,
-// of `entries` nodes
+// All the warp's threads call it. \param p in the solid's axes, as winding_number() has it \param stack in shared
+// memory, of `entries` nodes
 __device__ inline Winding count_winding(const ElementSet& set, const Vec3d& p, std::uint32_t* stack,
                                         std::uint32_t entries) {
   const std::uint32_t lane = threadIdx.x % 32;
@@ -53,7 +53,7 @@ __device__ inline Winding count_winding(const ElementSet& set, const Vec3d& p, s
     stacked += more;
   }
   for (int step = 16; step > 0; step /= 2) sum += __shfl_xor_sync(~0u, sum, step);
-  return {sum, __all_sync(~0u, is_sure)};
+  return {sum, __all_sync(~0u, is_sure) != 0};
 }
 
 }  // namespace clearance::cuda

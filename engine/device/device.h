@@ -269,7 +269,9 @@ class Device {
   virtual std::shared_ptr<const ResidentTable> upload(const PairTable& table) = 0;
   /// Copies a surface's elements and tree to the device. \param room of elements that nobody needs any more, in whose
   /// memory they may go; may be null. Null: this device holds none.
-  virtual std::shared_ptr<ResidentElements> upload(const Surface&, std::shared_ptr<ResidentElements>) { return nullptr; }
+  virtual std::shared_ptr<ResidentElements> upload(const Surface&, std::shared_ptr<ResidentElements>) {
+    return nullptr;
+  }
   /// Cold state for so many rows. Throws DeviceError where there is no room.
   virtual std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) = 0;
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.

@@ -15,10 +15,10 @@ static_assert(sizeof(ElementSlab) == sizeof(Surface::Slab) && Surface::Slab::kUn
 /// The arrays of an ElementSet.
 struct ElementArrays {
   std::span<const Surface::Node> nodes;
-  std::span<const Surface::Slab> slabs;   ///< of a mesh
-  std::span<const CloudPoint> points;     ///< of a cloud
-  std::vector<double> corners;            ///< of a mesh
-  ElementSet set{};                       ///< but for what says where the arrays are, and of which body they are
+  std::span<const Surface::Slab> slabs;  ///< of a mesh
+  std::span<const CloudPoint> points;    ///< of a cloud
+  std::vector<double> corners;           ///< of a mesh
+  ElementSet set{};                      ///< but for what says where the arrays are, and of which body they are
 
   /// \param surface must outlive this
   explicit ElementArrays(const Surface& surface)

@@ -233,7 +233,7 @@ std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {
 }
 
 std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const Scene& scene,
-                                                                 std::span<const std::uint32_t> bodies) {
+                                                                std::span<const std::uint32_t> bodies) {
   auto all = std::make_shared<ElementsOnDevice>();
   const std::lock_guard lock(elements_mutex_);
   for (const std::uint32_t body : bodies) {

@@ -39,8 +39,7 @@ CLEARANCE_HD int side_of_edge(const Vec3d& a, const Vec3d& b, const Vec3d& p, co
 // 1: the ray from p leaves through the triangle, whose normal points ahead; -1: it comes in; 0: it misses.
 // \param oriented orientation() of four positions
 template <class Orientation>
-CLEARANCE_HD int crossing(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p,
-                          const Orientation& oriented) {
+CLEARANCE_HD int crossing(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p, const Orientation& oriented) {
   const auto all = [](bool x, bool y, bool z) { return x && y && z; };
   if (all(a.x < p.x, b.x < p.x, c.x < p.x)) return 0;
   if (all(a.y < p.y, b.y < p.y, c.y < p.y) || all(a.y > p.y, b.y > p.y, c.y > p.y)) return 0;

@@ -32,7 +32,9 @@ inline std::vector<CloudPoint> points_of_case(Random& random, std::size_t count,
 
 /// A shelf of boards that overlap, a block whose triangles face inward, and a box with a cavity.
 struct MeshOfCase : BoxMesh {
-  static constexpr Vec3d kInBlock{0, 1.2, 0}, kInCavity{0, -1.3, 0}, kInShelf{0, -0.1, 0.5};
+  static constexpr Vec3d kInBlock{0, 1.2, 0}, kInCavity{0, -1.3, 0};
+  /// In the block, in the cavity, in the shelf and beside all of it.
+  static constexpr Vec3d kPlaces[] = {kInBlock, kInCavity, {0, -0.1, 0.5}, {0, 0, 2}};
   /// \param cells along each edge of a box
   explicit MeshOfCase(std::uint32_t cells) {
     for (const double z : {-1.0, 0.0, 1.0}) add_box({0, 0, z}, {1, 0.5, 0.025}, cells, false);
@@ -84,6 +86,7 @@ struct ElementCase {
     }
     if (elements_move) bodies.push_back(elements_at);
     for (std::size_t i = 0; i < configurations * bodies.size(); ++i) poses.push_back(random.pose(room));
+    elements_pose_ = *scene.bodies()[elements_at].pose;
     q.all_pairs = false;
     q.fields = kAllFields;
     q.configuration_count = configurations;
@@ -92,11 +95,24 @@ struct ElementCase {
     q.configurations = poses;
   }
 
+  /// Puts the convex bodies to a place of the elements' frame, in a configuration.
+  void put(std::uint32_t k, const Vec3d& place, Random& random) {
+    Pose* const at = poses.data() + k * bodies.size();
+    for (std::size_t i = 0; i < 4; ++i) {
+      Pose local = random.pose(0.02);
+      local.translation = local.translation + place;
+      at[i] = compose(bodies.size() > 4 ? at[4] : elements_pose_, local);
+    }
+  }
+
   Scene scene;
   std::vector<std::uint32_t> bodies;
   std::vector<BodyPair> pairs;
   std::vector<Pose> poses;
   QueryView q;
+
+ private:
+  Pose elements_pose_;
 };
 
 }  // namespace clearance::test

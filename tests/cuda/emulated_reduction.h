@@ -105,7 +105,8 @@ class HostReduction {
       box_elements(r_.elements, bodies_.view, bodies_.fixed.data() + kPoseComponents * n, bodies_.fixed_box.data());
     });
     if (r_.elements.count > 0)
-      for_each_thread(std::size_t{K} * bodies_.view.moved_count, [&] { box_moved_elements(r_.elements, bodies_.view, K); });
+      for_each_thread(std::size_t{K} * bodies_.view.moved_count,
+                      [&] { box_moved_elements(r_.elements, bodies_.view, K); });
   }
   HostReduction(const HostReduction&) = delete;
 

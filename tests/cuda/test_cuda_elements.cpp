@@ -53,8 +53,8 @@ void compare(const Engine& device, const Engine& cpu, const QueryView& q, const 
 TEST_F(CudaElements, HoldWhatTheCpuHolds) {
   for (const ElementKind kind : {ElementKind::kPoints, ElementKind::kGrown, ElementKind::kVoxels, ElementKind::kSurface,
                                  ElementKind::kSolid, ElementKind::kGrownSolid})
-    for (const std::size_t size : is_mesh(kind) ? std::array<std::size_t, 3>{1, 4, 40}
-                                                  : std::array<std::size_t, 3>{1, 30, 20000}) {
+    for (const std::size_t size :
+         is_mesh(kind) ? std::array<std::size_t, 3>{1, 4, 40} : std::array<std::size_t, 3>{1, 30, 20000}) {
       Found least, any;
       std::uint64_t settled = 0, left = 0;
       for (const double room : {0.6, 1.2, 3.0}) {

@@ -1,6 +1,6 @@
-// The kernel that looks at clouds and meshes (engine/cuda/element_kernel.cuh), without a GPU: its code compiled for the host, its
-// intervals held against the CPU's and before the exact judge. With CLEARANCE_MUTANT its code is another, which the
-// judge has to find.
+// The kernel that looks at clouds and meshes (engine/cuda/element_kernel.cuh), without a GPU: its code compiled for the
+// host, its intervals held against the CPU's and before the exact judge. With CLEARANCE_MUTANT its code is another,
+// which the judge has to find.
 #include "element_case.h"
 #include "tests/exact/exact_surface.h"
 // Behind all that is included elsewhere.
@@ -38,7 +38,7 @@ TEST(ElementKernels, HoldWhatTheCpuHolds) {
   for (const ElementKind kind : kKinds) {
     Found min, within, nearest, any;
     for (const double room : {0.5, 1.0, 2.5}) {
-      ElementCase c(kind, is_mesh(kind) ? 3 : 700, room, 9, 5, room == 1, 0.05, room == 0.5);
+      ElementCase c(kind, is_mesh(kind) ? 2 : 700, room, 9, 5, room == 1, 0.05, room == 0.5);
       c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
       const Engine cpu(std::move(c.scene), {"cpu"});
       const auto run = [&](Found& found, const std::string& what) {
@@ -79,18 +79,11 @@ TEST(ElementKernels, KnowWhatASolidHolds) {
   for (const ElementKind kind : {ElementKind::kSurface, ElementKind::kSolid, ElementKind::kGrownSolid})
     for (const bool elements_first : {true, false}) {
       ElementCase c(kind, 4, 1, 24, 7, elements_first);
-      const Pose at = *c.scene.bodies()[elements_first ? 0 : 4].pose;
-      const std::uint32_t body = c.bodies[1];  // the box
-      c.pairs = {elements_first ? BodyPair{0, body} : BodyPair{body, 4}};
+      const std::uint32_t box = c.bodies[1];
+      c.pairs = {elements_first ? BodyPair{0, box} : BodyPair{box, 4}};
       c.q.pairs = c.pairs;
       Random random(3);
-      constexpr Vec3d kPlaces[] = {MeshOfCase::kInBlock, MeshOfCase::kInCavity, MeshOfCase::kInShelf, {0, 0, 2}};
-      for (std::uint32_t k = 0; k < 24; ++k) {
-        Pose& pose = c.poses[k * c.bodies.size() + 1];
-        pose = random.pose(0.02);
-        pose.translation = pose.translation + kPlaces[k % 4];
-        pose = compose(at, pose);
-      }
+      for (std::uint32_t k = 0; k < 24; ++k) c.put(k, MeshOfCase::kPlaces[k % 4], random);
       const Engine cpu(std::move(c.scene), {"cpu"});
       for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
         c.q.reduce = reduce;
@@ -111,7 +104,7 @@ TEST(ElementKernels, CountHowOftenTrianglesWind) {
   const ElementSet& set = elements.view().sets[0];
   const Surface& surface = *c.scene.bodies()[0].pieces[0]->surface;
   Random random(17);
-  std::uint64_t within[2] = {}, unsure = 0;
+  std::uint64_t within[2] = {};
   std::vector<std::uint32_t> stack(320);
   for (std::uint32_t i = 0; i < 600; ++i) {
     const bool by_corner = i % 2 == 0;
@@ -122,14 +115,15 @@ TEST(ElementKernels, CountHowOftenTrianglesWind) {
     }
     emulated::Winding found{};
     EmulatedGrid::one().launch(1, 32, [&] { found = emulated::count_winding(set, p, stack.data(), 320); });
-    unsure += !found.is_sure;
-    if (!found.is_sure) continue;
+    if (!found.is_sure) {
+      EXPECT_TRUE(by_corner) << "float64 knows the others";
+      continue;
+    }
     EXPECT_EQ(found.number, winding_number(surface, p)) << "point " << i;
     within[by_corner] += found.number != 0;
   }
-  EXPECT_GT(within[0], 50u);
-  EXPECT_GT(within[1], 50u);
-  EXPECT_LT(unsure, 60u);
+  EXPECT_GT(within[0], 30u);
+  EXPECT_GT(within[1], 5u);
 }
 #endif
 
@@ -191,8 +185,11 @@ TEST(ElementKernels, HoldTheExactDistance) {
     std::uint64_t apart = 0, overlap = 0, near = 0, far = 0;
     for (const double room : {0.6, 1.2}) {
       constexpr std::uint32_t kConfigurations = 8;
-      ElementCase c(kind, is_mesh(kind) ? 1 : 90, room, kConfigurations, 11, true,
-                    0.0625, room == 1.2);  // whose voxels have exact corners
+      ElementCase c(kind, is_mesh(kind) ? 1 : 90, room, kConfigurations, 11, true, 0.0625,
+                    room == 1.2);  // whose voxels have exact corners
+      Random random(9);
+      if (is_mesh(kind))
+        for (std::uint32_t k = 0; k < 4; ++k) c.put(k, MeshOfCase::kPlaces[k], random);
       const Engine cpu(std::move(c.scene), {"cpu"});
       const std::vector<Body>& bodies = cpu.scene().bodies();
       const auto pose = [&](std::uint32_t k, std::uint32_t b) {
