@@ -1,6 +1,6 @@
+#include "engine/cuda/element_arrays.h"
 #include "engine/cuda/element_kernel.cuh"
 #include "engine/cuda/elements.cuh"
-#include "engine/device/element_arrays.h"
 
 namespace clearance::cuda {
 

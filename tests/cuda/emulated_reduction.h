@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "engine/device/element_arrays.h"
+#include "engine/cuda/element_arrays.h"
 #include "engine/narrow/lanes.h"
 #include "engine/query/evaluate.h"
 #include "engine/query/reduction.h"
