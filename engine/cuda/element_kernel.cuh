@@ -22,8 +22,19 @@ __device__ inline double group_cut_off(const ReducedView& r, const Item& item) {
   return most;
 }
 
+// The elements of a pair's body; null: it has none of this kind.
+template <class Elements>
+__device__ inline const ElementSet* set_of(const ReducedView& r, const Item& item) {
+  if (!is_of_elements(r, item)) return nullptr;
+  const std::uint32_t* const of_body = r.elements.of_body;
+  const std::uint32_t a = of_body[body_of(r.chunk.bodies, item.ref.a)],
+                      b = of_body[body_of(r.chunk.bodies, item.ref.b)];
+  const ElementSet* const set = r.elements.sets + (a != kNone ? a : b);
+  return set->is_mesh() == Elements::kIsMesh ? set : nullptr;
+}
+
 // Answers an item of elements. All the warp's threads call it, and one of them holds the answer.
-template <bool kAny>
+template <bool kAny, class Elements>
 __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item, const ElementRoom& room,
                                           PairAnswer& answer, bool& is_mine) {
   const ChunkView& c = r.chunk;
@@ -40,7 +51,7 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
     enough = slack.near_enough(q.max_distance);
   else if (r.reduce != Reduce::kWithin)
     most = fmin(most, group_cut_off(r, item));
-  WarpSearch search(r, q, at_a, at_b, slack, slack.cut_off(most), enough, room);
+  WarpSearch<Elements> search(r, q, at_a, at_b, slack, slack.cut_off(most), enough, room);
   const Outcome outcome = search.run(answer);
   if (outcome != Outcome::kSettled) return outcome;
   is_mine = search.has_answer();
@@ -49,8 +60,8 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
   return __all_sync(~0u, !is_mine || is_decided) ? Outcome::kSettled : Outcome::kUnsettled;
 }
 
-// Of the pairs that are listed, those of elements. What is not settled goes where the others' goes.
-template <bool kAny>
+// Of the pairs that are listed, those of one kind of elements. What is not settled goes where the others' goes.
+template <bool kAny, class Elements>
 __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid_constant__ ReducedView r) {
   constexpr std::uint32_t kWarps = kElementThreads / 32;
   __shared__ std::uint32_t nodes[kWarps][kStackEntries], elements[kWarps][kWaitingEntries];
@@ -60,17 +71,17 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
   const std::uint32_t count = item_count(r), lane = threadIdx.x % 32;
   for (;;) {
     std::uint32_t first = 0;
-    if (lane == 0) first = atomicAdd(r.chunk.counts + kElementsTaken, kElementsAtOnce);
+    if (lane == 0) first = atomicAdd(r.chunk.counts + Elements::kTaken, kElementsAtOnce);
     first = __shfl_sync(~0u, first, 0);
     if (first >= count) break;
     for (std::uint32_t i = first; i < count && i < first + kElementsAtOnce; ++i) {
       const Item item = listed_item(r, i);
-      if (!is_of_elements(r, item)) continue;
+      if (!set_of<Elements>(r, item)) continue;
       PairAnswer answer = beyond_answer(0);  // of what is passed over
       bool is_mine = lane == 0;
       Outcome outcome = Outcome::kNone;
       if (!kAny || !__any_sync(~0u, is_decided_before(r, item))) {
-        outcome = answer_elements<kAny>(r, item, room, answer, is_mine);
+        outcome = answer_elements<kAny, Elements>(r, item, room, answer, is_mine);
         if (is_mine && (outcome == Outcome::kSettled || outcome == Outcome::kWithoutPieces)) {
           const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
               at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
@@ -96,6 +107,7 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
 
 // An upper bound on how far a pair of elements is apart, or where boxes alone are farther than max_distance a lower
 // one: cutoff_of(). By the element at the end of one way down the tree, before the first of the other body's pieces.
+template <class Elements>
 __device__ inline double element_cutoff_of(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
@@ -103,7 +115,7 @@ __device__ inline double element_cutoff_of(const ReducedView& r, const Item& ite
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.question.max_distance) return gap;
   const bool elements_first = r.elements.of_body[at_a.body] != kNone;
-  const ElementSet& set = r.elements.sets[r.elements.of_body[elements_first ? at_a.body : at_b.body]];
+  const ElementSet& set = *set_of<Elements>(r, item);
   const HullHead* const head =
       c.hulls.heads + c.hulls.piece_hull[c.hulls.piece_begin[elements_first ? at_b.body : at_a.body]];
   const PieceBefore before(set, elements_first ? at_a.frame() : at_b.frame(), *head,
@@ -111,25 +123,25 @@ __device__ inline double element_cutoff_of(const ReducedView& r, const Item& ite
   constexpr double kInf = __builtin_inf();
   std::uint32_t at = 0;
   for (;;) {
-    const LoadedNode node(set, at);
+    const LoadedNode<Elements> node(set, at);
     if (node.is_leaf()) {
       at = node.begin();
       double least = kInf;
       for (std::uint32_t i = node.begin(); i < node.begin() + node.count(); ++i) {
-        const double to_element = before.gap(bulk_of_element(set, i), kInf);
+        const double to_element = before.gap(Elements::of_element(set, i), kInf);
         if (!(to_element < least)) continue;
         least = to_element;
         at = i;
       }
       break;
     }
-    const LoadedNode one(set, at + 1), other(set, node.right);
+    const LoadedNode<Elements> one(set, at + 1), other(set, node.right);
     const double to_one = before.gap(one.bulk, kInf), to_other = before.gap(other.bulk, kInf);
     const bool is_one = to_one != to_other ? to_one < to_other
                                            : !(before.between_middles(other.bulk) < before.between_middles(one.bulk));
     at = is_one ? at + 1 : node.right;
   }
-  const ElementHull hull(set, at);
+  const ElementHull<Elements> hull(set, at);
   const Part x = piece_part(c.hulls, head), e = hull.part();
   const Part& a = elements_first ? e : x;
   const Part& b = elements_first ? x : e;
@@ -139,11 +151,12 @@ __device__ inline double element_cutoff_of(const ReducedView& r, const Item& ite
   return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
 }
 
-// solve_seeds() of the seeds that are pairs of elements.
+// solve_seeds() of the seeds that are pairs of one kind of elements.
+template <class Elements>
 __global__ void __launch_bounds__(kItemThreads) seed_elements(const __grid_constant__ ReducedView r) {
   cut_off_by_seed(
-      r, [&](const Item& item) { return is_of_elements(r, item); },
-      [&](const Item& item, std::uint32_t) { return element_cutoff_of(r, item); });
+      r, [&](const Item& item) { return set_of<Elements>(r, item) != nullptr; },
+      [&](const Item& item, std::uint32_t) { return element_cutoff_of<Elements>(r, item); });
 }
 
 // The box of a body of elements where it stands: what kernels that place bodies make of hulls. Metres.

@@ -30,20 +30,22 @@ class PieceBefore {
   }
 
   // Not below 0. \param cut_off no more is asked than whether it is greater
-  __device__ double gap(const ElementBulk& x, double cut_off) const {
+  template <class Bulk>
+  __device__ double gap(const Bulk& x, double cut_off) const {
     const Vec3d d = box_.centre - x.centre;
     Vec3d apart;
     for (int k = 0; k < 3; ++k) apart[k] = above_zero(fabs(d[k]) - (x.half[k] + box_.half[k]));
     double gap = above_zero(norm(apart) - margin_);
     if (gap > cut_off) return gap;
     if (looks_) gap = fmax(gap, above_zero((from_ - x.reach(n_)) * kShortUnit - margin_));
-    if (!(gap > cut_off) && x.has_planes()) gap = fmax(gap, gap_across(x, d));
+    if constexpr (requires { x.normal; })
+      if (!(gap > cut_off)) gap = fmax(gap, gap_across(x, d));
     const double length = norm(d);
     if (gap > cut_off || !(length > 1e-140 && length < __builtin_inf())) return gap;
     const Vec3d n = d * (1 / length);
     return fmax(gap, above_zero((before(n) - x.reach(n)) * kShortUnit - margin_));
   }
-  __device__ double between_middles(const ElementBulk& x) const { return squared_norm(box_.centre - x.centre); }
+  __device__ double between_middles(const ElementBox& x) const { return squared_norm(box_.centre - x.centre); }
 
   // From here on gaps along this direction count, too. \param n_c from the set towards the piece, of any length
   __device__ void look_along(const Vec3d& n_c, const Part& piece) {
@@ -59,8 +61,8 @@ class PieceBefore {
  private:
   // Where its box begins along n.
   __device__ double before(const Vec3d& n) const { return dot(n, D_) - own_.reach(R_.transpose_times(-n)); }
-  // Across the planes of x, on the side that faces the piece.
-  __device__ double gap_across(const ElementBulk& x, const Vec3d& d) const {
+  // Across the planes of x, on the side that faces the piece. Without planes it is 0.
+  __device__ double gap_across(const TriangleBulk& x, const Vec3d& d) const {
     const bool is_ahead = !(dot(x.normal, d) < 0);
     const double end = is_ahead ? x.high : -x.low;
     return above_zero((before(is_ahead ? x.normal : -x.normal) - end) * kShortNormal - margin_);

@@ -32,7 +32,9 @@ __device__ inline T least_of_warp(T x) {
   return x;
 }
 
-// A pair of elements and of convex pieces, of which all of a warp's threads look for the nearest element.
+// A pair of elements (Points or Triangles) and of convex pieces, of which all of a warp's threads look for the nearest
+// element.
+template <class Elements>
 class WarpSearch {
  public:
   // \param q what is asked of the pair's bodies. \param cut_off of its pieces: no more need be known of what is
@@ -100,14 +102,14 @@ class WarpSearch {
       for (std::uint32_t other = piece + 1 + lane(); other < pieces_; other += 32) {
         const HullHead& of = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + other]];
         const PieceBefore there(set_, elements_first_ ? of_a_ : of_b_, of, elements_first_ ? of_b_ : of_a_);
-        leave_out(there.gap(LoadedNode(set_, 0).bulk, __builtin_inf()));
+        leave_out(there.gap(LoadedNode<Elements>(set_, 0).bulk, __builtin_inf()));
       }
   }
 
   __device__ void leave_out(double gap) { lower_ = gap < lower_ ? gap : lower_; }
 
   __device__ void put_root(const PieceBefore& before) {
-    const double limit = this->limit(), gap = before.gap(LoadedNode(set_, 0).bulk, limit);
+    const double limit = this->limit(), gap = before.gap(LoadedNode<Elements>(set_, 0).bulk, limit);
     put(lane() == 0, 0, gap, limit, room_.node, room_.node_gap, stacked_);
   }
   // All threads call it; those that have something to put, in the order of their lanes.
@@ -145,7 +147,7 @@ class WarpSearch {
     }
     std::uint32_t right = 0, first = 0, elements = 0;
     if (there) {
-      const LoadedNode node(set_, at);
+      const LoadedNode<Elements> node(set_, at);
       right = node.right;
       first = node.begin();
       elements = node.is_leaf() ? node.count() : 0;
@@ -153,14 +155,14 @@ class WarpSearch {
     for (std::uint32_t i = 0; __any_sync(~0u, i < elements); ++i) {
       const bool has = i < elements;
       const std::uint32_t element = first + i;
-      const double gap = has ? before.gap(bulk_of_element(set_, element), limit) : 0;
+      const double gap = has ? before.gap(Elements::of_element(set_, element), limit) : 0;
       put(has, element, gap, limit, room_.element, room_.element_gap, waiting_);
     }
     const bool divides = there && elements == 0;
     std::uint32_t near = at + 1, far = right;
     double near_gap = 0, far_gap = 0;
     if (divides) {
-      const LoadedNode one(set_, near), other(set_, far);
+      const LoadedNode<Elements> one(set_, near), other(set_, far);
       near_gap = before.gap(one.bulk, limit);
       far_gap = before.gap(other.bulk, limit);
       if (far_gap < near_gap ||
@@ -189,7 +191,7 @@ class WarpSearch {
     if (there) {
       // Along what was found since, too.
       const double known = fmax(static_cast<double>(room_.element_gap[waiting_ + lane()]),
-                                before.gap(bulk_of_element(set_, element), limit));
+                                before.gap(Elements::of_element(set_, element), limit));
       if (known > limit) {
         leave_out(known);
         there = false;
@@ -199,7 +201,7 @@ class WarpSearch {
     if (!__any_sync(~0u, there)) return;
     Question q = q_;
     q.max_distance = limit;
-    const ElementHull hull(set_, element);
+    const ElementHull<Elements> hull(set_, element);
     const Part x = piece_part(c_.hulls, &head), e = hull.part();
     const Part& a = elements_first_ ? e : x;
     const Part& b = elements_first_ ? x : e;
@@ -270,10 +272,11 @@ class WarpSearch {
   __device__ Outcome finish(PairAnswer& answer) {
     const double lower = least_of_warp(lower_), upper = upper_;
     const std::uint16_t flags = answer.flags;
-    if (lower > 0 && set_.is_solid) {
-      const Outcome held = look_within(lower, answer);
-      if (held != Outcome::kNone) return held;
-    }
+    if constexpr (Elements::kIsMesh)
+      if (lower > 0 && set_.is_solid) {
+        const Outcome held = look_within(lower, answer);
+        if (held != Outcome::kNone) return held;
+      }
     if (lower > cut_off_ || !(upper < __builtin_inf())) {  // all are proved beyond the cut-off
       answer = beyond_answer(slack_.true_lower(lower));
       answer.flags = flags;
@@ -294,7 +297,7 @@ class WarpSearch {
     const Vec3d shift = inner.t_w - outer.t_w;
     for (std::uint32_t piece = 0; piece < pieces_; ++piece) {
       const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + piece]];
-      if (PieceBefore(set_, outer, head, inner).gap(LoadedNode(set_, 0).bulk, 0) > 0) continue;
+      if (PieceBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bulk, 0) > 0) continue;
       // A point as computed must be on the side of every triangle that it is on.
       const double radii = set_.hull.radius + head.radius,
                    wrong = rounding_error(double(RoundingUnits<double>::kLower),
@@ -330,7 +333,7 @@ class WarpSearch {
   }
   __device__ void add_points_of_best(bool overlap, PairAnswer& answer) const {
     const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + best_piece_]];
-    const ElementHull hull(set_, best_element_);
+    const ElementHull<Elements> hull(set_, best_element_);
     const Part x = piece_part(c_.hulls, &head), e = hull.part();
     const Part& a = elements_first_ ? e : x;
     const Part& b = elements_first_ ? x : e;

@@ -40,7 +40,7 @@ __device__ inline Winding count_winding(const ElementSet& set, const Vec3d& p, s
     const bool meets = there && !ray_misses(node.low, node.high, from_centre), divides = meets && !node.is_leaf();
     if (meets && node.is_leaf())
       for (std::uint32_t i = node.begin(); i < node.begin() + node.count(); ++i) {
-        const PartVertices corners = triangle_corners(set, i);
+        const PartVertices corners = Triangles::corners(set, i);
         sum += crossing(flushed(corners[0]), flushed(corners[1]), flushed(corners[2]), point, oriented);
       }
     const std::uint32_t all = __ballot_sync(~0u, divides), more = 2 * static_cast<std::uint32_t>(__popc(all));

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "engine/cuda/element_arrays.h"
 #include "engine/cuda/element_kernel.cuh"
 #include "engine/cuda/elements.cuh"
@@ -34,7 +36,11 @@ void QueryElements::begin(std::span<const ElementBody> elements, std::size_t bod
   const std::size_t sets = memory_.add(std::span<const ElementSet>(sets_)),
                     of_body = memory_.add(std::span<const std::uint32_t>(of_body_));
   memory_.send(stream);
-  view_ = {memory_.at<ElementSet>(sets), memory_.at<std::uint32_t>(of_body), static_cast<std::uint32_t>(sets_.size())};
+  const auto has = [&](bool mesh) {
+    return std::ranges::any_of(sets_, [&](const ElementSet& set) { return set.is_mesh() == mesh; });
+  };
+  view_ = {memory_.at<ElementSet>(sets), memory_.at<std::uint32_t>(of_body), static_cast<std::uint32_t>(sets_.size()),
+           has(false), has(true)};
 }
 
 void start_element_boxes(const ElementsView& elements, const BodiesView& bodies, cudaStream_t stream) {
@@ -53,15 +59,19 @@ void start_moved_element_boxes(const ChunkView& chunk, const ElementsView& eleme
 }
 
 void start_element_seeds(const ReducedView& r, cudaStream_t stream) {
-  const std::uint64_t groups = std::uint64_t{r.chunk.configurations} * r.groups;
-  seed_elements<<<blocks_of(groups, kItemThreads), kItemThreads, 0, stream>>>(r);
+  const unsigned blocks = blocks_of(std::uint64_t{r.chunk.configurations} * r.groups, kItemThreads);
+  if (r.elements.has_points) seed_elements<Points><<<blocks, kItemThreads, 0, stream>>>(r);
+  if (r.elements.has_triangles) seed_elements<Triangles><<<blocks, kItemThreads, 0, stream>>>(r);
   check(cudaGetLastError(), "starting a kernel");
 }
 
 void start_elements(const ReducedView& r, cudaStream_t stream) {
-  const auto kernel = r.reduce == Reduce::kAny ? look_at_elements<true> : look_at_elements<false>;
+  const bool any = r.reduce == Reduce::kAny;
+  const auto of_points = any ? look_at_elements<true, Points> : look_at_elements<false, Points>,
+             of_triangles = any ? look_at_elements<true, Triangles> : look_at_elements<false, Triangles>;
   const unsigned blocks = std::min(blocks_of(r.capacity, kElementsAtOnce * kElementThreads / 32), kElementBlocks);
-  kernel<<<blocks, kElementThreads, 0, stream>>>(r);
+  if (r.elements.has_points) of_points<<<blocks, kElementThreads, 0, stream>>>(r);
+  if (r.elements.has_triangles) of_triangles<<<blocks, kElementThreads, 0, stream>>>(r);
   check(cudaGetLastError(), "starting a kernel");
 }
 

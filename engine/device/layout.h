@@ -83,6 +83,7 @@ struct ElementsView {
   const std::uint32_t*
       of_body;          ///< (bodies,) which set; kNone: it has a hull, or is not asked for; null: there are none
   std::uint32_t count;  ///< sets
+  bool has_points, has_triangles;
 };
 
 /// A body in a pair: its id, or kMovedBit and its place among the bodies that the query moves.
@@ -240,10 +241,11 @@ struct LeftOpen {
 /// queries pairs that are looked at, and rows that come back.
 /// And blocks that are done, of chunks whose last block hands the counts over; pairs that float32 has left open; of
 /// reduced queries those of the pairs that are looked at of which a body has several pieces.
-/// kElementsTaken (of reduced queries, which leave kLeftOpen alone): how many of the pairs that are looked at were
-/// taken by who looks at elements.
+/// kPointsTaken and kTrianglesTaken (of reduced queries, which leave kLeftOpen alone): how many of the pairs that are
+/// looked at were taken by who looks at these elements. kCounts is even: what follows the counts may have 8 bytes.
 inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
-                               kBlocksDone = 5, kLeftOpen = 6, kElementsTaken = 6, kSeveralPairs = 7, kCounts = 8;
+                               kBlocksDone = 5, kLeftOpen = 6, kPointsTaken = 6, kSeveralPairs = 7, kTrianglesTaken = 8,
+                               kCounts = 10;
 
 /// What a dense chunk's last kernel leaves in host memory once its rows and counts are there.
 struct Finished {

@@ -45,7 +45,7 @@ class HostElements {
   }
   ElementsView view() const {
     if (sets_.empty()) return {};
-    return {sets_.data(), of_body_.data(), static_cast<std::uint32_t>(sets_.size())};
+    return {sets_.data(), of_body_.data(), static_cast<std::uint32_t>(sets_.size()), true, true};
   }
 
  private:
@@ -235,7 +235,10 @@ class HostReduction {
   void seed() {
     launch(r_.rows / 2, kScanThreads, [&] { find_seeds(r_); });
     launch(groups(), kItemThreads, [&] { solve_seeds(r_); });
-    if (r_.elements.count > 0) launch(groups(), kItemThreads, [&] { seed_elements(r_); });
+    if (r_.elements.count > 0) {
+      launch(groups(), kItemThreads, [&] { seed_elements<Points>(r_); });
+      launch(groups(), kItemThreads, [&] { seed_elements<Triangles>(r_); });
+    }
     launch(r_.rows, kScanThreads, [&] { find_candidates(r_); });
   }
   void mark() {
@@ -254,7 +257,9 @@ class HostReduction {
   }
   template <bool kAny>
   void look_at_elements_of() {
-    if (r_.elements.count > 0) launch(100, kElementThreads, [&] { look_at_elements<kAny>(r_); });
+    if (r_.elements.count == 0) return;
+    launch(100, kElementThreads, [&] { look_at_elements<kAny, Points>(r_); });
+    launch(100, kElementThreads, [&] { look_at_elements<kAny, Triangles>(r_); });
   }
   // The CPU's answers to what is left.
   void settle() {
