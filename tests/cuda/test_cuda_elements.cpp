@@ -24,7 +24,10 @@ struct Found {
 
 // Asks both. Intervals are as narrow as asked and hold the same distance; what one has decided the other does not deny.
 void compare(const Engine& device, const Engine& cpu, const QueryView& q, const std::string& what, Found& found) {
+  const std::uint64_t before = counter(device, "cuda.pairs_finished_on_cpu");
   const Answer rows = ask(device, q), expected = ask(cpu, q);
+  EXPECT_LE(counter(device, "cuda.pairs_finished_on_cpu") - before, q.configuration_count * q.pairs.size() / 20)
+      << what << ", precision " << static_cast<int>(q.precision) << ": left to the CPU";
   EXPECT_EQ(rows.info.backend, "cuda") << what;
   ASSERT_EQ(rows.info.rows, expected.info.rows) << what;
   const ReplyView &a = rows.view, &b = expected.view;
@@ -91,7 +94,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
         EXPECT_GT(any.overlap, 30u);
       }
       EXPECT_GT(settled, 2000u);
-      EXPECT_LT(left, settled / 20);
+      EXPECT_LT(left, settled / 20) << "kind " << static_cast<int>(kind) << ", size " << size;
     }
 }
 
