@@ -15,6 +15,7 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kStackEntries = 320, kWaitingEntries = 32 + 32 * 4;
+inline constexpr std::uint32_t kWayDown = 32;       // entries that one node's way down takes, of as many levels
 inline constexpr std::uint32_t kWindingPoints = 4;  // of a piece that are asked whether they lie within a solid
 
 // Where nodes (kStackEntries) and elements (kWaitingEntries) of one warp's search wait, each with its gap.
@@ -126,10 +127,14 @@ class WarpSearch {
     count += static_cast<std::uint32_t>(__popc(all));
   }
 
-  // Divides the nodes on top of the stack, a thread for each: as many as their children leave room for.
+  // Divides the nodes on top of the stack, a thread for each: as many as their children leave room for, and beside that
+  // for one node's way down. Where no more is left, that goes down alone.
   __device__ void open(const PieceBefore& before) {
-    const std::uint32_t room = kStackEntries - stacked_, most = room < 32 ? room : 32,
-                        count = stacked_ < most ? stacked_ : most;
+    const std::uint32_t room = kStackEntries - stacked_,
+                        most = room > kWayDown ? room - kWayDown
+                               : room < 1      ? 0
+                                               : 1,
+                        wide = most < 32 ? most : 32, count = stacked_ < wide ? stacked_ : wide;
     if (count == 0) {
       is_open_ = true;
       return;

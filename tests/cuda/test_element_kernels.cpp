@@ -97,6 +97,15 @@ TEST(ElementKernels, KnowWhatASolidHolds) {
     }
 }
 
+// Where nothing is cut off, no bound leaves out any of a large mesh at first: the stack has room all the same.
+TEST(ElementKernels, HaveRoomForLargeTrees) {
+  ElementCase c(ElementKind::kSurface, 40, 0.6, 3, 3, false);
+  const Engine cpu(std::move(c.scene), {"cpu"});
+  c.q.reduce = Reduce::kWithin;
+  HostReduction reduction(cpu, c.q);
+  EXPECT_EQ(reduction.compare_bounds("86,400 triangles"), 0u);
+}
+
 // Rays through faces, and through edges and corners, whose points differ from corners in x alone.
 TEST(ElementKernels, CountHowOftenTrianglesWind) {
   const ElementCase c(ElementKind::kSolid, 4, 1, 1, 7, true);
