@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from robots import arm_scene, rows_of
 
 jax = pytest.importorskip("jax", reason="needs JAX: make test-extras EXTRAS=jax")

@@ -83,7 +83,7 @@ class Rows:
     def _row_type(self, column: Any) -> Any:
         if column.dtype.kind == "V":  # a record of float32
             return jax.ShapeDtypeStruct((*self.plan.shape, column.dtype.itemsize // 4), np.dtype("<f4"))
-        per_row = (len(self.plan.joints),) if column is self.plan.column("gradient_joints") else column.shape
+        per_row = self.plan.positions_shape[1:] if column is self.plan.column("gradient_joints") else column.shape
         return jax.ShapeDtypeStruct((*self.plan.shape, *per_row), column.dtype)
 
 
