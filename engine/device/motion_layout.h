@@ -42,8 +42,8 @@ enum MotionNumber : std::uint32_t {
 
 /// A pair that is within its margin at a time.
 struct MotionHitRow {
-  std::uint64_t key;  ///< pair << 32 | the time as float bits: the least of a motion stands for it
-  std::uint32_t motion;
+  std::uint64_t key;  ///< hit_key(): the least of a motion stands for it
+  std::uint32_t motion, pair;
   double time;
   Vec3d origin_a, origin_b;
   PairAnswer answer;
@@ -57,10 +57,11 @@ enum class MotionVerdict : std::uint8_t {
 
 /// Places in MotionsView::counts: of each level spans, pairs that boxes leave, pairs that are asked, pairs that go on.
 inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kAskedCount = 2, kOnCount = 3, kCountsOfLevel = 4;
-/// Levels: spans of the k-th are at most 2^-k of a motion. What is left then is the CPU's.
-inline constexpr std::uint32_t kMotionLevels = 8;
+/// Levels: spans of the k-th are at most 2^-k of a motion. What is left then is the CPU's. Where first contact is sought
+/// there are more, since a span goes on until it is as short as contact is narrowed to, and half of it is proved.
+inline constexpr std::uint32_t kMotionLevels = 8, kContactLevels = 12;
 /// Behind those of the levels: hits that were found, rows of hits, pairs that the narrow phase settled.
-inline constexpr std::uint32_t kHitCount = kCountsOfLevel * (kMotionLevels + 1), kHitRowCount = kHitCount + 1,
+inline constexpr std::uint32_t kHitCount = kCountsOfLevel * (kContactLevels + 1), kHitRowCount = kHitCount + 1,
                                kSettledCount = kHitCount + 2, kMotionCounts = kHitCount + 3;
 
 /// One chunk of motions at one level.
@@ -70,7 +71,8 @@ struct MotionsView {
   MotionTables tables;
   const double* margins;  ///< (pairs,) metres; null: each has `margin`
   double margin;
-  std::uint32_t motions, level;
+  bool seeks_contact;  ///< not only whether pairs are within their margins, but when one first is
+  std::uint32_t motions, level, levels;
   std::uint32_t span_capacity, pair_capacity, hit_capacity;
   std::uint32_t max_steps;
   const double* ends;  ///< (motions, 2, joints)
@@ -80,10 +82,12 @@ struct MotionsView {
   double* numbers;     ///< (moved, kMotionNumbers, spans)
   float* speeds;       ///< (moved, spans) metres in a unit of time, rounded up, with the drift
   // Of each motion:
-  std::uint64_t* hit;  ///< the least key; all bits set: none
+  std::uint64_t* hit;  ///< the least hit_key(); all bits set: none
   std::uint32_t* steps;
   std::uint8_t *open, *to_cpu;  ///< something is not proved; the CPU has to look whatever else is found
+  std::uint8_t* unsettled;      ///< where first contact is sought: the narrow phase leaves a pair open at some time
   MotionVerdict* verdicts;
+  double* free_until;  ///< where first contact is sought: all pairs are beyond their margins before; inf: all along
   // Of this level's spans and of the next level's:
   MotionSpan *spans, *next_spans;
   std::uint32_t* shares;                    ///< (spans, 2) of each half proved so far, float bits; all set: wholly
