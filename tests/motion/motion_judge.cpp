@@ -103,6 +103,10 @@ class MotionJudge {
         }
       }
   }
+  // Where what is said to be free ends.
+  void look_before(double time) {
+    if (time > 0 && time <= 1) look_once(std::max(time - 1e-9, 0.0));
+  }
   static bool is_nearer(const Look& a, const Look& b) { return a.least < b.least; }
 
   // Whether a pair, or any, is exactly no farther than a bound (`at`: or as far).
@@ -162,6 +166,7 @@ class MotionJudge {
     if (found.kind == MotionDecision::kHit && when) {
       findings_.wide += !(found.time - found.free_until <= kContactTime);
       findings_.untrue += !(found.free_until <= found.time);
+      look_before(found.free_until);
       for (const Look& look : looks_)
         findings_.untrue += look.time < found.free_until && is_within(look, query.margin, nullptr, true);
     }
@@ -187,6 +192,7 @@ class MotionJudge {
       findings_.untrue += !is_within(look_once(time), query.margin, &any.view.pair[0], true);
       findings_.untrue += !is_within(look_once(hit), query.margin, nullptr, true);
     }
+    look_before(unproved);
     for (const Look& look : looks_) {
       findings_.untrue += look.time < unproved && is_within(look, query.margin, nullptr, true);
       findings_.nearer += any.view.lower[0] > 0 && is_within(look, any.view.lower[0], nullptr, false);
