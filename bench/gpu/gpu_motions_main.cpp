@@ -105,10 +105,11 @@ bool is_same_contact(const ReplyView& ours, const ReplyView& theirs, std::uint32
 }
 
 // A row of the results.
-void write(std::ostream& csv, const std::string& name, const Columns& columns, std::uint64_t pairs, double margin, const Sums& s) {
+void write(std::ostream& csv, const std::string& name, const Columns& columns, std::uint64_t pairs, double margin,
+           const Sums& s) {
   const double million = 1e-6 * static_cast<double>(s.edges);
-  csv << name << ',' << columns.name << ',' << pairs << ',' << margin << ',' << s.edges << ',' << million / s.wall_s << ','
-      << million / s.kernel_s << ',' << 1e-6 * static_cast<double>(s.compared) / s.cpu_s << ',' << s.free << ','
+  csv << name << ',' << columns.name << ',' << pairs << ',' << margin << ',' << s.edges << ',' << million / s.wall_s
+      << ',' << million / s.kernel_s << ',' << 1e-6 * static_cast<double>(s.compared) / s.cpu_s << ',' << s.free << ','
       << s.on_cpu << ',' << s.undecided << ',' << s.compared << ',' << s.undecided_on_cpu << ',' << s.wrong << '\n';
 }
 
@@ -238,9 +239,9 @@ int main_of(int argc, char** argv) {
         "all, %s: %.2f M edges/s host to host, %.2f M in kernels; CPU %.4f M; finished by the CPU %.3f %%; undecided "
         "%llu of %llu; wrong %llu of %llu\n",
         kColumns[c].name, million / s.wall_s, million / s.kernel_s, 1e-6 * static_cast<double>(s.compared) / s.cpu_s,
-        100.0 * static_cast<double>(s.on_cpu) / static_cast<double>(s.edges), static_cast<unsigned long long>(s.undecided),
-        static_cast<unsigned long long>(s.edges), static_cast<unsigned long long>(s.wrong),
-        static_cast<unsigned long long>(s.compared));
+        100.0 * static_cast<double>(s.on_cpu) / static_cast<double>(s.edges),
+        static_cast<unsigned long long>(s.undecided), static_cast<unsigned long long>(s.edges),
+        static_cast<unsigned long long>(s.wrong), static_cast<unsigned long long>(s.compared));
     wrong += s.wrong;
   }
   return wrong > 0;

@@ -40,8 +40,8 @@ __device__ inline double target_of(const MotionsView& m, std::uint32_t pair) {
   return m.margins ? m.margins[pair] : m.margin;
 }
 // Of the pairs that are within their margins the first in the query's order stands for a motion, at the earliest time
-// found; where first contact is sought the earliest pair. A time is less than 1, and a multiple of 2^-32: of the middles
-// of spans that are cut at multiples of 2^-12, and halved no more than kContactLevels times.
+// found; where first contact is sought the earliest pair. A time is less than 1, and a multiple of 2^-32: of the
+// middles of spans that are cut at multiples of 2^-12, and halved no more than kContactLevels times.
 static_assert(kSpanGrid * 0x1p-20 == 0x1p-32 && kContactLevels < 20);
 __device__ inline std::uint64_t hit_key(const MotionsView& m, std::uint32_t pair, double time) {
   const auto at = static_cast<std::uint64_t>(time * 0x1p32);

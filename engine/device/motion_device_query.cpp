@@ -96,8 +96,7 @@ class MotionDeviceQuery final : public DeviceQuery {
       } else {
         const std::uint64_t begin = (unit - free_units) * kRowsOfThread,
                             end = std::min(begin + kRowsOfThread, r.hits.size());
-        for (std::uint64_t i = begin; i < end; ++i)
-          write_hit(first, r.hits[i], r);
+        for (std::uint64_t i = begin; i < end; ++i) write_hit(first, r.hits[i], r);
       }
       return true;
     });

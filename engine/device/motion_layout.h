@@ -57,8 +57,9 @@ enum class MotionVerdict : std::uint8_t {
 
 /// Places in MotionsView::counts: of each level spans, pairs that boxes leave, pairs that are asked, pairs that go on.
 inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kAskedCount = 2, kOnCount = 3, kCountsOfLevel = 4;
-/// Levels: spans of the k-th are at most 2^-k of a motion. What is left then is the CPU's. Where first contact is sought
-/// there are more, since a span goes on until it is as short as contact is narrowed to, and half of it is proved.
+/// Levels: spans of the k-th are at most 2^-k of a motion. What is left then is the CPU's. Where first contact is
+/// sought there are more, since a span goes on until it is as short as contact is narrowed to, and half of it is
+/// proved.
 inline constexpr std::uint32_t kMotionLevels = 8, kContactLevels = 12;
 /// Behind those of the levels: hits that were found, rows of hits, pairs that the narrow phase settled.
 inline constexpr std::uint32_t kHitCount = kCountsOfLevel * (kContactLevels + 1), kHitRowCount = kHitCount + 1,

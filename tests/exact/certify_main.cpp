@@ -103,8 +103,8 @@ void write_motions(std::ostream& out, const Options& o, const std::vector<test::
   for (std::size_t k = 0; k < kinds.size(); ++k) {
     const test::MotionFindings& f = kinds[k];
     out << test::name_of(static_cast<test::MotionKind>(k)) << ',' << f.motions << ',' << f.overlaps << ',' << f.free
-        << ',' << f.hits << ',' << f.undecided << ',' << f.on_device << ',' << f.nearer << ',' << f.farther << ',' << f.untrue << ','
-        << f.wide << '\n';
+        << ',' << f.hits << ',' << f.undecided << ',' << f.on_device << ',' << f.nearer << ',' << f.farther << ','
+        << f.untrue << ',' << f.wide << '\n';
   }
 }
 
@@ -119,7 +119,8 @@ bool certify_motions(const Options& o) {
   std::mutex mutex;
   in_parallel(shares, o.threads, [&](std::size_t k) {
     const std::size_t kind = k % kinds.size();
-    const test::MotionFindings found = test::judge_many(o.seed * 1'000 + k, kAtOnce, static_cast<int>(kind), false, backend);
+    const test::MotionFindings found =
+        test::judge_many(o.seed * 1'000 + k, kAtOnce, static_cast<int>(kind), false, backend);
     const std::lock_guard lock(mutex);
     kinds[kind].add(found);
     all.add(found);

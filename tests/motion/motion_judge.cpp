@@ -237,8 +237,9 @@ void MotionFindings::add(const MotionFindings& o) {
 std::string MotionFindings::text() const {
   const auto n = [](int count) { return std::to_string(count); };
   return n(motions) + " motions, " + n(overlaps) + " with an overlap; by margins beside the truth " + n(free) +
-         " free, " + n(hits) + " hits, " + n(undecided) + " undecided, " + n(on_device) + " on a device; wrong: " + n(nearer) + " nearer than lower, " +
-         n(farther) + " farther than upper, " + n(untrue) + " untrue, " + n(wide) + " too wide";
+         " free, " + n(hits) + " hits, " + n(undecided) + " undecided, " + n(on_device) +
+         " on a device; wrong: " + n(nearer) + " nearer than lower, " + n(farther) + " farther than upper, " +
+         n(untrue) + " untrue, " + n(wide) + " too wide";
 }
 
 void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings) {
