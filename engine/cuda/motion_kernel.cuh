@@ -269,7 +269,7 @@ __device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const
   const double time = pair.way > 0 ? span.middle() : span.begin;  // what does not move is there from the beginning on
   const std::uint64_t key = hit_key(m, item.pair, time);
   if (__ldcg(m.hit + span.motion) < key) return;
-  const std::uint32_t at = atomicAdd(m.counts + kHitCount, 1);
+  const std::uint32_t at = atomicAdd(&count_of(m, kHitCount, m.level), 1);
   if (at >= m.hit_capacity) {
     m.to_cpu[span.motion] = 1;
     return;
@@ -335,6 +335,15 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
   }
 }
 
+// Of each motion the hit that stands for it stays, so that the next level's have room.
+__global__ void __launch_bounds__(kMotionThreads) keep_hits(const __grid_constant__ MotionsView m) {
+  const std::uint32_t count = listed(count_of(m, kHitCount, m.level), m.hit_capacity);
+  for (std::uint32_t i = blockIdx.x * kMotionThreads + threadIdx.x; i < count; i += gridDim.x * kMotionThreads) {
+    const MotionHitRow& hit = m.hits[i];
+    if (hit.key == m.hit[hit.motion]) m.best[hit.motion] = hit;
+  }
+}
+
 // Whether pairs that are not settled would multiply spans: none is behind a hit, or many are before it.
 __device__ inline bool is_hopeless(const MotionsView& m, std::uint32_t motion) {
   return m.unsettled[motion] && (m.hit[motion] == kNoHit || m.steps[motion] > kMostUnsettledSteps);
@@ -382,25 +391,17 @@ __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_cons
 // What became of each motion, and the rows of those that hit.
 __global__ void __launch_bounds__(kMotionThreads) conclude_motions(const __grid_constant__ MotionsView m) {
   const std::uint32_t i = thread_index();
-  if (i >= m.motions) return;
-  const bool is_hit = m.hit[i] != kNoHit;
-  const bool matters = m.seeks_contact || !is_hit;  // what is not proved elsewhere
-  const bool is_open = m.to_cpu[i] != 0 || (matters && m.open[i] != 0) || m.steps[i] > m.max_steps;
-  m.verdicts[i] = is_open ? MotionVerdict::kOpen : is_hit ? MotionVerdict::kHit : MotionVerdict::kFree;
-  if (m.seeks_contact && is_hit) free_no_longer(m, i, time_of_hit(m, i));
-}
-__global__ void __launch_bounds__(kMotionThreads) gather_hits(const __grid_constant__ MotionsView m) {
-  const std::uint32_t count = listed(m.counts[kHitCount], m.hit_capacity);
-  for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
-    const std::uint32_t i = first + threadIdx.x;
-    bool wanted = false;
-    if (i < count) {
-      const MotionHitRow& hit = m.hits[i];
-      wanted = hit.key == m.hit[hit.motion] && m.verdicts[hit.motion] == MotionVerdict::kHit;
-    }
-    const std::uint32_t at = take_place(m.counts + kHitRowCount, wanted);
-    if (wanted) m.hit_rows[at] = m.hits[i];
+  bool has_row = false;
+  if (i < m.motions) {
+    const bool is_hit = m.hit[i] != kNoHit;
+    const bool matters = m.seeks_contact || !is_hit;  // what is not proved elsewhere
+    const bool is_open = m.to_cpu[i] != 0 || (matters && m.open[i] != 0) || m.steps[i] > m.max_steps;
+    has_row = is_hit && !is_open;
+    m.verdicts[i] = is_open ? MotionVerdict::kOpen : is_hit ? MotionVerdict::kHit : MotionVerdict::kFree;
+    if (m.seeks_contact && is_hit) free_no_longer(m, i, time_of_hit(m, i));
   }
+  const std::uint32_t at = take_place(m.counts + kHitRowCount, has_row);
+  if (has_row) m.hit_rows[at] = m.best[i];
 }
 
 }  // namespace clearance::cuda

@@ -93,8 +93,6 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
  private:
   static constexpr std::uint32_t kListBlocks = 2112;  // for lists whose length nobody knows: all that an H100 holds
   static constexpr std::uint32_t kMostPairBlocks = 1u << 16;
-  static constexpr std::uint64_t kMostPairs = 1u << 23;  // of a list
-  static constexpr std::uint32_t kHitsOfMotion = 4, kContactsOfMotion = 12, kMoreSpans = 256;
 
   bool seeks_contact() const { return (fields_ & kFieldFirstContact) != 0; }
   static std::size_t rounded(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
@@ -139,11 +137,10 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     m.seeks_contact = seeks_contact();
     m.levels = m.seeks_contact ? kContactLevels : kMotionLevels;
     m.motions = chunk.configurations;
-    m.span_capacity = m.chunk.configurations = 2 * m.motions + kMoreSpans;
-    const std::uint64_t pairs = std::uint64_t{m.motions} * chunk.pair_count;
-    m.pair_capacity =
-        static_cast<std::uint32_t>(std::min(pairs + kMoreSpans * std::uint64_t{chunk.pair_count}, kMostPairs));
-    m.hit_capacity = (m.seeks_contact ? kContactsOfMotion : kHitsOfMotion) * m.motions + kMotionThreads;
+    const MotionRoom room(m.motions, chunk.pair_count);
+    m.span_capacity = m.chunk.configurations = room.spans;
+    m.pair_capacity = room.pairs;
+    m.hit_capacity = room.hits;
     make_parts(slot.motions, [&](Parts& parts) {
       std::byte* begin = nullptr;
       parts.take(begin, motions_bytes(m.motions));
@@ -163,7 +160,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     });
     make_parts(slot.hits, [&](Parts& parts) {
       parts.take(m.hits, m.hit_capacity);
-      parts.take(m.hit_rows, m.motions);
+      for (MotionHitRow** rows : {&m.best, &m.hit_rows}) parts.take(*rows, m.motions);
     });
   }
 
@@ -209,6 +206,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
         find_near_in_spans<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       look_along_boxes<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       look_at_span_pairs<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+      keep_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       divide_spans<<<blocks(2 * spans), kMotionThreads, 0, stream>>>(m);
       check(cudaGetLastError(), "starting a kernel");
       std::swap(m.spans, m.next_spans);
@@ -216,7 +214,6 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       std::swap(m.on, m.next_on);
     }
     conclude_motions<<<blocks(m.motions), kMotionThreads, 0, stream>>>(m);
-    gather_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
     check(cudaGetLastError(), "starting a kernel");
   }
 

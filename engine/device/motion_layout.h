@@ -1,6 +1,8 @@
 // What host and device share of motions: how the joints move the bodies of each pair, and what is found of each motion.
 #pragma once
 
+#include <algorithm>
+
 #include "engine/device/layout.h"
 #include "engine/motion/motion_arrays.h"
 #include "engine/motion/motion_step.h"
@@ -55,15 +57,33 @@ enum class MotionVerdict : std::uint8_t {
   kOpen,  ///< the CPU has to look
 };
 
-/// Places in MotionsView::counts: of each level spans, pairs that boxes leave, pairs that are asked, pairs that go on.
-inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kAskedCount = 2, kOnCount = 3, kCountsOfLevel = 4;
+/// Places in MotionsView::counts: of each level spans, pairs that boxes leave, pairs that are asked, pairs that go on,
+/// hits that were found.
+inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kAskedCount = 2, kOnCount = 3, kHitCount = 4,
+                               kCountsOfLevel = 5;
 /// Levels: spans of the k-th are at most 2^-k of a motion. What is left then is the CPU's. Where first contact is
 /// sought there are more, since a span goes on until it is as short as contact is narrowed to, and half of it is
 /// proved.
 inline constexpr std::uint32_t kMotionLevels = 8, kContactLevels = 12;
-/// Behind those of the levels: hits that were found, rows of hits, pairs that the narrow phase settled.
-inline constexpr std::uint32_t kHitCount = kCountsOfLevel * (kContactLevels + 1), kHitRowCount = kHitCount + 1,
-                               kSettledCount = kHitCount + 2, kMotionCounts = kHitCount + 3;
+/// Behind those of the levels: rows of hits, pairs that the narrow phase settled.
+inline constexpr std::uint32_t kHitRowCount = kCountsOfLevel * (kContactLevels + 1), kSettledCount = kHitRowCount + 1,
+                               kMotionCounts = kHitRowCount + 2;
+
+/// For how much a chunk's lists have room, at each level. What does not fit makes motions the CPU's: nearly all of them
+/// where pairs do not fit, since a motion's pairs lie all over a list. So there is room for twice as many as the first
+/// level has: each may go on in both halves.
+struct MotionRoom {
+  static constexpr std::uint32_t kMoreSpans = 256, kHitsOfMotion = 4;
+  static constexpr std::uint64_t kMostPairs = 1u << 23;
+
+  std::uint32_t spans, pairs, hits;
+
+  MotionRoom(std::uint32_t motions, std::uint32_t pairs_of_motion)
+      : spans(2 * motions + kMoreSpans),
+        pairs(static_cast<std::uint32_t>(
+            std::min((2 * std::uint64_t{motions} + kMoreSpans) * pairs_of_motion, kMostPairs))),
+        hits(kHitsOfMotion * motions + kMoreSpans) {}
+};
 
 /// One chunk of motions at one level.
 struct MotionsView {
@@ -95,7 +115,9 @@ struct MotionsView {
   std::uint32_t *children, *next_children;  ///< (spans, 2) where it goes on at the next level; kNone: it does not
   SpanPair *on, *next_on;                   ///< pairs that go on
   SpanPair *near, *asked;
-  MotionHitRow *hits, *hit_rows;
+  MotionHitRow* hits;
+  // Of motions that hit: the hit that stands for each so far; these rows in no order.
+  MotionHitRow *best, *hit_rows;
   std::uint32_t* counts;
 };
 

@@ -78,8 +78,8 @@ TEST(MotionKernels, DecideAnArmsEdgesAsTheCpuDoes) {
       HostMotions host(edges.scene, q);
       ASSERT_TRUE(host.fits());
       const Found found = compare(edges, q, host);
-      std::printf("margin %g, first contact %d: %d free, %d hit (%u listed), %d open; spans", margin, when, found.free,
-                  found.hits, host.hits_listed(), found.open);
+      std::printf("margin %g, first contact %d: %d free, %d hit, %d open; spans", margin, when, found.free, found.hits,
+                  found.open);
       for (std::uint32_t level = 0; level < host.levels(); ++level)
         std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
                     host.count(kAskedCount, level));
@@ -117,6 +117,21 @@ TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
     HostMotions host(edges.scene, hasty);
     const Found found = compare(edges, hasty, host);
     EXPECT_GT(found.open, all.open + 2);
+  }
+}
+
+// Nearly all pairs of long edges go on in both halves: with room for those of the first level alone nearly all motions
+// were the CPU's.
+TEST(MotionKernels, HaveRoomForLongEdges) {
+  const ArmEdges edges(11, 600, 1.5);
+  for (const double margin : {0.0, 0.02}) {
+    const QueryView q = edges.query(margin, true);
+    HostMotions host(edges.scene, q);
+    const Found found = compare(edges, q, host);
+    const auto pairs = static_cast<std::uint32_t>(600 * host.plan().size.pairs);
+    EXPECT_GT(host.count(kOnCount, 0), pairs) << "they did not fill a list of all pairs";
+    std::printf("margin %g: %d free, %d hit, %d open\n", margin, found.free, found.hits, found.open);
+    EXPECT_LT(found.open, 60);
   }
 }
 
