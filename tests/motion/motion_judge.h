@@ -14,7 +14,7 @@ struct MotionFindings {
   int free = 0;       ///< proved to be, by a margin within 1e-4 m of the least distance that was found
   int hits = 0;       ///< likewise: found not to be
   int undecided = 0;  ///< likewise: neither, after 512 configurations
-  int on_device = 0;  ///< likewise: by a device, or by the CPU where that left one open
+  int on_device = 0;  ///< likewise: asked of a device, whose CPU finished what it left open
   int overlaps = 0;   ///< of the motions, least distances of 0
   int nearer = 0;     ///< wrong: points nearer than a lower bound
   int farther = 0;    ///< wrong: witnesses farther than their upper bound
