@@ -15,12 +15,15 @@
 #include "client.h"
 #include "wire/aligned_buffer.h"
 #include "wire/wire.h"
+#include "wire/zmq_calls.h"
 
 namespace clearance {
 namespace {
 
 /// Payloads from this size on are handed to ZeroMQ without a copy.
 constexpr std::uint64_t kHandOverBytes = 64 * 1024;
+/// Requests without a reply: for so many the daemon has room, should their replies wait.
+constexpr std::size_t kMostOutstanding = 1000;
 /// Longest wait for a reply before the monitor is looked at: how late a daemon's death is noticed.
 constexpr std::chrono::milliseconds kPollNap{10};
 
@@ -101,11 +104,13 @@ class ZmqChannel final : public Channel {
     } else {
       second.rebuild(payload, header.payload_bytes);
     }
+    if (outstanding_.size() >= kMostOutstanding) take_arrived(header.request_id, std::chrono::milliseconds(0));
     if (gone_) fail("the daemon has gone");
     try {
-      if (!socket_.send(first, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
+      if (outstanding_.size() >= kMostOutstanding ||
+          !clearance::send(socket_, first, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
         fail(still_there() ? "the daemon takes no more requests: its queue is full" : "the daemon has gone");
-      socket_.send(second, zmq::send_flags::none);
+      clearance::send(socket_, second, zmq::send_flags::none);
     } catch (const zmq::error_t& error) {
       fail(error.what());
     }
@@ -138,9 +143,10 @@ class ZmqChannel final : public Channel {
   /// Heartbeats of ZeroMQ's own are answered by its thread, whatever the daemon's loop does; an echo by the loop.
   std::uint64_t sign_of_life() override {
     const wire::FrameHeader echo = wire::make_header(wire::FrameType::kPing, kSignRequest, 0);
+    zmq::message_t first(&echo, sizeof echo), second;
     try {
-      if (socket_.send(zmq::buffer(&echo, sizeof echo), zmq::send_flags::sndmore | zmq::send_flags::dontwait))
-        socket_.send(zmq::message_t(), zmq::send_flags::none);
+      if (clearance::send(socket_, first, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
+        clearance::send(socket_, second, zmq::send_flags::none);
     } catch (const zmq::error_t&) {  // no sign then
     }
     return arrived_ + 1;
@@ -192,7 +198,7 @@ class ZmqChannel final : public Channel {
         parts_.push_back(std::move(part));
         while (parts_.back().more()) {
           zmq::message_t next;
-          (void)socket_.recv(next, zmq::recv_flags::none);
+          clearance::receive(socket_, next, zmq::recv_flags::none);
           parts_.push_back(std::move(next));
         }
         accept_message();

@@ -10,10 +10,10 @@
 
 #include "server/doorman.h"
 #include "server/unix_socket.h"
-#include "server/zmq_calls.h"
 #include "server/zmq_port.h"
 #include "server/zmq_router.h"
 #include "wire/shm_os.h"
+#include "wire/zmq_calls.h"
 
 namespace clearance {
 namespace {

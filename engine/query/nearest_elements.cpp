@@ -1,7 +1,6 @@
 #include "engine/query/nearest_elements.h"
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -55,14 +54,6 @@ const Piece& piece_of(const Body& body, const Element& element, Piece& room) {
   return room;
 }
 
-// The nearest first; of the same gap those farther down, which end sooner.
-bool NearestElements::comes_later(const Entry& p, const Entry& q) {
-  if (p.gap != q.gap) return p.gap > q.gap;
-  if (p.at_a != q.at_a) return p.at_a < q.at_a;
-  if (p.at_b != q.at_b) return p.at_b < q.at_b;
-  return p.piece_a != q.piece_a ? p.piece_a < q.piece_a : p.piece_b < q.piece_b;
-}
-
 void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b) {
   a_ = &a;
   b_ = &b;
@@ -77,7 +68,7 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
   looks_deep_ = false;
   reached_ = 0;
   left_out_ = kInf;
-  heap_.clear();
+  open_.clear();
   const auto first = [](const PiecePtr& piece) { return piece->surface ? 0 : kNone; };
   for (std::uint32_t i = 0; i < a.pieces.size(); ++i)
     for (std::uint32_t j = 0; j < b.pieces.size(); ++j) {
@@ -236,25 +227,28 @@ double NearestElements::gap_along(const Entry& e, const Bulk& a, const Bulk& b, 
 double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bulk,
                                     int levels) const {
   if (is_element(at) || levels <= 0) return by_bulk;
-  const Body& body = of_a ? *a_ : *b_;
-  const Surface& surface = *body.pieces[piece]->surface;
-  const Vec3d n = of_a ? n_a_ : -n_b_;
-  if (surface.nodes()[at].is_leaf()) return reach(body, piece, at, {}, n);
   Reach& known = reaches_[(at * 2654435761u + piece * 40503u + of_a) % kReaches];
   if (known.direction == directions_ && known.at == at && known.piece == piece && known.of_a == of_a)
     return known.reach;
-  ++reached_;
-  const NodesBelow below(surface, at);
-  PartColumn far;
-  node_reaches(below.columns, n, far);
+  const Body& body = of_a ? *a_ : *b_;
+  const Surface& surface = *body.pieces[piece]->surface;
+  const Vec3d n = of_a ? n_a_ : -n_b_;
   double most = -kInf;
-  for (std::uint32_t left = below.count; left > 0; --left) {
-    std::uint32_t farthest = 0;
-    for (std::uint32_t k = 1; k < below.count; ++k)
-      if (far[k] > far[farthest]) farthest = k;
-    if (!(far[farthest] > most)) break;
-    most = std::max(most, known_reach(of_a, piece, below.nodes[farthest], far[farthest], levels - 2));
-    far[farthest] = -kInf;
+  if (surface.nodes()[at].is_leaf()) {
+    most = reach(body, piece, at, {}, n);
+  } else {
+    ++reached_;
+    const NodesBelow below(surface, at);
+    PartColumn far;
+    part_reaches(below.columns, n, far);
+    for (std::uint32_t left = below.count; left > 0; --left) {
+      std::uint32_t farthest = 0;
+      for (std::uint32_t k = 1; k < below.count; ++k)
+        if (far[k] > far[farthest]) farthest = k;
+      if (!(far[farthest] > most)) break;
+      most = std::max(most, known_reach(of_a, piece, below.at[farthest], far[farthest], levels - 2));
+      far[farthest] = -kInf;
+    }
   }
   known = {directions_, piece, at, of_a, most};
   return most;
@@ -298,15 +292,7 @@ void NearestElements::put(const Entry& entry, double cut_off) {
     left_out_ = std::min(left_out_, entry.gap);
     return;
   }
-  heap_.push_back(entry);
-  std::push_heap(heap_.begin(), heap_.end(), comes_later);
-}
-
-NearestElements::Entry NearestElements::pop() {
-  std::pop_heap(heap_.begin(), heap_.end(), comes_later);
-  const Entry e = heap_.back();
-  heap_.pop_back();
-  return e;
+  open_.put(entry);
 }
 
 // The larger of both is divided. \param each gets the parts, each with its gap, exact as long as it is no greater than
@@ -325,8 +311,9 @@ void NearestElements::open(const Entry& e, double cut_off, const Each& each) con
                        : a && b               ? !(squared_size(*a) < squared_size(*b))
                                               : a != nullptr;
   if (plane_ == Plane::kNeither) {
-    if (divides_a || divides_b) return divide(e, opens_a, cut_off, each);
+    if (divides_a || divides_b) return divide<NodesBelow>(e, opens_a, cut_off, each);
     if (is_of_mesh(*a_, e.piece_a, e.at_a) && is_of_mesh(*b_, e.piece_b, e.at_b)) return pair_triangles(e, a, b, each);
+    return divide<ElementsBelow>(e, opens_a, cut_off, each);
   }
   const Bulk bulk_of_a = bulk_a(e), bulk_of_b = bulk_b(e);
   const auto with = [&](std::uint32_t child) {
@@ -345,40 +332,47 @@ void NearestElements::open(const Entry& e, double cut_off, const Each& each) con
   }
 }
 
-NearestElements::NodesBelow::NodesBelow(const Surface& surface, std::uint32_t at) {
-  for (const std::uint32_t child : {at + 1, surface.nodes()[at].right}) {
-    const Surface::Node& node = surface.nodes()[child];
-    nodes[count++] = node.is_leaf() ? child : child + 1;
-    if (!node.is_leaf()) nodes[count++] = node.right;
+NearestElements::NodesBelow::NodesBelow(const Surface& surface, std::uint32_t node) {
+  for (const std::uint32_t child : {node + 1, surface.nodes()[node].right}) {
+    const Surface::Node& half = surface.nodes()[child];
+    at[count++] = half.is_leaf() ? child : child + 1;
+    if (!half.is_leaf()) at[count++] = half.right;
   }
-  columns.take(surface, nodes, count);
+  columns.take(surface, at, count);
 }
 
-// Two levels at a time. A leaf on the other side that is larger than what is divided goes triangle by triangle: beside
+NearestElements::ElementsBelow::ElementsBelow(const Surface& surface, std::uint32_t leaf) {
+  const std::uint32_t begin = surface.nodes()[leaf].begin(), end = surface.nodes()[leaf].end();
+  count = end - begin;
+  for (std::uint32_t k = 0; k < count; ++k) at[k] = (begin + k) | kTriangle;
+  columns.take(surface, begin, end);
+}
+
+// A leaf on the other side that is larger than what is divided goes triangle by triangle: beside
 // a mesh of small triangles its box holds little but air.
-template <class Each>
+template <class Below, class Each>
 void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const Each& each) const {
   const Body &body = opens_a ? *a_ : *b_, &other = opens_a ? *b_ : *a_;
   const std::uint32_t piece = opens_a ? e.piece_a : e.piece_b, at = opens_a ? e.at_a : e.at_b,
                       other_piece = opens_a ? e.piece_b : e.piece_a, other_at = opens_a ? e.at_b : e.at_a;
   const Surface& surface = *body.pieces[piece]->surface;
-  const NodesBelow below(surface, at);
+  const Below below(surface, at);
   PartColumn far;
-  if (looks_) node_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
+  if (looks_) part_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
   const auto before = [&](std::uint32_t before_at) {
     const Bulk other_bulk = bulk(other, other_piece, before_at);
     std::array<Vec3d, 3> room;
     PartColumn gaps;
-    node_gaps(below.columns, part_bulk(other, other_piece, before_at, other_bulk, room), opens_a ? R_ : R_ba_,
-              opens_a ? D_ : D_ba_, gaps);
+    part_gaps(below.columns, part_bulk(other, other_piece, before_at, other_bulk, room), opens_a ? R_ : R_ba_,
+              opens_a ? D_ : D_ba_, cut_off + margin(e), gaps);
     const double other_far = looks_ ? known_reach(!opens_a, other_piece, before_at, other_bulk) : 0;
     for (std::uint32_t k = 0; k < below.count; ++k) {
       Entry part = e;
-      (opens_a ? part.at_a : part.at_b) = below.nodes[k];
+      (opens_a ? part.at_a : part.at_b) = below.at[k];
       (opens_a ? part.at_b : part.at_a) = before_at;
       part.gap = std::max(e.gap, above_zero(gaps[k] - margin(e)));
       if (looks_ && part.gap <= cut_off) {
-        const double own = known_reach(opens_a, piece, below.nodes[k], far[k], levels(body, piece));
+        const double own = known_reach(opens_a, piece, below.at[k], far[k], levels(body, piece));
         part.gap = std::max(part.gap, opens_a ? gap_known(part, own, other_far) : gap_known(part, other_far, own));
       }
       each(part);
@@ -402,21 +396,16 @@ void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a
   const auto range_of = [](const Surface::Node* leaf, std::uint32_t at) {
     return leaf ? Range{leaf->begin(), leaf->end()} : Range{at & ~kTriangle, (at & ~kTriangle) + 1};
   };
-  const auto columns_of = [](const Surface& surface, const Range& range) {
-    TriangleColumns columns;
-    for (std::uint32_t k = 0; k < kParts; ++k) {
-      const auto [u, v, w] = surface.corners(std::min(range.begin + k, range.end - 1));
-      columns.set(k, {u, v, w});
-    }
-    return columns;
-  };
   const Surface &of_a = *a_->pieces[e.piece_a]->surface, &of_b = *b_->pieces[e.piece_b]->surface;
   const Range range_a = range_of(leaf_a, e.at_a), range_b = range_of(leaf_b, e.at_b);
   const Vec3d d = before_a(bulk_b(e)).centre - bulk_a(e).centre;
   const double length = norm(d);
   const Vec3d directions[2] = {looks_ ? n_a_ : Vec3d{0, 0, 0}, length > 0 && length < kInf ? d * (1 / length) : d * 0};
+  ElementColumns columns_a, columns_b;
+  columns_a.take(of_a, range_a.begin, range_a.end);
+  columns_b.take(of_b, range_b.begin, range_b.end);
   PartColumn gaps[kParts];
-  triangle_gaps(columns_of(of_a, range_a), columns_of(of_b, range_b), R_, D_, directions, gaps);
+  triangle_gaps(columns_a, columns_b, R_, D_, directions, gaps);
   for (std::uint32_t j = range_b.begin; j < range_b.end; ++j)
     for (std::uint32_t i = range_a.begin; i < range_a.end; ++i) {
       Entry part = e;
@@ -428,13 +417,12 @@ void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a
 }
 
 ElementPair NearestElements::pieces() const {
-  assert(!heap_.empty());
-  const Entry& e = heap_.front();
+  const Entry& e = open_.front();
   return {e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}};
 }
 
 bool NearestElements::is_one_within() const {
-  const Bulk a = bulk_a(heap_.front()), b = bulk_b(heap_.front());
+  const Bulk a = bulk_a(open_.front()), b = bulk_b(open_.front());
   const auto holds = [](const Bulk& outer, const Vec3d& centre, const Vec3d& half) {
     for (int k = 0; k < 3; ++k)
       if (!(std::abs(centre[k] - outer.centre[k]) + half[k] < outer.half[k])) return false;
@@ -447,21 +435,22 @@ bool NearestElements::is_one_within() const {
 }
 
 void NearestElements::touching_pieces(std::vector<ElementPair>& others) const {
-  for (std::size_t i = 1; i < heap_.size(); ++i)
-    if (const Entry& e = heap_[i]; !(e.gap > 0)) others.push_back({e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}});
+  open_.each_behind([&](const Entry& e) {
+    if (!(e.gap > 0)) others.push_back({e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}});
+  });
 }
 
 void NearestElements::take_pieces(double lower) {
   looks_deep_ = lower > 0;  // where no direction keeps all of both apart, it is good for a few triangles
-  Entry e = pop();
+  Entry e = open_.pop();
   e.gap = std::max(e.gap, lower);
   put(e, kInf);
 }
 
 // Straight down, by the boxes that are nearest, and of those that touch by their middles. What it passes by stays.
 bool NearestElements::take_near(double cut_off, ElementPair& pair) {
-  if (heap_.empty() || heap_.front().gap > cut_off) return false;
-  Entry at = pop();
+  if (open_.empty() || open_.front().gap > cut_off) return false;
+  Entry at = open_.pop();
   const double known = at.gap;  // of all below, which tells them not apart
   const auto middles = [&](const Entry& e) { return squared_norm(before_a(bulk_b(e)).centre - bulk_a(e).centre); };
   const auto pass_by = [&](Entry e) {
@@ -491,8 +480,8 @@ bool NearestElements::take_near(double cut_off, ElementPair& pair) {
 }
 
 NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, ElementPair& pair) {
-  for (std::uint64_t opened = 1; !heap_.empty() && heap_.front().gap <= cut_off; ++opened) {
-    Entry e = pop();
+  for (std::uint64_t opened = 1; !open_.empty() && open_.front().gap <= cut_off; ++opened) {
+    Entry e = open_.pop();
     if (const double along = e.looked == looks_ ? 0 : gap_known(e, bulk_a(e), bulk_b(e)); along > e.gap) {
       e.gap = along;  // it may not be its turn any more
       e.looked = looks_;

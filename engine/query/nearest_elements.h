@@ -6,9 +6,11 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <vector>
 
+#include "engine/base/best_first.h"
 #include "engine/narrow/piece_search.h"
 #include "engine/narrow/work_meter.h"
 #include "engine/pose/placed.h"
@@ -50,9 +52,9 @@ class NearestElements {
   /// (kPaused).
   Found next(double cut_off, WorkMeter& meter, ElementPair& pair);
   /// No pair that is left is nearer, metres; +inf: there is none.
-  double left() const { return heap_.empty() || left_out_ < heap_.front().gap ? left_out_ : heap_.front().gap; }
+  double left() const { return open_.empty() || left_out_ < open_.front().gap ? left_out_ : open_.front().gap; }
   /// Whether what is left has grown beyond what is kept of a pair of bodies: then nothing more is to be asked.
-  bool is_full() const { return heap_.size() > kMostEntries; }
+  bool is_full() const { return open_.size() > kMostEntries; }
   /// From here on gaps along this direction count, too: one that has separated a pair separates its neighbours.
   /// \param n_w from a towards b, world axes, of length 1 up to rounding
   void look_along(const Vec3d& n_w);
@@ -66,18 +68,36 @@ class NearestElements {
     std::uint32_t piece_a, at_a, piece_b, at_b;
     std::uint32_t looked;  // how many directions were known when its gap was made
   };
+  // The nearest first; of the same gap those farther down, which end sooner. As one number, without a branch that
+  // nobody could foresee: gaps are not below 0, so that their bits are in their order.
+  struct ComesLater {
+    static unsigned __int128 rank(const Entry& e) {
+      return static_cast<unsigned __int128>(std::bit_cast<std::uint64_t>(e.gap)) << 64 | std::uint64_t{~e.at_a} << 32 |
+             ~e.at_b;
+    }
+    bool operator()(const Entry& p, const Entry& q) const {
+      const unsigned __int128 of_p = rank(p), of_q = rank(q);
+      if (of_p != of_q) return of_p > of_q;
+      return p.piece_a != q.piece_a ? p.piece_a < q.piece_a : p.piece_b < q.piece_b;
+    }
+  };
   // Around a subtree, in the axes of its body, or of a.
   struct Bulk {
     Vec3d centre{0, 0, 0}, half{0, 0, 0};
   };
-  // The nodes two levels below one, or leaves before.
+  // What a node is divided into: the nodes two levels below it, or leaves before; the elements of a leaf.
   struct NodesBelow {
-    std::uint32_t nodes[kParts], count = 0;
+    std::uint32_t at[kParts], count = 0;
     NodeColumns columns;
 
-    NodesBelow(const Surface& surface, std::uint32_t at);
+    NodesBelow(const Surface& surface, std::uint32_t node);
   };
-  static bool comes_later(const Entry& p, const Entry& q);
+  struct ElementsBelow {
+    std::uint32_t at[kParts], count;
+    ElementColumns columns;
+
+    ElementsBelow(const Surface& surface, std::uint32_t leaf);
+  };
   static bool is_element(std::uint32_t at) { return (at & kTriangle) != 0; }  // kNone, too
   static Element element(std::uint32_t piece, std::uint32_t at) {
     return {piece, at == kNone ? kNone : at & ~kTriangle};
@@ -98,10 +118,9 @@ class NearestElements {
   double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box) const;
   int levels(const Body& body, std::uint32_t piece) const;
   void put(const Entry& entry, double cut_off);
-  Entry pop();
   template <class Each>
   void open(const Entry& entry, double cut_off, const Each& each) const;
-  template <class Each>
+  template <class Below, class Each>
   void divide(const Entry& entry, bool opens_a, double cut_off, const Each& each) const;
   template <class Each>
   void pair_triangles(const Entry& entry, const Surface::Node* leaf_a, const Surface::Node* leaf_b,
@@ -117,7 +136,7 @@ class NearestElements {
   double left_out_ = 0;      // the least gap of what was beyond a cut-off
   std::uint32_t looks_ = 0;  // how many directions were known so far: the last one counts
   Vec3d n_a_{0, 0, 0}, n_b_{0, 0, 0};
-  std::vector<Entry> heap_;
+  BestFirst<Entry, ComesLater> open_;
 
   // What subtrees were found to reach along the direction that is known: many partners ask the same of each.
   struct Reach {

@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/zmq_calls.h"
+#include "wire/zmq_calls.h"
 
 namespace clearance::outside {
 namespace {

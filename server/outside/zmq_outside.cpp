@@ -13,9 +13,9 @@
 #include "server/outside/confine.h"
 #include "server/outside/zap_handler.h"
 #include "server/outside/zmtp_gate.h"
-#include "server/zmq_calls.h"
 #include "server/zmq_router.h"
 #include "wire/protocol.h"
+#include "wire/zmq_calls.h"
 
 namespace clearance::outside {
 namespace {

@@ -11,10 +11,10 @@
 #include "frames.h"
 #include "scratch_file.h"
 #include "server/loop.h"
-#include "server/zmq_calls.h"
 #include "tests/server/memory_transport.h"
 #include "tests/server/test_scene.h"
 #include "wire/shm_os.h"
+#include "wire/zmq_calls.h"
 
 namespace clearance::fuzz {
 namespace {

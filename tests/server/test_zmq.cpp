@@ -151,6 +151,53 @@ zmq::socket_t lazy_client(zmq::context_t& context, const std::string& url) {
   return lazy;
 }
 
+TEST_F(ZmqTest, RepliesToAClientThatReadsLateAreKept) {
+  constexpr std::uint64_t kAsked = 1000;
+  zmq::context_t context;
+  zmq::socket_t lazy = lazy_client(context, daemon_.url());
+  Client witness = patient(daemon_.url());
+  const std::vector<std::byte> payload(4096);  // more in all than the sockets between hold
+  for (std::uint64_t id = 1; id <= kAsked; ++id) {
+    const auto header = wire::make_header(wire::FrameType::kPing, id, payload.size());
+    lazy.send(zmq::buffer(&header, sizeof header), zmq::send_flags::sndmore);
+    lazy.send(zmq::buffer(payload), zmq::send_flags::none);
+  }
+  for (std::uint64_t own = 1; counter(witness, "ipc.frames") < own + kAsked; ++own) std::this_thread::sleep_for(1ms);
+  EXPECT_EQ(counter(witness, "zmq.replies_dropped"), 0u);
+  lazy.set(zmq::sockopt::rcvtimeo, 60'000);
+  for (std::uint64_t id = 1; id <= kAsked; ++id) {
+    zmq::message_t head, body;
+    ASSERT_TRUE(lazy.recv(head)) << id;
+    ASSERT_TRUE(lazy.recv(body)) << id;
+    wire::FrameHeader header;
+    ASSERT_EQ(head.size(), sizeof header);
+    std::memcpy(&header, head.data(), sizeof header);
+    ASSERT_EQ(header.request_id, id);
+    ASSERT_EQ(body.size(), payload.size());
+  }
+}
+
+TEST_F(ZmqTest, AClientStopsBeforeTheDaemonHasToDropReplies) {
+  Client client = patient(daemon_.url());
+  ASSERT_EQ(kill(daemon_.pid(), SIGSTOP), 0);
+  std::vector<Pending> pending;
+  std::string why;
+  try {
+    while (pending.size() < 5000) pending.push_back(client.submit());
+  } catch (const ConnectionError& error) {
+    why = error.what();
+  }
+  ASSERT_EQ(kill(daemon_.pid(), SIGCONT), 0);
+  EXPECT_EQ(why, daemon_.url() + ": the daemon takes no more requests: its queue is full");
+  EXPECT_LE(pending.size(), 1000u);
+  for (Pending& p : pending) {  // answered or refused, each of them
+    try {
+      p.get();
+    } catch (const RequestError&) {
+    }
+  }
+}
+
 TEST_F(ZmqTest, RepliesToAClientThatDoesNotReadAreDroppedAndCounted) {
   zmq::context_t context;
   zmq::socket_t lazy = lazy_client(context, daemon_.url());

@@ -18,6 +18,8 @@ from .frames import HEADER, SIGN_REQUEST, Frame, header_bytes, malformed
 
 #: Longest wait for a reply before the monitor is looked at: how late a daemon's death is noticed.
 _NAP_S = 0.01
+#: Requests without a reply: for so many the daemon has room, should their replies wait.
+_MOST_OUTSTANDING = 1000
 
 
 class ZmqChannel:
@@ -70,9 +72,13 @@ class ZmqChannel:
 
     def send(self, header: bytes, parts: Sequence[Any], reply_bytes: int) -> None:
         payload = parts[0] if len(parts) == 1 else b"".join(memoryview(part).cast("B") for part in parts)
+        if len(self._outstanding) >= _MOST_OUTSTANDING:
+            self._take_arrived(HEADER.unpack(header)[3], 0.0)
         if self.lost:
             raise self._error("the daemon has gone")
         try:
+            if len(self._outstanding) >= _MOST_OUTSTANDING:
+                raise zmq.Again
             self._socket.send_multipart([header, payload], zmq.DONTWAIT)
         except zmq.Again:
             self._read_events()
