@@ -125,7 +125,7 @@ gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on thi
 	@tools/build.sh release test_cuda_backend test_cuda_slack test_cuda_elements test_cuda_reductions test_cuda_motions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_cuda_containment test_device_plan test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench clearance_cuda
 	@tools/gpu.sh test
 
-gpu-certify: setup  ## a million pairs of every hard class on this machine's GPU against exact arithmetic; writes docs/results/accuracy_*.csv
+gpu-certify: setup  ## a million pairs of every hard class on this machine's GPU against exact arithmetic, and 100,000 motions; writes docs/results/*accuracy_*.csv
 	@tools/build.sh release clearance-certify clearance-gpu-bench clearance_cuda
 	@tools/gpu.sh certify
 

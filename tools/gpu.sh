@@ -74,7 +74,9 @@ case $what in
     ;;
   certify)
     file=$(results_file accuracy) || exit 1
-    "$bin/clearance-certify" --backend cuda --pairs 1000000 --seed 1 --csv "$file" --failures "$out/certify_failures.txt" && echo "$file"
+    "$bin/clearance-certify" --backend cuda --pairs 1000000 --seed 1 --csv "$file" --failures "$out/certify_failures.txt" && echo "$file" || exit 1
+    file=$(results_file motion_accuracy) || exit 1
+    "$bin/clearance-certify" --backend cuda --motions 100000 --seed 1 --csv "$file" && echo "$file"
     ;;
   sanitize)
     # Out of bounds, barriers that not all reach, races in shared memory; of reductions also what is read unwritten (of dense

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "engine/device/device.h"
+#include "engine/motion/motion_step.h"
 #include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {
@@ -24,6 +25,16 @@ struct Options {
   std::string csv;
   std::vector<std::string> folders;
 };
+
+// What is asked for beside the default columns.
+struct Columns {
+  const char* name;
+  std::uint32_t fields;
+};
+constexpr std::uint32_t kVerdict = kDefaultFields | kFieldPair | kFieldTime | kFieldSteps;
+constexpr Columns kColumns[]{{"verdict", kVerdict},
+                             {"first_contact", kVerdict | kFieldFirstContact},
+                             {"python_default", kVerdict | kFieldFirstContact | kFieldFlags}};
 
 std::uint64_t counter(const Engine& engine, const std::string& name) {
   for (const auto& [key, value] : engine.stats())
@@ -64,7 +75,7 @@ struct Edges {
       for (std::size_t j = 0; j < joints.size(); ++j) positions.push_back(start[j] + scale * way[j]);
     }
   }
-  QueryView query(double margin, std::uint32_t count) const {
+  QueryView query(double margin, std::uint32_t count, std::uint32_t fields) const {
     QueryView q;
     q.joints = joints;
     q.positions = std::span(positions).first(std::size_t{2} * count * joints.size());
@@ -74,7 +85,7 @@ struct Edges {
     q.margin = margin;
     q.abs_tol = 0;
     q.rel_tol = 1e-6;
-    q.fields = kDefaultFields | kFieldPair | kFieldTime | kFieldSteps;
+    q.fields = fields;
     return q;
   }
 };
@@ -85,20 +96,28 @@ struct Sums {
   std::uint64_t steps = 0, apart = 0;
 };
 
+// First contact in both rows' intervals, which meet, the device's as narrow as the CPU's are to be.
+bool is_same_contact(const ReplyView& ours, const ReplyView& theirs, std::uint32_t i) {
+  if (!ours.first_contact) return true;
+  const double *const a = ours.first_contact + 2 * std::size_t{i}, *const b = theirs.first_contact + 2 * std::size_t{i};
+  const bool is_narrow = std::isinf(a[1]) || a[1] - a[0] <= std::max(kContactTime, b[1] - b[0]);
+  return a[0] <= b[1] && b[0] <= a[1] && is_narrow;
+}
+
 // A row of the results.
-void write(std::ostream& csv, const std::string& name, std::uint64_t pairs, double margin, const Sums& s) {
+void write(std::ostream& csv, const std::string& name, const Columns& columns, std::uint64_t pairs, double margin,
+           const Sums& s) {
   const double million = 1e-6 * static_cast<double>(s.edges);
-  csv << name << ',' << pairs << ',' << margin << ',' << s.edges << ',' << million / s.wall_s << ','
-      << million / s.kernel_s << ',' << 1e-6 * static_cast<double>(s.compared) / s.cpu_s << ',' << s.free << ','
+  csv << name << ',' << columns.name << ',' << pairs << ',' << margin << ',' << s.edges << ',' << million / s.wall_s
+      << ',' << million / s.kernel_s << ',' << 1e-6 * static_cast<double>(s.compared) / s.cpu_s << ',' << s.free << ','
       << s.on_cpu << ',' << s.undecided << ',' << s.compared << ',' << s.undecided_on_cpu << ',' << s.wrong << '\n';
 }
 
-void run(const std::string& folder, const Options& o, std::ostream& csv, Sums& sums) {
-  const Scene scene = Scene::load(folder + "/scene.yaml", true);
-  const Edges edges(scene, folder, o.edges);
+void run(const std::string& folder, const Scene& scene, const Edges& edges, const Columns& columns, const Options& o,
+         std::ostream& csv, Sums& sums) {
   Engine device(Scene(scene), {.backend = "cuda", .threads = o.threads}),
       cpu(Scene(scene), {.backend = "cpu", .threads = o.threads});
-  const QueryView all = edges.query(o.margin, o.edges);
+  const QueryView all = edges.query(o.margin, o.edges, columns.fields);
   const QuerySize size = device.size(all);
   std::uint64_t bytes = 0;
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
@@ -137,7 +156,7 @@ void run(const std::string& folder, const Options& o, std::ostream& csv, Sums& s
     own.steps += reply.steps[i];
   }
   own.compared = std::min(o.compared, o.edges);
-  const QueryView some = edges.query(o.margin, static_cast<std::uint32_t>(own.compared));
+  const QueryView some = edges.query(o.margin, static_cast<std::uint32_t>(own.compared), columns.fields);
   ask(cpu, some);
   const auto begin = Clock::now();
   const Answer wanted = ask(cpu, some);
@@ -147,13 +166,13 @@ void run(const std::string& folder, const Options& o, std::ostream& csv, Sums& s
     const bool free_there = theirs == Status::kBeyond, free_here = ours == Status::kBeyond;
     own.undecided_on_cpu += theirs == Status::kUnconverged;
     if (theirs == Status::kUnconverged || ours == Status::kUnconverged) continue;
-    own.wrong += free_there != free_here;
+    own.wrong += free_there != free_here || !is_same_contact(reply, wanted.view, i);
     own.apart += !(reply.lower[i] <= reply.upper[i]);
   }
   std::printf(
-      "%-40s %6u pairs | %8.0f edges/ms kernels %8.0f | CPU %6.2f edges/ms | free %4.1f %% | to the CPU %6.3f %% "
+      "%-40s %-14s %6u pairs | %8.0f edges/ms kernels %8.0f | CPU %6.2f edges/ms | free %4.1f %% | to the CPU %6.3f %% "
       "| undecided %llu, CPU's %llu of %llu | steps %.2f | wrong %llu\n",
-      folder.c_str(), static_cast<unsigned>(size.pairs), 1e-3 * o.edges / wall, 1e-3 * o.edges / kernel,
+      folder.c_str(), columns.name, static_cast<unsigned>(size.pairs), 1e-3 * o.edges / wall, 1e-3 * o.edges / kernel,
       1e-3 * static_cast<double>(own.compared) / own.cpu_s, 100.0 * static_cast<double>(own.free) / o.edges,
       100.0 * static_cast<double>(on_cpu) / o.edges, static_cast<unsigned long long>(own.undecided),
       static_cast<unsigned long long>(own.undecided_on_cpu), static_cast<unsigned long long>(own.compared),
@@ -161,7 +180,7 @@ void run(const std::string& folder, const Options& o, std::ostream& csv, Sums& s
   std::fflush(stdout);
   own.wrong += own.apart;
   const std::size_t slash = folder.find_last_of('/');
-  write(csv, folder.substr(slash == std::string::npos ? 0 : slash + 1), size.pairs, o.margin, own);
+  write(csv, folder.substr(slash == std::string::npos ? 0 : slash + 1), columns, size.pairs, o.margin, own);
   sums.wall_s += wall;
   sums.kernel_s += kernel;
   sums.cpu_s += own.cpu_s;
@@ -201,21 +220,31 @@ int main_of(int argc, char** argv) {
     std::fprintf(stderr, "no device: %s\n", cuda::device_info().reason.c_str());
     return 2;
   }
-  Sums sums;
+  Sums sums[std::size(kColumns)];
   std::ofstream csv(o.csv);  // without a name nothing is written
-  csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\nscene,pairs,margin_m,edges,"
+  csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\nscene,columns,pairs,margin_m,edges,"
       << "million_edges_s,million_edges_s_in_kernels,million_edges_s_cpu,free,finished_by_cpu,undecided,compared,"
       << "undecided_by_cpu,wrong\n";
-  for (const std::string& folder : o.folders) run(folder, o, csv, sums);
-  write(csv, "all", 0, o.margin, sums);
-  const double million = 1e-6 * static_cast<double>(sums.edges);
-  std::printf(
-      "all: %.2f M edges/s host to host, %.2f M in kernels; CPU %.4f M; undecided %llu of %llu; wrong %llu of "
-      "%llu\n",
-      million / sums.wall_s, million / sums.kernel_s, 1e-6 * static_cast<double>(sums.compared) / sums.cpu_s,
-      static_cast<unsigned long long>(sums.undecided), static_cast<unsigned long long>(sums.edges),
-      static_cast<unsigned long long>(sums.wrong), static_cast<unsigned long long>(sums.compared));
-  return sums.wrong > 0;
+  for (const std::string& folder : o.folders) {
+    const Scene scene = Scene::load(folder + "/scene.yaml", true);
+    const Edges edges(scene, folder, o.edges);
+    for (std::size_t c = 0; c < std::size(kColumns); ++c) run(folder, scene, edges, kColumns[c], o, csv, sums[c]);
+  }
+  std::uint64_t wrong = 0;
+  for (std::size_t c = 0; c < std::size(kColumns); ++c) {
+    const Sums& s = sums[c];
+    write(csv, "all", kColumns[c], 0, o.margin, s);
+    const double million = 1e-6 * static_cast<double>(s.edges);
+    std::printf(
+        "all, %s: %.2f M edges/s host to host, %.2f M in kernels; CPU %.4f M; finished by the CPU %.3f %%; undecided "
+        "%llu of %llu; wrong %llu of %llu\n",
+        kColumns[c].name, million / s.wall_s, million / s.kernel_s, 1e-6 * static_cast<double>(s.compared) / s.cpu_s,
+        100.0 * static_cast<double>(s.on_cpu) / static_cast<double>(s.edges),
+        static_cast<unsigned long long>(s.undecided), static_cast<unsigned long long>(s.edges),
+        static_cast<unsigned long long>(s.wrong), static_cast<unsigned long long>(s.compared));
+    wrong += s.wrong;
+  }
+  return wrong > 0;
 }
 
 }  // namespace

@@ -3,6 +3,11 @@
 // one (engine/motion/motion_search.h's words, with bounds from engine/motion/motion_step.h). How many there are nobody
 // knows but the device: kernels read it there, and none waits for the host.
 //
+// Where first contact is sought, too, a pair that is within its margin ends what comes behind it, no more: what lies
+// before goes on until the time is as narrow as the CPU makes it. That is looked at between levels alone, so that a
+// motion's row does not depend on which thread comes first. A pair that is not settled goes on, too: mostly it is deep
+// inside another one, and so behind first contact. As long as no hit says so its motion is the CPU's.
+//
 // What a list has no room for, what the narrow phase does not settle and what the last level leaves makes a motion the
 // CPU's.
 #pragma once
@@ -16,6 +21,7 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kMotionThreads = 128;
+inline constexpr std::uint32_t kMostUnsettledSteps = 24;
 inline constexpr double kRoughMotion = 0.02;  // of a distance: what a first look at a pair asks for
 
 __device__ inline std::uint32_t& count_of(const MotionsView& m, std::uint32_t which, std::uint32_t level) {
@@ -33,12 +39,29 @@ __device__ inline std::uint32_t thread_index() {
 __device__ inline double target_of(const MotionsView& m, std::uint32_t pair) {
   return m.margins ? m.margins[pair] : m.margin;
 }
-__device__ inline std::uint64_t hit_key(std::uint32_t pair, double time) {
-  return std::uint64_t{pair} << 32 | __float_as_uint(static_cast<float>(time));
+// Of the pairs that are within their margins the first in the query's order stands for a motion, at the earliest time
+// found; where first contact is sought the earliest pair. A time is less than 1, and a multiple of 2^-32: of the
+// middles of spans that are cut at multiples of 2^-12, and halved no more than kContactLevels times.
+static_assert(kSpanGrid * 0x1p-20 == 0x1p-32 && kContactLevels < 20);
+__device__ inline std::uint64_t hit_key(const MotionsView& m, std::uint32_t pair, double time) {
+  const auto at = static_cast<std::uint64_t>(time * 0x1p32);
+  return m.seeks_contact ? at << 32 | pair : std::uint64_t{pair} << 32 | at;
 }
-// Whether a pair before this one is known to be within its margin at some time.
+constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
+// Where first contact is sought: when the earliest pair that is known to be within its margin is; inf: none is.
+__device__ inline double time_of_hit(const MotionsView& m, std::uint32_t motion) {
+  const std::uint64_t key = m.hit[motion];
+  return key == kNoHit ? __builtin_inf() : static_cast<double>(key >> 32) * 0x1p-32;
+}
+// Whether a motion is decided by a pair before this one.
 __device__ inline bool is_hit_before(const MotionsView& m, std::uint32_t motion, std::uint32_t pair) {
-  return __ldcg(m.hit + motion) < hit_key(pair, 0);
+  return !m.seeks_contact && __ldcg(m.hit + motion) < hit_key(m, pair, 0);
+}
+// Before that time all pairs are beyond their margins, so far as this tells. Times, none of them negative, are in the
+// order of their bits.
+__device__ inline void free_no_longer(const MotionsView& m, std::uint32_t motion, double time) {
+  take_least(reinterpret_cast<std::uint64_t*>(m.free_until) + motion,
+             static_cast<std::uint64_t>(__double_as_longlong(time)));
 }
 
 // A thread for each motion: nothing is known of it yet, but for what its ends say.
@@ -46,14 +69,13 @@ __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_con
   const std::uint32_t i = thread_index();
   if (i < kMotionCounts) m.counts[i] = i == kSpanCount ? m.motions : 0;
   if (i >= m.motions) return;
-  m.hit[i] = ~std::uint64_t{0};
+  m.hit[i] = kNoHit;
+  if (m.seeks_contact) m.free_until[i] = __builtin_inf();
   m.steps[i] = 0;
-  m.open[i] = 0;
+  m.open[i] = m.unsettled[i] = 0;
   m.spans[i] = {i, 0, 1};
   const FramesView& f = m.moves.frames;
-  // A position is none; or beyond its limits, where rows have flags that say so.
-  const std::uint8_t strange = kLinkBad | (m.chunk.question.want_nonsmooth ? kLinkBeyondLimits : 0);
-  bool is_strange = false;
+  bool is_bad = false;  // a position is none
   for (std::uint32_t r = 0; r < f.robot_count; ++r) {
     const JointRobot& robot = f.robots[r];
     double travel = 0;
@@ -61,14 +83,14 @@ __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_con
       const JointRow row{f.columns + robot.first_column, m.ends + (std::size_t{i} * 2 + end) * f.joints};
       for (std::uint32_t s = 0; s < robot.steps; ++s) {
         const KinematicStep& step = f.steps[robot.first_step + s];
-        is_strange |= (moving_fact_of_step(step, row) & strange) != 0;
+        is_bad |= (moving_fact_of_step(step, row) & kLinkBad) != 0;
         const double out = travel_of(step, row);
         if (travel < out) travel = out;
       }
     }
     m.travels[std::size_t{i} * f.robot_count + r] = travel;
   }
-  m.to_cpu[i] = is_strange;
+  m.to_cpu[i] = is_bad;
 }
 
 // A thread for each joint in each span: the positions in its middle.
@@ -82,6 +104,22 @@ __global__ void __launch_bounds__(kMotionThreads) place_spans(const __grid_const
   if (j != 0) return;
   m.shares[2 * s] = m.shares[2 * s + 1] = ~0u;
   atomicAdd(m.steps + span.motion, 1);
+}
+
+// An end beyond a joint's limits is said of the links that it places all along: MotionPoses' words.
+__device__ inline void tell_ends(const MotionsView& m, const JointRobot& robot, std::uint32_t s) {
+  const FramesView& f = m.moves.frames;
+  const double* const ends = m.ends + std::size_t{m.spans[s].motion} * 2 * f.joints;
+  const JointColumn* const columns = f.columns + robot.first_column;
+  const auto facts = [&](std::uint32_t frame) -> std::uint8_t& {
+    return f.facts[std::size_t{robot.first_frame + frame} * m.span_capacity + s];
+  };
+  for (std::uint32_t i = 0; i < robot.steps; ++i) {
+    const KinematicStep& step = f.steps[robot.first_step + i];
+    const std::uint8_t of_ends =
+        fact_of_step(step, JointRow{columns, ends}) | fact_of_step(step, JointRow{columns, ends + f.joints});
+    facts(robot.roots + i) |= (facts(step.from) | of_ends) & kLinkBeyondLimits;
+  }
 }
 
 // A thread for each robot in each span: where its links are, and how fast they move.
@@ -104,6 +142,7 @@ __global__ void __launch_bounds__(kMotionThreads) place_span_links(const __grid_
                    store_twist(m, robot.first_frame + robot.roots + i, s,
                                twist_of_step(step, axis_of_step(step), from, carrier, to, change));
                  });
+  if (m.chunk.question.want_nonsmooth) tell_ends(m, robot, s);
 }
 
 // A thread for each moved body in each span: where it is, what is not known of it there, and how fast it moves.
@@ -228,13 +267,14 @@ __device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const
                                const PairAnswer& answer) {
   const MotionSpan& span = pair.span;
   const double time = pair.way > 0 ? span.middle() : span.begin;  // what does not move is there from the beginning on
-  const std::uint32_t at = atomicAdd(m.counts + kHitCount, 1);
+  const std::uint64_t key = hit_key(m, item.pair, time);
+  if (__ldcg(m.hit + span.motion) < key) return;
+  const std::uint32_t at = atomicAdd(&count_of(m, kHitCount, m.level), 1);
   if (at >= m.hit_capacity) {
     m.to_cpu[span.motion] = 1;
     return;
   }
-  const std::uint64_t key = hit_key(item.pair, time);
-  m.hits[at] = {key, span.motion, time, pair.at_a.translation(), pair.at_b.translation(), answer};
+  m.hits[at] = {key, span.motion, item.pair, time, pair.at_a.translation(), pair.at_b.translation(), answer};
   take_least(m.hit + span.motion, key);
 }
 
@@ -270,12 +310,17 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
           q.rel_tol = wanted;
         }
         settled = outcome == Outcome::kSettled;
-        if (outcome == Outcome::kUnsettled)
+        if (outcome == Outcome::kUnsettled && m.seeks_contact) {
+          m.unsettled[motion] = 1;
+          pair.go_on_around(goes_on);
+        } else if (outcome == Outcome::kUnsettled) {
           m.open[motion] = 1;
-        else if (answer.upper <= target)
+        } else if (answer.upper <= target) {
           add_hit(m, item, pair, answer);
-        else
+          if (m.seeks_contact && pair.way > 0) pair.go_on_before(goes_on);
+        } else {
           pair.divide(answer, target, goes_on);
+        }
       }
     }
     add_count(m.counts + kSettledCount, settled);
@@ -290,6 +335,27 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
   }
 }
 
+// Of each motion the hit that stands for it stays, so that the next level's have room.
+__global__ void __launch_bounds__(kMotionThreads) keep_hits(const __grid_constant__ MotionsView m) {
+  const std::uint32_t count = listed(count_of(m, kHitCount, m.level), m.hit_capacity);
+  for (std::uint32_t i = blockIdx.x * kMotionThreads + threadIdx.x; i < count; i += gridDim.x * kMotionThreads) {
+    const MotionHitRow& hit = m.hits[i];
+    if (hit.key == m.hit[hit.motion]) m.best[hit.motion] = hit;
+  }
+}
+
+// Whether pairs that are not settled would multiply spans: none is behind a hit, or many are before it.
+__device__ inline bool is_hopeless(const MotionsView& m, std::uint32_t motion) {
+  return m.unsettled[motion] && (m.hit[motion] == kNoHit || m.steps[motion] > kMostUnsettledSteps);
+}
+
+// What is left of half a span. \param share of it, from the middle on, that is proved of all pairs
+__device__ inline MotionSpan rest_of_span(const MotionSpan& span, bool is_after, float share) {
+  const double middle = span.middle(), proved = static_cast<double>(share) * span.half();
+  const double rest = rest_of_half(middle, proved, 0.5 * span.half(), is_after);
+  return is_after ? MotionSpan{span.motion, rest, span.end} : MotionSpan{span.motion, span.begin, rest};
+}
+
 // A thread for each half of each span: what is left of it becomes a span of the next level, behind what is proved of
 // all of its pairs.
 __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_constant__ MotionsView m) {
@@ -298,10 +364,16 @@ __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_cons
   MotionSpan span{};
   if (wanted) {
     span = m.spans[s];
-    wanted =
-        m.shares[i] != ~0u && m.hit[span.motion] == ~std::uint64_t{0} && !m.open[span.motion] && !m.to_cpu[span.motion];
     m.next_children[i] = kNone;
-    if (wanted && m.level + 1 == kMotionLevels) {
+    const bool is_decided = !m.seeks_contact && m.hit[span.motion] != kNoHit;
+    wanted = m.shares[i] != ~0u && !is_decided && !m.open[span.motion] && !m.to_cpu[span.motion];
+  }
+  if (wanted) {
+    span = rest_of_span(span, i % 2 == 1, __uint_as_float(m.shares[i]));
+    if (m.seeks_contact && begins_late(span.begin, time_of_hit(m, span.motion))) {
+      free_no_longer(m, span.motion, span.begin);
+      wanted = false;
+    } else if (m.level + 1 == m.levels || is_hopeless(m, span.motion)) {
       m.open[span.motion] = 1;
       wanted = false;
     }
@@ -312,33 +384,24 @@ __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_cons
     m.open[span.motion] = 1;
     return;
   }
-  const bool is_after = i % 2 == 1;
-  const double middle = span.middle(), proved = static_cast<double>(__uint_as_float(m.shares[i])) * span.half();
-  const double rest = rest_of_half(middle, proved, 0.5 * span.half(), is_after);
-  m.next_spans[at] = is_after ? MotionSpan{span.motion, rest, span.end} : MotionSpan{span.motion, span.begin, rest};
+  m.next_spans[at] = span;
   m.next_children[i] = at;
 }
 
 // What became of each motion, and the rows of those that hit.
 __global__ void __launch_bounds__(kMotionThreads) conclude_motions(const __grid_constant__ MotionsView m) {
   const std::uint32_t i = thread_index();
-  if (i >= m.motions) return;
-  const bool is_hit = m.hit[i] != ~std::uint64_t{0};
-  const bool is_open = m.to_cpu[i] != 0 || (!is_hit && m.open[i] != 0) || m.steps[i] > m.max_steps;
-  m.verdicts[i] = is_open ? MotionVerdict::kOpen : is_hit ? MotionVerdict::kHit : MotionVerdict::kFree;
-}
-__global__ void __launch_bounds__(kMotionThreads) gather_hits(const __grid_constant__ MotionsView m) {
-  const std::uint32_t count = listed(m.counts[kHitCount], m.hit_capacity);
-  for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
-    const std::uint32_t i = first + threadIdx.x;
-    bool wanted = false;
-    if (i < count) {
-      const MotionHitRow& hit = m.hits[i];
-      wanted = hit.key == m.hit[hit.motion] && m.verdicts[hit.motion] == MotionVerdict::kHit;
-    }
-    const std::uint32_t at = take_place(m.counts + kHitRowCount, wanted);
-    if (wanted) m.hit_rows[at] = m.hits[i];
+  bool has_row = false;
+  if (i < m.motions) {
+    const bool is_hit = m.hit[i] != kNoHit;
+    const bool matters = m.seeks_contact || !is_hit;  // what is not proved elsewhere
+    const bool is_open = m.to_cpu[i] != 0 || (matters && m.open[i] != 0) || m.steps[i] > m.max_steps;
+    has_row = is_hit && !is_open;
+    m.verdicts[i] = is_open ? MotionVerdict::kOpen : is_hit ? MotionVerdict::kHit : MotionVerdict::kFree;
+    if (m.seeks_contact && is_hit) free_no_longer(m, i, time_of_hit(m, i));
   }
+  const std::uint32_t at = take_place(m.counts + kHitRowCount, has_row);
+  if (has_row) m.hit_rows[at] = m.best[i];
 }
 
 }  // namespace clearance::cuda

@@ -177,13 +177,20 @@ struct MovingPair {
       if (along > target) continue;
       const ProvedShare by_way = proved_until(answer.lower, by_speed, target),
                         by_normal = proved_until(gaps.middle, along, target);
-      const double share = by_way < by_normal ? by_normal.share : by_way.share;
-      atomicMin(m.shares + 2 * item.span + h, __float_as_uint(__double2float_rd(share)));
-      goes_on[h] = true;
+      go_on(h, by_way < by_normal ? by_normal.share : by_way.share, goes_on);
     }
+  }
+  // Nothing is proved of the half before the middle; of both.
+  __device__ void go_on_before(bool (&goes_on)[2]) const { go_on(0, 0, goes_on); }
+  __device__ void go_on_around(bool (&goes_on)[2]) const {
+    for (int h = 0; h < 2; ++h) go_on(h, 0, goes_on);
   }
 
  private:
+  __device__ void go_on(int half, double share, bool (&goes_on)[2]) const {
+    atomicMin(m.shares + 2 * item.span + half, __float_as_uint(__double2float_rd(share)));
+    goes_on[half] = true;
+  }
   template <class ReachA, class ReachB>
   __device__ HalfSpans half_spans(const Vec3d& n, double inner, const ReachA& reach_a, const ReachB& reach_b,
                                   double sizes) const {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "engine/cuda/chunk_clock.cuh"
 #include "engine/cuda/motion_kernel.cuh"
 #include "engine/cuda/motions.cuh"
 #include "engine/device/motion_layout.h"
@@ -16,8 +17,7 @@ struct MotionSlot : QuerySlot {
 
   DeviceBuffer motions, spans, pairs, hits;
   PinnedBuffer host_motions, host_hits;
-  Event begun;
-  std::uint64_t chunk = 0;  // of the query
+  ChunkTime time;
   MotionsView view{};
 };
 
@@ -46,7 +46,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       check(cudaStreamWaitEvent(slots_[i]->stream, sent_.event), "waiting for an event");
     margin_ = s.margin;
     max_steps_ = s.max_steps;
-    chunks_ = 0;
+    clock_.restart();
   }
 
   void launch(int index, const ChunkSetup& chunk) override {
@@ -56,10 +56,9 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     make_room(slot, chunk);
     MotionsView& m = slot.view;
     m.ends = send_given(slot, chunk, Given::kPositions, chunk.positions, 2 * std::size_t{joints_});
-    check(cudaEventRecord(slot.begun.event, slot.stream), "recording an event");
+    clock_.begin(slot.time, slot.stream);
     start(m, slot.stream);
-    slot.chunk = chunks_++;
-    check(cudaEventRecord(ended_[slot.chunk % (kSlots + 1)].event, slot.stream), "recording an event");
+    clock_.end(slot.time, slot.stream);
     ++counters_.launches;
     const std::size_t bytes = motions_bytes(m.motions);
     std::byte* const host = slot.host_motions.reserve(bytes);
@@ -71,7 +70,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     MotionSlot& slot = *slots_[index];
     const MotionsView& m = slot.view;
     check(cudaStreamSynchronize(slot.stream), "deciding motions");
-    count_kernels(slot);
+    counters_.kernel_ns += clock_.nanoseconds(slot.time);
     const std::byte* const host = slot.host_motions.data();
     const auto* const counts = reinterpret_cast<const std::uint32_t*>(host);
     const std::size_t rows = counts[kHitRowCount], bytes = rows * sizeof(MotionHitRow);
@@ -80,10 +79,13 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       check(cudaMemcpyAsync(hits, m.hit_rows, bytes, cudaMemcpyDeviceToHost, slot.stream), "copying hits");
       check(cudaStreamSynchronize(slot.stream), "copying hits");
     }
-    const auto* const steps = reinterpret_cast<const std::uint32_t*>(host + counts_bytes());
+    const auto* const free_until = reinterpret_cast<const double*>(host + counts_bytes());
+    const std::size_t times = seeks_contact() ? m.motions : 0;
+    const auto* const steps = reinterpret_cast<const std::uint32_t*>(free_until + times);
     const auto* const verdicts = reinterpret_cast<const MotionVerdict*>(steps + m.motions);
     return {{verdicts, m.motions},
             {steps, m.motions},
+            {free_until, times},
             {reinterpret_cast<const MotionHitRow*>(hits), rows},
             counts[kSettledCount]};
   }
@@ -91,25 +93,14 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
  private:
   static constexpr std::uint32_t kListBlocks = 2112;  // for lists whose length nobody knows: all that an H100 holds
   static constexpr std::uint32_t kMostPairBlocks = 1u << 16;
-  static constexpr std::uint64_t kMostPairs = 1u << 23;  // of a list
-  static constexpr std::uint32_t kHitsOfMotion = 4, kMoreSpans = 256;
 
-  // Since the chunk's kernels began, or since the chunk before ended if they ran side by side.
-  void count_kernels(const MotionSlot& slot) {
-    const cudaEvent_t ended = ended_[slot.chunk % (kSlots + 1)].event;
-    float alone = 0, after = 0;
-    check(cudaEventElapsedTime(&alone, slot.begun.event, ended), "reading events");
-    if (slot.chunk > 0)
-      check(cudaEventElapsedTime(&after, ended_[(slot.chunk - 1) % (kSlots + 1)].event, ended), "reading events");
-    const float milliseconds = slot.chunk > 0 ? std::max(0.0f, std::min(alone, after)) : alone;
-    counters_.kernel_ns += static_cast<std::uint64_t>(1e6 * milliseconds);
-  }
-
+  bool seeks_contact() const { return (fields_ & kFieldFirstContact) != 0; }
   static std::size_t rounded(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
-  // Counts, steps and verdicts lie one after another, and go to the host together.
+  // Counts, times, steps and verdicts lie one after another, and go to the host together.
   static std::size_t counts_bytes() { return rounded(kMotionCounts * sizeof(std::uint32_t)); }
-  static std::size_t motions_bytes(std::size_t motions) {
-    return counts_bytes() + motions * (sizeof(std::uint32_t) + sizeof(MotionVerdict));
+  std::size_t motions_bytes(std::size_t motions) const {
+    const std::size_t time = seeks_contact() ? sizeof(double) : 0;
+    return counts_bytes() + motions * (time + sizeof(std::uint32_t) + sizeof(MotionVerdict));
   }
 
   // Parts of a buffer, one after another. Without memory they are counted.
@@ -143,22 +134,25 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     m.margins = margins_;
     m.margin = margin_;
     m.max_steps = max_steps_;
+    m.seeks_contact = seeks_contact();
+    m.levels = m.seeks_contact ? kContactLevels : kMotionLevels;
     m.motions = chunk.configurations;
-    m.span_capacity = m.chunk.configurations = 2 * m.motions + kMoreSpans;
-    const std::uint64_t pairs = std::uint64_t{m.motions} * chunk.pair_count;
-    m.pair_capacity =
-        static_cast<std::uint32_t>(std::min(pairs + kMoreSpans * std::uint64_t{chunk.pair_count}, kMostPairs));
-    m.hit_capacity = kHitsOfMotion * m.motions + kMotionThreads;
+    const MotionRoom room(m.motions, chunk.pair_count);
+    m.span_capacity = m.chunk.configurations = room.spans;
+    m.pair_capacity = room.pairs;
+    m.hit_capacity = room.hits;
     make_parts(slot.motions, [&](Parts& parts) {
       std::byte* begin = nullptr;
       parts.take(begin, motions_bytes(m.motions));
       m.counts = reinterpret_cast<std::uint32_t*>(begin);
-      m.steps = reinterpret_cast<std::uint32_t*>(begin + counts_bytes());
+      m.free_until = reinterpret_cast<double*>(begin + counts_bytes());
+      m.steps = reinterpret_cast<std::uint32_t*>(m.free_until + (m.seeks_contact ? m.motions : 0));
       m.verdicts = reinterpret_cast<MotionVerdict*>(m.steps + m.motions);
       parts.take(m.hit, m.motions);
       parts.take(m.travels, std::size_t{m.motions} * m.moves.frames.robot_count);
       parts.take(m.open, m.motions);
       parts.take(m.to_cpu, m.motions);
+      parts.take(m.unsettled, m.motions);
     });
     make_room_for_spans(slot);
     make_parts(slot.pairs, [&](Parts& parts) {
@@ -166,7 +160,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     });
     make_parts(slot.hits, [&](Parts& parts) {
       parts.take(m.hits, m.hit_capacity);
-      parts.take(m.hit_rows, m.hit_capacity);
+      for (MotionHitRow** rows : {&m.best, &m.hit_rows}) parts.take(*rows, m.motions);
     });
   }
 
@@ -199,7 +193,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     const auto blocks = [](std::uint64_t threads) { return blocks_of(threads, kMotionThreads); };
     const std::uint64_t S = m.span_capacity, moved = m.chunk.bodies.moved_count;
     begin_motions<<<blocks(std::max(m.motions, kMotionCounts)), kMotionThreads, 0, stream>>>(m);
-    for (m.level = 0; m.level < kMotionLevels; ++m.level) {
+    for (m.level = 0; m.level < m.levels; ++m.level) {
       const std::uint64_t spans = m.level == 0 ? m.motions : S;
       place_spans<<<blocks(spans * m.moves.frames.joints), kMotionThreads, 0, stream>>>(m);
       place_span_links<<<blocks(S * m.moves.frames.robot_count), kMotionThreads, 0, stream>>>(m);
@@ -212,6 +206,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
         find_near_in_spans<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       look_along_boxes<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       look_at_span_pairs<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+      keep_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       divide_spans<<<blocks(2 * spans), kMotionThreads, 0, stream>>>(m);
       check(cudaGetLastError(), "starting a kernel");
       std::swap(m.spans, m.next_spans);
@@ -219,14 +214,13 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       std::swap(m.on, m.next_on);
     }
     conclude_motions<<<blocks(m.motions), kMotionThreads, 0, stream>>>(m);
-    gather_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
     check(cudaGetLastError(), "starting a kernel");
   }
 
   Upload tables_;
   MotionTables at_{};
-  Event sent_, ended_[kSlots + 1];
-  std::uint64_t chunks_ = 0;  // of the query, so far
+  Event sent_;
+  ChunkClock clock_;
   double margin_ = 0;
   std::uint32_t max_steps_ = 0;
 };

@@ -5,6 +5,7 @@
 
 #include <cub/device/device_scan.cuh>
 
+#include "engine/cuda/chunk_clock.cuh"
 #include "engine/cuda/reduced.cuh"
 #include "engine/cuda/reduced_launch.cuh"
 #include "engine/cuda/table_search.cuh"
@@ -34,8 +35,7 @@ struct ReducedSlot : QuerySlot {
   DeviceBuffer device_groups, device_words, device_scan, device_items, device_counts, device_answers;
   PinnedBuffer host_reply, host_counts, host_rest, host_answers;
   TableSearch table;
-  Event begun;
-  std::uint64_t chunk = 0;   // of the query
+  ChunkTime time;
   std::uint32_t listed = 0;  // rows that there was room for so far, where pairs are listed
   bool counts_are_clear = false;
   std::size_t scan_bytes = 0;
@@ -66,7 +66,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     asked_ = ReducedQuestion(s, hulls_);
     warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
     most_rows_ = s.most_rows;
-    chunks_ = 0;
+    clock_.restart();
   }
 
   // Memory that grows, grows before anything is started.
@@ -89,7 +89,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     make_room_for_items(slot, table_ ? std::min(r.rows, slot.table.expected(r.chunk.bodies.bodies)) : slot.listed);
     make_room_for_rows(slot, within() ? std::min(slot.most_rows, kFirstHits) : slot.most_rows);
 
-    kernels_begin(slot);
+    clock_.begin(slot.time, slot.stream);
     if (table_)
       slot.table.prepare(slot.stream);
     else if (within())
@@ -118,7 +118,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
       write(slot);
       check(cudaStreamSynchronize(slot.stream), "answering a query");
     }
-    count_kernels(slot);
+    counters_.kernel_ns += clock_.nanoseconds(slot.time);
     if (table_) {
       slot.table.found(r.chunk.host_counts[kCandidates]);
       counters_.broad_phase_ns += slot.table.nanoseconds_since(boxes_begun_);
@@ -167,21 +167,9 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
       check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
   }
 
-  void kernels_begin(ReducedSlot& slot) { check(cudaEventRecord(slot.begun.event, slot.stream), "recording an event"); }
   void kernels_end(ReducedSlot& slot) {
-    slot.chunk = chunks_++;
-    check(cudaEventRecord(ended_[slot.chunk % (kSlots + 1)].event, slot.stream), "recording an event");
+    clock_.end(slot.time, slot.stream);
     ++counters_.launches;
-  }
-  // Since the chunk's kernels began, or since the chunk before ended if they ran side by side.
-  void count_kernels(const ReducedSlot& slot) {
-    const cudaEvent_t ended = ended_[slot.chunk % (kSlots + 1)].event;
-    float alone = 0, after = 0;
-    check(cudaEventElapsedTime(&alone, slot.begun.event, ended), "reading events");
-    if (slot.chunk > 0)
-      check(cudaEventElapsedTime(&after, ended_[(slot.chunk - 1) % (kSlots + 1)].event, ended), "reading events");
-    const float milliseconds = slot.chunk > 0 ? std::max(0.0f, std::min(alone, after)) : alone;
-    counters_.kernel_ns += static_cast<std::uint64_t>(1e6 * milliseconds);
   }
 
   // Where a team of threads decides each configuration. What they leave open is listed; as a rule that is nothing.
@@ -192,7 +180,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     make_room_for_groups(slot);
     if (!slot.counts_are_clear) clear_counts(slot);
     slot.counts_are_clear = true;  // they are left so
-    kernels_begin(slot);
+    clock_.begin(slot.time, slot.stream);
     start_teams(r, slot.stream);
     kernels_end(slot);
   }
@@ -331,8 +319,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   const CudaTable* table_ = nullptr;  // null: the query's pairs are listed
   QueryElements elements_{counters_.memory};
   WarmRow* warm_ = nullptr;  // of the query's rows; null: cold
-  Event ended_[kSlots + 1];  // of chunks, by their number
-  std::uint64_t chunks_ = 0;
+  ChunkClock clock_;
 };
 
 }  // namespace clearance::cuda

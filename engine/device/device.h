@@ -238,6 +238,7 @@ class ReducedWorkspace : public QueryWorkspace {
 struct MotionResult {
   std::span<const MotionVerdict> verdicts;  ///< of each
   std::span<const std::uint32_t> steps;     ///< likewise: configurations that were looked at
+  std::span<const double> free_until;       ///< likewise, as MotionRow has it; empty: first contact was not sought
   std::span<const MotionHitRow> hits;       ///< of those that hit, in no order
   std::uint64_t settled = 0;                ///< pairs that the narrow phase answered
 };

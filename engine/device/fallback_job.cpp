@@ -95,7 +95,6 @@ std::string beyond_the_device(const Plan& plan) {
   if (plan.query.fields & kFieldFreeScale) return "the column free_scale";
   if (plan.query.max_steps == 0) return "";
   if (plan.query.reduce != Reduce::kAny) return "max_steps without reduce: any";
-  if (plan.query.fields & kFieldFirstContact) return "the column first_contact";
   return plan.given_bodies > 0 || plan.joints.empty() ? "motions of bodies by their poses" : "";
 }
 

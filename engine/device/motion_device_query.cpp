@@ -96,8 +96,7 @@ class MotionDeviceQuery final : public DeviceQuery {
       } else {
         const std::uint64_t begin = (unit - free_units) * kRowsOfThread,
                             end = std::min(begin + kRowsOfThread, r.hits.size());
-        for (std::uint64_t i = begin; i < end; ++i)
-          write_hit(first + r.hits[i].motion, r.hits[i], r.steps[r.hits[i].motion]);
+        for (std::uint64_t i = begin; i < end; ++i) write_hit(first, r.hits[i], r);
       }
       return true;
     });
@@ -106,18 +105,23 @@ class MotionDeviceQuery final : public DeviceQuery {
     MotionRow made;
     made.row = beyond_;
     made.row.configuration = static_cast<std::uint32_t>(motion);
+    made.free_until = std::numeric_limits<double>::infinity();
     made.steps = steps;
     write_motion_row(reply_, motion, made);
   }
-  void write_hit(std::uint64_t motion, const MotionHitRow& hit, std::uint32_t steps) {
+  // Of what the motion does elsewhere nothing is known: its least distance may be 0.
+  void write_hit(std::uint64_t first, const MotionHitRow& hit, const MotionResult& r) {
     MotionRow made;
-    const BodyPair pair = plan_.pairs.at(hit.key >> 32);
+    const BodyPair pair = plan_.pairs.at(hit.pair);
+    const std::uint64_t motion = first + hit.motion;
     made.row = {pair, static_cast<std::uint32_t>(motion), hit.answer, hit.origin_a, hit.origin_b, pair, {}};
     PairAnswer& answer = made.row.answer;
-    answer.lower = std::min(std::max(answer.lower, 0.0), answer.upper);
+    answer.lower = std::min(0.0, answer.upper);
     answer.status = decided_status(answer.lower, answer.upper);
     made.time = hit.time;
-    made.steps = steps;
+    made.hit.time = hit.time;
+    if (!r.free_until.empty()) made.free_until = r.free_until[hit.motion];
+    made.steps = r.steps[hit.motion];
     write_motion_row(reply_, motion, made);
   }
 

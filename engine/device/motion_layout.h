@@ -1,6 +1,8 @@
 // What host and device share of motions: how the joints move the bodies of each pair, and what is found of each motion.
 #pragma once
 
+#include <algorithm>
+
 #include "engine/device/layout.h"
 #include "engine/motion/motion_arrays.h"
 #include "engine/motion/motion_step.h"
@@ -42,8 +44,8 @@ enum MotionNumber : std::uint32_t {
 
 /// A pair that is within its margin at a time.
 struct MotionHitRow {
-  std::uint64_t key;  ///< pair << 32 | the time as float bits: the least of a motion stands for it
-  std::uint32_t motion;
+  std::uint64_t key;  ///< hit_key(): the least of a motion stands for it
+  std::uint32_t motion, pair;
   double time;
   Vec3d origin_a, origin_b;
   PairAnswer answer;
@@ -55,13 +57,33 @@ enum class MotionVerdict : std::uint8_t {
   kOpen,  ///< the CPU has to look
 };
 
-/// Places in MotionsView::counts: of each level spans, pairs that boxes leave, pairs that are asked, pairs that go on.
-inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kAskedCount = 2, kOnCount = 3, kCountsOfLevel = 4;
-/// Levels: spans of the k-th are at most 2^-k of a motion. What is left then is the CPU's.
-inline constexpr std::uint32_t kMotionLevels = 8;
-/// Behind those of the levels: hits that were found, rows of hits, pairs that the narrow phase settled.
-inline constexpr std::uint32_t kHitCount = kCountsOfLevel * (kMotionLevels + 1), kHitRowCount = kHitCount + 1,
-                               kSettledCount = kHitCount + 2, kMotionCounts = kHitCount + 3;
+/// Places in MotionsView::counts: of each level spans, pairs that boxes leave, pairs that are asked, pairs that go on,
+/// hits that were found.
+inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kAskedCount = 2, kOnCount = 3, kHitCount = 4,
+                               kCountsOfLevel = 5;
+/// Levels: spans of the k-th are at most 2^-k of a motion. What is left then is the CPU's. Where first contact is
+/// sought there are more, since a span goes on until it is as short as contact is narrowed to, and half of it is
+/// proved.
+inline constexpr std::uint32_t kMotionLevels = 8, kContactLevels = 12;
+/// Behind those of the levels: rows of hits, pairs that the narrow phase settled.
+inline constexpr std::uint32_t kHitRowCount = kCountsOfLevel * (kContactLevels + 1), kSettledCount = kHitRowCount + 1,
+                               kMotionCounts = kHitRowCount + 2;
+
+/// For how much a chunk's lists have room, at each level. What does not fit makes motions the CPU's: nearly all of them
+/// where pairs do not fit, since a motion's pairs lie all over a list. So there is room for twice as many as the first
+/// level has: each may go on in both halves.
+struct MotionRoom {
+  static constexpr std::uint32_t kMoreSpans = 256, kHitsOfMotion = 4;
+  static constexpr std::uint64_t kMostPairs = 1u << 23;
+
+  std::uint32_t spans, pairs, hits;
+
+  MotionRoom(std::uint32_t motions, std::uint32_t pairs_of_motion)
+      : spans(2 * motions + kMoreSpans),
+        pairs(static_cast<std::uint32_t>(
+            std::min((2 * std::uint64_t{motions} + kMoreSpans) * pairs_of_motion, kMostPairs))),
+        hits(kHitsOfMotion * motions + kMoreSpans) {}
+};
 
 /// One chunk of motions at one level.
 struct MotionsView {
@@ -70,7 +92,8 @@ struct MotionsView {
   MotionTables tables;
   const double* margins;  ///< (pairs,) metres; null: each has `margin`
   double margin;
-  std::uint32_t motions, level;
+  bool seeks_contact;  ///< not only whether pairs are within their margins, but when one first is
+  std::uint32_t motions, level, levels;
   std::uint32_t span_capacity, pair_capacity, hit_capacity;
   std::uint32_t max_steps;
   const double* ends;  ///< (motions, 2, joints)
@@ -80,17 +103,21 @@ struct MotionsView {
   double* numbers;     ///< (moved, kMotionNumbers, spans)
   float* speeds;       ///< (moved, spans) metres in a unit of time, rounded up, with the drift
   // Of each motion:
-  std::uint64_t* hit;  ///< the least key; all bits set: none
+  std::uint64_t* hit;  ///< the least hit_key(); all bits set: none
   std::uint32_t* steps;
   std::uint8_t *open, *to_cpu;  ///< something is not proved; the CPU has to look whatever else is found
+  std::uint8_t* unsettled;      ///< where first contact is sought: the narrow phase leaves a pair open at some time
   MotionVerdict* verdicts;
+  double* free_until;  ///< where first contact is sought: all pairs are beyond their margins before; inf: all along
   // Of this level's spans and of the next level's:
   MotionSpan *spans, *next_spans;
   std::uint32_t* shares;                    ///< (spans, 2) of each half proved so far, float bits; all set: wholly
   std::uint32_t *children, *next_children;  ///< (spans, 2) where it goes on at the next level; kNone: it does not
   SpanPair *on, *next_on;                   ///< pairs that go on
   SpanPair *near, *asked;
-  MotionHitRow *hits, *hit_rows;
+  MotionHitRow* hits;
+  // Of motions that hit: the hit that stands for each so far; these rows in no order.
+  MotionHitRow *best, *hit_rows;
   std::uint32_t* counts;
 };
 

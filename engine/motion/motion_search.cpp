@@ -12,8 +12,7 @@ namespace clearance {
 
 namespace {
 
-constexpr double kLeastHalf = 0x1p-40;    // of a span
-constexpr double kContactTime = 0x1p-10;  // first contact is narrowed to that, of the motion
+constexpr double kLeastHalf = 0x1p-40;  // of a span
 
 bool is_less_promising(const MotionSearch::Node& p, const MotionSearch::Node& q) {
   return p.least != q.least ? p.least > q.least : p.begin > q.begin;
@@ -99,7 +98,7 @@ bool MotionSearch::next(Node& node) {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < node.open.size(); ++i) {
       Goal& goal = goal_of(node.open[i]);
-      const bool is_late = seeks_contact_ && node.begin > goal.hit.time - kContactTime;
+      const bool is_late = seeks_contact_ && begins_late(node.begin, goal.hit.time);
       if (is_late || node.low[i] > target_of(node.open[i], goal, 0) || is_settled(goal)) {
         leave(goal, node.open[i], node.low[i], 0, node.begin);
         continue;

@@ -150,6 +150,13 @@ CLEARANCE_HD inline ProvedShare proved_until(double middle, double end, double t
   return {(middle - kept) / (middle - end) * (1 - 0x1p-30), kept < middle ? kept : middle};
 }
 
+inline constexpr double kContactTime = 0x1p-10;  ///< first contact is narrowed to that, of the motion
+/// Whether a span, from its beginning on, has nothing to say of first contact where a pair is within its margin at a
+/// time. inf: none is known to be.
+CLEARANCE_HD inline bool begins_late(double begin, double hit) {
+  return begin > hit - kContactTime;
+}
+
 inline constexpr double kSpanGrid = 0x1p-12;         ///< times that spans are cut at
 inline constexpr double kLeastTrimmedHalf = 0x1p-7;  ///< half of a span that is cut so: 30 more halves are exact
 /// Where the rest of half a span begins, seen from its middle, once all pairs are proved for `proved` of it: such that

@@ -73,7 +73,7 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
   for (std::uint32_t i = 0; i < a.pieces.size(); ++i)
     for (std::uint32_t j = 0; j < b.pieces.size(); ++j) {
       Entry e{0, i, first(a.pieces[i]), j, first(b.pieces[j]), 0};
-      e.gap = gap_of(e, bulk_a(e), bulk_b(e), kInf);
+      e.gap = gap_of(e, bulk_a(e), bulk_b(e));
       put(e, kInf);
     }
 }
@@ -143,10 +143,9 @@ double NearestElements::margin(const Entry& e) const {
   return a_->pieces[e.piece_a]->radius + b_->pieces[e.piece_b]->radius + error_;
 }
 
-// By boxes in the axes of a, and by what both reach along the direction that is known, along the normals of their slabs
-// and along the line of their middles.
+// Of two pieces, or of anything before a half-space: by boxes in the axes of a, and along the line of their middles.
 // \param b in its own axes
-double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const {
+double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b) const {
   if (plane_ != Plane::kNeither) {  // it has no box, and its plane's normal says all
     const Vec3d z{0, 0, 1};
     if (plane_ == Plane::kA) return std::max(e.gap, gap_along(e, a, b, z, R_.transpose_times(z)));
@@ -156,31 +155,10 @@ double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b, dou
   const Vec3d d = turned.centre - a.centre;
   Vec3d apart;
   for (int k = 0; k < 3; ++k) apart[k] = above_zero(std::abs(d[k]) - (a.half[k] + turned.half[k]));
-  double gap = std::max(e.gap, above_zero(norm(apart) - margin(e)));
-  if (gap > cut_off) return gap;
-  if (looks_) gap = std::max(gap, gap_known(e, a, b));
-  if (gap <= cut_off) gap = std::max(gap, gap_across(e, true, b, d));
-  if (gap <= cut_off) gap = std::max(gap, gap_across(e, false, a, d));
-  const double length = norm(d);
-  if (gap > cut_off || !(length > 0 && length < kInf)) return gap;
+  const double gap = above_zero(norm(apart) - margin(e)), length = norm(d);
+  if (!(length > 0 && length < kInf)) return gap;
   const Vec3d n = d * (1 / length);
   return std::max(gap, gap_along(e, a, b, n, R_.transpose_times(n)));
-}
-
-// Along the normal of the slab of one of both, which itself ends at a plane there. \param d from the middle of a's box
-// to that of b's, in the axes of a
-double NearestElements::gap_across(const Entry& e, bool of_a, const Bulk& other, const Vec3d& d) const {
-  const Body& body = of_a ? *a_ : *b_;
-  const std::uint32_t piece = of_a ? e.piece_a : e.piece_b, at = of_a ? e.at_a : e.at_b;
-  const Surface::Slab* const slab = slab_of(body, piece, at);
-  if (!slab) return 0;
-  const Vec3d m = slab->normal(), m_a = of_a ? m : R_ * m;
-  const double size = norm(m), ahead = dot(m_a, d) < 0 ? -1 : 1, outward = of_a ? ahead : -ahead;
-  if (!(size > 0)) return 0;
-  const double own = reach_across(*slab, outward, body.pieces[piece]->surface->centre()),
-               others = of_a ? reach(*b_, e.piece_b, e.at_b, other, R_.transpose_times(m_a * -ahead))
-                             : reach(*a_, e.piece_a, e.at_a, other, m_a * ahead);
-  return above_zero(((ahead * dot(m_a, D_) - others) - own) * ((1 - 0x1p-45) / size) - margin(e));
 }
 
 // How far a subtree reaches along a direction, in the axes of its body: by the triangles of a leaf, else by its box.
@@ -319,8 +297,7 @@ void NearestElements::open(const Entry& e, double cut_off, const Each& each) con
   const auto with = [&](std::uint32_t child) {
     Entry part = e;
     (opens_a ? part.at_a : part.at_b) = child;
-    part.gap =
-        opens_a ? gap_of(part, bulk_a(part), bulk_of_b, cut_off) : gap_of(part, bulk_of_a, bulk_b(part), cut_off);
+    part.gap = opens_a ? gap_of(part, bulk_a(part), bulk_of_b) : gap_of(part, bulk_of_a, bulk_b(part));
     each(part);
   };
   const Surface::Node& node = opens_a ? *a : *b;

@@ -106,9 +106,8 @@ class NearestElements {
   Bulk bulk_a(const Entry& e) const { return bulk(*a_, e.piece_a, e.at_a); }
   Bulk bulk_b(const Entry& e) const { return bulk(*b_, e.piece_b, e.at_b); }
   Bulk before_a(const Bulk& of_b) const;
-  double gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const;
+  double gap_of(const Entry& e, const Bulk& a, const Bulk& b) const;
   double gap_along(const Entry& e, const Bulk& a, const Bulk& b, const Vec3d& n_a, const Vec3d& n_b) const;
-  double gap_across(const Entry& e, bool of_a, const Bulk& other, const Vec3d& d) const;
   double gap_known(const Entry& e, double far_a, double far_b) const;
   double gap_known(const Entry& e, const Bulk& a, const Bulk& b) const;
   double margin(const Entry& e) const;

@@ -55,10 +55,22 @@ struct ArmEdges {
       if (near < static_cast<int>(motions.count())) motions.pairs.push_back(all[p]);
     }
   }
-  QueryView query(double margin) const {
+  /// Every third edge ends beyond a joint's limits, and is within them in its middle.
+  void end_beyond_limits() {
+    const std::size_t J = motions.joints.size();
+    for (std::size_t i = 0; i < motions.count(); i += 3) {
+      const std::size_t j = i % J;
+      const SceneJoint& joint = scene.joints()[motions.joints[j]];
+      double* const ends = motions.positions.data() + 2 * i * J + j;
+      ends[J] = joint.upper + 0.01;
+      ends[0] = std::max(joint.lower, joint.upper - 0.3);
+    }
+  }
+  /// \param when first contact is asked for, as Python's motions() does
+  QueryView query(double margin, bool when) const {
     QueryView q = motions.view(Reduce::kAny);
     q.margin = margin;
-    q.fields = kMotionAnswer & ~kFieldFirstContact;
+    q.fields = when ? kMotionAnswer : kMotionAnswer & ~kFieldFirstContact;
     return q;
   }
 };

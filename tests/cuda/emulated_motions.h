@@ -20,7 +20,7 @@ namespace clearance::test {
 /// A chunk of motions in host memory, and what the kernels make of it.
 class HostMotions {
  public:
-  /// \param pairs of which lists have room; 0: for all
+  /// \param pair_capacity, span_capacity, hit_capacity for how much lists have room; 0: as much as a device's
   HostMotions(const Scene& scene, const QueryView& q, std::uint32_t pair_capacity = 0, std::uint32_t span_capacity = 0,
               std::uint32_t hit_capacity = 0)
       : scene_(scene), hulls_(scene, kMostShared), bodies_(scene, hulls_.view(), q), pairs_(bodies_.refs()) {
@@ -32,10 +32,13 @@ class HostMotions {
                pairs = static_cast<std::uint32_t>(plan.size.pairs);
     const std::size_t J = plan.joints.size(), M = plan.moved.size();
     m_.motions = motions;
-    m_.span_capacity = span_capacity ? span_capacity : 2 * motions + 64;
-    m_.pair_capacity = pair_capacity ? pair_capacity : (2 * motions + 64) * pairs;
-    m_.hit_capacity = hit_capacity ? hit_capacity : motions * pairs;
     m_.max_steps = q.max_steps;
+    m_.seeks_contact = (q.fields & kFieldFirstContact) != 0;
+    const MotionRoom room_for(motions, pairs);
+    m_.span_capacity = span_capacity ? span_capacity : room_for.spans;
+    m_.pair_capacity = pair_capacity ? pair_capacity : room_for.pairs;
+    m_.hit_capacity = hit_capacity ? hit_capacity : room_for.hits;
+    m_.levels = m_.seeks_contact ? kContactLevels : kMotionLevels;
     m_.tables = {arrays_.movers.data(), arrays_.chains.data(),        arrays_.chain_of_slot.data(),
                  arrays_.views.data(),  arrays_.views_of_pair.data(), arrays_.reach.data()};
     for (std::uint32_t p = 0; p < pairs; ++p) margins_.push_back(plan.margins.of(p));
@@ -59,11 +62,14 @@ class HostMotions {
     m_.steps = room<std::uint32_t>(motions);
     m_.open = room<std::uint8_t>(motions);
     m_.to_cpu = room<std::uint8_t>(motions);
+    m_.unsettled = room<std::uint8_t>(motions);
     m_.verdicts = room<MotionVerdict>(motions);
+    m_.free_until = room<double>(motions);
     for (MotionSpan** at : {&m_.spans, &m_.next_spans}) *at = room<MotionSpan>(S);
     for (std::uint32_t** at : {&m_.shares, &m_.children, &m_.next_children}) *at = room<std::uint32_t>(2 * S);
     for (SpanPair** at : {&m_.on, &m_.next_on, &m_.near, &m_.asked}) *at = room<SpanPair>(m_.pair_capacity);
-    for (MotionHitRow** at : {&m_.hits, &m_.hit_rows}) *at = room<MotionHitRow>(m_.hit_capacity);
+    m_.hits = room<MotionHitRow>(m_.hit_capacity);
+    for (MotionHitRow** at : {&m_.best, &m_.hit_rows}) *at = room<MotionHitRow>(motions);
     m_.counts = room<std::uint32_t>(kMotionCounts);
   }
   HostMotions(const HostMotions&) = delete;
@@ -73,7 +79,7 @@ class HostMotions {
   void run() {
     const std::size_t S = m_.span_capacity, J = bodies_.plan.joints.size(), M = bodies_.plan.moved.size();
     launch(std::max<std::size_t>(m_.motions, kMotionCounts), [&] { begin_motions(m_); });
-    for (m_.level = 0; m_.level < kMotionLevels; ++m_.level) {
+    for (m_.level = 0; m_.level < m_.levels; ++m_.level) {
       launch(S * J, [&] { place_spans(m_); });
       launch(S * m_.moves.frames.robot_count, [&] { place_span_links(m_); });
       launch(S * M, [&] { place_span_bodies(m_); });
@@ -82,13 +88,13 @@ class HostMotions {
       launch(300, [&] { m_.level == 0 ? find_near_in_spans<true>(m_) : find_near_in_spans<false>(m_); });
       launch(300, [&] { look_along_boxes(m_); });
       launch(300, [&] { look_at_span_pairs(m_); });
+      launch(300, [&] { keep_hits(m_); });
       launch(2 * S, [&] { divide_spans(m_); });
       std::swap(m_.spans, m_.next_spans);
       std::swap(m_.children, m_.next_children);
       std::swap(m_.on, m_.next_on);
     }
     launch(m_.motions, [&] { conclude_motions(m_); });
-    launch(300, [&] { gather_hits(m_); });
     hit_row_.assign(m_.motions, kNone);
     for (std::uint32_t i = 0; i < m_.counts[kHitRowCount]; ++i) hit_row_[m_.hit_rows[i].motion] = i;
   }
@@ -98,8 +104,11 @@ class HostMotions {
   const MotionHitRow* hit(std::uint32_t motion) const {
     return hit_row_[motion] == kNone ? nullptr : m_.hit_rows + hit_row_[motion];
   }
+  /// Where first contact is asked for.
+  double free_until(std::uint32_t motion) const { return m_.free_until[motion]; }
   bool is_for_cpu(std::uint32_t motion) const { return m_.to_cpu[motion] != 0; }
   std::uint32_t steps(std::uint32_t motion) const { return m_.steps[motion]; }
+  std::uint32_t levels() const { return m_.levels; }
   std::uint32_t count(std::uint32_t which, std::uint32_t level) const {
     return m_.counts[level * kCountsOfLevel + which];
   }

@@ -6,38 +6,44 @@
 #include "arm_edges.h"
 #include "same_answer.h"
 #include "skip_without_device.h"
+#include "verdicts.h"
 
 namespace clearance::test {
 namespace {
 
+// A row for each of 20,000 edges.
+void ask_both(double margin, double size, bool when) {
+  const ArmEdges edges(11, 20000, size);
+  const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
+  const QueryView q = edges.query(margin, when);
+  const Answer found = ask(device, q), wanted = ask(cpu, q);
+  ASSERT_EQ(found.info.backend, "cuda");
+  const Verdicts v = compare_verdicts(found, wanted, q);
+  EXPECT_GT(v.free, 500);
+  EXPECT_GT(v.hits, 500);
+  const auto on_cpu = counter(device, "cuda.motions_finished_on_cpu");
+  std::printf("margin %g, size %g, first contact %d: %d free, %d hit, %d undecided, %llu finished by the CPU\n", margin,
+              size, when, v.free, v.hits, v.undecided, static_cast<unsigned long long>(on_cpu));
+  EXPECT_LT(on_cpu, 4000u);
+}
+
 TEST(CudaMotions, HaveTheCpusVerdicts) {
   SKIP_WITHOUT_DEVICE();
-  for (const double margin : {0.0, 0.02}) {
-    for (const double size : {0.2, 1.5}) {
-      const ArmEdges edges(11, 20000, size);
-      const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
-      const QueryView q = edges.query(margin);
-      const Answer found = ask(device, q), wanted = ask(cpu, q);
-      ASSERT_EQ(found.info.backend, "cuda");
-      int free = 0, hits = 0, undecided = 0;
-      for (std::uint32_t i = 0; i < edges.motions.count(); ++i) {
-        const auto ours = static_cast<Status>(found.view.status[i]),
-                   theirs = static_cast<Status>(wanted.view.status[i]);
-        EXPECT_LE(found.view.lower[i], found.view.upper[i]);
-        undecided += ours == Status::kUnconverged;
-        if (theirs == Status::kUnconverged || ours == Status::kUnconverged) continue;
-        EXPECT_EQ(ours == Status::kBeyond, theirs == Status::kBeyond) << i;
-        (ours == Status::kBeyond ? free : hits) += 1;
-        EXPECT_TRUE(ours == Status::kBeyond || found.view.upper[i] <= margin) << i;
-      }
-      EXPECT_GT(free, 500);
-      EXPECT_GT(hits, 500);
-      const auto on_cpu = counter(device, "cuda.motions_finished_on_cpu");
-      std::printf("margin %g, size %g: %d free, %d hit, %d undecided, %llu finished by the CPU\n", margin, size, free,
-                  hits, undecided, static_cast<unsigned long long>(on_cpu));
-      EXPECT_LT(on_cpu, 4000u);
-    }
-  }
+  for (const double margin : {0.0, 0.02})
+    for (const double size : {0.2, 1.5})
+      for (const bool when : {false, true}) ask_both(margin, size, when);
+}
+
+TEST(CudaMotions, TellOfEndsBeyondLimits) {
+  SKIP_WITHOUT_DEVICE();
+  ArmEdges edges(12, 4000, 0.8);
+  edges.end_beyond_limits();
+  const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
+  const QueryView q = edges.query(0, true);
+  const Answer found = ask(device, q), wanted = ask(cpu, q);
+  ASSERT_EQ(found.info.backend, "cuda");
+  EXPECT_GT(compare_verdicts(found, wanted, q).beyond_limits, 100);
+  EXPECT_LT(counter(device, "cuda.motions_finished_on_cpu"), 400u);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "stand_in_device.h"
 #include "tests/motion/motion_judge.h"
 #include "tests/motion/motion_test.h"
+#include "verdicts.h"
 // Behind all that is included elsewhere.
 #include "emulated_motions.h"
 
@@ -16,7 +17,7 @@ namespace clearance::test {
 namespace {
 
 struct Found {
-  int free = 0, hits = 0, open = 0, undecided = 0, deeper = 0;
+  int free = 0, hits = 0, open = 0, undecided = 0;
 };
 
 // Verdicts never contradict the CPU's, and what hits is there.
@@ -43,11 +44,15 @@ Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
         const MotionHitRow* const hit = host.hit(i);
         EXPECT_TRUE(hit);
         if (!hit) break;
-        const double margin = q.margin;
-        EXPECT_LE(hit->answer.upper, margin) << i;
+        EXPECT_LE(hit->answer.upper, q.margin) << i;
+        if (q.fields & kFieldFirstContact) {
+          const double contact[]{host.free_until(i), hit->time};
+          EXPECT_LE(contact[1] - contact[0], kContactTime) << i;
+          expect_same_contact(contact, wanted.view.first_contact + 2 * i, i);
+        }
         // The same pair where the CPU has it at that time.
         const Samples there(edges.motions, i, hit->time);
-        const std::vector<BodyPair> pair{host.plan().pairs.at(hit->key >> 32)};
+        const std::vector<BodyPair> pair{host.plan().pairs.at(hit->pair)};
         QueryView single;
         single.all_pairs = false;
         single.pairs = pair;
@@ -67,54 +72,76 @@ Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
 
 TEST(MotionKernels, DecideAnArmsEdgesAsTheCpuDoes) {
   for (const double margin : {0.0, 0.02}) {
-    const ArmEdges edges(3, 120, 0.7);
-    const QueryView q = edges.query(margin);
-    HostMotions host(edges.scene, q);
-    ASSERT_TRUE(host.fits());
-    const Found found = compare(edges, q, host);
-    std::printf("margin %g: %d free, %d hit, %d open; spans", margin, found.free, found.hits, found.open);
-    for (std::uint32_t level = 0; level < kMotionLevels; ++level)
-      std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
-                  host.count(kAskedCount, level));
-    std::printf("\n");
-    EXPECT_GT(found.free, 20);
-    EXPECT_GT(found.hits, 20);
-    EXPECT_LT(found.open, 10);
+    for (const bool when : {false, true}) {
+      const ArmEdges edges(3, 120, 0.7);
+      const QueryView q = edges.query(margin, when);
+      HostMotions host(edges.scene, q);
+      ASSERT_TRUE(host.fits());
+      const Found found = compare(edges, q, host);
+      std::printf("margin %g, first contact %d: %d free, %d hit, %d open; spans", margin, when, found.free, found.hits,
+                  found.open);
+      for (std::uint32_t level = 0; level < host.levels(); ++level)
+        std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
+                    host.count(kAskedCount, level));
+      std::printf("\n");
+      EXPECT_GT(found.free, 20);
+      EXPECT_GT(found.hits, 20);
+      EXPECT_LT(found.open, 10);
+    }
   }
 }
 
 // Lists that are too short leave motions to the CPU, and say nothing wrong of the others.
 TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
   const ArmEdges edges(5, 60, 1.5);
-  const QueryView q = edges.query(0.01);
-  HostMotions whole(edges.scene, q);
-  const Found all = compare(edges, q, whole);
-  const auto pairs = static_cast<std::uint32_t>(whole.plan().size.pairs);
-  struct Room {
-    const char* what;
-    std::uint32_t pairs, spans, hits;
-  };
-  for (const Room& room : {Room{"pairs", 10 * pairs, 0, 0}, Room{"spans", 0, 60, 0}, Room{"hits", 0, 0, 5}}) {
-    SCOPED_TRACE(room.what);
-    HostMotions host(edges.scene, q, room.pairs, room.spans, room.hits);
-    const Found found = compare(edges, q, host);
+  for (const bool when : {false, true}) {
+    const QueryView q = edges.query(0.01, when);
+    HostMotions whole(edges.scene, q);
+    const Found all = compare(edges, q, whole);
+    const std::uint32_t pairs = std::max(whole.count(kNearCount, 0), whole.count(kOnCount, 0));
+    std::printf("%u pairs: %d free, %d hit, %d open\n", pairs, all.free, all.hits, all.open);
+    struct Room {
+      const char* what;
+      std::uint32_t pairs, spans, hits;
+    };
+    for (const Room& room : {Room{"pairs", pairs - 20, 0, 0}, Room{"spans", 0, 60, 0}, Room{"hits", 0, 0, 5}}) {
+      SCOPED_TRACE(room.what);
+      HostMotions host(edges.scene, q, room.pairs, room.spans, room.hits);
+      const Found found = compare(edges, q, host);
+      std::printf("%s: %d free, %d hit, %d open\n", room.what, found.free, found.hits, found.open);
+      EXPECT_GT(found.open, all.open + 2);
+      EXPECT_GT(found.free + found.hits, 5);
+    }
+    QueryView hasty = q;
+    hasty.max_steps = 1;
+    HostMotions host(edges.scene, hasty);
+    const Found found = compare(edges, hasty, host);
     EXPECT_GT(found.open, all.open + 2);
-    EXPECT_GT(found.free + found.hits, 1);
   }
-  QueryView hasty = q;
-  hasty.max_steps = 1;
-  HostMotions host(edges.scene, hasty);
-  const Found found = compare(edges, hasty, host);
-  EXPECT_GT(found.open, all.open + 2);
 }
 
-// Ends that rows have something to say of, bodies without a pose, and robots that kernels do not know.
+// Nearly all pairs of long edges go on in both halves: with room for those of the first level alone nearly all motions
+// were the CPU's.
+TEST(MotionKernels, HaveRoomForLongEdges) {
+  const ArmEdges edges(11, 600, 1.5);
+  for (const double margin : {0.0, 0.02}) {
+    const QueryView q = edges.query(margin, true);
+    HostMotions host(edges.scene, q);
+    const Found found = compare(edges, q, host);
+    const auto pairs = static_cast<std::uint32_t>(600 * host.plan().size.pairs);
+    EXPECT_GT(host.count(kOnCount, 0), pairs) << "they did not fill a list of all pairs";
+    std::printf("margin %g: %d free, %d hit, %d open\n", margin, found.free, found.hits, found.open);
+    EXPECT_LT(found.open, 60);
+  }
+}
+
+// Ends that are none, and bodies without a pose.
 TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
   ArmEdges edges(6, 6, 0.3);
   const std::size_t J = edges.motions.joints.size();
   edges.motions.positions[0] = std::numeric_limits<double>::quiet_NaN();
-  edges.motions.positions[(2 * 2 + 1) * J + 1] = 50;  // beyond its limits
-  const QueryView q = edges.query(0);
+  edges.motions.positions[(2 * 2 + 1) * J + 1] = 2e9;
+  const QueryView q = edges.query(0, false);
   HostMotions host(edges.scene, q);
   host.run();
   EXPECT_EQ(host.verdict(0), MotionVerdict::kOpen);
@@ -122,17 +149,10 @@ TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
   int decided = 0;
   for (const std::uint32_t i : {1u, 3u, 4u, 5u}) decided += host.verdict(i) != MotionVerdict::kOpen;
   EXPECT_GT(decided, 2);
-  // Without flags nothing is said of limits.
-  QueryView without_flags = q;
-  without_flags.fields &= ~kFieldFlags;
-  HostMotions silent(edges.scene, without_flags);
-  compare(edges, without_flags, silent);
-  EXPECT_TRUE(silent.is_for_cpu(0));
-  EXPECT_FALSE(silent.is_for_cpu(2));
   // A body whose pose nobody knows is in each motion's way.
   edges.scene.add_sphere("lost", 0.1, {});
   edges.motions.pairs.push_back({edges.scene.find_body("tool"), edges.scene.find_body("lost")});
-  const QueryView with_lost = edges.query(0);
+  const QueryView with_lost = edges.query(0, false);
   HostMotions lost(edges.scene, with_lost);
   lost.run();
   for (std::uint32_t i = 0; i < 6; ++i) EXPECT_EQ(lost.verdict(i), MotionVerdict::kOpen) << i;
@@ -147,7 +167,8 @@ MotionDecision decision_of(const Scene& scene, const QueryView& q) {
   if (host.verdict(0) == MotionVerdict::kFree) found.kind = MotionDecision::kFree;
   if (host.verdict(0) != MotionVerdict::kHit) return found;
   const MotionHitRow& hit = *host.hit(0);
-  return {MotionDecision::kHit, host.plan().pairs.at(hit.key >> 32), hit.time, hit.answer.lower, hit.answer.upper};
+  return {MotionDecision::kHit, host.plan().pairs.at(hit.pair), hit.time, hit.answer.lower, hit.answer.upper,
+          host.free_until(0)};
 }
 
 class JudgedMotionKernels : public ::testing::TestWithParam<int> {};
@@ -184,16 +205,17 @@ class EmulatedWorkspace final : public IdleSide<cuda::MotionWorkspace> {
     q.configuration_count = 2 * chunk.configurations;
     HostMotions host(*work_.scene, q);
     host.run();
-    at.verdicts.clear(), at.steps.clear(), at.hits.clear();
+    at.verdicts.clear(), at.steps.clear(), at.hits.clear(), at.free_until.clear();
     for (std::uint32_t i = 0; i < chunk.configurations; ++i) {
       at.verdicts.push_back(host.verdict(i));
       at.steps.push_back(host.steps(i));
+      if (q.fields & kFieldFirstContact) at.free_until.push_back(host.free_until(i));
       if (at.verdicts[i] == MotionVerdict::kHit) at.hits.push_back(*host.hit(i));
     }
   }
   cuda::MotionResult finish(int slot) override {
     const Slot& at = slots_[slot];
-    return {at.verdicts, at.steps, at.hits, 0};
+    return {at.verdicts, at.steps, at.free_until, at.hits, 0};
   }
 
  private:
@@ -201,6 +223,7 @@ class EmulatedWorkspace final : public IdleSide<cuda::MotionWorkspace> {
     std::vector<double> positions;
     std::vector<MotionVerdict> verdicts;
     std::vector<std::uint32_t> steps;
+    std::vector<double> free_until;
     std::vector<MotionHitRow> hits;
   } slots_[cuda::kChunksUnderWay];
   EmulatedWork& work_;
@@ -217,11 +240,13 @@ class EmulatedDevice final : public IdleDevice {
   EmulatedWork& work_;
 };
 
-// Through the engine: rows of what kernels decide, and of what they leave to the CPU.
-TEST(MotionKernels, AnswerAnEnginesMotions) {
-  const ArmEdges edges(8, 2500, 0.4);  // three chunks
-  for (const double margin : {0.0, 0.01}) {
-    const QueryView q = edges.query(margin);
+// An engine's answer whose kernels run here.
+struct EmulatedAnswer {
+  Answer found, wanted;
+  std::uint64_t on_cpu = 0;
+  int launches = 0;
+
+  EmulatedAnswer(const ArmEdges& edges, const QueryView& q) {
     Fault fault;
     EmulatedWork work{&edges.scene, q};
     const cuda::DeviceStandIn stand_in({true, "emulated", "", 1}, [&](const Scene&, int, std::uint64_t) {
@@ -229,40 +254,43 @@ TEST(MotionKernels, AnswerAnEnginesMotions) {
     });
     const Engine device(Scene(edges.scene), {.backend = "cuda", .threads = 2}),
         cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
-    const Answer found = ask(device, q), wanted = ask(cpu, q);
-    EXPECT_EQ(found.info.backend, "cuda");
-    EXPECT_EQ(found.info.rows, 2500u);
-    EXPECT_EQ(work.launches, 3);
-    const auto on_cpu = counter(device, "cuda.motions_finished_on_cpu");
-    EXPECT_GT(on_cpu, 0u);
-    EXPECT_LT(on_cpu, 150u);
-    int free = 0, hits = 0;
-    for (std::uint32_t i = 0; i < 2500; ++i) {
-      const auto ours = static_cast<Status>(found.view.status[i]), theirs = static_cast<Status>(wanted.view.status[i]);
-      EXPECT_EQ(found.view.configuration[i], i);
-      EXPECT_LE(found.view.lower[i], found.view.upper[i]);
-      EXPECT_GT(found.view.steps[i], 0u);
-      if (theirs == Status::kUnconverged || ours == Status::kUnconverged) continue;
-      EXPECT_EQ(ours == Status::kBeyond, theirs == Status::kBeyond) << i;
-      if (ours == Status::kBeyond) {
-        ++free;
-        EXPECT_GT(found.view.lower[i], margin);
-        EXPECT_EQ(found.view.pair[i].a, kNone);
-        EXPECT_TRUE(std::isnan(found.view.time[i]));
-      } else {
-        ++hits;
-        EXPECT_LE(found.view.upper[i], margin);
-        EXPECT_TRUE(found.view.time[i] >= 0 && found.view.time[i] <= 1);
-      }
-    }
-    EXPECT_GT(free, 300);
-    EXPECT_GT(hits, 300);
-    // What no kernel answers is the CPU's.
-    QueryView when = q;
-    when.fields |= kFieldFirstContact;
-    EXPECT_EQ(ask(device, when).info.backend, "cpu");
-    EXPECT_EQ(work.launches, 3);
+    found = ask(device, q);
+    wanted = ask(cpu, q);
+    on_cpu = counter(device, "cuda.motions_finished_on_cpu");
+    launches = work.launches;
   }
+};
+
+// Through the engine: rows of what kernels decide, and of what they leave to the CPU.
+TEST(MotionKernels, AnswerAnEnginesMotions) {
+  const ArmEdges edges(8, 2500, 0.4);  // three chunks
+  for (const double margin : {0.0, 0.01}) {
+    for (const bool when : {false, true}) {
+      const QueryView q = edges.query(margin, when);
+      const EmulatedAnswer answer(edges, q);
+      EXPECT_EQ(answer.found.info.backend, "cuda");
+      EXPECT_EQ(answer.found.info.rows, 2500u);
+      EXPECT_EQ(answer.launches, 3);
+      std::printf("margin %g, first contact %d: %llu finished by the CPU\n", margin, when,
+                  static_cast<unsigned long long>(answer.on_cpu));
+      EXPECT_GT(answer.on_cpu, 0u);
+      EXPECT_LT(answer.on_cpu, 150u);
+      const Verdicts v = compare_verdicts(answer.found, answer.wanted, q);
+      EXPECT_GT(v.free, 300);
+      EXPECT_GT(v.hits, 300);
+    }
+  }
+}
+
+// Ends beyond limits are said of what their joints move, though the pair is within its margin on the way.
+TEST(MotionKernels, TellOfEndsBeyondLimits) {
+  ArmEdges edges(9, 400, 0.8);
+  edges.end_beyond_limits();
+  const QueryView q = edges.query(0, true);
+  const EmulatedAnswer answer(edges, q);
+  EXPECT_EQ(answer.found.info.backend, "cuda");
+  EXPECT_LT(answer.on_cpu, 40u);
+  EXPECT_GT(compare_verdicts(answer.found, answer.wanted, q).beyond_limits, 30);
 }
 
 }  // namespace

@@ -6,6 +6,8 @@
 #include <atomic>
 #include <filesystem>
 
+#include "engine/motion/motion_step.h"
+
 namespace clearance::test {
 
 namespace {
@@ -22,8 +24,8 @@ struct Look {
 
 class MotionJudge {
  public:
-  MotionJudge(const MotionCase& c, Random& random, MotionFindings& findings)
-      : case_(c), random_(random), findings_(findings), engine_(Scene(c.scene), {.backend = "cpu", .threads = 1}) {
+  MotionJudge(const MotionCase& c, Random& random, MotionFindings& findings, const std::string& backend)
+      : case_(c), random_(random), findings_(findings), engine_(Scene(c.scene), {.backend = backend, .threads = 1}) {
     const bool all = random.below(8) == 0;
     for (const BodyPair pair : engine_.pairs(c.motions.view(Reduce::kNone)))
       if (c.exact.answers(pair) && (all || !overlaps_by_chance(pair))) pairs_.push_back(pair);
@@ -56,7 +58,7 @@ class MotionJudge {
       motion_ = m;
       looks_.clear();
       look_around(min.view.time[m]);
-      judge_decision_of(decide);
+      for (const bool when : {false, true}) judge_decision_of(decide, when);
     }
   }
   bool has_pairs() const { return !pairs_.empty(); }
@@ -101,6 +103,10 @@ class MotionJudge {
         }
       }
   }
+  // Where what is said to be free ends.
+  void look_before(double time) {
+    if (time > 0 && time <= 1) look_once(std::max(time - 1e-9, 0.0));
+  }
   static bool is_nearer(const Look& a, const Look& b) { return a.least < b.least; }
 
   // Whether a pair, or any, is exactly no farther than a bound (`at`: or as far).
@@ -140,12 +146,13 @@ class MotionJudge {
     return std::max(look_once(best_).least + graze, 0.0);
   }
 
-  void judge_decision_of(const MotionDecider& decide) {
+  // \param when first contact is asked for
+  void judge_decision_of(const MotionDecider& decide, bool when) {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
     QueryView query = one.view(Reduce::kAny, 512);
     query.margin = margin_beside_least();
-    query.fields &= ~(kFieldFirstContact | kFieldFlags);
+    query.fields &= ~(when ? 0 : kFieldFirstContact);
     const MotionDecision found = decide(engine_.scene(), query);
     findings_.free += found.kind == MotionDecision::kFree;
     findings_.undecided += found.kind == MotionDecision::kOpen;
@@ -155,6 +162,13 @@ class MotionJudge {
       findings_.untrue += !(found.upper <= query.margin);
       findings_.farther += !is_within(there, found.upper, &found.pair, true);
       findings_.nearer += found.lower > 0 && is_within(there, found.lower, &found.pair, false);
+    }
+    if (found.kind == MotionDecision::kHit && when) {
+      findings_.wide += !(found.time - found.free_until <= kContactTime);
+      findings_.untrue += !(found.free_until <= found.time);
+      look_before(found.free_until);
+      for (const Look& look : looks_)
+        findings_.untrue += look.time < found.free_until && is_within(look, query.margin, nullptr, true);
     }
     if (found.kind == MotionDecision::kFree)
       for (const Look& look : looks_) findings_.untrue += is_within(look, query.margin, nullptr, true);
@@ -169,6 +183,7 @@ class MotionJudge {
     const auto status = static_cast<Status>(any.view.status[0]);
     const double unproved = any.view.first_contact[0], hit = any.view.first_contact[1], time = any.view.time[0];
     const bool is_free = status == Status::kBeyond, is_open = status == Status::kUnconverged;
+    findings_.on_device += any.info.backend == "cuda";
     findings_.free += is_free;
     findings_.undecided += is_open;
     findings_.untrue += is_free != (unproved == kInf) || (!is_free && !is_open) != (hit < kInf) || unproved > hit;
@@ -177,6 +192,7 @@ class MotionJudge {
       findings_.untrue += !is_within(look_once(time), query.margin, &any.view.pair[0], true);
       findings_.untrue += !is_within(look_once(hit), query.margin, nullptr, true);
     }
+    look_before(unproved);
     for (const Look& look : looks_) {
       findings_.untrue += look.time < unproved && is_within(look, query.margin, nullptr, true);
       findings_.nearer += any.view.lower[0] > 0 && is_within(look, any.view.lower[0], nullptr, false);
@@ -214,18 +230,20 @@ struct Folder {
 
 void MotionFindings::add(const MotionFindings& o) {
   motions += o.motions, free += o.free, hits += o.hits, undecided += o.undecided, overlaps += o.overlaps;
+  on_device += o.on_device;
   nearer += o.nearer, farther += o.farther, untrue += o.untrue, wide += o.wide;
 }
 
 std::string MotionFindings::text() const {
   const auto n = [](int count) { return std::to_string(count); };
   return n(motions) + " motions, " + n(overlaps) + " with an overlap; by margins beside the truth " + n(free) +
-         " free, " + n(hits) + " hits, " + n(undecided) + " undecided; wrong: " + n(nearer) + " nearer than lower, " +
-         n(farther) + " farther than upper, " + n(untrue) + " untrue, " + n(wide) + " too wide";
+         " free, " + n(hits) + " hits, " + n(undecided) + " undecided, " + n(on_device) +
+         " on a device; wrong: " + n(nearer) + " nearer than lower, " + n(farther) + " farther than upper, " +
+         n(untrue) + " untrue, " + n(wide) + " too wide";
 }
 
 void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings) {
-  MotionJudge(c, random, findings).judge(each_pair);
+  MotionJudge(c, random, findings, "cpu").judge(each_pair);
 }
 
 namespace {
@@ -248,16 +266,16 @@ MotionFindings judge_decisions(std::uint64_t seed, int motions, int only, const 
   MotionFindings findings;
   for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t) {
     if (c.motions.bodies.empty())
-      if (MotionJudge judge(c, random, findings); judge.has_pairs()) judge.judge_decisions(decide);
+      if (MotionJudge judge(c, random, findings, "cpu"); judge.has_pairs()) judge.judge_decisions(decide);
     return findings.motions < motions;
   });
   return findings;
 }
 
-MotionFindings judge_many(std::uint64_t seed, int motions, int only, bool until_wrong) {
+MotionFindings judge_many(std::uint64_t seed, int motions, int only, bool until_wrong, const std::string& backend) {
   MotionFindings findings;
   for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t i) {
-    judge_motions(c, random, i % 4 == 0 || until_wrong, findings);
+    MotionJudge(c, random, findings, backend).judge(i % 4 == 0 || until_wrong);
     return findings.motions < motions && !(until_wrong && findings.wrong() > 0);
   });
   return findings;

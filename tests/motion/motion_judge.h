@@ -14,6 +14,7 @@ struct MotionFindings {
   int free = 0;       ///< proved to be, by a margin within 1e-4 m of the least distance that was found
   int hits = 0;       ///< likewise: found not to be
   int undecided = 0;  ///< likewise: neither, after 512 configurations
+  int on_device = 0;  ///< likewise: asked of a device, whose CPU finished what it left open
   int overlaps = 0;   ///< of the motions, least distances of 0
   int nearer = 0;     ///< wrong: points nearer than a lower bound
   int farther = 0;    ///< wrong: witnesses farther than their upper bound
@@ -31,18 +32,20 @@ void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFi
 
 /// Cases of every kind in turn, four motions each: as many motions as asked for, or a few more. Those of a seed are
 /// always the same. \param only one kind, or all where it is negative. Ends early once something is wrong, if
-/// `until_wrong`.
-MotionFindings judge_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false);
+/// `until_wrong`. \param backend of EngineOptions; what a device does not answer the CPU does
+MotionFindings judge_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false,
+                          const std::string& backend = "cpu");
 
 /// What somebody else than the engine's CPU says of one motion.
 struct MotionDecision {
   enum Kind { kFree, kHit, kOpen } kind = kOpen;
   BodyPair pair{};
   double time = 0, lower = 0, upper = 0;  ///< of a hit: when, and how far the pair is apart then
+  double free_until = 0;                  ///< of a hit where first contact is asked for
 };
 using MotionDecider = std::function<MotionDecision(const Scene&, const QueryView&)>;
-/// Decisions alone, of motions that joints alone make: cases as those of judge_many(). What is open counts as
-/// undecided.
+/// Decisions alone, of motions that joints alone make, with first contact and without: cases as those of judge_many().
+/// What is open counts as undecided.
 MotionFindings judge_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide);
 
 }  // namespace clearance::test

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+from robots import arm_scene, rows_of
 
 jax = pytest.importorskip("jax", reason="needs JAX: make test-extras EXTRAS=jax")
 
@@ -164,4 +167,60 @@ def test_columns_that_are_refused(engine: clearance.Engine, plan: DevicePlan) ->
         clearance.jax.Distances(engine, DevicePlan(_engine, bare, plan.bodies, plan.pairs), platform="cpu")
     of_joints = DevicePlan(_engine, StandIn(engine, plan.pairs), None, plan.pairs, np.arange(3, dtype=np.uint32))
     with pytest.raises(ValueError, match="plan: expected bodies alone"):
-        clearance.jax.Rows(of_joints, platform="cpu")
+        clearance.jax.Distances(engine, of_joints, platform="cpu")
+    with pytest.raises(ValueError, match="plan: expected the column 'gradient_joints' among its fields"):
+        clearance.jax.JointDistances(of_joints, platform="cpu")
+
+
+class ArmStandIn:
+    """The same of joint positions, of every pair or the nearest."""
+
+    device = 0
+
+    def __init__(self, engine: clearance.Engine, reduce: str, pairs: int):
+        self.engine, self.reduce = engine, reduce
+        self.shape = (K, pairs, int(Field.DISTANCE | Field.GRADIENT_JOINTS))
+
+    def run(self, poses: int, positions: int, columns: list[int], stream: int) -> None:
+        assert poses == 0
+        given = memory(positions, (K, JOINTS), np.dtype("<f8"))
+        rows = arm_rows(self.engine, given, self.reduce)
+        for name in ("distance", "gradient_joints"):
+            if columns[COLUMNS[name].bit]:
+                expected = getattr(rows, name)
+                memory(columns[COLUMNS[name].bit], expected.shape, expected.dtype)[...] = expected
+
+
+JOINTS = 8
+ARM_PAIRS = [(f"arm/{link}", fixed) for link in ("fore", "wrist") for fixed in ("table", "cup")]
+
+
+def arm_rows(engine: clearance.Engine, positions: np.ndarray, reduce: str) -> clearance.Result:
+    return engine.distances(
+        ARM_PAIRS,
+        joints="arm",
+        positions=positions,
+        reduce=reduce,
+        fields=["distance", "gradient_joints"],
+        rel_tol=1e-12,
+    )
+
+
+@pytest.mark.parametrize("reduce", ["none", "min"])
+def test_the_gradient_by_joints_is_the_slope(root: Path, reduce: str) -> None:
+    engine = clearance.Engine(arm_scene(str(root / "tests" / "robot" / "arm.urdf")), backend="cpu")
+    numbers = rows_of(engine.joints("arm"), K)
+    rows = arm_rows(engine, numbers, reduce)
+    pairs = np.zeros((rows.distance.shape[-1], 2), np.uint32)
+    stand_in = ArmStandIn(engine, reduce, len(pairs))
+    plan = DevicePlan(_engine, stand_in, None, pairs, np.arange(JOINTS, dtype=np.uint32), reduce == "min")
+    distances = clearance.jax.JointDistances(plan, platform="cpu")
+    cost = jax.jit(jax.value_and_grad(lambda x: (0.4 - distances(x)).clip(min=0).sum()))
+    value, got = cost(jnp.asarray(numbers))
+    assert value == pytest.approx(np.clip(0.4 - rows.distance, 0, None).sum(), rel=1e-9)
+    near = (rows.distance < 0.4)[..., None]
+    slope = -np.where(near, np.nan_to_num(rows.gradient_joints), 0).reshape(K, -1, JOINTS).sum(axis=1)
+    assert np.abs(slope).max() > 0.01
+    np.testing.assert_allclose(got, slope, atol=1e-12)
+    with pytest.raises(TypeError, match=r"positions: expected float64 \(5, 8\), got float32"):
+        clearance.jax.Rows(plan, platform="cpu")(positions=np.zeros((K, JOINTS), np.float32))

@@ -10,7 +10,7 @@ import pytest
 import clearance
 from clearance import Status
 from patience import PATIENCE_S
-from robots import rows_of
+from robots import arm_scene, rows_of
 from scenes import at, same_bits
 
 TIMES = np.linspace(0, 1, 65)  # 1/64 is exact
@@ -164,6 +164,25 @@ def test_the_command_says_where_a_path_is_not_free(arm_daemon, engine, root, tmp
     assert done.returncode == 2 and "two waypoints or more, got 1" in done.stderr
     done = run([start[good]], names=["nonesuch"])
     assert done.returncode == 2 and "path.csv:2: expected 1 numbers" in done.stderr
+
+
+@pytest.mark.skipif("cuda" not in clearance.Engine.backends(), reason="no CUDA device")
+def test_a_device_answers_the_default_columns(urdf):
+    device, cpu = (clearance.Engine(arm_scene(urdf), backend=backend) for backend in ("cuda", "cpu"))
+    arm = cpu.joints("arm")
+    start, end = edges_of(arm, 2000, length=0.5)
+    for margin in (0.0, 0.01):
+        asked = {"joints": arm, "start": start, "end": end, "pairs": PAIRS, "reduce": "any", "margin": margin}
+        ours, theirs = device.motions(**asked), cpu.motions(**asked)
+        assert ours.backend == "cuda"
+        assert np.mean((ours.status == Status.BEYOND) == (theirs.status == Status.BEYOND)) > 0.999, "undecided aside"
+        (until, hit), (until_there, hit_there) = ours.first_contact.T, theirs.first_contact.T
+        assert np.all(until <= hit_there) and np.all(until_there <= hit), "both hold the time of first contact"
+        decided = np.isfinite(hit)
+        assert 100 < decided.sum() < 1900 and np.all(hit[decided] - until[decided] <= 2**-10)
+        assert np.all(ours.lower <= theirs.upper) and np.all(ours.steps > 0)
+    path = device.check_path([start[0], end[0], start[0]], joints=arm, pairs=PAIRS)
+    assert path.free == cpu.check_path([start[0], end[0], start[0]], joints=arm, pairs=PAIRS).free
 
 
 ONE = np.zeros((1, 8))

@@ -179,7 +179,7 @@ def test_what_is_refused(
         plan(**arguments)
     assert run.runs == [] and driver.copies == [], "before anything was done"
     with pytest.raises(TypeError, match="answers in its own memory"):
-        plan.run_at(1, {}, 0)
+        plan.run_at(1, 0, {}, 0)
 
 
 def test_a_closed_plan_is_unmapped_first(plan: RemotePlan, driver: StandInDriver) -> None:

@@ -111,10 +111,15 @@ class DevicePlan:
         """A column that it can write; None: it cannot."""
         return self._columns.get(name)
 
-    def run_at(self, poses: int, columns: Mapping[int, int], stream: int) -> None:
-        """The call for who knows that its memory is right, of a plan without joints. Addresses: of the poses, of
-        columns by their bits (the other ones are not written), of a cudaStream_t."""
-        self._plan.run(poses, 0, _addresses(columns), stream)
+    @property
+    def positions_shape(self) -> tuple[int, int]:
+        """(K, J), of the joint positions that it takes; J is 0 where it moves no joints."""
+        return (self.shape[0], 0 if self.joints is None else len(self.joints))
+
+    def run_at(self, poses: int, positions: int, columns: Mapping[int, int], stream: int) -> None:
+        """The call for who knows that its memory is right. Addresses: of the poses and the positions (0: it takes
+        none), of columns by their bits (the other ones are not written), of a cudaStream_t."""
+        self._plan.run(poses, positions, _addresses(columns), stream)
 
     def __call__(
         self,

@@ -31,6 +31,13 @@ def check_columns(plan: DevicePlan, *names: str) -> None:
             raise ValueError(f"plan: expected the column {name!r} among its fields, got {list(plan.fields)}")
 
 
+def check_joint_plan(plan: DevicePlan) -> None:
+    """Raises ValueError where it has no gradient by joints, or moves bodies."""
+    check_columns(plan, "distance", "gradient_joints")
+    if plan.joints is None or plan.bodies is not None:
+        raise ValueError("plan: expected configurations of joints alone")
+
+
 def moving_sides(plan: DevicePlan, bodies: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Of each side of a plan's pairs: which of them have a body there that moves, and its place among its bodies.
 
@@ -40,7 +47,7 @@ def moving_sides(plan: DevicePlan, bodies: int) -> list[tuple[np.ndarray, np.nda
     if len(plan.shape) != 2:
         raise ValueError("plan: expected rows of all pairs (reduce='none')")
     if plan.joints is not None:
-        raise ValueError("plan: expected bodies alone; of joints there is clearance.torch.JointDistances")
+        raise ValueError("plan: expected bodies alone; of joints there is JointDistances")
     if plan.bodies is None:
         raise ValueError("plan: expected configurations of bodies, as the current poses have no gradient")
     slot_of = np.full(bodies, -1)

@@ -62,7 +62,7 @@ class RemotePlan(DevicePlan):
         """The GPU's number in this process."""
         return self._driver.number
 
-    def run_at(self, poses: int, columns: Mapping[int, int], stream: int) -> None:
+    def run_at(self, poses: int, positions: int, columns: Mapping[int, int], stream: int) -> None:
         raise TypeError("a daemon's plan answers in its own memory: call it")
 
     def __call__(

@@ -103,8 +103,10 @@ def _run(frame: Any, has_streams: bool) -> None:
     if plan is None:
         raise RuntimeError("the plan is gone: keep it as long as functions that were compiled with it are called")
     addresses = {bits.data[k]: frame.results.at[k].contents.data for k in range(bits.count)}
-    poses = frame.arguments.at[0].contents.data if frame.arguments.count > 0 else 0
-    plan.run_at(poses or 0, addresses, _stream_of(frame) if has_streams else 0)
+    given = iter([frame.arguments.at[k].contents.data or 0 for k in range(frame.arguments.count)])
+    poses = 0 if plan.bodies is None else next(given)
+    positions = 0 if plan.joints is None else next(given)
+    plan.run_at(poses, positions, addresses, _stream_of(frame) if has_streams else 0)
 
 
 def _stream_of(frame: Any) -> int:

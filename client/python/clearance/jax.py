@@ -1,4 +1,5 @@
-"""Distances as a JAX function: poses in, distances out, and their gradient back, all in the GPU's memory.
+"""Distances as a JAX function: poses or joint positions in, distances out, and their gradient back, all in the GPU's
+memory.
 
     import jax, clearance, clearance.jax
 
@@ -8,6 +9,11 @@
     distances = clearance.jax.Distances(engine, plan)
     cost = jax.jit(jax.value_and_grad(lambda poses: distances(poses).clip(max=0.1).sum()))
     value, by_pose = cost(poses)                # poses (K, M, 7) float64; by_pose the same
+
+    plan = engine.plan_on_device(64, joints="arm", reduce="min", fields=["distance", "gradient_joints"])
+    distances = clearance.jax.JointDistances(plan)
+    cost = jax.jit(jax.value_and_grad(lambda positions: (0.05 - distances(positions)).clip(min=0).sum()))
+    value, by_joint = cost(positions)           # positions (K, J) float64; by_joint the same
 
 Calls may stand in functions that are compiled (jax.jit): XLA puts them into its own stream, and nothing waits for the
 host. They cannot be mapped (jax.vmap): a plan's K is what it was made for.
@@ -28,24 +34,22 @@ import numpy as np
 from . import _xla_ffi
 from ._arguments import did_you_mean
 from ._device_plan import DevicePlan
-from ._pose_gradient import moving_sides, pose_gradient
+from ._pose_gradient import check_joint_plan, moving_sides, pose_gradient
 
-__all__ = ["Distances", "Rows"]
+__all__ = ["Distances", "JointDistances", "Rows"]
 
 
 class Rows:
-    """Columns of a plan as a function of its bodies' poses, without a gradient.
+    """Columns of a plan as a function of what it moves, without a gradient.
 
     plan: of K configurations. fields: names among the plan's columns; None: all of them.
 
-    Called with (K, M, 7) float64 poses, or with nothing where the plan is of the current poses, it returns {name:
-    array}, each (K, P) and what a row has; `compact` as 8 float32 a row. Raises ValueError for a column that the plan
-    has not, and TypeError for poses of another type or shape.
+    Called with (K, M, 7) float64 poses of its bodies and (K, J) float64 positions of its joints, each where it moves
+    any, it returns {name: array}, each of the plan's shape and what a row has; `compact` as 8 float32 a row. Raises
+    ValueError for a column that the plan has not, and TypeError for numbers of another type or shape.
     """
 
     def __init__(self, plan: DevicePlan, fields: Optional[Iterable[str]] = None, *, platform: str = "CUDA"):
-        if plan.joints is not None:
-            raise ValueError("plan: expected bodies alone; a plan of joints is called by itself, or by PyTorch")
         _xla_ffi.register(platform)
         self.plan = plan
         self._number = _xla_ffi.number_of(plan)
@@ -57,15 +61,21 @@ class Rows:
                 raise ValueError(f"fields: the plan has no column {name!r}{did_you_mean(name, list(plan.fields))}")
             self._columns.append(column)
 
-    def __call__(self, poses: Any = None) -> dict[str, Any]:
-        shape = self.plan.poses_shape
-        given = [] if shape[1] == 0 and poses is None else [jnp.asarray(poses)]
-        for array in given:
+    def __call__(self, poses: Any = None, positions: Any = None) -> dict[str, Any]:
+        given = []
+        for what, numbers, shape in (
+            ("poses", poses, self.plan.poses_shape),
+            ("positions", positions, self.plan.positions_shape),
+        ):
+            if shape[1] == 0 and numbers is None:
+                continue
+            array = jnp.asarray(numbers)
             if array.shape != shape or array.dtype != jnp.float64:
                 raise TypeError(
-                    f"poses: expected float64 {shape}, got {array.dtype} {array.shape}"
+                    f"{what}: expected float64 {shape}, got {array.dtype} {array.shape}"
                     + ("" if jax.config.jax_enable_x64 else " (jax_enable_x64 is off)")
                 )
+            given.append(array)
         call = jax.ffi.ffi_call(_xla_ffi.TARGET, [self._row_type(column) for column in self._columns])
         rows = call(*given, columns=np.array([c.bit for c in self._columns], np.int64), plan=np.int64(self._number))
         return dict(zip(self._names, rows))
@@ -73,7 +83,8 @@ class Rows:
     def _row_type(self, column: Any) -> Any:
         if column.dtype.kind == "V":  # a record of float32
             return jax.ShapeDtypeStruct((*self.plan.shape, column.dtype.itemsize // 4), np.dtype("<f4"))
-        return jax.ShapeDtypeStruct((*self.plan.shape, *column.shape), column.dtype)
+        per_row = self.plan.positions_shape[1:] if column is self.plan.column("gradient_joints") else column.shape
+        return jax.ShapeDtypeStruct((*self.plan.shape, *per_row), column.dtype)
 
 
 class Distances:
@@ -115,3 +126,41 @@ def _backward(of: Distances, kept: Any, by_distance: Any) -> Any:
 
 
 _distances.defvjp(_forward, _backward)
+
+
+class JointDistances:
+    """Distances of a plan's pairs, or the least of each configuration, as a function of joint positions, with a
+    gradient (jax.custom_vjp).
+
+    plan: of joints alone, reduce "none" or "min", made with the columns "distance" and "gradient_joints".
+
+    Called with (K, J) float64 positions it returns (K, P), or (K,) of "min", float64 metres. The gradient is that of
+    the witness points, as in Distances: of "min" that of the nearest pair. Rows that are beyond max_distance have none.
+    """
+
+    def __init__(self, plan: DevicePlan, *, platform: str = "CUDA"):
+        check_joint_plan(plan)
+        self.plan = plan
+        self.rows = Rows(plan, ["distance", "gradient_joints"], platform=platform)
+
+    def __call__(self, positions: Any) -> Any:
+        return _joint_distances(self, positions)
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
+def _joint_distances(of: JointDistances, positions: Any) -> Any:
+    return of.rows(positions=positions)["distance"]
+
+
+def _forward_joints(of: JointDistances, positions: Any) -> Any:
+    rows = of.rows(positions=positions)
+    return rows["distance"], rows["gradient_joints"]
+
+
+def _backward_joints(of: JointDistances, gradient: Any, by_distance: Any) -> Any:
+    weights = by_distance[..., None]
+    weighed = jnp.where(weights == 0, 0.0, weights * gradient)  # (K, P, J) or (K, J)
+    return (weighed.sum(1) if weighed.ndim == 3 else weighed,)
+
+
+_joint_distances.defvjp(_forward_joints, _backward_joints)

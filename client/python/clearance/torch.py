@@ -24,7 +24,7 @@ from typing import Any
 import torch
 
 from ._device_plan import DevicePlan
-from ._pose_gradient import check_columns, moving_sides, pose_gradient
+from ._pose_gradient import check_joint_plan, moving_sides, pose_gradient
 
 __all__ = ["Distances", "JointDistances"]
 
@@ -108,9 +108,7 @@ class JointDistances:
     """
 
     def __init__(self, plan: DevicePlan):
-        check_columns(plan, "distance", "gradient_joints")
-        if plan.joints is None or plan.bodies is not None:
-            raise ValueError("plan: expected configurations of joints alone")
+        check_joint_plan(plan)
         self.plan = plan
 
     def __call__(self, positions: Any) -> Any:
