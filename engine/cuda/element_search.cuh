@@ -130,15 +130,12 @@ class WarpSearch {
   // Divides the nodes on top of the stack, a thread for each: as many as their children leave room for, and beside that
   // for one node's way down. Where no more is left, that goes down alone.
   __device__ void open(const PieceBefore& before) {
-    const std::uint32_t room = kStackEntries - stacked_,
-                        most = room > kWayDown ? room - kWayDown
-                               : room < 1      ? 0
-                                               : 1,
-                        wide = most < 32 ? most : 32, count = stacked_ < wide ? stacked_ : wide;
-    if (count == 0) {
+    if (stacked_ == kStackEntries) {
       is_open_ = true;
       return;
     }
+    const std::uint32_t room = kStackEntries - stacked_, wide = room > kWayDown ? room - kWayDown : 1,
+                        most = wide < 32 ? wide : 32, count = stacked_ < most ? stacked_ : most;
     __syncwarp();
     stacked_ -= count;
     const double limit = this->limit();
