@@ -128,7 +128,8 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
 
   std::shared_ptr<ResidentElements> upload(const Surface& surface, std::shared_ptr<ResidentElements> room) override {
     const OnDevice here(hulls_.device());
-    auto to = room ? std::static_pointer_cast<CudaElements>(std::move(room)) : std::make_shared<CudaElements>(work_.memory);
+    auto to =
+        room ? std::static_pointer_cast<CudaElements>(std::move(room)) : std::make_shared<CudaElements>(work_.memory);
     to->take(surface);
     return to;
   }
