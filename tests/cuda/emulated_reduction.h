@@ -29,8 +29,9 @@ class HostElements {
  public:
   explicit HostElements(const Scene& scene) : of_body_(scene.bodies().size(), kNone) {
     for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
-      const Piece& piece = *scene.bodies()[b].pieces[0];
-      if (!piece.surface) continue;
+      const std::vector<PiecePtr>& pieces = scene.bodies()[b].pieces;
+      if (pieces.size() != 1 || !pieces[0]->surface) continue;
+      const Piece& piece = *pieces[0];
       arrays_.emplace_back(*piece.surface);
       const ElementArrays& of = arrays_.back();
       of_body_[b] = static_cast<std::uint32_t>(sets_.size());
