@@ -86,20 +86,18 @@ Workload joints(const std::string& what, std::uint32_t configurations, std::uint
   w.margin = margin;
   return w;
 }
-// The same arm in a cloud.
-Workload in_room(const std::string& what, std::uint32_t fields, Reduce reduce, double max_distance = kFar,
-                 double margin = 0) {
+// What the same arm stands in.
+struct Surroundings {
+  const char* name;
+  Scene (*scene)();
+};
+constexpr Surroundings kRoom{"a cloud of 100,000 points", arm_scene_in_room},
+    kCell{"a mesh of 3600 triangles", arm_scene_in_cell};
+Workload in(const Surroundings& around, const std::string& what, std::uint32_t fields, Reduce reduce,
+            double max_distance = kFar, double margin = 0) {
   Workload w = joints(what, 4096, fields, reduce, max_distance, margin);
-  w.name = "an arm of 8 hulls in a cloud of 100,000 points, 4096 configurations of joints, " + what;
-  w.scene = arm_scene_in_room;
-  return w;
-}
-// And in a cell of one mesh.
-Workload in_cell(const std::string& what, std::uint32_t fields, Reduce reduce, double max_distance = kFar,
-                 double margin = 0) {
-  Workload w = joints(what, 4096, fields, reduce, max_distance, margin);
-  w.name = "an arm of 8 hulls in a mesh of 3600 triangles, 4096 configurations of joints, " + what;
-  w.scene = arm_scene_in_cell;
+  w.name = std::string("an arm of 8 hulls in ") + around.name + ", 4096 configurations of joints, " + what;
+  w.scene = around.scene;
   return w;
 }
 // Its links meshes.
@@ -182,16 +180,16 @@ const std::vector<Workload>& workloads() {
       joints("any", 65536, kFieldStatus | kFieldPair, Reduce::kAny),
       joints("any", 1048576, kFieldStatus | kFieldPair, Reduce::kAny),
       joints("min", 65536, kBounds, Reduce::kMin),
-      in_room("any", kFieldStatus | kFieldPair, Reduce::kAny),
-      in_room("any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
-      in_room("min", kBounds, Reduce::kMin),
-      in_room("nearest", kBounds, Reduce::kNearest),
-      in_room("within 0.02", kBounds, Reduce::kWithin, 0.02),
-      in_cell("any", kFieldStatus | kFieldPair, Reduce::kAny),
-      in_cell("any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
-      in_cell("min", kBounds, Reduce::kMin),
-      in_cell("nearest", kBounds, Reduce::kNearest),
-      in_cell("within 0.02", kBounds, Reduce::kWithin, 0.02),
+      in(kRoom, "any", kFieldStatus | kFieldPair, Reduce::kAny),
+      in(kRoom, "any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
+      in(kRoom, "min", kBounds, Reduce::kMin),
+      in(kRoom, "nearest", kBounds, Reduce::kNearest),
+      in(kRoom, "within 0.02", kBounds, Reduce::kWithin, 0.02),
+      in(kCell, "any", kFieldStatus | kFieldPair, Reduce::kAny),
+      in(kCell, "any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
+      in(kCell, "min", kBounds, Reduce::kMin),
+      in(kCell, "nearest", kBounds, Reduce::kNearest),
+      in(kCell, "within 0.02", kBounds, Reduce::kWithin, 0.02),
       of_meshes("any", kFieldStatus | kFieldPair, Reduce::kAny),
       of_meshes("any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, 0.02),
       of_meshes("min", kBounds, Reduce::kMin),
