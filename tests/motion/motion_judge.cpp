@@ -152,7 +152,7 @@ class MotionJudge {
     one.pairs = pairs_;
     QueryView query = one.view(Reduce::kAny, 512);
     query.margin = margin_beside_least();
-    query.fields &= ~(when ? 0 : kFieldFirstContact);
+    if (!when) query.fields &= ~kFieldFirstContact;
     const MotionDecision found = decide(engine_.scene(), query);
     findings_.free += found.kind == MotionDecision::kFree;
     findings_.undecided += found.kind == MotionDecision::kOpen;
