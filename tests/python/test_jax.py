@@ -1,4 +1,5 @@
-"""Plans as JAX functions, without a GPU: XLA calls a stand-in in the CPU's memory, whose rows are the engine's own."""
+"""Plans as JAX functions. Without a GPU XLA calls a stand-in in the CPU's memory, whose rows are the engine's own; with
+one, in JAX and here, the plans of a device are asked, too."""
 
 from __future__ import annotations
 
@@ -68,7 +69,8 @@ class StandIn:
 
 @pytest.fixture(autouse=True)
 def _float64() -> object:
-    with jax.experimental.enable_x64() if hasattr(jax.experimental, "enable_x64") else jax.enable_x64(True):
+    x64 = jax.experimental.enable_x64() if hasattr(jax.experimental, "enable_x64") else jax.enable_x64(True)
+    with x64, jax.default_device(jax.devices("cpu")[0]):
         yield
 
 
@@ -224,3 +226,56 @@ def test_the_gradient_by_joints_is_the_slope(root: Path, reduce: str) -> None:
     np.testing.assert_allclose(got, slope, atol=1e-12)
     with pytest.raises(TypeError, match=r"positions: expected float64 \(5, 8\), got float32"):
         clearance.jax.Rows(plan, platform="cpu")(positions=np.zeros((K, JOINTS), np.float32))
+
+
+def gpus() -> list[object]:
+    """Those of JAX, if the engine has one, too."""
+    try:
+        return jax.devices("gpu") if "cuda" in clearance.Engine.backends() else []
+    except RuntimeError:
+        return []
+
+
+needs_gpu = pytest.mark.skipif(not gpus(), reason="no CUDA device, or JAX has none")
+
+
+@needs_gpu
+@pytest.mark.parametrize("reduce", ["none", "min"])
+def test_joints_on_a_gpu(root: Path, reduce: str) -> None:
+    scene = arm_scene(str(root / "tests" / "robot" / "arm.urdf"))
+    engine, cpu = (clearance.Engine(scene, backend=backend) for backend in ("cuda", "cpu"))
+    numbers = rows_of(cpu.joints("arm"), 64)
+    rows = arm_rows(cpu, numbers, reduce)
+    fields = ["distance", "gradient_joints"]
+    plan = engine.plan_on_device(64, None, ARM_PAIRS, fields, joints="arm", reduce=reduce)
+    distances = clearance.jax.JointDistances(plan)
+    cost = jax.jit(jax.value_and_grad(lambda x: (0.4 - distances(x)).clip(min=0).sum()))
+    with jax.default_device(gpus()[0]):
+        value, got = cost(jnp.asarray(numbers))
+    near = (rows.distance < 0.4)[..., None]
+    slope = -np.where(near, np.nan_to_num(rows.gradient_joints), 0).reshape(64, -1, JOINTS).sum(axis=1)
+    apart = rows.distance.reshape(64, -1).min(axis=1) > 0
+    assert apart.sum() > 40 and np.abs(slope[apart]).max() > 0.01
+    assert value == pytest.approx(np.clip(0.4 - rows.distance, 0, None).sum(), rel=1e-9)
+    np.testing.assert_allclose(np.asarray(got)[apart], slope[apart], atol=1e-9)
+
+
+@needs_gpu
+def test_poses_on_a_gpu(engine: clearance.Engine) -> None:
+    on_gpu = clearance.Engine(balls(), backend="cuda")
+    pairs = [("s1", "s0"), ("s1", "s4"), ("s2", "s4"), ("s3", "s5")]
+    plan = on_gpu.plan_on_device(K, BODIES, pairs, ["distance", "lower", "gradient"])
+    distances = clearance.jax.Distances(on_gpu, plan)
+    cost = jax.jit(jax.value_and_grad(lambda x: distances(x).sum()))
+    with jax.default_device(gpus()[0]):
+        value, got = cost(jnp.asarray(poses()))
+        lower = clearance.jax.Rows(plan, ["lower"])(jnp.asarray(poses()))["lower"]
+    expected = answer(engine, plan.pairs, poses(), "lower")
+    assert (expected > 0).all()  # so that the rows have the CPU's bits
+    np.testing.assert_array_equal(np.asarray(lower), expected)
+    assert value == pytest.approx(answer(engine, plan.pairs, poses(), "distance").sum(), rel=1e-12)
+    of_cpu = DevicePlan(_engine, StandIn(engine, plan.pairs), plan.bodies, plan.pairs)
+    there = clearance.jax.Distances(engine, of_cpu, platform="cpu")
+    np.testing.assert_allclose(
+        np.asarray(got), jax.grad(lambda x: there(x).sum())(jnp.asarray(poses())), rtol=0, atol=1e-12
+    )

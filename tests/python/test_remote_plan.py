@@ -273,3 +273,28 @@ def test_rows_of_a_daemons_gpu(urdf: str, tmp_path: Path, start_daemon: Any) -> 
                     for name in columns:
                         np.testing.assert_array_equal(got[name][apart], getattr(expected, name)[apart], err_msg=name)
         assert client.stats()["plans.open"] == 0
+
+
+@needs_gpu
+def test_pytorch_asks_a_daemons_gpu(urdf: str, tmp_path: Path, start_daemon: Any) -> None:
+    torch = pytest.importorskip("torch")
+    import clearance.torch
+
+    shutil.copy(urdf, tmp_path / "arm.urdf")
+    (tmp_path / "scene.yaml").write_text(ARM_YAML)
+    daemon = start_daemon(tmp_path / "scene.yaml", ["shm"], "--backend", "cuda")
+    engine = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cuda")
+    client = clearance.connect(daemon.urls["shm"], timeout_s=PATIENCE_S)
+    numbers = rows_of(engine.joints("arm"), 64)
+    arguments = {"pairs": ARM_PAIRS, "fields": ["distance", "gradient_joints"], "joints": "arm"}
+    for reduce in ("none", "min"):
+        with client.plan_on_device(64, reduce=reduce, **arguments) as theirs:
+            of_plan = []
+            for plan in (engine.plan_on_device(64, reduce=reduce, **arguments), theirs):
+                positions = torch.tensor(numbers, device="cuda", requires_grad=True)
+                distances = clearance.torch.JointDistances(plan)(positions)
+                (0.4 - distances).clamp(min=0).sum().backward()
+                of_plan.append([tensor.detach().cpu().numpy() for tensor in (distances, positions.grad)])
+            assert np.abs(of_plan[0][1]).max() > 0.01
+            for ours, got in zip(*of_plan):
+                np.testing.assert_array_equal(got, ours)

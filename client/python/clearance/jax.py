@@ -87,6 +87,12 @@ class Rows:
         return jax.ShapeDtypeStruct((*self.plan.shape, *per_row), column.dtype)
 
 
+def _weighed(weights: Any, gradient: Any) -> Any:
+    """weights (...) times gradient (..., and more); 0 where a weight is: rows that are beyond have no gradient."""
+    each = weights.reshape(weights.shape + (1,) * (gradient.ndim - weights.ndim))
+    return jnp.where(each == 0, 0.0, each * gradient)
+
+
 class Distances:
     """Distances of a plan's pairs as a function of its bodies' poses, with a gradient (jax.custom_vjp).
 
@@ -94,7 +100,7 @@ class Distances:
 
     Called with (K, M, 7) float64 poses it returns (K, P) float64 metres. The gradient is that of the witness points:
     where these are not unique it is one of several. It is 0 where bodies overlap, as the distance is, and NaN where a
-    pose is bad.
+    pose is bad or a pair is beyond max_distance, if that row counts.
     """
 
     def __init__(self, engine: Any, plan: DevicePlan, *, platform: str = "CUDA"):
@@ -118,7 +124,7 @@ def _forward(of: Distances, poses: Any) -> Any:
 
 def _backward(of: Distances, kept: Any, by_distance: Any) -> Any:
     poses, gradient = kept
-    weighed = by_distance[..., None, None] * gradient  # (K, P, 2, 6)
+    weighed = _weighed(by_distance, gradient)  # (K, P, 2, 6)
     by_twist = jnp.zeros((*poses.shape[:2], 6), poses.dtype)
     for side, (columns, slots) in enumerate(of.sides):
         by_twist = by_twist.at[:, slots].add(weighed[:, columns, side])
@@ -158,8 +164,7 @@ def _forward_joints(of: JointDistances, positions: Any) -> Any:
 
 
 def _backward_joints(of: JointDistances, gradient: Any, by_distance: Any) -> Any:
-    weights = by_distance[..., None]
-    weighed = jnp.where(weights == 0, 0.0, weights * gradient)  # (K, P, J) or (K, J)
+    weighed = _weighed(by_distance, gradient)  # (K, P, J) or (K, J)
     return (weighed.sum(1) if weighed.ndim == 3 else weighed,)
 
 
