@@ -170,7 +170,7 @@ def test_the_command_says_where_a_path_is_not_free(arm_daemon, engine, root, tmp
 def test_a_device_answers_the_default_columns(urdf):
     device, cpu = (clearance.Engine(arm_scene(urdf), backend=backend) for backend in ("cuda", "cpu"))
     arm = cpu.joints("arm")
-    start, end = edges_of(arm, 2000, length=0.5)
+    start, end = edges_of(arm, 2000)
     for margin in (0.0, 0.01):
         asked = {"joints": arm, "start": start, "end": end, "pairs": PAIRS, "reduce": "any", "margin": margin}
         ours, theirs = device.motions(**asked), cpu.motions(**asked)

@@ -11,7 +11,7 @@ import pytest
 
 import clearance
 from conftest import BUILD, INSTALLED
-from patience import PATIENCE_S
+from patience import PATIENCE_S, wait_until
 
 lcm = pytest.importorskip("lcm")
 
@@ -53,13 +53,6 @@ class Recorder:
 
 def run(*arguments):
     return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=PATIENCE_S)
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def pose_message(sequence, poses):
