@@ -21,7 +21,10 @@ constexpr double kCpuQueryNs = 1000, kDeviceQueryNs = 30'000;
 constexpr double kPairsPerThread = 300;  // fewer are not worth waking a thread for
 
 // The slower backend is tried again while it is thought to take at most so many times as long.
-constexpr double kMostSlower = 4, kMostSlowerUnseen = 16;
+constexpr double kMostSlower = 4;
+// Until it has answered so many of a size it may be thought slower: the first one is cold, and others may have been at work.
+constexpr double kMostSlowerUnknown = 16;
+constexpr std::uint64_t kKnown = 2;
 // A query that was slower than the fastest of its size counts by this share: others' work only ever adds to a time.
 constexpr double kForget = 1.0 / 8;
 
@@ -67,7 +70,7 @@ bool Router::to_device(QueryKind kind, std::uint64_t pairs) {
   const double ns[] = {estimate(kind, kCpu, size), estimate(kind, kDevice, size)};
   bool device = ns[kDevice] < ns[kCpu];
   const auto at = static_cast<std::size_t>(size);
-  const double most = known.ns[device ? kCpu : kDevice][at] == kUnknown ? kMostSlowerUnseen : kMostSlower;
+  const double most = known.answered[device ? kCpu : kDevice][at] < kKnown ? kMostSlowerUnknown : kMostSlower;
   const std::uint64_t queries = ++known.queries[at];
   if (queries > 1 && std::has_single_bit(queries) && ns[device ? kCpu : kDevice] < most * ns[device ? kDevice : kCpu]) {
     device = !device;
@@ -86,7 +89,9 @@ void Router::learn(QueryKind kind, std::uint64_t pairs, bool on_device, std::chr
   const double ns = static_cast<double>(std::max<std::int64_t>(took.count(), 1)) * guess(kind, backend, middle) /
                     guess(kind, backend, count);
   const std::lock_guard lock(mutex_);
-  double& known = kinds_[static_cast<std::size_t>(kind)].ns[backend][static_cast<std::size_t>(size)];
+  Kind& of_kind = kinds_[static_cast<std::size_t>(kind)];
+  ++of_kind.answered[backend][static_cast<std::size_t>(size)];
+  double& known = of_kind.ns[backend][static_cast<std::size_t>(size)];
   known = known == kUnknown || ns < known ? ns : known + kForget * (ns - known);
 }
 

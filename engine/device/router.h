@@ -30,7 +30,7 @@ QueryKind kind_of(const QueryView& query);
 /// Learns from every query how long its kind and size take on each backend, and sends the next one to the faster. Both
 /// give the same bits, so only time is at stake. A size that was not seen yet is guessed from the nearest that was, and
 /// before there is any from figures of one machine. So that a wrong guess does not stay, the slower backend is tried
-/// again at the 2nd, 4th, 8th ... query of a kind and size, unless it is thought to be much slower. Thread-safe.
+/// again at the 2nd, 4th, 8th ... query of a kind and size, unless it is known to be much slower. Thread-safe.
 class Router {
  public:
   /// \param threads of the CPU
@@ -49,6 +49,7 @@ class Router {
   static constexpr double kUnknown = 0;
   struct Kind {
     std::array<std::array<double, kSizes>, 2> ns{};  // that a query of a size takes, by backend; kUnknown: not seen
+    std::array<std::array<std::uint64_t, kSizes>, 2> answered{};  // of a size, by backend
     std::array<std::uint64_t, kSizes> queries{};
     std::uint64_t to_device = 0, to_cpu = 0, tried_again = 0;
   };

@@ -80,6 +80,20 @@ TEST(Router, OneQueryThatWasHeldUpChangesLittle) {
   EXPECT_TRUE(router.to_device(QueryKind::kDense, 100'000));
 }
 
+TEST(Router, AColdFirstAnswerDoesNotStay) {
+  // A motion or a few: the CPU is twice as fast, but its first one takes ten times what the device does.
+  const Machine m = machine(30'000, 600'000, 1);
+  for (const bool is_cpu_cold : {true, false}) {
+    Router router(16);
+    const Machine cold = is_cpu_cold ? machine(600'000, 600'000, 1) : machine(30'000, 6'000'000, 1);
+    router.learn(QueryKind::kMotion, 10, true, std::chrono::nanoseconds(static_cast<std::int64_t>(cold.device(10))));
+    router.learn(QueryKind::kMotion, 10, false, std::chrono::nanoseconds(static_cast<std::int64_t>(cold.cpu(10))));
+    const Ran ran = run(router, m, 10, 100, QueryKind::kMotion);
+    EXPECT_LT(ran.on_device, 15) << is_cpu_cold;
+    EXPECT_LT(ran.took, 1.3 * ran.best);
+  }
+}
+
 TEST(Router, FollowsAMachineThatChanges) {
   Router router(4);
   run(router, machine(400, 30'000, 1), 10'000, 1'000);

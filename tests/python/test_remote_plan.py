@@ -238,6 +238,7 @@ def test_without_a_driver(monkeypatch: pytest.MonkeyPatch) -> None:
         _load()
 
 
+@pytest.mark.skipif("cuda" in clearance.Engine.backends(), reason="the daemon has a GPU")
 def test_a_daemon_without_a_gpu_says_so(daemon: Any, kind: str) -> None:
     client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
     is_local = kind in ("shm", "ipc")
