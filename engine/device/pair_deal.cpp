@@ -12,7 +12,7 @@ namespace {
 
 // Rows of a chunk: enough to fill a large device several times over, and a few chunks of a query that is no larger than
 // that, so that the first answers are on their way while the last are computed.
-constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 18;
+constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 19;
 constexpr std::uint64_t kCompany = kTile / 2;  // pair-configurations below which a group of its own would waste a block
 
 std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
