@@ -33,7 +33,7 @@ class SeveralDevices : public testing::Test {
 
 TEST_F(SeveralDevices, ShareAQueryOutAndAnswerAsOne) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({2, 0}));
-  Question question(15'000);  // more chunks than two devices have under way
+  Question question(30'000);  // more chunks than two devices have under way
   question.q.fields = kDefaultFields;
   const Answer expected = ask(cpu, question.q);
   int most = 0;
