@@ -68,17 +68,12 @@ class NearestElements {
     std::uint32_t piece_a, at_a, piece_b, at_b;
     std::uint32_t looked;  // how many directions were known when its gap was made
   };
-  // The nearest first; of the same gap those farther down, which end sooner. As one number, without a branch that
-  // nobody could foresee: gaps are not below 0, so that their bits are in their order.
-  struct ComesLater {
-    static unsigned __int128 rank(const Entry& e) {
+  // The nearest first; of the same gap those farther down, which end sooner. Gaps are not below 0, so that their bits
+  // are in their order.
+  struct RankOf {
+    unsigned __int128 operator()(const Entry& e) const {
       return static_cast<unsigned __int128>(std::bit_cast<std::uint64_t>(e.gap)) << 64 | std::uint64_t{~e.at_a} << 32 |
              ~e.at_b;
-    }
-    bool operator()(const Entry& p, const Entry& q) const {
-      const unsigned __int128 of_p = rank(p), of_q = rank(q);
-      if (of_p != of_q) return of_p > of_q;
-      return p.piece_a != q.piece_a ? p.piece_a < q.piece_a : p.piece_b < q.piece_b;
     }
   };
   // Around a subtree, in the axes of its body, or of a.
@@ -135,7 +130,7 @@ class NearestElements {
   double left_out_ = 0;      // the least gap of what was beyond a cut-off
   std::uint32_t looks_ = 0;  // how many directions were known so far: the last one counts
   Vec3d n_a_{0, 0, 0}, n_b_{0, 0, 0};
-  BestFirst<Entry, ComesLater> open_;
+  BestFirst<Entry, RankOf> open_;
 
   // What subtrees were found to reach along the direction that is known: many partners ask the same of each.
   struct Reach {
