@@ -1,5 +1,7 @@
 // The bits of an answer do not depend on what else is asked, of bodies that are not convex either: searches are used
-// for one pair after another, and each pair gets what it would get alone.
+// for one pair after another, and each pair gets what it would get alone. Linked once with the engine as it is, and
+// once with one whose searches remember (CMakeLists.txt).
+#include <gtest/gtest-spi.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -53,7 +55,7 @@ Scene zoo() {
   return scene;
 }
 
-TEST(SurfaceBatches, GiveEachPairTheBitsThatItHasAlone) {
+void every_row_is_as_alone() {
   std::vector<std::uint32_t> moved;
   for (std::uint32_t b = 0; b < zoo().bodies().size(); ++b) moved.push_back(b);
   test::Random random(3);
@@ -76,12 +78,32 @@ TEST(SurfaceBatches, GiveEachPairTheBitsThatItHasAlone) {
         query.configuration_count = poses.size() / moved.size();
         query.configurations = poses;
         test::expect_rows_as_alone(engine, query, seen);
-        if (HasFatalFailure()) FAIL() << set << ", to " << abs_tol << ", within " << max_distance;
+        if (testing::Test::HasFatalFailure()) FAIL() << set << ", to " << abs_tol << ", within " << max_distance;
       }
   }
   for (const Status status : {Status::kOk, Status::kOverlap, Status::kBeyond})
     EXPECT_GT(seen[static_cast<std::size_t>(status)], 20u) << "status " << int(status) << " was not met";
 }
+
+#ifdef CLEARANCE_MUTANT
+
+TEST(Mutants, OfBatchesAreFound) {
+  testing::TestPartResultArray found;
+  {
+    const testing::ScopedFakeTestPartResultReporter keep(
+        testing::ScopedFakeTestPartResultReporter::INTERCEPT_ONLY_CURRENT_THREAD, &found);
+    every_row_is_as_alone();
+  }
+  EXPECT_GT(found.size(), 0);
+}
+
+#else
+
+TEST(SurfaceBatches, GiveEachPairTheBitsThatItHasAlone) {
+  every_row_is_as_alone();
+}
+
+#endif
 
 }  // namespace
 }  // namespace clearance
