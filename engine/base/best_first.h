@@ -4,36 +4,44 @@
 #include <algorithm>
 #include <cassert>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace clearance {
 
 /// A heap of four children a node, beside which the best of what was put last waits: mostly it is taken next, and
 /// where it is not it takes the place of what is.
-/// \tparam ComesLater a strict weak order: whether its first argument comes after its second
-template <class T, class ComesLater>
+///
+/// Only ranks are compared and moved, and which of four is the least is found without a branch, that nobody could
+/// foresee. Ranks of children share a cache line.
+/// \tparam RankOf the rank of an element, less than kNoRank: the least comes first. Of the same rank any may come
+/// first, but the same one whenever the same was put and taken before.
+template <class T, class RankOf>
 class BestFirst {
  public:
+  using Rank = unsigned __int128;
+  static constexpr Rank kNoRank = ~Rank{0};
+
   void clear() {
-    heap_.clear();
+    std::fill_n(ranks(), size_, kNoRank);
+    size_ = 0;
+    free_.clear();
+    elements_.clear();
     has_last_ = false;
   }
-  bool empty() const { return heap_.empty() && !has_last_; }
-  std::size_t size() const { return heap_.size() + has_last_; }
+  bool empty() const { return size_ == 0 && !has_last_; }
+  std::size_t size() const { return size_ + has_last_; }
   const T& front() const {
     assert(!empty());
-    return is_last_first() ? last_ : heap_.front();
+    return is_last_first() ? last_ : elements_[places_[0]];
   }
   void put(const T& x) {
-    if (!has_last_) {
-      last_ = x;
-      has_last_ = true;
-    } else if (comes_later_(last_, x)) {
-      rise(last_);
-      last_ = x;
-    } else {
-      rise(x);
-    }
+    const Rank rank = RankOf()(x);
+    if (has_last_ && !(rank < last_rank_)) return rise(x, rank);
+    if (has_last_) rise(last_, last_rank_);
+    last_ = x;
+    last_rank_ = rank;
+    has_last_ = true;
   }
   T pop() {
     assert(!empty());
@@ -41,14 +49,18 @@ class BestFirst {
       has_last_ = false;
       return last_;
     }
-    const T first = heap_.front();
+    const std::uint32_t place = places_[0];
+    const T first = elements_[place];
     if (has_last_) {
       has_last_ = false;
-      sink(last_);
+      elements_[place] = last_;
+      sink(place, last_rank_);
     } else {
-      const T end = heap_.back();
-      heap_.pop_back();
-      if (!heap_.empty()) sink(end);
+      free_.push_back(place);
+      --size_;
+      const Rank rank = ranks()[size_];
+      ranks()[size_] = kNoRank;
+      if (size_ > 0) sink(places_[size_], rank);
     }
     return first;
   }
@@ -56,41 +68,67 @@ class BestFirst {
   template <class Each>
   void each_behind(const Each& each) const {
     const T* const front = &this->front();
-    for (const T& x : heap_)
-      if (&x != front) each(x);
+    for (std::size_t i = 0; i < size_; ++i)
+      if (const T& x = elements_[places_[i]]; &x != front) each(x);
     if (has_last_ && front != &last_) each(last_);
   }
 
  private:
   static constexpr std::size_t kChildren = 4;
+  // The first child of the root begins a line.
+  struct alignas(kChildren * sizeof(Rank)) Line {
+    Rank of[kChildren] = {kNoRank, kNoRank, kNoRank, kNoRank};
+  };
 
-  bool is_last_first() const { return has_last_ && (heap_.empty() || !comes_later_(last_, heap_.front())); }
+  Rank* ranks() { return &lines_[0].of[kChildren - 1]; }
+  const Rank* ranks() const { return &lines_[0].of[kChildren - 1]; }
+  bool is_last_first() const { return has_last_ && (size_ == 0 || !(ranks()[0] < last_rank_)); }
   // Into the heap, from its end.
-  void rise(const T& x) {
-    std::size_t hole = heap_.size();
-    heap_.push_back(x);
-    for (std::size_t parent; hole > 0 && comes_later_(heap_[parent = (hole - 1) / kChildren], x); hole = parent)
-      heap_[hole] = heap_[parent];
-    heap_[hole] = x;
+  void rise(const T& x, Rank rank) {
+    std::uint32_t place = static_cast<std::uint32_t>(elements_.size());
+    if (free_.empty()) {
+      elements_.push_back(x);
+    } else {
+      place = free_.back();
+      free_.pop_back();
+      elements_[place] = x;
+    }
+    std::size_t hole = size_++;
+    if (places_.size() < size_) places_.resize(size_);
+    if (kChildren - 1 + size_ > kChildren * lines_.size()) lines_.emplace_back();
+    Rank* const rank_at = ranks();
+    for (std::size_t parent; hole > 0 && rank < rank_at[parent = (hole - 1) / kChildren]; hole = parent)
+      move(parent, hole);
+    rank_at[hole] = rank;
+    places_[hole] = place;
   }
   // In place of the first.
-  void sink(const T& x) {
+  void sink(std::uint32_t place, Rank rank) {
+    Rank* const rank_at = ranks();
     std::size_t hole = 0;
-    for (std::size_t child; (child = kChildren * hole + 1) < heap_.size();) {
-      const std::size_t end = std::min(child + kChildren, heap_.size());
-      for (std::size_t k = child + 1; k < end; ++k)
-        if (comes_later_(heap_[child], heap_[k])) child = k;
-      if (!comes_later_(x, heap_[child])) break;
-      heap_[hole] = heap_[child];
+    for (std::size_t first; (first = kChildren * hole + 1) < size_;) {
+      const std::size_t p = first + (rank_at[first + 1] < rank_at[first]),
+                        q = first + 2 + (rank_at[first + 3] < rank_at[first + 2]),
+                        child = p + (q - p) * (rank_at[q] < rank_at[p]);
+      if (!(rank_at[child] < rank)) break;
+      move(child, hole);
       hole = child;
     }
-    heap_[hole] = x;
+    rank_at[hole] = rank;
+    places_[hole] = place;
+  }
+  void move(std::size_t from, std::size_t to) {
+    ranks()[to] = ranks()[from];
+    places_[to] = places_[from];
   }
 
-  std::vector<T> heap_;
+  std::vector<Line> lines_ = std::vector<Line>(1);  // ranks, and kNoRank behind the last
+  std::vector<std::uint32_t> places_, free_;        // in elements_: of each rank; of none
+  std::vector<T> elements_;
+  std::size_t size_ = 0;
   T last_{};
+  Rank last_rank_ = 0;
   bool has_last_ = false;
-  [[no_unique_address]] ComesLater comes_later_;
 };
 
 }  // namespace clearance

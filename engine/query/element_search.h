@@ -23,9 +23,7 @@ class ElementSearch {
     b_ = &b;
     nearest_.begin(a, pose_a, b, pose_b);
     end_round();
-    in_hulls_ = are_hulls_taken_ = false;
-    by_pieces_ = ByPieces::kNotYet;
-    hulls_gap_ = {};
+    known_ = {};
   }
   /// Adds to the round until it has so many pairs or no other is within the cut-off. False: the slice is over; it goes
   /// on with the same numbers.
@@ -43,7 +41,7 @@ class ElementSearch {
   void begin_hulls(bool all) {
     round_.assign(1, nearest_.pieces());
     if (all) nearest_.touching_pieces(round_);
-    in_hulls_ = true;
+    known_.in_hulls = true;
   }
   /// What the round of hulls said of how far they are apart or, signed, have to move to be.
   struct HullsGap {
@@ -51,32 +49,32 @@ class ElementSearch {
     Vec3d normal{1, 0, 0};
   };
   void see_hulls(double lower, const Vec3d& n_w) {
-    if (lower < hulls_gap_.lower) hulls_gap_ = {lower, n_w};
+    if (lower < known_.hulls_gap.lower) known_.hulls_gap = {lower, n_w};
   }
-  const HullsGap& hulls_gap() const { return hulls_gap_; }
-  bool in_hulls() const { return in_hulls_; }
+  const HullsGap& hulls_gap() const { return known_.hulls_gap; }
+  bool in_hulls() const { return known_.in_hulls; }
   void take_hulls(double lower, const Vec3d& n_w) {
     nearest_.take_pieces(lower);
-    are_apart_ = lower > 0;
+    known_.are_apart = lower > 0;
     nearest_.look_along(n_w);
     end_round();
-    in_hulls_ = false;
-    are_hulls_taken_ = true;
+    known_.in_hulls = false;
+    known_.are_hulls_taken = true;
   }
-  bool are_hulls_taken() const { return are_hulls_taken_; }
+  bool are_hulls_taken() const { return known_.are_hulls_taken; }
   /// Nothing is asked of hulls that are not apart, most likely.
-  bool leave_hulls() { return are_hulls_taken_ = nearest_.is_one_within(); }
-  bool hulls_are_apart() const { return are_apart_; }
+  bool leave_hulls() { return known_.are_hulls_taken = nearest_.is_one_within(); }
+  bool hulls_are_apart() const { return known_.are_apart; }
   /// What comes between hulls and triangles: the pieces that stand for these. kGoesOn: they are asked, or are all
   /// proved beyond the cut-off (DecomposedPair::round() is empty); kOver: triangles have to be.
   enum class ByPieces : std::uint8_t { kNotYet, kGoesOn, kOver };
   ByPieces go_on_by_pieces(const PlacedPose& pose_a, const PlacedPose& pose_b, double cut_off) {
-    if (by_pieces_ == ByPieces::kNotYet)
-      by_pieces_ = pieces_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByPieces::kGoesOn : ByPieces::kOver;
-    if (pieces_.has_failed()) by_pieces_ = ByPieces::kOver;
-    return by_pieces_;
+    if (known_.by_pieces == ByPieces::kNotYet)
+      known_.by_pieces = pieces_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByPieces::kGoesOn : ByPieces::kOver;
+    if (pieces_.has_failed()) known_.by_pieces = ByPieces::kOver;
+    return known_.by_pieces;
   }
-  bool is_by_pieces() const { return by_pieces_ == ByPieces::kGoesOn; }
+  bool is_by_pieces() const { return known_.by_pieces == ByPieces::kGoesOn; }
   DecomposedPair& pieces() { return pieces_; }
   /// The round is one pair that is near. False: what was looked at for it is beyond the cut-off.
   bool begin_near(double cut_off) {
@@ -105,9 +103,13 @@ class ElementSearch {
   NearestElements nearest_;
   std::vector<ElementPair> round_;
   DecomposedPair pieces_;
-  ByPieces by_pieces_ = ByPieces::kNotYet;
-  bool in_hulls_ = false, are_hulls_taken_ = false, are_apart_ = false;
-  HullsGap hulls_gap_;
+  // What is known of these bodies so far. A search is used for many pairs: begin() forgets all of it at once, so that
+  // an answer depends on its bodies alone.
+  struct Known {
+    bool in_hulls = false, are_hulls_taken = false, are_apart = false;  // the hulls: asked now, done with, apart
+    ByPieces by_pieces = ByPieces::kNotYet;
+    HullsGap hulls_gap;
+  } known_;
   std::deque<Piece> rooms_;
 };
 

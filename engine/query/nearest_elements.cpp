@@ -73,7 +73,7 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
   for (std::uint32_t i = 0; i < a.pieces.size(); ++i)
     for (std::uint32_t j = 0; j < b.pieces.size(); ++j) {
       Entry e{0, i, first(a.pieces[i]), j, first(b.pieces[j]), 0};
-      e.gap = gap_of(e, bulk_a(e), bulk_b(e), kInf);
+      e.gap = gap_of(e, bulk_a(e), bulk_b(e));
       put(e, kInf);
     }
 }
@@ -143,10 +143,9 @@ double NearestElements::margin(const Entry& e) const {
   return a_->pieces[e.piece_a]->radius + b_->pieces[e.piece_b]->radius + error_;
 }
 
-// By boxes in the axes of a, and by what both reach along the direction that is known, along the normals of their slabs
-// and along the line of their middles.
+// Of two pieces, or of anything before a half-space: by boxes in the axes of a, and along the line of their middles.
 // \param b in its own axes
-double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const {
+double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b) const {
   if (plane_ != Plane::kNeither) {  // it has no box, and its plane's normal says all
     const Vec3d z{0, 0, 1};
     if (plane_ == Plane::kA) return std::max(e.gap, gap_along(e, a, b, z, R_.transpose_times(z)));
@@ -156,31 +155,10 @@ double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b, dou
   const Vec3d d = turned.centre - a.centre;
   Vec3d apart;
   for (int k = 0; k < 3; ++k) apart[k] = above_zero(std::abs(d[k]) - (a.half[k] + turned.half[k]));
-  double gap = std::max(e.gap, above_zero(norm(apart) - margin(e)));
-  if (gap > cut_off) return gap;
-  if (looks_) gap = std::max(gap, gap_known(e, a, b));
-  if (gap <= cut_off) gap = std::max(gap, gap_across(e, true, b, d));
-  if (gap <= cut_off) gap = std::max(gap, gap_across(e, false, a, d));
-  const double length = norm(d);
-  if (gap > cut_off || !(length > 0 && length < kInf)) return gap;
+  const double gap = above_zero(norm(apart) - margin(e)), length = norm(d);
+  if (!(length > 0 && length < kInf)) return gap;
   const Vec3d n = d * (1 / length);
   return std::max(gap, gap_along(e, a, b, n, R_.transpose_times(n)));
-}
-
-// Along the normal of the slab of one of both, which itself ends at a plane there. \param d from the middle of a's box
-// to that of b's, in the axes of a
-double NearestElements::gap_across(const Entry& e, bool of_a, const Bulk& other, const Vec3d& d) const {
-  const Body& body = of_a ? *a_ : *b_;
-  const std::uint32_t piece = of_a ? e.piece_a : e.piece_b, at = of_a ? e.at_a : e.at_b;
-  const Surface::Slab* const slab = slab_of(body, piece, at);
-  if (!slab) return 0;
-  const Vec3d m = slab->normal(), m_a = of_a ? m : R_ * m;
-  const double size = norm(m), ahead = dot(m_a, d) < 0 ? -1 : 1, outward = of_a ? ahead : -ahead;
-  if (!(size > 0)) return 0;
-  const double own = reach_across(*slab, outward, body.pieces[piece]->surface->centre()),
-               others = of_a ? reach(*b_, e.piece_b, e.at_b, other, R_.transpose_times(m_a * -ahead))
-                             : reach(*a_, e.piece_a, e.at_a, other, m_a * ahead);
-  return above_zero(((ahead * dot(m_a, D_) - others) - own) * ((1 - 0x1p-45) / size) - margin(e));
 }
 
 // How far a subtree reaches along a direction, in the axes of its body: by the triangles of a leaf, else by its box.
@@ -240,13 +218,13 @@ double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_
     ++reached_;
     const NodesBelow below(surface, at);
     PartColumn far;
-    node_reaches(below.columns, n, far);
+    part_reaches(below.columns, n, far);
     for (std::uint32_t left = below.count; left > 0; --left) {
       std::uint32_t farthest = 0;
       for (std::uint32_t k = 1; k < below.count; ++k)
         if (far[k] > far[farthest]) farthest = k;
       if (!(far[farthest] > most)) break;
-      most = std::max(most, known_reach(of_a, piece, below.nodes[farthest], far[farthest], levels - 2));
+      most = std::max(most, known_reach(of_a, piece, below.at[farthest], far[farthest], levels - 2));
       far[farthest] = -kInf;
     }
   }
@@ -311,15 +289,15 @@ void NearestElements::open(const Entry& e, double cut_off, const Each& each) con
                        : a && b               ? !(squared_size(*a) < squared_size(*b))
                                               : a != nullptr;
   if (plane_ == Plane::kNeither) {
-    if (divides_a || divides_b) return divide(e, opens_a, cut_off, each);
+    if (divides_a || divides_b) return divide<NodesBelow>(e, opens_a, cut_off, each);
     if (is_of_mesh(*a_, e.piece_a, e.at_a) && is_of_mesh(*b_, e.piece_b, e.at_b)) return pair_triangles(e, a, b, each);
+    return divide<ElementsBelow>(e, opens_a, cut_off, each);
   }
   const Bulk bulk_of_a = bulk_a(e), bulk_of_b = bulk_b(e);
   const auto with = [&](std::uint32_t child) {
     Entry part = e;
     (opens_a ? part.at_a : part.at_b) = child;
-    part.gap =
-        opens_a ? gap_of(part, bulk_a(part), bulk_of_b, cut_off) : gap_of(part, bulk_of_a, bulk_b(part), cut_off);
+    part.gap = opens_a ? gap_of(part, bulk_a(part), bulk_of_b) : gap_of(part, bulk_of_a, bulk_b(part));
     each(part);
   };
   const Surface::Node& node = opens_a ? *a : *b;
@@ -331,40 +309,47 @@ void NearestElements::open(const Entry& e, double cut_off, const Each& each) con
   }
 }
 
-NearestElements::NodesBelow::NodesBelow(const Surface& surface, std::uint32_t at) {
-  for (const std::uint32_t child : {at + 1, surface.nodes()[at].right}) {
-    const Surface::Node& node = surface.nodes()[child];
-    nodes[count++] = node.is_leaf() ? child : child + 1;
-    if (!node.is_leaf()) nodes[count++] = node.right;
+NearestElements::NodesBelow::NodesBelow(const Surface& surface, std::uint32_t node) {
+  for (const std::uint32_t child : {node + 1, surface.nodes()[node].right}) {
+    const Surface::Node& half = surface.nodes()[child];
+    at[count++] = half.is_leaf() ? child : child + 1;
+    if (!half.is_leaf()) at[count++] = half.right;
   }
-  columns.take(surface, nodes, count);
+  columns.take(surface, at, count);
 }
 
-// Two levels at a time. A leaf on the other side that is larger than what is divided goes triangle by triangle: beside
+NearestElements::ElementsBelow::ElementsBelow(const Surface& surface, std::uint32_t leaf) {
+  const std::uint32_t begin = surface.nodes()[leaf].begin(), end = surface.nodes()[leaf].end();
+  count = end - begin;
+  for (std::uint32_t k = 0; k < count; ++k) at[k] = (begin + k) | kTriangle;
+  columns.take(surface, begin, end);
+}
+
+// A leaf on the other side that is larger than what is divided goes triangle by triangle: beside
 // a mesh of small triangles its box holds little but air.
-template <class Each>
+template <class Below, class Each>
 void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const Each& each) const {
   const Body &body = opens_a ? *a_ : *b_, &other = opens_a ? *b_ : *a_;
   const std::uint32_t piece = opens_a ? e.piece_a : e.piece_b, at = opens_a ? e.at_a : e.at_b,
                       other_piece = opens_a ? e.piece_b : e.piece_a, other_at = opens_a ? e.at_b : e.at_a;
   const Surface& surface = *body.pieces[piece]->surface;
-  const NodesBelow below(surface, at);
+  const Below below(surface, at);
   PartColumn far;
-  if (looks_) node_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
+  if (looks_) part_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
   const auto before = [&](std::uint32_t before_at) {
     const Bulk other_bulk = bulk(other, other_piece, before_at);
     std::array<Vec3d, 3> room;
     PartColumn gaps;
-    node_gaps(below.columns, part_bulk(other, other_piece, before_at, other_bulk, room), opens_a ? R_ : R_ba_,
-              opens_a ? D_ : D_ba_, gaps);
+    part_gaps(below.columns, part_bulk(other, other_piece, before_at, other_bulk, room), opens_a ? R_ : R_ba_,
+              opens_a ? D_ : D_ba_, cut_off + margin(e), gaps);
     const double other_far = looks_ ? known_reach(!opens_a, other_piece, before_at, other_bulk) : 0;
     for (std::uint32_t k = 0; k < below.count; ++k) {
       Entry part = e;
-      (opens_a ? part.at_a : part.at_b) = below.nodes[k];
+      (opens_a ? part.at_a : part.at_b) = below.at[k];
       (opens_a ? part.at_b : part.at_a) = before_at;
       part.gap = std::max(e.gap, above_zero(gaps[k] - margin(e)));
       if (looks_ && part.gap <= cut_off) {
-        const double own = known_reach(opens_a, piece, below.nodes[k], far[k], levels(body, piece));
+        const double own = known_reach(opens_a, piece, below.at[k], far[k], levels(body, piece));
         part.gap = std::max(part.gap, opens_a ? gap_known(part, own, other_far) : gap_known(part, other_far, own));
       }
       each(part);
@@ -388,21 +373,16 @@ void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a
   const auto range_of = [](const Surface::Node* leaf, std::uint32_t at) {
     return leaf ? Range{leaf->begin(), leaf->end()} : Range{at & ~kTriangle, (at & ~kTriangle) + 1};
   };
-  const auto columns_of = [](const Surface& surface, const Range& range) {
-    TriangleColumns columns;
-    for (std::uint32_t k = 0; k < kParts; ++k) {
-      const auto [u, v, w] = surface.corners(std::min(range.begin + k, range.end - 1));
-      columns.set(k, {u, v, w});
-    }
-    return columns;
-  };
   const Surface &of_a = *a_->pieces[e.piece_a]->surface, &of_b = *b_->pieces[e.piece_b]->surface;
   const Range range_a = range_of(leaf_a, e.at_a), range_b = range_of(leaf_b, e.at_b);
   const Vec3d d = before_a(bulk_b(e)).centre - bulk_a(e).centre;
   const double length = norm(d);
   const Vec3d directions[2] = {looks_ ? n_a_ : Vec3d{0, 0, 0}, length > 0 && length < kInf ? d * (1 / length) : d * 0};
+  ElementColumns columns_a, columns_b;
+  columns_a.take(of_a, range_a.begin, range_a.end);
+  columns_b.take(of_b, range_b.begin, range_b.end);
   PartColumn gaps[kParts];
-  triangle_gaps(columns_of(of_a, range_a), columns_of(of_b, range_b), R_, D_, directions, gaps);
+  triangle_gaps(columns_a, columns_b, R_, D_, directions, gaps);
   for (std::uint32_t j = range_b.begin; j < range_b.end; ++j)
     for (std::uint32_t i = range_a.begin; i < range_a.end; ++i) {
       Entry part = e;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <vector>
 
@@ -67,25 +68,30 @@ class NearestElements {
     std::uint32_t piece_a, at_a, piece_b, at_b;
     std::uint32_t looked;  // how many directions were known when its gap was made
   };
+  // The nearest first; of the same gap those farther down, which end sooner. Gaps are not below 0, so that their bits
+  // are in their order.
+  struct RankOf {
+    unsigned __int128 operator()(const Entry& e) const {
+      return static_cast<unsigned __int128>(std::bit_cast<std::uint64_t>(e.gap)) << 64 | std::uint64_t{~e.at_a} << 32 |
+             ~e.at_b;
+    }
+  };
   // Around a subtree, in the axes of its body, or of a.
   struct Bulk {
     Vec3d centre{0, 0, 0}, half{0, 0, 0};
   };
-  // The nodes two levels below one, or leaves before.
+  // What a node is divided into: the nodes two levels below it, or leaves before; the elements of a leaf.
   struct NodesBelow {
-    std::uint32_t nodes[kParts], count = 0;
+    std::uint32_t at[kParts], count = 0;
     NodeColumns columns;
 
-    NodesBelow(const Surface& surface, std::uint32_t at);
+    NodesBelow(const Surface& surface, std::uint32_t node);
   };
-  // The nearest first; of the same gap those farther down, which end sooner.
-  struct ComesLater {
-    bool operator()(const Entry& p, const Entry& q) const {
-      if (p.gap != q.gap) return p.gap > q.gap;
-      if (p.at_a != q.at_a) return p.at_a < q.at_a;
-      if (p.at_b != q.at_b) return p.at_b < q.at_b;
-      return p.piece_a != q.piece_a ? p.piece_a < q.piece_a : p.piece_b < q.piece_b;
-    }
+  struct ElementsBelow {
+    std::uint32_t at[kParts], count;
+    ElementColumns columns;
+
+    ElementsBelow(const Surface& surface, std::uint32_t leaf);
   };
   static bool is_element(std::uint32_t at) { return (at & kTriangle) != 0; }  // kNone, too
   static Element element(std::uint32_t piece, std::uint32_t at) {
@@ -95,9 +101,8 @@ class NearestElements {
   Bulk bulk_a(const Entry& e) const { return bulk(*a_, e.piece_a, e.at_a); }
   Bulk bulk_b(const Entry& e) const { return bulk(*b_, e.piece_b, e.at_b); }
   Bulk before_a(const Bulk& of_b) const;
-  double gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const;
+  double gap_of(const Entry& e, const Bulk& a, const Bulk& b) const;
   double gap_along(const Entry& e, const Bulk& a, const Bulk& b, const Vec3d& n_a, const Vec3d& n_b) const;
-  double gap_across(const Entry& e, bool of_a, const Bulk& other, const Vec3d& d) const;
   double gap_known(const Entry& e, double far_a, double far_b) const;
   double gap_known(const Entry& e, const Bulk& a, const Bulk& b) const;
   double margin(const Entry& e) const;
@@ -109,7 +114,7 @@ class NearestElements {
   void put(const Entry& entry, double cut_off);
   template <class Each>
   void open(const Entry& entry, double cut_off, const Each& each) const;
-  template <class Each>
+  template <class Below, class Each>
   void divide(const Entry& entry, bool opens_a, double cut_off, const Each& each) const;
   template <class Each>
   void pair_triangles(const Entry& entry, const Surface::Node* leaf_a, const Surface::Node* leaf_b,
@@ -125,7 +130,7 @@ class NearestElements {
   double left_out_ = 0;      // the least gap of what was beyond a cut-off
   std::uint32_t looks_ = 0;  // how many directions were known so far: the last one counts
   Vec3d n_a_{0, 0, 0}, n_b_{0, 0, 0};
-  BestFirst<Entry, ComesLater> open_;
+  BestFirst<Entry, RankOf> open_;
 
   // What subtrees were found to reach along the direction that is known: many partners ask the same of each.
   struct Reach {

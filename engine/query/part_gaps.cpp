@@ -29,6 +29,11 @@ CLEARANCE_INLINE Vec3<T> absolute(const Vec3<T>& v) {
 CLEARANCE_INLINE Vec3<Column> columns(const Vec3d& v) {
   return {v.x - Column{}, v.y - Column{}, v.z - Column{}};
 }
+CLEARANCE_INLINE bool are_all_above(const Column& x, double y) {
+  bool all = true;
+  for (std::size_t k = 0; k < kParts; ++k) all &= x[k] > y;
+  return all;
+}
 CLEARANCE_INLINE void root(Column& x) {
   for (std::size_t k = 0; k < kParts; ++k) x[k] = __builtin_sqrt(x[k]);
 }
@@ -89,6 +94,22 @@ void NodeColumns::take(const Surface& surface, const std::uint32_t* nodes, std::
   }
 }
 
+void ElementColumns::take(const Surface& surface, std::uint32_t begin, std::uint32_t end) {
+  are_points = surface.is_cloud();
+  half = are_points ? 0.5 * double{surface.edge()} + surface.rounding() : 0;
+  for (std::uint32_t k = 0; k < kParts; ++k) {
+    const std::uint32_t at = begin + k < end ? begin + k : end - 1;
+    if (are_points) {
+      const Vec3d p = surface.point(at);
+      for (int i = 0; i < 3; ++i) corner[0][i][k] = p[i];
+    } else {
+      const auto corners = surface.corners(at);
+      for (std::size_t c = 0; c < 3; ++c)
+        for (int i = 0; i < 3; ++i) corner[c][i][k] = corners[c][i];
+    }
+  }
+}
+
 namespace {
 
 CLEARANCE_INLINE Column doubles(const NodeColumns::Floats& x) {
@@ -110,9 +131,64 @@ CLEARANCE_INLINE Seen seen(const NodeColumns& nodes) {
 
 }  // namespace
 
-CLEARANCE_CLONES __attribute__((flatten)) void node_reaches(const NodeColumns& nodes, const Vec3d& n,
+namespace {
+
+// How far each triangle reaches along n.
+CLEARANCE_INLINE Column reach(const Vec3<Column>& n, const ElementColumns& triangles) {
+  Column most = dot(n, triangles.corner[0]);
+  take_greater(most, dot(n, triangles.corner[1]));
+  take_greater(most, dot(n, triangles.corner[2]));
+  return most;
+}
+CLEARANCE_INLINE Vec3<Column> unit_normals(const ElementColumns& triangles) {
+  const Vec3<Column> u = triangles.corner[1] - triangles.corner[0], v = triangles.corner[2] - triangles.corner[0];
+  const Vec3<Column> n = cross(u, v);
+  return scaled(n, by_length(n));
+}
+
+CLEARANCE_INLINE Seen seen_points(const ElementColumns& points) {
+  Seen s{};
+  s.centre = points.corner[0];
+  s.half = columns({points.half, points.half, points.half});
+  return s;
+}
+struct SeenTriangles : Seen {
+  const ElementColumns* columns;
+};
+CLEARANCE_INLINE Column reach(const Vec3<Column>& n, const SeenTriangles& triangles) {
+  return reach(n, *triangles.columns);
+}
+CLEARANCE_INLINE SeenTriangles seen_triangles(const ElementColumns& triangles) {
+  SeenTriangles s{{}, &triangles};
+  const Vec3<Column>(&corner)[3] = triangles.corner;
+  s.normal = unit_normals(triangles);
+  s.low = s.high = dot(s.normal, corner[0]);
+  Vec3<Column> low = corner[0], high = corner[0];
+  for (int c = 1; c < 3; ++c) {
+    for (int i = 0; i < 3; ++i) {
+      low[i] = corner[c][i] < low[i] ? corner[c][i] : low[i];
+      take_greater(high[i], corner[c][i]);
+    }
+    const Column across = dot(s.normal, corner[c]);
+    s.low = across < s.low ? across : s.low;
+    take_greater(s.high, across);
+  }
+  for (int i = 0; i < 3; ++i) {
+    s.centre[i] = 0.5 * low[i] + 0.5 * high[i];
+    s.half[i] = 0.5 * high[i] - 0.5 * low[i];
+  }
+  return s;
+}
+
+}  // namespace
+
+CLEARANCE_CLONES __attribute__((flatten)) void part_reaches(const NodeColumns& nodes, const Vec3d& n,
                                                             PartColumn& reaches) {
   reaches = reach(columns(n), seen(nodes));
+}
+CLEARANCE_CLONES __attribute__((flatten)) void part_reaches(const ElementColumns& elements, const Vec3d& n,
+                                                            PartColumn& reaches) {
+  reaches = elements.are_points ? reach(columns(n), seen_points(elements)) : reach(columns(n), elements);
 }
 
 namespace {
@@ -140,12 +216,11 @@ CLEARANCE_INLINE Vec3<Column> to_triangle(const Vec3<Column>& p, const Vec3d (&c
   return best;
 }
 
-}  // namespace
-
-CLEARANCE_CLONES __attribute__((flatten)) void node_gaps(const NodeColumns& nodes, const PartBulk& other,
-                                                         const Mat3d& R, const Vec3d& D, PartColumn& gaps) {
-  const Seen own = seen(nodes), others{columns(other.centre), columns(other.half), columns(other.normal),
-                                       other.low - Column{}, other.high - Column{}};
+template <class Own>
+CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBulk& other, const Mat3d& R, const Vec3d& D,
+                              double enough, PartColumn& gaps) {
+  const Seen others{columns(other.centre), columns(other.half), columns(other.normal), other.low - Column{},
+                    other.high - Column{}};
   const Vec3<Column> from{columns(D)};
   const auto back = [&](const Vec3<Column>& n) {  // in the other body's axes, and the other way
     return Vec3<Column>{-(R.row[0].x * n.x + R.row[1].x * n.y + R.row[2].x * n.z),
@@ -170,14 +245,16 @@ CLEARANCE_CLONES __attribute__((flatten)) void node_gaps(const NodeColumns& node
   }
   gaps = dot(apart, apart);
   root(gaps);
+  if (are_all_above(gaps, enough)) return;
   // Along the line of the middles, or to the nearest point.
   if (other.corners.size() == 3)
     d = to_triangle(own.centre, {R * other.corners[0] + D, R * other.corners[1] + D, R * other.corners[2] + D});
   const Vec3<Column> n = scaled(d, by_length(d));
   take_greater(gaps, ((dot(n, from) - far_back(n)) - reach(n, own)) * kShort);
+  if (are_all_above(gaps, enough)) return;
   // Across the other one, and across these: clouds and convex pieces have no planes.
   const bool is_flat = squared_norm(other.normal) > 0;
-  if (!is_flat && !nodes.have_planes) return;
+  if (!is_flat && !have_planes) return;
   const Column once = 1 - Column{}, ahead = dot(m, d) < 0 ? -once : once,
                before = dot(own.normal, d) < 0 ? -once : once;
   const Vec3<Column> across = scaled(own.normal, before);
@@ -185,34 +262,28 @@ CLEARANCE_CLONES __attribute__((flatten)) void node_gaps(const NodeColumns& node
   take_greater(gaps, ((dot(across, from) - far_back(across)) - reach_across(before, own)) * kShorter);
 }
 
-void TriangleColumns::set(std::size_t k, const Vec3d (&corners)[3]) {
-  for (int c = 0; c < 3; ++c)
-    for (int i = 0; i < 3; ++i) corner[c][i][k] = corners[c][i];
-}
-
-namespace {
-
-// How far each triangle reaches along n.
-CLEARANCE_INLINE Column reach(const Vec3d& n, const TriangleColumns& triangles) {
-  Column most = dot(columns(n), triangles.corner[0]);
-  take_greater(most, dot(columns(n), triangles.corner[1]));
-  take_greater(most, dot(columns(n), triangles.corner[2]));
-  return most;
-}
-CLEARANCE_INLINE Vec3<Column> unit_normals(const TriangleColumns& triangles) {
-  const Vec3<Column> u = triangles.corner[1] - triangles.corner[0], v = triangles.corner[2] - triangles.corner[0];
-  const Vec3<Column> n = cross(u, v);
-  return scaled(n, by_length(n));
-}
-
 }  // namespace
 
-CLEARANCE_CLONES __attribute__((flatten)) void triangle_gaps(const TriangleColumns& a, const TriangleColumns& b,
+CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const NodeColumns& nodes, const PartBulk& other,
+                                                         const Mat3d& R, const Vec3d& D, double enough,
+                                                         PartColumn& gaps) {
+  gaps_of(seen(nodes), nodes.have_planes, other, R, D, enough, gaps);
+}
+CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const ElementColumns& elements, const PartBulk& other,
+                                                         const Mat3d& R, const Vec3d& D, double enough,
+                                                         PartColumn& gaps) {
+  if (elements.are_points)
+    gaps_of(seen_points(elements), false, other, R, D, enough, gaps);
+  else
+    gaps_of(seen_triangles(elements), true, other, R, D, enough, gaps);
+}
+
+CLEARANCE_CLONES __attribute__((flatten)) void triangle_gaps(const ElementColumns& a, const ElementColumns& b,
                                                              const Mat3d& R, const Vec3d& D, const Vec3d (&n)[2],
                                                              PartColumn (&gaps)[kParts]) {
   for (Column& gap : gaps) gap = Column{};
   const auto look = [&](const Vec3d& along, const Vec3d& back) {  // in the axes of a, and of b the other way
-    const Column far_a = reach(along, a), far_b = reach(back, b);
+    const Column far_a = reach(columns(along), a), far_b = reach(columns(back), b);
     const double between = dot(along, D);
     for (std::size_t j = 0; j < kParts; ++j) take_greater(gaps[j], ((between - far_b[j]) - far_a) * kShort);
   };

@@ -35,27 +35,35 @@ struct NodeColumns {
   void take(const Surface& surface, const std::uint32_t* nodes, std::size_t count);
 };
 
-/// How far each reaches along n, from the body's origin.
-void node_reaches(const NodeColumns& nodes, const Vec3d& n, PartColumn& reaches);
+/// Some triangles of one body, or points of a cloud.
+struct ElementColumns {
+  Vec3<PartColumn> corner[3];
+  bool are_points;  ///< which have one corner
+  double half;      ///< of the boxes about points
 
-/// How far each is from `other` at least, or less: by both boxes in the axes of the nodes' body, along the line of
+  /// \param end no more than kParts behind `begin`; the last one stands in the others' places
+  void take(const Surface& surface, std::uint32_t begin, std::uint32_t end);
+};
+
+/// How far each reaches along n, from the body's origin.
+void part_reaches(const NodeColumns& nodes, const Vec3d& n, PartColumn& reaches);
+void part_reaches(const ElementColumns& elements, const Vec3d& n, PartColumn& reaches);
+
+/// How far each is from `other` at least, or less: by both boxes in the axes of the parts' body, along the line of
 /// their middles (towards a triangle: to its nearest point) and across the planes of both; docs/bounds.md, "Surfaces".
 /// Not below 0.
-/// \param R, D take the other body's coordinates to those of the nodes' body
-void node_gaps(const NodeColumns& nodes, const PartBulk& other, const Mat3d& R, const Vec3d& D, PartColumn& gaps);
-
-/// Some triangles of one body, by columns.
-struct TriangleColumns {
-  Vec3<PartColumn> corner[3];
-
-  void set(std::size_t k, const Vec3d (&corners)[3]);
-};
+/// \param R, D take the other body's coordinates to those of the parts' body \param enough where all are farther than
+/// this nothing more is found out
+void part_gaps(const NodeColumns& nodes, const PartBulk& other, const Mat3d& R, const Vec3d& D, double enough,
+               PartColumn& gaps);
+void part_gaps(const ElementColumns& elements, const PartBulk& other, const Mat3d& R, const Vec3d& D, double enough,
+               PartColumn& gaps);
 
 /// How far each triangle of a (lanes) is from each of b at least, or less: along `n` and the normals of all. Not below
 /// 0.
 /// \param R, D take b's coordinates to a's \param n directions from a towards b, in the axes of a, of length 1 up to
 /// rounding, or 0
-void triangle_gaps(const TriangleColumns& a, const TriangleColumns& b, const Mat3d& R, const Vec3d& D,
+void triangle_gaps(const ElementColumns& a, const ElementColumns& b, const Mat3d& R, const Vec3d& D,
                    const Vec3d (&n)[2], PartColumn (&gaps)[kParts]);
 
 }  // namespace clearance

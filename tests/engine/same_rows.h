@@ -1,4 +1,4 @@
-// Whether two answers say the same, bit for bit.
+// Whether answers say the same, bit for bit.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -6,7 +6,9 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <span>
 #include <type_traits>
+#include <vector>
 
 #include "engine_test_util.h"
 
@@ -46,6 +48,29 @@ inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uin
   std::array<std::uint64_t, 8> seen{};
   for (std::uint64_t i = 0; i < count; ++i) ++seen[v.status[at + i]];
   return seen;
+}
+
+/// Expects each row of a query of all pairs to have the bits of the same pair alone in its configuration. Adds how many
+/// there are of each status.
+inline void expect_rows_as_alone(const Engine& engine, const QueryView& query, std::array<std::uint64_t, 8>& seen) {
+  const Answer all = ask(engine, query);
+  const std::vector<BodyPair> pairs = engine.pairs({});
+  const std::size_t moved = query.bodies.size();
+  ASSERT_EQ(all.size.rows, pairs.size() * query.configuration_count);
+  for (std::uint32_t k = 0; k < query.configuration_count; ++k)
+    for (std::size_t p = 0; p < pairs.size(); ++p) {
+      QueryView one = query;
+      one.all_pairs = false;
+      one.pairs = std::span(&pairs[p], 1);
+      one.configuration_count = 1;
+      one.configurations = query.configurations.subspan(k * moved, moved);
+      const Answer alone = ask(engine, one);
+      *alone.view.configuration = k;
+      const auto seen_here = expect_same_rows(all, k * pairs.size() + p, alone, 1);
+      for (std::size_t s = 0; s < seen.size(); ++s) seen[s] += seen_here[s];
+      if (::testing::Test::HasFatalFailure())
+        FAIL() << "configuration " << k << ", bodies " << pairs[p].a << ' ' << pairs[p].b;
+    }
 }
 
 }  // namespace clearance::test

@@ -56,25 +56,10 @@ TEST(Batches, GiveEachPairTheBitsThatItHasAlone) {
           query.bodies = moved;
           query.configuration_count = kConfigurations;
           query.configurations = poses;
-          const Answer all = ask(engine, query);
-          const std::vector<BodyPair> pairs = engine.pairs({});
-          ASSERT_EQ(all.size.rows, pairs.size() * kConfigurations);
-          for (std::uint32_t k = 0; k < kConfigurations; ++k)
-            for (std::size_t p = 0; p < pairs.size(); ++p) {
-              QueryView one = query;
-              one.all_pairs = false;
-              one.pairs = std::span(&pairs[p], 1);
-              one.configuration_count = 1;
-              one.configurations = std::span(poses).subspan(k * kBodies, kBodies);
-              const Answer alone = ask(engine, one);
-              *alone.view.configuration = k;
-              const auto seen_here = expect_same_rows(all, k * pairs.size() + p, alone, 1);
-              for (std::size_t s = 0; s < seen.size(); ++s) seen[s] += seen_here[s];
-              if (HasFatalFailure())
-                FAIL() << kernel.name << ", f32 " << (precision == Precision::kF32) << ", signed " << signed_distance
-                       << ", within " << max_distance << ", configuration " << k << ", pair " << pairs[p].a << ' '
-                       << pairs[p].b;
-            }
+          expect_rows_as_alone(engine, query, seen);
+          if (HasFatalFailure())
+            FAIL() << kernel.name << ", f32 " << (precision == Precision::kF32) << ", signed " << signed_distance
+                   << ", within " << max_distance;
         }
   }
   for (const Status status : {Status::kOk, Status::kOverlap, Status::kBeyond})
