@@ -80,7 +80,7 @@ inline constexpr std::uint32_t kHitRowCount = kCountsOfLevel * (kMostLevels + 1)
 
 /// For how much a chunk's lists have room, at each level. What does not fit makes motions the CPU's: nearly all of them
 /// where pairs do not fit, since a motion's pairs lie all over a list. So there is room for twice as many as the first
-/// level has: each may go on in both halves.
+/// level has: each may go on in both halves. Both ends of all motions are spans, too (begin_at_ends()).
 struct MotionRoom {
   static constexpr std::uint32_t kMoreSpans = 256, kHitsOfMotion = 4;
   static constexpr std::uint64_t kMostPairs = 1u << 23;
