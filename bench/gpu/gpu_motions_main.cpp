@@ -26,15 +26,18 @@ struct Options {
   std::vector<std::string> folders;
 };
 
-// What is asked for beside the default columns.
+// What is asked, and which columns beside the default ones.
 struct Columns {
   const char* name;
   std::uint32_t fields;
+  Reduce reduce = Reduce::kAny;
 };
 constexpr std::uint32_t kVerdict = kDefaultFields | kFieldPair | kFieldTime | kFieldSteps;
 constexpr Columns kColumns[]{{"verdict", kVerdict},
                              {"first_contact", kVerdict | kFieldFirstContact},
-                             {"python_default", kVerdict | kFieldFirstContact | kFieldFlags}};
+                             {"python_default", kVerdict | kFieldFirstContact | kFieldFlags},
+                             {"least", kVerdict, Reduce::kMin},
+                             {"least_python_default", kVerdict | kFieldFirstContact | kFieldFlags, Reduce::kMin}};
 
 std::uint64_t counter(const Engine& engine, const std::string& name) {
   for (const auto& [key, value] : engine.stats())
@@ -75,17 +78,18 @@ struct Edges {
       for (std::size_t j = 0; j < joints.size(); ++j) positions.push_back(start[j] + scale * way[j]);
     }
   }
-  QueryView query(double margin, std::uint32_t count, std::uint32_t fields) const {
+  QueryView query(double margin, std::uint32_t count, const Columns& columns) const {
+    const bool least = columns.reduce == Reduce::kMin;
     QueryView q;
     q.joints = joints;
     q.positions = std::span(positions).first(std::size_t{2} * count * joints.size());
     q.configuration_count = 2 * count;
-    q.reduce = Reduce::kAny;
+    q.reduce = columns.reduce;
     q.max_steps = 256;
     q.margin = margin;
-    q.abs_tol = 0;
-    q.rel_tol = 1e-6;
-    q.fields = fields;
+    q.abs_tol = least ? 1e-3 : 0;
+    q.rel_tol = least ? 0 : 1e-6;
+    q.fields = columns.fields;
     return q;
   }
 };
@@ -104,6 +108,17 @@ bool is_same_contact(const ReplyView& ours, const ReplyView& theirs, std::uint32
   return a[0] <= b[1] && b[0] <= a[1] && is_narrow;
 }
 
+bool is_free(const ReplyView& reply, std::uint32_t i, const Columns& columns, double margin) {
+  return columns.reduce == Reduce::kMin ? reply.lower[i] > margin
+                                        : static_cast<Status>(reply.status[i]) == Status::kBeyond;
+}
+// The same verdict; or intervals of the least distance that meet, the device's as narrow as asked, slack aside.
+bool is_same(const ReplyView& ours, const ReplyView& theirs, std::uint32_t i, const Columns& columns) {
+  if (columns.reduce != Reduce::kMin) return is_free(ours, i, columns, 0) == is_free(theirs, i, columns, 0);
+  return ours.lower[i] <= theirs.upper[i] && theirs.lower[i] <= ours.upper[i] &&
+         ours.upper[i] - ours.lower[i] <= 1e-3 * (1 + 1e-6);
+}
+
 // A row of the results.
 void write(std::ostream& csv, const std::string& name, const Columns& columns, std::uint64_t pairs, double margin,
            const Sums& s) {
@@ -117,7 +132,7 @@ void run(const std::string& folder, const Scene& scene, const Edges& edges, cons
          std::ostream& csv, Sums& sums) {
   Engine device(Scene(scene), {.backend = "cuda", .threads = o.threads}),
       cpu(Scene(scene), {.backend = "cpu", .threads = o.threads});
-  const QueryView all = edges.query(o.margin, o.edges, columns.fields);
+  const QueryView all = edges.query(o.margin, o.edges, columns);
   const QuerySize size = device.size(all);
   std::uint64_t bytes = 0;
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
@@ -151,22 +166,21 @@ void run(const std::string& folder, const Scene& scene, const Edges& edges, cons
   own.on_cpu = on_cpu;
   for (std::uint32_t i = 0; i < o.edges; ++i) {
     const auto status = static_cast<Status>(reply.status[i]);
-    own.free += status == Status::kBeyond;
+    own.free += is_free(reply, i, columns, o.margin);
     own.undecided += status == Status::kUnconverged;
     own.steps += reply.steps[i];
   }
   own.compared = std::min(o.compared, o.edges);
-  const QueryView some = edges.query(o.margin, static_cast<std::uint32_t>(own.compared), columns.fields);
+  const QueryView some = edges.query(o.margin, static_cast<std::uint32_t>(own.compared), columns);
   ask(cpu, some);
   const auto begin = Clock::now();
   const Answer wanted = ask(cpu, some);
   own.cpu_s = std::chrono::duration<double>(Clock::now() - begin).count();
   for (std::uint32_t i = 0; i < own.compared; ++i) {
     const auto theirs = static_cast<Status>(wanted.view.status[i]), ours = static_cast<Status>(reply.status[i]);
-    const bool free_there = theirs == Status::kBeyond, free_here = ours == Status::kBeyond;
     own.undecided_on_cpu += theirs == Status::kUnconverged;
     if (theirs == Status::kUnconverged || ours == Status::kUnconverged) continue;
-    own.wrong += free_there != free_here || !is_same_contact(reply, wanted.view, i);
+    own.wrong += !is_same(reply, wanted.view, i, columns) || !is_same_contact(reply, wanted.view, i);
     own.apart += !(reply.lower[i] <= reply.upper[i]);
   }
   std::printf(

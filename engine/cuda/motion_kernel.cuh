@@ -12,68 +12,28 @@
 // CPU's.
 #pragma once
 
-#include "engine/cuda/least.cuh"
-#include "engine/cuda/margin_pair.cuh"
-#include "engine/cuda/motion_rates.cuh"
-#include "engine/cuda/outer_box.cuh"
+#include "engine/cuda/motion_least.cuh"
 #include "engine/cuda/place_body.cuh"
 
 namespace clearance::cuda {
 
-inline constexpr std::uint32_t kMotionThreads = 128;
 inline constexpr std::uint32_t kMostUnsettledSteps = 24;
 inline constexpr double kRoughMotion = 0.02;  // of a distance: what a first look at a pair asks for
-
-__device__ inline std::uint32_t& count_of(const MotionsView& m, std::uint32_t which, std::uint32_t level) {
-  return m.counts[level * kCountsOfLevel + which];
-}
-__device__ inline std::uint32_t listed(std::uint32_t count, std::uint32_t capacity) {
-  return count < capacity ? count : capacity;
-}
-__device__ inline std::uint32_t span_count(const MotionsView& m) {
-  return listed(count_of(m, kSpanCount, m.level), m.span_capacity);
-}
-__device__ inline std::uint32_t thread_index() {
-  return blockIdx.x * blockDim.x + threadIdx.x;
-}
-__device__ inline double target_of(const MotionsView& m, std::uint32_t pair) {
-  return m.margins ? m.margins[pair] : m.margin;
-}
-// Of the pairs that are within their margins the first in the query's order stands for a motion, at the earliest time
-// found; where first contact is sought the earliest pair. A time is less than 1, and a multiple of 2^-32: of the
-// middles of spans that are cut at multiples of 2^-12, and halved no more than kContactLevels times.
-static_assert(kSpanGrid * 0x1p-20 == 0x1p-32 && kContactLevels < 20);
-__device__ inline std::uint64_t hit_key(const MotionsView& m, std::uint32_t pair, double time) {
-  const auto at = static_cast<std::uint64_t>(time * 0x1p32);
-  return m.seeks_contact ? at << 32 | pair : std::uint64_t{pair} << 32 | at;
-}
-constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
-// Where first contact is sought: when the earliest pair that is known to be within its margin is; inf: none is.
-__device__ inline double time_of_hit(const MotionsView& m, std::uint32_t motion) {
-  const std::uint64_t key = m.hit[motion];
-  return key == kNoHit ? __builtin_inf() : static_cast<double>(key >> 32) * 0x1p-32;
-}
-// Whether a motion is decided by a pair before this one.
-__device__ inline bool is_hit_before(const MotionsView& m, std::uint32_t motion, std::uint32_t pair) {
-  return !m.seeks_contact && __ldcg(m.hit + motion) < hit_key(m, pair, 0);
-}
-// Before that time all pairs are beyond their margins, so far as this tells. Times, none of them negative, are in the
-// order of their bits.
-__device__ inline void free_no_longer(const MotionsView& m, std::uint32_t motion, double time) {
-  take_least(reinterpret_cast<std::uint64_t*>(m.free_until) + motion,
-             static_cast<std::uint64_t>(__double_as_longlong(time)));
-}
+inline constexpr double kFineMotion = 1e-6;   // likewise: on which side of its margin it is
 
 // A thread for each motion: nothing is known of it yet, but for what its ends say.
 __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_constant__ MotionsView m) {
   const std::uint32_t i = thread_index();
-  if (i < kMotionCounts) m.counts[i] = i == kSpanCount ? m.motions : 0;
+  if (i < kMotionCounts) m.counts[i] = i != kSpanCount ? 0 : m.finds_least ? 2 * m.motions : m.motions;
   if (i >= m.motions) return;
   m.hit[i] = kNoHit;
   if (m.seeks_contact) m.free_until[i] = __builtin_inf();
   m.steps[i] = 0;
   m.open[i] = m.unsettled[i] = 0;
-  m.spans[i] = {i, 0, 1};
+  if (m.finds_least)
+    begin_at_ends(m, i);
+  else
+    m.spans[i] = {i, 0, 0, 1, -__builtin_inf()};
   const FramesView& f = m.moves.frames;
   bool is_bad = false;  // a position is none
   for (std::uint32_t r = 0; r < f.robot_count; ++r) {
@@ -100,7 +60,9 @@ __global__ void __launch_bounds__(kMotionThreads) place_spans(const __grid_const
   if (s >= span_count(m)) return;
   const MotionSpan span = m.spans[s];
   const double* const ends = m.ends + std::size_t{span.motion} * 2 * joints + j;
-  m.positions[std::size_t{s} * joints + j] = position_at(ends[0], ends[joints], span.middle());
+  // The end is where it is said to be: rounded it might be beyond the joint's limits.
+  const bool is_end = span.begin == 1;
+  m.positions[std::size_t{s} * joints + j] = is_end ? ends[joints] : position_at(ends[0], ends[joints], span.middle());
   if (j != 0) return;
   m.shares[2 * s] = m.shares[2 * s + 1] = ~0u;
   atomicAdd(m.steps + span.motion, 1);
@@ -204,7 +166,9 @@ __device__ inline bool leaves_by_boxes(const MotionsView& m, PairRef ref, std::u
   };
   const double low =
       difference_below(gap_below(a, b), sum_above(speed(ref.a), speed(ref.b)) * span.half() * (1 + 0x1p-50));
-  return low > target_of(m, pair);
+  if (!is_past(low, target_of(m, span, pair, 0))) return false;
+  leave_out(m, span, low);
+  return true;
 }
 
 // Lists the pairs that boxes leave. Of the first level all pairs of all spans, those of one pair side by side; then
@@ -251,7 +215,9 @@ __global__ void __launch_bounds__(kMotionThreads) look_along_boxes(const __grid_
       item = m.near[first + threadIdx.x];
       span = m.spans[item.span];
       const MovingPair pair(m, item, span);
-      wanted = !pair.leaves_along_boxes(target_of(m, item.pair));
+      const double target = target_of(m, span, item.pair, 0), low = pair.low_along_boxes(target);
+      wanted = !(low > target);
+      if (!wanted) leave_out(m, span, low);
     }
     const std::uint32_t at = take_place(&count_of(m, kAskedCount, m.level), wanted);
     if (!wanted) continue;
@@ -274,11 +240,12 @@ __device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const
     m.to_cpu[span.motion] = 1;
     return;
   }
-  m.hits[at] = {key, span.motion, item.pair, time, pair.at_a.translation(), pair.at_b.translation(), answer};
+  m.hits[at] = {key, span.motion, item.pair, time, pair.at_a.translation(), pair.at_b.translation(), answer, 0, 0, 0};
   take_least(m.hit + span.motion, key);
 }
 
 // Looks at the pairs that are left, a thread for each, and lists in which half of the span each goes on.
+template <bool kLeast>
 __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __grid_constant__ MotionsView m) {
   const ChunkView& c = m.chunk;
   const std::uint32_t count = listed(count_of(m, kAskedCount, m.level), m.pair_capacity);
@@ -293,33 +260,44 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
       motion = span.motion;
       if (!is_hit_before(m, motion, item.pair)) {
         const MovingPair pair(m, item, span);
-        const double target = target_of(m, item.pair);
+        const double margin = margin_of(m, item.pair),
+                     target = kLeast ? target_of(m, span, item.pair, pair.inner()) : margin;
+        // Whether no more is asked than on which side of its margin it is.
+        const bool decides = !kLeast || span.enough == -__builtin_inf();
         Question q = c.question;
         q.max_distance = sum_above(target, pair.way);
         PairAnswer answer = beyond_answer(0);
         Outcome outcome = Outcome::kNone;
-        // A rough look mostly says on which side of its target it is.
-        const double wanted = q.rel_tol;
-        q.rel_tol = wanted < kRoughMotion ? kRoughMotion : wanted;
+        // A rough look mostly says on which side of its margin it is. Of the least distance tolerances are too wide for
+        // that: pairs that are nearly in contact would go on to the last level.
+        const double wanted = kLeast ? kFineMotion : q.rel_tol;
+        if (decides) q.rel_tol = wanted < kRoughMotion ? kRoughMotion : wanted;
+        if (kLeast && decides) q.abs_tol = 0;
 #pragma unroll 1
-        for (;;) {
-          outcome = look_at_margin<Slack>(c, q, target, pair.ref, item.span, pair.at_a, pair.at_b, answer);
-          const bool is_unsure =
-              outcome == Outcome::kSettled && answer.lower <= target && answer.upper > target && q.rel_tol > wanted;
-          if (!is_unsure) break;
+        for (bool again = false;; again = true) {
+          outcome = look_at_margin<Slack>(c, q, decides ? margin : -__builtin_inf(), pair.ref, item.span, pair.at_a,
+                                          pair.at_b, answer);
+          const bool is_unsure = outcome == Outcome::kSettled && answer.lower <= margin && answer.upper > margin &&
+                                 !span.late && (kLeast || q.rel_tol > wanted);
+          if (again || !is_unsure) break;
           q.rel_tol = wanted;
+          if (kLeast) q.abs_tol = 0;
         }
         settled = outcome == Outcome::kSettled;
-        if (outcome == Outcome::kUnsettled && m.seeks_contact) {
+        if (outcome == Outcome::kUnsettled && kLeast && span.half() == 0) {
+          // spans with a length look at it again
+        } else if (outcome == Outcome::kUnsettled && m.seeks_contact) {
           m.unsettled[motion] = 1;
           pair.go_on_around(goes_on);
         } else if (outcome == Outcome::kUnsettled) {
           m.open[motion] = 1;
+        } else if (kLeast) {
+          look_for_least(m, pair, target, answer, goes_on);
         } else if (answer.upper <= target) {
           add_hit(m, item, pair, answer);
           if (m.seeks_contact && pair.way > 0) pair.go_on_before(goes_on);
         } else {
-          pair.divide(answer, target, goes_on);
+          pair.divide(answer, target, {target, target}, goes_on);
         }
       }
     }
@@ -353,7 +331,7 @@ __device__ inline bool is_hopeless(const MotionsView& m, std::uint32_t motion) {
 __device__ inline MotionSpan rest_of_span(const MotionSpan& span, bool is_after, float share) {
   const double middle = span.middle(), proved = static_cast<double>(share) * span.half();
   const double rest = rest_of_half(middle, proved, 0.5 * span.half(), is_after);
-  return is_after ? MotionSpan{span.motion, rest, span.end} : MotionSpan{span.motion, span.begin, rest};
+  return {span.motion, span.late, is_after ? rest : span.begin, is_after ? span.end : rest, span.enough};
 }
 
 // A thread for each half of each span: what is left of it becomes a span of the next level, behind what is proved of
@@ -370,7 +348,9 @@ __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_cons
   }
   if (wanted) {
     span = rest_of_span(span, i % 2 == 1, __uint_as_float(m.shares[i]));
-    if (m.seeks_contact && begins_late(span.begin, time_of_hit(m, span.motion))) {
+    if (m.finds_least && !is_still_asked(m, span)) {
+      wanted = false;
+    } else if (!m.finds_least && m.seeks_contact && begins_late(span.begin, time_of_hit(m, span.motion))) {
       free_no_longer(m, span.motion, span.begin);
       wanted = false;
     } else if (m.level + 1 == m.levels || is_hopeless(m, span.motion)) {
@@ -394,14 +374,17 @@ __global__ void __launch_bounds__(kMotionThreads) conclude_motions(const __grid_
   bool has_row = false;
   if (i < m.motions) {
     const bool is_hit = m.hit[i] != kNoHit;
-    const bool matters = m.seeks_contact || !is_hit;  // what is not proved elsewhere
-    const bool is_open = m.to_cpu[i] != 0 || (matters && m.open[i] != 0) || m.steps[i] > m.max_steps;
-    has_row = is_hit && !is_open;
-    m.verdicts[i] = is_open ? MotionVerdict::kOpen : is_hit ? MotionVerdict::kHit : MotionVerdict::kFree;
+    const bool matters = m.finds_least || m.seeks_contact || !is_hit;  // what is not proved elsewhere
+    const bool is_open = m.to_cpu[i] != 0 || (matters && m.open[i] != 0) || m.steps[i] > m.max_steps ||
+                         (m.finds_least && !has_least(m, i));
+    has_row = (is_hit || m.finds_least) && !is_open;
+    m.verdicts[i] = is_open ? MotionVerdict::kOpen : has_row ? MotionVerdict::kHit : MotionVerdict::kFree;
     if (m.seeks_contact && is_hit) free_no_longer(m, i, time_of_hit(m, i));
   }
   const std::uint32_t at = take_place(m.counts + kHitRowCount, has_row);
-  if (has_row) m.hit_rows[at] = m.best[i];
+  if (!has_row) return;
+  m.hit_rows[at] = m.best[i];
+  if (m.finds_least) complete_least(m, i, m.hit_rows[at]);
 }
 
 }  // namespace clearance::cuda

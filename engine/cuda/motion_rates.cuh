@@ -3,6 +3,7 @@
 #pragma once
 
 #include "engine/cuda/hull.cuh"
+#include "engine/cuda/least.cuh"
 #include "engine/cuda/link_frames.cuh"
 #include "engine/cuda/slack.cuh"
 #include "engine/device/motion_layout.h"
@@ -106,6 +107,17 @@ __device__ __noinline__ inline double reach_of_pieces(const HullsView& hulls, st
   return most;
 }
 
+// Where the least distance is asked for: no pair of those that are left out in a span is nearer. Bits of doubles that
+// are not negative are in their order.
+__device__ inline void leave_out(const MotionsView& m, const MotionSpan& span, double low) {
+  if (!m.finds_least || span.half() == 0) return;
+  take_least(m.low + span.motion, static_cast<std::uint64_t>(__double_as_longlong(low > 0 ? low : 0.0)));
+}
+// Distances are not negative: whatever is proved is beyond -inf.
+__device__ inline bool is_past(double low, double target) {
+  return low > target || target == -__builtin_inf();
+}
+
 // A pair in the middle of a span, with how fast it can come nearer.
 struct MovingPair {
   const MotionsView& m;
@@ -140,23 +152,31 @@ struct MovingPair {
     way = way_of_pair(rates, span.half());
   }
 
-  // Whether it stays beyond its target along the way from one box to the other. Boxes hold what is not known of bodies.
-  __device__ bool leaves_along_boxes(double target) const {
+  __device__ double inner() const { return pair_slack(m.chunk, ref, item.span).inner; }
+
+  // How far it stays apart along the way from one box to the other. Boxes hold what is not known of bodies. -inf where
+  // that is not beyond its target.
+  __device__ double low_along_boxes(double target) const {
     const Aabb a = at_a.box(), b = at_b.box();
-    if (way == 0) return false;
+    if (way == 0) return -__builtin_inf();
     const Vec3d n = way_between(a, b), t_a = at_a.translation(), t_b = at_b.translation();
-    if (!(norm(n) > target)) return false;
+    if (!(norm(n) > target)) return -__builtin_inf();
     const HalfSpans gaps = half_spans(
         n, 0, [&](const Vec3d& d) { return reach_of_box(a, t_a, d); },
         [&](const Vec3d& d) { return reach_of_box(b, t_b, d); }, size_of_box(a, t_a) + size_of_box(b, t_b));
-    return (gaps.before < gaps.after ? gaps.before : gaps.after) > target;
+    return gaps.before < gaps.after ? gaps.before : gaps.after;
   }
 
-  // What an answer proves of both halves: MotionSearch::divide()'s words. \param goes_on where it is not enough; what
-  // is proved of all pairs of the half is made less
-  __device__ void divide(const PairAnswer& answer, double target, bool (&goes_on)[2]) const {
+  // What an answer proves of both halves: MotionSearch::divide()'s words. \param asked it is beyond it all along, if
+  // its status says so \param targets of both halves \param goes_on where it is not enough; what is proved of all pairs
+  // of the half is made less
+  __device__ void divide(const PairAnswer& answer, double asked, const double (&targets)[2], bool (&goes_on)[2]) const {
     const double by_speed = difference_below(answer.lower, way);
-    if (answer.status == Status::kBeyond || by_speed > target) return;
+    const bool is_beyond = answer.status == Status::kBeyond;
+    if (is_beyond || (is_past(by_speed, targets[0]) && is_past(by_speed, targets[1]))) {
+      leave_out(m, span, is_beyond && by_speed < asked ? asked : by_speed);
+      return;
+    }
     if (way == 0) {  // it does not move, and is neither beyond its target nor within
       m.open[span.motion] = 1;
       return;
@@ -167,17 +187,22 @@ struct MovingPair {
       const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
       const HullsView& hulls = m.chunk.hulls;
       gaps = half_spans(
-          n, pair_slack(m.chunk, ref, item.span).inner,
-          [&](const Vec3d& d) { return reach_of_pieces(hulls, at_a.body, R_wa, d); },
+          n, inner(), [&](const Vec3d& d) { return reach_of_pieces(hulls, at_a.body, R_wa, d); },
           [&](const Vec3d& d) { return reach_of_pieces(hulls, at_b.body, R_wb, d); },
           m.tables.reach[at_a.body] + m.tables.reach[at_b.body]);
     }
     for (int h = 0; h < 2; ++h) {
-      const double along = h == 0 ? gaps.before : gaps.after;
-      if (along > target) continue;
+      const double target = targets[h], along = h == 0 ? gaps.before : gaps.after,
+                   low = along < by_speed ? by_speed : along;
+      if (is_past(low, target)) {
+        leave_out(m, span, low);
+        continue;
+      }
       const ProvedShare by_way = proved_until(answer.lower, by_speed, target),
-                        by_normal = proved_until(gaps.middle, along, target);
-      go_on(h, by_way < by_normal ? by_normal.share : by_way.share, goes_on);
+                        by_normal = proved_until(gaps.middle, along, target),
+                        most = by_way < by_normal ? by_normal : by_way;
+      if (most.share > 0) leave_out(m, span, most.low);
+      go_on(h, most.share, goes_on);
     }
   }
   // Nothing is proved of the half before the middle; of both.

@@ -46,6 +46,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       check(cudaStreamWaitEvent(slots_[i]->stream, sent_.event), "waiting for an event");
     margin_ = s.margin;
     max_steps_ = s.max_steps;
+    least_ = s.least;
     clock_.restart();
   }
 
@@ -135,7 +136,10 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     m.margin = margin_;
     m.max_steps = max_steps_;
     m.seeks_contact = seeks_contact();
-    m.levels = m.seeks_contact ? kContactLevels : kMotionLevels;
+    m.finds_least = least_.is_wanted;
+    m.abs_tol = least_.abs_tol;
+    m.rel_tol = least_.rel_tol;
+    m.levels = levels_of(m);
     m.motions = chunk.configurations;
     const MotionRoom room(m.motions, chunk.pair_count);
     m.span_capacity = m.chunk.configurations = room.spans;
@@ -153,13 +157,17 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       parts.take(m.open, m.motions);
       parts.take(m.to_cpu, m.motions);
       parts.take(m.unsettled, m.motions);
+      if (!m.finds_least) return;
+      parts.take(m.low, m.motions);
+      parts.take(m.seed, 2 * std::size_t{m.motions});
+      parts.take(m.lock, m.motions);
     });
     make_room_for_spans(slot);
     make_parts(slot.pairs, [&](Parts& parts) {
       for (SpanPair** list : {&m.on, &m.next_on, &m.near, &m.asked}) parts.take(*list, m.pair_capacity);
     });
     make_parts(slot.hits, [&](Parts& parts) {
-      parts.take(m.hits, m.hit_capacity);
+      parts.take(m.hits, m.finds_least ? 0 : m.hit_capacity);
       for (MotionHitRow** rows : {&m.best, &m.hit_rows}) parts.take(*rows, m.motions);
     });
   }
@@ -194,20 +202,33 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     const std::uint64_t S = m.span_capacity, moved = m.chunk.bodies.moved_count;
     begin_motions<<<blocks(std::max(m.motions, kMotionCounts)), kMotionThreads, 0, stream>>>(m);
     for (m.level = 0; m.level < m.levels; ++m.level) {
-      const std::uint64_t spans = m.level == 0 ? m.motions : S;
+      const bool at_ends = m.finds_least && m.level == 0, is_first = m.level == 0 || (m.finds_least && m.level == 1);
+      const std::uint64_t spans = at_ends ? 2 * std::uint64_t{m.motions} : is_first ? m.motions : S;
+      const auto pair_blocks = std::min(blocks(spans * m.chunk.pair_count), kMostPairBlocks);
       place_spans<<<blocks(spans * m.moves.frames.joints), kMotionThreads, 0, stream>>>(m);
       place_span_links<<<blocks(S * m.moves.frames.robot_count), kMotionThreads, 0, stream>>>(m);
       place_span_bodies<<<blocks(S * moved), kMotionThreads, 0, stream>>>(m);
       move_span_bodies<<<blocks(S * moved), kMotionThreads, 0, stream>>>(m);
-      if (m.level == 0)
-        find_near_in_spans<true><<<std::min(blocks(std::uint64_t{m.motions} * m.chunk.pair_count), kMostPairBlocks),
-                                   kMotionThreads, 0, stream>>>(m);
+      if (at_ends) {
+        find_seeds_at_ends<<<pair_blocks, kMotionThreads, 0, stream>>>(m);
+        look_at_seeds<<<blocks(spans), kMotionThreads, 0, stream>>>(m);
+        aim_at_ends<<<blocks(spans), kMotionThreads, 0, stream>>>(m);
+      }
+      if (is_first)
+        find_near_in_spans<true><<<pair_blocks, kMotionThreads, 0, stream>>>(m);
       else
         find_near_in_spans<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       look_along_boxes<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
-      look_at_span_pairs<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
-      keep_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
-      divide_spans<<<blocks(2 * spans), kMotionThreads, 0, stream>>>(m);
+      if (m.finds_least) {
+        look_at_span_pairs<true><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+      } else {
+        look_at_span_pairs<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+        keep_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+      }
+      if (at_ends)
+        begin_whole_motions<<<blocks(m.motions), kMotionThreads, 0, stream>>>(m);
+      else
+        divide_spans<<<blocks(2 * spans), kMotionThreads, 0, stream>>>(m);
       check(cudaGetLastError(), "starting a kernel");
       std::swap(m.spans, m.next_spans);
       std::swap(m.children, m.next_children);
@@ -223,6 +244,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
   ChunkClock clock_;
   double margin_ = 0;
   std::uint32_t max_steps_ = 0;
+  LeastAsked least_;
 };
 
 }  // namespace clearance::cuda

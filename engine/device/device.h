@@ -85,6 +85,12 @@ struct FixedBodies {
   std::uint8_t* state;
 };
 
+/// How narrow the least distance of motions is to be, where it is asked for.
+struct LeastAsked {
+  bool is_wanted = false;
+  double abs_tol = 0, rel_tol = 0;
+};
+
 /// A query's part that stays the same for all its chunks. Spans are copied from.
 struct QuerySetup {
   Question question;
@@ -129,6 +135,7 @@ struct QuerySetup {
   // Of motions.
   const MotionArrays* motions = nullptr;
   std::uint32_t max_steps = 0;
+  LeastAsked least;
 };
 
 /// What a query gives for each configuration.
@@ -243,8 +250,8 @@ struct MotionResult {
   std::uint64_t settled = 0;                ///< pairs that the narrow phase answered
 };
 
-/// For motions of joints of which it is asked whether all pairs stay beyond their margins. A chunk's configurations are
-/// motions, with positions (motions, 2, joints).
+/// For motions of joints of which it is asked whether all pairs stay beyond their margins, or how near they come. A
+/// chunk's configurations are motions, with positions (motions, 2, joints).
 class MotionWorkspace : public QueryWorkspace {
  public:
   /// Starts a chunk and returns.

@@ -1,6 +1,7 @@
 // A query on the device that the CPU takes over where the device fails.
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <string>
 
 #include "engine/device/device_query.h"
@@ -94,7 +95,10 @@ class FallbackJob final : public Job::State {
 std::string beyond_the_device(const Plan& plan) {
   if (plan.query.fields & kFieldFreeScale) return "the column free_scale";
   if (plan.query.max_steps == 0) return "";
-  if (plan.query.reduce != Reduce::kAny) return "max_steps without reduce: any";
+  if (plan.query.reduce != Reduce::kAny && plan.query.reduce != Reduce::kMin) return "max_steps with reduce: none";
+  if (plan.query.reduce == Reduce::kMin && (plan.query.fields & kFieldPairLower))
+    return "the column pair_lower of motions";
+  if (plan.query.reduce == Reduce::kMin && plan.query.max_distance < INFINITY) return "a max_distance of motions";
   return plan.given_bodies > 0 || plan.joints.empty() ? "motions of bodies by their poses" : "";
 }
 

@@ -1,5 +1,5 @@
-// Motions on the device: whether all pairs stay beyond their margins all along. What it leaves open the CPU's search
-// answers, whole motions at a time.
+// Motions on the device: whether all pairs stay beyond their margins all along, or how near they come. What it leaves
+// open the CPU's search answers, whole motions at a time.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -44,6 +44,9 @@ class MotionDeviceQuery final : public DeviceQuery {
     chunks_ = (K + motions_ - 1) / motions_;
     beyond_ = {{kNone, kNone}, 0, beyond_all_margins(plan_, options_)};
     QuerySetup s = setup(*workspace_);
+    s.question.abs_tol = motion_options_.limits.abs_tol;
+    s.question.rel_tol = motion_options_.limits.rel_tol;
+    s.question.max_distance = motion_options_.limits.max_distance;
     s.question.want_points = true;                                        // the directions that keep pairs apart
     s.question.want_nonsmooth |= plan_.query.format == Format::kCompact;  // which stands for all flags of ends
     s.pairs = list_->resident.get();
@@ -53,10 +56,12 @@ class MotionDeviceQuery final : public DeviceQuery {
     s.margin = plan_.margins.most();
     s.motions = &arrays_;
     s.max_steps = plan_.query.max_steps;
+    s.least = {finds_least(), plan_.query.abs_tol, plan_.query.rel_tol};
     begin_chunks(*workspace_, s);
   }
 
  private:
+  bool finds_least() const { return plan_.query.reduce == Reduce::kMin; }
   void end() override { info.rows = info.total = plan_.size.rows; }
 
   void launch(std::uint64_t index) override {
@@ -109,17 +114,21 @@ class MotionDeviceQuery final : public DeviceQuery {
     made.steps = steps;
     write_motion_row(reply_, motion, made);
   }
-  // Of what the motion does elsewhere nothing is known: its least distance may be 0.
+  // Of a decision nothing is known of what the motion does elsewhere: its least distance may be 0.
   void write_hit(std::uint64_t first, const MotionHitRow& hit, const MotionResult& r) {
     MotionRow made;
     const BodyPair pair = plan_.pairs.at(hit.pair);
     const std::uint64_t motion = first + hit.motion;
     made.row = {pair, static_cast<std::uint32_t>(motion), hit.answer, hit.origin_a, hit.origin_b, pair, {}};
     PairAnswer& answer = made.row.answer;
-    answer.lower = std::min(0.0, answer.upper);
-    answer.status = decided_status(answer.lower, answer.upper);
-    made.time = hit.time;
-    made.hit.time = hit.time;
+    made.time = made.hit.time = hit.time;
+    if (finds_least()) {
+      decide_least(plan_.query, hit.low, false, answer);
+      made.hit.time = hit.contact;
+    } else {
+      answer.lower = std::min(0.0, answer.upper);
+      answer.status = decided_status(answer.lower, answer.upper);
+    }
     if (!r.free_until.empty()) made.free_until = r.free_until[hit.motion];
     made.steps = r.steps[hit.motion];
     write_motion_row(reply_, motion, made);

@@ -19,10 +19,13 @@ struct MotionTables {
   const double* reach;                 ///< (bodies,) metres: no point of a body is farther from its origin
 };
 
-/// A part of a motion that is looked at in its middle.
+/// A part of a motion that is looked at in its middle. Of its least distance it is asked at its ends, too: spans
+/// without length.
 struct MotionSpan {
   std::uint32_t motion;
-  double begin, end;  ///< of it, 0 to 1
+  std::uint32_t late;  ///< not 0: nothing that is within its margin here is the first
+  double begin, end;   ///< of it, 0 to 1
+  double enough;       ///< metres: so far pairs have to be all along by enough_for(); -inf: it does not matter
 
   CLEARANCE_HD double middle() const { return 0.5 * begin + 0.5 * end; }
   CLEARANCE_HD double half() const { return 0.5 * (end - begin); }
@@ -42,18 +45,22 @@ enum MotionNumber : std::uint32_t {
   kMotionNumbers = 9
 };
 
-/// A pair that is within its margin at a time.
+/// A pair that is within its margin at a time; or the nearest that was found, where the least distance is asked for.
 struct MotionHitRow {
   std::uint64_t key;  ///< hit_key(): the least of a motion stands for it
   std::uint32_t motion, pair;
   double time;
   Vec3d origin_a, origin_b;
   PairAnswer answer;
+  // Of the nearest alone:
+  double slack;    ///< Slack::outer of the pair then
+  double low;      ///< no pair is nearer all along
+  double contact;  ///< where first contact is sought: a pair is within its margin then; inf: none is
 };
 /// What became of a motion.
 enum class MotionVerdict : std::uint8_t {
   kFree,  ///< no pair is within its margin
-  kHit,   ///< one is: there is a MotionHitRow
+  kHit,   ///< one is, or the least distance is known: there is a MotionHitRow
   kOpen,  ///< the CPU has to look
 };
 
@@ -65,13 +72,15 @@ inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kAskedCount = 2, 
 /// sought there are more, since a span goes on until it is as short as contact is narrowed to, and half of it is
 /// proved.
 inline constexpr std::uint32_t kMotionLevels = 8, kContactLevels = 12;
+/// Where the least distance is asked for there is one more, the first, which looks at the ends.
+inline constexpr std::uint32_t kMostLevels = 1 + kContactLevels;
 /// Behind those of the levels: rows of hits, pairs that the narrow phase settled.
-inline constexpr std::uint32_t kHitRowCount = kCountsOfLevel * (kContactLevels + 1), kSettledCount = kHitRowCount + 1,
+inline constexpr std::uint32_t kHitRowCount = kCountsOfLevel * (kMostLevels + 1), kSettledCount = kHitRowCount + 1,
                                kMotionCounts = kHitRowCount + 2;
 
 /// For how much a chunk's lists have room, at each level. What does not fit makes motions the CPU's: nearly all of them
 /// where pairs do not fit, since a motion's pairs lie all over a list. So there is room for twice as many as the first
-/// level has: each may go on in both halves.
+/// level has: each may go on in both halves. Both ends of all motions are spans, too (begin_at_ends()).
 struct MotionRoom {
   static constexpr std::uint32_t kMoreSpans = 256, kHitsOfMotion = 4;
   static constexpr std::uint64_t kMostPairs = 1u << 23;
@@ -93,6 +102,8 @@ struct MotionsView {
   const double* margins;  ///< (pairs,) metres; null: each has `margin`
   double margin;
   bool seeks_contact;  ///< not only whether pairs are within their margins, but when one first is
+  bool finds_least;    ///< the least distance is asked for, within these tolerances
+  double abs_tol, rel_tol;
   std::uint32_t motions, level, levels;
   std::uint32_t span_capacity, pair_capacity, hit_capacity;
   std::uint32_t max_steps;
@@ -108,7 +119,10 @@ struct MotionsView {
   std::uint8_t *open, *to_cpu;  ///< something is not proved; the CPU has to look whatever else is found
   std::uint8_t* unsettled;      ///< where first contact is sought: the narrow phase leaves a pair open at some time
   MotionVerdict* verdicts;
-  double* free_until;  ///< where first contact is sought: all pairs are beyond their margins before; inf: all along
+  std::uint64_t* low;   ///< where the least distance is asked for: of what was left out; a double's bits
+  std::uint64_t* seed;  ///< likewise, (motions, 2): the pair whose boxes are nearest at each end
+  std::uint32_t* lock;  ///< likewise: of `best`
+  double* free_until;   ///< where first contact is sought: all pairs are beyond their margins before; inf: all along
   // Of this level's spans and of the next level's:
   MotionSpan *spans, *next_spans;
   std::uint32_t* shares;                    ///< (spans, 2) of each half proved so far, float bits; all set: wholly
@@ -120,5 +134,10 @@ struct MotionsView {
   MotionHitRow *best, *hit_rows;
   std::uint32_t* counts;
 };
+
+/// How many levels there are.
+inline std::uint32_t levels_of(const MotionsView& m) {
+  return (m.finds_least ? 1 : 0) + (m.seeks_contact ? kContactLevels : kMotionLevels);
+}
 
 }  // namespace clearance::cuda

@@ -30,28 +30,13 @@ void MotionSearch::decide_any(const Goal& goal, Row& row) const {
   }
 }
 
-// The interval of the least distance. Its width is judged before slack, as ever.
 void MotionSearch::decide_distance(const Goal& goal, Row& row) const {
-  const QueryView& query = question_.plan.query;
-  PairAnswer& answer = row.answer;
   if (goal.pair == kNowhere && goal.low == kInf) {
-    answer = goal.unusable_answer;
+    row.answer = goal.unusable_answer;
     row.pair = row.pair_lower = question_.plan.pairs.at(goal.unusable);
     return;
   }
-  NarrowLimits limits;
-  limits.max_distance = query.max_distance;
-  limits.abs_tol = query.abs_tol;
-  limits.rel_tol = query.rel_tol;
-  const double upper = goal.upper();
-  const bool overlap = upper <= 0;
-  const double lower = overlap ? upper : std::clamp(goal.low, 0.0, upper);
-  const std::uint16_t kept = answer.flags;
-  decide(limits, lower, upper, [] { return 0.0; }, answer);
-  answer.flags = kept;
-  if (answer.status != Status::kUnconverged || goal.forced || upper == kInf) return;
-  answer.status = lower > 0 ? Status::kOk : Status::kContact;
-  answer.flags |= kFlagSlack;
+  decide_least(question_.plan.query, goal.low, goal.forced, row.answer);
 }
 
 MotionRow MotionSearch::row_of(const Goal& goal) const {
@@ -93,6 +78,23 @@ void MotionSearch::append_rows(std::vector<MotionRow>& rows) const {
   none.row = {{kNone, kNone}, static_cast<std::uint32_t>(moving.motion), empty_answer(), {}, {}, {kNone, kNone}};
   none.free_until = kInf;
   rows.push_back(none);
+}
+
+// The interval's width is judged before slack, as ever.
+void decide_least(const QueryView& query, double low, bool forced, PairAnswer& answer) {
+  NarrowLimits limits;
+  limits.max_distance = query.max_distance;
+  limits.abs_tol = query.abs_tol;
+  limits.rel_tol = query.rel_tol;
+  const double upper = answer.upper;
+  const bool overlap = upper <= 0;
+  const double lower = overlap ? upper : std::clamp(low, 0.0, upper);
+  const std::uint16_t kept = answer.flags;
+  decide(limits, lower, upper, [] { return 0.0; }, answer);
+  answer.flags = kept;
+  if (answer.status != Status::kUnconverged || forced || !std::isfinite(upper)) return;
+  answer.status = lower > 0 ? Status::kOk : Status::kContact;
+  answer.flags |= kFlagSlack;
 }
 
 void write_motion_row(const ReplyView& reply, std::uint64_t at, const MotionRow& row) {

@@ -66,18 +66,14 @@ void MotionSearch::push(Node&& node) {
   std::push_heap(spans_.begin(), spans_.end(), is_less_promising);
 }
 
-double MotionSearch::tolerance(const Goal& goal) const {
-  const QueryView& query = question_.plan.query;
-  return std::max(query.abs_tol, query.rel_tol * goal.upper());
-}
-
 // How far a pair has to be all along in order to leave. Where the least distance is asked for: not so near that the
 // interval would be wider than asked, slack aside.
 double MotionSearch::target_of(std::uint64_t position, const Goal& goal, double slack) const {
   if (decides()) return question_.plan.margins.of(position);
-  if (goal.pair == kNowhere) return question_.plan.query.max_distance;
-  const double enough = goal.best.upper - (tolerance(goal) + goal.slack + slack);
-  return std::min(question_.plan.query.max_distance, std::max(enough, 0.0));
+  const QueryView& query = question_.plan.query;
+  if (goal.pair == kNowhere) return query.max_distance;
+  const double enough = enough_for(goal.best.upper, query.abs_tol, query.rel_tol, goal.slack, slack);
+  return std::min(query.max_distance, std::max(enough, 0.0));
 }
 
 void MotionSearch::leave(Goal& goal, std::uint64_t position, double low, double slack, double begin) {

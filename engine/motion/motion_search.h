@@ -33,6 +33,10 @@ struct MotionRow {
 /// Writes it as a row of a reply.
 void write_motion_row(const ReplyView& reply, std::uint64_t at, const MotionRow& row);
 
+/// Makes the answer with the least upper bound that of the least distance. \param low no pair is nearer all along.
+/// \param forced the search was ended before it was done
+void decide_least(const QueryView& query, double low, bool forced, PairAnswer& answer);
+
 /// What every search of a query shares. All must outlive it.
 struct MotionQuestion {
   const Scene& scene;
@@ -126,7 +130,6 @@ class MotionSearch {
   bool wants_contact() const { return (question_.plan.size.fields & kFieldFirstContact) != 0; }
   bool is_settled(const Goal& goal) const { return goal.decided && !seeks_contact_; }
   Goal& goal_of(std::uint64_t position) { return goals_[goals_.size() == 1 ? 0 : position]; }
-  double tolerance(const Goal& goal) const;
   double target_of(std::uint64_t position, const Goal& goal, double slack) const;
   void leave(Goal& goal, std::uint64_t position, double low, double slack, double begin);
   void see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer, const Placement& placed);

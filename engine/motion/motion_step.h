@@ -150,6 +150,14 @@ CLEARANCE_HD inline ProvedShare proved_until(double middle, double end, double t
   return {(middle - kept) / (middle - end) * (1 - 0x1p-30), kept < middle ? kept : middle};
 }
 
+/// How far all pairs have to be all along, so that an interval of the least distance which ends at `upper` is as narrow
+/// as asked, slack aside. Not above 0: it is so whatever they do.
+CLEARANCE_HD inline double enough_for(double upper, double abs_tol, double rel_tol, double slack_of_upper,
+                                      double slack) {
+  const double relative = rel_tol * upper, tolerance = abs_tol < relative ? relative : abs_tol;
+  return upper - (tolerance + slack_of_upper + slack);
+}
+
 inline constexpr double kContactTime = 0x1p-10;  ///< first contact is narrowed to that, of the motion
 /// Whether a span, from its beginning on, has nothing to say of first contact where a pair is within its margin at a
 /// time. inf: none is known to be.

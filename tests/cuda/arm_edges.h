@@ -67,12 +67,15 @@ struct ArmEdges {
     }
   }
   /// \param when first contact is asked for, as Python's motions() does
-  QueryView query(double margin, bool when) const {
-    QueryView q = motions.view(Reduce::kAny);
+  QueryView query(double margin, bool when, Reduce reduce = Reduce::kAny) const {
+    QueryView q = motions.view(reduce);
     q.margin = margin;
     q.fields = when ? kMotionAnswer : kMotionAnswer & ~kFieldFirstContact;
+    if (reduce == Reduce::kMin) q.fields &= ~kFieldPairLower;  // which is the CPU's
     return q;
   }
+  /// How near they come, as Python's motions() asks where no `reduce` is named.
+  QueryView least(double margin, bool when) const { return query(margin, when, Reduce::kMin); }
 };
 
 }  // namespace clearance::test

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/device/motion_layout.h"
+#include "engine/motion/motion_block.h"
 #include "engine/motion/motion_bounds.h"
 // Behind all that is included elsewhere.
 #include "emulated_scene.h"
@@ -38,7 +39,10 @@ class HostMotions {
     m_.span_capacity = span_capacity ? span_capacity : room_for.spans;
     m_.pair_capacity = pair_capacity ? pair_capacity : room_for.pairs;
     m_.hit_capacity = hit_capacity ? hit_capacity : room_for.hits;
-    m_.levels = m_.seeks_contact ? kContactLevels : kMotionLevels;
+    m_.finds_least = q.reduce == Reduce::kMin;
+    m_.abs_tol = q.abs_tol;
+    m_.rel_tol = q.rel_tol;
+    m_.levels = levels_of(m_);
     m_.tables = {arrays_.movers.data(), arrays_.chains.data(),        arrays_.chain_of_slot.data(),
                  arrays_.views.data(),  arrays_.views_of_pair.data(), arrays_.reach.data()};
     for (std::uint32_t p = 0; p < pairs; ++p) margins_.push_back(plan.margins.of(p));
@@ -65,6 +69,9 @@ class HostMotions {
     m_.unsettled = room<std::uint8_t>(motions);
     m_.verdicts = room<MotionVerdict>(motions);
     m_.free_until = room<double>(motions);
+    m_.low = room<std::uint64_t>(motions);
+    m_.seed = room<std::uint64_t>(2 * motions);
+    m_.lock = room<std::uint32_t>(motions);
     for (MotionSpan** at : {&m_.spans, &m_.next_spans}) *at = room<MotionSpan>(S);
     for (std::uint32_t** at : {&m_.shares, &m_.children, &m_.next_children}) *at = room<std::uint32_t>(2 * S);
     for (SpanPair** at : {&m_.on, &m_.next_on, &m_.near, &m_.asked}) *at = room<SpanPair>(m_.pair_capacity);
@@ -84,12 +91,22 @@ class HostMotions {
       launch(S * m_.moves.frames.robot_count, [&] { place_span_links(m_); });
       launch(S * M, [&] { place_span_bodies(m_); });
       launch(S * M, [&] { move_span_bodies(m_); });
+      const bool at_ends = m_.finds_least && m_.level == 0,
+                 is_first = m_.level == 0 || (m_.finds_least && m_.level == 1);
       // A few blocks for all that is listed.
-      launch(300, [&] { m_.level == 0 ? find_near_in_spans<true>(m_) : find_near_in_spans<false>(m_); });
+      if (at_ends) {
+        launch(300, [&] { find_seeds_at_ends(m_); });
+        launch(2 * m_.motions, [&] { look_at_seeds(m_); });
+        launch(2 * m_.motions, [&] { aim_at_ends(m_); });
+      }
+      launch(300, [&] { is_first ? find_near_in_spans<true>(m_) : find_near_in_spans<false>(m_); });
       launch(300, [&] { look_along_boxes(m_); });
-      launch(300, [&] { look_at_span_pairs(m_); });
-      launch(300, [&] { keep_hits(m_); });
-      launch(2 * S, [&] { divide_spans(m_); });
+      launch(300, [&] { m_.finds_least ? look_at_span_pairs<true>(m_) : look_at_span_pairs<false>(m_); });
+      if (!m_.finds_least) launch(300, [&] { keep_hits(m_); });
+      if (at_ends)
+        launch(m_.motions, [&] { begin_whole_motions(m_); });
+      else
+        launch(2 * S, [&] { divide_spans(m_); });
       std::swap(m_.spans, m_.next_spans);
       std::swap(m_.children, m_.next_children);
       std::swap(m_.on, m_.next_on);
@@ -130,7 +147,12 @@ class HostMotions {
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;
     const bool flags = (q.fields & kFieldFlags) != 0;
-    c.question = {q.max_distance, q.abs_tol, q.rel_tol, 256, true, true, flags, true, false, false};
+    EvaluateOptions options;
+    options.limits.abs_tol = q.abs_tol;
+    options.limits.rel_tol = q.rel_tol;
+    set_motion_options(bodies_.plan, options);
+    const NarrowLimits& limits = options.limits;
+    c.question = {limits.max_distance, limits.abs_tol, limits.rel_tol, 256, true, true, flags, true, false, false};
     c.pairs = pairs_.data();
     c.pair_count = pairs;
     c.configurations = m_.span_capacity;

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <cstring>
 
 #include "arm_edges.h"
 #include "same_answer.h"
@@ -34,6 +35,40 @@ TEST(CudaMotions, HaveTheCpusVerdicts) {
       for (const bool when : {false, true}) ask_both(margin, size, when);
 }
 
+// Bits are the same each time: those of the device, and of the CPU where it finishes a motion.
+bool is_same(const Answer& p, const Answer& q) {
+  const auto same = [&](const auto* a, const auto* b, std::size_t count) {
+    return std::memcmp(a, b, count * sizeof *a) == 0;
+  };
+  const std::size_t n = p.info.rows;
+  return same(p.view.lower, q.view.lower, n) && same(p.view.upper, q.view.upper, n) &&
+         same(p.view.time, q.view.time, n) && same(p.view.pair, q.view.pair, n) &&
+         same(p.view.point_a, q.view.point_a, 3 * n) && same(p.view.steps, q.view.steps, n) &&
+         (!p.view.first_contact || same(p.view.first_contact, q.view.first_contact, 2 * n));
+}
+
+TEST(CudaMotions, FindLeastDistances) {
+  SKIP_WITHOUT_DEVICE();
+  for (const double margin : {0.0, 0.02})
+    for (const double size : {0.2, 1.5})
+      for (const bool when : {false, true}) {
+        const ArmEdges edges(13, 20000, size);
+        const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
+        const QueryView q = edges.least(margin, when);
+        const Answer found = ask(device, q), wanted = ask(cpu, q);
+        ASSERT_EQ(found.info.backend, "cuda");
+        const auto on_cpu = counter(device, "cuda.motions_finished_on_cpu");
+        const LeastRows v = compare_least(found, wanted, q);
+        std::printf(
+            "margin %g, size %g, first contact %d: %d apart, %d touch, %d undecided, %llu finished by the CPU\n",
+            margin, size, when, v.apart, v.touching, v.undecided, static_cast<unsigned long long>(on_cpu));
+        EXPECT_GT(v.apart, 500);
+        EXPECT_GT(v.touching, 500);
+        EXPECT_LT(on_cpu, 4000u);
+        EXPECT_TRUE(is_same(found, ask(device, q)));
+      }
+}
+
 TEST(CudaMotions, TellOfEndsBeyondLimits) {
   SKIP_WITHOUT_DEVICE();
   ArmEdges edges(12, 4000, 0.8);
@@ -44,6 +79,10 @@ TEST(CudaMotions, TellOfEndsBeyondLimits) {
   ASSERT_EQ(found.info.backend, "cuda");
   EXPECT_GT(compare_verdicts(found, wanted, q).beyond_limits, 100);
   EXPECT_LT(counter(device, "cuda.motions_finished_on_cpu"), 400u);
+  const QueryView least = edges.least(0, true);
+  const Answer nearest = ask(device, least);
+  ASSERT_EQ(nearest.info.backend, "cuda");
+  EXPECT_GT(compare_least(nearest, ask(cpu, least), least).hits, 100);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "arm_edges.h"
+#include "engine/motion/motion_search.h"
 #include "stand_in_device.h"
 #include "tests/motion/motion_judge.h"
 #include "tests/motion/motion_test.h"
@@ -91,6 +92,103 @@ TEST(MotionKernels, DecideAnArmsEdgesAsTheCpuDoes) {
   }
 }
 
+// The nearest pair of an arm's edges, at some time: intervals that meet the CPU's, and the pair is where it says so.
+struct Least {
+  int apart = 0, touching = 0, hits = 0, open = 0;
+};
+Least compare_nearest(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
+  const Engine cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
+  const Answer wanted = ask(cpu, q);
+  host.run();
+  Least found;
+  for (std::uint32_t i = 0; i < edges.motions.count(); ++i) {
+    EXPECT_NE(host.verdict(i), MotionVerdict::kFree) << i;
+    if (host.verdict(i) == MotionVerdict::kOpen) {
+      ++found.open;
+      continue;
+    }
+    const MotionHitRow& row = *host.hit(i);
+    PairAnswer answer = row.answer;
+    decide_least(q, row.low, false, answer);
+    EXPECT_LE(answer.lower, answer.upper) << i;
+    EXPECT_LE(answer.lower, wanted.view.upper[i]) << i;
+    EXPECT_LE(wanted.view.lower[i], answer.upper) << i;
+    expect_narrow(answer.lower, answer.upper, answer.flags, q, i);
+    EXPECT_NE(answer.status, Status::kUnconverged) << i;
+    ++(answer.status == Status::kOk ? found.apart : found.touching);
+    const Samples there(edges.motions, i, row.time);
+    const std::vector<BodyPair> pair{host.plan().pairs.at(row.pair)};
+    QueryView single;
+    single.all_pairs = false;
+    single.pairs = pair;
+    single.joints = edges.motions.joints;
+    single.positions = there.positions;
+    single.configuration_count = 1;
+    single.fields = kDefaultFields;
+    const Answer at = ask(cpu, single);
+    EXPECT_LE(at.view.lower[0], row.answer.upper + 1e-9) << i;
+    EXPECT_GE(at.view.upper[0], row.answer.upper - q.abs_tol) << i;
+    if (!(q.fields & kFieldFirstContact)) continue;
+    found.hits += row.contact < kInf;
+    const double contact[]{host.free_until(i), row.contact};
+    expect_same_contact(contact, wanted.view.first_contact + 2 * i, i);
+    if (row.contact < kInf) {
+      EXPECT_LE(contact[1] - contact[0], kContactTime) << i;
+    }
+    EXPECT_EQ(row.contact < kInf, contact[0] < kInf) << i;
+    if (answer.lower > q.margin) {
+      EXPECT_EQ(contact[0], kInf) << i;
+    }
+  }
+  return found;
+}
+
+TEST(MotionKernels, FindAnArmsLeastDistancesAsTheCpuDoes) {
+  for (const double margin : {0.0, 0.02}) {
+    for (const bool when : {false, true}) {
+      const ArmEdges edges(17, 120, 0.7);
+      const QueryView q = edges.least(margin, when);
+      HostMotions host(edges.scene, q);
+      ASSERT_TRUE(host.fits());
+      const Least found = compare_nearest(edges, q, host);
+      std::printf("margin %g, first contact %d: %d apart, %d touch, %d hit, %d open; spans", margin, when, found.apart,
+                  found.touching, found.hits, found.open);
+      for (std::uint32_t level = 0; level < host.levels(); ++level)
+        std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
+                    host.count(kAskedCount, level));
+      std::printf("\n");
+      EXPECT_GT(found.apart, 20);
+      EXPECT_GT(found.touching, 20);
+      if (when) {
+        EXPECT_GT(found.hits, 20);
+      }
+      EXPECT_LT(found.open, 12);
+    }
+  }
+}
+
+TEST(MotionKernels, LeaveLeastDistancesToTheCpuWhereListsHaveNoRoom) {
+  const ArmEdges edges(5, 60, 1.5);
+  const QueryView q = edges.least(0.01, true);
+  HostMotions whole(edges.scene, q);
+  const Least all = compare_nearest(edges, q, whole);
+  const std::uint32_t pairs = std::max(whole.count(kNearCount, 1), whole.count(kOnCount, 1));
+  for (const auto& [room, spans] : {std::pair{pairs - 20, 0u}, std::pair{0u, 120u}}) {
+    HostMotions host(edges.scene, q, room, spans);
+    const Least found = compare_nearest(edges, q, host);
+    std::printf("%u pairs, %u spans: %d open in place of %d\n", room, spans, found.open, all.open);
+    EXPECT_GE(found.open, all.open);
+    EXPECT_GT(found.apart + found.touching, 5);
+    if (room) {
+      EXPECT_GT(found.open, all.open + 2);
+    }
+  }
+  QueryView hasty = q;
+  hasty.max_steps = 3;
+  HostMotions host(edges.scene, hasty);
+  EXPECT_GT(compare_nearest(edges, hasty, host).open, all.open + 2);
+}
+
 // Lists that are too short leave motions to the CPU, and say nothing wrong of the others.
 TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
   const ArmEdges edges(5, 60, 1.5);
@@ -167,6 +265,13 @@ MotionDecision decision_of(const Scene& scene, const QueryView& q) {
   if (host.verdict(0) == MotionVerdict::kFree) found.kind = MotionDecision::kFree;
   if (host.verdict(0) != MotionVerdict::kHit) return found;
   const MotionHitRow& hit = *host.hit(0);
+  if (q.reduce == Reduce::kMin) {
+    PairAnswer answer = hit.answer;
+    decide_least(q, hit.low, false, answer);
+    return {
+        MotionDecision::kHit, host.plan().pairs.at(hit.pair),  hit.time, answer.lower, answer.upper, host.free_until(0),
+        hit.contact,          (answer.flags & kFlagSlack) != 0};
+  }
   return {MotionDecision::kHit, host.plan().pairs.at(hit.pair), hit.time, hit.answer.lower, hit.answer.upper,
           host.free_until(0)};
 }
@@ -180,6 +285,7 @@ TEST_P(JudgedMotionKernels, SayNothingThatIsUntrue) {
   EXPECT_GE(found.motions, 32);
   EXPECT_GT(found.hits, 2);
   EXPECT_GT(found.free, 2);
+  EXPECT_GT(found.least_on_device, 20);
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, JudgedMotionKernels, ::testing::Range(0, kMotionKinds),
@@ -280,6 +386,35 @@ TEST(MotionKernels, AnswerAnEnginesMotions) {
       EXPECT_GT(v.hits, 300);
     }
   }
+}
+
+TEST(MotionKernels, AnswerAnEnginesLeastDistances) {
+  const ArmEdges edges(8, 1500, 0.4);  // two chunks
+  for (const bool when : {false, true}) {
+    const QueryView q = edges.least(0.01, when);
+    const EmulatedAnswer answer(edges, q);
+    EXPECT_EQ(answer.found.info.backend, "cuda");
+    EXPECT_EQ(answer.found.info.rows, 1500u);
+    EXPECT_EQ(answer.launches, 2);
+    std::printf("first contact %d: %llu finished by the CPU\n", when, static_cast<unsigned long long>(answer.on_cpu));
+    EXPECT_GT(answer.on_cpu, 0u);
+    EXPECT_LT(answer.on_cpu, 150u);
+    const LeastRows v = compare_least(answer.found, answer.wanted, q);
+    EXPECT_GT(v.apart, 200);
+    EXPECT_GT(v.touching, 200);
+  }
+}
+
+// What kernels do not know of least distances: the CPU answers all of it.
+TEST(MotionKernels, LeaveSomeColumnsOfLeastDistancesToTheCpu) {
+  const ArmEdges edges(8, 4, 0.4);
+  QueryView q = edges.least(0, true);
+  EXPECT_EQ(EmulatedAnswer(edges, q).found.info.backend, "cuda");
+  q.fields |= kFieldPairLower;
+  EXPECT_EQ(EmulatedAnswer(edges, q).found.info.backend, "cpu");
+  q = edges.least(0, true);
+  q.max_distance = 0.1;
+  EXPECT_EQ(EmulatedAnswer(edges, q).found.info.backend, "cpu");
 }
 
 // Ends beyond limits are said of what their joints move, though the pair is within its margin on the way.

@@ -65,4 +65,52 @@ inline Verdicts compare_verdicts(const Answer& found, const Answer& wanted, cons
   return v;
 }
 
+struct LeastRows {
+  int apart = 0, touching = 0, undecided = 0, hits = 0;
+};
+
+/// An interval of the least distance is as narrow as asked; the arm's slack, a tenth of that, may be beside it, and is
+/// said to be.
+inline void expect_narrow(double lower, double upper, std::uint16_t flags, const QueryView& q, std::uint32_t motion) {
+  EXPECT_LE(upper - lower, q.abs_tol * (flags & kFlagSlack ? 1.3 : 1 + 1e-9)) << motion;
+}
+
+/// Rows of the least distance, for the same query: intervals that meet, as narrow as asked, with the same end of what
+/// is free.
+inline LeastRows compare_least(const Answer& found, const Answer& wanted, const QueryView& q) {
+  LeastRows v;
+  const ReplyView &ours = found.view, &theirs = wanted.view;
+  for (std::uint32_t i = 0; i < found.info.rows; ++i) {
+    const auto status = static_cast<Status>(ours.status[i]), wanted_status = static_cast<Status>(theirs.status[i]);
+    EXPECT_EQ(ours.configuration[i], i);
+    EXPECT_LE(ours.lower[i], ours.upper[i]) << i;
+    EXPECT_LE(ours.lower[i], theirs.upper[i]) << i;
+    EXPECT_LE(theirs.lower[i], ours.upper[i]) << i;
+    EXPECT_GT(ours.steps[i], 0u) << i;
+    v.undecided += status == Status::kUnconverged;
+    if (status == Status::kUnconverged || wanted_status == Status::kUnconverged) continue;
+    expect_narrow(ours.lower[i], ours.upper[i], ours.flags[i], q, i);
+    EXPECT_TRUE(ours.time[i] >= 0 && ours.time[i] <= 1) << i;
+    EXPECT_LT(ours.pair[i].a, kNone) << i;
+    ++(status == Status::kOk ? v.apart : v.touching);
+    if (ours.pair[i].a == theirs.pair[i].a && ours.pair[i].b == theirs.pair[i].b) {
+      EXPECT_EQ(ours.flags[i] & kFlagBeyondLimits, theirs.flags[i] & kFlagBeyondLimits) << i;
+    }
+    if (!ours.first_contact) continue;
+    const double *const contact = ours.first_contact + 2 * i, *const wanted_contact = theirs.first_contact + 2 * i;
+    expect_same_contact(contact, wanted_contact, i);
+    const bool hits = contact[1] < kInf, wanted_hits = wanted_contact[1] < kInf;
+    v.hits += hits;
+    EXPECT_EQ(hits, contact[0] < kInf) << i;
+    if (wanted_hits || std::isinf(wanted_contact[0])) {
+      EXPECT_EQ(hits, wanted_hits) << i;
+    }
+    if (hits) {
+      EXPECT_LE(contact[1] - contact[0], std::max(kContactTime, wanted_contact[1] - wanted_contact[0])) << i;
+    }
+    if (hits && ours.upper[i] > q.margin) ADD_FAILURE() << i << ": nothing is so near";
+  }
+  return v;
+}
+
 }  // namespace clearance::test

@@ -99,12 +99,12 @@ bool certify_slack(const Options& o) {
 void write_motions(std::ostream& out, const Options& o, const std::vector<test::MotionFindings>& kinds) {
   out << "# motions " << o.motions << ", seed " << o.seed << ", backend " << o.backends.front()
       << ", judged with 60 digits\n"
-      << "kind,motions,overlaps,free,hits,undecided,on_device,nearer,farther,untrue,wide\n";
+      << "kind,motions,overlaps,free,hits,undecided,on_device,least_on_device,nearer,farther,untrue,wide\n";
   for (std::size_t k = 0; k < kinds.size(); ++k) {
     const test::MotionFindings& f = kinds[k];
     out << test::name_of(static_cast<test::MotionKind>(k)) << ',' << f.motions << ',' << f.overlaps << ',' << f.free
-        << ',' << f.hits << ',' << f.undecided << ',' << f.on_device << ',' << f.nearer << ',' << f.farther << ','
-        << f.untrue << ',' << f.wide << '\n';
+        << ',' << f.hits << ',' << f.undecided << ',' << f.on_device << ',' << f.least_on_device << ',' << f.nearer
+        << ',' << f.farther << ',' << f.untrue << ',' << f.wide << '\n';
   }
 }
 

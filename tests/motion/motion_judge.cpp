@@ -34,15 +34,17 @@ class MotionJudge {
   void judge(bool each_pair) {
     Motions all = case_.motions;
     all.pairs = pairs_;
-    const Answer min = ask(engine_, all.view(Reduce::kMin));
+    const Answer min = ask(engine_, least_of(all));
     Answer none;
     if (each_pair) none = ask(engine_, all.view(Reduce::kNone));
     for (std::uint32_t m = 0; m < all.count(); ++m) {
       ++findings_.motions;
+      findings_.least_on_device += min.info.backend == "cuda";
       motion_ = m;
       looks_.clear();
       look_around(min.view.time[m]);
       judge_row(min, m, nullptr);
+      judge_contact(min.view.first_contact[2 * m], min.view.first_contact[2 * m + 1], 0);
       if (each_pair) judge_pairs(none, m);
       judge_decision();
     }
@@ -58,12 +60,22 @@ class MotionJudge {
       motion_ = m;
       looks_.clear();
       look_around(min.view.time[m]);
-      for (const bool when : {false, true}) judge_decision_of(decide, when);
+      for (const bool when : {false, true}) {
+        judge_decision_of(decide, when);
+        judge_least_of(decide, when);
+      }
     }
   }
   bool has_pairs() const { return !pairs_.empty(); }
 
  private:
+  // Without the column that is the CPU's.
+  static QueryView least_of(const Motions& motions) {
+    QueryView query = motions.view(Reduce::kMin);
+    query.fields &= ~kFieldPairLower;
+    return query;
+  }
+
   // Pairs that overlap by chance would leave nothing to be found of the others.
   bool overlaps_by_chance(BodyPair pair) {
     if (chance_.empty())
@@ -144,6 +156,36 @@ class MotionJudge {
   double margin_beside_least() {
     const double graze = std::pow(10.0, random_.uniform(-6, -4)) * (random_.below(2) ? 1 : -1);
     return std::max(look_once(best_).least + graze, 0.0);
+  }
+
+  // First contact by a margin.
+  void judge_contact(double free_until, double contact, double margin) {
+    findings_.untrue += !(free_until <= contact);
+    if (contact < kInf) findings_.untrue += !is_within(look_once(contact), margin, nullptr, true);
+    look_before(free_until);
+    for (const Look& look : looks_)
+      findings_.untrue += look.time < free_until && is_within(look, margin, nullptr, true);
+  }
+
+  // \param when first contact is asked for
+  void judge_least_of(const MotionDecider& decide, bool when) {
+    Motions one = case_.one(motion_);
+    one.pairs = pairs_;
+    QueryView query = least_of(one);
+    query.max_steps = 512;
+    query.margin = random_.below(2) ? margin_beside_least() : 0;
+    if (!when) query.fields &= ~kFieldFirstContact;
+    const MotionDecision found = decide(engine_.scene(), query);
+    findings_.undecided += found.kind == MotionDecision::kOpen;
+    if (found.kind == MotionDecision::kOpen) return;
+    ++findings_.least_on_device;
+    findings_.farther += !is_within(look_once(found.time), found.upper, &found.pair, true);
+    for (const Look& look : looks_) findings_.nearer += found.lower > 0 && is_within(look, found.lower, nullptr, false);
+    findings_.wide += !found.by_slack && found.upper - found.lower > kTolerance * 1.0001;
+    if (!when) return;
+    findings_.wide += found.contact < kInf && !(found.contact - found.free_until <= kContactTime);
+    findings_.untrue += (found.contact < kInf) != (found.free_until < kInf);
+    judge_contact(found.free_until, found.contact, query.margin);
   }
 
   // \param when first contact is asked for
@@ -230,16 +272,16 @@ struct Folder {
 
 void MotionFindings::add(const MotionFindings& o) {
   motions += o.motions, free += o.free, hits += o.hits, undecided += o.undecided, overlaps += o.overlaps;
-  on_device += o.on_device;
+  on_device += o.on_device, least_on_device += o.least_on_device;
   nearer += o.nearer, farther += o.farther, untrue += o.untrue, wide += o.wide;
 }
 
 std::string MotionFindings::text() const {
   const auto n = [](int count) { return std::to_string(count); };
   return n(motions) + " motions, " + n(overlaps) + " with an overlap; by margins beside the truth " + n(free) +
-         " free, " + n(hits) + " hits, " + n(undecided) + " undecided, " + n(on_device) +
-         " on a device; wrong: " + n(nearer) + " nearer than lower, " + n(farther) + " farther than upper, " +
-         n(untrue) + " untrue, " + n(wide) + " too wide";
+         " free, " + n(hits) + " hits, " + n(undecided) + " undecided, " + n(on_device) + " on a device, " +
+         n(least_on_device) + " least distances; wrong: " + n(nearer) + " nearer than lower, " + n(farther) +
+         " farther than upper, " + n(untrue) + " untrue, " + n(wide) + " too wide";
 }
 
 void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings) {
