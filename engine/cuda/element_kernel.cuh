@@ -1,6 +1,6 @@
 // Pairs of which one body is a cloud or a mesh, or both are meshes: a warp for each goes down the trees
-// (engine/query/nearest_elements.h has the CPU's way through them), and its threads answer the elements that are left by
-// GJK, side by side.
+// (engine/query/nearest_elements.h has the CPU's way through them), and its threads answer the elements that are left
+// by GJK, side by side.
 #pragma once
 
 #include "engine/cuda/element_search.cuh"
@@ -110,7 +110,8 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
   }
 }
 
-// An upper bound on how far a pair is apart, or where boxes alone are farther than max_distance a lower one: cutoff_of().
+// An upper bound on how far a pair is apart, or where boxes alone are farther than max_distance a lower one:
+// cutoff_of().
 template <class Kind>
 __device__ inline double element_cutoff_of(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;

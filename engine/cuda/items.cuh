@@ -38,8 +38,8 @@ __device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i
   return position_of(r.table, ref.a, ref.b);
 }
 
-// What a pair's bodies are made of, where one of them is a cloud or a mesh: element_kernel.cuh has a kernel for each kind
-// of pairs. kLeft: the CPU has to look at it.
+// What a pair's bodies are made of, where one of them is a cloud or a mesh: element_kernel.cuh has a kernel for each
+// kind of pairs. kLeft: the CPU has to look at it.
 enum class PairKind : std::uint8_t { kHulls, kPointsAndHull, kMeshAndHull, kMeshes, kLeft };
 __device__ inline PairKind kind_of(const ReducedView& r, const Item& item) {
   const std::uint32_t* const of_body = r.elements.of_body;

@@ -66,8 +66,8 @@ class MeshesBefore {
   __device__ MeshesBefore(const ElementSet& a, const ElementSet& b, const PairFrame<double>& at)
       : a_(a), b_(b), at_(at) {
     const double radii = a.hull.radius + b.hull.radius;
-    margin_ = radii +
-              (kGapUnits * (norm(at.D) + a.hull.rho + b.hull.rho + radii) + Arithmetic<double>::kUnderflowLength);
+    margin_ =
+        radii + (kGapUnits * (norm(at.D) + a.hull.rho + b.hull.rho + radii) + Arithmetic<double>::kUnderflowLength);
   }
 
   // Not below 0. \param cut_off no more is asked than whether it is greater \param middles gets the square of how far
@@ -77,8 +77,7 @@ class MeshesBefore {
     const Vec3d d = at_.R * b.centre + at_.D - a.centre;
     middles = squared_norm(d);
     Vec3d apart;
-    for (int k = 0; k < 3; ++k)
-      apart[k] = above_zero(fabs(d[k]) - (a.half[k] + dot(absolute(at_.R.row[k]), b.half)));
+    for (int k = 0; k < 3; ++k) apart[k] = above_zero(fabs(d[k]) - (a.half[k] + dot(absolute(at_.R.row[k]), b.half)));
     double gap = above_zero(norm(apart) - margin_);
     if (gap > cut_off) return gap;
     if (looks_) gap = fmax(gap, along(n_, a, b));
@@ -299,8 +298,7 @@ class MeshSearch : public WarpSearch {
         Vec3d turned{0, 0, 0};
         for (std::uint32_t corner = 0; corner < 3 && !winding.is_sure; ++corner) {
           turned = inner.R_wb * corners[corner];
-          winding = count_winding(solid, outer.R_wb.transpose_times(turned + shift), room_.nodes,
-                                  kMeshStackEntries);
+          winding = count_winding(solid, outer.R_wb.transpose_times(turned + shift), room_.nodes, kMeshStackEntries);
         }
         all_are_known = all_are_known && winding.is_sure;
         if (!winding.is_sure || winding.number == 0) continue;

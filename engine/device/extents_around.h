@@ -28,8 +28,7 @@ inline HullExtents extents_around(const Body& body) {
     }
   }
   around.centre = 0.5 * low + 0.5 * high;
-  for (int k = 0; k < 3; ++k)
-    around.half[k] = std::max(high[k] - around.centre[k], around.centre[k] - low[k]) * kMore;
+  for (int k = 0; k < 3; ++k) around.half[k] = std::max(high[k] - around.centre[k], around.centre[k] - low[k]) * kMore;
   around.spread = norm(around.half) * kMore;
   return around;
 }

@@ -62,8 +62,8 @@ struct alignas(16) ElementSlab {
   std::int16_t units[3];
   CLEARANCE_HD Vec3d normal() const { return 0x1p-14 * Vec3d{double(units[0]), double(units[1]), double(units[2])}; }
 };
-/// The elements of a body, in device memory, in the order of the leaves: points, voxels or a mesh's triangles. Of a body
-/// whose pairs are all the CPU's there is nothing but the hull.
+/// The elements of a body, in device memory, in the order of the leaves: points, voxels or a mesh's triangles. Of a
+/// body whose pairs are all the CPU's there is nothing but the hull.
 struct ElementSet {
   HullExtents hull;          ///< around all of them; they are grown by its radius
   Vec3d centre;              ///< of the nodes' corners
@@ -71,8 +71,8 @@ struct ElementSet {
   const float* points;       ///< (points, 3)
   double half;               ///< of the boxes' edges; 0: points
   double reach;  ///< along each axis from its point, no corner of a box is farther: `half`, as it is rounded
-  const ElementSlab* slabs;  ///< of a mesh's nodes
-  const double* corners;     ///< (triangles, 3 axes, 3 corners) of a mesh; null: it is none
+  const ElementSlab* slabs;    ///< of a mesh's nodes
+  const double* corners;       ///< (triangles, 3 axes, 3 corners) of a mesh; null: it is none
   const std::uint32_t* parts;  ///< of a mesh: a triangle of each part that hangs together
   std::uint32_t part_count;
   std::uint32_t body;

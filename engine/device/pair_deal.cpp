@@ -162,7 +162,7 @@ BodyKind kind_of(const Scene& scene, const Device& device, std::uint32_t body) {
 }
 
 // Which kernel looks at pairs of two such bodies, of which one is no hull; null: none, and they are left to the CPU.
-bool ElementKinds::*kernel_for(BodyKind a, BodyKind b) {
+bool ElementKinds::* kernel_for(BodyKind a, BodyKind b) {
   if (a == BodyKind::kMesh && b == BodyKind::kMesh) return &ElementKinds::meshes;
   if (a != BodyKind::kHull && b != BodyKind::kHull) return nullptr;
   switch (a == BodyKind::kHull ? b : a) {
@@ -195,7 +195,7 @@ void list_in_order(const Scene& scene, const Device& device, const Plan& plan, s
       refs.push_back({ref[a], ref[b]});
       if (of_a == BodyKind::kHull && of_b == BodyKind::kHull) continue;
       is_asked[a] = is_asked[b] = 1;
-      if (bool ElementKinds::*const kernel = kernel_for(of_a, of_b))
+      if (bool ElementKinds::* const kernel = kernel_for(of_a, of_b))
         list.kinds.*kernel = true;
       else
         ++left;
