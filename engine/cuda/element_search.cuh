@@ -31,7 +31,7 @@ class HullSearch : public WarpSearch {
   __device__ HullSearch(const ReducedView& r, const Question& q, const Where& at_a, const Where& at_b,
                         const Slack& slack, double cut_off, double enough, Room& room)
       : WarpSearch(r, q, at_a, at_b, slack, cut_off, enough),
-        room_(room),
+        room_{room.node, room.element, room.node_gap, room.element_gap},
         elements_first_(r.elements.of_body[at_a.body] != kNone),
         set_(r.elements.sets[r.elements.of_body[elements_first_ ? at_a.body : at_b.body]]) {
     const std::uint32_t body = elements_first_ ? at_b.body : at_a.body;
@@ -200,7 +200,12 @@ class HullSearch : public WarpSearch {
     set_pieces(best_.one, answer);
   }
 
-  Room& room_;
+  // Of a Room. By these four the compiler spills fewer registers than by one reference.
+  struct Lists {
+    std::uint32_t *node, *element;
+    float *node_gap, *element_gap;
+  };
+  const Lists room_;
   const bool elements_first_;
   const ElementSet& set_;
   std::uint32_t first_piece_, pieces_;

@@ -178,7 +178,7 @@ TEST_F(CudaElements, FollowTheirPoints) {
       if (count > 0) {
         compare(device, cpu, c.q, std::to_string(count) + " points", found);
       } else {
-        expect_same(ask(device, c.q), ask(cpu, c.q), "no points", false);
+        expect_same(ask(device, c.q), ask(cpu, c.q), "no points", true);
       }
     }
   }

@@ -22,21 +22,38 @@ struct JudgedCases {
 
   JudgedCases() {
     for (const exact::CaseClass& of : exact::mesh_classes()) {
-      std::size_t wanted = of.name == "mesh_held" || of.name == "mesh_shells" ? 8 : 2;
+      std::size_t wanted = of.name == "mesh_held" || of.name == "mesh_rounded" ? 8 : 2;
       for (std::uint64_t i = 0; i < 40 && wanted > 0; ++i) {
         exact::Case one = exact::make_case(of, 31, i);
         const auto is_mesh = [](const exact::Solid& s) { return s.cloud.empty() && !s.triangles.empty(); };
         if (!is_mesh(*one.a) || !is_mesh(*one.b) || one.a->triangles.size() * one.b->triangles.size() > 60000) continue;
-        const exact::Value d = exact::judge(one).distance;
-        const bool overlap = !(d.compare(0) > 0);
-        judged.push_back({overlap ? 0 : d.lower(), overlap ? 0 : d.upper(), overlap && are_triangles_apart(one)});
-        cases.push_back(std::move(one));
+        add(std::move(one));
         --wanted;
       }
     }
+    add_parts_held();
   }
 
  private:
+  void add(exact::Case one) {
+    const exact::Value d = exact::judge(one).distance;
+    const bool overlap = !(d.compare(0) > 0);
+    judged.push_back({overlap ? 0 : d.lower(), overlap ? 0 : d.upper(), overlap && are_triangles_apart(one)});
+    cases.push_back(std::move(one));
+  }
+  // Of a mesh of three parts one lies within the other mesh, each in turn.
+  void add_parts_held() {
+    exact::Random random(5);
+    const exact::SolidPtr block = exact::solid(exact::box_mesh({1, 1, 1}), true);
+    for (int held = 0; held < 3; ++held) {
+      exact::Mesh mesh;
+      for (int i = 0; i < 3; ++i)
+        exact::append(mesh, exact::moved(exact::box_mesh({0.2, 0.3, 0.1}), {3.0 * (i - held), 0, 0}));
+      const exact::SolidPtr parts = exact::solid(std::move(mesh), false);
+      add({block, parts, random.rotation(), random.rotation()});
+      add({parts, block, random.rotation(), random.rotation()});
+    }
+  }
   static bool are_triangles_apart(const exact::Case& one) {
     exact::BodyView a = exact::body_view(*one.a), b = exact::body_view(*one.b);
     a.is_solid = b.is_solid = false;
@@ -132,7 +149,7 @@ std::uint64_t compare_all(const Engine& cpu, QueryView q, const std::string& wha
 
 TEST(MeshKernels, HoldWhatTheCpuHolds) {
   for (const double room : {0.6, 1.5}) {
-    MeshCase c(8, room, 5);
+    MeshCase c(6, room, 5);
     c.ask_about(c.pairs_of_meshes());
     c.poses[5].translation.x = std::numeric_limits<double>::quiet_NaN();
     const Engine cpu(std::move(c.scene), {"cpu"});
@@ -142,10 +159,10 @@ TEST(MeshKernels, HoldWhatTheCpuHolds) {
 
 // Those pairs alone, and among others that the device answers.
 TEST(MeshKernels, LeaveSinglePairsToTheCpu) {
-  MeshCase c(6, 0.8, 7);
+  MeshCase c(4, 0.8, 7);
   c.ask_about(c.pairs_of_all());
   const Engine cpu(std::move(c.scene), {"cpu"});
-  EXPECT_GT(compare_all(cpu, c.q, "left"), 100u);
+  EXPECT_GT(compare_all(cpu, c.q, "left"), 60u);
 }
 
 // Where nothing is cut off, no bound leaves out any of two large meshes at first: the stack has room all the same.
