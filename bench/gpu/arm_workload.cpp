@@ -147,10 +147,18 @@ Scene arm_scene_of_hulls() {
   return scene;
 }
 
-Scene arm_scene_of_meshes() {
-  Scene scene = arm_alone([](Scene& to, const std::string& name, std::uint32_t i, const Scene::BodyOptions& options) {
+namespace {
+
+Scene arm_of_meshes() {
+  return arm_alone([](Scene& to, const std::string& name, std::uint32_t i, const Scene::BodyOptions& options) {
     add_grooved(to, name, kArmShapes[i], options);
   });
+}
+
+}  // namespace
+
+Scene arm_scene_of_meshes() {
+  Scene scene = arm_of_meshes();
   Random random(19);
   add_things(scene, random);
   return scene;
@@ -194,7 +202,9 @@ Scene arm_scene_in_room() {
   return scene;
 }
 
-Scene arm_scene_in_cell() {
+namespace {
+
+void add_cell(Scene& scene) {
   constexpr std::uint32_t kCells = 5;
   BoxMesh cell;
   const auto board = [&](const Vec3d& low, const Vec3d& high) {
@@ -206,9 +216,21 @@ Scene arm_scene_in_cell() {
   board({0.8, -0.9, -0.04}, {0.83, 0.9, 1.5});                                                    // back of the shelf
   for (const double z : {0.4, 0.85, 1.3}) board({0.4, -0.9, z}, {0.82, 0.9, z + 0.02});           // its boards
   for (const double y : {-0.9, -0.3, 0.28, 0.88}) board({0.4, y, -0.03}, {0.82, y + 0.02, 1.5});  // and uprights
+  scene.add_mesh("cell", cell.vertices, cell.triangles, Convexify::kSolid, {.is_static = true, .pose = Pose()});
+}
+
+}  // namespace
+
+Scene arm_scene_in_cell() {
   Random random(19);
   Scene scene = arm_alone(random);
-  scene.add_mesh("cell", cell.vertices, cell.triangles, Convexify::kSolid, {.is_static = true, .pose = Pose()});
+  add_cell(scene);
+  return scene;
+}
+
+Scene arm_scene_of_meshes_in_cell() {
+  Scene scene = arm_of_meshes();
+  add_cell(scene);
   return scene;
 }
 

@@ -24,6 +24,9 @@ Scene arm_scene_in_cell();
 /// An arm of links that are meshes of 576 triangles, solids that are not convex, among the 21 things.
 Scene arm_scene_of_meshes();
 
+/// The same in the cell: meshes before a mesh.
+Scene arm_scene_of_meshes_in_cell();
+
 /// Each moving link's hull against all things, and links' hulls against each other where no joint is between them
 /// alone; in a room or a cell each moving link's hull against that, and meshes of links against things alone.
 std::vector<BodyPair> arm_pairs(const Scene& scene);

@@ -86,25 +86,20 @@ Workload joints(const std::string& what, std::uint32_t configurations, std::uint
   w.margin = margin;
   return w;
 }
-// What the same arm stands in.
-struct Surroundings {
+// The same arm, or one whose links are meshes, in what it stands in.
+struct ArmScene {
   const char* name;
   Scene (*scene)();
 };
-constexpr Surroundings kRoom{"a cloud of 100,000 points", arm_scene_in_room},
-    kCell{"a mesh of 3600 triangles", arm_scene_in_cell};
-Workload in(const Surroundings& around, const std::string& what, std::uint32_t fields, Reduce reduce,
+constexpr ArmScene kInRoom{"an arm of 8 hulls in a cloud of 100,000 points", arm_scene_in_room},
+    kInCell{"an arm of 8 hulls in a mesh of 3600 triangles", arm_scene_in_cell},
+    kOfMeshes{"an arm of 7 meshes, 21 things", arm_scene_of_meshes},
+    kOfMeshesInCell{"an arm of 7 meshes in a mesh of 3600 triangles", arm_scene_of_meshes_in_cell};
+Workload of(const ArmScene& arm, const std::string& what, std::uint32_t fields, Reduce reduce,
             double max_distance = kFar, double margin = 0) {
   Workload w = joints(what, 4096, fields, reduce, max_distance, margin);
-  w.name = std::string("an arm of 8 hulls in ") + around.name + ", 4096 configurations of joints, " + what;
-  w.scene = around.scene;
-  return w;
-}
-// Its links meshes.
-Workload of_meshes(const std::string& what, std::uint32_t fields, Reduce reduce, double margin = 0) {
-  Workload w = joints(what, 4096, fields, reduce, kFar, margin);
-  w.name = "an arm of 7 meshes, 21 things, 4096 configurations of joints, " + what;
-  w.scene = arm_scene_of_meshes;
+  w.name = std::string(arm.name) + ", 4096 configurations of joints, " + what;
+  w.scene = arm.scene;
   return w;
 }
 }  // namespace
@@ -180,19 +175,24 @@ const std::vector<Workload>& workloads() {
       joints("any", 65536, kFieldStatus | kFieldPair, Reduce::kAny),
       joints("any", 1048576, kFieldStatus | kFieldPair, Reduce::kAny),
       joints("min", 65536, kBounds, Reduce::kMin),
-      in(kRoom, "any", kFieldStatus | kFieldPair, Reduce::kAny),
-      in(kRoom, "any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
-      in(kRoom, "min", kBounds, Reduce::kMin),
-      in(kRoom, "nearest", kBounds, Reduce::kNearest),
-      in(kRoom, "within 0.02", kBounds, Reduce::kWithin, 0.02),
-      in(kCell, "any", kFieldStatus | kFieldPair, Reduce::kAny),
-      in(kCell, "any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
-      in(kCell, "min", kBounds, Reduce::kMin),
-      in(kCell, "nearest", kBounds, Reduce::kNearest),
-      in(kCell, "within 0.02", kBounds, Reduce::kWithin, 0.02),
-      of_meshes("any", kFieldStatus | kFieldPair, Reduce::kAny),
-      of_meshes("any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, 0.02),
-      of_meshes("min", kBounds, Reduce::kMin),
+      of(kInRoom, "any", kFieldStatus | kFieldPair, Reduce::kAny),
+      of(kInRoom, "any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
+      of(kInRoom, "min", kBounds, Reduce::kMin),
+      of(kInRoom, "nearest", kBounds, Reduce::kNearest),
+      of(kInRoom, "within 0.02", kBounds, Reduce::kWithin, 0.02),
+      of(kInCell, "any", kFieldStatus | kFieldPair, Reduce::kAny),
+      of(kInCell, "any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
+      of(kInCell, "min", kBounds, Reduce::kMin),
+      of(kInCell, "nearest", kBounds, Reduce::kNearest),
+      of(kInCell, "within 0.02", kBounds, Reduce::kWithin, 0.02),
+      of(kOfMeshes, "any", kFieldStatus | kFieldPair, Reduce::kAny),
+      of(kOfMeshes, "any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
+      of(kOfMeshes, "min", kBounds, Reduce::kMin),
+      of(kOfMeshesInCell, "any", kFieldStatus | kFieldPair, Reduce::kAny),
+      of(kOfMeshesInCell, "any, margin 0.02", kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
+      of(kOfMeshesInCell, "min", kBounds, Reduce::kMin),
+      of(kOfMeshesInCell, "nearest", kBounds, Reduce::kNearest),
+      of(kOfMeshesInCell, "within 0.02", kBounds, Reduce::kWithin, 0.02),
   };
   return all;
 }
@@ -206,7 +206,7 @@ Asked::Asked(const Workload& w, const Engine& cpu) {
   q.signed_distance = w.depth;
   q.margin = w.margin;
   if (w.scene == arm_scene_of_hulls || w.scene == arm_scene_in_room || w.scene == arm_scene_in_cell ||
-      w.scene == arm_scene_of_meshes) {
+      w.scene == arm_scene_of_meshes || w.scene == arm_scene_of_meshes_in_cell) {
     pairs = arm_pairs(cpu.scene());
     for (std::uint32_t j = 0; j < cpu.scene().joints().size(); ++j) joints.push_back(j);
     positions = arm_positions(cpu.scene(), w.configurations, 13);

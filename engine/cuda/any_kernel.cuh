@@ -37,7 +37,8 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
     const std::uint32_t i = first + threadIdx.x;
     Outcome outcome = Outcome::kNone;
-    if (i < count && !is_of_elements(r, Item(r, r.items[i]))) {
+    const PairKind kind = i < count ? kind_of(r, Item(r, r.items[i])) : PairKind::kMeshes;
+    if (kind == PairKind::kHulls || kind == PairKind::kLeft) {
       const Item item(r, r.items[i]);
       PairAnswer answer = beyond_answer(0);  // of what is passed over
       if (!is_decided_before(r, item)) {
@@ -45,7 +46,9 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
             at_b(c.bodies, c.configurations, item.ref.b, item.k);
         Question q = c.question;
         q.max_distance = margin_of(r, item.p);
-        outcome = look_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
+        outcome = kind == PairKind::kLeft
+                      ? Outcome::kUnsettled
+                      : look_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
         if (outcome == Outcome::kUnsettled)
           answer = no_answer(Status::kOk);  // list_open_pairs() knows it by this
         else

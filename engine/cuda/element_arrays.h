@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/device/layout.h"
@@ -18,6 +19,7 @@ struct ElementArrays {
   std::span<const Surface::Slab> slabs;  ///< of a mesh
   std::span<const CloudPoint> points;    ///< of a cloud
   std::vector<double> corners;           ///< of a mesh
+  std::vector<std::uint32_t> parts;      ///< of a mesh
   ElementSet set{};                      ///< but for what says where the arrays are, and of which body they are
 
   /// \param surface must outlive this
@@ -32,6 +34,13 @@ struct ElementArrays {
     for (std::uint32_t i = 0; i < surface.size(); ++i)
       for (int axis = 0; axis < 3; ++axis)
         for (const Vec3d& corner : surface.corners(i)) corners.push_back(corner[axis]);
+    // A triangle of each part, where the surface has a vertex.
+    std::vector<std::uint8_t> stands(surface.vertices().size(), 0);
+    for (const std::uint32_t vertex : surface.parts()) stands[vertex] = 1;
+    for (std::uint32_t i = 0; i < surface.size(); ++i)
+      for (const std::uint32_t vertex : surface.triangles()[i])
+        if (std::exchange(stands[vertex], std::uint8_t{0})) parts.push_back(i);
+    set.part_count = static_cast<std::uint32_t>(parts.size());
   }
 };
 

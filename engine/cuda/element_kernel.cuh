@@ -1,9 +1,11 @@
-// Pairs of which one body is a cloud or a mesh: a warp for each goes down its tree (engine/query/nearest_elements.h has
-// the CPU's way through it), and its threads answer the elements that are left by GJK, side by side.
+// Pairs of which one body is a cloud or a mesh, or both are meshes: a warp for each goes down the trees
+// (engine/query/nearest_elements.h has the CPU's way through them), and its threads answer the elements that are left
+// by GJK, side by side.
 #pragma once
 
 #include "engine/cuda/element_search.cuh"
 #include "engine/cuda/items.cuh"
+#include "engine/cuda/mesh_search.cuh"
 #include "engine/cuda/place_body.cuh"
 
 namespace clearance::cuda {
@@ -22,20 +24,25 @@ __device__ inline double group_cut_off(const ReducedView& r, const Item& item) {
   return most;
 }
 
-// The elements of a pair's body; null: it has none of this kind.
-template <class Elements>
-__device__ inline const ElementSet* set_of(const ReducedView& r, const Item& item) {
-  if (!is_of_elements(r, item)) return nullptr;
-  const std::uint32_t* const of_body = r.elements.of_body;
-  const std::uint32_t a = of_body[body_of(r.chunk.bodies, item.ref.a)],
-                      b = of_body[body_of(r.chunk.bodies, item.ref.b)];
-  const ElementSet* const set = r.elements.sets + (a != kNone ? a : b);
-  return set->is_mesh() == Elements::kIsMesh ? set : nullptr;
-}
+// The kinds of pairs that a warp looks at: kernels are compiled for each.
+template <class Elements_>
+struct ElementsAndHull {
+  using Elements = Elements_;
+  using Search = HullSearch<Elements>;
+  static constexpr std::uint32_t kTaken = Elements::kTaken;
+  static constexpr PairKind kKind = Elements::kIsMesh ? PairKind::kMeshAndHull : PairKind::kPointsAndHull;
+  __device__ static double upper_bound(const ReducedView& r, const Item& item, const Where& at_a, const Where& at_b);
+};
+struct Meshes {
+  using Search = MeshSearch;
+  static constexpr std::uint32_t kTaken = kMeshesTaken;
+  static constexpr PairKind kKind = PairKind::kMeshes;
+  __device__ static double upper_bound(const ReducedView& r, const Item& item, const Where& at_a, const Where& at_b);
+};
 
 // Answers an item of elements. All the warp's threads call it, and one of them holds the answer.
-template <bool kAny, class Elements>
-__device__ inline Outcome answer_elements(const ReducedView& r, const Item& item, const ElementRoom& room,
+template <bool kAny, class Search>
+__device__ inline Outcome answer_elements(const ReducedView& r, const Item& item, typename Search::Room& room,
                                           PairAnswer& answer, bool& is_mine) {
   const ChunkView& c = r.chunk;
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
@@ -51,7 +58,7 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
     enough = slack.near_enough(q.max_distance);
   else if (r.reduce != Reduce::kWithin)
     most = fmin(most, group_cut_off(r, item));
-  WarpSearch<Elements> search(r, q, at_a, at_b, slack, slack.cut_off(most), enough, room);
+  Search search(r, q, at_a, at_b, slack, slack.cut_off(most), enough, room);
   const Outcome outcome = search.run(answer);
   if (outcome != Outcome::kSettled) return outcome;
   is_mine = search.has_answer();
@@ -60,28 +67,26 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
   return __all_sync(~0u, !is_mine || is_decided) ? Outcome::kSettled : Outcome::kUnsettled;
 }
 
-// Of the pairs that are listed, those of one kind of elements. What is not settled goes where the others' goes.
-template <bool kAny, class Elements>
+// Of the pairs that are listed, those of one kind. What is not settled goes where the others' goes.
+template <bool kAny, class Kind>
 __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid_constant__ ReducedView r) {
   constexpr std::uint32_t kWarps = kElementThreads / 32;
-  __shared__ std::uint32_t nodes[kWarps][kStackEntries], elements[kWarps][kWaitingEntries];
-  __shared__ float node_gaps[kWarps][kStackEntries], element_gaps[kWarps][kWaitingEntries];
-  const std::uint32_t warp = threadIdx.x / 32;
-  const ElementRoom room{nodes[warp], elements[warp], node_gaps[warp], element_gaps[warp]};
+  __shared__ typename Kind::Search::Room rooms[kWarps];
+  typename Kind::Search::Room& room = rooms[threadIdx.x / 32];
   const std::uint32_t count = item_count(r), lane = threadIdx.x % 32;
   for (;;) {
     std::uint32_t first = 0;
-    if (lane == 0) first = atomicAdd(r.chunk.counts + Elements::kTaken, kElementsAtOnce);
+    if (lane == 0) first = atomicAdd(r.chunk.counts + Kind::kTaken, kElementsAtOnce);
     first = __shfl_sync(~0u, first, 0);
     if (first >= count) break;
     for (std::uint32_t i = first; i < count && i < first + kElementsAtOnce; ++i) {
       const Item item = listed_item(r, i);
-      if (!set_of<Elements>(r, item)) continue;
+      if (kind_of(r, item) != Kind::kKind) continue;
       PairAnswer answer = beyond_answer(0);  // of what is passed over
       bool is_mine = lane == 0;
       Outcome outcome = Outcome::kNone;
       if (!kAny || !__any_sync(~0u, is_decided_before(r, item))) {
-        outcome = answer_elements<kAny, Elements>(r, item, room, answer, is_mine);
+        outcome = answer_elements<kAny, typename Kind::Search>(r, item, room, answer, is_mine);
         if (is_mine && (outcome == Outcome::kSettled || outcome == Outcome::kWithoutPieces)) {
           const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
               at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
@@ -105,17 +110,32 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
   }
 }
 
-// An upper bound on how far a pair of elements is apart, or where boxes alone are farther than max_distance a lower
-// one: cutoff_of(). By the element at the end of one way down the tree, before the first of the other body's pieces.
-template <class Elements>
+// An upper bound on how far a pair is apart, or where boxes alone are farther than max_distance a lower one:
+// cutoff_of().
+template <class Kind>
 __device__ inline double element_cutoff_of(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.question.max_distance) return gap;
+  return slack_of_pair(c, item.ref, item.k).true_upper(Kind::upper_bound(r, item, at_a, at_b));
+}
+// By a few steps of GJK with two parts of the pair.
+__device__ inline double upper_bound_of_parts(const ChunkView& c, const Part& a, const Part& b,
+                                              const PairFrame<double>& at) {
+  Run<Part> run(c.question, a, b, at);
+  for (int steps = 0; run.g.end == 0 && steps < kElementSeedSteps; ++steps) run.step();
+  return upper_so_far(run);
+}
+
+// By the element at the end of one way down the tree, before the first of the other body's pieces.
+template <class Elements>
+__device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedView& r, const Item&, const Where& at_a,
+                                                                const Where& at_b) {
+  const ChunkView& c = r.chunk;
   const bool elements_first = r.elements.of_body[at_a.body] != kNone;
-  const ElementSet& set = *set_of<Elements>(r, item);
+  const ElementSet& set = r.elements.sets[r.elements.of_body[elements_first ? at_a.body : at_b.body]];
   const HullHead* const head =
       c.hulls.heads + c.hulls.piece_hull[c.hulls.piece_begin[elements_first ? at_b.body : at_a.body]];
   const PieceBefore before(set, elements_first ? at_a.frame() : at_b.frame(), *head,
@@ -145,18 +165,26 @@ __device__ inline double element_cutoff_of(const ReducedView& r, const Item& ite
   const Part x = piece_part(c.hulls, head), e = hull.part();
   const Part& a = elements_first ? e : x;
   const Part& b = elements_first ? x : e;
-  const PairFrame<double> frame = place_pair<double>(at_a, *a.head, at_b, *b.head);
-  Run<Part> run(c.question, a, b, frame);
-  for (int steps = 0; run.g.end == 0 && steps < kElementSeedSteps; ++steps) run.step();
-  return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
+  return upper_bound_of_parts(c, a, b, place_pair<double>(at_a, *a.head, at_b, *b.head));
 }
 
-// solve_seeds() of the seeds that are pairs of one kind of elements.
-template <class Elements>
+// By the triangles at the end of one way down both trees.
+__device__ inline double Meshes::upper_bound(const ReducedView& r, const Item&, const Where& at_a, const Where& at_b) {
+  const ElementSet &a = r.elements.sets[r.elements.of_body[at_a.body]],
+                   &b = r.elements.sets[r.elements.of_body[at_b.body]];
+  const PlacedFrame of_a = at_a.frame(), of_b = at_b.frame();
+  const auto at = pair_frame<double>(a.hull, of_a.R_wb, of_a.t_w, b.hull, of_b.R_wb, of_b.t_w);
+  const MeshParts nearest = MeshesBefore(a, b, at).one_way_down();
+  const ElementHull<Triangles> of_one(a, nearest.a & ~kIsTriangle), of_other(b, nearest.b & ~kIsTriangle);
+  return upper_bound_of_parts(r.chunk, of_one.part(), of_other.part(), at);
+}
+
+// solve_seeds() of the seeds that are pairs of one kind.
+template <class Kind>
 __global__ void __launch_bounds__(kItemThreads) seed_elements(const __grid_constant__ ReducedView r) {
   cut_off_by_seed(
-      r, [&](const Item& item) { return set_of<Elements>(r, item) != nullptr; },
-      [&](const Item& item, std::uint32_t) { return element_cutoff_of<Elements>(r, item); });
+      r, [&](const Item& item) { return kind_of(r, item) == Kind::kKind; },
+      [&](const Item& item, std::uint32_t) { return element_cutoff_of<Kind>(r, item); });
 }
 
 // The box of a body of elements where it stands: what kernels that place bodies make of hulls. Metres.

@@ -1,7 +1,6 @@
 // Clouds and meshes in device memory, and what starts the kernels that look at them, which are compiled by themselves.
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include "engine/cuda/memory.cuh"
@@ -29,7 +28,7 @@ class QueryElements {
  public:
   explicit QueryElements(MemoryCounters& counters) : memory_(counters) {}
   /// \param bodies of the scene
-  void begin(std::span<const ElementBody> elements, std::size_t bodies, cudaStream_t stream);
+  void begin(const QuerySetup& s, std::size_t bodies, cudaStream_t stream);
   /// Null where there are none.
   const ElementsView& view() const { return view_; }
 

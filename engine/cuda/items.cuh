@@ -38,11 +38,19 @@ __device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i
   return position_of(r.table, ref.a, ref.b);
 }
 
-// Whether one of its bodies is a cloud or a mesh: element_kernel.cuh looks at it.
-__device__ inline bool is_of_elements(const ReducedView& r, const Item& item) {
+// What a pair's bodies are made of, where one of them is a cloud or a mesh: element_kernel.cuh has a kernel for each
+// kind of pairs. kLeft: the CPU has to look at it.
+enum class PairKind : std::uint8_t { kHulls, kPointsAndHull, kMeshAndHull, kMeshes, kLeft };
+__device__ inline PairKind kind_of(const ReducedView& r, const Item& item) {
   const std::uint32_t* const of_body = r.elements.of_body;
-  return of_body && (of_body[body_of(r.chunk.bodies, item.ref.a)] != kNone ||
-                     of_body[body_of(r.chunk.bodies, item.ref.b)] != kNone);
+  if (!of_body) return PairKind::kHulls;
+  const std::uint32_t a = of_body[body_of(r.chunk.bodies, item.ref.a)],
+                      b = of_body[body_of(r.chunk.bodies, item.ref.b)];
+  if (a == kNone && b == kNone) return PairKind::kHulls;
+  const ElementSet& one = r.elements.sets[a != kNone ? a : b];
+  if (a != kNone && b != kNone)
+    return one.is_mesh() && r.elements.sets[b].is_mesh() ? PairKind::kMeshes : PairKind::kLeft;
+  return !one.is_there() ? PairKind::kLeft : one.is_mesh() ? PairKind::kMeshAndHull : PairKind::kPointsAndHull;
 }
 
 // Where a row's last run has ended; null: it begins cold.

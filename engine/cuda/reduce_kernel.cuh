@@ -71,10 +71,35 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const W
   return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
 }
 
+// The same of a pair that the CPU looks at: the balls around both origins hold all of either.
+__device__ inline double cutoff_of_left(const ReducedView& r, const Item& item) {
+  const ChunkView& c = r.chunk;
+  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+      at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  const auto rho = [&](std::uint32_t body) {
+    const std::uint32_t set = r.elements.of_body[body];
+    if (set != kNone) return r.elements.sets[set].is_empty ? __builtin_inf() : r.elements.sets[set].hull.rho;
+    double most = 0;
+    for (std::uint32_t i = c.hulls.piece_begin[body]; i < c.hulls.piece_begin[body + 1]; ++i)
+      most = fmax(most, c.hulls.heads[c.hulls.piece_hull[i]].rho);
+    return most;
+  };
+  const double upper =
+      (norm(at_b.translation() - at_a.translation()) + rho(at_a.body) + rho(at_b.body)) * (1 + 0x1p-40);
+  return slack_of_pair(c, item.ref, item.k).true_upper(upper);
+}
+
 __global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constant__ ReducedView r) {
   cut_off_by_seed(
-      r, [&](const Item& item) { return !is_of_elements(r, item); },
-      [&](const Item& item, std::uint32_t row) { return cutoff_of(r.chunk, item, warm_row(r, row)); });
+      r,
+      [&](const Item& item) {
+        const PairKind kind = kind_of(r, item);
+        return kind == PairKind::kHulls || kind == PairKind::kLeft;
+      },
+      [&](const Item& item, std::uint32_t row) {
+        return kind_of(r, item) == PairKind::kLeft ? cutoff_of_left(r, item)
+                                                   : cutoff_of(r.chunk, item, warm_row(r, row));
+      });
 }
 
 // Lists the pairs that must be looked at, in no order.
@@ -149,12 +174,14 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       enclosed.pair = item.p;
       enclosed.configuration = item.k;
-      const bool elements = is_of_elements(r, item);
-      several = !elements && has_several(c.hulls, at_a.body, at_b.body);
+      const PairKind kind = kind_of(r, item);
+      const bool hulls = kind == PairKind::kHulls;
+      several = hulls && has_several(c.hulls, at_a.body, at_b.body);
       PairAnswer answer;
       WarmRow* const warm = kWarm ? warm_row(r, listed_row(r, i)) : nullptr;
       const S slack = known_slack<S>(c, item.ref, item.k);
-      if (!several && !elements) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
+      if (!several && hulls) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
+      if (kind == PairKind::kLeft) outcome = Outcome::kUnsettled;
       if (outcome == Outcome::kEnclosed)
         outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {

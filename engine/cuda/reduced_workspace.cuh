@@ -159,7 +159,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   // Clouds and meshes among the bodies, with the boxes of those that stay.
   void begin_elements(const QuerySetup& s) {
     const OnDevice here = on_device();
-    elements_.begin(s.elements, bodies_.bodies, slots_[0]->stream);
+    elements_.begin(s, bodies_.bodies, slots_[0]->stream);
     if (s.elements.empty()) return;
     start_element_boxes(elements_.view(), bodies_, slots_[0]->stream);
     check(cudaEventRecord(ready_.event, slots_[0]->stream), "recording an event");

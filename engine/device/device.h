@@ -72,11 +72,12 @@ class ResidentElements {
  public:
   virtual ~ResidentElements() = default;
 };
-/// A body of points, voxels or triangles that a query asks for.
+/// A body that a query asks for of points, voxels or triangles, or of several pieces with such among them.
 struct ElementBody {
   std::uint32_t body;
-  const Piece* piece;                ///< around its elements
-  const ResidentElements* resident;  ///< these
+  HullExtents hull;                  ///< around all of it
+  bool is_empty;                     ///< a cloud without points
+  const ResidentElements* resident;  ///< its elements; null: its pairs are the CPU's
 };
 
 /// Where the snapshot's bodies go, as BodiesView has them; without boxes.
@@ -128,6 +129,7 @@ struct QuerySetup {
   std::uint64_t most_rows = 0;  ///< of Reduce::kWithin
   bool by_teams = false;  ///< of Reduce::kMin: one launch decides each configuration. Without depths and float32 only
   std::span<const ElementBody> elements;  ///< among the bodies of its pairs; by_teams is false where there are any
+  ElementKinds element_kinds;             ///< of its pairs
   // Of Reduce::kAny, as ReducedView has it.
   std::span<const double> margins;  ///< empty: each pair has `margin`
   double margin = 0;

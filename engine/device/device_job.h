@@ -49,14 +49,14 @@ struct PairDeal {
 /// A query's pairs on the device in the query's order, for reduced queries.
 struct PairListOnDevice {
   std::shared_ptr<const ResidentPairs> resident;  ///< null: the device does not know a body of theirs
-  std::vector<std::uint32_t> of_elements;         ///< bodies of theirs; each is before hulls alone
+  std::vector<std::uint32_t> of_elements;         ///< bodies of theirs that are clouds or meshes, or have some
+  ElementKinds kinds;                             ///< of theirs, that the device looks at
   AskedPairs asked;
 };
 
 /// Clouds and meshes as a query has them.
 struct ElementsOnDevice {
   std::vector<ElementBody> bodies;
-  std::vector<PiecePtr> pieces;  // what they point to
   std::vector<std::shared_ptr<const ResidentElements>> resident;
 };
 
@@ -98,8 +98,8 @@ class DeviceBackend {
   std::shared_ptr<const PairDeal> deal_anew(const Plan& plan, std::uint64_t chunk_rows) const;
   /// The plan's pairs in their order: the last list if it fits.
   std::shared_ptr<const PairListOnDevice> list(const Plan& plan);
-  /// The elements of these bodies as they are now, copied to the device where they are not there yet; null: a body is
-  /// empty, or the device holds none. \param scene of the query
+  /// The elements of these bodies as they are now, copied to the device where they are not there yet; null: the device
+  /// holds none. \param scene of the query
   std::shared_ptr<const ElementsOnDevice> elements(const Scene& scene, std::span<const std::uint32_t> bodies);
   /// The plan's whole table: the last one if it is the same.
   std::shared_ptr<const TableOnDevice> table(const Plan& plan);

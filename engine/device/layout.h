@@ -62,7 +62,8 @@ struct alignas(16) ElementSlab {
   std::int16_t units[3];
   CLEARANCE_HD Vec3d normal() const { return 0x1p-14 * Vec3d{double(units[0]), double(units[1]), double(units[2])}; }
 };
-/// The elements of a body, in device memory, in the order of the leaves: points, voxels or a mesh's triangles.
+/// The elements of a body, in device memory, in the order of the leaves: points, voxels or a mesh's triangles. Of a
+/// body whose pairs are all the CPU's there is nothing but the hull.
 struct ElementSet {
   HullExtents hull;          ///< around all of them; they are grown by its radius
   Vec3d centre;              ///< of the nodes' corners
@@ -70,12 +71,20 @@ struct ElementSet {
   const float* points;       ///< (points, 3)
   double half;               ///< of the boxes' edges; 0: points
   double reach;  ///< along each axis from its point, no corner of a box is farther: `half`, as it is rounded
-  const ElementSlab* slabs;  ///< of a mesh's nodes
-  const double* corners;     ///< (triangles, 3 axes, 3 corners) of a mesh; null: it is none
+  const ElementSlab* slabs;    ///< of a mesh's nodes
+  const double* corners;       ///< (triangles, 3 axes, 3 corners) of a mesh; null: it is none
+  const std::uint32_t* parts;  ///< of a mesh: a triangle of each part that hangs together
+  std::uint32_t part_count;
   std::uint32_t body;
   bool is_solid;  ///< what the triangles wind around belongs to it
+  bool is_empty;  ///< a cloud without points, which is farther than all from everything
 
   CLEARANCE_HD bool is_mesh() const { return corners != nullptr; }
+  CLEARANCE_HD bool is_there() const { return nodes != nullptr; }
+};
+/// Which kinds of pairs with elements there are for a device to look at.
+struct ElementKinds {
+  bool points_and_hull = false, mesh_and_hull = false, meshes = false;
 };
 /// Bodies of elements in a query's pairs.
 struct ElementsView {
@@ -83,7 +92,7 @@ struct ElementsView {
   const std::uint32_t*
       of_body;          ///< (bodies,) which set; kNone: it has a hull, or is not asked for; null: there are none
   std::uint32_t count;  ///< sets
-  bool has_points, has_triangles;
+  ElementKinds kinds;
 };
 
 /// A body in a pair: its id, or kMovedBit and its place among the bodies that the query moves.
@@ -241,11 +250,12 @@ struct LeftOpen {
 /// queries pairs that are looked at, and rows that come back.
 /// And blocks that are done, of chunks whose last block hands the counts over; pairs that float32 has left open; of
 /// reduced queries those of the pairs that are looked at of which a body has several pieces.
-/// kPointsTaken and kTrianglesTaken (of reduced queries, which leave kLeftOpen alone): how many of the pairs that are
-/// looked at were taken by who looks at these elements. kCounts is even: what follows the counts may have 8 bytes.
+/// kPointsTaken, kTrianglesTaken and kMeshesTaken (of reduced queries, which leave kLeftOpen alone): how many of the
+/// pairs that are looked at were taken by who looks at these kinds of pairs. kCounts is even: what follows the counts
+/// may have 8 bytes.
 inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
                                kBlocksDone = 5, kLeftOpen = 6, kPointsTaken = 6, kSeveralPairs = 7, kTrianglesTaken = 8,
-                               kCounts = 10;
+                               kMeshesTaken = 9, kCounts = 10;
 
 /// What a dense chunk's last kernel leaves in host memory once its rows and counts are there.
 struct Finished {

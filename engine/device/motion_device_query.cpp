@@ -185,7 +185,7 @@ std::unique_ptr<DeviceQuery> make_motion_device_query(const JobContext& context,
   auto workspace = context.device->device().borrow_motions();
   if (!workspace) return nullptr;
   auto list = context.device->list(plan);
-  if (!list->resident) return nullptr;
+  if (!list->resident || !list->of_elements.empty()) return nullptr;  // hulls are all that these kernels know
   auto query =
       std::make_unique<MotionDeviceQuery>(context, std::move(plan), reply, std::move(list), std::move(workspace));
   if (query->fits()) return query;

@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "engine/device/device_job.h"
+#include "engine/device/extents_around.h"
 #include "engine/query/plan.h"
 
 namespace clearance::cuda {
@@ -148,34 +149,60 @@ class Dealer {
   std::vector<Group> group_of_tile_;
 };
 
-// The pairs in their order, or nothing where the CPU has to answer one of them. \param of_elements gets their bodies
-// that are no hulls
-std::vector<PairRef> refs_in_order(const Scene& scene, const Device& device, const Plan& plan,
-                                   std::vector<std::uint32_t>& of_elements) {
+// What a body is to a device, in reductions. kLeft: of clouds and meshes, but none that it can look at. kUnknown: it
+// has no box there either.
+enum class BodyKind : std::uint8_t { kHull, kPoints, kMesh, kLeft, kUnknown };
+BodyKind kind_of(const Scene& scene, const Device& device, std::uint32_t body) {
+  if (body >= scene.bodies().size()) return BodyKind::kUnknown;
+  if (device.hull_of(body) != kNone) return BodyKind::kHull;
+  const Body& of = scene.bodies()[body];
+  if (is_cloud(of)) return BodyKind::kPoints;
+  if (!has_surface(of)) return BodyKind::kUnknown;
+  return of.pieces.size() == 1 ? BodyKind::kMesh : BodyKind::kLeft;
+}
+
+// Which kernel looks at pairs of two such bodies, of which one is no hull; null: none, and they are left to the CPU.
+bool ElementKinds::* kernel_for(BodyKind a, BodyKind b) {
+  if (a == BodyKind::kMesh && b == BodyKind::kMesh) return &ElementKinds::meshes;
+  if (a != BodyKind::kHull && b != BodyKind::kHull) return nullptr;
+  switch (a == BodyKind::kHull ? b : a) {
+    case BodyKind::kPoints:
+      return &ElementKinds::points_and_hull;
+    case BodyKind::kMesh:
+      return &ElementKinds::mesh_and_hull;
+    default:
+      return nullptr;
+  }
+}
+
+// Puts the pairs into the list in their order, or none where the device can look at none of them, or does not know of
+// a body where it is.
+void list_in_order(const Scene& scene, const Device& device, const Plan& plan, std::vector<PairRef>& refs,
+                   PairListOnDevice& list) {
   std::vector<std::uint32_t> ref(scene.bodies().size());
   std::iota(ref.begin(), ref.end(), 0u);
   if (plan.query.configuration_count > 0)
     for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) ref[plan.moved[slot]] = slot | kMovedBit;
-  std::vector<PairRef> refs;
   refs.reserve(plan.pairs.size());
   std::vector<std::uint8_t> is_asked(ref.size(), 0);
-  const auto is_by_elements = [&](std::uint32_t body) {
-    const Body& of = scene.bodies()[body];
-    return is_cloud(of) || (of.pieces.size() == 1 && of.pieces[0]->surface);
-  };
   std::vector<BodyPair> room;
+  std::uint64_t left = 0;
   constexpr std::uint64_t kSlice = 1u << 16;
   for (std::uint64_t first = 0; first < plan.pairs.size(); first += kSlice)
     for (const auto [a, b] : plan.pairs.slice(first, std::min(kSlice, plan.pairs.size() - first), room)) {
-      if (a >= ref.size() || b >= ref.size()) return {};
-      const bool knows_a = device.hull_of(a) != kNone, knows_b = device.hull_of(b) != kNone;
-      if ((!knows_a && !(knows_b && is_by_elements(a))) || (!knows_b && !(knows_a && is_by_elements(b)))) return {};
+      const BodyKind of_a = kind_of(scene, device, a), of_b = kind_of(scene, device, b);
+      if (of_a == BodyKind::kUnknown || of_b == BodyKind::kUnknown) return refs.clear();
       refs.push_back({ref[a], ref[b]});
+      if (of_a == BodyKind::kHull && of_b == BodyKind::kHull) continue;
       is_asked[a] = is_asked[b] = 1;
+      if (bool ElementKinds::* const kernel = kernel_for(of_a, of_b))
+        list.kinds.*kernel = true;
+      else
+        ++left;
     }
+  if (left == plan.pairs.size()) return refs.clear();
   for (std::uint32_t body = 0; body < ref.size(); ++body)
-    if (is_asked[body] && device.hull_of(body) == kNone) of_elements.push_back(body);
-  return refs;
+    if (is_asked[body] && device.hull_of(body) == kNone) list.of_elements.push_back(body);
 }
 
 }  // namespace
@@ -225,8 +252,9 @@ std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {
   }
   auto next = std::make_shared<PairListOnDevice>();
   next->asked = AskedPairs(plan);
-  if (const std::vector<PairRef> refs = refs_in_order(scene_, *device_, plan, next->of_elements); !refs.empty())
-    next->resident = device_->upload(refs, {}, {});
+  std::vector<PairRef> refs;
+  list_in_order(scene_, *device_, plan, refs, *next);
+  if (!refs.empty()) next->resident = device_->upload(refs, {}, {});
   const std::lock_guard lock(mutex_);
   last_list_ = next;
   return next;
@@ -238,7 +266,9 @@ std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const Scene& sce
   const std::lock_guard lock(elements_mutex_);
   for (const std::uint32_t body : bodies) {
     const Body& of = scene.bodies()[body];
-    if (is_cloud(of) && of.cloud != CloudState::kPoints) return nullptr;
+    const bool is_empty = is_cloud(of) && of.cloud != CloudState::kPoints;
+    all->bodies.push_back({body, extents_around(of), is_empty, nullptr});
+    if (is_empty || of.pieces.size() != 1) continue;
     KnownElements& known = elements_[body];
     if (known.surface != of.pieces[0]->surface) {
       // A query that still asks for the points before these keeps them where they are.
@@ -249,8 +279,7 @@ std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const Scene& sce
       if (!known.resident) return nullptr;
       known.surface = of.pieces[0]->surface;
     }
-    all->bodies.push_back({body, of.pieces[0].get(), known.resident.get()});
-    all->pieces.push_back(of.pieces[0]);
+    all->bodies.back().resident = known.resident.get();
     all->resident.push_back(known.resident);
   }
   return all;

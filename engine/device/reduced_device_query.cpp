@@ -56,7 +56,10 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;
     s.by_teams = !elements_ && is_for_teams(scene(), plan_);
-    if (elements_) s.elements = elements_->bodies;
+    if (elements_) {
+      s.elements = elements_->bodies;
+      s.element_kinds = list_->kinds;
+    }
     if (plan_.query.reduce == Reduce::kAny) {  // which begins cold
       s.margins = plan_.margins.each();
       s.margin = plan_.margins.most();

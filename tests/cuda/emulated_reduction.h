@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/cuda/element_arrays.h"
+#include "engine/device/extents_around.h"
 #include "engine/narrow/lanes.h"
 #include "engine/query/evaluate.h"
 #include "engine/query/reduction.h"
@@ -29,24 +30,30 @@ class HostElements {
  public:
   explicit HostElements(const Scene& scene) : of_body_(scene.bodies().size(), kNone) {
     for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
-      const std::vector<PiecePtr>& pieces = scene.bodies()[b].pieces;
-      if (pieces.size() != 1 || !pieces[0]->surface) continue;
-      const Piece& piece = *pieces[0];
-      arrays_.emplace_back(*piece.surface);
-      const ElementArrays& of = arrays_.back();
+      const Body& body = scene.bodies()[b];
+      if (!is_cloud(body) && !has_surface(body)) continue;
       of_body_[b] = static_cast<std::uint32_t>(sets_.size());
-      ElementSet& set = sets_.emplace_back(of.set);
-      set.hull = piece.extents();
+      ElementSet& set = sets_.emplace_back();
+      set.hull = extents_around(body);
+      set.body = b;
+      set.is_empty = is_cloud(body) && body.cloud != CloudState::kPoints;
+      if (set.is_empty || body.pieces.size() != 1) continue;
+      const ElementArrays& of = arrays_.emplace_back(*body.pieces[0]->surface);
+      set.centre = of.set.centre;
+      set.half = of.set.half;
+      set.reach = of.set.reach;
+      set.is_solid = of.set.is_solid;
+      set.part_count = of.set.part_count;
+      set.parts = of.parts.data();
       set.nodes = copied<ElementNode>(of.nodes);
       set.points = of.points.empty() ? nullptr : of.points[0].data();
       set.slabs = copied<ElementSlab>(of.slabs);
       set.corners = of.corners.empty() ? nullptr : of.corners.data();
-      set.body = b;
     }
   }
   ElementsView view() const {
     if (sets_.empty()) return {};
-    return {sets_.data(), of_body_.data(), static_cast<std::uint32_t>(sets_.size()), true, true};
+    return {sets_.data(), of_body_.data(), static_cast<std::uint32_t>(sets_.size()), {true, true, true}};
   }
 
  private:
@@ -149,6 +156,8 @@ class HostReduction {
     rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
     return left;
   }
+  /// The rows, of all that there are, of the pairs that were left to the CPU.
+  std::vector<std::uint32_t> left_rows() const { return {r_.rest_rows, r_.rest_rows + counts_[kRest]}; }
   /// The same, and expects rows that hold what the CPU's hold, of which each may be another interval.
   std::uint32_t compare_bounds(const std::string& what) {
     const std::uint32_t left = answer();
@@ -237,8 +246,9 @@ class HostReduction {
     launch(r_.rows / 2, kScanThreads, [&] { find_seeds(r_); });
     launch(groups(), kItemThreads, [&] { solve_seeds(r_); });
     if (r_.elements.count > 0) {
-      launch(groups(), kItemThreads, [&] { seed_elements<Points>(r_); });
-      launch(groups(), kItemThreads, [&] { seed_elements<Triangles>(r_); });
+      launch(groups(), kItemThreads, [&] { seed_elements<ElementsAndHull<Points>>(r_); });
+      launch(groups(), kItemThreads, [&] { seed_elements<ElementsAndHull<Triangles>>(r_); });
+      launch(groups(), kItemThreads, [&] { seed_elements<Meshes>(r_); });
     }
     launch(r_.rows, kScanThreads, [&] { find_candidates(r_); });
   }
@@ -259,8 +269,9 @@ class HostReduction {
   template <bool kAny>
   void look_at_elements_of() {
     if (r_.elements.count == 0) return;
-    launch(100, kElementThreads, [&] { look_at_elements<kAny, Points>(r_); });
-    launch(100, kElementThreads, [&] { look_at_elements<kAny, Triangles>(r_); });
+    launch(100, kElementThreads, [&] { look_at_elements<kAny, ElementsAndHull<Points>>(r_); });
+    launch(100, kElementThreads, [&] { look_at_elements<kAny, ElementsAndHull<Triangles>>(r_); });
+    launch(100, kElementThreads, [&] { look_at_elements<kAny, Meshes>(r_); });
   }
   // The CPU's answers to what is left.
   void settle() {

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "arm_edges.h"
+#include "box_mesh.h"
 #include "same_answer.h"
 #include "skip_without_device.h"
 #include "verdicts.h"
@@ -83,6 +84,23 @@ TEST(CudaMotions, TellOfEndsBeyondLimits) {
   const Answer nearest = ask(device, least);
   ASSERT_EQ(nearest.info.backend, "cuda");
   EXPECT_GT(compare_least(nearest, ask(cpu, least), least).hits, 100);
+}
+
+// Whose kernels know hulls alone.
+TEST(CudaMotions, LeaveMeshesToTheCpu) {
+  SKIP_WITHOUT_DEVICE();
+  ArmEdges edges(13, 200, 0.8);
+  BoxMesh board;
+  board.add_box({0.5, 0, 0.4}, {0.3, 0.02, 0.3}, 3, false);
+  edges.scene.add_mesh("board", board.vertices, board.triangles, Convexify::kSolid,
+                       {.is_static = true, .pose = Pose()});
+  edges.motions.pairs = {{edges.scene.find_body("tool"), edges.scene.find_body("board")}};
+  const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
+  const QueryView q = edges.query(0, true);
+  const Verdicts v = compare_verdicts(ask(device, q), ask(cpu, q), q);
+  EXPECT_GT(v.free, 20);
+  EXPECT_GT(v.hits, 5);
+  EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
 }
 
 }  // namespace

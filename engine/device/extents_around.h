@@ -1,0 +1,36 @@
+// How large a body is of which a device has no pieces.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+
+#include "engine/base/slack.h"
+#include "engine/scene/scene.h"
+
+namespace clearance {
+
+/// Around all that a body is made of.
+inline HullExtents extents_around(const Body& body) {
+  if (body.pieces.size() == 1) return body.pieces[0]->extents();
+  constexpr double kMore = 1 + 0x1p-48;
+  HullExtents around;
+  Vec3d low, high;
+  for (int k = 0; k < 3; ++k) {
+    low[k] = std::numeric_limits<double>::infinity();
+    high[k] = -low[k];
+  }
+  for (const PiecePtr& piece : body.pieces) {
+    around.rho = std::max(around.rho, piece->rho);
+    around.radius = std::max(around.radius, piece->radius);
+    for (int k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], difference_below(piece->centre[k], piece->half[k]));
+      high[k] = std::max(high[k], sum_above(piece->centre[k], piece->half[k]));
+    }
+  }
+  around.centre = 0.5 * low + 0.5 * high;
+  for (int k = 0; k < 3; ++k) around.half[k] = std::max(high[k] - around.centre[k], around.centre[k] - low[k]) * kMore;
+  around.spread = norm(around.half) * kMore;
+  return around;
+}
+
+}  // namespace clearance
