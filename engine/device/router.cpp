@@ -16,13 +16,14 @@ struct Guess {
   double cpu, device;
 };
 constexpr std::array<Guess, kQueryKinds> kGuesses{
-    {{400, 1}, {200, 1}, {20, 1}, {2000, 30}, {20, 0.5}, {10, 0.3}, {60, 0.7}, {10, 0.3}, {500, 5}}};
+    {{400, 1}, {200, 1}, {20, 1}, {2000, 30}, {20, 0.5}, {10, 0.3}, {60, 0.7}, {10, 0.3}, {500, 5}, {1000, 10}}};
 constexpr double kCpuQueryNs = 1000, kDeviceQueryNs = 30'000;
 constexpr double kPairsPerThread = 300;  // fewer are not worth waking a thread for
 
 // The slower backend is tried again while it is thought to take at most so many times as long.
 constexpr double kMostSlower = 4;
-// Until it has answered so many of a size it may be thought slower: the first one is cold, and others may have been at work.
+// Until it has answered so many of a size it may be thought slower: the first one is cold, and others may have been at
+// work.
 constexpr double kMostSlowerUnknown = 16;
 constexpr std::uint64_t kKnown = 2;
 // A query that was slower than the fastest of its size counts by this share: others' work only ever adds to a time.
@@ -35,7 +36,7 @@ int size_of(std::uint64_t pairs) {
 }  // namespace
 
 QueryKind kind_of(const QueryView& q) {
-  if (q.max_steps > 0) return QueryKind::kMotion;
+  if (q.max_steps > 0) return q.reduce == Reduce::kAny ? QueryKind::kMotion : QueryKind::kLeastMotion;
   if (q.reduce == Reduce::kAny) return QueryKind::kDecision;
   if (q.reduce != Reduce::kNone) {
     if (q.configuration_count > 0) return QueryKind::kConfigurations;
@@ -96,8 +97,8 @@ void Router::learn(QueryKind kind, std::uint64_t pairs, bool on_device, std::chr
 }
 
 void Router::append(Counters& counters) const {
-  static constexpr const char* kNames[kQueryKinds] = {"dense",  "warm",           "near", "depth", "table",
-                                                      "within", "configurations", "any",  "motion"};
+  static constexpr const char* kNames[kQueryKinds] = {"dense",  "warm",           "near", "depth",  "table",
+                                                      "within", "configurations", "any",  "motion", "least_motion"};
   const std::lock_guard lock(mutex_);
   for (std::size_t kind = 0; kind < kQueryKinds; ++kind) {
     const std::string name = std::string("route.") + kNames[kind];

@@ -22,8 +22,9 @@ enum class QueryKind : std::uint8_t {
   kConfigurations,  ///< reduced, over configurations
   kDecision,        ///< reduced to whether each pair is farther than its margin
   kMotion,          ///< the same all along motions
+  kLeastMotion,     ///< how near they come along motions
 };
-inline constexpr int kQueryKinds = 9;
+inline constexpr int kQueryKinds = 10;
 /// Depth before max_distance before warm: what costs most decides.
 QueryKind kind_of(const QueryView& query);
 

@@ -119,6 +119,12 @@ TEST(Router, TellsKindsApartByWhatIsAsked) {
   EXPECT_EQ(cuda::kind_of(q), QueryKind::kWithin);
   q.configuration_count = 4;
   EXPECT_EQ(cuda::kind_of(q), QueryKind::kConfigurations);
+  q.reduce = Reduce::kAny;
+  EXPECT_EQ(cuda::kind_of(q), QueryKind::kDecision);
+  q.max_steps = 1;
+  EXPECT_EQ(cuda::kind_of(q), QueryKind::kMotion);
+  q.reduce = Reduce::kMin;
+  EXPECT_EQ(cuda::kind_of(q), QueryKind::kLeastMotion);
 }
 
 class RoutedEngine : public testing::Test {
