@@ -438,8 +438,8 @@ TEST_F(PlanThreads, ThatAreOpenedForAClientWhoHasGoneAreClosed) {
   device_.let_share(true);
   while (a_.sinks > 0) loop_->turn();
   turn_until_shared(0);
+  while (counter("plans.open") > 0) loop_->turn();  // the thread that freed it says so a moment later
   EXPECT_TRUE(a_.replies.empty());
-  EXPECT_EQ(counter("plans.open"), 0u);
 }
 
 }  // namespace
