@@ -8,7 +8,7 @@ from collections.abc import Callable
 PATIENCE_S = 300
 
 
-def wait_until(condition: Callable[[], bool]) -> None:
+def wait_until(condition: Callable[..., bool]) -> None:
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < deadline
