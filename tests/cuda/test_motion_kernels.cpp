@@ -17,6 +17,27 @@
 namespace clearance::test {
 namespace {
 
+// A pair alone, where a motion is at a time.
+Answer ask_at(const Engine& engine, const ArmEdges& edges, std::uint32_t motion, double time, const BodyPair& pair) {
+  const Samples there(edges.motions, motion, time);
+  const std::vector<BodyPair> pairs{pair};
+  QueryView single;
+  single.all_pairs = false;
+  single.pairs = pairs;
+  single.joints = edges.motions.joints;
+  single.positions = there.positions;
+  single.configuration_count = 1;
+  single.fields = kDefaultFields;
+  return ask(engine, single);
+}
+
+void print_levels(const HostMotions& host) {
+  for (std::uint32_t level = 0; level < host.levels(); ++level)
+    std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
+                host.count(kAskedCount, level));
+  std::printf("\n");
+}
+
 struct Found {
   int free = 0, hits = 0, open = 0, undecided = 0;
 };
@@ -52,16 +73,7 @@ Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
           expect_same_contact(contact, wanted.view.first_contact + 2 * i, i);
         }
         // The same pair where the CPU has it at that time.
-        const Samples there(edges.motions, i, hit->time);
-        const std::vector<BodyPair> pair{host.plan().pairs.at(hit->pair)};
-        QueryView single;
-        single.all_pairs = false;
-        single.pairs = pair;
-        single.joints = edges.motions.joints;
-        single.positions = there.positions;
-        single.configuration_count = 1;
-        single.fields = kDefaultFields;
-        const Answer at = ask(cpu, single);
+        const Answer at = ask_at(cpu, edges, i, hit->time, host.plan().pairs.at(hit->pair));
         EXPECT_LE(at.view.lower[0], hit->answer.upper + 1e-9) << i;
         EXPECT_GE(at.view.upper[0], hit->answer.lower - 1e-9) << i;
         break;
@@ -81,10 +93,7 @@ TEST(MotionKernels, DecideAnArmsEdgesAsTheCpuDoes) {
       const Found found = compare(edges, q, host);
       std::printf("margin %g, first contact %d: %d free, %d hit, %d open; spans", margin, when, found.free, found.hits,
                   found.open);
-      for (std::uint32_t level = 0; level < host.levels(); ++level)
-        std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
-                    host.count(kAskedCount, level));
-      std::printf("\n");
+      print_levels(host);
       EXPECT_GT(found.free, 20);
       EXPECT_GT(found.hits, 20);
       EXPECT_LT(found.open, 10);
@@ -116,16 +125,7 @@ Least compare_nearest(const ArmEdges& edges, const QueryView& q, HostMotions& ho
     expect_narrow(answer.lower, answer.upper, answer.flags, q, i);
     EXPECT_NE(answer.status, Status::kUnconverged) << i;
     ++(answer.status == Status::kOk ? found.apart : found.touching);
-    const Samples there(edges.motions, i, row.time);
-    const std::vector<BodyPair> pair{host.plan().pairs.at(row.pair)};
-    QueryView single;
-    single.all_pairs = false;
-    single.pairs = pair;
-    single.joints = edges.motions.joints;
-    single.positions = there.positions;
-    single.configuration_count = 1;
-    single.fields = kDefaultFields;
-    const Answer at = ask(cpu, single);
+    const Answer at = ask_at(cpu, edges, i, row.time, host.plan().pairs.at(row.pair));
     EXPECT_LE(at.view.lower[0], row.answer.upper + 1e-9) << i;
     EXPECT_GE(at.view.upper[0], row.answer.upper - q.abs_tol) << i;
     if (!(q.fields & kFieldFirstContact)) continue;
@@ -153,10 +153,7 @@ TEST(MotionKernels, FindAnArmsLeastDistancesAsTheCpuDoes) {
       const Least found = compare_nearest(edges, q, host);
       std::printf("margin %g, first contact %d: %d apart, %d touch, %d hit, %d open; spans", margin, when, found.apart,
                   found.touching, found.hits, found.open);
-      for (std::uint32_t level = 0; level < host.levels(); ++level)
-        std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
-                    host.count(kAskedCount, level));
-      std::printf("\n");
+      print_levels(host);
       EXPECT_GT(found.apart, 20);
       EXPECT_GT(found.touching, 20);
       if (when) {
