@@ -134,29 +134,27 @@ TEST_F(CudaElements, HoldWhatTheCpuHoldsOfMeshes) {
 }
 
 // The same query, the same bits: threads that are faster than others change nothing.
+void expect_repeated(Scene scene, QueryView q) {
+  const Engine device(std::move(scene), {"cuda"});
+  for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kAny}) {
+    q.reduce = reduce;
+    q.margin = reduce == Reduce::kAny ? 0.05 : 0;
+    const Answer first = ask(device, q);
+    for (int i = 0; i < 5; ++i) expect_same(ask(device, q), first, "again", true);
+  }
+}
+
 TEST_F(CudaElements, RepeatThemselves) {
   for (const ElementKind kind : {ElementKind::kGrown, ElementKind::kSolid}) {
     ElementCase c(kind, is_mesh(kind) ? 20 : 20000, 1.2, 300, 3, true);
-    const Engine device(std::move(c.scene), {"cuda"});
-    for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kAny}) {
-      c.q.reduce = reduce;
-      c.q.margin = reduce == Reduce::kAny ? 0.05 : 0;
-      const Answer first = ask(device, c.q);
-      for (int i = 0; i < 5; ++i) expect_same(ask(device, c.q), first, "again", true);
-    }
+    expect_repeated(std::move(c.scene), c.q);
   }
 }
 
 TEST_F(CudaElements, RepeatThemselvesOfMeshes) {
   MeshCase c(300, 0.8, 3);
   c.ask_about(c.pairs_of_meshes());
-  const Engine device(std::move(c.scene), {"cuda"});
-  for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kAny}) {
-    c.q.reduce = reduce;
-    c.q.margin = reduce == Reduce::kAny ? 0.05 : 0;
-    const Answer first = ask(device, c.q);
-    for (int i = 0; i < 5; ++i) expect_same(ask(device, c.q), first, "again", true);
-  }
+  expect_repeated(std::move(c.scene), c.q);
 }
 
 // Points are swapped, in the memory of those before and beside a query of these; bodies are emptied.
