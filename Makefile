@@ -122,7 +122,7 @@ gpu-compile: setup  ## the kernels for every GPU architecture from 7.5 to 12.0; 
 	@tools/build.sh gpus kernels
 
 gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
-	@tools/build.sh release test_cuda_backend test_cuda_slack test_cuda_elements test_cuda_reductions test_cuda_motions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_cuda_containment test_device_plan test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench clearance_cuda
+	@tools/build.sh release $$(tools/gpu.sh programs test) clearance-gpu-bench clearance_cuda
 	@tools/gpu.sh test
 
 gpu-certify: setup  ## a million pairs of every hard class on this machine's GPU against exact arithmetic, and 100,000 motions; writes docs/results/*accuracy_*.csv
@@ -130,11 +130,11 @@ gpu-certify: setup  ## a million pairs of every hard class on this machine's GPU
 	@tools/gpu.sh certify
 
 gpu-sanitize: setup  ## the cuda backend's tests under compute-sanitizer: memory, barriers, races
-	@tools/build.sh release test_cuda_backend test_cuda_reductions clearance_cuda
+	@tools/build.sh release $$(tools/gpu.sh programs sanitize) clearance_cuda
 	@tools/gpu.sh sanitize
 
 gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine; writes docs/results/gpu_*.csv
-	@tools/build.sh release clearance-gpu-bench clearance-gpu-plans clearance-gpu-daemon clearance-gpu-motions clearanced clearance_cli clearance_cuda
+	@tools/build.sh release product clearance-gpu-bench clearance-gpu-plans clearance-gpu-daemon clearance-gpu-motions
 	@tools/gpu.sh bench
 
 gpu-several: setup  ## all GPUs of this machine together beside one of them; writes docs/results/gpus_*.csv

@@ -2,8 +2,27 @@
 # gpu.sh test|certify|sanitize|bench|daemon|several|report [folder of binaries]: the tests and benchmarks that need a GPU, run by make gpu-test and
 # its like (report: make report-gpu). With a folder of binaries that were built elsewhere it needs nothing but them (and, for
 # the report, scenes/ in the current folder).
+# gpu.sh programs test|sanitize: the tests that these run, as targets to build.
 set -uo pipefail
 what=${1:?gpu.sh test, certify, sanitize, bench, daemon, several or report}
+
+tests=(test_cuda_backend test_cuda_slack test_cuda_elements test_cuda_decisions test_cuda_reductions test_cuda_motions
+  test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_device_plan test_shared_memory
+  test_daemon_plans test_cuda_containment test_segment_pinner test_robots
+  "test_engine --gtest_filter=*cuda*" "test_narrow_baselines --gtest_filter=*uda*:-Worlds*")
+# Of moderate size: each of the sanitizer's tools slows them down a hundredfold.
+sanitized=("test_cuda_backend --gtest_filter=*OwnShape:*Explicit*:*Poses*:*LastQuery*:*LeavesToFloat64*"
+  "test_cuda_reductions --gtest_filter=*BreakTies*:*SayWhich*:*WriteStraight*"
+  "test_cuda_elements --gtest_filter=*Repeat*:*Follow*" "test_cuda_motions --gtest_filter=*TellOf*")
+if [ "$what" = programs ]; then
+  case ${2:-} in
+    test) printf '%s\n' "${tests[@]%% *}" ;;
+    sanitize) printf '%s\n' "${sanitized[@]%% *}" ;;
+    *) echo "gpu.sh: expected test or sanitize, got '${2:-}'" >&2; exit 2 ;;
+  esac
+  exit
+fi
+
 bin=${2:-build/bin}
 out=${OUT:-out}
 mkdir -p "$out"
@@ -64,8 +83,7 @@ case $what in
     [ -x "$bin/test_cuda_backend" ] || { echo "gpu.sh: $bin/test_cuda_backend is not there: was nvcc found?" >&2; exit 1; }
     "$bin/clearance-gpu-bench" --device || exit 1
     failed=0
-    for run in "test_cuda_backend" "test_cuda_slack" "test_cuda_elements" "test_cuda_decisions" "test_cuda_reductions" "test_cuda_motions" "test_cuda_loss" "test_device_faults" "test_several_devices" "test_router" "test_cuda_classes" "test_device_plan" "test_shared_memory" "test_daemon_plans" "test_cuda_containment" "test_segment_pinner" "test_robots" \
-               "test_engine --gtest_filter=*cuda*" "test_narrow_baselines --gtest_filter=*uda*:-Worlds*"; do
+    for run in "${tests[@]}"; do
       # shellcheck disable=SC2086
       "$bin"/$run >"$out/gpu_test.log" 2>&1 || { failed=1; grep -E "Failure|FAILED|error" "$out/gpu_test.log" | head -20; }
       printf '%-45s %s\n' "$run" "$(grep -E '^\[  (PASSED|FAILED)  \] [0-9]+ test' "$out/gpu_test.log" | tr -d '\n')"
@@ -80,14 +98,12 @@ case $what in
     ;;
   sanitize)
     # Out of bounds, barriers that not all reach, races in shared memory; of reductions also what is read unwritten (of dense
-    # queries rows that the CPU writes later are copied so). Tests of moderate size: each tool slows them down a hundredfold.
+    # queries rows that the CPU writes later are copied so).
     sanitizer=$(command -v compute-sanitizer || echo /usr/local/cuda/bin/compute-sanitizer)
     [ -x "$sanitizer" ] || { echo "gpu.sh: compute-sanitizer is not there: it comes with the CUDA toolkit" >&2; exit 1; }
     failed=0
     for tool in memcheck synccheck racecheck initcheck; do
-      for run in "test_cuda_backend --gtest_filter=*OwnShape:*Explicit*:*Poses*:*LastQuery*:*LeavesToFloat64*" \
-                 "test_cuda_reductions --gtest_filter=*BreakTies*:*SayWhich*:*WriteStraight*" \
-                 "test_cuda_elements --gtest_filter=*Repeat*:*Follow*" "test_cuda_motions --gtest_filter=*TellOf*"; do
+      for run in "${sanitized[@]}"; do
         case "$tool ${run%% *}" in "initcheck test_cuda_backend" | "initcheck test_cuda_elements" | "initcheck test_cuda_motions") continue ;; esac
         # shellcheck disable=SC2086
         "$sanitizer" --tool $tool --error-exitcode 9 "$bin"/$run >"$out/gpu_sanitize.log" 2>&1 ||
