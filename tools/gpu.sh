@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # gpu.sh test|certify|sanitize|bench|daemon|several|report [folder of binaries]: the tests and benchmarks that need a GPU, run by make gpu-test and
 # its like (report: make report-gpu). With a folder of binaries that were built elsewhere it needs nothing but them (and, for
-# the report, scenes/ in the current folder).
+# the report, scenes/ in the current folder); beside the tests those that they start: memory_client, clearanced and what it starts.
 # gpu.sh programs test|sanitize: the tests that these run, as targets to build.
 set -uo pipefail
 what=${1:?gpu.sh test, certify, sanitize, bench, daemon, several or report}

@@ -1,6 +1,6 @@
 // Another process that maps device memory: `memory_client write|read|hold|die HANDLE FILE OFFSET BYTES`. Copies the
-// bytes of the file to the mapping, or of the mapping to the file; or is killed while it has the mapping. hold: opens
-// the FIFO FILE.mapped once it has the mapping, and reads once FILE.go is opened; ends with 3 if the memory is not
+// bytes of the file to the mapping, or of the mapping to the file; or is killed while it has the mapping. hold: writes
+// to the FIFO FILE.mapped once it has the mapping, and reads once FILE.go is opened; ends with 3 if the memory is not
 // there any more.
 #include <csignal>
 #include <cstdio>
@@ -19,7 +19,9 @@ void check(cudaError_t error, const char* what) {
 
 void open_fifo(const std::string& path, const char* mode) {
   std::FILE* const fifo = std::fopen(path.c_str(), mode);  // waits for the other end
-  if (fifo) std::fclose(fifo);
+  if (!fifo) return;
+  if (*mode == 'w') std::fputc('.', fifo);
+  std::fclose(fifo);
 }
 
 void expect(bool good, const char* what) {

@@ -1,4 +1,6 @@
 // Plans whose poses another process writes, and whose rows it reads, where they are: on the device.
+#include <fcntl.h>
+#include <poll.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -51,6 +53,19 @@ int status_of(pid_t child) {
   int status = -1;
   EXPECT_EQ(::waitpid(child, &status, 0), child);
   return status;
+}
+// Until the child writes to a FIFO. False: it has ended and did not.
+bool hears_from(pid_t child, const fs::path& fifo) {
+  const int fd = ::open(fifo.c_str(), O_RDWR | O_CLOEXEC);
+  pollfd heard{fd, POLLIN, 0};
+  siginfo_t ended{};
+  bool is_heard = false;
+  do {
+    ::waitid(P_PID, static_cast<id_t>(child), &ended, WEXITED | WNOHANG | WNOWAIT);
+    is_heard = ::poll(&heard, 1, ended.si_pid == 0 ? 20 : 0) == 1;
+  } while (!is_heard && ended.si_pid == 0);
+  ::close(fd);
+  return is_heard;
 }
 // \returns its wait status
 int run_client(const std::string& what, const cuda::MemoryHandle& handle, const fs::path& file, std::size_t offset,
@@ -181,15 +196,16 @@ TEST_F(SharedDeviceMemory, ShowsNothingOfWhatComesAfterItToWhoKeepsAMapping) {
   {
     const cuda::SharedMemory memory(0, kBytes);
     child = start_client("hold", memory.handle(), file, 0, kBytes);
-    std::ifstream wait(mapped, std::ios::binary);  // until the other end is opened
+    ASSERT_TRUE(hears_from(child, mapped)) << status_of(child);
   }
   std::vector<std::unique_ptr<DeviceMemory>> later;  // wherever they come to lie
   for (int i = 0; i < 64; ++i) {
     later.push_back(std::make_unique<DeviceMemory>(i % 2 ? kBytes : kBytes / 32));
     later.back()->fill(kSecret);
   }
-  std::ofstream(go, std::ios::binary).flush();
+  const int said = ::open(go.c_str(), O_RDWR | O_CLOEXEC);  // whether or not the child is still there
   const int status = status_of(child);
+  ::close(said);
   ASSERT_TRUE(WIFEXITED(status) && (WEXITSTATUS(status) == 0 || WEXITSTATUS(status) == 3)) << status;
   std::ifstream in(file, std::ios::binary);
   const std::vector<char> seen{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
