@@ -72,6 +72,33 @@ def test_any_decides_and_names_when(engine):
         assert engine.check(rows, joints=arm, margin=0.01, pairs=PAIRS).free.all()
 
 
+def test_a_decision_has_tolerances_that_decide(engine):
+    arm = engine.joints("arm")
+    start, end = edges_of(arm, 60)
+    ask = dict(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any")
+    r = engine.motions(**ask)
+    assert same_bits(r, engine.motions(abs_tol=0.0, rel_tol=1e-6, **ask))
+    assert not (r.status == Status.UNCONVERGED).any()
+    least = {"joints": arm, "start": start, "end": end, "pairs": PAIRS}
+    assert same_bits(engine.motions(**least), engine.motions(abs_tol=1e-3, rel_tol=0.0, **least))
+
+
+def test_a_path_whose_search_ends_early_is_not_free():
+    """A ball turns around a post, 0.1 um from it, and hits an obstacle by 4 cm at 0.8 of its way."""
+    scene = clearance.Scene()
+    scene.add_sphere("post", 0.95 - 1e-7, static=True, pose=at(0, 0, 0))
+    scene.add_sphere("obstacle", 0.03, static=True, pose=at(1.04 * np.cos(2.4), 1.04 * np.sin(2.4), 0))
+    scene.add_sphere("arm", 0.001, pose=at(0, 0, 5))
+    scene.add_sphere("ball", 0.05, parent="arm", pose=at(1, 0, -5))
+    engine = clearance.Engine(scene, threads=1)
+    path = [[at(0, 0, 5)], [[0, 0, 5, np.cos(1.5), 0, 0, np.sin(1.5)]]]
+    pairs = [("ball", "post"), ("ball", "obstacle")]
+    for steps in (1, 2, 3, 64, 256):
+        r = engine.check_path(path, bodies=["arm"], pairs=pairs, max_steps=steps)
+        assert not r.free and r.status == Status.UNCONVERGED, steps
+    assert engine.check_path(path, bodies=["arm"], pairs=pairs[1:]).status == Status.OVERLAP
+
+
 def test_a_plate_between_two_samples_is_found():
     scene = clearance.Scene()
     scene.add_box("plate", [1e-4, 1, 1], static=True, pose=at(0.5034, 0, 0))

@@ -60,8 +60,8 @@ class MotionQueries:
         pairs: Any = None,
         margin: Any = 0.0,
         max_distance: float = math.inf,
-        abs_tol: float = 1e-3,
-        rel_tol: float = 0.0,
+        abs_tol: Optional[float] = None,
+        rel_tol: Optional[float] = None,
         reduce: MotionReduceWord = "min",
         max_steps: int = 256,
         bodies: Optional[Sequence[Union[str, int]]] = None,
@@ -78,7 +78,8 @@ class MotionQueries:
         pairs, max_distance, fields, more: as in distances(). The columns `time`, `first_contact` and `steps` are of
             motions alone, and come unasked; `gradient` and signed distances are not to be had.
         margin: as in check(): what `first_contact` and reduce="any" test.
-        abs_tol, rel_tol: metres, ratio: spans of time are parted until the bounds are as near as that.
+        abs_tol, rel_tol: metres, ratio: the search ends once upper - lower is within them. None: 1 mm and 0 for
+            distances; for reduce="any" 0 and 1e-6, with which nearly every motion is decided.
         reduce: "min": a row for each motion, the least of all pairs. "none": one for each motion and pair. "any":
             whether every pair is proved farther than its margin all along (BEYOND), else one that is not.
         max_steps: configurations that each motion may ask for; after them it is UNCONVERGED, and its bounds still hold.
@@ -144,9 +145,17 @@ def motion_arguments(
     joints = _joints_of(answers, joints)
     ends = _ends(start, joints, bodies, "start"), _ends(end, joints, bodies, "end")
     positions, configurations = (_interleave(*each) for each in zip(*ends))
-    asked = {"abs_tol": 1e-3, "rel_tol": 0.0, "reduce": "min", "max_steps": 256, "bodies": bodies, "joints": joints}
+    asked: dict[str, Any] = {"reduce": "min", "max_steps": 256, "bodies": bodies, "joints": joints}
     asked |= {"positions": positions, "configurations": configurations}
-    return {**asked, "fields": MOTION_FIELDS if fields is None else fields, **more}
+    asked |= {"fields": MOTION_FIELDS if fields is None else fields, **more}
+    if asked["reduce"] == "any":  # wider tolerances would leave motions undecided
+        defaults: dict[str, Any] = {"abs_tol": 0.0, "rel_tol": None}
+    else:
+        defaults = {"abs_tol": 1e-3, "rel_tol": 0.0}
+    for name, value in defaults.items():
+        if asked.get(name) is None:
+            asked[name] = value
+    return asked
 
 
 def _joints_of(answers: HasJoints, joints: Optional[JointsRef]) -> Optional[Joints]:

@@ -112,7 +112,7 @@ class JointProblem:
     def motions(self, start: np.ndarray, end: np.ndarray) -> Any:
         """The Result of motions() with reduce="any" from (K, J) to (K, J), which go as OMPL would."""
         asked = {**self.asked, "reduce": "any", "max_steps": self.max_steps}
-        return self.engine.motions(start=start, end=self.unwrapped(start, end), rel_tol=1e-6, abs_tol=0.0, **asked)
+        return self.engine.motions(start=start, end=self.unwrapped(start, end), **asked)
 
     def shortened(self, path: np.ndarray) -> np.ndarray:
         """A path (N, J) with fewer waypoints, each of whose motions is proved free: from every waypoint it goes
