@@ -84,6 +84,7 @@ class MotionCertificateJob final : public CertificateJob {
     step_ = Step::kPairs;
     // Of two half-spaces nothing is known either, but the row is about two bodies.
     if (!std::isinf(answer.lower) || answer.lower > 0 || answer.status == Status::kUnconverged) return true;
+    if (contact_) contact_ = {0, kInf, {}, {}};  // a row without an answer claims nothing
     end_row(true);
     step_ = Step::kBegin;
     return false;

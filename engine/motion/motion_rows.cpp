@@ -8,19 +8,25 @@
 
 namespace clearance {
 
+// The better of the proved lower bounds. A motion that the search for first contact proves free gets that search's.
+const MotionSearch::Lowest& MotionSearch::lowest_of(const Goal& goal) const {
+  const bool better =
+      goal.unproved == kInf && goal.lowest_of_contact.pair != kNowhere && goal.lowest_of_contact.low > goal.lowest.low;
+  return better ? goal.lowest_of_contact : goal.lowest;
+}
+
 // Of all pairs together, none within its margin: proved farther; or a pair that is neither; or no usable poses.
 void MotionSearch::decide_any(const Goal& goal, Row& row) const {
   const Plan& plan = question_.plan;
-  const double low = std::max(goal.low, 0.0);
+  const double low = std::max(goal.lowest.low, 0.0);
   if (goal.decided) {
     row.answer.lower = std::min(low, goal.best.upper);
     row.answer.status = decided_status(row.answer.lower, row.answer.upper);
-  } else if (goal.forced) {
-    row.answer.lower = std::min(low, row.answer.upper);
+  } else if (goal.unproved < kInf) {
+    row.answer.lower = goal.unusable == kNowhere ? std::min(low, row.answer.upper) : -kInf;
     row.answer.status = Status::kUnconverged;
   } else if (goal.unusable != kNowhere) {
-    row.answer = goal.unusable_answer;
-    row.pair = row.pair_lower = plan.pairs.at(goal.unusable);
+    take_unusable(goal, row);
   } else {
     row = {{kNone, kNone}, row.configuration, beyond_answer(std::max(low, std::nextafter(plan.margins.least(), kInf)))};
     for (std::uint64_t i = 0; question_.want_flags && !question_.stale.empty() && i < plan.pairs.size(); ++i) {
@@ -30,13 +36,16 @@ void MotionSearch::decide_any(const Goal& goal, Row& row) const {
   }
 }
 
+// A pair without usable poses may be nearer than all others. Only a proved overlap is the least distance nevertheless.
 void MotionSearch::decide_distance(const Goal& goal, Row& row) const {
-  if (goal.pair == kNowhere && goal.low == kInf) {
-    row.answer = goal.unusable_answer;
-    row.pair = row.pair_lower = question_.plan.pairs.at(goal.unusable);
-    return;
-  }
-  decide_least(question_.plan.query, goal.low, goal.forced, row.answer);
+  const bool overlaps = goal.pair != kNowhere && goal.best.upper <= 0;
+  if (goal.unusable != kNowhere && !overlaps) return take_unusable(goal, row);
+  decide_least(question_.plan.query, lowest_of(goal).low, goal.forced, row.answer);
+}
+
+void MotionSearch::take_unusable(const Goal& goal, Row& row) const {
+  row.answer = goal.unusable_answer;
+  row.pair = row.pair_lower = question_.plan.pairs.at(goal.unusable);
 }
 
 MotionRow MotionSearch::row_of(const Goal& goal) const {
@@ -48,18 +57,20 @@ MotionRow MotionSearch::row_of(const Goal& goal) const {
   made.found = goal.time;
   Row& row = made.row;
   row.configuration = static_cast<std::uint32_t>(moving.motion);
+  const Lowest& lowest = lowest_of(goal);
   if (goal.pair != kNowhere) {
     row = {plan.pairs.at(goal.pair), row.configuration, goal.best, goal.origin_a, goal.origin_b};
   } else {
-    row.pair = goal.low_pair == kNowhere ? BodyPair{kNone, kNone} : plan.pairs.at(goal.low_pair);
-    row.answer = beyond_answer(goal.low);
+    row.pair = lowest.pair == kNowhere ? BodyPair{kNone, kNone} : plan.pairs.at(lowest.pair);
+    row.answer = beyond_answer(lowest.low);
   }
-  row.pair_lower = goal.low_pair == kNowhere ? row.pair : plan.pairs.at(goal.low_pair);
+  row.pair_lower = lowest.pair == kNowhere ? row.pair : plan.pairs.at(lowest.pair);
   if (any())
     decide_any(goal, row);
   else
     decide_distance(goal, row);
   assert(!(row.answer.lower > row.answer.upper));
+  assert(!any() || row.answer.status != Status::kBeyond || made.free_until == kInf);
   const bool has_witness = goal.pair != kNowhere && row.answer.status != Status::kBeyond;
   if (has_witness && !std::isnan(row.answer.distance)) made.time = goal.time;
   if (goals_.size() == 1 && goal.unusable != kNowhere) row.answer.flags |= kFlagIncomplete;

@@ -76,13 +76,9 @@ double MotionSearch::target_of(std::uint64_t position, const Goal& goal, double 
   return std::min(query.max_distance, std::max(enough, 0.0));
 }
 
-void MotionSearch::leave(Goal& goal, std::uint64_t position, double low, double slack, double begin) {
-  const bool is_lowest = low < goal.low || (low == goal.low && position < goal.low_pair);
-  if (is_lowest && (any() || !seeks_contact_)) {
-    goal.low = low;
-    goal.low_pair = position;
-    goal.slack_low = slack;
-  }
+void MotionSearch::leave(Goal& goal, std::uint64_t position, double low, double begin) {
+  Lowest& lowest = seeks_contact_ && !any() ? goal.lowest_of_contact : goal.lowest;
+  if (low < lowest.low || (low == lowest.low && position < lowest.pair)) lowest = {low, position};
   if (!(low > question_.plan.margins.of(position))) goal.unproved = std::min(goal.unproved, begin);
 }
 
@@ -96,7 +92,7 @@ bool MotionSearch::next(Node& node) {
       Goal& goal = goal_of(node.open[i]);
       const bool is_late = seeks_contact_ && begins_late(node.begin, goal.hit.time);
       if (is_late || node.low[i] > target_of(node.open[i], goal, 0) || is_settled(goal)) {
-        leave(goal, node.open[i], node.low[i], 0, node.begin);
+        leave(goal, node.open[i], node.low[i], node.begin);
         continue;
       }
       node.open[kept] = node.open[i];
@@ -127,8 +123,8 @@ void MotionSearch::give_up() {
   for (const Node& node : spans_)
     for (std::size_t i = 0; i < node.open.size(); ++i) {
       Goal& goal = goal_of(node.open[i]);
-      if (any() || !seeks_contact_) goal.forced |= !goal.decided && !(node.low[i] >= target_of(node.open[i], goal, 0));
-      leave(goal, node.open[i], node.low[i], 0, node.begin);
+      if (!decides()) goal.forced |= !goal.decided && !is_proved(node.open[i], goal, node.low[i], 0);
+      leave(goal, node.open[i], node.low[i], node.begin);
     }
   spans_.clear();
 }
@@ -169,7 +165,7 @@ bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pai
   const double low = difference_below(box_gap(question_.scene, placed, pair),
                                       sum_above(speed(pair.a), speed(pair.b)) * node.half() * (1 + 0x1p-50));
   if (!(low > target_of(node.open[i], goal, 0))) return false;
-  leave(goal, node.open[i], std::max(low, node.low[i]), 0, node.begin);
+  leave(goal, node.open[i], std::max(low, node.low[i]), node.begin);
   return true;
 }
 
@@ -184,7 +180,7 @@ bool MotionSearch::leaves_along_boxes(const Question& asked, const Node& node, B
   const double low = std::min(gaps.before, gaps.after);
   Goal& goal = goal_of(node.open[asked.open]);
   if (!(low > target_of(node.open[asked.open], goal, 0))) return false;
-  leave(goal, node.open[asked.open], std::max(low, node.low[asked.open]), 0, node.begin);
+  leave(goal, node.open[asked.open], std::max(low, node.low[asked.open]), node.begin);
   return true;
 }
 
@@ -219,7 +215,7 @@ void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const Pa
   const bool within = is_within(answer, question_.plan.margins.of(position));
   const bool earlier = within && time < goal.hit.time, hit_before = goal.hit.time < kInf;
   if (earlier) goal.hit = {time, position, answer.piece_a, answer.piece_b};
-  const bool nearer = answer.upper < goal.upper();
+  const bool nearer = answer.upper < goal.upper() && (!any() || within || !goal.decided);
   if (!(any() && seeks_contact_ ? earlier || (nearer && !hit_before) : nearer)) return;
   const BodyPair pair = question_.plan.pairs.at(position);
   goal.best = answer;
@@ -269,8 +265,8 @@ void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const
     const double along = &half == &halves[0] ? gaps.before : gaps.after, gap = std::max(low, along);
     const bool proved = beyond || is_proved(position, goal, gap, inner);
     if (proved || asked.way == 0 || node.half() <= kLeastHalf) {
-      goal.forced |= !proved && (any() || !seeks_contact_);
-      leave(goal, position, gap, inner, half.node.begin);
+      goal.forced |= !proved && !decides();
+      leave(goal, position, gap, half.node.begin);
     } else {
       half.node.open.push_back(position);
       half.node.low.push_back(gap);
@@ -278,7 +274,6 @@ void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const
                         by_normal = proved_until(gaps.middle, along, target), most = std::max(by_way, by_normal);
       half.proved = std::min(half.proved, most.share * node.half());
       half.proved_low.push_back(most.low);
-      half.inner.push_back(inner);
     }
   }
 }
@@ -292,8 +287,7 @@ void MotionSearch::push_rest(Half& half, double middle) {
   const double end = rest_of_half(middle, half.proved, node.half(), is_after);
   if (end != middle) {
     for (std::size_t i = 0; i < node.open.size(); ++i)
-      leave(goal_of(node.open[i]), node.open[i], std::max(half.proved_low[i], node.low[i]), half.inner[i],
-            is_after ? middle : end);
+      leave(goal_of(node.open[i]), node.open[i], std::max(half.proved_low[i], node.low[i]), is_after ? middle : end);
     (is_after ? node.begin : node.end) = end;
   }
   push(std::move(node));

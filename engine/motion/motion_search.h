@@ -98,21 +98,26 @@ class MotionSearch {
  private:
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
   static constexpr double kInf = std::numeric_limits<double>::infinity();
+  // The least lower bound of what has left the search, and its pair.
+  struct Lowest {
+    double low = kInf;
+    std::uint64_t pair = kNowhere;
+  };
   // What a row is about: all pairs, or one.
   struct Goal {
-    double low = kInf;                  // of what has left: no pair is nearer
-    std::uint64_t low_pair = kNowhere;  // whose
-    double unproved = kInf;             // begin of the first span of which no margin is proved
-    MotionHit hit;                      // the first time at which a pair is proved to be within its margin
+    Lowest lowest;             // no pair is nearer
+    Lowest lowest_of_contact;  // likewise, by the search for first contact; nowhere: it had no need of one
+    double unproved = kInf;    // begin of the first span of which no margin is proved
+    MotionHit hit;             // the first time at which a pair is proved to be within its margin
     double time = std::numeric_limits<double>::quiet_NaN();  // of `best`
     std::uint64_t pair = kNowhere;                           // likewise
     PairAnswer best;                                         // of the least upper bound
     Vec3d origin_a{0, 0, 0}, origin_b{0, 0, 0};              // of its bodies
     double slack = 0;                                        // what is not known of `best` alone
-    double slack_low = 0;                                    // and of the pair of `low`
     std::uint64_t unusable = kNowhere;                       // the first pair without usable poses
     PairAnswer unusable_answer;
-    bool decided = false, forced = false;  // nothing more is asked; something left before it was proved
+    bool decided = false;  // nothing more is asked
+    bool forced = false;   // of the least distance: something left before it was proved
 
     double upper() const { return pair == kNowhere ? kInf : best.upper; }
   };
@@ -120,8 +125,8 @@ class MotionSearch {
   // Half a span, with the pairs that go on in it.
   struct Half {
     Node node;
-    double proved = 0;                      // of it, from the middle on: all pairs are
-    std::vector<double> proved_low, inner;  // of each pair: no nearer there; Slack::inner
+    double proved = 0;               // of it, from the middle on: all pairs are
+    std::vector<double> proved_low;  // of each pair: no nearer there
   };
 
   bool any() const { return question_.plan.query.reduce == Reduce::kAny; }
@@ -131,7 +136,7 @@ class MotionSearch {
   bool is_settled(const Goal& goal) const { return goal.decided && !seeks_contact_; }
   Goal& goal_of(std::uint64_t position) { return goals_[goals_.size() == 1 ? 0 : position]; }
   double target_of(std::uint64_t position, const Goal& goal, double slack) const;
-  void leave(Goal& goal, std::uint64_t position, double low, double slack, double begin);
+  void leave(Goal& goal, std::uint64_t position, double low, double begin);
   void see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer, const Placement& placed);
   bool is_proved(std::uint64_t position, const Goal& goal, double low, double slack) const;
   void divide(const Question& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
@@ -150,8 +155,10 @@ class MotionSearch {
   void give_up();
   void end_if_done();
   MotionRow row_of(const Goal& goal) const;
+  const Lowest& lowest_of(const Goal& goal) const;
   void decide_any(const Goal& goal, Row& row) const;
   void decide_distance(const Goal& goal, Row& row) const;
+  void take_unusable(const Goal& goal, Row& row) const;
 
   const MotionQuestion& question_;
   std::vector<Goal> goals_;

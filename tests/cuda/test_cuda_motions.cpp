@@ -70,6 +70,45 @@ TEST(CudaMotions, FindLeastDistances) {
       }
 }
 
+// However early a search ends, what it has not proved is not free; and what it has proved free is no contact.
+TEST(CudaMotions, OutOfStepsIsNeverFree) {
+  SKIP_WITHOUT_DEVICE();
+  const ArmEdges edges(17, 3000, 1.0);
+  const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
+  const Answer truth = ask(cpu, edges.query(0, true));
+  int free = 0, hits = 0, unconverged = 0, narrow = 0;
+  for (std::uint32_t steps = 1; steps <= 256; steps = steps < 8 ? steps + 1 : 2 * steps)
+    for (const double abs_tol : {0.0, 1e-3}) {
+      QueryView query = edges.query(0, true);
+      query.max_steps = steps;
+      query.abs_tol = abs_tol;
+      const Answer any = ask(device, query);
+      query = edges.least(0, true);
+      query.max_steps = steps;
+      const Answer least = ask(device, query);
+      ASSERT_EQ(any.info.backend, "cuda");
+      for (std::uint64_t i = 0; i < any.info.rows; ++i) {
+        const auto status = static_cast<Status>(any.view.status[i]);
+        ASSERT_EQ(status == Status::kBeyond, any.view.first_contact[2 * i] == kInf) << i << " " << steps;
+        if (status == Status::kBeyond) {
+          ASSERT_GT(static_cast<Status>(truth.view.status[i]), Status::kContact) << i << " " << steps;
+        }
+        free += status == Status::kBeyond;
+        hits += status <= Status::kContact;
+        unconverged += status == Status::kUnconverged;
+        if (least.view.first_contact[2 * i] != kInf) continue;
+        ASSERT_NE(static_cast<Status>(least.view.status[i]), Status::kContact) << i << " " << steps;
+        ASSERT_GT(least.view.lower[i], 0) << i << " " << steps;
+        narrow += least.view.upper[i] < 1e-3;
+      }
+    }
+  std::printf("%d free, %d hit, %d unconverged, %d free by less than 1 mm\n", free, hits, unconverged, narrow);
+  EXPECT_GT(free, 500);
+  EXPECT_GT(hits, 500);
+  EXPECT_GT(unconverged, 500);
+  EXPECT_GT(narrow, 0);
+}
+
 TEST(CudaMotions, TellOfEndsBeyondLimits) {
   SKIP_WITHOUT_DEVICE();
   ArmEdges edges(12, 4000, 0.8);

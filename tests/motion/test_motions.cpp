@@ -106,6 +106,110 @@ TEST(Motions, FirstContactIsNarrowed) {
   }
 }
 
+// Flights past a ball, by exact gaps that are positive and negative, far from 0 and near it.
+std::vector<double> add_flights_by_gap(Flight& flight, std::size_t count) {
+  Random random(11);
+  std::vector<double> gaps;
+  while (gaps.size() < count) {
+    const double size = std::pow(10.0, random.uniform(-7, -1)), gap = gaps.size() % 2 ? size : -size;
+    flight.add({random.uniform(-2, -0.5), 0.15 + gap, 0}, {random.uniform(0.5, 2), 0.15 + gap, 0});
+    gaps.push_back(gap);
+  }
+  return gaps;
+}
+
+// However early a search ends, what it has not proved is not free.
+TEST(Motions, OutOfStepsIsNeverFree) {
+  Flight flight;
+  const std::vector<double> gaps = add_flights_by_gap(flight, 60);
+  const Engine engine = engine_of(std::move(flight.scene));
+  int free = 0, hits = 0, unconverged = 0;
+  for (const double margin : {0.0, 1e-9, 1e-3})
+    for (const double abs_tol : {0.0, 1e-3})
+      for (std::uint32_t steps = 1; steps <= 256; steps = steps < 12 ? steps + 1 : 2 * steps) {
+        QueryView query = flight.motions.view(Reduce::kAny, steps);
+        query.margin = margin;
+        query.abs_tol = abs_tol;
+        const Answer any = ask(engine, query);
+        query.fields &= ~kFieldFirstContact;
+        const Answer without = ask(engine, query);
+        for (std::size_t i = 0; i < gaps.size(); ++i) {
+          const auto status = static_cast<Status>(any.view.status[i]);
+          ASSERT_EQ(status == Status::kBeyond, any.view.first_contact[2 * i] == kInf) << i << " " << steps;
+          if (status == Status::kBeyond || static_cast<Status>(without.view.status[i]) == Status::kBeyond) {
+            ASSERT_GT(gaps[i], margin) << i << " " << steps << " steps, abs_tol " << abs_tol;
+          }
+          if (status <= Status::kContact) {
+            ASSERT_LE(gaps[i], margin) << i;
+          }
+          free += status == Status::kBeyond;
+          hits += status <= Status::kContact;
+          unconverged += status == Status::kUnconverged;
+        }
+      }
+  EXPECT_GT(free, 500);
+  EXPECT_GT(hits, 500);
+  EXPECT_GT(unconverged, 500);
+}
+
+// A least distance below the tolerance is no contact where the same row proves the motion free.
+TEST(Motions, AMotionThatIsProvedFreeIsNoContact) {
+  Flight flight;
+  const std::vector<double> gaps = add_flights_by_gap(flight, 60);
+  const Engine engine = engine_of(std::move(flight.scene));
+  for (const Reduce reduce : {Reduce::kMin, Reduce::kNone}) {
+    const Answer answer = ask(engine, flight.motions.view(reduce));
+    int narrow = 0, contacts = 0;
+    for (std::size_t i = 0; i < gaps.size(); ++i) {
+      const auto status = static_cast<Status>(answer.view.status[i]);
+      contacts += status == Status::kContact || status == Status::kOverlap;
+      EXPECT_LE(answer.view.lower[i], std::max(gaps[i], 0.0));
+      EXPECT_GE(answer.view.upper[i], std::max(gaps[i], 0.0));
+      if (answer.view.first_contact[2 * i] != kInf) continue;
+      EXPECT_GT(gaps[i], 0) << i;
+      EXPECT_EQ(status, Status::kOk) << i << " " << gaps[i];
+      EXPECT_GT(answer.view.lower[i], 0) << i;
+      narrow += gaps[i] < 1e-3;
+    }
+    EXPECT_GT(narrow, 10);
+    EXPECT_GT(contacts, 10);
+  }
+}
+
+// A body without a usable pose may be anywhere: only an overlap of others is certain.
+TEST(Motions, ABodyWithoutAPoseIsNotPassedOver) {
+  Flight flight;
+  flight.add({-1, 1, 0}, {1, 1, 0});
+  flight.add({-1, 0, 0}, {1, 0, 0});
+  const std::uint32_t person = flight.scene.add_sphere("person", 0.3, {});
+  Engine engine = engine_of(std::move(flight.scene));
+  const auto expect_status = [&](Status expected) {
+    for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
+      QueryView query = flight.motions.view(reduce);
+      for (const std::uint32_t fields : {kMotionAnswer, std::uint32_t{kFieldStatus | kFieldLower | kFieldUpper}}) {
+        query.fields = fields;
+        const Answer answer = ask(engine, query);
+        EXPECT_EQ(static_cast<Status>(answer.view.status[0]), expected);
+        EXPECT_EQ(answer.view.lower[0], -kInf);
+        EXPECT_EQ(answer.view.upper[0], kInf);
+        EXPECT_EQ(static_cast<Status>(answer.view.status[1]), Status::kOverlap);
+        EXPECT_LE(answer.view.lower[1], 0);
+      }
+      query.fields = kMotionAnswer;
+      const Answer answer = ask(engine, query);
+      EXPECT_EQ(answer.view.pair[0].b, person);
+      EXPECT_EQ(answer.view.first_contact[0], 0);
+      EXPECT_TRUE(answer.view.flags[0] & kFlagIncomplete);
+      EXPECT_TRUE(answer.view.flags[1] & kFlagIncomplete);
+    }
+  };
+  expect_status(Status::kNoPose);
+  engine.set_poses(std::vector<BodyPose>{{person, Pose{{std::nan(""), 0, 1}}}});
+  expect_status(Status::kBadPose);
+  engine.set_poses(std::vector<BodyPose>{{person, Pose{{0, 5, 0}}}});
+  EXPECT_EQ(static_cast<Status>(ask(engine, flight.motions.view(Reduce::kMin)).view.status[0]), Status::kOk);
+}
+
 // A rod that turns by nearly half a turn sweeps over a peg, which it does not touch at either end, nor in the middle.
 TEST(Motions, ARodThatTurnsSweepsOverAPeg) {
   Scene scene;
