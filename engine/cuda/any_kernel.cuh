@@ -3,8 +3,8 @@
 // else the first without usable poses; else all pairs together. Rows have the bits that they have there.
 //
 // Boxes leave out what is farther than its margin. The others are looked at in no order, and which of them is the first
-// is found by atomicMin(), which knows none: ReducedView::winner, `lowest` and `seed` are those three firsts. A pair
-// behind one that is within its margin changes nothing and is passed over where that is known in time.
+// is found by atomicMin(), which knows none: ReducedView::winner, `lowest` and `unusable` are those three firsts. A
+// pair behind one that is within its margin changes nothing and is passed over where that is known in time.
 #pragma once
 
 #include "engine/cuda/margin_pair.cuh"
@@ -20,8 +20,7 @@ __global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_con
     const Item item(r, static_cast<std::uint32_t>(row));
     const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
     if (is_empty(a) || is_empty(b)) {
-      r.complete[item.k] = 0;
-      take_least(r.seed + item.k, item.p);
+      take_least(r.unusable + item.k, item.p);
     } else {
       wanted = !(gap_below(a, b) > margin_of(r, item.p));
     }
@@ -95,7 +94,7 @@ __device__ inline void write_decision(const ReducedView& r, std::uint32_t k, std
   const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
   PairAnswer answer = r.answers[static_cast<std::uint32_t>(key)];
   answer.status = within ? decided_status(answer.lower, answer.upper) : Status::kUnconverged;
-  if (!r.complete[k]) answer.flags |= kFlagIncomplete;
+  if (r.unusable[k] != kNone) answer.flags |= kFlagIncomplete;
   write_answer(c, k, k, at_a, at_b, answer);
 }
 
@@ -107,7 +106,7 @@ __global__ void __launch_bounds__(kItemThreads) write_decisions(const __grid_con
   if (k >= r.chunk.configurations) return;
   if (r.winner[k] != kNone64) return write_decision(r, k, r.winner[k], true);
   if (r.lowest[k] != kNone64) return write_decision(r, k, r.lowest[k], false);
-  if (r.seed[k] != kNone64) return write_unusable(r, k, r.chunk.pairs[r.seed[k]]);
+  if (r.unusable[k] != kNone) return write_unusable(r, k, r.chunk.pairs[r.unusable[k]]);
   write_no_pair(r.chunk, k, k, {kNone, kNone}, r.beyond);
 }
 

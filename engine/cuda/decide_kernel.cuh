@@ -329,10 +329,10 @@ class Decision {
     r_.answered[at_] = !is_open_;
     if (is_open_) {
       r_.seed[at_] = 0;
-      r_.complete[at_] = first_.unusable == kNone;
+      r_.unusable[at_] = first_.unusable;
     } else if (is_usable()) {
       const PairRef winner = members_.ref(static_cast<std::uint32_t>(best_.place));
-      write_winner(r_, at_, winner, r_.answers[at_], lower_, first_.unusable == kNone, winner);
+      write_group(r_, at_, winner, r_.answers[at_], lower_, first_.unusable, winner);
     } else if (first_.unusable != kNone) {
       write_unusable(r_, at_, members_.ref(first_.unusable));
     } else {

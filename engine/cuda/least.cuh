@@ -11,5 +11,8 @@ __device__ inline void take_least(std::uint64_t* where, std::uint64_t key) {
   auto* p = reinterpret_cast<unsigned long long*>(where);
   if (key < __ldcg(p)) atomicMin(p, static_cast<unsigned long long>(key));
 }
+__device__ inline void take_least(std::uint32_t* where, std::uint32_t key) {
+  if (key < __ldcg(where)) atomicMin(where, key);
+}
 
 }  // namespace clearance::cuda

@@ -27,7 +27,7 @@ __device__ inline void clear_counts(const ReducedView& r) {
   if (blockIdx.x == 0 && threadIdx.x < kCounts) r.chunk.counts[threadIdx.x] = 0;
 }
 
-// Of every group the pair whose boxes are nearest, or overlap most, and whether it holds one without usable poses. A
+// Of every group the pair whose boxes are nearest, or overlap most, and the first without usable poses. A
 // seed is a guess, and any would do. Blocks go on to further rows, whose keys then rarely are the least.
 __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant__ ReducedView r) {
   clear_counts(r);
@@ -43,7 +43,7 @@ __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant
       for_groups(r, item, [&](std::size_t g) { group[n++] = g; });
       const bool usable = !is_empty(a) && !is_empty(b);
       key = std::uint64_t{usable ? order_key(gap_below(a, b)) : kUnusable} << 32 | item.p;
-      if (!usable) for_groups(r, item, [&](std::size_t g) { r.complete[g] = 0; });
+      if (!usable) for_groups(r, item, [&](std::size_t g) { take_least(r.unusable + g, item.p); });
     }
     take_least_of_warp(r.seed, group[0], key);
     if (r.reduce == Reduce::kNearest && key != ~std::uint64_t{0}) take_least(r.seed + group[1], key);
@@ -271,7 +271,7 @@ __device__ inline void write_empty(const ReducedView& r, std::uint64_t at) {
   const BodyPair pair{r.reduce == Reduce::kNearest ? group : kNone, kNone};
   write_no_pair(r.chunk, at, k, pair, empty_answer());
 }
-// \param ref the first of its pairs, none of which has usable poses
+// \param ref the first of its pairs without usable poses
 __device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, PairRef ref) {
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
@@ -280,10 +280,13 @@ __device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, Pa
   answer.flags = flags_of(at_a, at_b) | kFlagIncomplete;
   write_answer(c, at, k, at_a, at_b, answer);
 }
-// \param lower the least of the group. \param complete all its pairs have usable poses. \param lowest the pair with
-// that bound, where it is asked for
-__device__ inline void write_winner(const ReducedView& r, std::uint64_t at, PairRef ref, PairAnswer answer,
-                                    double lower, bool complete, PairRef lowest) {
+// Reduction::rows() in the same order: a pair without usable poses may be nearer than all others, so that only a proved
+// overlap is the least distance nevertheless.
+// \param lower the least of the group. \param unusable its first pair without usable poses, or kNone. \param lowest
+// the pair with that bound, where it is asked for
+__device__ inline void write_group(const ReducedView& r, std::uint64_t at, PairRef ref, PairAnswer answer, double lower,
+                                   std::uint32_t unusable, PairRef lowest) {
+  if (unusable != kNone && !(answer.upper <= 0)) return write_unusable(r, at, r.chunk.pairs[unusable]);
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
   const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
@@ -293,7 +296,10 @@ __device__ inline void write_winner(const ReducedView& r, std::uint64_t at, Pair
                    pair_slack(c, lowest, k));
   else
     widen_to_group(answer, lower, q.max_distance, q.abs_tol, q.rel_tol);
-  if (!complete) answer.flags |= kFlagIncomplete;
+  if (unusable != kNone) {
+    answer.flags |= kFlagIncomplete;
+    if (!q.prove_overlaps) answer.lower = -__builtin_inf(), lowest = c.pairs[unusable];  // the depth may be greater
+  }
   write_answer(c, at, k, at_a, at_b, answer);
   if (c.reply.pair_lower) c.reply.pair_lower[at] = {body_of(c.bodies, lowest.a), body_of(c.bodies, lowest.b)};
 }
@@ -306,11 +312,13 @@ __global__ void __launch_bounds__(kItemThreads) write_groups(const __grid_consta
   const std::uint64_t seed = r.seed[at], winner = r.winner[at];
   if (r.answered && winner == ~std::uint64_t{0}) return;  // all is up to the CPU
   if (seed == ~std::uint64_t{0}) return write_empty(r, at);
-  if (winner == ~std::uint64_t{0}) return write_unusable(r, at, r.chunk.pairs[static_cast<std::uint32_t>(seed)]);
+  const std::uint32_t unusable = r.unusable[at];
+  if (winner == ~std::uint64_t{0})  // without an unusable pair the CPU's answer follows
+    return write_unusable(r, at, r.chunk.pairs[unusable != kNone ? unusable : static_cast<std::uint32_t>(seed)]);
   const auto i = static_cast<std::uint32_t>(winner);
   const PairRef ref = r.chunk.pairs[winner >> 32];
-  write_winner(r, at, ref, r.answers[i], from_order_key(r.lower[at]), r.complete[at] != 0,
-               wants_lowest(r) ? r.chunk.pairs[r.lowest[at] >> 32] : ref);
+  write_group(r, at, ref, r.answers[i], from_order_key(r.lower[at]), unusable,
+              wants_lowest(r) ? r.chunk.pairs[r.lowest[at] >> 32] : ref);
 }
 
 __device__ inline std::uint32_t hits_before(const ReducedView& r, std::uint32_t word) {

@@ -48,7 +48,7 @@ inline std::size_t groups_of(const ReducedView& r) {
 
 /// What is kept of each group. \returns its bytes
 inline std::size_t group_bytes(const ReducedView& r) {
-  return groups_of(r) * (6 * sizeof(std::uint64_t) + 2);
+  return groups_of(r) * (6 * sizeof(std::uint64_t) + sizeof(std::uint32_t) + 1);
 }
 /// \param by_teams the view says of each group whether it is answered
 inline void take_group_memory(ReducedView& r, std::byte* memory, bool by_teams) {
@@ -59,8 +59,8 @@ inline void take_group_memory(ReducedView& r, std::byte* memory, bool by_teams) 
   r.lowest = r.winner + groups;
   r.seed = r.lowest + groups;
   r.cutoff = r.seed + groups;
-  r.complete = reinterpret_cast<std::uint8_t*>(r.cutoff + groups);
-  r.answered = by_teams ? r.complete + groups : nullptr;
+  r.unusable = reinterpret_cast<std::uint32_t*>(r.cutoff + groups);
+  r.answered = by_teams ? reinterpret_cast<std::uint8_t*>(r.unusable + groups) : nullptr;
 }
 /// Before anything is known of any group.
 inline void clear_all_groups(const ReducedView& r, cudaStream_t stream) {

@@ -310,7 +310,7 @@ struct ReducedView {
   std::uint64_t *upper, *lower;  ///< (configurations, groups) least bounds, order_key()
   std::uint64_t* winner;         ///< (configurations, groups) pair and item
   std::uint64_t* lowest;         ///< (configurations, groups) the first pair with the least lower bound, and its item
-  std::uint8_t* complete;        ///< (configurations, groups) 0: holds a pair without usable poses
+  std::uint32_t* unusable;       ///< (configurations, groups) the first pair without usable poses; kNone: none is
   std::uint8_t* answered;        ///< (configurations, groups) nonzero: its row is written already; null: none is
   std::uint32_t *candidate_words, *hit_words;  ///< of Reduce::kWithin: a bit for each row
   std::uint32_t *candidate_ranks,

@@ -62,6 +62,18 @@ bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const
       [&] { return box_gap(scene, placement, pair); }, answer);
 }
 
+}  // namespace
+
+PairAnswer unusable_answer(const Scene& scene, const Placement& placement, BodyPair pair,
+                           const EvaluateOptions& options) {
+  assert(is_unusable(scene, placement, pair));
+  PairAnswer answer;
+  answer_without_pieces(scene, {pair, &placement, kInf}, options, answer);
+  return answer;
+}
+
+namespace {
+
 // What an interval speaks of where bodies overlap: of their pieces, which are the truth or stand for it, or of meshes
 // of which one holds the other.
 enum class Overlap : std::uint8_t { kOfTruth, kOfPieces, kHeld };

@@ -132,5 +132,8 @@ double box_gap(const Scene& scene, const Placement& placement, BodyPair pair);
 std::uint16_t pose_flags(const Placement& placement, BodyPair pair, std::span<const std::uint8_t> stale);
 /// Whether a pair's answer is a bad or missing pose or an unknown body.
 bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair);
+/// The answer for such a pair: its status says why, and the bounds are -inf and inf.
+PairAnswer unusable_answer(const Scene& scene, const Placement& placement, BodyPair pair,
+                           const EvaluateOptions& options);
 
 }  // namespace clearance

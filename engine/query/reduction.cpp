@@ -45,11 +45,11 @@ Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions
 void Reduction::begin() {
   for (WorkerState& w : workers_) {
     w.seed.assign(groups_, Seed{kInf, ~std::uint64_t{0}});
-    w.incomplete.assign(groups_, 0);
+    w.unusable.assign(groups_, kNobody);
     w.candidates.clear();
     w.evaluated = 0;
   }
-  incomplete_.assign(groups_, 0);
+  unusable_.assign(groups_, kNobody);
   // The oracle leaves nothing out.
   cutoff_.assign(groups_, options_.reference ? kInf : any() ? plan_.margins.most() : plan_.query.max_distance);
   gaps_ = {};
@@ -276,7 +276,7 @@ void Reduction::offer(std::uint64_t position, BodyPair pair, double gap, WorkerS
   bool wanted = false;
   if (gap == kInf && is_unusable(scene_, placement, pair)) {
     wanted = stands_alone();
-    for_groups(pair, [&](std::uint32_t g) { worker.incomplete[g] = 1; });
+    for_groups(pair, [&](std::uint32_t g) { worker.unusable[g] = std::min(worker.unusable[g], position); });
   } else {
     for_groups(pair, [&](std::uint32_t g) { wanted |= gap <= cutoff_[g]; });
     if (any() && !options_.reference) wanted = wanted && gap <= plan_.margins.of(position);
@@ -309,33 +309,41 @@ void Reduction::scan_by_tree(std::uint64_t block, WorkerState& worker, const Pla
     worker.search.around(probes[i], cutoff_[per_body() ? probes[i] : 0], per_body(), worker.candidates);
 }
 
-// Nothing is proved about pairs of bodies that cannot be placed: within a distance all of them are answered.
+// Finds each group's first pair without usable poses. Where every pair within a distance is wanted, these pairs are
+// candidates: nothing is proved about them.
 void Reduction::scan_unplaced(WorkerState& worker, const Placement& placement) const {
-  const std::span<const std::uint32_t> unplaced = worker.search.unplaced();
-  if (unplaced.empty()) return;
-  const auto n = static_cast<std::uint32_t>(scene_.bodies().size());
+  if (worker.search.unplaced().empty()) return;
+  const auto add = [&](std::uint32_t g, std::uint64_t position) {
+    worker.unusable[g] = std::min(worker.unusable[g], position);
+  };
   if (!near_pairs_.whole_table()) {
-    for (std::uint64_t i = 0; i < plan_.pairs.size(); ++i)
-      if (is_unusable(scene_, placement, plan_.pairs.list()[i])) {
-        worker.incomplete[0] = 1;
-        if (stands_alone()) worker.candidates.push_back(i);
-      }
+    for (std::uint64_t i = 0; i < plan_.pairs.size(); ++i) {
+      const BodyPair pair = plan_.pairs.list()[i];
+      if (!is_unusable(scene_, placement, pair)) continue;
+      for_groups(pair, [&](std::uint32_t g) { add(g, i); });
+      if (stands_alone()) worker.candidates.push_back(i);
+    }
     return;
   }
-  const auto asked = [&](std::uint32_t a, std::uint32_t b) {
+  std::vector<std::uint32_t> unplaced(worker.search.unplaced().begin(), worker.search.unplaced().end());
+  std::sort(unplaced.begin(), unplaced.end());
+  const auto n = static_cast<std::uint32_t>(scene_.bodies().size());
+  const auto has_pair = [&](std::uint32_t a, std::uint32_t b) {
     return near_pairs_.position(a, b) != NearPairs::kNowhere;
   };
   for (const std::uint32_t bad : unplaced) {
-    worker.incomplete[per_body() ? bad : 0] |= near_pairs_.first_position(bad) != NearPairs::kNowhere;
+    add(per_body() ? bad : 0, near_pairs_.first_position(bad));
     if (!stands_alone()) continue;
     for (std::uint32_t b = 0; b < n; ++b)
-      if (asked(bad, b) && (b > bad || placement[b].status == Status::kOk))
+      if (has_pair(bad, b) && (b > bad || placement[b].status == Status::kOk))
         worker.candidates.push_back(near_pairs_.position(bad, b));
   }
   if (!per_body()) return;
-  for (std::uint32_t b = 0; b < n; ++b)
-    if (std::any_of(unplaced.begin(), unplaced.end(), [&](std::uint32_t bad) { return asked(bad, b); }))
-      worker.incomplete[b] = 1;
+  for (std::uint32_t b = 0; b < n; ++b) {  // a table lists a body's pairs in the order of its partners
+    const auto first =
+        std::find_if(unplaced.begin(), unplaced.end(), [&](std::uint32_t bad) { return has_pair(bad, b); });
+    if (first != unplaced.end()) add(b, near_pairs_.position(*first, b));
+  }
 }
 
 void Reduction::end_stage() {
@@ -369,7 +377,7 @@ void Reduction::end_stage() {
     case kScan:
       for (const WorkerState& w : workers_) {
         candidates_.insert(candidates_.end(), w.candidates.begin(), w.candidates.end());
-        for (std::size_t g = 0; g < groups_; ++g) incomplete_[g] |= w.incomplete[g];
+        for (std::size_t g = 0; g < groups_; ++g) unusable_[g] = std::min(unusable_[g], w.unusable[g]);
       }
       std::sort(candidates_.begin(), candidates_.end());
       candidates_.erase(std::unique(candidates_.begin(), candidates_.end()), candidates_.end());

@@ -67,7 +67,7 @@ class Reduction {
         : evaluator(scene, options), cull(scene, boxes.all, boxes.columns), search(scene, plan, boxes.near_pairs) {}
 
     std::vector<Seed> seed;                 // of each group
-    std::vector<std::uint8_t> incomplete;   // of each group
+    std::vector<std::uint64_t> unusable;    // position of each group's first pair without usable poses, or kNobody
     std::vector<std::uint64_t> candidates;  // positions
     std::vector<Seed> order;
     std::uint64_t evaluated = 0;  // pairs
@@ -119,6 +119,7 @@ class Reduction {
   void scan_unplaced(WorkerState& worker, const Placement& placement) const;
   Row row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration, const Placement& placement) const;
   Row decision(std::uint32_t configuration, const Placement& placement) const;
+  Row unusable_row(std::uint64_t position, std::uint32_t configuration, const Placement& placement) const;
   void widen(Row& row, double lower, const Placement& placement) const;
 
   static constexpr std::uint64_t kNobody = ~std::uint64_t{0};
@@ -131,7 +132,7 @@ class Reduction {
   Stage stage_ = kDone;
   std::uint64_t decided_by_ = kNobody;  // the first unit that has decided the stage; others write it meanwhile
   std::vector<WorkerState> workers_;
-  std::vector<std::uint8_t> incomplete_;
+  std::vector<std::uint64_t> unusable_;            // as WorkerState has it, of all workers
   std::vector<double> cutoff_;                     // of each group
   std::span<const double> gaps_;                   // of all pairs, where they came from outside
   std::vector<double> candidate_gaps_;             // of candidates_ that are in their order; empty: they are not

@@ -55,7 +55,7 @@ Row Reduction::decision(std::uint32_t configuration, const Placement& placement)
     if (decides(candidates_[i], answer)) {
       Row row = row_of(candidate_pairs_[i], answer, configuration, placement);
       row.answer.status = decided_status(answer.lower, answer.upper);
-      row.answer.flags |= incomplete_[0] ? kFlagIncomplete : 0;
+      row.answer.flags |= unusable_[0] != kNobody ? kFlagIncomplete : 0;
       return row;
     }
     if (std::isnan(answer.distance))
@@ -66,7 +66,7 @@ Row Reduction::decision(std::uint32_t configuration, const Placement& placement)
   if (const std::size_t i = std::min(open == none ? unusable : open, none); i < none) {
     Row row = row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement);
     if (i == open) row.answer.status = Status::kUnconverged;
-    row.answer.flags |= incomplete_[0] ? kFlagIncomplete : 0;
+    row.answer.flags |= unusable_[0] != kNobody ? kFlagIncomplete : 0;
     return row;
   }
   return row_of({kNone, kNone}, beyond_all_margins(plan_, options_), configuration, placement);
@@ -82,6 +82,14 @@ void Reduction::widen(Row& row, double lower, const Placement& placement) const 
                  slack_of(row.pair_lower));
 }
 
+// The row of a group that holds a pair without usable poses, which may be nearer than all others.
+Row Reduction::unusable_row(std::uint64_t position, std::uint32_t configuration, const Placement& placement) const {
+  const BodyPair pair = plan_.pairs.at(position);
+  Row row = row_of(pair, unusable_answer(scene_, placement, pair, options_), configuration, placement);
+  row.answer.flags |= kFlagIncomplete;
+  return row;
+}
+
 std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {
   assert(stage_ == kDone);
   if (any()) return {decision(configuration, placement)};
@@ -93,28 +101,26 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
     return rows;
   }
   struct Candidates {
-    Standing best, unusable;  // the winner, and the first pair without usable poses
-    const PairAnswer *winner = nullptr, *first_unusable = nullptr;
+    Standing best;
+    const PairAnswer* winner = nullptr;
     double lower = kInf;                             // the least of all
     std::uint64_t lower_place = Standing::kNowhere;  // of the first that has it
   };
   std::vector<Candidates> groups(groups_);
   const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
-    const bool usable = !std::isnan(answer.distance);
+    if (std::isnan(answer.distance)) return;  // scans have noted pairs without usable poses
     const double lower =
-        usable && !options_.reference ? lower_with_box(answer.lower, box_gap(scene_, placement, pair)) : answer.lower;
+        options_.reference ? answer.lower : lower_with_box(answer.lower, box_gap(scene_, placement, pair));
     const Standing standing = standing_of(answer.lower, answer.upper, position);
     for_groups(pair, [&](std::uint32_t g) {
       Candidates& group = groups[g];
-      if (!usable) incomplete_[g] = 1;
-      if (usable && (lower < group.lower || (lower == group.lower && position < group.lower_place))) {
+      if (lower < group.lower || (lower == group.lower && position < group.lower_place)) {
         group.lower = lower;
         group.lower_place = position;
       }
-      Standing& best = usable ? group.best : group.unusable;
-      if (!(standing < best)) return;
-      best = standing;
-      (usable ? group.winner : group.first_unusable) = &answer;
+      if (!(standing < group.best)) return;
+      group.best = standing;
+      group.winner = &answer;
     });
   };
   for (std::size_t i = 0; i < seeds_.size(); ++i) offer(seeds_[i], seed_pairs_[i], seed_answers_[i]);
@@ -122,18 +128,28 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
     offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
   for (std::size_t g = 0; g < groups_; ++g) {
     const Candidates& group = groups[g];
-    const PairAnswer* answer = group.winner ? group.winner : group.first_unusable;
-    if (!answer) {
+    const std::uint64_t unusable = unusable_[g];
+    // Only a proved overlap is the least distance whatever the pairs without usable poses are.
+    if (unusable != kNobody && !(group.winner && group.winner->upper <= 0)) {
+      rows.push_back(unusable_row(unusable, configuration, placement));
+      continue;
+    }
+    if (!group.winner) {
       const auto body = static_cast<std::uint32_t>(g);
       rows.push_back(row_of({per_body() ? body : kNone, kNone}, empty_answer(), configuration, placement));
       continue;
     }
-    Row row = row_of(plan_.pairs.at(group.winner ? group.best.place : group.unusable.place), *answer, configuration,
-                     placement);
+    Row row = row_of(plan_.pairs.at(group.best.place), *group.winner, configuration, placement);
     if (group.lower_place != Standing::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
     widen(row, group.lower, placement);
+    if (unusable != kNobody) {
+      row.answer.flags |= kFlagIncomplete;
+      if (options_.limits.signed_distance) {  // of which the depth may be greater
+        row.answer.lower = -kInf;
+        row.pair_lower = plan_.pairs.at(unusable);
+      }
+    }
     assert(row.answer.lower <= row.answer.upper);
-    if (incomplete_[g]) row.answer.flags |= kFlagIncomplete;
     rows.push_back(row);
   }
   return rows;

@@ -93,13 +93,13 @@ class HostReduction {
     ask_question(K, P);
     const std::size_t groups = std::size_t{K} * r_.groups, words = r_.rows / 32 + 1;
     keys_.assign(6 * groups, kNoKey);
-    complete_.assign(groups, 1);
+    unusable_.assign(groups, kNone);
     words_.assign(4 * words, 0);
     items_.resize(4 * r_.rows);
     answers_.resize(r_.rows);
     std::uint64_t** const keys[] = {&r_.upper, &r_.lower, &r_.winner, &r_.lowest, &r_.seed, &r_.cutoff};
     for (std::size_t i = 0; i < 6; ++i) *keys[i] = keys_.data() + i * groups;
-    r_.complete = complete_.data();
+    r_.unusable = unusable_.data();
     std::uint32_t** const bits[] = {&r_.candidate_words, &r_.hit_words, &r_.candidate_ranks, &r_.hit_ranks};
     for (std::size_t i = 0; i < 4; ++i) *bits[i] = words_.data() + i * words;
     r_.items = items_.data();
@@ -199,7 +199,7 @@ class HostReduction {
     c.counts = counts_;
     c.host_counts = host_counts_;
   }
-  std::size_t groups() const { return complete_.size(); }
+  std::size_t groups() const { return unusable_.size(); }
   bool any() const { return q_.reduce == Reduce::kAny; }
 
   template <class List>
@@ -315,7 +315,7 @@ class HostReduction {
   std::vector<PairRef> pairs_;
   Answer rows_;
   std::vector<std::uint64_t> keys_;
-  std::vector<std::uint8_t> complete_;
+  std::vector<std::uint32_t> unusable_;
   std::vector<std::uint32_t> words_, items_;
   std::vector<PairAnswer> answers_;
   std::uint64_t others_ = 0;

@@ -174,14 +174,59 @@ TEST_P(EngineTest, WithinAnswersPairsOfBadBodiesToo) {
   for (std::uint64_t i = 0; i < within.info.rows; ++i)
     of_bad += static_cast<Status>(within.view.status[i]) == Status::kBadPose;
   EXPECT_EQ(of_bad, 9u);
-  q.reduce = Reduce::kNearest;
-  const Answer nearest = ask(engine, q);
-  EXPECT_EQ(static_cast<Status>(nearest.view.status[2]), Status::kBadPose);
-  for (int b = 0; b < 10; ++b) {
-    if (b != 2) {
-      EXPECT_TRUE(nearest.view.flags[b] & kFlagIncomplete) << b;
+}
+
+// A body without a usable pose may be nearer than all others: only an overlap of others is certain.
+TEST_P(EngineTest, ReductionsDoNotPassOverMissingPoses) {
+  Scene scene;
+  scene.add_box("robot", {0.2, 0.2, 0.2}, {.pose = Pose{}});
+  scene.add_box("far", {0.1, 0.1, 0.1}, {.pose = Pose{{3, 0, 0}}});
+  scene.add_sphere("person", 0.3, {});
+  scene.add_sphere("other", 0.1, {.pose = Pose{{0, 4, 0}}});
+  Engine engine = make(std::move(scene));
+  const auto expect_rows = [&](Status status) {
+    for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest})
+      for (const std::uint32_t fields : {kAllFields, std::uint32_t{kFieldStatus | kFieldLower}}) {
+        QueryView q;
+        q.fields = fields;
+        q.reduce = reduce;
+        q.max_distance = reduce == Reduce::kMin ? kInf : 1;
+        const Answer a = ask(engine, q);
+        ASSERT_EQ(a.info.rows, reduce == Reduce::kMin ? 1u : 4u);
+        for (std::uint64_t i = 0; i < a.info.rows; ++i) {
+          EXPECT_EQ(static_cast<Status>(a.view.status[i]), status) << i;
+          EXPECT_EQ(a.view.lower[i], -kInf) << i;
+          if (fields != kAllFields) continue;
+          const BodyPair nearest[] = {{0, 2}, {1, 2}, {0, 2}, {2, 3}};
+          EXPECT_EQ(a.view.pair[i], nearest[i]) << i;
+          EXPECT_EQ(a.view.upper[i], kInf) << i;
+          EXPECT_TRUE(std::isnan(a.view.distance[i])) << i;
+          EXPECT_TRUE(a.view.flags[i] & kFlagIncomplete) << i;
+        }
+      }
+  };
+  expect_rows(Status::kNoPose);
+  engine.set_poses(std::vector<BodyPose>{{2, Pose{{std::nan(""), 0, 1}}}});
+  expect_rows(Status::kBadPose);
+
+  engine.set_poses(std::vector<BodyPose>{{1, Pose{{0.1, 0, 0}}}});
+  QueryView q;
+  q.fields = kAllFields;
+  for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest})
+    for (const bool is_signed : {false, true}) {
+      q.reduce = reduce;
+      q.signed_distance = is_signed;
+      const Answer a = ask(engine, q);
+      for (std::uint64_t i = 0; i < a.info.rows; ++i) {
+        const bool overlaps = i < 2;
+        EXPECT_EQ(static_cast<Status>(a.view.status[i]), overlaps ? Status::kOverlap : Status::kBadPose) << i;
+        EXPECT_TRUE(a.view.flags[i] & kFlagIncomplete) << i;
+        if (overlaps) {
+          EXPECT_EQ(a.view.pair[i], (BodyPair{0, 1}));
+          EXPECT_EQ(a.view.lower[i], is_signed ? -kInf : 0) << "the person may be deeper inside";
+        }
+      }
     }
-  }
 }
 
 TEST_P(EngineTest, ReductionsOfManyPairsGoStageByStage) {

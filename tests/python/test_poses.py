@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import clearance
 from clearance import pose7_from_matrix
 from clearance._poses import as_pose7
 
@@ -117,3 +118,28 @@ def test_non_finite_matrix_becomes_a_bad_pose(value):
 def test_wrong_shapes_and_types(value, error, text):
     with pytest.raises(error, match=text):
         as_pose7(value, "p")
+
+
+def test_least_distances_do_not_pass_over_a_body_without_a_pose():
+    scene = clearance.Scene()
+    scene.add_box("robot", [0.2, 0.2, 0.2], pose=[0, 0, 0, 1, 0, 0, 0])
+    scene.add_box("far", [0.1, 0.1, 0.1], pose=[3, 0, 0, 1, 0, 0, 0], static=True)
+    scene.add_sphere("person", 0.3)
+    engine = clearance.Engine(scene)
+    start, end = [[[0, 0, 0, 1, 0, 0, 0]]], [[[0.1, 0, 0, 1, 0, 0, 0]]]
+
+    def answers():
+        yield engine.distances(reduce="min")
+        yield engine.distances(reduce="nearest", fields=["lower", "status"])
+        yield engine.distances(pairs=("robot", "*"), reduce="min", fields=["lower", "status"])
+        yield engine.motions(bodies=["robot"], start=start, end=end)
+        yield engine.motions(bodies=["robot"], start=start, end=end, reduce="any", fields=["lower", "status"])
+
+    for r in answers():
+        assert set(np.ravel(r.status)) == {clearance.Status.NO_POSE} and np.all(r.lower == -np.inf)
+    engine.set_poses({"person": [np.nan, 0, 1, 1, 0, 0, 0]})
+    for r in answers():
+        assert set(np.ravel(r.status)) == {clearance.Status.BAD_POSE} and np.all(r.lower == -np.inf)
+    engine.set_poses({"person": [0, 2, 0, 1, 0, 0, 0]})
+    for r in answers():
+        assert clearance.Status.BAD_POSE not in np.ravel(r.status) and np.all(r.lower > 0)
