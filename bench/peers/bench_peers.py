@@ -14,6 +14,7 @@ A workload that is not asked for keeps its rows.
 """
 import argparse
 import datetime
+import functools
 import os
 import statistics
 import struct
@@ -68,10 +69,18 @@ def versions():
     return f"Coal {coal}, FCL {debian[0]}, Bullet {debian[1]}"
 
 
+@functools.cache
 def machine():
     lines = Path("/proc/cpuinfo").read_text().splitlines()
     model = next((line.split(": ")[1].strip() for line in lines if line.startswith("model name")), "?")
-    return f"{model} x{os.cpu_count()}, {datetime.date.today()}"
+    return f"{model} x{os.cpu_count()}"
+
+
+@functools.cache
+def commit():
+    """HEAD, and a + if other files differ from it than those that this program writes."""
+    changed = run(["git", "status", "--porcelain", "--", ".", ":!docs", ":!README.md"], cwd=ROOT)
+    return run(["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT).strip() + ("+" if changed else "")
 
 
 # ---- problems --------------------------------------------------------------------------------------------------------
@@ -190,6 +199,9 @@ def time_workload(problem, what, rounds, seconds):
                 "worst_error_m": f"{error.max():.2g}",
                 "rounds": rounds,
                 "load": f"{load:.1f}",
+                "machine": machine(),
+                "date": datetime.date.today().isoformat(),
+                "commit": commit(),
             }
         )
     for c in contenders:
@@ -310,7 +322,6 @@ def main():
     if not (options.pages or options.check):
         set_up()
         listed = [line.split("\t") for line in run([EXPORT, "--list"]).splitlines()]
-        where = f"{machine()}, {versions()}"
         if not options.classes:
             _, old = read_csv(TIMING)
             kept = grouped(old, "workload")
@@ -320,13 +331,14 @@ def main():
                 kept[name] = time_workload(Problem("workload", name), what, options.rounds, options.seconds)
                 show(kept[name])
                 order = [x[1] for x in listed if x[1] in kept]
-                write_csv(TIMING, f"{where}, one thread", [r for name in order for r in kept[name]])
+                write_csv(TIMING, f"{versions()}, one thread", [r for name in order for r in kept[name]])
         if not options.workload:
             rows = []
             for _, name, _ in (x for x in listed if x[0] == "class"):
                 print(f"class {name} ...", flush=True)
                 rows += try_class(name, options.cases)
-                write_csv(ACCURACY, f"{options.cases} cases of each class, seed 1, {versions()}", rows)
+                what = f"{options.cases} cases of each class, seed 1, {versions()}"
+                write_csv(ACCURACY, f"{what}, {datetime.date.today()}, commit {commit()}", rows)
     write_pages(options.check)
 
 

@@ -179,7 +179,9 @@ def write_pages(check=False):
     if rows:
         groups = grouped(rows, "workload")
         loads = [float(row["load"]) for row in rows if row.get("load")]
-        remark += f", load {min(loads):.0f} to {max(loads):.0f}"
+        timed = [row for row in rows if row["commit"]]
+        measured = dict.fromkeys(f"{row['machine']}, {row['date']}, commit {row['commit']}" for row in timed)
+        remark = "; ".join([*measured, remark]) + f", load {min(loads):.0f} to {max(loads):.0f}"
         replace_table(ROOT / "docs/performance.md", "peers timing", timing_table(remark, groups), check)
         replace_table(ROOT / "README.md", "peers timing", short_table(remark, groups), check)
         if not check:
