@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # gpu.sh test|certify|sanitize|bench|daemon|several|report [folder of binaries]: the tests and benchmarks that need a GPU, run by make gpu-test and
-# its like (report: make report-gpu). With a folder of binaries that were built elsewhere it needs nothing but them (and, for
-# the report, scenes/ in the current folder); beside the tests those that they start: memory_client, clearanced and what it starts.
+# its like (report: make report-gpu). Binaries may have been built elsewhere: besides them it needs the source tree that it
+# lies in, for the tests' data, and the programs that tests start (memory_client, clearanced and what it starts).
 # gpu.sh programs test|sanitize: the tests that these run, as targets to build.
 set -uo pipefail
 what=${1:?gpu.sh test, certify, sanitize, bench, daemon, several or report}
@@ -24,6 +24,8 @@ if [ "$what" = programs ]; then
 fi
 
 bin=${2:-build/bin}
+# Binaries carry the path of the tree that they were built in, which may not exist here.
+CLEARANCE_SOURCE_DIR=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd) && export CLEARANCE_SOURCE_DIR
 out=${OUT:-out}
 mkdir -p "$out"
 
@@ -85,7 +87,7 @@ case $what in
     failed=0
     for run in "${tests[@]}"; do
       # shellcheck disable=SC2086
-      "$bin"/$run >"$out/gpu_test.log" 2>&1 || { failed=1; grep -E "Failure|FAILED|error" "$out/gpu_test.log" | head -20; }
+      timeout 1800 "$bin"/$run >"$out/gpu_test.log" 2>&1 || { failed=1; grep -E "Failure|FAILED|error" "$out/gpu_test.log" | head -20; }
       printf '%-45s %s\n' "$run" "$(grep -E '^\[  (PASSED|FAILED)  \] [0-9]+ test' "$out/gpu_test.log" | tr -d '\n')"
     done
     exit $failed

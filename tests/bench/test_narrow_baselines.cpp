@@ -10,6 +10,7 @@
 #include "bench/report/triangles.h"
 #include "engine/engine.h"
 #include "tests/exact/cases.h"
+#include "tests/source_file.h"
 
 namespace clearance::baselines {
 namespace {
@@ -214,7 +215,7 @@ TEST(NarrowByName, BadOptionsAndUnknownNamesAreRefused) {
 
 // The second mesh of this scene has dents: it counts as its hull, for the baselines as for the engine.
 TEST(Worlds, TakeTheHullOfAMesh) {
-  const Scene scene = Scene::load(CLEARANCE_SOURCE_DIR "/scenes/benchmark_lite/scene.yaml");
+  const Scene scene = Scene::load(source_file("scenes/benchmark_lite/scene.yaml"));
   const World world(scene);
   for (std::uint32_t b = 0; b < world.size(); ++b)
     EXPECT_EQ(world.mesh(b).vertices.size(), scene.bodies()[b].pieces[0]->vertices.size());

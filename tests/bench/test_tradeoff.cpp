@@ -6,11 +6,12 @@
 #include <sstream>
 
 #include "bench/tradeoff/sweep.h"
+#include "tests/source_file.h"
 
 namespace clearance::tradeoff {
 namespace {
 
-const std::string kScenes = std::string(CLEARANCE_SOURCE_DIR) + "/scenes";
+const std::string kScenes = source_file("scenes");
 
 double largest_extent(const MovingScene& s) {
   double size = 0;

@@ -3,11 +3,12 @@
 #include <cmath>
 
 #include "doubted_scene.h"
+#include "tests/source_file.h"
 
 namespace clearance::test {
 namespace {
 
-constexpr const char* kEveryJoint = CLEARANCE_SOURCE_DIR "/tests/robot/every_joint.urdf";
+const std::string kEveryJoint = source_file("tests/robot/every_joint.urdf");
 
 class CudaDecisions : public testing::Test {
  protected:

@@ -8,6 +8,7 @@
 #include "tests/engine/arm_scene.h"
 // Behind all that is included elsewhere.
 #include "emulated_scene.h"
+#include "tests/source_file.h"
 
 #define cuda emulated
 #include "engine/cuda/pair_kernel.cuh"
@@ -16,7 +17,7 @@
 namespace clearance::test {
 namespace {
 
-constexpr const char* kEveryJoint = CLEARANCE_SOURCE_DIR "/tests/robot/every_joint.urdf";
+const std::string kEveryJoint = source_file("tests/robot/every_joint.urdf");
 
 // Two robots with joints of every kind, of which the second has positions only where a query brings them; an arm in the
 // hand of the first, which holds a ball; and a box on that hand.

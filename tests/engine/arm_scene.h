@@ -5,10 +5,11 @@
 #include <vector>
 
 #include "engine/engine.h"
+#include "tests/source_file.h"
 
 namespace clearance::test {
 
-inline constexpr const char* kArm = CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf";
+inline const std::string kArm = source_file("tests/robot/arm.urdf");
 
 inline Scene arm_scene(const RobotOptions& options) {
   Scene scene;

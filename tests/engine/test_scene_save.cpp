@@ -10,6 +10,7 @@
 #include "same_rows.h"
 #include "tests/scene/error_text.h"
 #include "tests/scene/temporary_folder.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
@@ -73,7 +74,7 @@ void expect_same(const Scene& one, const Scene& other) {
 TEST(SavedScene, EveryOneOfTheFolderComesBack) {
   const TemporaryFolder folder;
   int count = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(CLEARANCE_SOURCE_DIR "/scenes")) {
+  for (const auto& entry : std::filesystem::directory_iterator(source_file("scenes"))) {
     const std::string name = entry.path().filename().string();
     if (name == "two_spheres" || name == "random_5000") continue;  // large
     if (!std::filesystem::exists(entry.path() / "scene.yaml")) continue;

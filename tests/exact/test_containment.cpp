@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "campaign.h"
+#include "tests/source_file.h"
 
 namespace clearance::exact {
 namespace {
@@ -23,7 +24,7 @@ struct Recorded {
 Recorded recorded(const std::string& cls, const Setting& s) {
   static const std::map<std::string, Recorded> kTable = [] {
     std::map<std::string, Recorded> table;
-    std::ifstream in(CLEARANCE_SOURCE_DIR "/docs/results/accuracy_sample.csv");
+    std::ifstream in(source_file("docs/results/accuracy_sample.csv"));
     for (std::string line; std::getline(in, line);) {
       std::vector<std::string> cells;
       std::stringstream row(line);

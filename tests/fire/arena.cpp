@@ -13,13 +13,14 @@
 #include <thread>
 
 #include "tests/lcm/lcm_network.h"
+#include "tests/source_file.h"
 #include "victim.h"
 
 namespace clearance::fire {
 
 using namespace std::chrono_literals;
 
-const std::string kScene = std::string(CLEARANCE_SOURCE_DIR) + "/scenes/random_100/scene.yaml";
+const std::string kScene = source_file("scenes/random_100/scene.yaml");
 
 namespace {
 

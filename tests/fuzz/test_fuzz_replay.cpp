@@ -10,13 +10,14 @@
 
 #include "fuzz_target.h"
 #include "server/log.h"
+#include "tests/source_file.h"
 
 namespace clearance::fuzz {
 namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kFolder = fs::path(CLEARANCE_SOURCE_DIR) / "tests" / "fuzz";
+const fs::path kFolder = source_file("tests/fuzz");
 
 std::vector<fs::path> inputs_of(const fs::path& folder) {
   std::vector<fs::path> files;

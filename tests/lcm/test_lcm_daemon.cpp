@@ -15,11 +15,12 @@
 #include "client/client.h"
 #include "lcm_fixture.h"
 #include "tests/server/daemon_fixture.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
 
-const std::string kExamples = std::string(CLEARANCE_SOURCE_DIR) + "/client/examples/";
+const std::string kExamples = source_file("client/examples/");
 const std::string kPlannerCpp = std::string(CLEARANCE_BINARY_DIR) + "/examples/lcm_planner";
 const std::vector<std::string> kPythonPath{"PYTHONPATH=" CLEARANCE_BINARY_DIR "/python"};
 
@@ -109,7 +110,7 @@ TEST_F(LcmDaemonTest, PlannersTakeNoAnswerOfOtherPosesThanTheirs) {
 }
 
 TEST_F(LcmDaemonTest, PlannerInJointSpace) {
-  std::ifstream urdf(CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf");
+  std::ifstream urdf(source_file("tests/robot/arm.urdf"));
   folder_.write("arm.urdf", {std::istreambuf_iterator<char>(urdf), {}});
   const std::string scene = folder_.write("arm.yaml",
                                           "bodies: [{name: table, box: [1, 1, 0.1], static: true}]\n"

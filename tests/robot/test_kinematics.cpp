@@ -6,6 +6,7 @@
 
 #include "exact_robot.h"
 #include "random_robot.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
@@ -14,7 +15,7 @@ using test::Random;
 using test::Real;
 using test::RealFrame;
 
-const std::string kFolder = CLEARANCE_SOURCE_DIR "/tests/robot/";
+const std::string kFolder = source_file("tests/robot/");
 
 // Text of a URDF: a chain of joints of any kind with a side branch here and there, and mimics of the first one.
 std::string random_urdf(Random& random, int joints) {

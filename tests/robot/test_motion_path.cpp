@@ -7,6 +7,7 @@
 #include "exact_robot.h"
 #include "flat_arm.h"
 #include "random_robot.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
@@ -16,7 +17,7 @@ using test::Real;
 using test::RealFrame;
 using test::RealVec;
 
-const std::string kFolder = CLEARANCE_SOURCE_DIR "/tests/robot/";
+const std::string kFolder = source_file("tests/robot/");
 
 RealVec at(const RealFrame& X, const Vec3d& p) {
   return (X * test::real_shift(p.x, p.y, p.z)).t;

@@ -11,12 +11,13 @@
 #include "inspect/inspect.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
 
 Scene load(const std::string& name) {
-  return Scene::load(std::string(CLEARANCE_SOURCE_DIR) + "/scenes/" + name + "/scene.yaml");
+  return Scene::load(source_file("scenes/" + name + "/scene.yaml"));
 }
 
 const BodyReport& of(const Scene& scene, const SceneReport& report, const std::string& body) {
@@ -76,7 +77,7 @@ TEST(Inspect, NineteenBodiesOfEveryForm) {
 TEST(Inspect, FramesOfARobotAreInNoPair) {
   Scene scene;
   scene.add_box("table", {1, 1, 0.1}, {.is_static = true});
-  scene.add_robot("arm", {.urdf = CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf", .home = {{{"joint4", -1.5}}}});
+  scene.add_robot("arm", {.urdf = source_file("tests/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   const SceneReport report = inspect(scene, {.measure = false});
   std::vector<std::uint64_t> partners(scene.bodies().size(), 0);
   for (const BodyPair pair : Engine(scene).pairs({})) ++partners[pair.a], ++partners[pair.b];

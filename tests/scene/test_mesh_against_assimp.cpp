@@ -15,6 +15,7 @@
 #include "engine/mesh/mesh.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
@@ -75,8 +76,7 @@ void expect_the_same(const std::string& path, std::size_t submeshes = 0) {
 TEST(MeshAgainstAssimp, EveryMeshOfTheScenes) {
   std::set<std::string> extensions;
   int files = 0;
-  for (const auto& entry :
-       std::filesystem::recursive_directory_iterator(std::string(CLEARANCE_SOURCE_DIR) + "/scenes")) {
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(source_file("scenes"))) {
     const std::string extension = entry.path().extension().string();
     if (entry.path().parent_path().filename() != "meshes") continue;
     extensions.insert(extension);

@@ -7,12 +7,13 @@
 #include <string>
 
 #include "engine/scene/scene.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
 
 Scene load(const std::string& name) {
-  return Scene::load(std::string(CLEARANCE_SOURCE_DIR) + "/scenes/" + name + "/scene.yaml");
+  return Scene::load(source_file("scenes/" + name + "/scene.yaml"));
 }
 
 const Body& body(const Scene& scene, const std::string& name) {
@@ -102,7 +103,7 @@ TEST(Scenes, ExtremesKeepTheirExtremes) {
 // Every scene of the folder is in one of the tests above, or here.
 TEST(Scenes, EveryOneLoads) {
   int count = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(std::string(CLEARANCE_SOURCE_DIR) + "/scenes")) {
+  for (const auto& entry : std::filesystem::directory_iterator(source_file("scenes"))) {
     if (!std::filesystem::exists(entry.path() / "scene.yaml")) continue;
     ++count;
     const std::string name = entry.path().filename().string();

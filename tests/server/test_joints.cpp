@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "loop_fixture.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
@@ -19,7 +20,7 @@ Scene arm_scene() {
   Scene::BodyOptions table = at(0.5, 0, -0.1);
   table.is_static = true;
   scene.add_box("table", {1, 1, 0.1}, table);
-  scene.add_robot("arm", {.urdf = CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf", .home = {{{"joint4", -1.5}}}});
+  scene.add_robot("arm", {.urdf = source_file("tests/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   return scene;
 }
 

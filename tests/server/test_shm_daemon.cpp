@@ -17,13 +17,14 @@
 #include "engine/engine.h"
 #include "tests/engine/engine_test_util.h"
 #include "tests/patience.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
 
 using namespace std::chrono_literals;
 
-const std::string kScene = std::string(CLEARANCE_SOURCE_DIR) + "/scenes/random_100/scene.yaml";
+const std::string kScene = source_file("scenes/random_100/scene.yaml");
 
 Deadline soon() {
   return std::chrono::steady_clock::now() + kPatience;

@@ -19,6 +19,7 @@
 #include "server/shm_transport.h"
 #include "tests/client/scripted_server.h"
 #include "tests/patience.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
@@ -44,7 +45,7 @@ Bytes bytes_of(const std::string& hex) {
 const std::vector<Exchange>& recorded() {
   static const auto all = [] {
     std::vector<Exchange> exchanges;
-    std::ifstream file(CLEARANCE_SOURCE_DIR "/tests/server/version_1.txt");
+    std::ifstream file(source_file("tests/server/version_1.txt"));
     for (std::string name, request, reply; std::getline(file, name);)
       if (!name.starts_with('#') && std::getline(file, request) && std::getline(file, reply))
         exchanges.push_back({name, bytes_of(request), bytes_of(reply)});

@@ -6,6 +6,7 @@
 
 #include "engine/narrow/work_meter.h"
 #include "loop_fixture.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
@@ -122,7 +123,7 @@ TEST_F(WorkerSlices, TheDepthOfOnePairOfPiecesIsFoundInThem) {
 
 TEST_F(WorkerSlices, WhatManyPairsLeaveToJointsIsFoundInThem) {
   Scene scene = crowd();
-  scene.add_robot("arm", {.urdf = CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf", .home = {{{"joint4", -1.5}}}});
+  scene.add_robot("arm", {.urdf = source_file("tests/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   start(std::move(scene), short_slices());
   TestQuery query;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kAny);
