@@ -2,21 +2,20 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdio>
 
 #include "bench/peers/contender.h"
 #include "bench/peers/driver.h"
 #include "bench/peers/workloads.h"
+#include "tests/scene/temporary_folder.h"
 
 namespace clearance {
 namespace {
 
 peers::Problem through_a_file(const peers::Problem& p) {
-  const std::string path = testing::TempDir() + "clearance_problem.bin";
+  const TemporaryFolder folder;
+  const std::string path = folder / "problem.bin";
   peers::write_problem(p, path);
-  const peers::Problem q = peers::read_problem(path);
-  std::remove(path.c_str());
-  return q;
+  return peers::read_problem(path);
 }
 
 std::vector<double> distances(const peers::Problem& p) {

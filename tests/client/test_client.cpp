@@ -348,20 +348,19 @@ TEST(Client, ADaemonThatEndsIsNoticed) {
 }
 
 TEST(Client, ConnectingToNothingFailsAtOnce) {
-  EXPECT_EQ(text_of<ConnectionError>([] { connect("ipc:///nonexistent/clearance.ipc"); }),
-            "ipc:///nonexistent/clearance.ipc: no such socket: is clearanced running, with --zmq "
-            "ipc:///nonexistent/clearance.ipc?");
-  // A socket file that nobody listens on, as a killed daemon leaves it.
   std::string folder = (std::filesystem::temp_directory_path() / "clearance-XXXXXX").string();
   ASSERT_NE(mkdtemp(folder.data()), nullptr);
-  const std::string path = folder + "/socket";
+  const std::string path = folder + "/socket", url = "ipc://" + path;
+  EXPECT_EQ(text_of<ConnectionError>([&] { connect(url); }),
+            url + ": no such socket: is clearanced running, with --zmq " + url + "?");
+  // A socket file that nobody listens on, as a killed daemon leaves it.
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   path.copy(address.sun_path, sizeof address.sun_path - 1);
   const int abandoned = socket(AF_UNIX, SOCK_STREAM, 0);
   ASSERT_EQ(bind(abandoned, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
   close(abandoned);
-  EXPECT_EQ(text_of<ConnectionError>([&] { connect("ipc://" + path); }), "ipc://" + path + ": no daemon listens there");
+  EXPECT_EQ(text_of<ConnectionError>([&] { connect(url); }), url + ": no daemon listens there");
   std::filesystem::remove_all(folder);
   EXPECT_EQ(text_of<ConnectionError>([] { connect("tcp://127.0.0.1:1"); }),
             "tcp://127.0.0.1:1: no daemon listens there");

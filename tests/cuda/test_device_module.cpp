@@ -8,6 +8,7 @@
 
 #include "engine/device/device_module.h"
 #include "engine/engine.h"
+#include "tests/source_file.h"
 
 namespace clearance::test {
 namespace {
@@ -35,12 +36,12 @@ void expect_refused(const std::string& library, const std::string& reason) {
 }
 
 TEST_F(DeviceModuleDeathTest, IsMissing) {
-  expect_refused("/nowhere/libclearance-cuda.so",
-                 "CLEARANCE_CUDA_MODULE=/nowhere/libclearance-cuda.so is not a library");
+  expect_refused("/dev/null/libclearance-cuda.so",
+                 "CLEARANCE_CUDA_MODULE=/dev/null/libclearance-cuda.so is not a library");
 }
 
 TEST_F(DeviceModuleDeathTest, IsNoLibrary) {
-  expect_refused(CLEARANCE_SOURCE_DIR "/LICENSE", "LICENSE: ");
+  expect_refused(source_file("LICENSE"), "LICENSE: ");
 }
 
 TEST_F(DeviceModuleDeathTest, IsAnothersLibrary) {
@@ -80,7 +81,7 @@ TEST_F(DeviceModuleDeathTest, IsNotOpenedForTheCpuAlone) {
 TEST_F(DeviceModuleDeathTest, WithoutItNothingIsPinned) {
   EXPECT_EXIT(
       {
-        setenv("CLEARANCE_CUDA_MODULE", "/nowhere", 1);
+        setenv("CLEARANCE_CUDA_MODULE", "/dev/null/none", 1);
         const int here = 0;
         if (cuda::is_pinned(&here)) std::exit(1);
         try {
@@ -90,7 +91,7 @@ TEST_F(DeviceModuleDeathTest, WithoutItNothingIsPinned) {
           std::exit(3);
         }
       },
-      testing::ExitedWithCode(3), "CLEARANCE_CUDA_MODULE=/nowhere is not a library");
+      testing::ExitedWithCode(3), "CLEARANCE_CUDA_MODULE=/dev/null/none is not a library");
 }
 
 [[noreturn]] void share_some_sizes() {
@@ -139,7 +140,7 @@ TEST_F(DeviceModuleDeathTest, SharedMemoryThatIsNotToBeHadIsRefused) {
 TEST_F(DeviceModuleDeathTest, WithoutItNoMemoryIsShared) {
   EXPECT_EXIT(
       {
-        setenv("CLEARANCE_CUDA_MODULE", "/nowhere", 1);
+        setenv("CLEARANCE_CUDA_MODULE", "/dev/null/none", 1);
         try {
           const cuda::SharedMemory memory(0, 64);
         } catch (const cuda::DeviceError& error) {
@@ -147,7 +148,7 @@ TEST_F(DeviceModuleDeathTest, WithoutItNoMemoryIsShared) {
           std::exit(3);
         }
       },
-      testing::ExitedWithCode(3), "CLEARANCE_CUDA_MODULE=/nowhere is not a library");
+      testing::ExitedWithCode(3), "CLEARANCE_CUDA_MODULE=/dev/null/none is not a library");
 }
 
 }  // namespace

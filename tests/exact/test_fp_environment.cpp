@@ -3,7 +3,6 @@
 #include <fenv.h>
 #include <gtest/gtest.h>
 #include <omp.h>
-#include <unistd.h>
 
 #include <cstring>
 #include <fstream>
@@ -12,6 +11,7 @@
 #include "campaign.h"
 #include "engine/engine.h"
 #include "engine/query/columns.h"
+#include "tests/scene/temporary_folder.h"
 
 namespace clearance::exact {
 namespace {
@@ -223,7 +223,8 @@ Bytes whole_way(const std::string& path) {
 }
 
 TEST(FpEnvironment, ScenesAndReductionsAreTheSame) {
-  const std::string path = testing::TempDir() + "fp_environment_" + std::to_string(getpid()) + ".yaml";
+  const TemporaryFolder folder;
+  const std::string path = folder / "scene.yaml";
   {
     std::ofstream file(path);
     file << "bodies:\n";
@@ -238,7 +239,6 @@ TEST(FpEnvironment, ScenesAndReductionsAreTheSame) {
     in(state, [&] { seen = whole_way(path); });
     EXPECT_TRUE(seen == expected) << state.name;
   }
-  unlink(path.c_str());
 }
 
 }  // namespace

@@ -3,13 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <boost/multiprecision/cpp_bin_float.hpp>
-#include <fstream>
 
 #include "engine/motion/half_spans.h"
 #include "engine/robot/motion_path.h"
 #include "motion_test.h"
 #include "tests/robot/exact_robot.h"
 #include "tests/robot/flat_arm.h"
+#include "tests/scene/temporary_folder.h"
+#include "tests/source_file.h"
 
 namespace clearance::test {
 namespace {
@@ -18,7 +19,7 @@ constexpr double kOwnRounding = 1e-12;
 
 // --- Speeds and accelerations of a path, against differences in 60 digits.
 
-const std::string kRobots = CLEARANCE_SOURCE_DIR "/tests/robot/";
+const std::string kRobots = source_file("tests/robot/");
 
 Real length(const RealVec& v) {
   return sqrt(v.x[0] * v.x[0] + v.x[1] * v.x[1] + v.x[2] * v.x[2]);
@@ -120,10 +121,9 @@ void add_plate(Scene& scene, const std::string& name, int axis, double at, const
 }
 
 void add_robot(Scene& scene, const std::string& joints) {
-  const std::string path = ::testing::TempDir() + "motion_bounds.urdf";
-  std::ofstream(path) << "<robot name='r'>" << joints << "</robot>";
+  const TemporaryFolder folder;
   RobotOptions options;
-  options.urdf = path;
+  options.urdf = folder.write("r.urdf", "<robot name='r'>" + joints + "</robot>");
   options.home.emplace();
   scene.add_robot("r", options);
 }

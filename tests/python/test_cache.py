@@ -8,6 +8,7 @@ import subprocess
 
 import clearance
 from conftest import BUILD, INSTALLED
+from patience import PATIENCE_S
 
 CLEARANCE = shutil.which("clearance") if INSTALLED else str(BUILD / "bin" / "clearance")
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
@@ -15,7 +16,9 @@ TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 
 
 def run(cache, *arguments):
     environment = {**os.environ, "CLEARANCE_CACHE": str(cache)}
-    return subprocess.run([CLEARANCE, "cache", *arguments], capture_output=True, text=True, timeout=60, env=environment)
+    return subprocess.run(
+        [CLEARANCE, "cache", *arguments], capture_output=True, text=True, timeout=PATIENCE_S, env=environment
+    )
 
 
 def load(folder, cache, monkeypatch, scale):

@@ -104,15 +104,17 @@ def test_a_daemon_that_ends_is_noticed(start_daemon, cell, kinds):
 
 
 @pytest.mark.parametrize("url, error, text", [
-    ("ipc:///nowhere/clearance.ipc", clearance.ConnectionError, r"ipc:///nowhere/clearance.ipc: no such socket"),
-    ("shm:///nowhere/clearance.sock", clearance.ConnectionError, r"shm:///nowhere/clearance.sock"),
+    ("ipc://{folder}/none", clearance.ConnectionError, r"ipc://{folder}/none: no such socket"),
+    ("shm://{folder}/none", clearance.ConnectionError, r"shm://{folder}/none: there is no socket"),
     ("http://localhost", ValueError, r'"http://localhost" is no url of a daemon: expected shm:///path'),
     ("", ValueError, r"is no url of a daemon"),
     (b"ipc:///x", TypeError, r"url: expected a string, got b'ipc:///x'"),
     (None, TypeError, r"url: expected a string, got None"),
 ])  # fmt: skip
-def test_bad_urls(url, error, text):
-    with pytest.raises(error, match=text):
+def test_bad_urls(url, error, text, tmp_path):
+    if isinstance(url, str):
+        url = url.format(folder=tmp_path)
+    with pytest.raises(error, match=text.format(folder=tmp_path)):
         clearance.connect(url, timeout_s=0.2)
 
 

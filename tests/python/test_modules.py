@@ -55,16 +55,16 @@ def test_importing_the_package_loads_no_engine():
     ["numpy", "lcm", "clearance._client", "clearance._engine"],
     ["clearance._engine", "clearance._client", "lcm", "numpy"],
 ])  # fmt: skip
-def test_lives_in_one_process_with_others(order):
+def test_lives_in_one_process_with_others(order, tmp_path):
     """LCM's own module holds another copy of liblcm and glib than ours do."""
     for name in ("lcm", "clearance._engine"):
         if importlib.util.find_spec(name) is None:
             order = [other for other in order if other != name]
     code = "import importlib\n" + "".join(f"importlib.import_module({name!r})\n" for name in order)
-    code += """
+    code += f"""
 import numpy, threading, clearance
 try:
-    clearance.connect("ipc:///nowhere/clearance.sock", 0.05)
+    clearance.connect("ipc://{tmp_path}/none", 0.05)
 except clearance.ConnectionError as error:
     print("refused:", error)
 """

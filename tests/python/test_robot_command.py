@@ -7,6 +7,7 @@ import json
 import pytest
 
 from conftest import ROOT
+from patience import PATIENCE_S
 from test_inspect import CLEARANCE, subprocess
 
 ARM = ROOT / "tests/robot/arm.urdf"
@@ -15,7 +16,9 @@ EVERY_JOINT = ROOT / "tests/robot/every_joint.urdf"
 
 
 def run(*arguments):
-    return subprocess.run([CLEARANCE, "robot", *map(str, arguments)], capture_output=True, text=True, timeout=120)
+    return subprocess.run(
+        [CLEARANCE, "robot", *map(str, arguments)], capture_output=True, text=True, timeout=PATIENCE_S
+    )
 
 
 def poses(*arguments):
@@ -78,17 +81,18 @@ def test_fk_takes_an_srdfs_states():
         (["fk", ARM, "--set", "joint1"], "expected JOINT=POSITION"),
         (["fk", ARM, "--state", "home"], 'the SRDF has no state "home"'),
         (["fk", ARM, "--base", 0, 0, 0, 0, 0, 0, 0], "--base: expected a pose"),
-        (["fk", ARM, "--positions", "/nowhere"], "/nowhere: expected a line of names"),
-        (["inspect", "/nowhere.urdf"], "/nowhere.urdf: No such file or directory"),
+        (["fk", ARM, "--positions", "{none}"], "{none}: expected a line of names"),
+        (["inspect", "{none}"], "{none}: No such file or directory"),
         (
             ["inspect", ARM, "--srdf", OTHER_SRDF],
             'this SRDF is for the robot "every_joint", the URDF for "arm"',
         ),
     ],
 )
-def test_what_is_wrong_is_said(arguments, words):
-    answer = run(*arguments)
-    assert answer.returncode == 1 and words in answer.stderr, answer.stderr
+def test_what_is_wrong_is_said(arguments, words, tmp_path):
+    none = tmp_path / "none"
+    answer = run(*(str(argument).format(none=none) for argument in arguments))
+    assert answer.returncode == 1 and words.format(none=none) in answer.stderr, answer.stderr
     assert not answer.stdout
 
 

@@ -283,14 +283,14 @@ def test_matrix_as_pose_and_options_by_keyword():
      r"convexify: expected 'hull' or 'submeshes' or 'decompose' or 'surface' or 'solid' or 'auto', got 'hul'"),
     (lambda s: s.add_mesh("x", "a.obj", scale=[1, 2]), ValueError,
      r"scale: expected one number or three, got \[1, 2\]"),
-    (lambda s: s.add_mesh("x", "/nowhere/a.obj"), clearance.SceneError, r"/nowhere/a.obj"),
+    (lambda s: s.add_mesh("x", "/dev/null/a.obj"), clearance.SceneError, r"/dev/null/a.obj"),
     (lambda s: s.add_group("g", "base"), TypeError, r"bodies: expected a list of names, got 'base'"),
     (lambda s: s.add_group("g", ["bas"]), ValueError, r"bodies\[0\]: no body is named 'bas'; did you mean 'base'\?"),
     (lambda s: s.ignore("base", "lnk1"), ValueError, r"b: no body or group is named 'lnk1'; did you mean 'link1'"),
     (lambda s: s.ignore("base", 12), ValueError, r"b: no body has the id 12"),
     (lambda s: s.pieces("lnk1"), ValueError, r"body: no body is named 'lnk1'; did you mean 'link1'"),
     (lambda s: s.pieces(17), ValueError, r"body: no body has the id 17; the scene has 5"),
-    (lambda s: clearance.Scene.load("/nowhere/scene.yaml"), clearance.SceneError, r"/nowhere/scene.yaml"),
+    (lambda s: clearance.Scene.load("/dev/null/scene.yaml"), clearance.SceneError, r"/dev/null/scene.yaml"),
 ])  # fmt: skip
 def test_bad_input_is_named(call, error, text):
     scene = arm()

@@ -2,11 +2,12 @@
 
 import json
 
+from patience import PATIENCE_S
 from test_inspect import CLEARANCE, subprocess
 
 
 def run(*arguments):
-    return subprocess.run([CLEARANCE, "selftest", *arguments], capture_output=True, text=True, timeout=120)
+    return subprocess.run([CLEARANCE, "selftest", *arguments], capture_output=True, text=True, timeout=PATIENCE_S)
 
 
 def test_every_way_to_answer_has_a_line_and_passes():

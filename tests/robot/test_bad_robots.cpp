@@ -1,10 +1,8 @@
 // Robots that are refused, and in which words: cause, file, line and element.
 #include <gtest/gtest.h>
 
-#include <filesystem>
-#include <fstream>
-
 #include "engine/robot/robot.h"
+#include "tests/scene/temporary_folder.h"
 
 namespace clearance {
 namespace {
@@ -279,13 +277,12 @@ TEST_P(BadSrdf, IsRefusedAndLeavesNothing) {
 INSTANTIATE_TEST_SUITE_P(, BadSrdf, testing::ValuesIn(kBadSrdfs), [](const auto& p) { return p.param.name; });
 
 TEST(BadRobot, FilesThatCannotBeRead) {
-  const std::string folder = testing::TempDir();
-  EXPECT_EQ(error_of([&] { read_urdf(folder + "no_such.urdf"); }), folder + "no_such.urdf: No such file or directory");
-  EXPECT_EQ(error_of([&] { read_urdf(folder); }), folder + ": not a plain file");
-  const std::string large = folder + "clearance_large.urdf";
-  std::ofstream(large) << std::string((8 << 20) + 1, ' ');
+  const TemporaryFolder folder;
+  const std::string none = folder / "none.urdf", path = folder.path();
+  EXPECT_EQ(error_of([&] { read_urdf(none); }), none + ": No such file or directory");
+  EXPECT_EQ(error_of([&] { read_urdf(path); }), path + ": not a plain file");
+  const std::string large = folder.write("large.urdf", std::string((8 << 20) + 1, ' '));
   EXPECT_EQ(error_of([&] { read_urdf(large); }), large + ": larger than 8 MiB");
-  std::filesystem::remove(large);
 }
 
 TEST(BadRobot, TooManyLinks) {
@@ -309,18 +306,20 @@ TEST(BadRobot, GroupsOfMoreMembersThanAnyRobotHas) {
 }
 
 TEST(BadRobot, MeshesThatAreNotThere) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path();
   const RobotModel robot = parse_urdf(shape("<geometry><mesh filename='package://arm/m.stl'/></geometry>"), "r.urdf");
   RobotShape mesh = robot.links[0].collision[0];
   const std::string place = "r.urdf:3: link \"a\": collision: mesh ";
   EXPECT_EQ(error_of([&] { mesh_path(mesh, "", {{"leg", "."}}); }),
             place + "\"package://arm/m.stl\": the package \"arm\" has no folder here; name it under packages");
-  EXPECT_EQ(error_of([&] { mesh_path(mesh, "", {{"arm", "/nowhere"}}); }),
-            place + "\"package://arm/m.stl\": there is no file /nowhere/m.stl");
+  EXPECT_EQ(error_of([&] { mesh_path(mesh, "", {{"arm", path}}); }),
+            place + "\"package://arm/m.stl\": there is no file " + path + "/m.stl");
   mesh.mesh = "http://arm/m.stl";
   EXPECT_EQ(error_of([&] { mesh_path(mesh, "", {}); }),
             place + "\"http://arm/m.stl\": expected a path, package:// or file://");
   mesh.mesh = "m.stl";
-  EXPECT_EQ(error_of([&] { mesh_path(mesh, "/nowhere", {}); }), place + "\"m.stl\": there is no file /nowhere/m.stl");
+  EXPECT_EQ(error_of([&] { mesh_path(mesh, path, {}); }), place + "\"m.stl\": there is no file " + path + "/m.stl");
 }
 
 }  // namespace

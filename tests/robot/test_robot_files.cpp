@@ -2,15 +2,15 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 
 #include "engine/robot/robot.h"
+#include "tests/scene/temporary_folder.h"
+#include "tests/source_file.h"
 
 namespace clearance {
 namespace {
 
-const std::string kFolder = CLEARANCE_SOURCE_DIR "/tests/robot/";
+const std::string kFolder = source_file("tests/robot/");
 
 RobotModel every_joint() {
   return read_urdf(kFolder + "every_joint.urdf");
@@ -82,9 +82,9 @@ TEST(Robot, LinksKeepAllTheirShapes) {
 }
 
 TEST(Robot, MeshesLieInTheUrdfsFolderOrInPackages) {
-  const std::string folder = testing::TempDir() + "clearance_robot_meshes";
-  std::filesystem::create_directories(folder + "/sub");
-  for (const char* name : {"/slide.stl", "/sub/hand.dae"}) std::ofstream(folder + name) << "x";
+  const TemporaryFolder files;
+  for (const char* name : {"slide.stl", "sub/hand.dae"}) files.write(name, "x");
+  const std::string folder = files.path();
   const RobotModel robot = every_joint();
   const RobotShape& slide = robot.links[robot.find_link("slide")].collision[0];
   const RobotShape& hand = robot.links[robot.find_link("hand")].visual[0];

@@ -76,8 +76,9 @@ TEST(Mesh, ALoaderThatHangsCrashesOrTalksNonsenseDoesNoHarm) {
   EXPECT_EQ(error_with("echo done >&4; exec sleep 1000"), "reading it took longer than 0.200 s; is the file damaged?");
   EXPECT_EQ(error_with("exec sleep 1000"), "reading it took longer than 0.200 s; is the file damaged?");
   limits = {};
-  ::setenv("CLEARANCE_MESH_LOADER", "/no/such/program", 1);
-  EXPECT_EQ(error_text<MeshError>([&] { load_mesh(good); }), "CLEARANCE_MESH_LOADER=/no/such/program is not a program");
+  const std::string none = folder / "none";
+  ::setenv("CLEARANCE_MESH_LOADER", none.c_str(), 1);
+  EXPECT_EQ(error_text<MeshError>([&] { load_mesh(good); }), "CLEARANCE_MESH_LOADER=" + none + " is not a program");
   ::unsetenv("CLEARANCE_MESH_LOADER");
   EXPECT_EQ(load_mesh(good).submeshes.size(), 1u);
 }

@@ -103,7 +103,7 @@ TEST_F(Clearanced, AnUnknownBackendEndsWith5BeforeTheSceneIsLoaded) {
 }
 
 TEST_F(Clearanced, AnEndpointThatCannotBeOpenedEndsWith4) {
-  const std::string file = folder_.write("a-file", "");
+  const std::string file = folder_.write("a-file", ""), none = folder_ / "none";
   struct Case {
     std::string endpoint, text;
   };
@@ -115,7 +115,7 @@ TEST_F(Clearanced, AnEndpointThatCannotBeOpenedEndsWith4) {
        "tcp://127.0.0.1:99999: the port must be 1 to 65535, or * for a free one; got \"99999\""},
       {"ipc://relative.ipc", "ipc://relative.ipc: the path of the socket must be absolute"},
       {"ipc://@name", "ipc://@name: the path of the socket must be absolute"},
-      {"ipc:///nonexistent/c.ipc", "ipc:///nonexistent/c.ipc: there is no folder /nonexistent"},
+      {"ipc://" + none + "/c.ipc", "ipc://" + none + "/c.ipc: there is no folder " + none},
       {"ipc://" + file, "ipc://" + file + ": the path is taken by something that is not a socket"},
       {"ipc:///" + std::string(200, 'x'), "ipc:///" + std::string(200, 'x') + ": a socket's path may have 107 bytes"},
       {"inproc://x", "inproc://x: expected ipc:///path or tcp://127.0.0.1:PORT"},
@@ -473,11 +473,10 @@ TEST_F(CommandLine, ErrorsSayWhatIsWrong) {
 
 TEST_F(CommandLine, FindsTheDaemonByTheEnvironment) {
   EXPECT_EQ(clearance_cli({"bodies"}, {"CLEARANCE_URL=" + daemon_.url()}).code, 0);
-  const Finished nowhere = clearance_cli({"bodies"}, {"CLEARANCE_URL=ipc:///nonexistent/c.ipc"});
+  const std::string none = "ipc://" + (folder_ / "none/c.ipc");
+  const Finished nowhere = clearance_cli({"bodies"}, {"CLEARANCE_URL=" + none});
   EXPECT_EQ(nowhere.code, 3);
-  EXPECT_EQ(nowhere.err,
-            "clearance: ipc:///nonexistent/c.ipc: no such socket: is clearanced running, with --zmq "
-            "ipc:///nonexistent/c.ipc?\n");
+  EXPECT_EQ(nowhere.err, "clearance: " + none + ": no such socket: is clearanced running, with --zmq " + none + "?\n");
   EXPECT_EQ(clearance_cli({"bodies", "--connect", "http://x"}).code, 2);
 }
 

@@ -11,6 +11,7 @@
 #include "loop_fixture.h"
 #include "tests/engine/engine_test_util.h"
 #include "tests/patience.h"
+#include "tests/scene/temporary_folder.h"
 
 namespace clearance {
 namespace {
@@ -106,7 +107,8 @@ struct Expected {
 
 TEST_F(ManyClients, OverSharedMemoryAndZeroMqAllGetTheEnginesBits) {
   constexpr int kBodies = 60, kQueries = 12;
-  const std::string base = testing::TempDir() + "clearance-many-" + std::to_string(::getpid());
+  const TemporaryFolder folder;
+  const std::string base = folder / "many";
   start(scattered_scene(kBodies));
   loop_->add(make_shm_transport(base + ".shm"));
   loop_->add(make_zmq_transport("ipc://" + base + ".zmq"));

@@ -6,7 +6,7 @@
 // Exceptions of the shared library are caught by their type, and say what they should.
 int main() {
   try {
-    clearance::connect("ipc:///nonexistent/c.ipc");
+    clearance::connect("ipc:///dev/null/c.ipc");
   } catch (const clearance::ConnectionError& error) {
     std::puts(error.what());
     return std::strstr(error.what(), "no such socket") ? 0 : 2;

@@ -40,7 +40,7 @@ int main(int, char** argv) {
   const clearance::embed::Engine engine(clearance::embed::Scene::load(argv[1]));
   check(engine.body_count() == 19, "nineteen bodies");
   own_assimp(argv[2]);
-  for (const char* url : {"udpm://239.255.76.67:7667?ttl=0", "ipc:///nowhere/clearance.ipc", "shm:///nowhere/c.sock"}) {
+  for (const char* url : {"udpm://239.255.76.67:7667?ttl=0", "ipc:///dev/null/c.ipc", "shm:///dev/null/c.sock"}) {
     try {
       clearance::connect(url, std::chrono::milliseconds(50));
       check(false, "nobody serves there");

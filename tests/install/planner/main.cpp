@@ -35,7 +35,7 @@ int main(int, char** argv) {
 
   // Errors are caught by their types; what is a daemon's is refused by name.
   try {
-    Scene::load("/nowhere/scene.yaml");
+    Scene::load("/dev/null/scene.yaml");
     check(false, "a scene that is not there is an error");
   } catch (const SceneError& error) {
     std::puts(error.what());
