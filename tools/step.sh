@@ -7,6 +7,14 @@ mkdir -p "$log_dir"
 say() { printf '%s\n' "$*"; }
 die() { printf 'error: %s\n' "$*" >&2; exit 1; }
 
+# limited COMMAND...: a test program, which fails if it hangs.
+limited() {
+  local status=0
+  timeout -k 10 1800 "$@" || status=$?
+  ((status != 124)) || say "$1 hung: ended after half an hour"
+  return $status
+}
+
 # progress LOG: where a running command is, in a few words: ninja's counter if there is one, else the log's last line.
 progress() {
   local text

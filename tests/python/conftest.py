@@ -17,6 +17,7 @@ import tempfile
 
 import pytest
 
+from limits import pytest_configure, pytest_runtest_protocol  # noqa: F401
 from patience import PATIENCE_S
 
 # A runner in the background may have left SIGINT ignored, which the programs that tests start would inherit.
