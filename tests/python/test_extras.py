@@ -40,6 +40,7 @@ def checkout(tmp_path):
     (tmp_path / ".gitignore").write_text("calls\nout\n")
     git(tmp_path, "init", "-q", "-b", "main")
     commit(tmp_path, "engine/cuda/pair.cu", "first")
+    commit(tmp_path, ".ci/passed", git(tmp_path, "rev-parse", "HEAD"))
     return tmp_path
 
 
@@ -65,19 +66,17 @@ def extras(folder, *arguments):
 
 
 def test_a_change_runs_what_depends_on_it(checkout):
-    git(checkout, "checkout", "-q", "-b", "work")
     commit(checkout, "engine/cuda/pair.cu", "second")
-    commit(checkout, "notes/page.md", "third")  # the change before it counts all the same
+    commit(checkout, "notes/page.md", "third")
     done, calls = extras(checkout, "--changed")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "differ from" in done.stdout and "(first)" in done.stdout
+    assert "differ from" in done.stdout and "(first), the last that passed CI\n" in done.stdout
     for name in NAMES:
         assert (f"{name}: nothing of it has changed" in done.stdout) == (name not in ("arm", "kernels")), done.stdout
     assert calls == "tools/build.sh gpus kernels\n"
 
 
 def test_what_is_run_before_a_release_is_named(checkout):
-    git(checkout, "checkout", "-q", "-b", "work")
     commit(checkout, "server/clearanced.service.in", "second")
     commit(checkout, "tools/root.sh", "third")
     done, calls = extras(checkout, "--changed", "wheels", "deb")
@@ -95,17 +94,46 @@ def test_what_is_not_committed_counts(checkout):
 
 
 def test_a_change_of_no_folder_of_theirs_runs_nothing(checkout):
-    commit(checkout, "notes/page.md", "second")  # on main: against the commit before
+    commit(checkout, "notes/page.md", "second")
     done, calls = extras(checkout, "--changed")
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("nothing of it has changed") == len(NAMES) and not calls
 
 
-def test_without_history_all_are_run(checkout):
+@pytest.mark.parametrize(
+    "passed, why",
+    [
+        ("", "There is no .ci/passed"),
+        (
+            "0123456789abcdef0123456789abcdef01234567\n",
+            "The commit of .ci/passed, 0123456789abcdef0123456789abcdef01234567",
+        ),
+    ],
+)
+def test_without_the_commit_that_passed_all_are_run(checkout, passed, why):
+    (checkout / ".ci/passed").write_text(passed)
     done, calls = extras(checkout, "--changed")
-    assert "no commit to compare with: all extras" in done.stdout
+    assert why in done.stdout and "all extras count as changed" in done.stdout
     assert done.returncode != 0 and "client_install ..." in done.stdout, done.stdout  # the first, which fails here
     assert "venv" in calls
+
+
+def test_a_commit_of_another_history_is_compared_all_the_same(checkout):
+    git(checkout, "checkout", "-q", "--orphan", "rewritten")
+    commit(checkout, "engine/cuda/pair.cu", "second")
+    done, calls = extras(checkout, "--changed")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "(first)" in done.stdout and "no ancestor of HEAD" in done.stdout
+    assert calls == "tools/build.sh gpus kernels\n"
+
+
+def test_what_would_take_too_long_is_left_out_and_named(checkout):
+    commit(checkout, "engine/cuda/pair.cu", "second")
+    done, calls = extras(checkout, "--changed", "--minutes", "0")
+    assert done.returncode == 0 and not calls, done.stdout + done.stderr
+    assert done.stdout.endswith('Left out, for want of time: run make test-extras EXTRAS="kernels"\n')
+    done, calls = extras(checkout, "--changed", "--minutes", "1000")
+    assert (done.returncode, calls) == (0, "tools/build.sh gpus kernels\n"), done.stderr
 
 
 def test_names(checkout):
