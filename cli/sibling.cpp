@@ -72,12 +72,13 @@ void add_cache(CLI::App& app) {
 
 void add_view(CLI::App& app) {
   add_program(app, "view", "a browser page of a scene, its distances and a daemon", "is part of the Python package",
-              "; pip install \"clearance[view]\"");
+              "; pip install \"WHEEL[view]\", where WHEEL is the file clearance-*.whl");
 }
 
 void add_sweep(CLI::App& app) {
   add_program(app, "sweep", "answers a job of many configurations or motions in parts, as Parquet",
-              "is part of the Python package", "; pip install \"clearance[sweep]\"");
+              "is part of the Python package",
+              "; pip install \"WHEEL[sweep]\", where WHEEL is the file clearance-*.whl");
 }
 
 }  // namespace clearance::cli

@@ -153,8 +153,7 @@ std::vector<ProposedPiece> propose_pieces(std::span<const Vec3d> vertices, std::
     throw std::runtime_error(options.python + " cannot be run; --python names a Python that has coacd");
   if (WIFEXITED(status) && WEXITSTATUS(status) == kNoCoacd)
     throw std::runtime_error(options.python +
-                             " has no coacd: pip install \"clearance[decompose]\" (or coacd), or name "
-                             "a Python that has it (--python)");
+                             " has no coacd: pip install coacd there, or name a Python that has it (--python)");
   if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
     throw std::runtime_error("CoACD failed with " + (WIFEXITED(status)
                                                          ? "exit code " + std::to_string(WEXITSTATUS(status))

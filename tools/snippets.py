@@ -52,7 +52,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "docker run": NEEDS + "Docker",
         "clearance bodies": NEEDS + "Docker",
         "ln -s $PWD/ros": NEEDS + "ROS 2; tests/python/test_ros.py has the package",
-        "pip install": NEEDS + "a network; make test-extras EXTRAS=wheels installs it",
+        "tools/wheel.sh client": NEEDS + "a network; make test-extras EXTRAS=wheels installs it",
         "cd ~/ws": NEEDS + "ROS 2",
         "ros2 launch": NEEDS + "ROS 2",
     },

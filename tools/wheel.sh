@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the wheels that are published, into dist/: tools/wheel.sh [native] [abi3] [client]; without a name all.
+# Builds the wheels, into dist/: tools/wheel.sh [native] [abi3] [client]; without a name all. No package index has them.
 #
 #   native   package, daemon, command line and mesh loader for .venv's Python, with every library that they need but glibc's and
 #            the compiler's

@@ -158,6 +158,21 @@ def test_links_lead_somewhere():
     assert checked > 10
 
 
+def test_nothing_is_installed_from_an_index_by_our_names():
+    """Nobody owns `clearance` and `clearance-client` on PyPI: whoever registers them would be installed."""
+    by_name = re.compile(
+        r"""pip3? install(?: [^\n`]*?)?["' ]clearance(?:-client)?(?:\[|["'\s`]|$)|\bclearance\[\w+\]""", re.MULTILINE
+    )
+    assert by_name.search("pip install clearance-client  # here") and by_name.search('pip install "clearance[view]"')
+    assert not by_name.search("pip install dist/clearance_client-*.whl") and not by_name.search('"WHEEL[view]"')
+    kinds = {".md", ".py", ".pyi", ".cpp", ".h", ".toml", ".xml", ".sh", ".ipynb", ".txt", ".in"}
+    folders = ["cli", "client", "docs", "inspect", "ros", "server", "tools"]
+    files = [ROOT / "README.md", ROOT / "pyproject.toml"]
+    files += [file for folder in folders for file in (ROOT / folder).rglob("*") if file.suffix in kinds]
+    assert len(files) > 100
+    assert not [str(file) for file in files if by_name.search(file.read_text())]
+
+
 def test_scripts_that_commands_name_are_there():
     named = set()
     for file in ("Makefile", ".ci/run", "tools/gpu.sh", "CONTRIBUTING.md"):

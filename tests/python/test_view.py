@@ -330,7 +330,10 @@ def test_without_viser_the_command_says_what_to_install(cell, tmp_path):
         timeout=PATIENCE_S,
     )
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == 'clearance view: the page needs viser: pip install "clearance[view]"\n'
+    assert (
+        done.stderr
+        == 'clearance view: the page needs viser: pip install "WHEEL[view]", where WHEEL is the file clearance-*.whl\n'
+    )
 
 
 def test_a_wheels_command_knows_it(root):

@@ -171,8 +171,9 @@ TEST_F(DecomposedMeshes, TheProcessThatProposesMayFailOrBeStopped) {
     options.python = python;
     return error_text<std::runtime_error>([&] { decompose(options, stop); });
   };
-  EXPECT_NE(refusal("/no/such/python").find("/no/such/python cannot be run"), std::string::npos);
-  EXPECT_NE(refusal(program("none", "exit 3\n")).find("clearance[decompose]"), std::string::npos);
+  const std::string absent = folder_ / "absent";
+  EXPECT_NE(refusal(absent).find(absent + " cannot be run"), std::string::npos);
+  EXPECT_NE(refusal(program("none", "exit 3\n")).find("has no coacd: pip install coacd there"), std::string::npos);
   EXPECT_NE(refusal(program("fails", "exit 9\n")).find("CoACD failed with exit code 9"), std::string::npos);
   EXPECT_NE(refusal(program("dies", "kill -9 $$\n")).find("CoACD failed with signal 9"), std::string::npos);
   EXPECT_NE(refusal(program("silent", "exit 0\n")).find("without pieces that can be read"), std::string::npos);

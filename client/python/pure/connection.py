@@ -173,7 +173,9 @@ class Connection:
         if kind == "shm":
             return ShmChannel(rest, deadline)
         if kind == "udpm":
-            raise ConnectionError(f"{url}: this client, of Python alone, speaks no LCM; install clearance for it")
+            raise ConnectionError(
+                f"{url}: this client, of Python alone, speaks no LCM; install the wheel clearance-*.whl for it"
+            )
         return ZmqChannel(url.partition("?")[0], keys_of(url, self._keys), deadline)
 
     def _meet(self, deadline: float) -> None:

@@ -62,7 +62,7 @@ class ShmChannel:
         if platform.machine() != "x86_64":
             raise ConnectionError(
                 f"{self.url}: shared memory from Python alone relies on x86-64's order of stores, and this is "
-                f"{platform.machine()}; use ipc://, or install clearance"
+                f"{platform.machine()}; use ipc://, or install the wheel clearance-*.whl"
             )
         self._dead = ""  # why the connection is of no use any more; empty: it is
         self._outgrown: list[Segment] = []

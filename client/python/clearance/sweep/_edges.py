@@ -65,7 +65,9 @@ def write_edges(nodes: Rows, nearest: int, radius: float, path: Path, what: str)
     try:
         from scipy.spatial import cKDTree
     except ImportError:
-        raise JobError(f"{what}: needs the package scipy (pip install 'clearance[ray]')") from None
+        raise JobError(
+            f"{what}: needs the package scipy (pip install 'WHEEL[ray]', where WHEEL is the file clearance-*.whl)"
+        ) from None
     if nodes.count >= 1 << 32:
         raise JobError(f"{what}.of: expected fewer than 2**32 nodes, got {nodes.count}")
     if nodes.count <= nearest:

@@ -108,7 +108,10 @@ def _parsed(text: str, path: Path) -> Any:
     try:
         import yaml
     except ImportError:
-        raise JobError(f"{path}: a YAML job needs the package PyYAML (pip install 'clearance[sweep]')") from None
+        raise JobError(
+            f"{path}: a YAML job needs the package PyYAML "
+            "(pip install 'WHEEL[sweep]', where WHEEL is the file clearance-*.whl)"
+        ) from None
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError as error:

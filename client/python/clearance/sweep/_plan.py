@@ -95,7 +95,8 @@ def _needs_pyarrow(job: Job) -> None:
         import pyarrow.parquet  # noqa: F401
     except ImportError:
         raise JobError(
-            f"{job.file}: parts are written by the package pyarrow (pip install 'clearance[sweep]')"
+            f"{job.file}: parts are written by the package pyarrow "
+            "(pip install 'WHEEL[sweep]', where WHEEL is the file clearance-*.whl)"
         ) from None
 
 

@@ -54,7 +54,9 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     except ImportError as error:
         if (error.name or "").partition(".")[0] != "viser":
             raise
-        return _fail(_REFUSED, 'the page needs viser: pip install "clearance[view]"')
+        return _fail(
+            _REFUSED, 'the page needs viser: pip install "WHEEL[view]", where WHEEL is the file clearance-*.whl'
+        )
     try:
         session = open_session(options)
         viewer = Viewer(session, options.host, options.port, options.rate)
