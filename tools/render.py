@@ -4,7 +4,7 @@ Lengths are metres, arrays of points (N, 3) in the world frame with z up, images
 """
 import numpy as np
 
-_BATCH = 4_000_000  # pixels looked at together
+_BATCH = 64_000  # pixels evaluated together, so that their arrays fit the processor's cache
 _EMPTY = np.uint64(0xFFFFFFFFFFFFFFFF)
 _DEPTH_STEPS = 2**31
 
@@ -67,22 +67,24 @@ def rasterise(screen, triangles, width, height):
     for power in range(1, int(np.ceil(np.log2(max(width, height) + 1))) + 1):
         side = 2**power
         chosen = np.flatnonzero(drawable & (extent <= side) & (extent > (side // 2 if power > 1 else 0)))
-        step = max(1, _BATCH // side**2)
+        rows = max(1, min(side, _BATCH // side))
+        step = max(1, _BATCH // (side * rows))
         for begin in range(0, len(chosen), step):
             t = chosen[begin:begin + step]
-            x = first[t, 0, None, None] + np.arange(side)[None, None, :]
-            y = first[t, 1, None, None] + np.arange(side)[None, :, None]
-            dx = x + 0.5 - corners[t, 0, 0, None, None]
-            dy = y + 0.5 - corners[t, 0, 1, None, None]
-            inverse = 1 / area[t, None, None]
-            u = (dx * edge2[t, 1, None, None] - dy * edge2[t, 0, None, None]) * inverse
-            v = (dy * edge1[t, 0, None, None] - dx * edge1[t, 1, None, None]) * inverse
-            inside = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (x < width) & (y < height)
-            n, row, column = np.nonzero(inside)
-            depth = corners[t[n], 0, 2] + u[inside] * edge1[t[n], 2] + v[inside] * edge2[t[n], 2]
-            key = ((depth - low) * scale).clip(0, _DEPTH_STEPS - 1).astype(np.uint64) << np.uint64(32)
-            key |= t[n].astype(np.uint64)
-            np.minimum.at(buffer, (first[t[n], 1] + row) * width + first[t[n], 0] + column, key)
+            for top in range(0, (last[t, 1] - first[t, 1]).max() + 1, rows):
+                x = first[t, 0, None, None] + np.arange(side)[None, None, :]
+                y = first[t, 1, None, None] + np.arange(top, min(top + rows, side))[None, :, None]
+                dx = x + 0.5 - corners[t, 0, 0, None, None]
+                dy = y + 0.5 - corners[t, 0, 1, None, None]
+                inverse = 1 / area[t, None, None]
+                u = (dx * edge2[t, 1, None, None] - dy * edge2[t, 0, None, None]) * inverse
+                v = (dy * edge1[t, 0, None, None] - dx * edge1[t, 1, None, None]) * inverse
+                inside = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (x < width) & (y < height)
+                n, row, column = np.nonzero(inside)
+                depth = corners[t[n], 0, 2] + u[inside] * edge1[t[n], 2] + v[inside] * edge2[t[n], 2]
+                key = ((depth - low) * scale).clip(0, _DEPTH_STEPS - 1).astype(np.uint64) << np.uint64(32)
+                key |= t[n].astype(np.uint64)
+                np.minimum.at(buffer, (first[t[n], 1] + top + row) * width + first[t[n], 0] + column, key)
 
     index = np.where(buffer == _EMPTY, -1, (buffer & np.uint64(0xFFFFFFFF)).astype(np.int64))
     depth = np.where(buffer == _EMPTY, np.inf, (buffer >> np.uint64(32)).astype(float) / scale + low)
@@ -150,24 +152,29 @@ def render(meshes, camera, ground=None, background=(0.965, 0.97, 0.978)):
     shadow = _ShadowMap(vertices, triangles, light)
 
     # Bodies.
-    t = index[hit]
+    colour = np.empty((np.count_nonzero(hit), 3), np.float32)
     row, column = np.nonzero(hit)
-    rays = camera.rays(column, row)
-    positions = camera.eye + rays * distance[hit][:, None]
-    weights = _barycentric(positions, vertices[triangles[t]])
-    n = np.einsum("ni,nik->nk", weights, normals[t])
-    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
-    view = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    n *= np.where(np.einsum("ij,ij->i", n, view) < -0.2, -1.0, 1.0)[:, None]  # inside-out meshes
-    lit = shadow.lit(positions + n * shadow.texel * 1.5, spread=1.5)
-    diffuse = np.clip(n @ light, 0, 1) * lit
-    sky = 0.5 + 0.5 * n[:, 2]
-    halfway = light + view
-    halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
-    gloss = np.clip(np.einsum("ij,ij->i", n, halfway), 0, 1) ** 40 * lit * 0.10
-    rim = (1 - np.clip(np.einsum("ij,ij->i", n, view), 0, 1)) ** 3 * 0.10
-    shade = 0.40 + 0.24 * sky + 0.46 * diffuse
-    image[hit] = colours[t] * shade[:, None] + (gloss + rim)[:, None]
+    for begin in range(0, len(colour), _BATCH):
+        part = slice(begin, begin + _BATCH)
+        y, x = row[part], column[part]
+        t = index[y, x]
+        rays = camera.rays(x, y)
+        positions = camera.eye + rays * distance[y, x][:, None]
+        weights = _barycentric(positions, vertices[triangles[t]])
+        n = np.einsum("ni,nik->nk", weights, normals[t])
+        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
+        view = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        n *= np.where(np.einsum("ij,ij->i", n, view) < -0.2, -1.0, 1.0)[:, None]  # inside-out meshes
+        lit = shadow.lit(positions + n * shadow.texel * 1.5, spread=1.5)
+        diffuse = np.clip(n @ light, 0, 1) * lit
+        sky = 0.5 + 0.5 * n[:, 2]
+        halfway = light + view
+        halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
+        gloss = np.clip(np.einsum("ij,ij->i", n, halfway), 0, 1) ** 40 * lit * 0.10
+        rim = (1 - np.clip(np.einsum("ij,ij->i", n, view), 0, 1)) ** 3 * 0.10
+        shade = 0.40 + 0.24 * sky + 0.46 * diffuse
+        colour[part] = colours[t] * shade[:, None] + (gloss + rim)[:, None]
+    image[hit] = colour
 
     # The floor: only its shadows show, and they fade into the background far away.
     if ground is not None:
