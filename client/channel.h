@@ -56,6 +56,9 @@ class Channel {
   /// Whether the connection has ended for good, as far as was noticed: it sends nothing any more. Where there is no
   /// connection underneath (LCM), never.
   virtual bool lost() const { return false; }
+  /// Goes on with the daemon that answers now, where the transport does not say which one that is (LCM). Throws
+  /// ConnectionError if none or several do.
+  virtual void bind(Deadline) {}
   /// Whether a frame may be lost on its way, without a word.
   virtual bool may_lose() const { return false; }
   /// A number that is another one each time, as long as the daemon's loop goes round; 0: this daemon shows none. Asks

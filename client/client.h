@@ -367,7 +367,8 @@ class CLEARANCE_API Client {
   /// acknowledged last. 0: that daemon is too old to have epochs.
   std::uint64_t epoch() const;
   /// Goes on with the daemon that serves now, whichever it is, and returns its epoch. After NewEpoch: then send poses,
-  /// attachments and bodies again. Throws ConnectionError.
+  /// attachments and bodies again. Throws ConnectionError, also if this client's daemon is gone and several others
+  /// answer (LCM).
   std::uint64_t acknowledge_epoch();
 
   void set_timeout(Duration timeout);  ///< for every call; default 5 s
@@ -414,7 +415,8 @@ struct ConnectOptions {
 
 /// Connects. "shm:///run/user/0/clearance.sock", "ipc:///path", "tcp://host:port",
 /// "udpm://239.255.76.67:7667?ttl=0" (an LCM url; "&prefix=NAME_" sets the channels' prefix).
-/// Throws ConnectionError naming url and cause; std::invalid_argument for a url of no known kind.
+/// Throws ConnectionError naming url and cause, over LCM also if several daemons answer; std::invalid_argument for a
+/// url of no known kind.
 CLEARANCE_API Client connect(const std::string& url, std::chrono::nanoseconds timeout = std::chrono::seconds(5));
 CLEARANCE_API Client connect(const std::string& url, const ConnectOptions& options);
 /// Connects to the first of these that answers, and goes on to the next, round and round, when one is gone or hung.

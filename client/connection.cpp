@@ -155,7 +155,9 @@ Deadline Connection::look_for_hang(Deadline now) {
 
 std::uint64_t Connection::acknowledge_epoch() {
   prepare();
-  meet(deadline_in(timeout_));
+  const Deadline deadline = deadline_in(timeout_);
+  channel_->bind(deadline);
+  meet(deadline);
   return epoch_;
 }
 

@@ -1,10 +1,13 @@
 // A connection over LCM: frames in parts, out on CLEARANCE_FRAME_IN and back on CLEARANCE_FRAME_OUT.
 //
 // There is no connection underneath: nothing says that the daemon is gone, and any part may be lost. A frame arrives
-// whole or not at all; one that does not arrive is a deadline passed.
+// whole or not at all; one that does not arrive is a deadline passed. Every daemon of the network receives each
+// request, so the channel is bound to one of them, by its server id, and takes answers from that one alone.
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <optional>
+#include <set>
 #include <stdexcept>
 #include <thread>
 #include <unordered_map>
@@ -26,6 +29,12 @@ constexpr std::uint64_t kMaxReplyBytes = std::uint64_t{64} << 20;
 /// Messages that liblcm keeps between two calls of receive(): parts of 24 MB.
 constexpr int kQueue = 512;
 constexpr std::chrono::milliseconds kAskAgain{200};
+/// Wait for greetings of further daemons, after the first.
+constexpr std::chrono::milliseconds kSettle{100};
+/// Silence of the bound daemon after which the refusal of another one is the answer.
+constexpr std::chrono::milliseconds kSilence{500};
+/// Request ids of greetings: apart from those of Connection's own requests.
+constexpr std::uint64_t kGreetings = kOwnRequests | std::uint64_t{1} << 60;
 
 class LcmFrame final : public Frame {
  public:
@@ -49,7 +58,33 @@ class LcmChannel final : public Channel {
     bus_.subscribe("CLEARANCE_FRAME_OUT", kQueue, [this](std::span<const std::byte> packet) {
       if (client_id_of(packet) == client_id_) take(packet);
     });
-    greet(deadline);
+    bind(deadline);
+  }
+
+  /// Pings until a daemon answers: it may not be up yet, and packets may be lost. Keeps the daemon bound so far if that
+  /// one answers.
+  void bind(Deadline deadline) override {
+    greeted_.clear();
+    first_greeting_ = next_greeting_;
+    while (greeted_.empty()) {
+      if (Deadline::clock::now() >= deadline)
+        throw ConnectionError(url_ +
+                              ": no daemon answers; is clearanced running with --lcm and this group, port and prefix?");
+      ping(next_greeting_++);
+      const Deadline again = std::min(deadline, Deadline::clock::now() + kAskAgain);
+      while (greeted_.empty() && pump(again)) {
+      }
+    }
+    for (const Deadline settled = Deadline::clock::now() + kSettle; pump(settled);) {
+    }
+    if (greeted_.contains(server_id_)) return;
+    if (greeted_.size() > 1) throw ConnectionError(url_ + several_answer());
+    server_id_ = *greeted_.begin();
+    for (auto& [request_id, refusal] : refusals_) {
+      if (outstanding_.erase(request_id)) kept_[request_id] = std::move(refusal);
+    }
+    refusals_.clear();
+    silent_since_.reset();
   }
 
   std::byte* begin(std::uint64_t frame_bytes, std::uint64_t) override {
@@ -87,35 +122,33 @@ class LcmChannel final : public Channel {
 
   std::unique_ptr<Frame> receive(std::uint64_t request_id, Deadline deadline) override {
     while (true) {
-      try {
-        while (!kept_.contains(request_id) && bus_.handle()) {
-        }
-      } catch (const std::runtime_error& error) {
-        throw ConnectionError(url_ + ": " + error.what());
+      while (!kept_.contains(request_id) && handle()) {
       }
-      if (const auto found = kept_.find(request_id); found != kept_.end()) {
-        std::unique_ptr<Frame> frame = std::move(found->second);
-        kept_.erase(found);
-        return frame;
+      if (probe_due_) sign_of_life();
+      if (auto frame = take_out(kept_, request_id)) return frame;
+      const bool is_refused = refusals_.contains(request_id);
+      const Deadline silent = is_refused ? *silent_since_ + kSilence : Deadline::max();
+      if (Deadline::clock::now() >= silent) {
+        outstanding_.erase(request_id);
+        return take_out(refusals_, request_id);
       }
-      if (!bus_.wait(deadline)) return nullptr;
+      if (!bus_.wait(std::min(deadline, silent)) && Deadline::clock::now() >= deadline) return nullptr;
     }
   }
 
   void forget(std::uint64_t request_id) override {
     outstanding_.erase(request_id);
     kept_.erase(request_id);
+    refusals_.erase(request_id);
   }
 
   std::string url() const override { return url_; }
   bool may_lose() const override { return true; }
 
-  /// Parts that came for us; where none comes, an echo brings one.
+  /// Parts that the bound daemon sent us; where none comes, an echo brings one.
   std::uint64_t sign_of_life() override {
-    const wire::FrameHeader echo = wire::make_header(wire::FrameType::kPing, kSignRequest, 0);
-    std::memcpy(begin(sizeof echo, 0), &echo, sizeof echo);
-    send();
-    forget(kSignRequest);
+    probe_due_ = false;
+    ping(kSignRequest);
     return arrived_ + 1;
   }
 
@@ -127,18 +160,58 @@ class LcmChannel final : public Channel {
     return static_cast<std::int64_t>(id);
   }
 
+  using Frames = std::unordered_map<std::uint64_t, std::unique_ptr<Frame>>;
+  static std::unique_ptr<Frame> take_out(Frames& frames, std::uint64_t request_id) {
+    auto node = frames.extract(request_id);
+    return node ? std::move(node.mapped()) : nullptr;
+  }
+
+  /// An echo, whose arrival alone counts.
+  void ping(std::uint64_t request_id) {
+    const wire::FrameHeader header = wire::make_header(wire::FrameType::kPing, request_id, 0);
+    std::memcpy(begin(sizeof header, 0), &header, sizeof header);
+    send();
+    forget(request_id);
+  }
+
+  /// Takes one message that waits; false if none does.
+  bool handle() {
+    try {
+      return bus_.handle();
+    } catch (const std::runtime_error& error) {
+      throw ConnectionError(url_ + ": " + error.what());
+    }
+  }
+  /// Takes one message, or waits for one; false once `deadline` has passed.
+  bool pump(Deadline deadline) { return Deadline::clock::now() < deadline && (handle() || bus_.wait(deadline)); }
+
+  std::string several_answer() const {
+    std::string ids;
+    for (const std::int64_t id : greeted_) ids += (ids.empty() ? "" : ", ") + std::to_string(id);
+    return ": " + std::to_string(greeted_.size()) + " daemons answer under the same channels (server ids " + ids +
+           "), and each has poses of its own; give each a prefix of its own (--lcm-prefix)";
+  }
+
   /// A part for us. What is malformed, late or of another request is dropped: anybody may send on this network.
   void take(std::span<const std::byte> packet) {
     clearance_lcm::frame_t part;
     if (!decode_checked(packet, part).empty()) return;
-    ++arrived_;
+    const bool is_bound = part.server_id == server_id_;
+    if (is_bound) {
+      ++arrived_;
+      silent_since_.reset();
+      refusals_.clear();
+    }
     const auto request_id = static_cast<std::uint64_t>(part.request_id);
-    if (!outstanding_.contains(request_id)) return;
+    if (request_id >= first_greeting_ && request_id < next_greeting_) greeted_.insert(part.server_id);
+    // The refusals of other daemons are short: their answers to clients without an epoch are not put together.
+    if (!outstanding_.contains(request_id) || (!is_bound && part.parts != 1)) return;
     auto whole = assembler_.add(part, FrameAssembler::Clock::now());
     if (!whole) return;
     try {
       auto frame = std::make_unique<LcmFrame>(std::move(whole->frame));
       if (frame->header().request_id != request_id) return;
+      if (!is_bound) return hold_refusal(request_id, std::move(frame));
       outstanding_.erase(request_id);
       kept_[request_id] = std::move(frame);
     } catch (const wire::WireError&) {
@@ -146,32 +219,35 @@ class LcmChannel final : public Channel {
     }
   }
 
-  /// Pings until the daemon answers: it may not be up yet, and the first packets may be lost.
-  void greet(Deadline deadline) {
-    for (std::uint64_t id = kOwnRequests;; ++id) {
-      const wire::FrameHeader header = wire::make_header(wire::FrameType::kPing, id, 0);
-      std::memcpy(begin(sizeof header, 0), &header, sizeof header);
-      send();
-      const bool answered = receive(id, std::min(deadline, Deadline::clock::now() + kAskAgain)) != nullptr;
-      forget(id);
-      if (answered) return;
-      if (Deadline::clock::now() >= deadline) {
-        throw ConnectionError(url_ +
-                              ": no daemon answers; is clearanced running with --lcm and this group, port and prefix?");
-      }
+  /// Keeps the kNewEpoch of another daemon. It is the answer if the bound daemon, which is pinged, proves to be gone:
+  /// it may have been started anew, with another server id.
+  void hold_refusal(std::uint64_t request_id, std::unique_ptr<Frame> frame) {
+    if (frame->header().type != static_cast<std::uint16_t>(wire::FrameType::kError)) return;
+    const auto error = wire::parse_error(wire::split_payload(frame->header(), frame->payload()).body);
+    if (error.header.code != static_cast<std::uint16_t>(wire::ErrorCode::kNewEpoch)) return;
+    if (!silent_since_) {
+      silent_since_ = Deadline::clock::now();
+      probe_due_ = true;
     }
+    refusals_[request_id] = std::move(frame);
   }
 
   LcmBus bus_;
   std::string url_;
   std::int64_t client_id_ = draw_lcm_id();
   std::int64_t sequence_ = 0;
-  std::uint64_t arrived_ = 0;  // parts
+  std::int64_t server_id_ = 0;      // of the bound daemon; 0: none yet
+  std::set<std::int64_t> greeted_;  // daemons that answered the greetings of the last bind()
+  std::uint64_t first_greeting_ = kGreetings, next_greeting_ = kGreetings;
+  std::uint64_t arrived_ = 0;             // parts from the bound daemon
+  std::optional<Deadline> silent_since_;  // first refusal of another daemon since the bound one was heard
+  bool probe_due_ = false;
   LcmPacer pacer_;
   FrameBytes room_;
   FrameAssembler assembler_{{.frame_bytes = kMaxReplyBytes, .total_bytes = 4 * kMaxReplyBytes, .frames = 1024}};
   std::unordered_set<std::uint64_t> outstanding_;
-  std::unordered_map<std::uint64_t, std::unique_ptr<Frame>> kept_;
+  Frames kept_;
+  Frames refusals_;  // kNewEpoch of other daemons, by outstanding request
 };
 
 }  // namespace

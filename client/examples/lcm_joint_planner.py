@@ -32,6 +32,7 @@ class Planner:
         self.prefix = prefix
         self.id = random.getrandbits(63) | 1  # ours alone: as publisher and as client
         self.sequence = self.request = 0
+        self.server = None  # server_id of the daemon that we heard first
         self.positions = {}  # by joint: radians and metres
         self.published = 0.0
         self.names, self.replies = {}, {}
@@ -39,8 +40,18 @@ class Planner:
         self.subscribe("CLEARANCE_REPLY", reply_t, self.on_reply)
 
     def subscribe(self, channel, kind, handler):
-        subscription = self.lcm.subscribe(self.prefix + channel, lambda _, data: handler(kind.decode(data)))
+        subscription = self.lcm.subscribe(self.prefix + channel, lambda _, data: handler(self.ours(kind.decode(data))))
         subscription.set_queue_capacity(1000)  # a long answer is many messages; 30 would be kept otherwise
+
+    def ours(self, message):
+        """Each daemon of the network has poses of its own, and answers every query: there must be one."""
+        self.server = self.server or message.server_id
+        if message.server_id != self.server:
+            sys.exit(
+                f"lcm_joint_planner: daemons {self.server} and {message.server_id} publish under the same channels, or "
+                "one was started anew; give each a prefix of its own"
+            )
+        return message
 
     def spin(self, seconds):
         """Takes messages for at most so long; repeats the positions when a second has passed."""

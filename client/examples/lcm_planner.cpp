@@ -144,14 +144,24 @@ class Planner {
     if (subscription == nullptr) give_up(std::string("cannot listen to ") + channel);
     subscription->setQueueCapacity(1000);  // a long answer is many messages; 30 would be kept otherwise
   }
+  /// Each daemon of the network has poses of its own, and answers every query: there must be one.
+  void check_daemon(std::int64_t server) {
+    if (server_ == 0) server_ = server;
+    if (server != server_)
+      give_up("daemons " + std::to_string(server_) + " and " + std::to_string(server) +
+              " publish under the same channels, or one was started anew; give each a prefix of its own");
+  }
   void on_scene(const lcm::ReceiveBuffer*, const std::string&, const scene_t* m) {
+    check_daemon(m->server_id);
     scene_.keep(m->server_id, m->revision, *m);
   }
   void on_states(const lcm::ReceiveBuffer*, const std::string&, const states_t* m) {
+    check_daemon(m->server_id);
     states_.keep(m->server_id, m->scene_revision, *m);
   }
   void on_reply(const lcm::ReceiveBuffer*, const std::string&, const reply_t* m) {
     // Parts of one answer share a sequence; those of different answers never mix.
+    check_daemon(m->server_id);
     if (m->client_id == id_ && m->request_id == request_) replies_.keep(m->server_id, m->sequence, *m);
   }
 
@@ -171,6 +181,7 @@ class Planner {
 
   lcm::LCM lcm_;
   std::string prefix_;
+  std::int64_t server_ = 0;  // of the daemon that was heard first
   std::int64_t id_ = 0, sequence_ = 0, stamp_ns_ = 0, request_ = 0, revision_ = 0;
   Clock::time_point published_;
   std::map<std::int32_t, std::string> names_;

@@ -35,6 +35,7 @@ class Planner:
         self.id = random.getrandbits(63) | 1  # ours alone: as publisher and as client
         self.sequence = 0
         self.request = 0
+        self.server = None  # server_id of the daemon whose scene we know
         self.poses = {}  # body id: [x, y, z, qw, qx, qy, qz]
         self.published, self.stamp_ns = 0.0, 0
         self.scene_parts, self.state_parts, self.reply_parts = {}, {}, {}
@@ -49,8 +50,18 @@ class Planner:
         self.subscribe("CLEARANCE_REPLY", reply_t, self.on_reply)
 
     def subscribe(self, channel, kind, handler):
-        subscription = self.lcm.subscribe(self.prefix + channel, lambda _, data: handler(kind.decode(data)))
+        subscription = self.lcm.subscribe(self.prefix + channel, lambda _, data: handler(self.ours(kind.decode(data))))
         subscription.set_queue_capacity(1000)  # a long answer is many messages; 30 would be kept otherwise
+
+    def ours(self, message):
+        """Each daemon of the network has poses of its own, and answers every query: there must be one."""
+        self.server = self.server or message.server_id
+        if message.server_id != self.server:
+            sys.exit(
+                f"lcm_planner: daemons {self.server} and {message.server_id} publish under the same channels, or one "
+                "was started anew; give each a prefix of its own"
+            )
+        return message
 
     def spin(self, seconds):
         """Takes messages for at most so long; repeats the poses when a second has passed."""

@@ -56,7 +56,8 @@ def connect(
         DaemonHung, after a quarter more at most. 0: only the timeout ends a call. None: 1 s, or a fifth of timeout_s if
         that is more.
 
-    Raises ConnectionError naming url and cause; ValueError for a url of no known kind.
+    Raises ConnectionError naming url and cause, over LCM also if several daemons answer; ValueError for a url of no
+    known kind.
     """
     return Client(url, timeout_s, server_key=server_key, key=key, hang_s=hang_s)
 
