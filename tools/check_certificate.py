@@ -1,15 +1,13 @@
 #!/usr/bin/env python3
-"""Checks certificates of Clearance in exact arithmetic: check_certificate.py [--all] FILE...
-Needs Python 3.9, and nothing of Clearance. docs/certificates.md says why what is checked proves a row, and what is not
-proved. Says why of each row that fails; with --all what proves the others. Exit code 0: all rows of all files are."""
+"""Checks certificates of Clearance (docs/certificates.md) in exact arithmetic, with Python 3.9 and nothing else.
+check_certificate.py [--all] FILE... prints why rows fail, and what proves the others. Exit code 0: all are proved."""
 import json
 import math
 import sys
 from fractions import Fraction
 
-#: Points beside the origin, and rays from them, without pattern: one is enough that meets no edge.
 RAYS = [((3, -5, 8), (732, 481, -483)), ((-7, 2, 2), (-377, 618, 691)), ((2, 7, -4), (127, -911, 392)),
-        ((-5, -4, -6), (-802, -223, -554))]
+        ((-5, -4, -6), (-802, -223, -554))]  # points by the origin, and rays from them: one has to meet no edge
 ONE = 1 << 320  # where bodies follow others, or lie between two poses, numbers are rounded to 1 / ONE
 BLUR, LARGEST = Fraction(1, 1 << 150), 1 << 64  # metres: more than that comes to, if no body is as large or as far away
 WORLD = ZERO, AXES, _ = (0, 0, 0), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), 0  # a pose: origin, rotation's rows, how far off
@@ -21,8 +19,9 @@ def require(condition, why, value=None):
 def real(x): return require(type(x) in (int, float) or x in ("inf", "-inf"), f"{x!r} is no number", float(x))
 def exact(x): return Fraction(real(x))
 def length(x): return require(exact(x) >= 0, f"{x} is no length", exact(x))
-def high_and_low(x): return sum(map(exact, x))
-def vector(v, read=exact): return tuple(map(read, (v[0], v[1], v[2])))
+def several(x, n): return require(x is None or (type(x) is list and len(x) == n), "no list of it", x or [None] * n)
+def high_and_low(x): return sum(map(exact, several(x, 2)))
+def vector(v, read=exact): return tuple(map(read, several(v, 3)))
 def at(items, k, what): return items[require(type(k) is int and 0 <= k < len(items), f"no {what} {k!r}", k)]
 def run(named, count):  # which pieces: one, from one until before another, or (None) all
     begin, end = (0, count) if named is None else named if type(named) is list else (named, named + 1)
@@ -64,15 +63,17 @@ def turn_between(a, u, w, v):  # of quaternions (a, u), (w, v): the axis, of len
     return near(*axis), near(sine / cosine * (1 << 121))[0]
 class Piece:
     def __init__(self, document, whole=None):
-        core = document.get("core", {"kind": None, "size": (1, 1, 1)})  # none: the hull of the vertices
+        core = document.get("core", {"kind": None, "size": [1, 1, 1]})  # none: the hull of the vertices
         self.radius, self.kind, self.size = length(document["radius"]), core["kind"], vector(core["size"], length)
         require(self.kind in (None, "cone", "cylinder", "ellipsoid", "half_space"), f"no core: {core!r}")
         self.vertices = [vector(v) for v in document["vertices"]]
         require(len(self.vertices) == document["count"] > 0, "a piece has not as many vertices as it says")
-        (self.numbers, self.scale), self.faces = integers(self.vertices), document.get("elements", ())
-        parts = [{**document, "elements": (), "vertices": [at(document["vertices"], k, "vertex") for k in element],
-                  "count": len(element)} for element in self.faces]  # a surface's, or a cloud's: pieces in its place
-        self.parts, self.solid = [Piece(part, self) for part in parts] or [self], document.get("solid", False)
+        elements, given, self.solid = document.get("elements", ()), "elements" in document, document.get("solid", False)
+        parts = [Piece({"radius": document["radius"], "count": len(element), "vertices": [  # pieces in its place
+            at(document["vertices"], k, "vertex") for k in element]}, self) for element in elements]
+        require(bool(self.solid) <= bool(parts) == given <= (not self.kind), "elements are missing, or those of a core")
+        (self.numbers, self.scale), self.parts = integers(self.vertices), parts or [self]
+        self.faces = closed(elements) if self.solid else elements
         later = set().union(*(set(face) - {min(face)} for face in self.faces or [range(len(self.vertices))]))
         self.seeds = [ZERO] if self.kind else [v for k, v in enumerate(self.vertices) if k not in later]  # of each part
         self.box, self.whole = [(min(x), max(x)) for x in zip(*self.vertices)], whole
@@ -107,19 +108,19 @@ class Body:
         require(all(p.radius + self.inner >= grown for p in self.pieces), f"{self.name!r} lacks padding or uncertainty")
 class Motion:  # where bodies are between the two ends of a configuration, at times from 0 to 1; or in one of one end
     def __init__(self, bodies, document, count):
-        self.bodies, self.seen, names = bodies, {}, ("poses", "positions")
-        self.poses, self.positions = ({int(key): ends for key, ends in document[name].items()} for name in names)
-        require({*map(len, (*self.poses.values(), *self.positions.values()))} <= {count}, "an end is missing")
+        self.bodies, self.seen, self.poses, self.positions = bodies, {}, document["poses"], document["positions"]
+        ends = (*self.poses.items(), *self.positions.items())
+        require(all(len(x) == count and key == str(int(key)) for key, x in ends), "an end is missing, or whose it is")
     def steps(self, id, time):  # each in what comes before: (pose, how fast it turns or slides, whether it turns)
-        if id in self.poses:
-            (*t, a, b, c, d), (*t1, w, x, y, z) = (list(map(exact, self.poses[id][k])) for k in (0, -1))
+        if str(id) in self.poses:
+            (*t, a, b, c, d), (*t1, w, x, y, z) = (map(exact, several(self.poses[str(id)][k], 7)) for k in (0, -1))
             axis, angle = turn_between(a, (b, c, d), w, (x, y, z))
             yield pose_of(*(*plus(t, plus(t1, t, -1), time), a, b, c, d)), plus(t1, t, -1), False
             yield from [(turn_about(axis, time * angle), times(angle, axis), True)] if angle else []
             return
         yield pose_of(*map(exact, self.bodies[id].pose)), ZERO, False
         for move in self.bodies[id].moves:
-            axis, ends = vector(move["axis"]), self.positions.get(move["column"]) or [move["stands"]]
+            axis, ends = vector(move["axis"]), self.positions.get(str(move["column"])) or [move["stands"]]
             first, last = (exact(move["multiplier"]) * exact(ends[k]) + exact(move["offset"]) for k in (0, -1))
             axis, now = near(*times(1 / size(axis), axis)), first + time * (last - first)
             pose = turn_about(axis, now) if move["turns"] else (times(now, axis), AXES, BLUR)
@@ -173,9 +174,9 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, half) for id, f in zip(ids, frames))))
         require(sum(length(term["inner"]) for term in span["slack"]["terms"]) >= known, "slack is too little")
         counts = len(a.pieces), len(b.pieces)
-        cover = [list(map(run, claim["pieces"] or (None, None), counts)) for claim in span["lower"]]
+        cover = [list(map(run, several(claim["pieces"], 2), counts)) for claim in span["lower"]]
         for claim, ((i, i_end), (j, j_end)) in zip(span["lower"], cover):  # directions are from a towards b
-            named, seer, moves = claim["direction"], claim["seer"], claim["order"] == 2
+            named, seer, moves = claim["direction"], claim["seer"], {1: False, 2: True}[claim["order"]]
             n = times(-1, turned(R_b, AXES[2])) if named is None else turned(R_a, vector(named, high_and_low))
             rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, half) for id in ids]
             speed, bend = map(sum, zip(*rates[seer]))
@@ -209,7 +210,7 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         (t_a, R_a, blur_a), (t_b, R_b, blur_b) = (self.at(id, time)[0] for id in ids)
         cores, named = (at(a.pieces, i, "piece"), at(b.pieces, j, "piece")), []
         reach = bound - a.outer - b.outer - blur_a - blur_b
-        for core, found in zip(cores, claim.get("points", (None, None))):  # of one in closed form points near it
+        for core, found in zip(cores, several(claim.get("points"), 2)):  # of one in closed form points near it
             named.append([vector(p, high_and_low) for p in found] if core.kind else core.vertices)
             reach += core.radius - (max(0, *map(core.off, named[-1])) if core.kind else 0)
         if "within" in claim:  # a vertex in a solid, which goes around the origin as seen from it
@@ -228,13 +229,14 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         require((reach >= 0 and dot(apart, apart) <= reach * reach) or any(dot(apart, n) <= reach for n in up),
                 "the witness points are farther apart than upper")
 def check_surface(claim, points, depth):  # it goes around the origin, beyond a ball: cores overlap by its radius
-    faces, normals = claim["faces"], [vector(m, high_and_low) for m in claim["normals"]]
+    faces, normals = closed(claim["faces"]), [vector(m, high_and_low) for m in claim["normals"]]
     beyond = [(min(dot(m, at(points, k, "vertex")) for k in face), m) for face, m in zip(faces, normals)]
     require(len(faces) == len(normals) > 0 and all(d > 0 and d >= depth * size(m) for d, m in beyond), "a face is near")
     require(turns_around(points, faces, min(d * d / dot(m, m) for d, m in beyond)) != 0, "it is not around the origin")
+def edges(faces): return sorted((f[k - 1], f[k]) for f in faces for k in range(len(several(f, 3))))
+def closed(faces): return require(edges(faces) == edges([f[::-1] for f in faces]), "the surface has a border", faces)
 def turns_around(points, faces, least):  # how often; rays begin nearer than any face, which the root of `least` is not
-    (numbers, scale), edges = integers(points), [(u, v) for i, j, k in faces for u, v in ((i, j), (j, k), (k, i))]
-    require(sorted(edges) == sorted((v, u) for u, v in edges), "the surface has a border")
+    numbers, scale = integers(points)
     while least * scale * scale <= max(dot(o, o) for o, _ in RAYS):
         numbers, scale = [times(1 << 64, w) for w in numbers], scale << 64
     for o, g in RAYS:
@@ -248,15 +250,15 @@ def check_row(row, motions, query):
     status, lower, upper, pairs = row["status"], real(row["lower"]), real(row["upper"]), row["pairs"]
     first = row["first_contact"] or {"free_until": 0, "hit_at": "inf", "witness": None}
     free, hit = real(first["free_until"]), real(first["hit_at"])
-    require(0 <= free <= 1 or free == math.inf, "a motion is free until no time of it")
+    require(row["proved"] is True and (0 <= free <= 1 or free == math.inf), "the engine found no proof")
     if status in ("bad_pose", "no_pose", "stale_pose", "unknown_body"):
-        require((lower, upper, free, hit, pairs) == (-math.inf, math.inf, 0, math.inf, []), f"{status} says nothing")
-        return "says nothing, and nothing is to be proved"
-    signed, decides, motion = query["signed"], query["reduce"] == "any", motions[row["configuration"]]
-    require(row["proved"] is True and type(signed) is bool and pairs, "the engine found no proof")
+        return require((-lower, upper, hit, free, pairs) == (*[math.inf] * 3, 0, []), "it claims", "claims nothing")
+    signed, decides, motion = query["signed"] is not False, query["reduce"] == "any", motions[row["configuration"]]
+    own = [real(pair["margin"]) for pair in pairs if pair["bodies"] == row["bodies"]]
+    require(pairs and (len(own) == len(pairs) == 1 or (query["motions"] and query["reduce"] != "none")), "not its pair")
     cut = min(real(pair["margin"]) for pair in pairs) if decides else real(query["max_distance"])
-    fits = {"ok": 0 < lower and (decides or lower <= cut), "overlap": upper <= 0, "contact": lower <= 0 <= upper,
-            "beyond": lower > cut, "unconverged": True}
+    fits = {"ok": 0 < lower and upper < math.inf and (decides or lower <= cut), "overlap": upper <= 0,
+            "contact": lower <= 0 <= upper < math.inf, "beyond": lower > cut, "unconverged": True}
     require(lower <= upper and (signed or upper >= 0) and fits.get(status), f"[{lower!r}, {upper!r}] is not {status!r}")
     bounded = lower > (-math.inf if signed else 0)
     for pair in pairs:
@@ -266,10 +268,9 @@ def check_row(row, motions, query):
         require(kept and not (early and real(pair["free"]["lower"]) <= margin), "a pair may be nearer than is said")
         for proof, until in [(pair, 1)] * bounded + ([(pair["free"], min(free, 1))] if early else []):
             ends = sorted(motion.check_span(pair["bodies"], span, exact(proof["lower"])) for span in proof["spans"])
-            require([0, *(end for _, end in ends)] == [*(begin for begin, _ in ends), until], "spans leave a gap")
+            require(ends and [0, *(e for _, e in ends)] == [*(b for b, _ in ends), until], "spans leave a gap")
     if upper < math.inf:
-        [margin] = [real(pair["margin"]) for pair in pairs if pair["bodies"] == row["bodies"]]
-        require(status == "unconverged" or not decides or upper <= margin, "the witness is beyond its margin")
+        require(len(own) == 1 and (status == "unconverged" or not decides or [upper] <= own), "beyond its margin")
         motion.check_upper(row["bodies"], row["witness"], exact(upper))
     if hit < math.inf or first["witness"] is not None:
         [margin] = [exact(pair["margin"]) for pair in pairs if pair["bodies"] == first["bodies"]]
@@ -278,10 +279,9 @@ def check_row(row, motions, query):
     return f"proved by spans of {len(pairs)} pair(s), and by {(upper < math.inf) + (hit < math.inf)} witness(es)"
 def verdicts(document):  # of each row, whether it is proved, and by what or why not; may raise one of MALFORMED
     require((document["format"], document["version"]) == ("clearance certificate", 3), "another format or version")
-    pieces = list(map(Piece, document["pieces"]))
+    pieces, ends = list(map(Piece, document["pieces"])), {False: 1, True: 2}[document["query"]["motions"]]
     bodies = no_repeats([(body["id"], Body(body, pieces)) for body in document["bodies"]])
-    ends, places = 2 if document["query"]["motions"] else 1, document["configurations"]
-    motions = no_repeats([(place["configuration"], Motion(bodies, place, ends)) for place in places])
+    motions = no_repeats([(x["configuration"], Motion(bodies, x, ends)) for x in document["configurations"]])
     for row in document["rows"]:
         try:
             yield True, check_row(row, motions, document["query"])

@@ -31,6 +31,14 @@ class Judges:
             assert is_proved or place in refused, f"the judge finds row {place} good: {why}"
         return iter([(is_proved and place not in refused, why) for place, (is_proved, why) in enumerate(found)])
 
+    def each_refuses(self, document):
+        """Whether the checker refuses any row, and whether the judge does; of the judge True where it is not built."""
+        try:
+            refuses = not all(is_proved for is_proved, _ in self.checker.verdicts(document))
+        except self.checker.MALFORMED:
+            refuses = True
+        return [refuses, bool(len(self.refused(document))) if self.program else refuses]
+
     def refused(self, document):
         """The rows that the judge refuses: a container, which is not empty if it finds anything wrong."""
         text = json.dumps(document)

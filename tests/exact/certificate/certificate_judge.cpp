@@ -12,7 +12,7 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 struct Query {
-  bool is_signed, decides;
+  bool is_signed, is_reduced, decides;
   double max_distance;
 };
 
@@ -33,7 +33,8 @@ struct Row {
 Query read_query(const Value& document) {
   const std::string_view reduce = document["reduce"].text();
   require(reduce == "none" || reduce == "min" || reduce == "any", "a reduction is not known");
-  return {document["signed"].truth(), reduce == "any", document["max_distance"].real()};
+  return {document["signed"].truth(), document["motions"].truth() && reduce != "none", reduce == "any",
+          document["max_distance"].real()};
 }
 
 Contact read_contact(const Value& contact) {
@@ -57,11 +58,11 @@ void check_status(const Row& row, const Query& query) {
   require(row.lower <= row.upper, "bounds are crossed");
   require(query.is_signed || row.upper >= 0, "upper is negative");
   if (row.is("ok"))
-    require(row.lower > 0 && (query.decides || row.lower <= cut), "these bounds are not ok's");
+    require(row.lower > 0 && row.upper < kInf && (query.decides || row.lower <= cut), "these bounds are not ok's");
   else if (row.is("overlap"))
     require(row.upper <= 0, "these bounds are not an overlap's");
   else if (row.is("contact"))
-    require(row.lower <= 0 && row.upper >= 0, "these bounds are not a contact's");
+    require(row.lower <= 0 && row.upper >= 0 && row.upper < kInf, "these bounds are not a contact's");
   else if (row.is("beyond"))
     require(row.lower > cut, "these bounds are not beyond");
   else
@@ -134,12 +135,16 @@ void check_hit(const Row& row, const Value& claim, const Motion& motion) {
 void check_row(const Value& document, const Query& query, const std::map<Id, Motion>& motions) {
   const Row row{document["status"].text(), document["lower"].real(), document["upper"].real(), document["pairs"].list(),
                 read_contact(document["first_contact"])};
+  require(document["proved"].truth(), "the engine found no proof");
   if (row.is("bad_pose") || row.is("no_pose") || row.is("stale_pose") || row.is("unknown_body")) {
     require(row.lower == -kInf && row.upper == kInf && row.pairs.empty(), "this status says nothing of a distance");
     require(row.contact.free_until == 0 && row.contact.hit_at == kInf, "this status says nothing of contact");
     return;
   }
-  require(document["proved"].truth() && !row.pairs.empty(), "the engine found no proof");
+  require(!row.pairs.empty(), "a row has no pairs");
+  if (!query.is_reduced)
+    require(row.pairs.size() == 1 && pair_of(row.pairs[0]["bodies"]) == pair_of(document["bodies"]),
+            "a row has the pair of another");
   const auto motion = motions.find(document["configuration"].integer());
   require(motion != motions.end(), "there is no such configuration");
   check_status(row, query);

@@ -24,6 +24,7 @@ Named named(const Body& body, const Value& witness, std::size_t side) {
   const std::size_t place = witness["pieces"].at(side).index(body.pieces.size());
   named.piece = body.pieces[place];
   named.whole = body.whole_of[place];
+  if (const Value* points = witness.find("points")) require(points->list().size() == 2, "points are not of two pieces");
   if (named.piece->is_hull()) return named;
   for (const Value& p : witness["points"].at(side).list()) {
     named.points.push_back(p.vector_of_sums());
