@@ -30,7 +30,7 @@ constexpr std::uint64_t kMaxReplyBytes = std::uint64_t{64} << 20;
 constexpr int kQueue = 512;
 constexpr std::chrono::milliseconds kAskAgain{200};
 /// Wait for greetings of further daemons, after the first.
-constexpr std::chrono::milliseconds kSettle{100};
+constexpr std::chrono::milliseconds kSettle{50};
 /// Silence of the bound daemon after which the refusal of another one is the answer.
 constexpr std::chrono::milliseconds kSilence{500};
 /// Request ids of greetings: apart from those of Connection's own requests.
