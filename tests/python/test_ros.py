@@ -15,13 +15,14 @@ import numpy as np
 import pytest
 
 import clearance
-from conftest import BUILD, ROOT
-from patience import PATIENCE_S
+from conftest import BUILD, ROOT, Daemon
+from patience import PATIENCE_S, wait_until
 from robots import ARM_YAML, arm_scene
 from scenes import at
 
 PACKAGE = ROOT / "ros" / "clearance_ros"
 ADD, REMOVE, APPEND, MOVE = 0, 1, 2, 3
+SCAN = "  - {name: scan, points: [], radius: 0.01, pose: [0, 0, 0, 1, 0, 0, 0]}\n"
 
 
 @pytest.fixture
@@ -37,7 +38,7 @@ def ros(monkeypatch):
 @pytest.fixture
 def bridge(ros, start_daemon, urdf, tmp_path):
     shutil.copy(urdf, tmp_path / "arm.urdf")
-    (tmp_path / "scene.yaml").write_text(ARM_YAML)
+    (tmp_path / "scene.yaml").write_text(ARM_YAML.replace("robots:", SCAN + "robots:"))
     daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
     bridge = ros.bridge.Bridge(clearance.connect(daemon.urls["ipc"]), "arm")
     bridge.daemon = daemon
@@ -336,16 +337,132 @@ def test_the_package_is_whole():
         assert (PACKAGE / name).exists()
 
 
-def test_the_node_publishes_what_the_bridge_reports(ros, bridge, monkeypatch):
-    """The node itself, on a stand-in of rclpy that keeps what is published."""
+# ---- freshness -------------------------------------------------------------------------------------------------------
+
+
+def joints(ns, **positions):
+    return Message(header=header(ns), name=list(positions), position=list(positions.values()))
+
+
+def test_joint_states_that_never_came_leave_no_distance(bridge):
+    report = bridge.report(0.5, max_age_s=PATIENCE_S)
+    assert report.stale == ["joint_states: no position of arm has come"] and report.least == -math.inf
+    assert bridge.report(0.5).stale == [] and bridge.report(0.5).least > -math.inf, "age does not count"
+    bridge.on_joints(joints(time.time_ns(), joint1=0.2))
+    report = bridge.report(0.5, max_age_s=PATIENCE_S)
+    assert report.stale == [] and report.least == bridge.client.distances(reduce="min").lower[0]
+
+
+@pytest.mark.parametrize("source", ["joints", "tf"])
+def test_a_source_that_died_leaves_no_distance(bridge, ros, source):
+    bridge.on_joints(joints(time.time_ns(), joint1=0.2))
+    name, body = {"joints": ("arm/joint1", "arm/flange"), "tf": ("cup", "cup"), "cloud": ("scan", "scan")}[source]
+    with clearance.connect(bridge.daemon.urls["ipc"]) as camera:
+        if source == "tf":
+            bridge.on_poses([transform("cup", time.time_ns(), 0.4, 0.3, 0.5)])
+        if source == "cloud":
+            camera.set_points("scan", np.array([[0.4, 0.3, 0.7]], dtype=np.float32))
+    assert bridge.report(0.5, max_age_s=PATIENCE_S).stale == []
+    sentence = f"{name}: older than 0.02 s"
+    wait_until(lambda: sentence in bridge.stale(0.02))
+    report = bridge.report(0.5, max_age_s=0.02)
+    assert sentence in report.stale and report.least == -math.inf
+    pairs = [pair for pair in report.pairs if body in (pair.a, pair.b)]
+    assert pairs and {pair.status for pair in pairs} == {"stale_pose"}
+    assert {ros.bridge.level_of(pair, 0.0) for pair in pairs} == {ros.bridge.ERROR}
+
+
+def test_a_message_sent_again_is_no_sign_of_life(bridge):
+    now = time.time_ns()
+    assert bridge.on_joints(joints(now, joint1=0.2, joint4=-1.0)).applied == 2
+    assert bridge.on_joints(joints(now, joint1=0.2, joint4=-1.0)) is None
+    assert bridge.on_joints(joints(now, joint4=-1.0)).applied == 1, "another publisher"
+    assert bridge.on_joints(joints(now, joint1=0.3, joint4=-1.0)).applied == 2, "a clock that ticks slowly"
+    assert bridge.on_joints(joints(now + 1, joint1=0.3, joint4=-1.0)).applied == 2
+    assert bridge.on_poses([transform("cup", now, 0.4, 0.3, 0.9)]).applied == 1
+    assert bridge.on_poses([transform("cup", now, 0.4, 0.3, 0.9)]) is None
+    for _ in range(2):
+        assert bridge.on_joints(joints(0, joint1=0.3)).applied == 1, "without a stamp nothing tells them apart"
+
+
+def test_a_clock_that_was_set_back_is_followed(bridge):
+    """As when a simulation begins again, or use_sim_time is switched on."""
+    position = lambda: next(j.position for j in bridge.client.joint_states() if j.name == "arm/joint1")  # noqa: E731
+    now, second = time.time_ns(), 10**9
+    bridge.on_joints(joints(now, joint1=0.1, joint4=-1.0))
+    for stamp, q in ((7 * second, 0.2), (8 * second, 0.3), (0, 0.4), (2 * second, 0.5)):
+        assert bridge.on_joints(joints(stamp, joint1=q)).applied == 1
+        assert position() == q
+    assert bridge.on_joints(joints(3 * second, joint1=0.6, joint4=-1.1)).applied == 2, "one of them had the old clock"
+    assert bridge.client.distances().snapshot_stamp_ns == 0, "which the update leaves out"
+    bridge.on_joints(joints(4 * second, joint1=0.7))
+    with pytest.raises(clearance.QueryError, match="stamp"):
+        bridge.on_joints(joints(4 * second - 1, joint1=0.8))  # late, and no jump
+    with pytest.raises(clearance.QueryError, match="ahead"):
+        bridge.on_joints(joints(now + 3600 * second, joint1=0.8))
+    assert position() == 0.7
+    bridge.on_poses([transform("cup", now, 0.4, 0.3, 0.9)])
+    assert bridge.on_poses([transform("cup", second, 0.4, 0.3, 0.8)]).applied == 1
+
+
+def test_objects_of_planning_scenes_do_not_age_and_those_that_are_lost_are_missed(ros, urdf, tmp_path):
+    shutil.copy(urdf, tmp_path / "arm.urdf")
+    (tmp_path / "scene.yaml").write_text(ARM_YAML)
+    daemon = Daemon(tmp_path, tmp_path / "scene.yaml", ["ipc"])
+    bridge = ros.bridge.Bridge(clearance.connect(daemon.urls["ipc"]), "arm")
+    crate = thing("crate", primitives=[(primitive(1, 0.2, 0.2, 0.2), pose())], where=pose(1, 0, 1))
+    held = thing("mug", primitives=[(primitive(2, 0.05), pose(0, 0, 0.02))])
+    attached = Message(link_name="flange", object=held, touch_links=["flange"])
+    bridge.scene.on_scene(scene([crate], attached=[attached]))
+    bridge.scene.on_scene(scene([thing("crate", MOVE, where=pose(1, 0, 3))]))
+    assert not bridge.scene.left_out
+    wait_until(lambda: min(s.age_ns for s in bridge.client.body_states()[-2:]) > 2e7)
+    bridge.on_joints(joints(time.time_ns(), joint1=0.2))
+    assert not [sentence for sentence in bridge.stale(0.02) if "crate" in sentence or "mug" in sentence]
+
+    daemon.stop()
+    with pytest.raises(clearance.ConnectionError):
+        bridge.report(0.5)
+    daemon = Daemon(tmp_path, tmp_path / "scene.yaml", ["ipc"])
+    with pytest.raises(clearance.NewEpoch) as raised:
+        wait_until(lambda: answers(bridge))
+    assert bridge.recover(raised.value)
+    lost = "planning_scene: the daemon was started anew and has no objects"
+    never = "joint_states: no position of arm has come"
+    report = bridge.report(0.5, max_age_s=PATIENCE_S)
+    assert report.stale == [lost, never] and report.least == -math.inf
+    assert bridge.on_joints(joints(1, joint1=0.2)).applied == 1, "the new daemon knows no older stamps"
+    bridge.scene.on_scene(scene([crate]))
+    assert bridge.report(0.5).stale == [lost] and bridge.report(0.5).least == -math.inf, "a difference is not all of it"
+    bridge.scene.on_scene(scene([crate], is_diff=False))
+    report = bridge.report(0.5, max_age_s=PATIENCE_S)
+    assert report.stale == [] and report.least > -math.inf
+    daemon.stop()
+
+
+def answers(bridge):
+    """Whether a daemon is there again; raises what it refuses with."""
+    try:
+        return bridge.report(0.5) is not None
+    except clearance.ConnectionError:
+        return False
+
+
+# ---- the node --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def make_node(ros, bridge, monkeypatch):
+    """make_node(parameter=value, ...) -> the node itself, on a stand-in of rclpy, and what it publishes by topic."""
     published = {}
+
+    given = {"url": bridge.daemon.urls["ipc"], "robot": "arm", "within": 0.5}
 
     class Node:
         def __init__(self, name):
             self.calls = {}
 
         def declare_parameter(self, name, value):
-            given = {"url": bridge.daemon.urls["ipc"], "robot": "arm", "within": 0.5}
             return Message(value=given.get(name, value))
 
         def create_publisher(self, kind, topic, depth):
@@ -381,7 +498,19 @@ def test_the_node_publishes_what_the_bridge_reports(ros, bridge, monkeypatch):
     module("std_msgs.msg", Float64=Message)
     module("moveit_msgs")
     module("moveit_msgs.msg", PlanningScene=Message)
-    node = importlib.import_module("clearance_ros.node").ClearanceNode()
+
+    def make(**parameters):
+        given.update(parameters)
+        return importlib.import_module("clearance_ros.node").ClearanceNode(), published
+
+    return make
+
+
+def test_the_node_publishes_what_the_bridge_reports(bridge, make_node):
+    node, published = make_node(max_age=PATIENCE_S)
+    node.calls["timer"]()
+    assert [m.data for m in published.pop("~/clearance")] == [-math.inf], "nothing is known of the robot"
+    assert published.pop("~/distances")
     node.calls["joint_states"](Message(header=header(time.time_ns()), name=["joint1"], position=[0.2]))
     node.calls["joint_states"](Message(header=header(time.time_ns()), name=["joint1"], position=[0.2, 0.3]))
     assert published.pop("log") == ["joint_states: 1 names come with 2 positions"], "said, and the node goes on"
@@ -400,3 +529,51 @@ def test_the_node_publishes_what_the_bridge_reports(ros, bridge, monkeypatch):
     node.calls["timer"]()  # is refused, and learns the scene
     node.calls["timer"]()
     assert len(published["~/clearance"]) == 2 and len(published["log"]) == 2
+    states = [message.status[0] for message in published["/diagnostics"]]
+    assert [s.level for s in states] == [b"\3", b"\0"], "when it changes"
+    assert [s.message for s in states] == ["joint_states: no position of arm has come", ""]
+
+
+def test_age_counts_unless_it_is_said_not_to(make_node):
+    node, published = make_node()
+    node.calls["timer"]()
+    assert published["/diagnostics"][0].status[0].level == b"\3", "nothing has come"
+    node, published = make_node(max_age=0.0)
+    published.clear()
+    node.calls["timer"]()
+    assert published["~/clearance"][0].data > -math.inf and published["/diagnostics"][0].status[0].level == b"\0"
+
+
+def test_the_node_shows_that_its_publisher_died(make_node):
+    node, published = make_node(max_age=0.02, rate=3)
+    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))
+    wait_until(lambda: node.calls["timer"]() or published["~/clearance"][-1].data == -math.inf)
+    for _ in range(4):
+        node.calls["timer"]()
+    assert published["~/clearance"][-1].data == -math.inf
+    last = published["~/distances"][-1]
+    assert last.header.stamp == "now" and any(s.message == "stale_pose" for s in last.status)
+    for message in published["/diagnostics"][-2:]:
+        (state,) = message.status
+        assert message.header.stamp == "now" and state.level == b"\3", "again, though nothing has changed"
+        assert state.name == "clearance: inputs and daemon" and state.message == "arm/joint1: older than 0.02 s"
+        assert {v.key: v.value for v in state.values}["clearance"] == "-inf"
+    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))
+    node.calls["timer"]()
+
+
+def test_the_node_shows_that_its_daemon_died(bridge, make_node):
+    node, published = make_node(max_age=PATIENCE_S)
+    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))
+    node.calls["timer"]()
+    assert published["~/clearance"].pop().data > -math.inf
+    bridge.daemon.stop()
+    shown = len(published["~/distances"])
+    for _ in range(2):
+        node.calls["timer"]()
+    assert [m.data for m in published["~/clearance"]] == [-math.inf] * 2
+    assert len(published["~/distances"]) == shown, "no pairs are no answer"
+    state = published["/diagnostics"][-1].status[0]
+    assert state.level == b"\2" and bridge.daemon.urls["ipc"] in state.message
+    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))  # is said, and the node goes on
+    assert len(published["log"]) == 3

@@ -1,15 +1,19 @@
 """What goes between ROS messages and a daemon. Messages are looked at by their fields alone: nothing of ROS is needed.
 
 ROS writes quaternions x, y, z, w; Clearance w, x, y, z. Stamps are ROS time as nanoseconds, which is the system's clock
-unless `use_sim_time` is on: a daemon refuses stamps that go backwards or lie ahead of its clock.
+unless `use_sim_time` is on. A daemon refuses stamps that go backwards or lie ahead of its clock; a jump back of the
+publisher's clock is passed on as an update without a stamp, after which older stamps count again.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Optional
 
 from . import clearance
 from .planning_scene import SceneFollower, pose_of
+
+#: A stamp that is older than the last by more than this is of a clock that was set back, not of a late message.
+JUMP_NS = 1_000_000_000
 
 
 def stamp_ns(header: Any) -> int:
@@ -33,8 +37,9 @@ class Report:
     """What is published of one answer."""
 
     pairs: list[Pair]  #: nearer than `within`, or not proved to be farther; the nearest first
-    least: float  #: metres: the certified lower bound of the least distance; -inf: not all have a pose, NaN: none has
+    least: float  #: metres: the certified lower bound of the least distance; -inf: nothing is proved, or input is stale
     stamp_ns: int  #: of the newest poses that the answer saw
+    stale: list[str] = field(default_factory=list)  #: inputs that are missing or too old; empty: the answer is fresh
 
 
 class Bridge:
@@ -48,13 +53,16 @@ class Bridge:
         self._prefix = f"{robot}/" if robot else ""
         self._sequence = 0
         self._known: tuple[int, frozenset[str]] = (-1, frozenset())  # a scene's revision, and its joints
+        self._stamps: dict[str, int] = {}  # the last of each joint and body
+        self._last: dict[tuple[str, ...], Any] = {}  # stamp and positions of the last message that named these
         self.unknown: set[str] = set()  #: joints and frames of messages that the scene has not
         self.scene = SceneFollower(client, robot)
 
     def on_joints(self, message: Any) -> Optional[clearance.PosesDone]:
         """sensor_msgs/JointState: sets the joints that the scene has, as one snapshot; None: it names none of them.
 
-        A message without positions (of velocities alone) says nothing. Raises ValueError where names and positions do
+        A message without positions (of velocities alone) says nothing, and neither does one that repeats the last with
+        its stamp: whatever sends it may have lost its robot. Raises ValueError where names and positions do
         not fit.
         """
         if not len(message.position):
@@ -67,10 +75,19 @@ class Bridge:
             raise ValueError(f"joint_states: {max(names, key=names.count)} is named twice")
         self.unknown |= set(names) - known
         positions = {n: float(q) for n, q in zip(names, message.position) if n in known}
-        if not positions:
+        return self._send(self.client.set_joints, positions, stamp_ns(message.header))
+
+    def _send(self, send: Any, values: dict[str, Any], stamp: int) -> Optional[clearance.PosesDone]:
+        """Sends an update, unless it is empty or an exact repeat; without its stamp where the clock was set back."""
+        names = tuple(values)
+        if not values or (stamp and self._last.get(names) == (stamp, values)):
             return None
+        is_set_back = any(stamp < self._stamps.get(name, 0) - JUMP_NS for name in names)
         self._sequence += 1
-        return self.client.set_joints(positions, stamp_ns=stamp_ns(message.header), sequence=self._sequence)
+        done = send(values, stamp_ns=0 if is_set_back else stamp, sequence=self._sequence)
+        self._last[names] = (stamp, values)
+        self._stamps.update(dict.fromkeys(names, stamp))
+        return done
 
     def _joints(self) -> frozenset[str]:
         revision = self.client.scene_revision
@@ -83,17 +100,16 @@ class Bridge:
         bodies = {body.name for body in self.client.bodies if not body.is_static}
         poses = {t.child_frame_id: pose_of(t.transform) for t in transforms if t.child_frame_id in bodies}
         self.unknown |= {t.child_frame_id for t in transforms} - bodies
-        if not poses:
-            return None
-        self._sequence += 1
-        newest = max(stamp_ns(t.header) for t in transforms if t.child_frame_id in poses)
-        return self.client.set_poses(poses, stamp_ns=newest, sequence=self._sequence)
+        newest = max((stamp_ns(t.header) for t in transforms if t.child_frame_id in poses), default=0)
+        return self._send(self.client.set_poses, poses, newest)
 
     def recover(self, error: clearance.ClearanceError) -> bool:
         """Goes on after a daemon was started anew, or somebody changed its scene; False: that is not what happened."""
         if isinstance(error, clearance.NewEpoch):
             self.client.acknowledge_epoch()
             self.scene.forget()
+            self._last.clear()
+            self._stamps.clear()
         elif getattr(error, "code", None) != clearance.wire.ErrorCode.WRONG_SCENE:
             return False
         self.client.refresh()
@@ -102,10 +118,12 @@ class Bridge:
     def report(self, within: float, max_age_s: float = 0.0) -> Report:
         """Asks which pairs may be nearer than `within` metres, and how near the nearest is.
 
-        max_age_s: pairs with an older pose have the status STALE_POSE and no distance; 0: age does not count.
+        max_age_s: if an input is older, `least` is -inf, and pairs with an older pose have the status STALE_POSE and no
+        distance; 0: age does not count.
         """
+        stale = self.stale(max_age_s)
         asked: dict[str, Any] = {"pairs": ("*", "*"), "fields": ("default", "pair")}
-        if max_age_s > 0:
+        if stale and max_age_s > 0:
             asked |= {"max_pose_age_ns": int(max_age_s * 1e9), "stale_status": True}
         r = self.client.distances(reduce="within", max_distance=within, **asked)
         names = [body.name for body in self.client.bodies]
@@ -113,16 +131,38 @@ class Bridge:
         pairs = [Pair(names[a], names[b], clearance.Status(s).name.lower(), lo, up) for (a, b), s, lo, up in rows]
         least = self.client.distances(reduce="min", **asked | {"fields": ("default", "pair", "flags")})
         known = bool(len(least.lower)) and least.status[0] <= clearance.Status.UNCONVERGED
-        whole = known and not least.flags[0] & clearance.Flag.INCOMPLETE
+        whole = known and not stale and not least.flags[0] & clearance.Flag.INCOMPLETE
         return Report(
             sorted(pairs, key=lambda pair: (pair.lower, pair.upper)),
-            float(least.lower[0]) if whole else -math.inf if known else math.nan,
+            float(least.lower[0]) if whole else -math.inf,
             int(r.snapshot_stamp_ns),
+            stale,
         )
+
+    def stale(self, max_age_s: float) -> list[str]:
+        """Inputs that are missing or older, a sentence each.
+
+        Joints, bodies and clouds that have once been set age, but for objects of planning scenes and attached bodies.
+        Of the robot's joints at least one must have been set.
+        """
+        found = ["planning_scene: the daemon was started anew and has no objects"] if self.scene.is_lost else []
+        if max_age_s <= 0:
+            return found
+        ages = {joint.name: joint.age_ns for joint in self.client.joint_states()}
+        own = [name for name in ages if name.startswith(self._prefix)]
+        for robot in sorted({name.partition("/")[0] for name in own}):
+            if all(ages[name] is None for name in own if name.startswith(f"{robot}/")):
+                found.append(f"joint_states: no position of {robot} has come")
+        kept = self.scene.bodies()
+        for body, state in zip(self.client.bodies, self.client.body_states()):
+            if (state.parent is None or body.is_cloud) and body.name not in kept:
+                ages[body.name] = state.age_ns
+        old = (name for name, age in ages.items() if age is not None and age > 1e9 * max_age_s)
+        return found + [f"{name}: older than {max_age_s:g} s" for name in old]
 
 
 #: Levels of diagnostic_msgs/DiagnosticStatus.
-OK, WARN, ERROR = 0, 1, 2
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
 
 
 def level_of(pair: Pair, margin: float) -> int:

@@ -1,5 +1,6 @@
 """The node: joint_states and planning scenes in, distances out. All that it decides is in bridge.py."""
 
+import math
 import os
 
 import rclpy
@@ -9,14 +10,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from . import clearance
-from .bridge import Bridge, level_of
+from .bridge import ERROR, OK, STALE, Bridge, level_of
 
 
 class ClearanceNode(Node):
     """Parameters: url; robot; margin, within [m]; rate [1/s]; max_age [s; 0: age does not count].
 
     Subscribes to joint_states and planning_scene (or monitored_planning_scene, remapped). Publishes ~/clearance, the
-    certified lower bound of the least distance in metres, and ~/distances, a status for each pair that may be near.
+    certified lower bound of the least distance in metres, or -inf if an input is missing or older than max_age, or if
+    the daemon does not answer; ~/distances, a status for each pair that may be near; and /diagnostics, the state of
+    inputs and daemon, on change and every second.
     """
 
     def __init__(self):
@@ -26,7 +29,7 @@ class ClearanceNode(Node):
             raise ValueError("parameter url: expected that of a daemon, such as ipc:///run/clearance/clearance.ipc")
         self._margin = float(self.declare_parameter("margin", 0.02).value)
         self._within = float(self.declare_parameter("within", 0.25).value)
-        self._max_age = float(self.declare_parameter("max_age", 0.0).value)
+        self._max_age = float(self.declare_parameter("max_age", 1.0).value)
         self._bridge = Bridge(clearance.connect(url), self.declare_parameter("robot", "").value)
         self._least = self.create_publisher(Float64, "~/clearance", 10)
         self._distances = self.create_publisher(DiagnosticArray, "~/distances", 10)
@@ -37,7 +40,10 @@ class ClearanceNode(Node):
             self.get_logger().info("moveit_msgs is not there: planning scenes are not followed")
         else:
             self.create_subscription(PlanningScene, "planning_scene", self._guarded(self._on_scene), 10)
-        self.create_timer(1.0 / float(self.declare_parameter("rate", 50.0).value), self._guarded(self._publish))
+        self._state = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._rate = float(self.declare_parameter("rate", 50.0).value)
+        self._reported, self._ticks = None, 0
+        self.create_timer(1.0 / self._rate, self._guarded(self._publish))
         self._said = {}
 
     def _guarded(self, act):
@@ -45,10 +51,12 @@ class ClearanceNode(Node):
 
         def call(*message):
             try:
-                act(*message)
-            except (clearance.ClearanceError, ValueError) as error:
-                if isinstance(error, clearance.ClearanceError):
+                try:
+                    act(*message)
+                except clearance.ClearanceError as error:
                     self._bridge.recover(error)
+                    raise
+            except (clearance.ClearanceError, ValueError) as error:
                 self.get_logger().warning(str(error), throttle_duration_sec=1.0)
 
         return call
@@ -61,21 +69,47 @@ class ClearanceNode(Node):
         self._said = dict(self._bridge.scene.left_out)
 
     def _publish(self):
-        report = self._bridge.report(self._within, self._max_age)
+        try:
+            report = self._bridge.report(self._within, self._max_age)
+        except clearance.ClearanceError as error:
+            if getattr(error, "code", None) != clearance.wire.ErrorCode.WRONG_SCENE:  # else the next answer is as good
+                self._least.publish(Float64(data=-math.inf))
+                self._say(ERROR, str(error), -math.inf, 0)
+            raise
         self._least.publish(Float64(data=report.least))
+        self._distances.publish(
+            self._array(
+                _status(
+                    level_of(pair, self._margin),
+                    f"{pair.a} - {pair.b}",
+                    pair.status,
+                    lower=repr(pair.lower),
+                    upper=repr(pair.upper),
+                )
+                for pair in report.pairs
+            )
+        )
+        self._say(STALE if report.stale else OK, "; ".join(report.stale), report.least, report.stamp_ns)
+
+    def _say(self, level, text, least, stamp):
+        """Publishes the state of the node when it changes, and once a second."""
+        self._ticks += 1
+        if (level, text) == self._reported and self._ticks < self._rate:
+            return
+        self._reported, self._ticks = (level, text), 0
+        state = _status(level, "clearance: inputs and daemon", text, clearance=repr(least), stamp_ns=str(stamp))
+        self._state.publish(self._array([state]))
+
+    def _array(self, statuses):
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
-        for pair in report.pairs:
-            values = {"lower": repr(pair.lower), "upper": repr(pair.upper)}
-            message.status.append(
-                DiagnosticStatus(
-                    level=bytes([level_of(pair, self._margin)]),
-                    name=f"{pair.a} - {pair.b}",
-                    message=pair.status,
-                    values=[KeyValue(key=key, value=value) for key, value in values.items()],
-                )
-            )
-        self._distances.publish(message)
+        message.status.extend(statuses)
+        return message
+
+
+def _status(level, name, message, **values):
+    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+    return DiagnosticStatus(level=bytes([level]), name=name, message=message, values=pairs)
 
 
 def main():

@@ -46,11 +46,13 @@ class SceneFollower:
         self._prefix = f"{robot}/" if robot else ""
         self._parts: dict[str, list[tuple[str, np.ndarray]]] = {}  # of each object: its bodies, and where within it
         self._held: dict[str, str] = {}  # the link of each object that is attached to one
+        self.is_lost = False  #: the daemon was started anew without the objects, until a whole scene comes
         self.left_out: dict[str, str] = {}  #: objects and pairs that could not be taken, and why
 
     def on_scene(self, message: Any) -> None:
         """Applies a scene or a difference; what it cannot take stays as it was, and stands in `left_out`."""
         if not message.is_diff:
+            self.is_lost = False
             named = {item.id for item in message.world.collision_objects}
             named |= {item.object.id for item in message.robot_state.attached_collision_objects}
             for name in [name for name in self._parts if name not in named]:
@@ -63,8 +65,13 @@ class SceneFollower:
 
     def forget(self) -> None:
         """The daemon was started anew, and has none of the objects."""
+        self.is_lost = self.is_lost or bool(self._parts)
         self._parts.clear()
         self._held.clear()
+
+    def bodies(self) -> set[str]:
+        """Names of the bodies that objects are: they stay where the last scene put them, however long ago."""
+        return {name for parts in self._parts.values() for name, _ in parts}
 
     def _try(self, name: str, apply: Any, item: Any) -> None:
         try:

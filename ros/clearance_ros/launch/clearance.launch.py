@@ -12,6 +12,7 @@ ARGUMENTS = {
     "margin": ("0.02", "metres: pairs that may be nearer are warned of"),
     "within": ("0.25", "metres: pairs that may be nearer are published"),
     "rate": ("50.0", "answers a second, at most"),
+    "max_age": ("1.0", "seconds: an older input leaves no distance; 0: age does not count"),
 }
 
 
