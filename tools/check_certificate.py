@@ -257,7 +257,7 @@ def check_row(row, motions, query):
     own = [real(pair["margin"]) for pair in pairs if pair["bodies"] == row["bodies"]]
     require(pairs and (len(own) == len(pairs) == 1 or (query["motions"] and query["reduce"] != "none")), "not its pair")
     cut = min(real(pair["margin"]) for pair in pairs) if decides else real(query["max_distance"])
-    fits = {"ok": 0 < lower and upper < math.inf and (decides or lower <= cut), "overlap": upper <= 0,
+    fits = {"ok": 0 < lower and (upper < math.inf if decides else lower <= cut), "overlap": upper <= 0,
             "contact": lower <= 0 <= upper < math.inf, "beyond": lower > cut, "unconverged": True}
     require(lower <= upper and (signed or upper >= 0) and fits.get(status), f"[{lower!r}, {upper!r}] is not {status!r}")
     bounded = lower > (-math.inf if signed else 0)

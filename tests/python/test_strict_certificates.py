@@ -110,7 +110,6 @@ MUTATIONS = {
         "beyond",
         lambda d: (d["query"].update(reduce="min"), row(d).update(bodies=[None, None])),
     ),
-    "ok without an upper bound": ("cores", lambda d: row(d).update(upper="inf", witness=None)),
     "ok of any without an upper bound": ("any", lambda d: row(d).update(upper="inf", witness=None)),
     "contact without an upper bound": (
         "cores",

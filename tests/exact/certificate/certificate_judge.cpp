@@ -58,7 +58,7 @@ void check_status(const Row& row, const Query& query) {
   require(row.lower <= row.upper, "bounds are crossed");
   require(query.is_signed || row.upper >= 0, "upper is negative");
   if (row.is("ok"))
-    require(row.lower > 0 && row.upper < kInf && (query.decides || row.lower <= cut), "these bounds are not ok's");
+    require(row.lower > 0 && (query.decides ? row.upper < kInf : row.lower <= cut), "these bounds are not ok's");
   else if (row.is("overlap"))
     require(row.upper <= 0, "these bounds are not an overlap's");
   else if (row.is("contact"))
