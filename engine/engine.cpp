@@ -259,7 +259,10 @@ BodyState Engine::body_state(std::uint32_t body) const {
   const auto snapshot = impl_->poses.snapshot();
   if (body >= snapshot->placed.size()) throw std::out_of_range("unknown body " + std::to_string(body));
   const BodyPlacement& p = snapshot->placed[body];
-  return {p.pose.X_wb, p.status, snapshot->parent[body], snapshot->stamp_ns[body], snapshot->receipt_ns[body]};
+  std::int64_t receipt = snapshot->receipt_ns[body];
+  if (const ReceivedPoints* points = snapshot->points_of(body); points && points->receipt_ns)
+    receipt = receipt ? std::min(receipt, points->receipt_ns) : points->receipt_ns;
+  return {p.pose.X_wb, p.status, snapshot->parent[body], snapshot->stamp_ns[body], receipt};
 }
 
 std::int64_t Engine::oldest_stamp(std::uint32_t bodies) const {

@@ -353,7 +353,7 @@ def test_joint_states_that_never_came_leave_no_distance(bridge):
     assert report.stale == [] and report.least == bridge.client.distances(reduce="min").lower[0]
 
 
-@pytest.mark.parametrize("source", ["joints", "tf"])
+@pytest.mark.parametrize("source", ["joints", "tf", "cloud"])
 def test_a_source_that_died_leaves_no_distance(bridge, ros, source):
     bridge.on_joints(joints(time.time_ns(), joint1=0.2))
     name, body = {"joints": ("arm/joint1", "arm/flange"), "tf": ("cup", "cup"), "cloud": ("scan", "scan")}[source]

@@ -54,7 +54,7 @@ class BodyState:
     status: Status  #: OK, NO_POSE or BAD_POSE
     parent: Optional[int]
     stamp_ns: int  #: publisher's clock
-    age_ns: Optional[int]  #: since the pose was received; None: never received
+    age_ns: Optional[int]  #: since the pose was received, or the points of a cloud if they are older; None: never
 
 
 class Front(MotionQueries, Certificates, Updates, Parser):
