@@ -29,7 +29,7 @@ def documents(checker, urdf):
         bodies=["box"], start=[[at(-1, 3, 1)]], end=[[at(-0.3, 3, 1)]], pairs=[("box", "can"), ("box", "ball")]
     )
     arm = dict(joints=["arm/joint1"], start=[[0.1]], end=[[1.5]], pairs=[("arm/flange", "ball")])
-    made = {
+    certificates = {
         "solids": engine.certificate(pairs=[("ring", "ball")]),
         "solid and box": engine.certificate(pairs=[("ball", "box")]),
         "cores": engine.certificate(pairs=[("box", "can")]),
@@ -39,7 +39,7 @@ def documents(checker, urdf):
         "any": engine.certificate(**sweep, reduce="any", margin=0.5),
         "joints": engine.certificate(**arm),
     }
-    made = {name: certificate.document for name, certificate in made.items()}
+    made = {name: certificate.document for name, certificate in certificates.items()}
     for name, document in made.items():
         assert checker.each_refuses(document) == [False, False], name
     statuses = {name: [row["status"] for row in document["rows"]] for name, document in made.items()}
