@@ -16,7 +16,7 @@ namespace clearance {
 /// A mesh of the file at one node of its scene graph; transforms of the nodes applied. Metres, if the file's unit is.
 struct Submesh {
   std::vector<Vec3d> vertices;        ///< every position of the mesh, exact duplicates merged
-  std::vector<Triangle> triangles;    ///< polygons as fans; empty for points and lines
+  std::vector<Triangle> triangles;    ///< empty for points and lines
   std::uint64_t loaded_vertices = 0;  ///< before exact duplicates were merged
   double rounding = 0;                ///< metres: how far a vertex may lie from the position that the file means
 };

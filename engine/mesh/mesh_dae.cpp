@@ -19,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/mesh/mesh_faces.h"
 #include "engine/mesh/mesh_text.h"
 #include "engine/mesh/mesh_transform.h"
 
@@ -91,8 +92,9 @@ std::string label(const aiMesh& mesh, unsigned index) {
   return name.empty() ? "mesh " + std::to_string(index) : "mesh \"" + name.substr(0, 60) + '"';
 }
 
-MeshPart part_of(const aiMesh& mesh, unsigned index) {
+MeshPart part_of(const aiMesh& mesh, unsigned index, bool has_fans) {
   MeshPart part;
+  FaceList faces;
   part.positions.reserve(mesh.mNumVertices);
   for (unsigned i = 0; i < mesh.mNumVertices; ++i) {
     const aiVector3D& v = mesh.mVertices[i];
@@ -109,8 +111,17 @@ MeshPart part_of(const aiMesh& mesh, unsigned index) {
         throw LoadError("face " + std::to_string(f) + " of " + label(mesh, index) + " points at vertex " +
                         std::to_string(face.mIndices[k]) + ", past the end of " + std::to_string(mesh.mNumVertices) +
                         " vertices");
-    add_polygon(&part.triangles, {face.mIndices, face.mNumIndices});
+    const std::span corners(face.mIndices, face.mNumIndices);
+    if (has_fans)
+      add_fan(&part.triangles, corners);
+    else
+      faces.add(corners, f);
   }
+  if (!has_fans)
+    part.triangles =
+        faces.take_triangles(part.positions, &part.rounding, [&](std::size_t place, const std::string& what) {
+          throw LoadError("face " + std::to_string(place) + " of " + label(mesh, index) + ": " + what);
+        });
   return part;
 }
 
@@ -175,7 +186,8 @@ std::string plainly(const std::string& text) {
 
 void read_dae(std::unique_ptr<Assimp::Importer>* kept, const fs::path& path, std::string_view content,
               const MeshFolder& folder, std::uint64_t most_vertices, const PartSink& sink) {
-  const double rounding = std::sqrt(3.0) * (1 + 1e-9) * check_dae(content);  // a length, of a bound on each coordinate
+  const DaeFacts facts = check_dae(content);
+  const double rounding = std::sqrt(3.0) * (1 + 1e-9) * facts.rounding;  // a length, of a bound on each coordinate
   Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0);
   auto* log = new GeometryLog;  // the logger owns it
   Assimp::DefaultLogger::get()->attachStream(log, Assimp::Logger::Err | Assimp::Logger::Warn);
@@ -196,7 +208,7 @@ void read_dae(std::unique_ptr<Assimp::Importer>* kept, const fs::path& path, std
   if (!log->first().empty()) throw LoadError(log->first());
   if (!scene->mRootNode || scene->mNumMeshes == 0) throw LoadError("it holds no mesh");
   for (const Shown& s : walk(*scene, most_vertices)) {
-    MeshPart part = part_of(*scene->mMeshes[s.mesh], s.mesh);
+    MeshPart part = part_of(*scene->mMeshes[s.mesh], s.mesh, facts.has_fans);
     s.X.apply(&part);
     part.rounding += rounding;
     sink(std::move(part));

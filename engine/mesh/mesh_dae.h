@@ -16,12 +16,16 @@ class Importer;
 
 namespace clearance {
 
-/// What assimp may be asked for, and what its float32 costs: a look at the file's XML.
-///
-/// Returns metres, in the maximum norm: how far any position may be from what the file means once assimp has read it
-/// and multiplied the transforms of its nodes. Throws LoadError for nodes that multiply, and for what assimp reads
+struct DaeFacts {
+  /// Metres, in the maximum norm: how far any position may be from what the file means once assimp has read it and
+  /// multiplied the transforms of its nodes.
+  double rounding;
+  bool has_fans;  ///< faces of more than three corners are fans around their first one (<trifans>), not polygons
+};
+
+/// Checks the file's XML before assimp reads it. Throws LoadError for nodes that multiply, and for what assimp reads
 /// wrongly.
-double check_dae(std::string_view content);
+DaeFacts check_dae(std::string_view content);
 
 /// A part for each mesh of each node that shows one, front to back. Throws LoadError and std::bad_alloc.
 /// \param kept gets the importer, with what it has read. \param most_vertices that nodes which repeat meshes may make

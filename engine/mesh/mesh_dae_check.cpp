@@ -222,36 +222,49 @@ class DaeCheck {
   double worst_ = 0;
 };
 
-// assimp reads a negative index as 0.
-void check_indices(xml_node root) {
+std::string line_of(std::string_view content, std::ptrdiff_t offset) {
+  // The offset counts bytes of UTF-8: of a file in another encoding there may be fewer.
+  const auto end = content.begin() + std::clamp<std::ptrdiff_t>(offset, 0, static_cast<std::ptrdiff_t>(content.size()));
+  return "line " + std::to_string(std::count(content.begin(), end, '\n') + 1) + ": ";
+}
+
+// What assimp reads as something else: a negative index becomes 0, a polygon with holes is left out, and the fans of
+// <trifans> cannot be told from polygons. Returns whether faces are such fans.
+bool check_faces(xml_node root, std::string_view content) {
   struct Walker final : pugi::xml_tree_walker {
+    xml_node fans, polygons, holes;
     bool for_each(xml_node& n) override {
-      if (std::strcmp(n.name(), "p") == 0 && std::strchr(n.text().get(), '-'))
-        throw LoadError("a face has a negative index");
+      const std::string_view name = n.name();
+      if (name == "p" && std::strchr(n.text().get(), '-')) throw LoadError("a face has a negative index");
+      if (name == "ph") holes = n;
+      if (name == "trifans") fans = n;
+      if (name == "polylist" || name == "polygons") polygons = n;
       return true;
     }
   } walker;
   root.traverse(walker);
+  if (walker.holes)
+    throw LoadError(line_of(content, walker.holes.offset_debug()) +
+                    "a polygon with holes (<ph>) is not read; cut it into triangles");
+  if (walker.fans && walker.polygons)
+    throw LoadError(line_of(content, walker.fans.offset_debug()) +
+                    "<trifans> in a file that has polygons, too, are not read; cut them into triangles");
+  return !walker.fans.empty();
 }
 
 }  // namespace
 
-double check_dae(std::string_view content) {
+DaeFacts check_dae(std::string_view content) {
   pugi::xml_document document;
   const auto result = document.load_buffer(content.data(), content.size());
   if (result.status == pugi::status_out_of_memory) throw std::bad_alloc();
-  if (!result) {
-    // The place counts bytes of UTF-8: of a file in another encoding there may be fewer.
-    const auto offset = std::clamp<std::ptrdiff_t>(result.offset, 0, static_cast<std::ptrdiff_t>(content.size()));
-    const auto lines = std::count(content.begin(), content.begin() + offset, '\n');
-    throw LoadError("line " + std::to_string(lines + 1) + ": no XML: " + result.description());
-  }
+  if (!result) throw LoadError(line_of(content, result.offset) + "no XML: " + result.description());
   const xml_node root = document.child("COLLADA");
   if (!root) throw LoadError("not a DAE file: it has no <COLLADA>");
-  check_indices(root);
+  const bool has_fans = check_faces(root, content);
   const double rounding = DaeCheck(root).rounding();
   if (!std::isfinite(rounding)) throw LoadError("the transform of a node is not finite");
-  return rounding;
+  return {rounding, has_fans};
 }
 
 }  // namespace clearance

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "engine/mesh/mesh_bytes.h"
+#include "engine/mesh/mesh_faces.h"
 #include "engine/mesh/mesh_text.h"
 #include "engine/mesh/mesh_transform.h"
 
@@ -305,7 +306,7 @@ class GltfReader {
     else if (mode == 5)
       for (std::size_t i = 0; i + 2 < v.size(); ++i) out.push_back({v[i], v[i + 1 + i % 2], v[i + 2 - i % 2]});
     else if (mode == 6)
-      add_polygon(&out, v);
+      add_fan(&out, v);
     else if (mode > 6)
       fail("a primitive of the mode " + std::to_string(mode) + "; expected 0 to 6");
     return out;

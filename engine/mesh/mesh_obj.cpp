@@ -4,6 +4,7 @@
 #include <limits>
 #include <map>
 
+#include "engine/mesh/mesh_faces.h"
 #include "engine/mesh/mesh_part.h"
 #include "engine/mesh/mesh_text.h"
 
@@ -36,10 +37,12 @@ class ObjReader {
     // The meshes of an object follow each other, also where the file has come back to it.
     std::stable_sort(parts_.begin(), parts_.end(), [](const Part& a, const Part& b) { return a.object < b.object; });
     UsedPositions positions(positions_);
+    const auto fail = [this](std::size_t place, const std::string& what) { text_.fail_at(place, what); };
     for (Part& p : parts_) {
       if (p.used.empty()) continue;
-      MeshPart part = positions.part(p.used, std::move(p.triangles));
-      part.rounding = rounding_;
+      double rounding = rounding_;
+      MeshPart part = positions.part(p.used, p.faces.take_triangles(positions_, &rounding, fail));
+      part.rounding = rounding;
       sink(std::move(part));
     }
   }
@@ -49,7 +52,7 @@ class ObjReader {
     std::size_t object;
     std::string material;  // empty: none was named
     std::vector<std::uint32_t> used;
-    std::vector<Triangle> triangles;
+    FaceList faces;
   };
 
   void read_vertex() {
@@ -95,7 +98,7 @@ class ObjReader {
     if (parts_.empty()) begin_object("");
     Part& part = parts_[current_];
     part.used.insert(part.used.end(), corners_.begin(), corners_.end());
-    if (is_face) add_polygon(&part.triangles, corners_);
+    if (is_face) part.faces.add(corners_, text_.place());
   }
 
   void begin_part(std::size_t object) {

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/mesh/mesh_faces.h"
 #include "engine/mesh/mesh_part.h"
 #include "engine/mesh/mesh_text.h"
 
@@ -77,6 +78,7 @@ void read_off(std::string_view content, const PartSink& sink) {
     text.skip_line();
   }
   std::vector<std::uint32_t> corners;
+  FaceList faces;
   for (std::uint64_t i = 0; i < header.faces; ++i) {
     const std::string_view word = text.word();
     if (word.empty()) fail_early(text, "face", i, header.faces);
@@ -89,9 +91,11 @@ void read_off(std::string_view content, const PartSink& sink) {
                   std::to_string(header.vertices) + ", from 0");
       corners.push_back(static_cast<std::uint32_t>(index));
     }
-    add_polygon(&part.triangles, corners);
+    faces.add(corners, text.place());
     text.skip_line();
   }
+  part.triangles = faces.take_triangles(part.positions, &part.rounding,
+                                        [&](std::size_t place, const std::string& what) { text.fail_at(place, what); });
   sink(std::move(part));
 }
 

@@ -22,11 +22,6 @@ struct MeshPart {
 /// Takes the parts of a file in its order.
 using PartSink = std::function<void(MeshPart)>;
 
-/// Adds the triangles of a polygon, as a fan around its first corner; none for less than three corners.
-inline void add_polygon(std::vector<Triangle>* triangles, std::span<const std::uint32_t> corners) {
-  for (std::size_t k = 1; k + 1 < corners.size(); ++k) triangles->push_back({corners[0], corners[k], corners[k + 1]});
-}
-
 /// The part of a list of positions that some corners use, in the order of their first use.
 class UsedPositions {
  public:

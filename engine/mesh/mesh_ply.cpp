@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "engine/mesh/mesh_bytes.h"
+#include "engine/mesh/mesh_faces.h"
 #include "engine/mesh/mesh_part.h"
 #include "engine/mesh/mesh_text.h"
 
@@ -180,6 +181,15 @@ class Body {
     throw LoadError(place + what);
   }
 
+  /// Place of the face that was just read: of text in the file, else its row.
+  std::size_t place_of_face(std::uint64_t row) const {
+    return format_ == Header::Format::kText ? text_.place() : static_cast<std::size_t>(row);
+  }
+  [[noreturn]] void fail_face(std::size_t place, const std::string& what) const {
+    if (format_ == Header::Format::kText) text_.fail_at(place, what);
+    throw LoadError("face " + std::to_string(place) + ": " + what);
+  }
+
  private:
   std::string_view word() {
     const std::string_view w = text_.word();
@@ -223,6 +233,11 @@ class PlyReader {
         read_others(element);
     }
     if (!vertices_) fail_header("no element \"vertex\"");
+    // Triangles of strips come first: an element of them has no faces as a rule.
+    const std::vector<Triangle> faces =
+        faces_.take_triangles(part_.positions, &part_.rounding,
+                              [this](std::size_t place, const std::string& what) { body_.fail_face(place, what); });
+    part_.triangles.insert(part_.triangles.end(), faces.begin(), faces.end());
     return std::move(part_);
   }
 
@@ -269,7 +284,7 @@ class PlyReader {
         else if (strips)
           read_strip(element.properties[c]);
         else
-          read_face(element.properties[c]);
+          read_face(element.properties[c], i);
     }
   }
 
@@ -283,11 +298,11 @@ class PlyReader {
     return static_cast<std::uint32_t>(index);
   }
 
-  void read_face(const Property& p) {
+  void read_face(const Property& p, std::uint64_t row) {
     corners_.clear();
     for (std::uint64_t n = body_.length(p); n > 0; --n)
       corners_.push_back(corner(body_.integer(p.type, "the index of a vertex")));
-    add_polygon(&part_.triangles, corners_);
+    faces_.add(corners_, body_.place_of_face(row));
   }
 
   // A strip ends at -1.
@@ -311,6 +326,7 @@ class PlyReader {
   Body body_;
   const Element* vertices_ = nullptr;
   MeshPart part_;
+  FaceList faces_;
   std::vector<std::uint32_t> corners_;
 };
 

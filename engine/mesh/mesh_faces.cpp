@@ -1,0 +1,131 @@
+#include "engine/mesh/mesh_faces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "engine/mesh/ear_cutter.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kFloatRounding = 0x1p-20;  // share of the largest coordinate: eight times what float32 rounds it by
+
+struct Normal {
+  Vec3d sum{0, 0, 0};   // M. E. Newell's: twice the area that is seen along each axis
+  Vec3d size{0, 0, 0};  // the same of all triangles of a fan, whichever way they turn
+};
+
+Normal normal_of(std::span<const Vec3d> face) {
+  Normal normal;
+  for (std::size_t k = 1; k + 1 < face.size(); ++k) {
+    const Vec3d n = cross(face[k] - face[0], face[k + 1] - face[0]);
+    normal.sum += n;
+    for (int i = 0; i < 3; ++i) normal.size[i] += std::abs(n[i]);
+  }
+  return normal;
+}
+
+int largest(const Vec3d& v) {
+  const Vec3d size{std::abs(v.x), std::abs(v.y), std::abs(v.z)};
+  return size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+}
+
+// What exact signs are known for: smaller numbers count as 0.
+FlatPoint flat(double u, double v) {
+  const auto flushed = [](double x) { return std::abs(x) * kMaxFlatCoordinate < 1 ? 0 : x; };
+  return {flushed(u), flushed(v)};
+}
+
+// The face along an axis, counterclockwise: coordinates are taken as they are, so that signs are those of the file.
+std::vector<FlatPoint> along_axis(std::span<const Vec3d> face, int axis, bool is_mirrored) {
+  const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+  std::vector<FlatPoint> out;
+  for (const Vec3d& p : face) out.push_back(is_mirrored ? flat(p[v], p[u]) : flat(p[u], p[v]));
+  return out;
+}
+
+// The face along its normal, which is rounded: for those that are bent so far that an axis shows them folded.
+std::vector<FlatPoint> along_normal(std::span<const Vec3d> face, const Vec3d& normal) {
+  const Vec3d n = normal * (1 / norm(normal));
+  Vec3d side{0, 0, 0};
+  side[(largest(n) + 1) % 3] = 1;
+  Vec3d u = side - n * dot(n, side);
+  u = u * (1 / norm(u));
+  const Vec3d v = cross(n, u);
+  std::vector<FlatPoint> out;
+  for (const Vec3d& p : face) out.push_back(flat(dot(u, p - face[0]), dot(v, p - face[0])));
+  return out;
+}
+
+double largest_coordinate(std::span<const Vec3d> positions) {
+  double most = 0;
+  for (const Vec3d& p : positions)
+    for (int k = 0; k < 3; ++k) most = std::max(most, std::abs(p[k]));
+  return most;
+}
+
+// Cuts one face. \param corners of the list `positions`. Returns how far the triangles may lie from the face, none if
+// it crosses itself by more than the tolerance.
+std::optional<double> cut(std::span<const std::uint32_t> corners, std::span<const Vec3d> positions, double tolerance,
+                          std::vector<Triangle>* triangles) {
+  std::vector<Vec3d> face;
+  for (const std::uint32_t c : corners) face.push_back(positions[c]);
+  const Normal normal = normal_of(face);
+  // A bow tie has no normal: then the axis along which most is seen, whichever way it turns.
+  const bool has_normal = std::abs(normal.sum[largest(normal.sum)]) > 0x1p-20 * normal.size[largest(normal.size)];
+  const int axis = largest(has_normal ? normal.sum : normal.size);
+  const std::vector<FlatPoint> seen = along_axis(face, axis, normal.sum[axis] < 0);
+  if (fan_is_right(seen)) {
+    add_fan(triangles, corners);
+    return 0;
+  }
+  std::vector<Triangle> ears;
+  std::optional<double> off = cut_ears(seen, face, tolerance, &ears);
+  if (!off && has_normal) off = cut_ears(along_normal(face, normal.sum), face, tolerance, &ears);
+  if (!off) return {};
+  for (const Triangle& t : ears) triangles->push_back({corners[t[0]], corners[t[1]], corners[t[2]]});
+  return off;
+}
+
+}  // namespace
+
+void FaceList::add(std::span<const std::uint32_t> corners, std::size_t place) {
+  if (corners.size() == 3) triangles_.push_back({corners[0], corners[1], corners[2]});
+  if (corners.size() <= 3) return;
+  polygons_.push_back({triangles_.size(), corners_.size(), corners.size(), place});
+  corners_.insert(corners_.end(), corners.begin(), corners.end());
+}
+
+std::vector<Triangle> FaceList::take_triangles(std::span<const Vec3d> positions, double* rounding, const Fail& fail) {
+  if (polygons_.empty()) return std::exchange(triangles_, {});
+  const double most = largest_coordinate(positions);
+  std::vector<Triangle> out;
+  out.reserve(triangles_.size() + corners_.size());
+  auto next = triangles_.begin();
+  for (const Polygon& polygon : polygons_) {
+    const auto end = triangles_.begin() + static_cast<std::ptrdiff_t>(polygon.before);
+    out.insert(out.end(), next, end);
+    next = end;
+    const std::span<const std::uint32_t> corners = std::span(corners_).subspan(polygon.first, polygon.count);
+    if (!(most <= kMaxFlatCoordinate)) {  // no body may have such positions: the mesh is rejected for them
+      add_fan(&out, corners);
+      continue;
+    }
+    const std::optional<double> off = cut(corners, positions, kFloatRounding * most, &out);
+    if (off)
+      *rounding = std::max(*rounding, *off);
+    else
+      fail(polygon.place, "a face of " + std::to_string(corners.size()) +
+                              " corners crosses itself, so that it encloses no clear area; cut it into triangles");
+  }
+  out.insert(out.end(), next, triangles_.end());
+  triangles_.clear();
+  polygons_.clear();
+  corners_.clear();
+  return out;
+}
+
+}  // namespace clearance
