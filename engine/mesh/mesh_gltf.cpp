@@ -119,6 +119,43 @@ std::string without_percents(const std::string& uri) {
   return out;
 }
 
+// Whether a file's geometry is the same without an extension: looks, sounds, lights, and data about data.
+bool keeps_geometry(std::string_view name) {
+  for (const std::string_view prefix : {"KHR_materials_",
+                                        "KHR_texture_",
+                                        "EXT_texture_",
+                                        "MSFT_texture_",
+                                        "ADOBE_materials_",
+                                        "KHR_lights_",
+                                        "EXT_lights_",
+                                        "KHR_xmp",
+                                        "KHR_audio",
+                                        "MSFT_audio",
+                                        "EXT_structural_metadata",
+                                        "EXT_mesh_features",
+                                        "EXT_instance_features",
+                                        "EXT_feature_metadata",
+                                        "KHR_physics_",
+                                        "OMI_",
+                                        "AGI_",
+                                        "VRM",
+                                        "MOZ_",
+                                        "GOOGLE_"})
+    if (name.starts_with(prefix)) return true;
+  constexpr std::string_view kOthers[] = {"KHR_animation_pointer",  // animations are not read
+                                          "KHR_node_hoverability",
+                                          "KHR_node_selectability",
+                                          "KHR_interactivity",
+                                          "EXT_mesh_manifold",
+                                          "FB_ngon_encoding",
+                                          "CESIUM_primitive_outline",
+                                          "MSFT_lod",  // the finest level is the node itself
+                                          "NV_materials_mdl",
+                                          "GODOT_single_root",
+                                          "KHR_implicit_shapes"};
+  return std::find(std::begin(kOthers), std::end(kOthers), name) != std::end(kOthers);
+}
+
 // Rows of numbers in a buffer; all of them are there.
 struct Rows {
   std::string_view bytes;
@@ -140,10 +177,8 @@ class GltfReader {
     if (!version || !version->is_string()) fail("no asset.version");
     if (const std::string v = version->get<std::string>(); !v.starts_with("2."))
       fail("version " + in_quotes(v) + "; expected 2.0");
-    if (const Json* required = find(root_, "extensionsRequired"); required && required->is_array())
-      for (const Json& name : *required)
-        for (const char* unread : {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization"})
-          if (name == unread) fail(std::string("it needs the extension ") + unread + ", which is not read");
+    check_required();
+    check_extensions(root_, "the file", {"CESIUM_RTC"});
   }
 
   void read(std::uint64_t most_vertices, const PartSink& sink) {
@@ -178,11 +213,39 @@ class GltfReader {
     std::optional<UsedPositions> used;
   };
 
+  // An entry of a list; each kind of them is part of the geometry.
   const Json& entry(const char* list, std::uint64_t i) const {
     const Json* all = find(root_, list);
     const std::size_t count = all && all->is_array() ? all->size() : 0;
     if (i >= count) fail(place(list, i) + " is named, and there are " + std::to_string(count));
+    check_extensions((*all)[i], place(list, i));
     return (*all)[i];
+  }
+
+  // glTF 2.0, 3.12: a reader that does not know a required extension must fail.
+  void check_required() const {
+    const Json* required = find(root_, "extensionsRequired");
+    if (!required) return;
+    if (!required->is_array()) fail("extensionsRequired: expected a list");
+    for (const Json& name : *required) {
+      if (!name.is_string()) fail("extensionsRequired: expected names");
+      if (!keeps_geometry(name.get_ref<const std::string&>()))
+        fail("it needs the extension " + name.get<std::string>().substr(0, 60) + ", which is not read");
+    }
+  }
+
+  // A part of the geometry may be something else by an extension, required or not.
+  // \param changing the only ones that do; empty: all that are not known to keep it
+  static void check_extensions(const Json& object, const std::string& where,
+                               std::initializer_list<std::string_view> changing = {}) {
+    const Json* extensions = find(object, "extensions");
+    if (!extensions) return;
+    if (!extensions->is_object()) fail(where + ".extensions: expected an object");
+    for (const auto& [name, value] : extensions->items()) {
+      const bool changes = changing.size() == 0 ? !keeps_geometry(name)
+                                                : std::find(changing.begin(), changing.end(), name) != changing.end();
+      if (changes) fail(where + " has the extension " + name.substr(0, 60) + ", which is not read");
+    }
   }
 
   // Every mesh that the scene's nodes show, with where. A node has one parent: the file's nodes are all that there are.
@@ -216,6 +279,9 @@ class GltfReader {
       const std::string where = place("nodes", visit.node);
       const MeshTransform X = visit.X.after(transform(node, where));
       if (find(node, "mesh")) shown.push_back({unsigned_in(node, "mesh", where), X});
+      if (find(node, "mesh") && find(node, "skin"))
+        fail(where + " has a skin: the joints that place its mesh are not read");
+      check_at_rest(node, where);
       push_all(node, "children", where, X);
     }
     return shown;
@@ -265,6 +331,16 @@ class GltfReader {
     return list ? *list : none;
   }
 
+  // Morph targets count as they are by default: with none of them applied.
+  static void check_at_rest(const Json& holder, const std::string& where) {
+    const Json* weights = find(holder, "weights");
+    if (!weights) return;
+    if (!weights->is_array()) fail(where + ".weights: expected a list");
+    for (const Json& weight : *weights)
+      if (!weight.is_number() || weight.get<double>() != 0)
+        fail(where + ".weights: it applies morph targets, which are not read; expected zeros");
+  }
+
   // Corners of a mesh's faces: no fewer than the vertices of its parts.
   std::uint64_t corners(std::uint64_t mesh) const {
     std::uint64_t sum = 0;
@@ -281,8 +357,10 @@ class GltfReader {
 
   std::vector<MeshPart> primitives(std::uint64_t mesh) {
     std::vector<MeshPart> parts;
+    check_at_rest(entry("meshes", mesh), place("meshes", mesh));
     for (const Json& primitive : primitives_of(mesh)) {
       const std::string where = place("meshes", mesh);
+      check_extensions(primitive, where + ".primitives[" + std::to_string(&primitive - &primitives_of(mesh)[0]) + ']');
       const Json* attributes = find(primitive, "attributes");
       if (!attributes || !find(*attributes, "POSITION")) continue;
       Positions& known = positions(unsigned_in(*attributes, "POSITION", where));

@@ -130,6 +130,25 @@ TEST(Mesh, DecimalsAreRoundedOnceToFloat64) {
   EXPECT_EQ(texts, 44);
 }
 
+// Looks, lights and data about data are no part of a shape, and neither is what an unused node has.
+TEST(Mesh, ExtensionsThatKeepTheGeometryOfAGltf) {
+  const TemporaryFolder folder;
+  const Source source = tetrahedron();
+  std::string text = gltf(source,
+                          "[{\"mesh\": 0, \"extensions\": {\"KHR_lights_punctual\": {\"light\": 0}}, "
+                          "\"weights\": [0, 0.0], \"extras\": {\"ACME_folds\": 1}}, "
+                          "{\"mesh\": 0, \"extensions\": {\"ACME_folds\": {}}}]");
+  text = replaced(text, "\"scene\"",
+                  "\"extensionsRequired\": [\"KHR_materials_unlit\", \"KHR_texture_transform\", "
+                  "\"EXT_texture_webp\", \"KHR_lights_punctual\"], \"extensionsUsed\": [\"ACME_folds\"], "
+                  "\"extensions\": {\"KHR_lights_punctual\": {}, \"ACME_lists\": {}}, \"scene\"");
+  text = replaced(text, "\"indices\": 1", "\"indices\": 1, \"extensions\": {\"KHR_materials_variants\": {}}");
+  const Mesh mesh = load_mesh(folder.write("a.gltf", text));
+  ASSERT_EQ(mesh.submeshes.size(), 1u);
+  EXPECT_TRUE(faces_of(mesh.submeshes[0].vertices, mesh.submeshes[0].triangles) ==
+              faces_of(source.vertices, source.triangles));
+}
+
 TEST(Mesh, BinaryPlyKeepsItsDoubles) {
   const TemporaryFolder folder;
   for (const bool big : {false, true}) {
