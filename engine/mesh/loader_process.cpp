@@ -39,7 +39,7 @@ std::string_view mapped_file() {
 
 int loader_main(int argc, char** argv, ImportFile import) {
   const std::string_view content = mapped_file();
-  if (argc != 4 || ::fcntl(kMeshResultFd, F_GETFD) < 0 || content.empty()) {
+  if (argc != 5 || ::fcntl(kMeshResultFd, F_GETFD) < 0 || content.empty()) {
     std::fprintf(stderr, "clearance-mesh-loader reads mesh files for the clearance library; it is not run by hand\n");
     return 2;
   }
@@ -61,7 +61,7 @@ int loader_main(int argc, char** argv, ImportFile import) {
   } catch (const std::exception& e) {
     ::_exit(write_mesh_error(kMeshResultFd, MeshState::kError, e.what()) ? 0 : 3);
   }
-  const bool whole = import(argv[1], content, memory_bytes, kMeshResultFd) &&
+  const bool whole = import(argv[1], content, memory_bytes, kMeshResultFd, argv[4][0] == '1') &&
                      ::pwrite(kMeshResultFd, &limits, sizeof limits, offsetof(MeshHeader, limits)) == sizeof limits;
   ::_exit(whole ? 0 : 3);  // no destructors: assimp's take longer than this process has left to do
 }

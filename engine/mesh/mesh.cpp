@@ -54,7 +54,7 @@ Fd memory_file(const char* name, unsigned flags) {
 }
 
 // \param content what the loader reads for the file.
-Loader start_loader(const std::string& path, const Fd& content, const MeshLimits& limits) {
+Loader start_loader(const std::string& path, const Fd& content, const MeshLimits& limits, bool as_heights) {
   const std::string program = mesh_loader_program();
   Loader loader;
   loader.result = memory_file("clearance-mesh", 0);
@@ -66,8 +66,9 @@ Loader start_loader(const std::string& path, const Fd& content, const MeshLimits
   const int descriptors[] = {loader.result.get(), write_end.get(), content.get()};
   const std::uint64_t seconds = static_cast<std::uint64_t>(limits.time.count() + 999) / 1000 + 1;
   try {
-    loader.pid =
-        start_helper(program, {path, std::to_string(limits.memory_bytes), std::to_string(seconds)}, descriptors);
+    loader.pid = start_helper(
+        program, {path, std::to_string(limits.memory_bytes), std::to_string(seconds), as_heights ? "1" : "0"},
+        descriptors);
   } catch (const std::runtime_error& error) {
     throw MeshError(error.what());
   }
@@ -119,7 +120,7 @@ bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* end
 
 const std::vector<std::string> kMeshes = {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb"};
 const std::vector<std::string> kPoints = {".ply", ".xyz", ".npy", ".pcd"};
-const std::vector<std::string> kOctomaps = {".bt", ".ot"};
+const std::vector<std::string> kOctomaps = {".bt", ".ot"}, kHeights = {".npy"};
 
 // Opens a mesh file; what can be seen without reading it is in order.
 /// \param known formats, in words for a message
@@ -200,12 +201,13 @@ Sha256Digest mesh_loader_digest() {
 namespace {
 
 // The loader gets a copy of the bytes that the digest is of, and no second look at a file that may have changed.
-Mesh load(const std::string& path, const MeshLimits& limits, const std::vector<std::string>& known) {
+Mesh load(const std::string& path, const MeshLimits& limits, const std::vector<std::string>& known,
+          bool as_heights = false) {
   const Fd content = memory_file("clearance-mesh-file", MFD_ALLOW_SEALING);
   const Sha256Digest digest = read_through(open_file(path, limits, known), limits, &content);
   if (::fcntl(content.get(), F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) != 0)
     throw MeshError("cannot start the mesh loader: " + reason(errno));
-  const Loader loader = start_loader(path, content, limits);
+  const Loader loader = start_loader(path, content, limits, as_heights);
   Ending ending;
   if (!wait_for(loader, limits.time, &ending))
     throw MeshError("reading it took longer than " + std::to_string(limits.time.count() / 1000.0).substr(0, 5) +
@@ -239,6 +241,10 @@ std::vector<Vec3d> load_points(const std::string& path, const MeshLimits& limits
   for (const Submesh& part : load(path, limits, kPoints).submeshes)
     points.insert(points.end(), part.vertices.begin(), part.vertices.end());
   return points;
+}
+
+std::vector<Vec3d> load_heights(const std::string& path, const MeshLimits& limits) {
+  return std::move(load(path, limits, kHeights, true).submeshes.at(0).vertices);
 }
 
 Octomap load_octomap(const std::string& path, const MeshLimits& limits) {

@@ -53,9 +53,11 @@ Sha256Digest mesh_file_digest(const std::string& path, const MeshLimits& limits 
 /// Throws MeshError.
 Mesh load_mesh(const std::string& path, const MeshLimits& limits = {});
 
-/// The points of a PLY (with or without faces), XYZ, NPY or PCD file, in the file's order, equal ones once; of an NPY
-/// that is not three numbers wide (column, row, height) of each height that is a number. Throws MeshError.
+/// The points of a PLY (with or without faces), XYZ, NPY or PCD file, in the file's order, equal ones once. Throws
+/// MeshError.
 std::vector<Vec3d> load_points(const std::string& path, const MeshLimits& limits = {});
+/// The grid of heights of an NPY file: (column, row, height) of each height that is a number. Throws MeshError.
+std::vector<Vec3d> load_heights(const std::string& path, const MeshLimits& limits = {});
 
 /// The occupied space of an octomap.
 struct Octomap {

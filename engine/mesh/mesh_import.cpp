@@ -78,7 +78,8 @@ class Result {
   std::uint32_t parts_ = 0;
 };
 
-bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::path& path, std::string_view content) {
+bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::path& path, std::string_view content,
+          bool as_heights) {
   const std::string extension = lower(path.extension().string().substr(1));
   const MeshFolder folder(path);
   const PartSink sink = [result](const MeshPart& part) { result->add(part); };
@@ -93,7 +94,7 @@ bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::pat
   else if (extension == "xyz")
     read_xyz(content, sink);
   else if (extension == "npy")
-    read_npy(content, sink);
+    as_heights ? read_npy_heights(content, sink) : read_npy(content, sink);
   else if (extension == "pcd")
     read_pcd(content, sink);
   else if (extension == "bt" || extension == "ot")
@@ -108,10 +109,10 @@ bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::pat
 }  // namespace
 
 bool import_mesh(std::unique_ptr<Assimp::Importer>* kept, const std::string& path, std::string_view content,
-                 std::uint64_t memory_bytes, int result_fd) {
+                 std::uint64_t memory_bytes, int result_fd, bool as_heights) {
   Result result(result_fd, memory_bytes);
   try {
-    return load(kept, &result, fs::absolute(path), content);
+    return load(kept, &result, fs::absolute(path), content, as_heights);
   } catch (const std::bad_alloc&) {
     const std::string text =
         "reading it takes more than " + std::to_string(memory_bytes >> 20) + " MiB of memory; is the file damaged?";

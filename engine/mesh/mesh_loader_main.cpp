@@ -2,7 +2,7 @@
 //
 // A process of its own, because assimp, which reads DAE, crashes, hangs or exhausts memory on some damaged files, and
 // might be made to do worse by others. Usage, by mesh.cpp only:
-//   clearance-mesh-loader FILE MEMORY_BYTES CPU_SECONDS
+//   clearance-mesh-loader FILE MEMORY_BYTES CPU_SECONDS AS_HEIGHTS
 #include <assimp/Importer.hpp>
 #include <memory>
 
@@ -10,9 +10,11 @@
 #include "engine/mesh/mesh_import.h"
 
 int main(int argc, char** argv) {
-  return clearance::loader_main(
-      argc, argv, [](const std::string& path, std::string_view content, std::uint64_t memory_bytes, int result_fd) {
-        auto* kept = new std::unique_ptr<Assimp::Importer>;  // outlives the result
-        return clearance::import_mesh(kept, path, content, memory_bytes, result_fd);
-      });
+  return clearance::loader_main(argc, argv,
+                                [](const std::string& path, std::string_view content, std::uint64_t memory_bytes,
+                                   int result_fd, bool as_heights) {
+                                  auto* kept = new std::unique_ptr<Assimp::Importer>;  // outlives the result
+                                  return clearance::import_mesh(kept, path, content, memory_bytes, result_fd,
+                                                                as_heights);
+                                });
 }

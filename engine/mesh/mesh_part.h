@@ -60,11 +60,12 @@ void read_off(std::string_view content, const PartSink& sink);
 void read_ply(std::string_view content, const PartSink& sink);
 void read_stl(std::string_view content, const PartSink& sink);
 
-/// Files of points: one part without triangles. \p NPY: (N, 3) float32 or float64; an array of any other width is a
-/// height field, whose heights that are numbers come as (column, row, height). Pixels of a PCD that are NaN are left
-/// out.
+/// Files of points: one part without triangles. Columns and fields behind x, y and z are passed over: of an NPY (N, 3)
+/// to (N, 16), of float32 or float64. Pixels of a PCD that are NaN are left out.
 void read_xyz(std::string_view content, const PartSink& sink);
 void read_npy(std::string_view content, const PartSink& sink);
+/// An NPY as a grid of heights: those that are numbers come as (column, row, height).
+void read_npy_heights(std::string_view content, const PartSink& sink);
 void read_pcd(std::string_view content, const PartSink& sink);
 /// An octomap (.bt, .ot): a part of one point, whose x is the edge of a voxel, then one of the centres of all that are
 /// occupied, where leaves above the last level are cut into voxels.

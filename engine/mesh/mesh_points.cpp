@@ -45,10 +45,13 @@ std::string_view value_of(std::string_view header, std::string_view key) {
   return rest.substr(0, end);
 }
 
-// Rows and columns of "(N, M".
-std::array<std::uint64_t, 2> shape_of(std::string_view text) {
+// Rows and columns of "(N, M". \param wanted names them in errors
+std::array<std::uint64_t, 2> shape_of(std::string_view text, const std::string& wanted) {
   std::array<std::uint64_t, 2> shape{};
   std::size_t dimensions = 0;
+  const auto fail = [&] {
+    throw LoadError("its shape is " + std::string(text.substr(0, 60)) + "); expected " + wanted);
+  };
   for (std::size_t i = 1; i < text.size();) {
     if (text[i] == ' ' || text[i] == ',') {
       ++i;
@@ -61,23 +64,27 @@ std::array<std::uint64_t, 2> shape_of(std::string_view text) {
       if (n > std::uint64_t{1} << 32) throw LoadError("its shape has more than 2^32 rows or columns");
     }
     if (i == begin) throw LoadError("its shape is no list of numbers: " + in_quotes(text));
-    if (dimensions == 2) throw LoadError("it has more than two dimensions");
+    if (dimensions == 2) fail();
     shape[dimensions++] = n;
   }
-  if (dimensions != 2) throw LoadError("expected an array of two dimensions");
+  if (dimensions != 2) fail();
   return shape;
 }
 
 struct Array {
   std::array<std::uint64_t, 2> shape;
   std::size_t size;  // of a number, bytes
+  bool by_columns;   // Fortran's order
   const char* data;
   double at(std::uint64_t row, std::uint64_t column) const {
-    return number_at(data + (row * shape[1] + column) * size, 'F', size);
+    return number_at(data + (by_columns ? column * shape[0] + row : row * shape[1] + column) * size, 'F', size);
   }
 };
 
-Array array_of(std::string_view content) {
+constexpr const char* kPointRows = "rows of x, y and z, which up to 13 more columns may follow";
+constexpr std::uint64_t kMostColumns = 16;
+
+Array array_of(std::string_view content, const std::string& wanted) {
   if (content.size() < 12 || content.substr(0, 6) != std::string_view("\x93NUMPY", 6))
     throw LoadError("it does not begin as an NPY file");
   const auto byte = [&](std::size_t i) { return static_cast<std::size_t>(static_cast<unsigned char>(content[i])); };
@@ -87,15 +94,22 @@ Array array_of(std::string_view content) {
   if (length > content.size() - begin) throw LoadError("it ends within its header");
   const std::string_view header = content.substr(begin, length);
   const std::string_view type = value_of(header, "'descr'");
+  if (type.starts_with("["))
+    throw LoadError("its numbers have names (a structured array); expected a plain array of '<f4' or '<f8'");
   if (type != "'<f4'" && type != "'<f8'")
     throw LoadError("expected '<f4' or '<f8' numbers, got " + std::string(type.substr(0, 20)));
-  if (value_of(header, "'fortran_order'") != "False") throw LoadError("expected rows one after another (C order)");
-  Array array{shape_of(value_of(header, "'shape'")), type == "'<f4'" ? std::size_t{4} : 8,
+  const std::string_view order = value_of(header, "'fortran_order'");
+  if (order != "False" && order != "True") throw LoadError("fortran_order: expected False or True");
+  Array array{shape_of(value_of(header, "'shape'"), wanted), type == "'<f4'" ? std::size_t{4} : 8, order == "True",
               content.data() + begin + length};
   const std::uint64_t there = (content.size() - begin - length) / array.size;
   if (array.shape[1] == 0 || array.shape[0] > there / array.shape[1])
     throw LoadError("it ends before its " + std::to_string(array.shape[0]) + " x " + std::to_string(array.shape[1]) +
                     " numbers do");
+  const std::uint64_t more = content.size() - begin - length - array.shape[0] * array.shape[1] * array.size;
+  if (more != 0) throw LoadError(std::to_string(more) + " bytes follow its numbers: does it hold several arrays?");
+  if (array.shape[0] * array.shape[1] > kMostPoints)
+    throw LoadError("it has more than " + std::to_string(kMostPoints) + " numbers");
   return array;
 }
 
@@ -193,22 +207,27 @@ void read_xyz(std::string_view content, const PartSink& sink) {
 }
 
 void read_npy(std::string_view content, const PartSink& sink) {
-  const Array array = array_of(content);
+  const Array array = array_of(content, kPointRows);
   const auto [rows, columns] = array.shape;
-  if (columns == 0 || rows > kMostPoints / columns)
-    throw LoadError("it has more than " + std::to_string(kMostPoints) + " numbers");
+  if (columns < 3 || columns > kMostColumns)
+    throw LoadError("it has " + std::to_string(columns) + " columns; expected " + kPointRows +
+                    (columns > kMostColumns ? "; a grid of heights is a height_field" : ""));
   std::vector<Vec3d> positions;
   for (std::uint64_t r = 0; r < rows; ++r) {
-    if (columns == 3) {
-      positions.push_back({array.at(r, 0), array.at(r, 1), array.at(r, 2)});
-      for (int k = 0; k < 3; ++k)
-        if (!std::isfinite(positions.back()[k])) throw LoadError("row " + std::to_string(r) + " is not finite");
-      continue;
-    }
-    for (std::uint64_t c = 0; c < columns; ++c)  // a height field: a height that is no number is a hole
+    positions.push_back({array.at(r, 0), array.at(r, 1), array.at(r, 2)});
+    for (int k = 0; k < 3; ++k)
+      if (!std::isfinite(positions.back()[k])) throw LoadError("row " + std::to_string(r) + " is not finite");
+  }
+  hand_on(std::move(positions), sink);
+}
+
+void read_npy_heights(std::string_view content, const PartSink& sink) {
+  const Array array = array_of(content, "rows and columns of heights");
+  std::vector<Vec3d> positions;
+  for (std::uint64_t r = 0; r < array.shape[0]; ++r)
+    for (std::uint64_t c = 0; c < array.shape[1]; ++c)  // a height that is no number is a hole
       if (const double height = array.at(r, c); std::isfinite(height))
         positions.push_back({static_cast<double>(c), static_cast<double>(r), height});
-  }
   hand_on(std::move(positions), sink);
 }
 

@@ -62,7 +62,7 @@ Geometry height_field(const std::vector<Vec3d>& samples, double cell, double rad
   double far = 0;
   for (const Vec3d& s : samples) {
     if (!(s.x >= 0 && s.x < 0x1p32 && s.y >= 0 && s.y < 0x1p32) || s.x != std::floor(s.x) || s.y != std::floor(s.y))
-      throw std::invalid_argument("expected an array of heights, other than three columns wide");
+      throw std::invalid_argument("expected an array of heights");
     at[place(s.y, s.x)] = static_cast<std::uint32_t>(vertices.size());
     vertices.push_back({cell * s.x, cell * s.y, s.z});
     far = std::max({far, cell * s.x, cell * s.y});
@@ -150,7 +150,7 @@ MakeGeometry read_height_field(const YamlValue& body, const YamlValue& file, dou
   if (!cell) body.fail("a height_field needs the key \"cell\": metres between its samples");
   const double metres = cell->positive();
   const std::string named = file.text("the path of an NPY file of heights"), path = resolve(file);
-  return [=] { return in_file(named, [&] { return height_field(load_points(path), metres, radius, named); }); };
+  return [=] { return in_file(named, [&] { return height_field(load_heights(path), metres, radius, named); }); };
 }
 
 }  // namespace clearance

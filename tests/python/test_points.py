@@ -142,7 +142,22 @@ def test_a_reload_keeps_them(scene_file, start_daemon):
         ("{name: c, points: empty.xyz}", "it holds no points"),
         ("{name: c, height_field: flat.npy, cell: 0}", "cell"),
         ("{name: c, height_field: flat.npy}", 'needs the key "cell"'),
-        ("{name: c, height_field: rows.npy, cell: 1}", "other than three columns wide"),
+        ("{name: c, height_field: points.xyz, cell: 1}", 'unknown format ".xyz"; expected .npy'),
+        ("{name: c, points: narrow.npy}", "narrow.npy: it has 2 columns; expected rows of x, y and z, which up to 13"),
+        (
+            "{name: c, points: heights.npy}",
+            "it has 17 columns; expected rows of x, y and z, which up to 13 more columns "
+            "may follow; a grid of heights is a height_field",
+        ),
+        ("{name: c, points: line.npy}", "its shape is (9,); expected rows of x, y and z"),
+        ("{name: c, points: picture.npy}", "its shape is (3, 4, 3); expected rows of x, y and z"),
+        ("{name: c, height_field: line.npy, cell: 1}", "its shape is (9,); expected rows and columns of heights"),
+        ("{name: c, points: named.npy}", "its numbers have names (a structured array)"),
+        ("{name: c, points: whole.npy}", "expected '<f4' or '<f8' numbers, got '<i8'"),
+        ("{name: c, points: big.npy}", "expected '<f4' or '<f8' numbers, got '>f4'"),
+        ("{name: c, points: two.npy}", "two.npy: 344 bytes follow its numbers: does it hold several arrays?"),
+        ("{name: c, points: hole.npy}", "hole.npy: row 1 is not finite"),
+        ("{name: c, mesh: rows.npy}", 'unknown format ".npy"; expected .obj'),
         ("{name: c, height_field: flat.npy, cell: 1, voxel: 1}", "only points of a file"),
     ],
 )
@@ -153,7 +168,16 @@ def test_bad_files_are_refused_by_their_names(tmp_path, line, text):
     (tmp_path / "empty.xyz").write_text("# none\n")
     np.save(tmp_path / "rows.npy", np.ones((9, 3)) / 3)
     np.save(tmp_path / "flat.npy", np.full((4, 4), np.nan))
+    np.save(tmp_path / "narrow.npy", np.ones((9, 2)))
+    np.save(tmp_path / "heights.npy", np.ones((9, 17)))
+    np.save(tmp_path / "line.npy", np.ones(9))
+    np.save(tmp_path / "picture.npy", np.ones((3, 4, 3)))
+    np.save(tmp_path / "named.npy", np.zeros(4, [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]))
+    np.save(tmp_path / "whole.npy", np.ones((9, 3), np.int64))
+    np.save(tmp_path / "big.npy", np.ones((9, 3), ">f4"))
+    np.save(tmp_path / "hole.npy", np.array([[0, 0, 0], [0, np.nan, 0]]))
     whole = (tmp_path / "rows.npy").read_bytes()
+    (tmp_path / "two.npy").write_bytes(whole + whole)
     (tmp_path / "short.npy").write_bytes(whole[:-1])
     (tmp_path / "packed.pcd").write_text("FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 1\nDATA binary_compressed\nxxxx")
     (tmp_path / "scene.yaml").write_text(f"bodies:\n  - {line}\n")
@@ -168,6 +192,8 @@ def test_files_of_every_format_hold_the_same_points(tmp_path):
     (tmp_path / "a.xyz").write_text(text)
     np.save(tmp_path / "b.npy", points)
     np.save(tmp_path / "c.npy", points.astype(np.float64))
+    np.save(tmp_path / "g.npy", np.column_stack([points, [7, 8, 9]]))  # x y z intensity
+    np.save(tmp_path / "h.npy", np.asfortranarray(np.column_stack([points, np.full((3, 13), -99)])))
     head = "VERSION .7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH 4\nHEIGHT 1\nPOINTS 4\n"
     rows = np.zeros(4, [("p", "<f4", 3), ("rgb", "<u4")])
     rows["p"][:3], rows["p"][3] = points, np.nan  # a pixel without a return
@@ -182,8 +208,18 @@ def test_files_of_every_format_hold_the_same_points(tmp_path):
     (tmp_path / "scene.yaml").write_text("bodies:\n" + bodies + ball)
     engine = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cpu")
     answer = engine.distances(pairs=[(name[0], "ball") for name in files])
-    assert len(set(answer.upper[0])) == 1 and len(files) == 6
+    assert len(set(answer.upper[0])) == 1 and len(files) == 8
     assert answer.lower[0, 0] <= np.sqrt(5.0) - 0.5 <= answer.upper[0, 0]
+
+
+def test_heights_may_be_three_columns_wide(tmp_path):
+    np.save(tmp_path / "heights.npy", np.array([[0, 0, 0], [0, 0, 0], [0, 0, 0.5]], np.float32))
+    (tmp_path / "scene.yaml").write_text(
+        "bodies:\n  - {name: ground, height_field: heights.npy, cell: 2, pose: [0,0,0, 1,0,0,0]}\n"
+        "  - {name: ball, sphere: 0.5, pose: [4,4,2, 1,0,0,0]}\n"
+    )
+    answer = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cpu").distances()
+    assert answer.lower[0, 0] <= 1.0 <= answer.upper[0, 0] <= answer.lower[0, 0] + 1e-5
 
 
 def test_a_saved_scene_has_the_same_points(tmp_path, scene_file):

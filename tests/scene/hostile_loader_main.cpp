@@ -102,7 +102,7 @@ const std::map<std::string, std::function<long(const std::string& path)>> kAttem
     {"sleep", [](const std::string&) { return ::usleep(1); }},
 };
 
-bool attempt(const std::string& path, std::string_view, std::uint64_t, int result_fd) {
+bool attempt(const std::string& path, std::string_view, std::uint64_t, int result_fd, bool) {
   std::ifstream file(path);
   std::string what;
   file >> what;
@@ -129,7 +129,7 @@ void refuse_filters() {
 int main(int argc, char** argv) {
   // Without the limits each attempt works: what stops it is the filter, not the attempt's own fault.
   if (std::getenv("CLEARANCE_TEST_UNCONFINED") && argc > 1)
-    return attempt(argv[1], "", 0, clearance::kMeshResultFd) ? 0 : 3;
+    return attempt(argv[1], "", 0, clearance::kMeshResultFd, false) ? 0 : 3;
   if (std::getenv("CLEARANCE_TEST_REFUSE_FILTERS")) refuse_filters();
   return clearance::loader_main(argc, argv, attempt);
 }
