@@ -249,9 +249,11 @@ std::vector<Vec3d> load_heights(const std::string& path, const MeshLimits& limit
 
 Octomap load_octomap(const std::string& path, const MeshLimits& limits) {
   Mesh map = load(path, limits, kOctomaps);
-  if (map.submeshes.size() != 2 || map.submeshes[0].vertices.size() != 1 || !(map.submeshes[0].vertices[0].x > 0))
+  if (map.submeshes.size() > 2 || map.submeshes[0].vertices.size() != 1 || !(map.submeshes[0].vertices[0].x > 0))
     throw MeshError("the mesh loader handed back no octomap");
-  return {map.submeshes[0].vertices[0].x, std::move(map.submeshes[1].vertices)};
+  Octomap out{map.submeshes[0].vertices[0].x, {}};
+  if (map.submeshes.size() == 2) out.centres = std::move(map.submeshes[1].vertices);
+  return out;
 }
 
 }  // namespace clearance

@@ -62,9 +62,9 @@ std::vector<Vec3d> load_heights(const std::string& path, const MeshLimits& limit
 /// The occupied space of an octomap.
 struct Octomap {
   double edge = 0;             ///< of a voxel, metres
-  std::vector<Vec3d> centres;  ///< of the occupied ones, each coordinate rounded once
+  std::vector<Vec3d> centres;  ///< of the occupied ones, each coordinate rounded once; there may be none
 };
-/// Reads a BT or OT file. Throws MeshError, as where nothing is occupied.
+/// Reads a BT or OT file. Throws MeshError.
 Octomap load_octomap(const std::string& path, const MeshLimits& limits = {});
 
 /// What is missing from the limits of the loaders that have run in this process so far; empty if nothing is.

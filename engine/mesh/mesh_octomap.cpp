@@ -23,6 +23,7 @@ struct OctomapHeader {
   bool is_binary = false;
   std::size_t bytes_after_value = 0;  // of a node of the full form, before its children
   double resolution = 0;
+  std::int64_t nodes = -1;  // -1: none were counted
   std::string_view data;
 };
 
@@ -37,6 +38,7 @@ OctomapHeader read_header(std::string_view content) {
     key = text.word();
     if (key.empty()) throw LoadError("it ends within its header");
     if (key == "id") id = text.word_in_line();
+    if (key == "size") header.nodes = text.integer(text.word_in_line(), "a number of nodes");
     if (key == "res") header.resolution = text.number(text.word_in_line(), "the edge of a voxel, in metres");
   }
   if (id != "OcTree" && (header.is_binary || id != "ColorOcTree"))
@@ -55,6 +57,7 @@ class OctomapReader {
 
   std::vector<Vec3d> read() {
     const Place root{{0, 0, 0}, 0};
+    if (rest_.empty() && header_.nodes != 0) take(1);  // it was cut off
     if (!rest_.empty()) header_.is_binary ? read_binary(root) : read_full(root);
     return std::move(centres_);
   }
@@ -135,9 +138,8 @@ void read_octomap(std::string_view content, const PartSink& sink) {
   MeshPart edge, voxels;
   edge.positions = {{header.resolution, 0, 0}};
   voxels.positions = OctomapReader(header).read();
-  if (voxels.positions.empty()) throw LoadError("nothing in it is occupied");
   sink(std::move(edge));
-  sink(std::move(voxels));
+  if (!voxels.positions.empty()) sink(std::move(voxels));
 }
 
 }  // namespace clearance

@@ -68,7 +68,7 @@ void read_npy(std::string_view content, const PartSink& sink);
 void read_npy_heights(std::string_view content, const PartSink& sink);
 void read_pcd(std::string_view content, const PartSink& sink);
 /// An octomap (.bt, .ot): a part of one point, whose x is the edge of a voxel, then one of the centres of all that are
-/// occupied, where leaves above the last level are cut into voxels.
+/// occupied, if there are any, where leaves above the last level are cut into voxels.
 void read_octomap(std::string_view content, const PartSink& sink);
 inline constexpr std::uint64_t kMostPoints = 100'000'000;  ///< numbers of an NPY
 

@@ -168,6 +168,12 @@ PcdHeader read_pcd_header(MeshText& text) {
   return header;
 }
 
+// Whether a word is what programs write for a pixel without a return: nan, -nan, inf.
+bool is_no_return(std::string_view word) {
+  const std::string number = lower(word.substr(word.starts_with('-') || word.starts_with('+')));
+  return number.starts_with("nan") || number == "inf" || number == "infinity";
+}
+
 // Where x, y and z begin in a row, in bytes or, of text, in words; and how long a row is.
 struct PcdRow {
   std::array<std::size_t, 3> place{}, size{};
@@ -262,7 +268,7 @@ void read_pcd(std::string_view content, const PartSink& sink) {
       for (std::size_t k = 0; k < 3; ++k)
         if (row.place[k] == w)
           p[static_cast<int>(k)] =
-              lower(word) == "nan" ? std::numeric_limits<double>::quiet_NaN() : text.number(word, "a coordinate");
+              is_no_return(word) ? std::numeric_limits<double>::quiet_NaN() : text.number(word, "a coordinate");
     }
     take(p);
     text.skip_line();

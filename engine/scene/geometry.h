@@ -23,6 +23,7 @@ struct Geometry {
   double model_error = 0, model_inner = 0;
   double hull_excess = 0, empty_share = 0;
   std::string source;
+  float empty_voxel = 0;  ///< edge of the voxels of an octomap that has none; else 0
 };
 
 /// \param radius grows the pieces; added to that of the shape. All throw std::invalid_argument for bad numbers.

@@ -205,8 +205,9 @@ PiecePtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
 
 std::vector<std::byte> geometry_record(const Geometry& geometry, Tables tables) {
   // By name and number, so that nothing is forgotten: with another member this does not compile.
-  const auto& [pieces, display, model_error, model_inner, hull_excess, empty_share, source] = geometry;
-  static_cast<void>(source);  // names the file, which is not a part of what was made of it
+  const auto& [pieces, display, model_error, model_inner, hull_excess, empty_share, source, empty_voxel] = geometry;
+  static_cast<void>(source);       // names the file, which is not a part of what was made of it
+  static_cast<void>(empty_voxel);  // of octomaps alone, which have no record
   Writer out;
   for (const double figure : {model_error, model_inner, hull_excess, empty_share}) out.add(figure);
   out.add(std::uint64_t{display != nullptr});

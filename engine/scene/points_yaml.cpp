@@ -45,6 +45,12 @@ Geometry voxels_of(const Octomap& map, double radius, const std::string& named) 
     }
   }
   Geometry cloud;
+  if (rounded.empty()) {
+    cloud.pieces = {piece_of_no_points()};
+    cloud.empty_voxel = edge;
+    cloud.source = named + " (octomap)";
+    return cloud;
+  }
   cloud.pieces = {make_cloud_piece(rounded, edge, radius)};
   const double of_corner = std::sqrt(3.0) * (off + 0.5 * (double{edge} - map.edge)) * kUp;
   cloud.model_error = cloud.model_inner = (cloud.pieces[0]->surface->rounding() + of_corner) * kUp;
@@ -104,6 +110,7 @@ bool is_cloud_value(const YamlValue& points) {
 
 void read_no_points(const YamlValue& value, Body& body) {
   const auto points = value.find("points"), radius = value.find("radius"), is_live = value.find("live");
+  if (value.find("octomap") && radius) body.cloud_radius = radius->not_negative();
   if (!points || points->is_text() || !is_cloud_value(*points)) return;
   body.cloud = is_live && is_live->boolean() ? CloudState::kAwaited : CloudState::kEmpty;
   body.voxel = read_voxel(value);

@@ -408,6 +408,10 @@ class SceneReader {
     plan.body.hull_excess = geometry.hull_excess;
     plan.body.empty_share = geometry.empty_share;
     plan.body.source = geometry.source;
+    if (geometry.empty_voxel > 0) {
+      plan.body.cloud = CloudState::kEmpty;
+      plan.body.voxel = geometry.empty_voxel;
+    }
     placed(plan.place, [&] { scene.add_body(plan.body); });
   }
 

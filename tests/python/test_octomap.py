@@ -64,6 +64,23 @@ def test_a_map_is_grown_and_replaced_and_saved(tmp_path):
     assert a.distances().lower[0, 0] == pytest.approx(5 - 0.05 - 0.12)
 
 
+def test_a_map_without_an_occupied_voxel_is_nothing(tmp_path):
+    head = (FILES / "map.bt").read_bytes()
+    (tmp_path / "free.bt").write_bytes(head[: head.index(b"data") + 5] + b"\x00\x00")
+    (tmp_path / "none.bt").write_bytes(b"# Octomap OcTree binary file\nid OcTree\nsize 0\nres 0.5\ndata\n")
+    for name, edge in (("free.bt", 0.1), ("none.bt", 0.5)):
+        scene = load(tmp_path, f"{{name: map, octomap: {name}, unknown: free, radius: 0.25, pose: [0,0,0, 1,0,0,0]}}")
+        scene.add_sphere("probe", 0.1, pose=[5, 0, 0, 1, 0, 0, 0])
+        scene.save(tmp_path / name.replace(".bt", ""))
+        again = clearance.Scene.load(tmp_path / name.replace(".bt", "") / "scene.yaml")
+        for one in (scene, again):
+            engine = clearance.Engine(one, backend="cpu")
+            r = engine.distances(pairs=[("map", "probe")])
+            assert r.status[0, 0] == clearance.Status.BEYOND and r.lower[0, 0] == np.inf
+            engine.set_points("map", [[0, 0, 0]])
+            assert engine.distances().lower[0, 0] == pytest.approx(5 - edge / 2 - 0.25 - 0.1, abs=1e-6)
+
+
 def spoilt(change):
     content = (FILES / "map.bt").read_bytes()
     return change(content)
@@ -82,7 +99,7 @@ def spoilt(change):
         ("a.bt", spoilt(lambda c: c.replace(b"res 0.1", b"res -1")), "res: expected metres above 0"),
         ("a.bt", spoilt(lambda c: c.replace(b"res 0.1", b"res one")), "expected the edge of a voxel"),
         ("a.bt", spoilt(lambda c: c.replace(b"# Octomap", b"# Octopus")), "it does not begin as an octomap"),
-        ("a.bt", spoilt(lambda c: c[: c.index(b"data") + 5]) + b"\x00\x00", "nothing in it is occupied"),
+        ("a.bt", spoilt(lambda c: c[: c.index(b"data") + 5]), "it ends before its tree does"),
         ("a.bt", spoilt(lambda c: c[: c.index(b"data") + 5]) + b"\x02\x00", "are more than 20000000 voxels"),
         ("a.bt", spoilt(lambda c: c[: c.index(b"data") + 5]) + b"\x03\x00" * 17, "deeper than 16 levels"),
         ("a.xyz", b"0 0 0\n", "expected .bt or .ot"),

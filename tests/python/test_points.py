@@ -198,7 +198,7 @@ def test_files_of_every_format_hold_the_same_points(tmp_path):
     rows = np.zeros(4, [("p", "<f4", 3), ("rgb", "<u4")])
     rows["p"][:3], rows["p"][3] = points, np.nan  # a pixel without a return
     (tmp_path / "d.pcd").write_bytes((head + "DATA binary\n").encode() + rows.tobytes())
-    lines = [" ".join(map(str, row)) + " 7" for row in [*points.tolist(), [float("nan")] * 3]]
+    lines = [" ".join(map(str, row)) + " 7" for row in [*points.tolist(), ["-nan", "1", "-NAN(ind)"]]]
     (tmp_path / "e.pcd").write_text(head + "DATA ascii\n" + "\n".join(lines) + "\n")
     ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
     (tmp_path / "f.ply").write_text(ply + text)
