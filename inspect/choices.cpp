@@ -7,6 +7,7 @@
 
 #include "engine/hull/decomposition.h"
 #include "engine/scene/geometry.h"
+#include "engine/surface/enclosure.h"
 #include "engine/surface/surface.h"
 
 namespace clearance {
@@ -99,7 +100,7 @@ std::vector<Choice> choices_of(const Scene& scene, const PairTimes* times) {
     if (!seen.insert({body.display.get(), radius}).second) continue;
     const DisplayMesh& mesh = *body.display;
     std::vector<Convexify> kinds{Convexify::kHull, Convexify::kSurface};
-    if (open_edge(mesh.vertices, mesh.triangles).empty()) kinds.push_back(Convexify::kSolid);
+    if (why_not_solid(mesh.vertices, mesh.triangles).empty()) kinds.push_back(Convexify::kSolid);
     if (what_is(body) == Convexify::kDecompose) kinds.push_back(Convexify::kDecompose);
     std::vector<Geometry> geometries;
     std::vector<Choice> choices;

@@ -12,6 +12,7 @@
 #include "engine/hull/decomposition.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/hull_excess.h"
+#include "engine/surface/enclosure.h"
 #include "engine/surface/surface.h"
 
 namespace clearance {
@@ -155,15 +156,20 @@ PiecePtr true_piece(const DisplayMesh& mesh, Convexify convexify, double radius,
   const std::string who = "convexify: " + std::string(word_of(convexify)) + ": ";
   if (mesh.triangles.empty()) throw std::invalid_argument(who + "the mesh has no triangles");
   try {
-    if (pieces) return make_decomposed_piece(mesh.vertices, mesh.triangles, proposed(*pieces, scale), radius, loaded);
-    return make_surface_piece(mesh.vertices, mesh.triangles, convexify != Convexify::kSurface, radius, loaded);
+    const PiecePtr piece =
+        make_surface_piece(mesh.vertices, mesh.triangles, convexify != Convexify::kSurface, radius, loaded);
+    if (convexify == Convexify::kSurface) return piece;
+    if (const std::string why = hollow_place(*piece->surface); !why.empty())
+      throw std::invalid_argument("the mesh does not enclose all that its faces go around: " + why);
+    if (!pieces) return piece;
+    return make_decomposed_piece(mesh.vertices, mesh.triangles, proposed(*pieces, scale), radius, loaded);
   } catch (const std::invalid_argument& e) {
     throw std::invalid_argument(who + e.what());
   }
 }
 
-// What a mesh is where nobody says it. The hull of a closed one that is convex but for its vertices' rounding stands
-// for what it encloses: what it stands out by is slack. One that is open encloses nothing, and counts as its hull.
+// What a mesh is by default. The hull of a closed one that is convex but for its vertices' rounding is its proxy: what
+// it stands out by is slack. One that is open or hollow counts as its hull.
 void add_truth(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, const Vec3d& scale, double radius,
                std::uint64_t loaded, Geometry& out) {
   constexpr double kOfRounding = 0x1p-20;  // share of the size: eight times what float32 moves a vertex by
@@ -174,9 +180,13 @@ void add_truth(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, 
   if (excess && *excess <= kOfRounding * hull->spread) {
     out.pieces = {hull};
     out.model_error = (out.model_error + *excess) * (1 + 0x1p-52);
-  } else {
-    out.pieces = {true_piece(whole, Convexify::kSolid, radius, loaded)};
+    return;
   }
+  const PiecePtr solid = make_surface_piece(whole.vertices, whole.triangles, true, radius, loaded);
+  if (hollow_place(*solid->surface).empty())
+    out.pieces = {solid};
+  else
+    add_hulls(submeshes, whole, scale, Convexify::kHull, radius, loaded, out);
 }
 
 }  // namespace

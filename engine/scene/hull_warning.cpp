@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "engine/scene/geometry.h"
+#include "engine/surface/enclosure.h"
 #include "engine/surface/surface.h"
 
 namespace clearance {
@@ -38,9 +39,14 @@ std::string hull_warning(const Body& body) {
                        100 * body.empty_share);
   std::string warning = std::string(text, static_cast<std::size_t>(n)) + ": distances are to the hull";
   if (!body.display) return warning;
-  if (const std::string edge = open_edge(body.display->vertices, body.display->triangles); !edge.empty())
-    warning +=
-        "; " + body.source + " encloses nothing: " + edge + "; convexify: surface asks for its triangles as they are";
+  const auto& [vertices, triangles] = *body.display;
+  std::string why;
+  if (const std::string edge = open_edge(vertices, triangles); !edge.empty())
+    why = " encloses nothing: " + edge;
+  else if (windings_may_cancel(vertices, triangles))
+    if (const std::string place = hollow_place(Surface(vertices, triangles, true)); !place.empty())
+      why = " is hollow: " + place;
+  if (!why.empty()) warning += "; " + body.source + why + "; convexify: surface asks for its triangles as they are";
   return warning;
 }
 
