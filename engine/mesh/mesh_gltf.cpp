@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "engine/mesh/gltf_extensions.h"
 #include "engine/mesh/mesh_bytes.h"
 #include "engine/mesh/mesh_faces.h"
 #include "engine/mesh/mesh_text.h"
@@ -119,43 +120,6 @@ std::string without_percents(const std::string& uri) {
   return out;
 }
 
-// Whether a file's geometry is the same without an extension: looks, sounds, lights, and data about data.
-bool keeps_geometry(std::string_view name) {
-  for (const std::string_view prefix : {"KHR_materials_",
-                                        "KHR_texture_",
-                                        "EXT_texture_",
-                                        "MSFT_texture_",
-                                        "ADOBE_materials_",
-                                        "KHR_lights_",
-                                        "EXT_lights_",
-                                        "KHR_xmp",
-                                        "KHR_audio",
-                                        "MSFT_audio",
-                                        "EXT_structural_metadata",
-                                        "EXT_mesh_features",
-                                        "EXT_instance_features",
-                                        "EXT_feature_metadata",
-                                        "KHR_physics_",
-                                        "OMI_",
-                                        "AGI_",
-                                        "VRM",
-                                        "MOZ_",
-                                        "GOOGLE_"})
-    if (name.starts_with(prefix)) return true;
-  constexpr std::string_view kOthers[] = {"KHR_animation_pointer",  // animations are not read
-                                          "KHR_node_hoverability",
-                                          "KHR_node_selectability",
-                                          "KHR_interactivity",
-                                          "EXT_mesh_manifold",
-                                          "FB_ngon_encoding",
-                                          "CESIUM_primitive_outline",
-                                          "MSFT_lod",  // the finest level is the node itself
-                                          "NV_materials_mdl",
-                                          "GODOT_single_root",
-                                          "KHR_implicit_shapes"};
-  return std::find(std::begin(kOthers), std::end(kOthers), name) != std::end(kOthers);
-}
-
 // Rows of numbers in a buffer; all of them are there.
 struct Rows {
   std::string_view bytes;
@@ -182,7 +146,9 @@ class GltfReader {
   }
 
   void read(std::uint64_t most_vertices, const PartSink& sink) {
-    const std::vector<Shown> shown = walk();
+    std::map<std::uint64_t, MeshTransform> nodes;
+    std::vector<Shown> shown = walk(&nodes);
+    for (Shown& s : shown) check_skin(nodes, &s);
     std::uint64_t vertices = 0, own = 0;
     std::map<std::uint64_t, std::uint64_t> seen;
     for (const Shown& s : shown) {
@@ -205,7 +171,7 @@ class GltfReader {
 
  private:
   struct Shown {
-    std::uint64_t mesh;
+    std::uint64_t node, mesh;
     MeshTransform X;
   };
   struct Positions {  // of an accessor
@@ -249,7 +215,8 @@ class GltfReader {
   }
 
   // Every mesh that the scene's nodes show, with where. A node has one parent: the file's nodes are all that there are.
-  std::vector<Shown> walk() const {
+  // \param nodes gets where each node of the scene is
+  std::vector<Shown> walk(std::map<std::uint64_t, MeshTransform>* nodes) const {
     struct Visit {
       std::uint64_t node;
       MeshTransform X;
@@ -278,9 +245,8 @@ class GltfReader {
       const Json& node = entry("nodes", visit.node);
       const std::string where = place("nodes", visit.node);
       const MeshTransform X = visit.X.after(transform(node, where));
-      if (find(node, "mesh")) shown.push_back({unsigned_in(node, "mesh", where), X});
-      if (find(node, "mesh") && find(node, "skin"))
-        fail(where + " has a skin: the joints that place its mesh are not read");
+      nodes->emplace(visit.node, X);
+      if (find(node, "mesh")) shown.push_back({visit.node, unsigned_in(node, "mesh", where), X});
       check_at_rest(node, where);
       push_all(node, "children", where, X);
     }
@@ -329,6 +295,57 @@ class GltfReader {
     const Json* list = find(entry("meshes", mesh), "primitives");
     if (list && !list->is_array()) fail(place("meshes", mesh) + ".primitives: expected a list");
     return list ? *list : none;
+  }
+
+  // The joints of a skin place its mesh, whatever its node does. As they are in the file they must put it where the
+  // node has it, but for the rounding of float32, which counts.
+  void check_skin(const std::map<std::uint64_t, MeshTransform>& nodes, Shown* shown) {
+    const Json& node = entry("nodes", shown->node);
+    if (!find(node, "skin")) return;
+    const std::uint64_t index = unsigned_in(node, "skin", place("nodes", shown->node));
+    const Json& skin = entry("skins", index);
+    const std::string where = place("skins", index);
+    const Json* joints = find(skin, "joints");
+    if (!joints || !joints->is_array() || joints->empty()) fail(where + ".joints: expected a list");
+    const std::vector<MeshTransform> binds = inverse_binds(skin, where, joints->size());
+    const MeshTransform X = shown->X;
+    for (std::size_t j = 0; j < joints->size(); ++j) {
+      const Json named = {{"joint", (*joints)[j]}};
+      const std::uint64_t joint = unsigned_in(named, "joint", where + ".joints");
+      const auto at = nodes.find(joint);
+      if (at == nodes.end()) fail(where + " has the joint " + place("nodes", joint) + ", which is not in the scene");
+      const MeshTransform M = at->second.after(binds[j]);
+      for (int r = 0; r < 3; ++r)
+        for (int c = 0; c < 4; ++c) {
+          const double off = std::abs(M.m[r][c] - X.m[r][c]);
+          double size = std::abs(X.m[r][c]);
+          for (int k = 0; k < 3; ++k) size += std::abs(at->second.m[r][k] * binds[j].m[k][c]);
+          if (c == 3) size += std::abs(at->second.m[r][3]);
+          if (!(off <= 1e-5 * size))
+            fail(place("nodes", shown->node) + " has a skin, and its joint " + place("nodes", joint) +
+                 " moves the mesh away from where the node has it, which is not read");
+          double& error = shown->X.error[r][c];
+          error = std::max(error, off + M.error[r][c]);
+        }
+    }
+  }
+
+  std::vector<MeshTransform> inverse_binds(const Json& skin, const std::string& where, std::size_t joints) {
+    std::vector<MeshTransform> out(joints);
+    if (!find(skin, "inverseBindMatrices")) return out;
+    const std::uint64_t index = unsigned_in(skin, "inverseBindMatrices", where);
+    const Json& accessor = entry("accessors", index);
+    const std::string at = place("accessors", index);
+    const Json* type = find(accessor, "type");
+    if (!type || *type != "MAT4" || unsigned_in(accessor, "componentType", at) != 5126)
+      fail(at + " holds inverseBindMatrices; expected MAT4 of float32 (5126)");
+    if (unsigned_in(accessor, "count", at) < joints) fail(at + " has fewer matrices than " + where + " has joints");
+    const Rows data = rows(accessor, at, joints, 64);
+    for (std::size_t j = 0; j < joints; ++j)
+      for (std::size_t r = 0; r < 3; ++r)
+        for (std::size_t c = 0; c < 4; ++c)
+          out[j].m[r][c] = real_at<float>(data.bytes, data.stride * j + 16 * c + 4 * r);
+    return out;
   }
 
   // Morph targets count as they are by default: with none of them applied.
@@ -427,7 +444,7 @@ class GltfReader {
     const std::string where = place("accessors", index);
     const Json* type = find(accessor, "type");
     if (!type || *type != "VEC3" || unsigned_in(accessor, "componentType", where) != 5126)
-      fail(where + " is a POSITION; expected VEC3 of float32 (5126)");
+      fail(where + " is a POSITION; expected VEC3 of float32 (5126); KHR_mesh_quantization is not read");
     const std::uint64_t count = unsigned_in(accessor, "count", where);
     const Json* sparse = find(accessor, "sparse");
     if (!sparse && !find(accessor, "bufferView")) fail(where + " has no data");

@@ -149,6 +149,47 @@ TEST(Mesh, ExtensionsThatKeepTheGeometryOfAGltf) {
               faces_of(source.vertices, source.triangles));
 }
 
+// A skin's joints place its mesh: as its node does, or the file is refused.
+TEST(Mesh, ASkinOfAGltfKeepsItsMeshWhereItsNodeIs) {
+  const TemporaryFolder folder;
+  const Source source = tetrahedron();
+  // The inverse of a translation by (2, 0, 0), by columns.
+  std::string matrix;
+  for (const float x : {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -2, 0, 0, 1}) matrix += bytes(x);
+  const auto skinned = [&](const std::string& node, const std::string& joint, bool binds) {
+    std::string text = gltf(source, "[{\"children\": [1, 2], \"translation\": [0, 7, 0]}, {\"mesh\": 0, \"skin\": 0" +
+                                        node + "}, {\"translation\": [" + joint + "]}]");
+    text = replaced(text, "\"bufferViews\": [",
+                    "\"skins\": [{\"joints\": [2]" + std::string(binds ? ", \"inverseBindMatrices\": 0" : "") +
+                        "}], \"bufferViews\": [{\"buffer\": 1, \"byteLength\": 64}, ");
+    text = replaced(text, "\"bufferView\": 1", "\"bufferView\": 2");
+    text = replaced(text, "\"bufferView\": 0", "\"bufferView\": 1");
+    text = replaced(text, "\"POSITION\": 0", "\"POSITION\": 1");
+    text = replaced(text, "\"indices\": 1", "\"indices\": 2");
+    text = replaced(text, "\"accessors\": [",
+                    "\"accessors\": [{\"bufferView\": 0, \"componentType\": 5126, \"count\": 1, \"type\": \"MAT4\"}, ");
+    const std::size_t end = text.rfind("]}");
+    return text.insert(end, ", {\"byteLength\": 64, \"uri\": \"data:;base64," + base64(matrix) + "\"}");
+  };
+  const auto first = [&](const std::string& text) { return load_mesh(folder.write("a.gltf", text)).submeshes[0]; };
+  EXPECT_TRUE(points_of(first(skinned("", "2, 0, 0", true)).vertices).contains({1, 7, 0}));
+  EXPECT_EQ(first(skinned("", "0, 0, 0", false)).rounding, first(gltf(source,
+                                                                      "[{\"children\": [1], \"translation\": "
+                                                                      "[0, 7, 0]}, {\"mesh\": 0}]"))
+                                                               .rounding);
+  EXPECT_TRUE(points_of(first(skinned(", \"translation\": [3, 0, 0]", "5, 0, 0", true)).vertices).contains({4, 7, 0}));
+  const Submesh rounded = first(skinned("", "2.000001, 0, 0", true));
+  EXPECT_TRUE(points_of(rounded.vertices).contains({1, 7, 0}));
+  EXPECT_GE(rounded.rounding, 0.9e-6);
+  EXPECT_LE(rounded.rounding, 1.1e-6);
+  EXPECT_EQ(
+      error_text<MeshError>([&] { first(skinned("", "2.1, 0, 0", true)); }),
+      "glTF: nodes[1] has a skin, and its joint nodes[2] moves the mesh away from where the node has it, which is "
+      "not read");
+  EXPECT_EQ(error_text<MeshError>([&] { first(skinned(", \"scale\": [2, 2, 2]", "2, 0, 0", true)); }).substr(0, 30),
+            "glTF: nodes[1] has a skin, and");
+}
+
 TEST(Mesh, BinaryPlyKeepsItsDoubles) {
   const TemporaryFolder folder;
   for (const bool big : {false, true}) {
