@@ -40,11 +40,10 @@ FlatPoint flat(double u, double v) {
 }
 
 // The face along an axis, counterclockwise: coordinates are taken as they are, so that signs are those of the file.
-std::vector<FlatPoint> along_axis(std::span<const Vec3d> face, int axis, bool is_mirrored) {
+void see_along_axis(std::span<const Vec3d> face, int axis, bool is_mirrored, std::vector<FlatPoint>* out) {
   const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-  std::vector<FlatPoint> out;
-  for (const Vec3d& p : face) out.push_back(is_mirrored ? flat(p[v], p[u]) : flat(p[u], p[v]));
-  return out;
+  out->clear();
+  for (const Vec3d& p : face) out->push_back(is_mirrored ? flat(p[v], p[u]) : flat(p[u], p[v]));
 }
 
 // The face along its normal, which is rounded: for those that are bent so far that an axis shows them folded.
@@ -67,17 +66,23 @@ double largest_coordinate(std::span<const Vec3d> positions) {
   return most;
 }
 
+struct Scratch {
+  std::vector<Vec3d> face;
+  std::vector<FlatPoint> seen;
+};
+
 // Cuts one face. \param corners of the list `positions`. Returns how far the triangles may lie from the face, none if
 // it crosses itself by more than the tolerance.
 std::optional<double> cut(std::span<const std::uint32_t> corners, std::span<const Vec3d> positions, double tolerance,
-                          std::vector<Triangle>* triangles) {
-  std::vector<Vec3d> face;
+                          Scratch* scratch, std::vector<Triangle>* triangles) {
+  auto& [face, seen] = *scratch;
+  face.clear();
   for (const std::uint32_t c : corners) face.push_back(positions[c]);
   const Normal normal = normal_of(face);
   // A bow tie has no normal: then the axis along which most is seen, whichever way it turns.
   const bool has_normal = std::abs(normal.sum[largest(normal.sum)]) > 0x1p-20 * normal.size[largest(normal.size)];
   const int axis = largest(has_normal ? normal.sum : normal.size);
-  const std::vector<FlatPoint> seen = along_axis(face, axis, normal.sum[axis] < 0);
+  see_along_axis(face, axis, normal.sum[axis] < 0, &seen);
   if (fan_is_right(seen)) {
     add_fan(triangles, corners);
     return 0;
@@ -95,7 +100,7 @@ std::optional<double> cut(std::span<const std::uint32_t> corners, std::span<cons
 void FaceList::add(std::span<const std::uint32_t> corners, std::size_t place) {
   if (corners.size() == 3) triangles_.push_back({corners[0], corners[1], corners[2]});
   if (corners.size() <= 3) return;
-  polygons_.push_back({triangles_.size(), corners_.size(), corners.size(), place});
+  polygons_.push_back({triangles_.size(), place, static_cast<std::uint32_t>(corners.size())});
   corners_.insert(corners_.end(), corners.begin(), corners.end());
 }
 
@@ -103,18 +108,21 @@ std::vector<Triangle> FaceList::take_triangles(std::span<const Vec3d> positions,
   if (polygons_.empty()) return std::exchange(triangles_, {});
   const double most = largest_coordinate(positions);
   std::vector<Triangle> out;
-  out.reserve(triangles_.size() + corners_.size());
+  out.reserve(triangles_.size() + corners_.size() - 2 * polygons_.size());
+  Scratch scratch;
+  std::span<const std::uint32_t> left = corners_;
   auto next = triangles_.begin();
   for (const Polygon& polygon : polygons_) {
     const auto end = triangles_.begin() + static_cast<std::ptrdiff_t>(polygon.before);
     out.insert(out.end(), next, end);
     next = end;
-    const std::span<const std::uint32_t> corners = std::span(corners_).subspan(polygon.first, polygon.count);
+    const std::span<const std::uint32_t> corners = left.first(polygon.count);
+    left = left.subspan(polygon.count);
     if (!(most <= kMaxFlatCoordinate)) {  // no body may have such positions: the mesh is rejected for them
       add_fan(&out, corners);
       continue;
     }
-    const std::optional<double> off = cut(corners, positions, kFloatRounding * most, &out);
+    const std::optional<double> off = cut(corners, positions, kFloatRounding * most, &scratch, &out);
     if (off)
       *rounding = std::max(*rounding, *off);
     else

@@ -38,7 +38,8 @@ class FaceList {
  private:
   struct Polygon {
     std::size_t before;  ///< triangles that come before it
-    std::size_t first, count, place;
+    std::size_t place;
+    std::uint32_t count;  ///< of its corners, which follow those of the polygon before
   };
   std::vector<Triangle> triangles_;  // of faces of three corners
   std::vector<Polygon> polygons_;

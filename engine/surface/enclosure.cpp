@@ -18,7 +18,8 @@ namespace {
 
 constexpr double kThin = 0x1p-16;       // share of the size that two faces lie apart and count as one
 constexpr double kHollowVolume = 1e-3;  // of area times size: a part of less has hardly any volume
-constexpr std::size_t kFewSamples = 256, kManySamples = 20'000, kMostPerTriangle = 64;
+constexpr std::size_t kFewSamples = 256, kManySamples = 10'000, kMostPerTriangle = 64;
+constexpr std::uint64_t kMostVisits = 20'000'000;  // to nodes: a few seconds at most
 
 // Triangles that hang together by their vertices.
 struct Part {
@@ -126,17 +127,25 @@ class HollowSearch {
   }
 
   std::string run() {
+    constexpr std::size_t kCoarse = 16;
     const bool many = may_cancel(parts_);
     const std::size_t n = solid_.size(), budget = many ? kManySamples : kFewSamples;
     const std::size_t stride = (n + budget - 1) / budget;
     const std::size_t each = std::clamp<std::size_t>(budget / n, 1, kMostPerTriangle);
     std::vector<char> is_met(parts_.all.size(), 0);
-    for (std::uint32_t t = 0; t < n && why_.empty(); ++t) {
-      const bool is_first = many && !std::exchange(is_met[parts_.of[t]], 1);
-      if (t % stride != 0 && !is_first) continue;
+    const auto test = [&](std::uint32_t t) {
       take_triangle(t, each);
       if (many) take_overlaps(t, each > 7);
-    }
+    };
+    const auto goes_on = [&](std::uint32_t t) { return t < n && why_.empty() && visits_ < kMostVisits; };
+    // Some of the whole first, in case that not all can be tested.
+    for (std::uint32_t t = 0; goes_on(t); ++t)
+      if (t % (kCoarse * stride) == 0 || (many && !is_met[parts_.of[t]])) {
+        is_met[parts_.of[t]] = 1;
+        test(t);
+      }
+    for (std::uint32_t t = 0; goes_on(t); ++t)
+      if (t % stride == 0 && t % (kCoarse * stride) != 0) test(t);
     return why_;
   }
 
@@ -220,7 +229,7 @@ class HollowSearch {
     // Less than faces lie apart beside their edges, and no number that a file is likely to have.
     const double step = 0.8713 * std::min(kThin * size_, length / longest / 2048);
     const Vec3d out = n * (step / length);
-    const int before = winding_number(solid_, p + out), behind = winding_number(solid_, p - out);
+    const int before = winding_number(solid_, p + out, &visits_), behind = winding_number(solid_, p - out, &visits_);
     Seen& seen = seen_[parts_.of[t]];
     if (before == 0 && behind == 0 && (is_walled_in(p + out) || is_walled_in(p - out)))
       why_ = "triangle " + place(t, p) + " has no volume on either side: faces run both ways there";
@@ -234,19 +243,20 @@ class HollowSearch {
   }
 
   // Whether walls lie on all sides, whichever way these turn: what is within should be enclosed.
-  bool is_walled_in(const Vec3d& p) const {
+  bool is_walled_in(const Vec3d& p) {
     for (int axis = 0; axis < 3; ++axis)
       for (const double way : {1.0, -1.0})
         if (!meets_wall(p, axis, way)) return false;
     return true;
   }
-  bool meets_wall(const Vec3d& p, int axis, double way) const {
+  bool meets_wall(const Vec3d& p, int axis, double way) {
     const Vec3d from = p - solid_.centre();
     const auto nodes = solid_.nodes();
     std::vector<std::uint32_t> left{0};
     while (!left.empty()) {
       const std::uint32_t at = left.back();
       left.pop_back();
+      ++visits_;
       const Surface::Node& node = nodes[at];
       bool misses = false;
       for (int k = 0; k < 3; ++k) {
@@ -276,6 +286,7 @@ class HollowSearch {
   const Surface& solid_;
   Parts parts_;
   double size_ = 0;
+  std::uint64_t visits_ = 0;
   std::vector<Seen> seen_;
   std::string why_;
 };

@@ -3,11 +3,17 @@
 
 #include "engine/base/orientation.h"
 #include "engine/surface/crossing.h"
+#include "engine/surface/enclosure.h"
 #include "engine/surface/surface.h"
 
 namespace clearance {
 
 int winding_number(const Surface& surface, const Vec3d& p) {
+  std::uint64_t visits = 0;
+  return winding_number(surface, p, &visits);
+}
+
+int winding_number(const Surface& surface, const Vec3d& p, std::uint64_t* visits) {
   const Vec3d from_centre = p - surface.centre(), point = flushed(p);
   const std::span<const Surface::Node> nodes = surface.nodes();
   int sum = 0;
@@ -15,6 +21,7 @@ int winding_number(const Surface& surface, const Vec3d& p) {
   while (!left.empty()) {
     const std::uint32_t at = left.back();
     left.pop_back();
+    ++*visits;
     const Surface::Node& node = nodes[at];
     if (ray_misses({node.low[0], node.low[1], node.low[2]}, {node.high[0], node.high[1], node.high[2]}, from_centre))
       continue;

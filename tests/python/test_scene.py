@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import clearance
+from patience import PATIENCE_S
 from scenes import ARM_PAIRS, IDENTITY, arm, at, box_vertices, same_bits
 
 
@@ -86,6 +87,36 @@ def test_a_mesh_is_the_truth_where_nothing_is_said(tmp_path):
     with pytest.warns(clearance.HullWarning, match="own open: .* mesh \\(hull\\) encloses nothing"):
         scene.add_body("own open", mesh=(CUP_VERTICES, CUP_TRIANGLES[1:]))
     assert [body.triangle_count for body in scene.bodies[-2:]] == [0, 0]
+
+
+def test_a_hollow_mesh_is_no_solid_but_its_hull(tmp_path, start_daemon):
+    corners = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
+    quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    cube = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    crossing = np.concatenate([corners, corners + 0.5])
+    bad = {
+        "both sides": (crossing, np.concatenate([cube, cube[:, ::-1], cube + 8, cube[:, ::-1] + 8])),
+        "one inside out": (crossing, np.concatenate([cube, cube[:, ::-1] + 8])),
+    }
+    scene = clearance.Scene()
+    scene.add_body("solid", mesh=(crossing, np.concatenate([cube, cube + 8])), pose=IDENTITY)
+    scene.add_sphere("ball", 0.01, pose=at(0.75, 0.75, 0.75))
+    for name, mesh in bad.items():
+        with pytest.raises(clearance.SceneError, match="solid: the mesh does not enclose all that its faces go around"):
+            scene.add_body(name, mesh=mesh, convexify="solid")
+        with pytest.warns(clearance.HullWarning, match=r"mesh \(hull\) is hollow: triangle \d+ at \("):
+            scene.add_body(name, mesh=mesh, pose=IDENTITY)
+    assert [body.is_solid for body in scene.bodies] == [True, False, False, False]
+    r = clearance.Engine(scene, backend="cpu").distances(pairs=[("ball", "*")])
+    assert r.status[0].tolist() == 3 * [clearance.Status.OVERLAP]
+    (tmp_path / "scene.yaml").write_text("bodies:\n  - {name: ball, sphere: 0.01, pose: [0.75,0.75,0.75, 1,0,0,0]}\n")
+    daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
+    with clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) as client:
+        with pytest.raises(clearance.QueryError, match="does not enclose all that its faces go around"):
+            client.add_body("solid", mesh=bad["both sides"], convexify="solid")
+        client.add_body("hollow", mesh=bad["both sides"], pose=IDENTITY)
+        assert client.distances(pairs=[("hollow", "ball")]).status[0, 0] == clearance.Status.OVERLAP
+        assert 'event=hull_stands_out body="hollow"' in daemon.log() and "is hollow: triangle" in daemon.log()
 
 
 def test_what_overlaps_a_solid_has_a_depth_between_two_bounds():
