@@ -29,7 +29,7 @@ bool fan_is_right(std::span<const FlatPoint> polygon) {
 namespace {
 
 using Corner = std::uint32_t;
-constexpr std::uint64_t kMostWorkPerCorner = 2'000;
+constexpr std::uint64_t kMostWorkPerCorner = 500;
 
 // A tree of boxes over points, of which some are taken out again.
 class PointTree {
@@ -240,7 +240,7 @@ class EarCutter {
         if (!is_cut_[i]) queue_.push_back(i);
       return true;
     }
-    work_ += is_cut_.size();
+    work_ += 16 * is_cut_.size();  // each is measured in space
     Corner best = 0;
     double least = std::numeric_limits<double>::infinity();
     for (Corner i = 0; i < is_cut_.size(); ++i) {

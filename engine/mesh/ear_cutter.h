@@ -29,7 +29,7 @@ bool fan_is_right(std::span<const FlatPoint> polygon);
 /// Cuts a polygon that may touch itself, as where a bridge leads to a hole, into triangles of its corners' indices.
 /// \param face the same corners in space \param tolerance metres: a triangle that turns clockwise may be that high
 /// Returns the height of the highest such triangle, 0 if there is none; none where the polygon crosses itself by more
-/// or is too intricate. The work is at most about 2,000 steps a corner.
+/// or is too intricate. The work is at most about 500 steps a corner.
 std::optional<double> cut_ears(std::span<const FlatPoint> polygon, std::span<const Vec3d> face, double tolerance,
                                std::vector<Triangle>* triangles);
 

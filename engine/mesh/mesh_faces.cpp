@@ -127,7 +127,7 @@ std::vector<Triangle> FaceList::take_triangles(std::span<const Vec3d> positions,
       *rounding = std::max(*rounding, *off);
     else
       fail(polygon.place, "a face of " + std::to_string(corners.size()) +
-                              " corners crosses itself, so that it encloses no clear area; cut it into triangles");
+                              " corners crosses itself, or is too intricate; cut it into triangles");
   }
   out.insert(out.end(), next, triangles_.end());
   triangles_.clear();

@@ -68,8 +68,11 @@ CLEARANCE_FUZZ_TARGET(points) {
   switch (in.number<std::uint8_t>() % 5) {
     case 0:
       return read(read_xyz, in.rest());
-    case 1:
-      return read(read_npy, in.rest());
+    case 1: {
+      const Bytes file = in.rest();
+      const bool has_heights = read(read_npy_heights, file);
+      return read(read_npy, file) || has_heights;
+    }
     case 2:
       return read(read_pcd, in.rest());
     case 4:

@@ -318,8 +318,7 @@ TEST(MeshFaces, AFaceThatCrossesItselfIsNamed) {
   const TemporaryFolder folder;
   const Faces bow = {{{0, 0, 0}, {1, 1, 0}, {1, 0, 0}, {0, 1, 0}, {2, 0, 0}, {3, 0, 0}, {3, 1, 0}},
                      {{4, 5, 6}, {0, 1, 2, 3}}};
-  const std::string what =
-      "a face of 4 corners crosses itself, so that it encloses no clear area; cut it into triangles";
+  const std::string what = "a face of 4 corners crosses itself, or is too intricate; cut it into triangles";
   const std::string places[] = {
       "line 11: ", "line 11: ", "line 11: ", "face 1: ", "face 1 of mesh \"g\": ", "face 1 of mesh \"g\": "};
   for (std::size_t i = 0; i < formats().size(); ++i) {
