@@ -27,7 +27,7 @@ struct OctomapHeader {
   std::string_view data;
 };
 
-OctomapHeader read_header(std::string_view content) {
+OctomapHeader read_octomap_header(std::string_view content) {
   OctomapHeader header;
   header.is_binary = content.starts_with("# Octomap OcTree binary file");
   if (!header.is_binary && !content.starts_with("# Octomap OcTree file"))
@@ -134,7 +134,7 @@ class OctomapReader {
 }  // namespace
 
 void read_octomap(std::string_view content, const PartSink& sink) {
-  const OctomapHeader header = read_header(content);
+  const OctomapHeader header = read_octomap_header(content);
   MeshPart edge, voxels;
   edge.positions = {{header.resolution, 0, 0}};
   voxels.positions = OctomapReader(header).read();

@@ -226,7 +226,7 @@ class HollowSearch {
     const double length = norm(n), longest = std::sqrt(std::max({squared_norm(c[1] - c[0]), squared_norm(c[2] - c[1]),
                                                                  squared_norm(c[0] - c[2])}));
     if (!(length > 1e-12 * longest * longest)) return;  // a needle has no sides
-    // Less than faces lie apart beside their edges, and no number that a file is likely to have.
+    // Less than faces lie apart near their edges, and no number that a file is likely to have.
     const double step = 0.8713 * std::min(kThin * size_, length / longest / 2048);
     const Vec3d out = n * (step / length);
     const int before = winding_number(solid_, p + out, &visits_), behind = winding_number(solid_, p - out, &visits_);
