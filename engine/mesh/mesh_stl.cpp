@@ -15,7 +15,22 @@ namespace {
 
 constexpr std::size_t kHeader = 84, kFacet = 50;
 
-void read_binary(std::string_view file, std::uint64_t facets, const PartSink& sink) {
+std::uint64_t promised(std::string_view file) {
+  return file.size() >= kHeader ? unsigned_at(file, 80, 4) : 0;
+}
+
+// Whether the facets that a header promises are there; bytes may stand behind them.
+bool holds_promised(std::string_view file) {
+  return file.size() >= kHeader && (file.size() - kHeader) / kFacet >= promised(file);
+}
+
+std::string broken_promise(std::string_view file) {
+  const std::uint64_t facets = promised(file);
+  return "its header promises " + std::to_string(facets) + " facets (" + std::to_string(kHeader + kFacet * facets) +
+         " bytes), the file has " + std::to_string(file.size()) + " bytes";
+}
+
+void read_facets(std::string_view file, std::uint64_t facets, double* reach, const PartSink& sink) {
   MeshPart part;
   part.positions.reserve(3 * facets);
   part.triangles.reserve(facets);
@@ -28,6 +43,7 @@ void read_binary(std::string_view file, std::uint64_t facets, const PartSink& si
             file, kHeader + kFacet * f + 12 + 12 * static_cast<std::size_t>(corner) + 4 * static_cast<std::size_t>(k));
       if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
         throw LoadError("facet " + std::to_string(f) + " has a corner that is not finite");
+      for (int k = 0; k < 3; ++k) *reach = std::max(*reach, std::abs(p[k]));
       part.positions.push_back(p);
     }
     part.triangles.push_back({first, first + 1, first + 2});
@@ -36,10 +52,61 @@ void read_binary(std::string_view file, std::uint64_t facets, const PartSink& si
   sink(std::move(part));
 }
 
+constexpr std::uint64_t kLooked = 16;
+
+// Whether bytes look like a facet of a mesh that reaches so far from its origin, among the first of `facets`.
+bool holds_facet(std::string_view bytes, std::size_t at, std::uint64_t facets, double reach) {
+  for (std::uint64_t f = 0; f < std::min(facets, kLooked) && at + kFacet <= bytes.size(); ++f, at += kFacet) {
+    bool near = true, spread = false;
+    for (std::size_t i = 0; i < 9; ++i) {
+      const double x = real_at<float>(bytes, at + 12 + 4 * i);
+      near = near && std::abs(x) <= 1e3 * reach;
+      spread =
+          spread || (i >= 3 && std::abs(x - real_at<float>(bytes, at + 12 * (i / 3) + 4 * (i % 3))) > 1e-6 * reach);
+    }
+    if (near && spread) return true;
+  }
+  return false;
+}
+
+// Whether a file begins like text. The header of a binary one may begin with "solid" as well, but holds a zero byte
+// before any facet.
+bool is_text(std::string_view file) {
+  if (lower(MeshText(file).word()) != "solid") return false;
+  constexpr std::string_view kWord = "facet";
+  const std::string_view before = file.substr(0, file.find('\0'));
+  const auto same = [](char a, char b) { return (a | 0x20) == b; };
+  return before.size() == file.size() ||
+         std::search(before.begin(), before.end(), kWord.begin(), kWord.end(), same) != before.end();
+}
+
+// The text with each CR that ends a line alone as LF, if there is one.
+std::string_view with_line_feeds(std::string_view file, std::string* copy) {
+  for (std::size_t at = file.find('\r'); at != std::string_view::npos; at = file.find('\r', at + 1)) {
+    if (file.substr(at + 1, 1) == "\n") continue;
+    if (copy->empty()) *copy = file;
+    (*copy)[at] = '\n';
+  }
+  return copy->empty() ? file : *copy;
+}
+
+// A word as keywords are compared: in lower case, without zero bytes behind it.
+std::string keyword(std::string_view word) {
+  return lower(word.substr(0, word.find('\0')));
+}
+
+double coordinate(MeshText* text) {
+  const std::string_view word = text->word();
+  if (word.find('\0') != std::string_view::npos) text->fail("a zero byte in a coordinate");
+  return text->number(word, "a coordinate");
+}
+
 // solid NAME { facet normal X Y Z  outer loop { vertex X Y Z } x 3  endloop  endfacet } endsolid NAME, in any case and
-// layout.
-void read_text(std::string_view file, const PartSink& sink) {
-  MeshText text(file);
+// layout; "end solid" is the same as "endsolid".
+// Returns what stands behind, if that is a binary solid, or else nothing.
+std::string_view read_text(std::string_view file, const PartSink& sink) {
+  std::string copy;
+  MeshText text(with_line_feeds(file, &copy));
   MeshPart part;
   std::size_t corners = 0;
   bool in_solid = false;
@@ -48,10 +115,12 @@ void read_text(std::string_view file, const PartSink& sink) {
     if (!part.positions.empty()) sink(std::move(part));
     part = {};
   };
-  for (std::string word = lower(text.word()); !word.empty(); word = lower(text.word())) {
+  for (std::string_view read = text.word(); !read.empty(); read = text.word()) {
+    std::string word = keyword(read);
+    if (word == "end") word += keyword(text.word_in_line());
     if (word == "vertex") {
       Vec3d p{0, 0, 0};
-      for (int k = 0; k < 3; ++k) p[k] = text.number(text.word(), "a coordinate");
+      for (int k = 0; k < 3; ++k) p[k] = coordinate(&text);
       part.positions.push_back(p);
       ++corners;
     } else if (word == "endfacet") {
@@ -63,6 +132,8 @@ void read_text(std::string_view file, const PartSink& sink) {
       finish();
       in_solid = word == "solid";
       text.skip_line();  // its name
+      const std::string_view rest = file.substr(file.size() - text.rest().size());
+      if (!in_solid && promised(rest) > 0 && holds_promised(rest)) return rest;
     } else if (word == "normal") {
       for (int k = 0; k < 3; ++k) text.word();  // the corners say it
     } else if (word != "facet" && word != "outer" && word != "loop" && word != "endloop") {
@@ -70,20 +141,41 @@ void read_text(std::string_view file, const PartSink& sink) {
     }
   }
   if (in_solid) throw LoadError("the file ends early: no \"endsolid\" at its end");
+  if (!part.positions.empty()) throw LoadError("facets stand behind the last \"endsolid\"");
+  return {};
+}
+
+// Returns what stands behind, if that is another solid, or else nothing: bytes of another kind are left alone.
+std::string_view read_binary(std::string_view file, const PartSink& sink) {
+  const std::uint64_t facets = promised(file);
+  const auto more = [&] {
+    throw LoadError("its header promises " + std::to_string(facets) + " facets, and more stand behind them");
+  };
+  double reach = 0;
+  read_facets(file, facets, &reach, sink);
+  const std::string_view rest = file.substr(kHeader + kFacet * facets);
+  if (holds_facet(rest, 0, 1, reach)) more();
+  if (is_text(rest) || holds_facet(rest, kHeader, promised(rest), reach)) return rest;
+  if (holds_facet(rest, 0, kLooked, reach)) more();
+  return {};
 }
 
 }  // namespace
 
 void read_stl(std::string_view file, const PartSink& sink) {
-  const std::uint64_t facets = file.size() >= kHeader ? unsigned_at(file, 80, 4) : 0;
-  if (file.size() >= kHeader && file.size() == kHeader + kFacet * facets) return read_binary(file, facets, sink);
-  if (lower(MeshText(file).word()) == "solid" && file.find('\0') == std::string_view::npos)
-    return read_text(file, sink);
-  throw LoadError(
-      file.size() < kHeader
-          ? "the file has " + std::to_string(file.size()) + " bytes, less than the header of a binary STL file"
-          : "its header promises " + std::to_string(facets) + " facets (" + std::to_string(kHeader + kFacet * facets) +
-                " bytes), the file has " + std::to_string(file.size()) + " bytes");
+  std::string_view rest = file;
+  do {
+    const std::uint64_t facets = promised(rest);
+    if (holds_promised(rest) && (facets > 0 || rest.size() == kHeader))
+      rest = read_binary(rest, sink);
+    else if (is_text(rest))
+      rest = read_text(rest, sink);
+    else if (rest.size() < kHeader)
+      throw LoadError("the file has " + std::to_string(rest.size()) +
+                      " bytes, less than the header of a binary STL file");
+    else
+      throw LoadError((rest.size() < file.size() ? "behind its first solid: " : "") + broken_promise(rest));
+  } while (!rest.empty());
 }
 
 }  // namespace clearance

@@ -280,6 +280,29 @@ TEST(Mesh, FilesWithTheHabitsOfRealExportersAreRead) {
   expect_good("normals.off", replaced(replaced(off(source), "OFF\n", "NOFF # normals\n\n"), "1 0 0", "1 0 0 0 0 1"));
   expect_good("upper.stl", replaced(replaced(stl_text(source), "facet normal", "FACET NORMAL"), "solid", "SOLID"));
   expect_good("solid.stl", "solid" + stl_binary(source).substr(5));
+  const auto only_cr = [](std::string text) {
+    std::replace(text.begin(), text.end(), '\n', '\r');
+    return text;
+  };
+  const std::string text = stl_text(source);
+  expect_good("only_cr.stl", only_cr(text));
+  expect_good("mixed.stl", replaced(text, "solid thing\n", "solid thing\r"));
+  for (const char* end : {"end solid thing", "END\tSOLID", "End  Solid thing\r", "endsolid", "endsolid a b c"})
+    expect_good("end.stl", replaced(text, "endsolid thing", end));
+  expect_good("apart.stl", replaced(replaced(text, "endfacet", "end facet"), "endloop", "end loop"));
+  const std::string after[] = {
+      std::string(1, '\0'),
+      std::string(128, '\0'),
+      "\n",
+      "\x1a",
+      "more",
+      std::string(128, ' '),
+      "written by a program, which says so at length and in letters alone: abcdefghijklmnopqrst"};
+  for (const std::string& bytes : after) {
+    expect_good("behind.stl", stl_binary(source) + bytes);
+    expect_good("behind_text.stl", text + bytes);
+  }
+  expect_good("behind_the_word.stl", text.substr(0, text.rfind(" thing")) + std::string(3, '\0'));
   // A strip of triangles, as scans have them.
   expect_good("strip.ply",
               "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement "
@@ -348,7 +371,12 @@ TEST(Mesh, TransformsAndUnitOfDaeAreAppliedAndItsUpAxisIsNot) {
 TEST(Mesh, SeveralObjectsAreSeveralSubmeshes) {
   const TemporaryFolder folder;
   const Source source = tetrahedron();
-  EXPECT_EQ(load_mesh(folder.write("two.stl", stl_text(source) + stl_text(ball()))).submeshes.size(), 2u);
+  const auto submeshes = [&](const std::string& stl) {
+    return load_mesh(folder.write("two.stl", stl)).submeshes.size();
+  };
+  EXPECT_EQ(submeshes(stl_text(source) + stl_text(ball())), 2u);
+  EXPECT_EQ(submeshes(stl_binary(source) + stl_binary(ball())), 2u);
+  EXPECT_EQ(submeshes(stl_binary(source) + stl_text(ball())), 2u);
   EXPECT_EQ(load_mesh(folder.write("two.obj", obj(source) + "o other\nv 5 0 0\nv 6 0 0\nv 5 1 0\nf 5 6 7\n"))
                 .submeshes.size(),
             2u);
