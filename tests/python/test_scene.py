@@ -277,6 +277,31 @@ def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
         scene.add_mesh("three", tmp_path / "shelf.obj", convexify="hull")
 
 
+def test_a_robots_hulls_are_warned_about_once_in_the_callers_line(tmp_path):
+    write_shelf(tmp_path / "shelf.obj")
+    links = "".join(
+        f"<link name='l{i}'><collision><geometry><mesh filename='shelf.obj'/></geometry></collision></link>"
+        for i in range(7)
+    )
+    joints = "".join(
+        f"<joint name='j{i}' type='fixed'><parent link='l0'/><child link='l{i}'/></joint>" for i in range(1, 7)
+    )
+    (tmp_path / "r.urdf").write_text(f"<robot name='r'>{links}{joints}</robot>")
+    (tmp_path / "r.srdf").write_text(
+        "<robot name='r'><disable_collisions link1='l0' link2='gone'/></robot>"
+    )
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        clearance.Scene.load_urdf(tmp_path / "r.urdf", srdf=tmp_path / "r.srdf", convexify="hull")
+    assert [one.category for one in caught] == [clearance.HullWarning, clearance.RobotWarning]
+    assert [one.filename for one in caught] == [__file__] * 2 and caught[0].lineno == caught[1].lineno
+    text = str(caught[0].message)
+    assert text.startswith("7 bodies: r/l0: its hull stands up to") and text.endswith("; and 2 more")
+    with pytest.warns(clearance.HullWarning) as own:
+        clearance.Scene().add_body("own", mesh=(CUP_VERTICES, CUP_TRIANGLES[1:]))
+    assert len(own) == 1 and own[0].filename == __file__
+
+
 def test_matrix_as_pose_and_options_by_keyword():
     scene = clearance.Scene()
     matrix = np.eye(4)

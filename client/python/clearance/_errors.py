@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import builtins
+import os
+import sys
+import warnings
+
+_PACKAGE = os.path.dirname(__file__) + os.sep
 
 
 class ClearanceError(Exception):
@@ -70,3 +75,11 @@ class TimeoutError(ConnectionError, builtins.TimeoutError):
 
 class DaemonHung(ConnectionError):
     """The daemon is there, but its loop stood still for hang_s while a request was under way."""
+
+
+def warn(text: str, category: type[Warning]) -> None:
+    """Warns of `text` at the innermost line that is not this package's."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, category, stacklevel=level)

@@ -1,18 +1,17 @@
-"""What a scene warns of when something is added: as the calls that add it say."""
+"""What a scene warns of when something is added."""
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
-from ._errors import HullWarning, RobotWarning
+from ._errors import HullWarning, RobotWarning, warn
 
 _NAMED_IN_WARNING = 5
 
 
 def warn_of_robots(scene: Any, first: int) -> None:
     for text in scene.robot_warnings(first):
-        warnings.warn(text, RobotWarning, stacklevel=3)
+        warn(text, RobotWarning)
 
 
 def warn_of_hulls(scene: Any, first: int) -> None:
@@ -22,5 +21,5 @@ def warn_of_hulls(scene: Any, first: int) -> None:
         return
     text = "; ".join(f"{name}: {what}" for name, what in found[:_NAMED_IN_WARNING])
     if len(found) > _NAMED_IN_WARNING:
-        text += f"; and {len(found) - _NAMED_IN_WARNING} more"
-    warnings.warn(text, HullWarning, stacklevel=3)
+        text = f"{len(found)} bodies: {text}; and {len(found) - _NAMED_IN_WARNING} more"
+    warn(text, HullWarning)
