@@ -151,6 +151,10 @@ void print_json(const Options& o, const Scene& scene, const SceneReport& report)
 
 int run(const Options& o) {
   const Scene scene = Scene::load(o.scene, o.allow_outside);
+  const auto warn = [](const std::string& text) { std::cerr << "clearance inspect: warning: " << text << "\n"; };
+  for (const std::string& text : scene.warnings()) warn(text);
+  for (const auto& robot : scene.robots())
+    for (const std::string& text : robot->model.warnings) warn(text);
   const SceneReport report = inspect(scene, o.inspect);
   switch (o.output) {
     case Output::kTable:

@@ -115,7 +115,7 @@ void log_scene(const DaemonOptions& options, const Engine& engine, double load_s
       log_text(options.scene), engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(),
       engine.backend(), load_seconds);
   log_hull_warnings(engine.scene(), hull_warnings(engine.scene()));
-  log_robot_warnings(engine.scene());
+  log_file_warnings(engine.scene());
 }
 
 /// Runs `work`; an Error that it throws ends the start with this code.

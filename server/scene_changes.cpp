@@ -254,7 +254,7 @@ bool SceneChanges::install(Reloader::Outcome& outcome) {
             engine_->scene().bodies().size(), engine_->scene_revision(), outcome.seconds);
   if (!outcome.left_out.empty()) log::warn("event=added_bodies_left_out error=\"{}\"", log_text(outcome.left_out));
   log_hull_warnings(engine_->scene(), outcome.warnings);
-  if (!outcome.edit) log_robot_warnings(engine_->scene());
+  if (!outcome.edit) log_file_warnings(engine_->scene());
   return true;
 }
 

@@ -28,7 +28,9 @@ void log_hull_warnings(const Scene& scene, std::span<const HullWarning> warnings
               log_text(first->name), bodies - 1, first->hull_excess, first->empty_share, log_text(*text));
 }
 
-void log_robot_warnings(const Scene& scene) {
+void log_file_warnings(const Scene& scene) {
+  for (const std::string& warning : scene.warnings())
+    log::warn("event=scene_suspicious text=\"{}\"", log_text(warning));
   for (const auto& robot : scene.robots())
     for (const std::string& warning : robot->model.warnings)
       log::warn("event=robot_left_out robot=\"{}\" text=\"{}\"", log_text(robot->name), log_text(warning));

@@ -10,7 +10,8 @@ namespace clearance {
 /// Of bodies whose pieces stand far out of their meshes, once for each mesh. To find them takes time: it is not done
 /// here.
 void log_hull_warnings(const Scene& scene, std::span<const HullWarning> warnings);
-/// Of what was left out of the SRDFs of robots.
-void log_robot_warnings(const Scene& scene);
+/// Of what is probably a mistake in the scene file, and of what was left out of its robots' files or is suspicious
+/// there.
+void log_file_warnings(const Scene& scene);
 
 }  // namespace clearance

@@ -234,6 +234,7 @@ void bind_scene(nb::module_& m) {
                all.insert(all.end(), s.robots()[i]->model.warnings.begin(), s.robots()[i]->model.warnings.end());
              return all;
            })
+      .def("warnings", [](const Scene& s) { return s.warnings(); })
       .def("add_group", [](Scene& s, const std::string& name,
                            const std::vector<std::string>& members) { s.add_group(name, members); })
       .def("ignore", &Scene::ignore)

@@ -174,6 +174,10 @@ class Scene {
   /// The joints of all robots: a joint's id is its place here.
   const std::vector<SceneJoint>& joints() const { return joints_; }
   const std::vector<JointGroup>& joint_groups() const { return joint_groups_; }
+  /// Sentences about what is legal in the scene file but probably a mistake, with places.
+  const std::vector<std::string>& warnings() const { return warnings_; }
+  /// Adds one of them.
+  void add_warning(std::string warning) { warnings_.push_back(std::move(warning)); }
 
   /// Whether a body's shape, or where it is, is known less well than its pieces and pose say.
   bool has_doubts() const { return has_doubts_; }
@@ -223,6 +227,7 @@ class Scene {
   std::vector<std::shared_ptr<const SceneRobot>> robots_;
   std::vector<SceneJoint> joints_;
   std::vector<JointGroup> joint_groups_;
+  std::vector<std::string> warnings_;
   std::unordered_map<std::string, std::uint32_t> joint_ids_;
   std::unordered_map<std::string, std::uint32_t> body_ids_;
   std::unordered_map<std::string, std::uint32_t> group_ids_;

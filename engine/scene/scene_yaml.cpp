@@ -396,6 +396,7 @@ class SceneReader {
     for (const RobotPlan& plan : robots_)
       if (plan.parent) placed(*plan.parent, [&] { scene.set_parent(plan.name, plan.parent->text("")); });
     add_pairs_and_groups(scene);
+    for (const std::string& warning : root_.warnings()) scene.add_warning(warning);
     return scene;
   }
 

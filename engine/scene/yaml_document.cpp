@@ -14,6 +14,7 @@
 #include <sstream>
 #include <unordered_map>
 
+#include "engine/pose/pose_order.h"
 #include "engine/scene/scene.h"
 
 namespace clearance {
@@ -82,6 +83,7 @@ struct YamlTree {
   std::string file;
   std::vector<Node> nodes;
   mutable std::uint64_t reads = 0;
+  mutable std::vector<std::string> warnings;
 };
 
 namespace {
@@ -312,7 +314,13 @@ Pose YamlValue::pose() const {
   const Pose pose{{x[0], x[1], x[2]}, x[3], x[4], x[5], x[6]};
   if (check(pose) == PoseQuality::kBad)
     fail("expected a quaternion (qw, qx, qy, qz) of norm 1e-6 to 1e6 and coordinates up to 1e60 m");
+  if (const std::string doubt = order_warning(pose); !doubt.empty())
+    tree_->warnings.push_back(tree_->file + ":" + std::to_string(line_) + ": " + place_ + ": " + doubt);
   return pose;
+}
+
+const std::vector<std::string>& YamlValue::warnings() const {
+  return tree_->warnings;
 }
 
 std::size_t YamlValue::size() const {

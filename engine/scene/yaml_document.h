@@ -41,7 +41,10 @@ class YamlValue {
   /// A list of exactly `count` numbers. \param expected "7 numbers [x, y, z, qw, qx, qy, qz]".
   std::vector<double> numbers(std::size_t count, const std::string& expected) const;
   std::vector<Vec3d> vectors() const;  ///< a list of [x, y, z]
-  Pose pose() const;                   ///< [x, y, z, qw, qx, qy, qz] that can be used
+  /// [x, y, z, qw, qx, qy, qz] that can be used. Warns of a quaternion that looks like one in the order x, y, z, w.
+  Pose pose() const;
+  /// What pose() warned of in this file, with places.
+  const std::vector<std::string>& warnings() const;
 
   std::size_t size() const;  ///< entries of a list or map
   std::vector<YamlValue> list(const std::string& expected) const;

@@ -302,6 +302,33 @@ def test_a_robots_hulls_are_warned_about_once_in_the_callers_line(tmp_path):
     assert len(own) == 1 and own[0].filename == __file__
 
 
+def test_quaternions_that_look_like_xyzw_are_warned_about(tmp_path):
+    (tmp_path / "scene.yaml").write_text("bodies:\n  - {name: one, box: 1, pose: [0, 0, 0, 0, 0, 0, 1]}\n")
+    (tmp_path / "r.urdf").write_text("<robot name='r'><link name='a'/></robot>")
+    text = "the quaternion 0, 0, 0, 1 looks like one in the order x, y, z, w, which would be no turn"
+    with pytest.warns(clearance.PoseWarning, match=rf"scene.yaml:2: bodies\[0\].pose: {text}") as caught:
+        scene = clearance.Scene.load(tmp_path / "scene.yaml")
+    assert len(caught) == 1 and caught[0].filename == __file__
+    adds = (
+        lambda pose: scene.add_sphere("b", 1, pose=pose),
+        lambda pose: scene.add_body("c", box=(1, 1, 1), pose=pose),
+        lambda pose: scene.add_robot("r", tmp_path / "r.urdf", base=pose),
+    )
+    for add, what in zip(adds, ("pose", "pose", "base")):
+        with pytest.warns(clearance.PoseWarning, match=f"^{what}: {text}") as caught:
+            add([0, 0, 0, 0, 0, 0, 1])
+        assert len(caught) == 1 and caught[0].filename == __file__
+    half_turn = np.diag([-1.0, -1, 1, 1])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene.add_sphere("matrix", 1, pose=half_turn)
+        scene.add_sphere("negated", 1, pose=[0, 0, 0, 0, 0, 0, -1])
+        scene.add_sphere("about y", 1, pose=[0, 0, 0, 0, 0, 1, 0])
+        clearance.Engine(scene).set_poses({"matrix": [0, 0, 0, 0, 0, 0, 1]})
+    with pytest.warns(clearance.PoseWarning, match="which would be a turn about z"):
+        scene.add_sphere("yaw", 1, pose=[0, 0, 0, 0, 0, 0.6, 0.8])
+
+
 def test_matrix_as_pose_and_options_by_keyword():
     scene = clearance.Scene()
     matrix = np.eye(4)

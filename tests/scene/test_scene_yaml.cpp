@@ -136,6 +136,32 @@ TEST(SceneFile, WhatIsNotKnownOfABodyIsRead) {
   EXPECT_EQ(known.bodies()[0].pieces[0], known.bodies()[1].pieces[0]);
 }
 
+TEST(SceneFile, QuaternionsThatLookLikeXyzwAreWarnedOf) {
+  const TemporaryFolder folder;
+  folder.write("r.urdf", "<robot name='r'><link name='a'/></robot>");
+  const Scene scene = load(folder,
+                           "bodies:\n"
+                           "  - {name: a, box: 1, pose: [1, 2, 3, 0, 0, 0, 1]}\n"
+                           "  - {name: b, box: 1, pose: [0, 0, 0, 0, 0, 0.6, 0.8]}\n"
+                           "  - {name: c, box: 1, pose: [0, 0, 0, 0, 0, 0, -1]}\n"
+                           "  - {name: d, box: 1, pose: [0, 0, 0, 1, 0, 0, 0]}\n"
+                           "  - {name: e, box: 1, pose: [0, 0, 0, 0, 0, 1, 0]}\n"
+                           "  - {name: f, box: 1, pose: [0, 0, 0, 0, 0.6, 0, 0.8]}\n"
+                           "  - {name: g, box: 1, pose: [0, 0, 0, 0.8, 0, 0, 0.6]}\n"
+                           "  - {name: h, box: 1, pose: [0, 0, 0, 6.1e-17, 0, 0, 1]}\n"
+                           "robots: [{name: r, urdf: r.urdf, base: [0, 0, 0, 0, 0, 0, 1]}]\n");
+  const std::string order = " looks like one in the order x, y, z, w, which would be ",
+                    half =
+                        "; in the order w, x, y, z, which counts, it is a half turn. If that is meant, write the same "
+                        "rotation as 0, 0, ",
+                    file = folder / "scene.yaml:";
+  const std::string no_turn = "the quaternion 0, 0, 0, 1" + order + "no turn" + half + "0, -1";
+  EXPECT_EQ(scene.warnings(), (std::vector<std::string>{file + "2: bodies[0].pose: " + no_turn,
+                                                        file + "3: bodies[1].pose: the quaternion 0, 0, 0.6, 0.8" +
+                                                            order + "a turn about z" + half + "-0.6, -0.8",
+                                                        file + "10: robots[0].base: " + no_turn}));
+}
+
 TEST(SceneFile, RandomBodiesRepeatBySeed) {
   const TemporaryFolder folder;
   const auto of = [&](const std::string& random) { return load(folder, "random: " + random); };

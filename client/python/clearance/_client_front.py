@@ -26,7 +26,7 @@ from ._future import Future
 from ._joints import JointsRef
 from ._names import BodyInfo, BodyRef, NameTable
 from ._plan_arguments import plan_query
-from ._poses import as_one_pose
+from ._poses import as_first_pose
 from ._query import Query
 from ._remote_plan import RemotePlan
 from ._result import Result
@@ -182,7 +182,7 @@ class Client(Front):
         radius: metres, grows the shape.
         parent: name or id of the body that it follows.
         pose: X_world_body, with a parent X_parent_body; None: no pose until one arrives (with a parent or static: the
-            identity).
+            identity). A quaternion that looks like x, y, z, w is warned about (PoseWarning).
         uncertainty: {"position": metres, "angle": radians} that its place and its turn may be off by; padding: metres
             that it is grown by; max_speed: metres a second that no point of it exceeds. As in a scene file; answers
             hold all that these allow.
@@ -196,7 +196,7 @@ class Client(Front):
         shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space), "points": points}
         shape = to_shape(shapes, convexify, voxel)
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
-        row = None if pose is None else as_one_pose(pose, "pose").reshape(1, 7)
+        row = None if pose is None else as_first_pose(pose, "pose").reshape(1, 7)
         return self._changed(
             *self._guarded(
                 self._use().add_body,

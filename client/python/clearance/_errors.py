@@ -25,6 +25,14 @@ class RobotWarning(UserWarning):
     """Something in a robot's SRDF was left out."""
 
 
+class PoseWarning(UserWarning):
+    """A quaternion at load looks like one in the order x, y, z, w, where Clearance has w first.
+
+    It reads as a half turn, and as x, y, z, w it would be no turn or one about z. Where the half turn is meant, the
+    negated quaternion is the same rotation and is not warned about.
+    """
+
+
 class HullWarning(UserWarning):
     """A mesh is far from convex, and its hull is what distances are measured to. The text names bodies and figures.
 

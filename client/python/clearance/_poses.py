@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ._arguments import contiguous, to_floats
+from ._errors import PoseWarning, warn
 
 #: How far a matrix may be from rigid: entries of R^T R - 1, and of the last row. Wide enough for matrices that went
 #: through float32.
@@ -75,6 +76,21 @@ def as_one_pose(value: Any, what: str) -> np.ndarray:
     pose = as_pose7(value, what)
     if pose.shape != (7,):
         raise ValueError(f"{what}: expected one pose, got shape {np.shape(value)}")
+    return pose
+
+
+def as_first_pose(value: Any, what: str) -> np.ndarray:
+    """as_one_pose() of a body that is added. Warns of 7 numbers whose quaternion looks like x, y, z, w."""
+    pose = as_one_pose(value, what)
+    qw, qx, qy, qz = pose[3:].tolist()
+    if np.shape(value) == (7,) and qw == 0 and qx == 0 and qz > 0:  # as engine/pose/pose_order.cpp has it
+        turn = "a turn about z" if qy else "no turn"
+        warn(
+            f"{what}: the quaternion 0, 0, {qy:g}, {qz:g} looks like one in the order x, y, z, w, which would be "
+            f"{turn}; in the order w, x, y, z, which counts, it is a half turn. If that is meant, write the same "
+            f"rotation as 0, 0, {-qy or 0:g}, {-qz:g}",
+            PoseWarning,
+        )
     return pose
 
 

@@ -27,9 +27,9 @@ from ._arguments import (
 )
 from ._errors import SceneError
 from ._names import BodyInfo, BodyRef, NameTable
-from ._poses import as_one_pose
+from ._poses import as_first_pose
 from ._scene_robots import RobotScene
-from ._scene_warnings import warn_of_hulls, warn_of_robots
+from ._scene_warnings import warn_of_files, warn_of_hulls, warn_of_robots
 from ._words import CONVEXIFY, NONE, ConvexifyWord
 
 
@@ -42,7 +42,8 @@ class Scene(RobotScene):
     parent: a body that this one follows (its poses are then X_parent_body); static: it never moves; pose: where it is
         at first, 7 numbers or a (4, 4) matrix. A body without a pose is answered NO_POSE until it gets one.
 
-    Each raises SceneError for a bad or repeated name or bad geometry, TypeError or ValueError for a wrong argument.
+    Each raises SceneError for a bad or repeated name or bad geometry, TypeError or ValueError for a wrong argument, and
+    warns (PoseWarning) of a pose whose quaternion looks like x, y, z, w.
     """
 
     def __init__(self) -> None:
@@ -55,13 +56,15 @@ class Scene(RobotScene):
 
         allow_outside: meshes may lie outside the scene file's folder.
         Raises SceneError naming file, line, key and what was expected. Warns (HullWarning) of bodies whose pieces stand
-        far out of their meshes.
+        far out of their meshes, (PoseWarning) of quaternions that look like x, y, z, w, and (RobotWarning) of what was
+        left out of robots' files.
         """
         scene = cls.__new__(cls)
         scene._lock = threading.RLock()
         scene._scene = _engine.Scene.load(to_path(path, "path"), to_bool(allow_outside, "allow_outside"))
         warn_of_hulls(scene._scene, 0)
         warn_of_robots(scene._scene, 0)
+        warn_of_files(scene._scene)
         return scene
 
     def add_hull(
@@ -473,7 +476,7 @@ class Scene(RobotScene):
     ) -> tuple[Optional[str], bool, Optional[np.ndarray], tuple[float, ...]]:
         name = None if parent is None else self._body(parent, "parent").name
         doubts = to_doubts(uncertainty, padding, max_speed)
-        return name, to_bool(static, "static"), None if pose is None else as_one_pose(pose, "pose"), doubts
+        return name, to_bool(static, "static"), None if pose is None else as_first_pose(pose, "pose"), doubts
 
     def _body(self, body: BodyRef, what: str) -> BodyInfo:
         table = self._table()

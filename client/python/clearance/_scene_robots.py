@@ -9,7 +9,7 @@ from typing import Any, Optional, TypeVar, Union
 
 from ._arguments import to_bool, to_items, to_number, to_path, to_text, to_uncertainty, to_word
 from ._names import BodyInfo, BodyRef
-from ._poses import as_one_pose
+from ._poses import as_first_pose
 from ._scene_warnings import warn_of_hulls, warn_of_robots
 from ._words import CONVEXIFY, GEOMETRIES, ConvexifyWord, GeometryWord
 
@@ -85,7 +85,7 @@ class RobotScene:
                 to_path(urdf, "urdf"),
                 "" if srdf is None else to_path(srdf, "srdf"),
                 {to_text(key, "packages"): to_path(folder, f"packages[{key!r}]") for key, folder in folders.items()},
-                None if base is None else as_one_pose(base, "base"),
+                None if base is None else as_first_pose(base, "base"),
                 "" if parent is None else self._body(parent, "parent").name,
                 to_bool(static, "static"),
                 bool(to_word(geometry, GEOMETRIES, "geometry")),

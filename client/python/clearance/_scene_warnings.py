@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from ._errors import HullWarning, RobotWarning, warn
+from ._errors import HullWarning, PoseWarning, RobotWarning, warn
 
 _NAMED_IN_WARNING = 5
+
+
+def warn_of_files(scene: Any) -> None:
+    """One warning for each thing in a scene file that is legal and probably a mistake."""
+    for text in scene.warnings():
+        warn(text, PoseWarning)
 
 
 def warn_of_robots(scene: Any, first: int) -> None:
