@@ -49,7 +49,8 @@ std::map<std::string, std::string> packages_of(const Options& o) {
   std::map<std::string, std::string> packages;
   for (const std::string& package : o.packages) {
     const std::size_t equals = package.find('=');
-    if (equals == std::string::npos) throw CLI::ValidationError("--package", "expected NAME=FOLDER, got " + package);
+    if (equals == std::string::npos || equals == 0 || equals + 1 == package.size())
+      throw CLI::ValidationError("--packages", "expected NAME=FOLDER, got " + package);
     packages[package.substr(0, equals)] = package.substr(equals + 1);
   }
   return packages;
@@ -57,7 +58,8 @@ std::map<std::string, std::string> packages_of(const Options& o) {
 
 void inspect(const Options& o) {
   const RobotModel robot = load(o);
-  const std::map<std::string, std::string> packages = packages_of(o);
+  std::map<std::string, std::string> packages = packages_of(o);
+  find_packages(robot, false, &packages);
   const std::string folder = o.urdf.find('/') == std::string::npos ? "." : o.urdf.substr(0, o.urdf.rfind('/'));
   std::size_t missing = 0;
   Table table({"link", "parent", "joint", "type", "position", "lower", "upper", "shapes", "meshes"});
@@ -221,6 +223,14 @@ void add_common(CLI::App& command, Options& o) {
   command.add_flag_callback("--csv", [&o] { o.output = Output::kCsv; }, "print comma-separated values")->excludes(json);
 }
 
+// --package is the name that it had first.
+void add_packages(CLI::App& command, Options& o) {
+  command
+      .add_option("--packages,--package", o.packages,
+                  "NAME=FOLDER: where package://NAME/... leads to, if not where ROS' environment says; may be repeated")
+      ->take_all();
+}
+
 }  // namespace
 }  // namespace clearance
 
@@ -233,7 +243,7 @@ int main(int argc, char** argv) {
   auto& inspecting =
       *app.add_subcommand("inspect", "links, joints, limits and shapes; warnings; meshes that are not there");
   add_common(inspecting, o);
-  inspecting.add_option("--package", o.packages, "NAME=FOLDER: where package://NAME/... leads to")->take_all();
+  add_packages(inspecting, o);
   inspecting.callback([&] { inspect(o); });
   auto& placing = *app.add_subcommand("fk", "poses of all links, and how far each may be off");
   add_common(placing, o);
@@ -249,7 +259,7 @@ int main(int argc, char** argv) {
   auto& finding =
       *app.add_subcommand("pairs", "which links never or always touch: proved where possible, else sampled");
   add_common(finding, o);
-  finding.add_option("--package", o.packages, "NAME=FOLDER: where package://NAME/... leads to")->take_all();
+  add_packages(finding, o);
   finding.add_flag("--visual", o.visual, "links have their visual shapes, not those for collisions");
   finding.add_option("--samples", o.finding.samples, "random configurations for each pair")->check(CLI::PositiveNumber);
   finding.add_option("--steps", o.finding.most_steps, "configurations that the proof of a pair may look at");

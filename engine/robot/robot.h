@@ -30,6 +30,7 @@ struct RobotShape {
   std::string mesh;           ///< as the file names it: "package://...", "file://..." or a path
   Vec3d mesh_scale{1, 1, 1};  ///< not 0; negative mirrors
   std::string place;          ///< "panda.urdf:12: link "hand": collision", for errors about its mesh
+  std::string problem;        ///< why a `visual` shape cannot be used, with its place; empty: it can
 };
 
 struct RobotLink {
@@ -109,6 +110,10 @@ RobotModel parse_urdf(std::string_view text, const std::string& file);
 /// Adds what an SRDF says of that robot. Throws RobotError.
 void read_srdf(const std::string& path, RobotModel* robot);
 void parse_srdf(std::string_view text, const std::string& file, RobotModel* robot);
+
+/// Adds the folders of packages that meshes name and `packages` lacks, as far as AMENT_PREFIX_PATH or
+/// ROS_PACKAGE_PATH lead to them. \param visual of the visual shapes, not of those for collisions
+void find_packages(const RobotModel& robot, bool visual, std::map<std::string, std::string>* packages);
 
 /// The file of a shape's mesh. Throws RobotError where its package has no folder here or the file is not there.
 /// \param folder of the URDF, which plain paths start from. \param packages folder by package

@@ -52,8 +52,8 @@ class UrdfReader {
     RobotLink link;
     link.name = fresh_name(element, links_);
     if (robot_.links.size() >= kMaxLinks) element.fail("more than " + std::to_string(kMaxLinks) + " links");
-    for (const XmlElement& shape : element.children("collision")) link.collision.push_back(read_shape(shape));
-    for (const XmlElement& shape : element.children("visual")) link.visual.push_back(read_shape(shape));
+    for (const XmlElement& shape : element.children("collision")) link.collision.push_back(read_shape(count(shape)));
+    for (const XmlElement& shape : element.children("visual")) link.visual.push_back(read_visual(count(shape)));
     links_.emplace(link.name, static_cast<std::uint32_t>(robot_.links.size()));
     robot_.links.push_back(std::move(link));
   }
@@ -71,8 +71,24 @@ class UrdfReader {
     return origin;
   }
 
-  RobotShape read_shape(const XmlElement& element) {
-    if (++shapes_ > kMaxShapes) element.fail("more than " + std::to_string(kMaxShapes) + " shapes");
+  const XmlElement& count(const XmlElement& shape) {
+    if (++shapes_ > kMaxShapes) shape.fail("more than " + std::to_string(kMaxShapes) + " shapes");
+    return shape;
+  }
+
+  // Most robots are used with their collision shapes alone, and files have markers of size 0 among the visual ones.
+  static RobotShape read_visual(const XmlElement& element) {
+    try {
+      return read_shape(element);
+    } catch (const RobotError& error) {
+      RobotShape shape;
+      shape.place = element.place();
+      shape.problem = error.what();
+      return shape;
+    }
+  }
+
+  static RobotShape read_shape(const XmlElement& element) {
     const XmlElement geometry = element.required_child("geometry");
     const std::vector<XmlElement> found = geometry.children();
     if (found.size() != 1) geometry.fail("expected one shape, got " + std::to_string(found.size()));
@@ -214,14 +230,33 @@ class UrdfReader {
       if (!has_one_column(other.kind))
         element->fail("the joint " + excerpt(name) +
                       " has not one position; expected a revolute, continuous or prismatic one");
-      if (elements_[at->second].child("mimic"))
-        element->fail("the joint " + excerpt(name) + " mimics another itself; name that one");
       Mimic mimic{at->second};
       if (element->has("multiplier")) mimic.multiplier = element->number("multiplier");
       if (element->has("offset")) mimic.offset = element->number("offset");
-      if (!(std::abs(mimic.multiplier) <= 1e6 && std::abs(mimic.offset) <= 1e6))
-        element->fail("expected a multiplier and an offset up to 1e6");
+      check_mimic(*element, mimic);
       joint.mimic = mimic;
+    }
+    follow_mimics();
+  }
+
+  static void check_mimic(const XmlElement& element, const Mimic& mimic) {
+    if (!(std::abs(mimic.multiplier) <= 1e6 && std::abs(mimic.offset) <= 1e6))
+      element.fail("expected a multiplier and an offset up to 1e6");
+  }
+
+  // A joint that mimics one that mimics another itself mimics the last of them, by factors multiplied out in float64.
+  void follow_mimics() {
+    const std::vector<RobotJoint> read = robot_.joints;
+    for (std::uint32_t j = 0; j < read.size(); ++j) {
+      if (!read[j].mimic) continue;
+      Mimic& mimic = *robot_.joints[j].mimic;
+      std::size_t steps = 0;
+      while (const auto& next = read[mimic.joint].mimic) {
+        const XmlElement element = elements_[j].required_child("mimic");
+        if (++steps > read.size()) element.fail("it mimics itself by way of others");
+        mimic = {next->joint, mimic.multiplier * next->multiplier, mimic.multiplier * next->offset + mimic.offset};
+        check_mimic(element, mimic);
+      }
     }
   }
 
@@ -229,7 +264,7 @@ class UrdfReader {
     Ids seen;
     for (std::uint32_t j = 0; j < robot_.joints.size(); ++j) {
       RobotJoint& joint = robot_.joints[j];
-      const auto [lower, upper] = read_limits(elements_[j], joint.kind);
+      const auto [lower, upper] = read_limits(elements_[j], joint);
       if (joint.mimic || joint.kind == JointKind::kFixed || joint.kind == JointKind::kFloating) continue;
       joint.column = static_cast<std::uint32_t>(robot_.columns.size());
       if (joint.kind == JointKind::kPlanar)
@@ -242,14 +277,18 @@ class UrdfReader {
     }
   }
 
-  static std::pair<double, double> read_limits(const XmlElement& joint, JointKind kind) {
-    if (kind != JointKind::kRevolute && kind != JointKind::kPrismatic) return {-INFINITY, INFINITY};
-    const XmlElement limit = joint.required_child("limit");
-    if (!limit.has("lower") || !limit.has("upper"))
-      limit.fail("expected lower and upper; a joint that turns without end has the type continuous");
-    const double lower = limit.number("lower"), upper = limit.number("upper");
-    if (lower > upper)
-      limit.fail("lower " + excerpt(limit.text("lower")) + " is above upper " + excerpt(limit.text("upper")));
+  // A limit that is not there is 0, as the format has it.
+  std::pair<double, double> read_limits(const XmlElement& element, const RobotJoint& joint) {
+    if (joint.kind != JointKind::kRevolute && joint.kind != JointKind::kPrismatic) return {-INFINITY, INFINITY};
+    const XmlElement limit = element.required_child("limit");
+    if (!limit.has("lower") && !limit.has("upper") && !joint.mimic)
+      robot_.warnings.push_back(limit.place() +
+                                ": neither lower nor upper: both are 0, and every other position is beyond them; a "
+                                "joint that turns without end has the type continuous");
+    const auto text = [&](const char* which) { return limit.has(which) ? limit.text(which) : "0"; };
+    const auto number = [&](const char* which) { return limit.has(which) ? limit.number(which) : 0.0; };
+    const double lower = number("lower"), upper = number("upper");
+    if (lower > upper) limit.fail("lower " + excerpt(text("lower")) + " is above upper " + excerpt(text("upper")));
     return {lower, upper};
   }
 

@@ -93,12 +93,15 @@ class RobotAdder {
         options_(options),
         robot_(read_files(name, options)),
         model_(robot_->model),
+        packages_(options.packages),
         folder_(fs::path(options.urdf).parent_path().string()) {
     if (folder_.empty()) folder_ = ".";
+    if (!options.geometry_files) find_packages(model_, options.visual, &packages_);
   }
 
   std::uint32_t add() {
     const auto index = static_cast<std::uint32_t>(scene_.robots_.size());
+    check_names();
     check_padding();
     check_links("uncertainty", options_.link_uncertainty);
     check_links("convexify", options_.link_convexify);
@@ -124,6 +127,26 @@ class RobotAdder {
   void check_links(const std::string& what, const std::map<std::string, Value>& by_link) const {
     for (const auto& [link, value] : by_link)
       if (model_.find_link(link) == kNone) fail(what + ": there is no link " + in_quotes(link));
+  }
+
+  // Links, joints and groups are named ROBOT/NAME everywhere, so the longest of them decides about the robot's name.
+  void check_names() const {
+    const auto most = static_cast<std::size_t>(kMaxNameBytes);
+    const std::string *longest = nullptr, *what = nullptr;
+    const std::string kinds[] = {"link", "joint", "group"};
+    const auto look = [&](const std::string& name, const std::string& kind) {
+      if (!longest || name.size() > longest->size()) longest = &name, what = &kind;
+    };
+    for (const RobotLink& link : model_.links) look(link.name, kinds[0]);
+    for (const RobotColumn& column : model_.columns) look(column.name, kinds[1]);
+    for (const RobotGroup& group : model_.groups) look(group.name, kinds[2]);
+    const std::size_t bytes = name_.size() + 1 + longest->size();
+    if (bytes <= most) return;
+    fail("the " + *what + " " + in_quotes(*longest) + " would have the name " + in_quotes(name_ + "/" + *longest) +
+         " of " + std::to_string(bytes) + " bytes; names have at most " + std::to_string(most) + ": " +
+         (longest->size() + 2 <= most ? "name the robot by at most " + std::to_string(most - 1 - longest->size()) +
+                                            " bytes (name, in a scene file and of add_robot())"
+                                      : "shorten it in the robot's files"));
   }
 
   void check_padding() const {
@@ -155,8 +178,6 @@ class RobotAdder {
     for (std::uint32_t c = 0; c < model_.columns.size(); ++c) {
       const RobotColumn& column = model_.columns[c];
       SceneJoint joint{name_ + "/" + column.name, index, c, column.lower, column.upper, home[c]};
-      if (joint.name.size() > static_cast<std::size_t>(kMaxNameBytes))
-        fail("the joint name " + in_quotes(joint.name) + " has more than " + std::to_string(kMaxNameBytes) + " bytes");
       all.joints.push_back(robot_->first_joint + c);
       scene_.joint_ids_.emplace(joint.name, all.joints.back());
       scene_.joints_.push_back(std::move(joint));
@@ -280,11 +301,12 @@ class RobotAdder {
   }
 
   Geometry geometry_of(const RobotShape& shape, Convexify convexify) {
+    if (!shape.problem.empty()) throw RobotError(shape.problem);
     if (shape.kind != RobotShape::Kind::kMesh) {
       constexpr const char* kNames[] = {"box", "sphere", "cylinder", "capsule"};
       return geometry_of_shape(shape_of(shape), 0, kNames[static_cast<int>(shape.kind)]);
     }
-    const std::string path = mesh_path(shape, folder_, options_.packages);
+    const std::string path = mesh_path(shape, folder_, packages_);
     if (!options_.allow_outside && !is_inside(path, options_.folder))
       throw SceneError("mesh " + in_quotes(shape.mesh) +
                        " lies outside the scene's folder; mesh files must lie inside it " +
@@ -356,6 +378,7 @@ class RobotAdder {
   const RobotOptions& options_;
   std::shared_ptr<SceneRobot> robot_;
   const RobotModel& model_;
+  std::map<std::string, std::string> packages_;  // and those that the environment leads to
   std::string folder_;
   std::vector<std::uint8_t> fixed_;  // by link
 };

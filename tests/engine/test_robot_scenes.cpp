@@ -117,6 +117,22 @@ TEST(RobotInAScene, WhatIsWrongIsSaidWithItsPlace) {
   has(text(mesh), "the package \"p\" has no folder here");
   has(text(mesh, {.urdf = "", .packages = {{"p", folder.path().string()}}}), "there is no file");
   has(text("<robot name='r'><link name='a'/><link name='b'/></robot>"), "r.urdf:");
+  const std::string flat =
+      "<robot name='r'><link name='a'><visual>\n<geometry><sphere radius='0'/></geometry></visual></link></robot>";
+  has(text(flat, {.urdf = "", .visual = true}),
+      "r.urdf:2: link \"a\": visual: geometry: sphere: radius: expected a number > 0, got \"0\"");
+  const auto named = [](std::size_t bytes) {
+    return "<robot name='r'><link name='" + std::string(bytes, 'n') + "'/></robot>";
+  };
+  Scene longest;
+  longest.add_robot("r", {.urdf = folder.write("long.urdf", named(61))});
+  EXPECT_EQ(longest.bodies()[1].name.size(), 63u);
+  has(text(named(62)), "robot \"r\": the link \"nnn");
+  has(text(named(62)), " of 64 bytes; names have at most 63: shorten it in the robot's files");
+  const std::string urdf = folder.write("long.urdf", named(50));
+  has(error_text<SceneError>([&] { Scene().add_robot("robot_of_20_letters_", {.urdf = urdf}); }),
+      "of 71 bytes; names have at most 63: name the robot by at most 12 bytes (name, in a scene file and of "
+      "add_robot())");
   const std::string joint =
       "<robot name='r'><link name='a'/><link name='b'/><joint name='j' type='revolute'><parent link='a'/>"
       "<child link='b'/><limit lower='1' upper='2'/></joint></robot>";

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 
 import pytest
 
@@ -46,6 +47,29 @@ def test_inspect_warns_and_names_meshes_that_are_not_there():
     )
     assert 'link "slide": collision: mesh "slide.stl": there is no file' in answer.stderr
     assert "1 meshes are not there" in answer.stderr
+
+
+def test_inspect_finds_packages_as_ros_does(tmp_path):
+    urdf = tmp_path / "r.urdf"
+    urdf.write_text(
+        "<robot name='r'><link name='a'><collision><geometry><mesh filename='package://arm/a.stl'/></geometry>"
+        "</collision></link></robot>"
+    )
+    mesh = tmp_path / "prefix/share/arm/a.stl"
+    mesh.parent.mkdir(parents=True)
+    mesh.touch()
+
+    def code(*arguments, **variables):
+        environment = {k: v for k, v in os.environ.items() if k not in ("AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH")}
+        command = [CLEARANCE, "robot", "inspect", urdf, *arguments]
+        return subprocess.run(command, env=environment | variables, capture_output=True, timeout=120).returncode
+
+    assert code() == 1
+    assert code(AMENT_PREFIX_PATH=str(tmp_path / "prefix")) == 0
+    (mesh.parent / "package.xml").write_text("<package><name>arm</name></package>")
+    assert code(ROS_PACKAGE_PATH=str(tmp_path)) == 0
+    for option in ("--packages", "--package"):
+        assert code(option, f"arm={mesh.parent}") == 0
 
 
 def test_fk_places_links_and_says_how_far_they_may_be_off(tmp_path):
@@ -98,7 +122,9 @@ def test_what_is_wrong_is_said(arguments, words, tmp_path):
 
 def test_mistakes_on_the_command_line():
     assert run("inspect").returncode == 2
-    assert run("inspect", ARM, "--package", "panda").returncode == 2
+    for option, value in (("--packages", "panda"), ("--package", "panda="), ("--packages", "=folder")):
+        answer = run("inspect", ARM, option, value)
+        assert answer.returncode == 2 and f"--packages: expected NAME=FOLDER, got {value}" in answer.stderr
     assert "clearance robot" in run("--help").stdout
 
 

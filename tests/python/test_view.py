@@ -311,9 +311,9 @@ def test_what_does_not_go_together_is_refused(cell, urdf, monkeypatch):
     monkeypatch.delenv("CLEARANCE_URL", raising=False)
     with pytest.raises(ValueError, match="expected a scene file, a URDF, or --connect URL"):
         command.open_session(options())
-    with pytest.raises(ValueError, match="--srdf and --package are of a URDF"):
-        command.open_session(options(cell, "--package", "a=b"))
-    with pytest.raises(ValueError, match="--package: expected NAME=DIR, got 'a'"):
+    with pytest.raises(ValueError, match="--srdf and --packages are of a URDF"):
+        command.open_session(options(cell, "--packages", "a=b"))
+    with pytest.raises(ValueError, match="--packages: expected NAME=FOLDER, got 'a'"):
         command.open_session(options(urdf, "--package", "a"))
     with pytest.raises(SystemExit):
         options(cell, "--rate", "1000")

@@ -170,8 +170,8 @@ const std::vector<BadCase> kBadUrdfs = {
      "3: joint \"j\": axis: xyz: expected a finite number, got \"nan\""},
     {"axis_without_xyz", joint("continuous", "<axis/>"), "3: joint \"j\": axis: expected the attribute xyz"},
     {"no_limit", joint("revolute", ""), "3: joint \"j\": expected an element <limit>"},
-    {"half_a_limit", joint("revolute", "<limit upper='1'/>"),
-     "3: joint \"j\": limit: expected lower and upper; a joint that turns without end has the type continuous"},
+    {"upper_limit_below_0", joint("revolute", "<limit upper='-1'/>"),
+     "3: joint \"j\": limit: lower \"0\" is above upper \"-1\""},
     {"nan_limit", joint("prismatic", "<limit lower='nan' upper='1'/>"),
      "3: joint \"j\": limit: lower: expected a finite number, got \"nan\""},
     {"nan_upper_limit", joint("revolute", "<limit lower='0' upper='nan'/>"),
@@ -193,7 +193,13 @@ const std::vector<BadCase> kBadUrdfs = {
     {"mimic_of_nobody", mimics("<mimic joint='x'/>", ""), "3: joint \"j\": mimic: there is no joint \"x\""},
     {"mimic_of_itself", mimics("<mimic joint='j'/>", ""), "3: joint \"j\": mimic: it mimics itself"},
     {"mimic_of_mimic", mimics("<mimic joint='k'/>", "<mimic joint='j'/>"),
-     "3: joint \"j\": mimic: the joint \"k\" mimics another itself; name that one"},
+     "3: joint \"j\": mimic: it mimics itself by way of others"},
+    {"mimic_of_mimic_by_too_much",
+     links("<joint name='i' type='continuous'><parent link='a'/><child link='b'/></joint>\n"
+           "<joint name='j' type='continuous'><parent link='b'/><child link='c'/><mimic joint='i' multiplier='1e4'/>"
+           "</joint>\n<link name='d'/><joint name='k' type='continuous'><parent link='c'/><child link='d'/><mimic "
+           "joint='j' multiplier='1e4'/></joint>"),
+     "5: joint \"k\": mimic: expected a multiplier and an offset up to 1e6"},
     {"mimic_of_a_fixed_joint",
      links(fixed("f", "a", "b") + "<joint name='j' type='continuous'><parent link='b'/><child link='c'/><mimic "
                                   "joint='f'/></joint>"),
@@ -312,9 +318,14 @@ TEST(BadRobot, MeshesThatAreNotThere) {
   RobotShape mesh = robot.links[0].collision[0];
   const std::string place = "r.urdf:3: link \"a\": collision: mesh ";
   EXPECT_EQ(error_of([&] { mesh_path(mesh, "", {{"leg", "."}}); }),
-            place + "\"package://arm/m.stl\": the package \"arm\" has no folder here; name it under packages");
+            place +
+                "\"package://arm/m.stl\": the package \"arm\" has no folder here, and neither AMENT_PREFIX_PATH nor "
+                "ROS_PACKAGE_PATH leads to one; name it under packages");
   EXPECT_EQ(error_of([&] { mesh_path(mesh, "", {{"arm", path}}); }),
             place + "\"package://arm/m.stl\": there is no file " + path + "/m.stl");
+  mesh.mesh = "package:///m.stl";
+  EXPECT_EQ(error_of([&] { mesh_path(mesh, "", {}); }),
+            place + "\"package:///m.stl\": package:/// names no package; expected package://NAME/...");
   mesh.mesh = "http://arm/m.stl";
   EXPECT_EQ(error_of([&] { mesh_path(mesh, "", {}); }),
             place + "\"http://arm/m.stl\": expected a path, package:// or file://");

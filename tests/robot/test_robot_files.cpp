@@ -98,6 +98,130 @@ TEST(Robot, MeshesLieInTheUrdfsFolderOrInPackages) {
   EXPECT_EQ(mesh_path(absolute, "elsewhere", {}), folder + "/slide.stl");
 }
 
+TEST(Robot, EscapesOfUrisAreRead) {
+  const std::string folder = testing::TempDir() + "clearance_robot_uris";
+  std::filesystem::create_directories(folder + "/my parts");
+  for (const char* name : {"/my parts/a.stl", "/50%.stl", "/b%20c.stl"}) std::ofstream(folder + name) << "x";
+  const auto path = [&](const std::string& named) {
+    RobotShape shape;
+    shape.mesh = named;
+    return mesh_path(shape, folder, {{"p", folder}});
+  };
+  EXPECT_EQ(path("file://" + folder + "/my%20parts/a.stl"), folder + "/my parts/a.stl");
+  EXPECT_EQ(path("file://localhost" + folder + "/my parts/%61.stl"), folder + "/my parts/a.stl");
+  EXPECT_EQ(path("package://p/my%20parts/a.stl"), folder + "/my parts/a.stl");
+  EXPECT_EQ(path("package:///p/my%20parts/a.stl"), folder + "/my parts/a.stl") << "a slash too many";
+  EXPECT_EQ(path("file://" + folder + "/50%.stl"), folder + "/50%.stl") << "no escape";
+  EXPECT_EQ(path("file://" + folder + "/b%20c.stl"), folder + "/b%20c.stl") << "a file of that name, and no other";
+  EXPECT_EQ(path("b%20c.stl"), folder + "/b%20c.stl") << "a path is no URI";
+}
+
+TEST(Robot, PackagesAreFoundByTheEnvironmentOfRos) {
+  const std::string home = testing::TempDir() + "clearance_robot_packages";
+  std::filesystem::remove_all(home);
+  const auto write = [&](const std::string& file, const std::string& text) {
+    const std::filesystem::path path = home + "/" + file;
+    std::filesystem::create_directories(path.parent_path());
+    std::ofstream(path) << text;
+  };
+  write("prefix/share/of_ament/meshes/a.stl", "x");
+  write("ws/src/repository/folder/package.xml", "<package><name> of_ros </name></package>");
+  write("ws/src/repository/folder/inner/package.xml", "<package><name>inside</name></package>");
+  write("ws/src/old/manifest.xml", "<package/>");
+  write("ws/src/left_out/CATKIN_IGNORE", "");
+  write("ws/src/left_out/package.xml", "<package><name>left_out</name></package>");
+  write("alone/package.xml", "<package><name>alone</name></package>");
+  std::string links, joints;
+  for (const char* name : {"of_ament", "of_ros", "inside", "old", "left_out", "alone", "named", "nowhere"}) {
+    links += "<link name='" + std::string(name) + "'><collision><geometry><mesh filename='package://" + name +
+             "/meshes/a.stl'/></geometry></collision></link>";
+    if (joints.empty())
+      joints = " ";
+    else
+      joints += "<joint name='" + std::string(name) + "' type='fixed'><parent link='of_ament'/><child link='" + name +
+                "'/></joint>";
+  }
+  const RobotModel robot = parse_urdf("<robot name='r'>" + links + joints + "</robot>", "r.urdf");
+  ::setenv("AMENT_PREFIX_PATH", (home + "/none:" + home + "/prefix").c_str(), 1);
+  ::setenv("ROS_PACKAGE_PATH", (home + "/ws/src::" + home + "/alone").c_str(), 1);
+  std::map<std::string, std::string> packages = {{"named", "/by/hand"}}, visual;
+  find_packages(robot, false, &packages);
+  find_packages(robot, true, &visual);
+  ::unsetenv("AMENT_PREFIX_PATH");
+  ::unsetenv("ROS_PACKAGE_PATH");
+  EXPECT_EQ(packages, (std::map<std::string, std::string>{{"alone", home + "/alone"},
+                                                          {"named", "/by/hand"},
+                                                          {"of_ament", home + "/prefix/share/of_ament"},
+                                                          {"of_ros", home + "/ws/src/repository/folder"},
+                                                          {"old", home + "/ws/src/old"}}));
+  EXPECT_TRUE(visual.empty());
+  EXPECT_EQ(mesh_path(robot.links[0].collision[0], "", packages), home + "/prefix/share/of_ament/meshes/a.stl");
+}
+
+std::string turning(const char* name, const char* parent, const char* child, const std::string& inside) {
+  return std::string("<joint name='") + name + "' type='revolute'><parent link='" + parent + "'/><child link='" +
+         child + "'/>" + inside + "</joint>\n";
+}
+
+// Factors multiplied out in float64, as MoveIt does; the order of the joints in the file does not matter.
+TEST(Robot, AJointMayMimicOneThatMimics) {
+  const std::string any = "<limit lower='-1' upper='1'/>";
+  const RobotModel robot =
+      parse_urdf("<robot name='r'><link name='a'/><link name='b'/><link name='c'/><link name='d'/>" +
+                     turning("far", "a", "b", any + "<mimic joint='near' multiplier='-2' offset='0.25'/>") +
+                     turning("near", "b", "c", any + "<mimic joint='lead' multiplier='0.5' offset='1'/>") +
+                     turning("lead", "c", "d", any) + "</robot>",
+                 "r.urdf");
+  const Mimic& far = *robot.joints[robot.find_joint("far")].mimic;
+  EXPECT_EQ(far.joint, robot.find_joint("lead"));
+  EXPECT_EQ(far.multiplier, -1);
+  EXPECT_EQ(far.offset, -2 + 0.25);
+  EXPECT_EQ(robot.joints[robot.find_joint("near")].mimic->multiplier, 0.5);
+  EXPECT_EQ(robot.columns.size(), 1u);
+}
+
+TEST(Robot, ALimitThatIsNotThereIs0) {
+  const RobotModel robot =
+      parse_urdf("<robot name='r'><link name='a'/><link name='b'/><link name='c'/><link name='d'/>\n" +
+                     turning("upper", "a", "b", "<limit upper='1' effort='1'/>") +
+                     turning("lower", "b", "c", "<limit lower='-1'/>") +
+                     turning("none", "c", "d", "<limit effort='1' velocity='1'/>") + "</robot>",
+                 "r.urdf");
+  const auto limits = [&](const char* name) {
+    const RobotColumn& column = robot.columns[robot.find_column(name)];
+    return std::pair(column.lower, column.upper);
+  };
+  EXPECT_EQ(limits("upper"), std::pair(0.0, 1.0));
+  EXPECT_EQ(limits("lower"), std::pair(-1.0, 0.0));
+  EXPECT_EQ(limits("none"), std::pair(0.0, 0.0));
+  ASSERT_EQ(robot.warnings.size(), 1u);
+  EXPECT_EQ(robot.warnings[0],
+            "r.urdf:4: joint \"none\": limit: neither lower nor upper: both are 0, and every other position is beyond "
+            "them; a joint that turns without end has the type continuous");
+}
+
+TEST(Robot, AVisualThatCannotBeUsedHarmsNoCollision) {
+  const RobotModel robot = parse_urdf(
+      "<robot name='r'><link name='a'><collision><geometry><sphere radius='1'/></geometry></collision>\n"
+      "<visual><geometry><box size='0 0 0'/></geometry></visual><visual/></link></robot>",
+      "r.urdf");
+  const RobotLink& link = robot.links[0];
+  EXPECT_EQ(link.collision.size(), 1u);
+  EXPECT_EQ(link.collision[0].problem, "");
+  ASSERT_EQ(link.visual.size(), 2u);
+  EXPECT_EQ(link.visual[0].problem,
+            "r.urdf:2: link \"a\": visual: geometry: box: size: expected numbers > 0, got \"0 0 0\"");
+  EXPECT_EQ(link.visual[1].problem, "r.urdf:2: link \"a\": visual: expected an element <geometry>");
+}
+
+// What is read elsewhere, or left alone by everybody, may hold what only looks like a macro.
+TEST(Robot, WhatOnlyLooksLikeAMacroIsTaken) {
+  const RobotModel robot = parse_urdf(
+      "<robot name='r' xmlns:xacro='http://www.ros.org/wiki/xacro'><link name='a$(b)'/><gazebo a='${x}'/></robot>",
+      "r.urdf");
+  EXPECT_EQ(robot.links[0].name, "a$(b)");
+}
+
 TEST(Robot, AnSrdfAddsGroupsStatesAndPairs) {
   RobotModel robot = every_joint();
   read_srdf(kFolder + "every_joint.srdf", &robot);

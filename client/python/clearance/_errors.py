@@ -22,7 +22,7 @@ class SceneError(ClearanceError, ValueError):
 
 
 class RobotWarning(UserWarning):
-    """Something in a robot's SRDF was left out."""
+    """Something in a robot's SRDF was left out, or something in its URDF is probably a mistake."""
 
 
 class PoseWarning(UserWarning):

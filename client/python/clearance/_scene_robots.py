@@ -59,8 +59,9 @@ class RobotScene:
         """Adds a robot: a frame `name` that places it, and a body "name/LINK" for each of its links.
 
         srdf: its groups become groups "name/GROUP", the pairs that it disables are left out. Without one, links that a
-            joint joins are. Pairs with no moving joint between them always are.
-        packages: {package: folder} for meshes named package://NAME/...; other meshes lie beside the URDF.
+            joint joins are. Pairs with no moving joint between them are, too, unless it enables them by name.
+        packages: {package: folder} for meshes named package://NAME/...; packages that it does not name are looked up in
+            AMENT_PREFIX_PATH and ROS_PACKAGE_PATH. Other meshes lie beside the URDF.
         base: pose of the base, 7 numbers or (4, 4): in the world or, with a parent, in it; None: the identity.
         static: the base never moves.
         geometry: "collision" or "visual" shapes.
@@ -71,8 +72,9 @@ class RobotScene:
             that hang on it.
         convexify: what the links' meshes are, as in add_mesh(): one word or {link: word}, "auto" for the others.
 
-        Raises SceneError naming file, line and element. Warns (RobotWarning) of what was left out of the SRDF, and
-        (HullWarning) of links that stand far out of their meshes.
+        Raises SceneError naming file, line and element. Warns (RobotWarning) of what was left out of the SRDF or is
+        suspicious in the URDF, (HullWarning) once of all links that stand far out of their meshes, and (PoseWarning)
+        of a base whose quaternion looks like x, y, z, w.
         """
         folders = {} if packages is None else dict(to_items(packages, "packages", "a dict of folders by package"))
         by_link = isinstance(padding, Mapping)

@@ -17,7 +17,7 @@ _REFUSED, _COMMAND_LINE, _NO_CONNECTION = 1, 2, 3  # as the command `clearance` 
 _EPILOG = """
 Example
   clearance view scenes/cell/robot.yaml                              a scene file, answered in this process
-  clearance view panda.urdf --package franka_description=.           a robot alone
+  clearance view panda.urdf --packages franka_description=.           a robot alone
   clearance view scenes/cell/robot.yaml --connect ipc:///tmp/c.ipc   a daemon, with the file's shapes
 
 A daemon does not hand out shapes: without its scene file bodies are drawn as the balls that hold them. It is asked, and
@@ -36,7 +36,14 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("scene", nargs="?", type=Path, metavar="FILE", help="a scene file (.yaml) or a robot (.urdf)")
     options.add_argument("--connect", metavar="URL", help="the daemon (without FILE: this, or CLEARANCE_URL)")
     options.add_argument("--srdf", type=Path, metavar="FILE", help="of the robot: groups, and pairs not asked about")
-    options.add_argument("--package", action="append", default=[], metavar="NAME=DIR", help="where package://NAME is")
+    options.add_argument(
+        "--packages",
+        "--package",
+        action="append",
+        default=[],
+        metavar="NAME=FOLDER",
+        help="where package://NAME is; may be repeated",
+    )
     options.add_argument("--host", default="127.0.0.1", help="address to serve on; default: this machine alone")
     options.add_argument("--port", type=int, default=8080, help="the first that is tried; default 8080")
     options.add_argument("--rate", type=_rate, default=10.0, metavar="HZ", help="pictures a second at most; default 10")
@@ -82,7 +89,7 @@ def open_session(options: argparse.Namespace) -> Session:
     url = options.connect or (None if options.scene else os.environ.get("CLEARANCE_URL"))
     if options.scene is None and url is None:
         raise ValueError("expected a scene file, a URDF, or --connect URL")
-    scene = None if options.scene is None else load(options.scene, options.srdf, options.package)
+    scene = None if options.scene is None else load(options.scene, options.srdf, options.packages)
     if url is not None:
         from .._client_front import connect
 
@@ -103,7 +110,7 @@ def load(file: Path, srdf: Optional[Path], packages: Sequence[str]) -> Scene:
 
     if file.suffix.lower() not in (".urdf", ".xml"):
         if srdf or packages:
-            raise ValueError("--srdf and --package are of a URDF; a scene file names its own")
+            raise ValueError("--srdf and --packages are of a URDF; a scene file names its own")
         return Scene.load(file)
     folders = dict(_package(text) for text in packages)
     return Scene.load_urdf(file, srdf=srdf, packages=folders or None, static=True)
@@ -112,7 +119,7 @@ def load(file: Path, srdf: Optional[Path], packages: Sequence[str]) -> Scene:
 def _package(text: str) -> tuple[str, str]:
     name, equals, folder = text.partition("=")
     if not name or not equals or not folder:
-        raise ValueError(f"--package: expected NAME=DIR, got {text!r}")
+        raise ValueError(f"--packages: expected NAME=FOLDER, got {text!r}")
     return name, folder
 
 
