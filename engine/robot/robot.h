@@ -76,7 +76,7 @@ struct GroupState {
   std::vector<std::pair<std::uint32_t, double>> positions;  ///< (column, position)
 };
 
-/// Links that an SRDF takes out of each other's way; a < b.
+/// Links whose pair an SRDF leaves out: by name, or with all pairs of one of them; a < b.
 struct DisabledPair {
   std::uint32_t a = kNone, b = kNone;
   std::string reason;
@@ -92,7 +92,9 @@ struct RobotModel {
   std::vector<RobotGroup> groups;
   std::vector<GroupState> states;
   std::vector<DisabledPair> disabled;  ///< ascending, no repeats
-  std::vector<std::string> warnings;   ///< sentences about what was left out, with places
+  /// Pairs (a < b) that an SRDF enables by name and does not disable by name; ascending.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> enabled;
+  std::vector<std::string> warnings;  ///< sentences about what was left out or is suspicious, with places
 
   /// Ids by name; kNone if there is none.
   std::uint32_t find_link(std::string_view link) const;

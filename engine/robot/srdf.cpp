@@ -1,4 +1,5 @@
-// SRDF (http://wiki.ros.org/srdf) into a RobotModel: groups, group states, disabled pairs.
+// SRDF (http://wiki.ros.org/srdf) into a RobotModel: groups, group states, and which pairs of links are left out. What
+// the elements about pairs mean is what MoveIt makes of them (AllowedCollisionMatrix).
 //
 // Most SRDFs name something that their URDF has not, or has no longer. What names it is left out as a whole (a group, a
 // pair, a position) with a warning, and the rest holds. Where a group or a pair does so and the names of the robots
@@ -20,6 +21,8 @@ namespace {
 constexpr std::size_t kMaxGroups = 1000;
 constexpr std::size_t kMaxMembers = 1'000'000;  // of all groups, as often as chains and inner groups name them
 
+constexpr std::size_t kMaxDefaultPairs = 1'000'000;
+
 // Something is named that is not there. The text begins with the place.
 struct Missing {
   std::string text;
@@ -34,6 +37,10 @@ class SrdfReader {
   }
 
   void read() {
+    root_.refuse_macros(XmlElement::Macros::kInside, "robot.srdf");
+    warn_of_unknown(root_,
+                    {"group", "group_state", "disable_collisions", "enable_collisions", "disable_default_collisions",
+                     "virtual_joint", "passive_joint", "end_effector", "link_sphere_approximation", "joint_property"});
     const std::vector<XmlElement> groups = root_.children("group");
     if (groups.size() > kMaxGroups) root_.fail("more than " + std::to_string(kMaxGroups) + " groups");
     for (const XmlElement& group : groups)
@@ -42,13 +49,7 @@ class SrdfReader {
     for (const XmlElement& group : groups) expand(group.text("name"));
     for (const XmlElement& group : groups) add_group(group.text("name"));
     for (const XmlElement& state : root_.children("group_state")) read_state(state);
-    for (const XmlElement& pair : root_.children("disable_collisions")) read_disabled(pair);
-    auto& disabled = robot_.disabled;
-    const auto key = [](const DisabledPair& p) { return std::pair(p.a, p.b); };
-    std::stable_sort(disabled.begin(), disabled.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
-    disabled.erase(
-        std::unique(disabled.begin(), disabled.end(), [&](const auto& a, const auto& b) { return key(a) == key(b); }),
-        disabled.end());
+    read_pairs();
   }
 
  private:
@@ -118,6 +119,7 @@ class SrdfReader {
   }
 
   void read_members(Group* group) {
+    warn_of_unknown(group->element, {"group", "joint", "link", "chain"});
     for (const XmlElement& inner : group->element.children("group")) {
       const auto at = groups_.find(inner.text("name"));
       if (at == groups_.end()) missing(inner, "there is no group " + excerpt(inner.text("name")));
@@ -181,6 +183,7 @@ class SrdfReader {
         missing(element, "there is no group " + excerpt(state.group));
     });
     if (!placed) return;
+    warn_of_unknown(element, {"joint"});
     std::set<std::string> seen;
     for (const XmlElement& joint : element.children("joint")) {
       if (!seen.insert(joint.text("name")).second) joint.fail("its position stands there already");
@@ -207,12 +210,66 @@ class SrdfReader {
     }
   }
 
-  void read_disabled(const XmlElement& element) {
-    complete("the pair", [&] {
-      const std::uint32_t a = link(element, "link1"), b = link(element, "link2");
-      if (a == b) element.fail("a link with itself");
-      robot_.disabled.push_back({std::min(a, b), std::max(a, b), element.has("reason") ? element.text("reason") : ""});
-    });
+  // A misspelt element would leave out nothing, or a group's link, without a word.
+  void warn_of_unknown(const XmlElement& parent, std::initializer_list<const char*> known) {
+    for (const XmlElement& element : parent.children()) {
+      const std::string name = element.name();
+      if (std::find(known.begin(), known.end(), name) == known.end() && unknown_.insert(name).second)
+        robot_.warnings.push_back(element.place() + ": an unknown element; it is not read");
+    }
+  }
+
+  using IdPair = std::pair<std::uint32_t, std::uint32_t>;
+
+  IdPair pair_of(const XmlElement& element) const {
+    const std::uint32_t a = link(element, "link1"), b = link(element, "link2");
+    if (a == b) element.fail("a link with itself");
+    return std::minmax(a, b);
+  }
+
+  // The order of the file does not matter: a link's default comes first, then what is enabled and then what is disabled
+  // by name.
+  void read_pairs() {
+    for (const XmlElement& element : root_.children("disable_collisions"))
+      complete("the pair", [&] {
+        const auto [a, b] = pair_of(element);
+        robot_.disabled.push_back({a, b, element.has("reason") ? element.text("reason") : ""});
+      });
+    sort_disabled();
+    std::set<IdPair> disabled, enabled;
+    for (const DisabledPair& pair : robot_.disabled) disabled.emplace(pair.a, pair.b);
+    for (const XmlElement& element : root_.children("enable_collisions"))
+      complete("the pair", [&] {
+        const IdPair pair = pair_of(element);
+        if (disabled.contains(pair)) missing(element, "the pair is disabled by name as well, which counts");
+        enabled.insert(pair);
+      });
+    add_defaults(enabled);
+    robot_.enabled.assign(enabled.begin(), enabled.end());
+  }
+
+  void add_defaults(const std::set<IdPair>& enabled) {
+    std::set<std::uint32_t> links;
+    for (const XmlElement& element : root_.children("disable_default_collisions")) {
+      complete("it", [&] { links.insert(link(element, "link")); });
+      if (links.size() * robot_.links.size() > kMaxDefaultPairs)
+        element.fail("links with more than " + std::to_string(kMaxDefaultPairs) + " pairs are disabled by default");
+    }
+    for (const std::uint32_t a : links)
+      for (std::uint32_t b = 0; b < robot_.links.size(); ++b)
+        if (a != b && !enabled.contains(std::minmax(a, b)))
+          robot_.disabled.push_back({std::min(a, b), std::max(a, b), "Default"});
+    sort_disabled();
+  }
+
+  // Of several of one pair the first stays.
+  void sort_disabled() {
+    auto& disabled = robot_.disabled;
+    const auto key = [](const DisabledPair& p) { return std::pair(p.a, p.b); };
+    std::stable_sort(disabled.begin(), disabled.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+    disabled.erase(
+        std::unique(disabled.begin(), disabled.end(), [&](const auto& a, const auto& b) { return key(a) == key(b); }),
+        disabled.end());
   }
 
   XmlElement root_;
@@ -221,6 +278,7 @@ class SrdfReader {
   std::unordered_set<std::string> virtual_;
   std::unordered_map<std::string, Group> groups_;
   std::set<std::pair<std::string, std::string>> states_;  // name, group
+  std::set<std::string> unknown_;                         // elements that were warned of
   std::size_t members_ = 0;
 };
 

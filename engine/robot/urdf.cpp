@@ -35,11 +35,14 @@ class UrdfReader {
   }
 
  private:
-  // A file of macros names no robot yet.
+  // A file of macros names no robot yet. What is not read may hold what only looks like one.
   void check_expanded() const {
-    for (const XmlElement& element : root_.children())
-      if (element.name().starts_with("xacro:"))
-        element.fail("a macro of xacro; expand the file first: xacro FILE > robot.urdf");
+    using Macros = XmlElement::Macros;
+    root_.refuse_macros(Macros::kAttributes, "robot.urdf");
+    for (const XmlElement& element : root_.children()) {
+      const bool is_read = element.name() == "link" || element.name() == "joint";
+      element.refuse_macros(is_read ? Macros::kInside : Macros::kName, "robot.urdf");
+    }
   }
 
   static std::string fresh_name(const XmlElement& element, const Ids& ids) {

@@ -37,6 +37,32 @@ xml_node next_in_text(xml_node at, int* depth) {
   return at.next_sibling();
 }
 
+// Whether xacro replaces a part of an attribute's value.
+bool has_macro(std::string_view value) {
+  if (const std::size_t at = value.find("${"); at != std::string_view::npos && value.find('}', at) != std::string::npos)
+    return true;
+  for (std::size_t at = value.find("$("); at != std::string_view::npos; at = value.find("$(", at + 1)) {
+    const std::string_view rest = value.substr(at + 2);
+    const std::string_view word = rest.substr(0, rest.find_first_of(" )"));
+    for (const char* known : {"find", "arg", "env", "optenv", "anon", "eval", "dirname", "cwd"})
+      if (word == known) return true;
+  }
+  return false;
+}
+
+// Whether an element's prefix is xacro, or one that the file declares for xacro's namespace.
+bool is_macro(xml_node node) {
+  const std::string_view name = node.name();
+  const std::size_t colon = name.find(':');
+  if (colon == std::string_view::npos) return false;
+  if (name.substr(0, colon) == "xacro") return true;
+  const std::string declared = "xmlns:" + std::string(name.substr(0, colon));
+  for (; node; node = node.parent())
+    if (const auto space = node.attribute(declared.c_str()))
+      return std::string_view(space.value()).find("/xacro") != std::string_view::npos;
+  return false;
+}
+
 }  // namespace
 
 std::string read_text(const std::string& path) {
@@ -128,6 +154,19 @@ void XmlElement::fail(const std::string& message) const {
 
 void XmlElement::fail_attribute(const char* attribute, const std::string& message) const {
   fail(std::string(attribute).substr(0, 60) + ": " + message);
+}
+
+void XmlElement::refuse_macros(Macros where, const char* example) const {
+  const std::string hint = std::string("; expand the file first: xacro FILE > ") + example;
+  int depth = 0;
+  for (xml_node at = node_of(node_); at; at = next_in_text(at, &depth)) {
+    if (at != node_of(node_) && (where != Macros::kInside || depth <= 0)) return;
+    const XmlElement element(file_, at.internal_object());
+    if (is_macro(at)) element.fail("a macro of xacro" + hint);
+    for (const auto attribute : at.attributes())
+      if (where != Macros::kName && has_macro(attribute.value()))
+        element.fail_attribute(attribute.name(), "xacro replaces a part of " + excerpt(attribute.value()) + hint);
+  }
 }
 
 std::vector<XmlElement> XmlElement::children(const char* name) const {

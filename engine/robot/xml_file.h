@@ -36,6 +36,12 @@ class XmlElement {
   /// Throws RobotError at this place.
   [[noreturn]] void fail(const std::string& message) const;
 
+  enum class Macros { kName, kAttributes, kInside };
+  /// Throws RobotError for what the program xacro replaces: elements of its namespace, ${...} and $(find ...).
+  /// \param where in the element's name, in its attributes as well, or in the elements inside as well
+  /// \param example name of a file without
+  void refuse_macros(Macros where, const char* example) const;
+
   /// Elements directly inside, in the file's order. \param name of the ones wanted; null: all
   std::vector<XmlElement> children(const char* name = nullptr) const;
   /// The only one of that name; none: there is none. A second one is an error.

@@ -342,7 +342,9 @@ class RobotAdder {
       std::uint32_t on = link;
       while (model_.links[on].joint != kNone && model_.joints[model_.links[on].joint].kind == JointKind::kFixed)
         on = model_.joints[model_.links[on].joint].parent;
-      for (const std::uint32_t other : rigid[on]) leave_out(other, link);
+      for (const std::uint32_t other : rigid[on])
+        if (!std::binary_search(model_.enabled.begin(), model_.enabled.end(), IdPair(other, link)))
+          leave_out(other, link);
       if (has_shape(link)) rigid[on].push_back(link);
     }
     if (options_.srdf.empty())

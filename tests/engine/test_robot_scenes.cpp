@@ -52,6 +52,23 @@ TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
   EXPECT_TRUE(is_asked("table", "arm/palm"));
 }
 
+// Of links that no joint moves apart an SRDF's word counts; without one their pair says nothing that changes.
+TEST(RobotInAScene, APairWithoutAJointIsAskedAboutWhereTheSrdfEnablesIt) {
+  const TemporaryFolder folder;
+  const std::string ball = "<collision><geometry><sphere radius='1'/></geometry></collision></link>";
+  const std::string urdf = folder.write(
+      "r.urdf", "<robot name='r'><link name='a'>" + ball + "<link name='b'>" + ball + "<link name='c'>" + ball +
+                    "<joint name='j' type='fixed'><parent link='a'/><child link='b'/></joint>"
+                    "<joint name='k' type='fixed'><parent link='a'/><child link='c'/></joint></robot>");
+  const auto pairs = [&](const std::string& srdf) {
+    Scene scene;
+    scene.add_robot("r", {.urdf = urdf, .srdf = folder.write("r.srdf", "<robot name='r'>" + srdf + "</robot>")});
+    return Engine(scene).pairs({});
+  };
+  EXPECT_TRUE(pairs("").empty());
+  EXPECT_EQ(pairs("<enable_collisions link1='c' link2='a'/>"), (std::vector<BodyPair>{{1, 3}}));
+}
+
 TEST(RobotInAScene, SeveralShapesAreOneBodyEachWhereItsOriginSays) {
   const TemporaryFolder folder;
   const std::string urdf = folder.write("two.urdf", R"(<robot name="two"><link name="only">

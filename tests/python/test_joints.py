@@ -179,6 +179,20 @@ def test_a_scene_of_one_robot_and_its_warnings(tmp_path, urdf):
             clearance.Scene.load_urdf(urdf, srdf=srdf, home="up")
 
 
+def test_an_srdf_may_disable_all_pairs_of_a_link(tmp_path, urdf):
+    def pairs(text):
+        (tmp_path / "arm.srdf").write_text(f'<robot name="arm">{text}</robot>')
+        engine = clearance.Engine(clearance.Scene.load_urdf(urdf, srdf=tmp_path / "arm.srdf"))
+        return {frozenset((engine.bodies[a].name, engine.bodies[b].name)) for a, b in engine.pairs}
+
+    default, enabled = '<disable_default_collisions link="base"/>', '<enable_collisions link1="base" link2="fore"/>'
+    everything, pair = pairs(""), frozenset(("arm/base", "arm/fore"))
+    others = {names for names in everything if "arm/base" not in names}
+    assert pair in everything and len(others) < len(everything)
+    assert pairs(default) == others
+    assert pairs(default + enabled) == pairs(enabled + default) == others | {pair}
+
+
 def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
     with clearance.connect(arm_daemon.urls[kind], timeout_s=PATIENCE_S) as client:
         arm = client.joints("arm")

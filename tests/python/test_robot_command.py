@@ -72,6 +72,16 @@ def test_inspect_finds_packages_as_ros_does(tmp_path):
         assert code(option, f"arm={mesh.parent}") == 0
 
 
+def test_an_srdf_of_macros_is_refused_and_a_default_counts(tmp_path):
+    srdf = tmp_path / "arm.srdf"
+    srdf.write_text('<robot name="arm">\n<disable_collisions link1="base" link2="${arm}_hand"/></robot>')
+    answer = run("inspect", ARM, "--srdf", srdf)
+    assert answer.returncode == 1
+    assert f"{srdf}:2: disable_collisions: link2: xacro replaces a part of" in answer.stderr
+    srdf.write_text('<robot name="arm"><disable_default_collisions link="base"/></robot>')
+    assert "10 disabled pairs" in run("inspect", ARM, "--srdf", srdf).stdout
+
+
 def test_fk_places_links_and_says_how_far_they_may_be_off(tmp_path):
     straight = poses(ARM)
     assert straight[0, "elbow"]["z"] == pytest.approx(0.333 + 0.316) and straight[0, "elbow"]["y"] == pytest.approx(

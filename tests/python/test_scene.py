@@ -287,9 +287,7 @@ def test_a_robots_hulls_are_warned_about_once_in_the_callers_line(tmp_path):
         f"<joint name='j{i}' type='fixed'><parent link='l0'/><child link='l{i}'/></joint>" for i in range(1, 7)
     )
     (tmp_path / "r.urdf").write_text(f"<robot name='r'>{links}{joints}</robot>")
-    (tmp_path / "r.srdf").write_text(
-        "<robot name='r'><disable_collisions link1='l0' link2='gone'/></robot>"
-    )
+    (tmp_path / "r.srdf").write_text("<robot name='r'><unknown/></robot>")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         clearance.Scene.load_urdf(tmp_path / "r.urdf", srdf=tmp_path / "r.srdf", convexify="hull")

@@ -61,6 +61,18 @@ const std::vector<BadCase> kBadUrdfs = {
      "2: link \"a\": name: stands there twice"},
     {"macros", "<robot name='r'>\n<xacro:macro name='m'/></robot>",
      "2: xacro:macro \"m\": a macro of xacro; expand the file first: xacro FILE > robot.urdf"},
+    {"macros_of_another_prefix",
+     "<robot name='r' xmlns:x='http://www.ros.org/wiki/xacro'>\n<x:include filename='a'/></robot>",
+     "2: x:include: a macro of xacro; expand the file first: xacro FILE > robot.urdf"},
+    {"macro_in_a_link", "<robot name='r'>\n<link name='a'>\n<xacro:if value='1'/></link></robot>",
+     "3: link \"a\": xacro:if: a macro of xacro; expand the file first: xacro FILE > robot.urdf"},
+    {"name_of_a_macro", "<robot name='r'>\n<link name='${prefix}a'/></robot>",
+     "2: link \"${prefix}a\": name: xacro replaces a part of \"${prefix}a\"; expand the file first: xacro FILE > "
+     "robot.urdf"},
+    {"mesh_of_a_macro", shape("<geometry><mesh filename='$(find p)/a.stl'/></geometry>"),
+     "3: link \"a\": collision: geometry: mesh: filename: xacro replaces a part of \"$(find p)/a.stl\"; expand the "
+     "file "
+     "first: xacro FILE > robot.urdf"},
     {"no_name", "<robot><link name='a'/></robot>", "1: expected the attribute name"},
     {"no_links", "<robot name='r'/>", "1: expected at least one <link>"},
     // links and shapes
@@ -256,6 +268,26 @@ const std::vector<BadCase> kBadSrdfs = {
      "2: group_state \"s\": there is a state of this name and group already"},
     {"link_with_itself", "<robot name='r'><disable_collisions link1='a' link2='a'/></robot>",
      "1: disable_collisions: a link with itself"},
+    {"enabled_with_itself", "<robot name='r'>\n<enable_collisions link1='a' link2='a'/></robot>",
+     "2: enable_collisions: a link with itself"},
+    {"half_an_enabled_pair", "<robot name='r'><enable_collisions link1='a'/></robot>",
+     "1: enable_collisions: expected the attribute link2"},
+    {"default_of_no_link", "<robot name='r'><disable_default_collisions/></robot>",
+     "1: disable_default_collisions: expected the attribute link"},
+    {"another_robots_default", "<robot name='s'>\n<disable_default_collisions link='x'/></robot>",
+     "2: disable_default_collisions: there is no link \"x\" in the URDF; this SRDF is for the robot \"s\", the URDF "
+     "for "
+     "\"r\""},
+    {"macros", "<robot name='r'>\n<xacro:panda_pairs/></robot>",
+     "2: xacro:panda_pairs: a macro of xacro; expand the file first: xacro FILE > robot.srdf"},
+    {"macros_of_another_prefix",
+     "<robot name='r' xmlns:m='http://ros.org/xacro'><group name='g'>\n<m:links/></group></robot>",
+     "2: group \"g\": m:links: a macro of xacro; expand the file first: xacro FILE > robot.srdf"},
+    {"name_of_a_macro", "<robot name='r'><disable_collisions link1='a'\nlink2='${arm_id}_b'/></robot>",
+     "1: disable_collisions: link2: xacro replaces a part of \"${arm_id}_b\"; expand the file first: xacro FILE > "
+     "robot.srdf"},
+    {"substitution", "<robot name='$(arg name)'/>",
+     "1: name: xacro replaces a part of \"$(arg name)\"; expand the file first: xacro FILE > robot.srdf"},
 };
 
 template <class F>
@@ -296,6 +328,18 @@ TEST(BadRobot, TooManyLinks) {
   for (int i = 0; i <= 10'000; ++i) text += "<link name='" + std::to_string(i) + "'/>\n";
   EXPECT_EQ(error_of([&] { parse_urdf(text + "</robot>", "bad.urdf"); }),
             "bad.urdf:10002: link \"10000\": more than 10000 links");
+}
+
+// 5,000 links without a default would have 25 million pairs.
+TEST(BadRobot, MorePairsByDefaultThanAnyRobotHas) {
+  std::string text = "<robot name='r'><link name='0'/>\n", srdf = "<robot name='r'>\n";
+  for (int i = 1; i < 5000; ++i)
+    text += "<link name='" + std::to_string(i) + "'/>" +
+            fixed(("j" + std::to_string(i)).c_str(), "0", std::to_string(i).c_str());
+  RobotModel robot = parse_urdf(text + "</robot>", "good.urdf");
+  for (int i = 0; i < 201; ++i) srdf += "<disable_default_collisions link='" + std::to_string(i) + "'/>\n";
+  EXPECT_EQ(error_of([&] { parse_srdf(srdf + "</robot>", "bad.srdf", &robot); }),
+            "bad.srdf:202: disable_default_collisions: links with more than 1000000 pairs are disabled by default");
 }
 
 // A small file may name a long chain many times.

@@ -243,6 +243,67 @@ TEST(Robot, AnSrdfAddsGroupsStatesAndPairs) {
   EXPECT_EQ(robot.disabled[1].reason, "Adjacent") << "the first of two";
 }
 
+using Names = std::vector<std::string>;
+
+// What an SRDF's pairs make of four links a, b, c, d: "ab" for a pair that is left out.
+Names left_out(const std::string& pairs, RobotModel* read = nullptr) {
+  const std::string any = "<limit lower='-1' upper='1'/>";
+  RobotModel robot = parse_urdf("<robot name='r'><link name='a'/><link name='b'/><link name='c'/><link name='d'/>" +
+                                    turning("i", "a", "b", any) + turning("j", "b", "c", any) +
+                                    turning("k", "c", "d", any) + "</robot>",
+                                "r.urdf");
+  parse_srdf("<robot name='r'>\n" + pairs + "</robot>", "r.srdf", &robot);
+  Names names;
+  for (const DisabledPair& pair : robot.disabled) names.push_back(robot.links[pair.a].name + robot.links[pair.b].name);
+  if (read) *read = std::move(robot);
+  return names;
+}
+
+// As MoveIt: a link's default first, then what is enabled, and last what is disabled, wherever they stand.
+TEST(Robot, AnSrdfMayDisableAllPairsOfALink) {
+  const std::string defaults = "<disable_default_collisions link='b'/>\n",
+                    enable = "<enable_collisions link1='d' link2='b'/>\n",
+                    disable = "<disable_collisions link1='a' link2='b' reason='Adjacent'/>\n";
+  EXPECT_EQ(left_out(defaults), (Names{"ab", "bc", "bd"}));
+  EXPECT_EQ(left_out(defaults + enable), (Names{"ab", "bc"}));
+  EXPECT_EQ(left_out(enable + defaults), (Names{"ab", "bc"}));
+  EXPECT_EQ(left_out(enable), Names{});
+  EXPECT_EQ(left_out(defaults + "<disable_default_collisions link='d'/>" + enable), (Names{"ab", "ad", "bc", "cd"}))
+      << "one that is enabled stays, though both links are disabled";
+  RobotModel robot;
+  EXPECT_EQ(left_out(enable + disable + defaults, &robot), (Names{"ab", "bc"}));
+  EXPECT_EQ(robot.disabled[0].reason, "Adjacent") << "by name, and not by default";
+  EXPECT_EQ(robot.enabled, (std::vector<std::pair<std::uint32_t, std::uint32_t>>{{1, 3}}));
+  EXPECT_TRUE(robot.warnings.empty());
+}
+
+TEST(Robot, PairsThatContradictOrNameNobodyAreWarnedOf) {
+  RobotModel robot;
+  EXPECT_EQ(left_out("<enable_collisions link1='a' link2='b'/>\n<disable_collisions link1='b' link2='a'/>\n"
+                     "<disable_default_collisions link='x'/>\n<enable_collisions link1='a' link2='y'/>\n",
+                     &robot),
+            Names{"ab"});
+  EXPECT_TRUE(robot.enabled.empty());
+  EXPECT_EQ(
+      robot.warnings,
+      (Names{"r.srdf:2: enable_collisions: the pair is disabled by name as well, which counts; the pair is left out",
+             "r.srdf:5: enable_collisions: there is no link \"y\" in the URDF; the pair is left out",
+             "r.srdf:4: disable_default_collisions: there is no link \"x\" in the URDF; it is left out"}));
+}
+
+TEST(Robot, UnknownElementsOfAnSrdfAreWarnedOfOnce) {
+  RobotModel robot;
+  left_out(
+      "<disable_colisions link1='a' link2='b'/>\n<disable_colisions link1='a' link2='b'/>\n"
+      "<group name='g'><link name='a'/>\n<links name='b'/></group>\n<group_state name='s' group='g'>\n<Joint/>"
+      "</group_state><end_effector name='e' group='g' parent_link='a'/><virtual_joint name='v'/><passive_joint "
+      "name='j'/><link_sphere_approximation link='a'><sphere/></link_sphere_approximation><joint_property/>",
+      &robot);
+  EXPECT_EQ(robot.warnings, (Names{"r.srdf:2: disable_colisions: an unknown element; it is not read",
+                                   "r.srdf:5: group \"g\": links \"b\": an unknown element; it is not read",
+                                   "r.srdf:7: group_state \"s\": Joint: an unknown element; it is not read"}));
+}
+
 // Half a group, or a pair with nothing, would be a surprise: they are left out whole, and it is said.
 TEST(Robot, WhatAnSrdfNamesInVainIsLeftOutWithAWarning) {
   RobotModel robot = every_joint();
