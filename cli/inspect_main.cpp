@@ -183,7 +183,7 @@ int main(int argc, char** argv) {
       "Tells for each body of a scene file what it is modelled by, at what cost and with what error, and what could be "
       "left out.",
       "clearance inspect");
-  app.add_option("scene", o.scene, "scene file (YAML)")->required()->type_name("SCENE");
+  app.add_option("scene", o.scene, "scene file (YAML), or a URDF: that robot alone")->required()->type_name("SCENE");
   auto* json = app.add_flag_callback("--json", [&] { o.output = Output::kJson; }, "print JSON");
   app.add_flag_callback(
          "--csv", [&] { o.output = Output::kCsv; }, "print the bodies as comma-separated values")

@@ -50,7 +50,9 @@ CLI::Validator quiet(CLI::Validator check) {
 }
 
 void add_endpoints(CLI::App& app, DaemonOptions& o) {
-  app.add_option("--scene", o.scene, "scene file (YAML); paths in it are relative to it")
+  app.add_option(
+         "--scene", o.scene,
+         "scene file (YAML), or a URDF: a scene of that robot, by the URDF's name; paths in it are relative to it")
       ->type_name("FILE")
       ->required();
   app.add_flag("--allow-outside", o.allow_outside, "let the scene name meshes outside its own folder");

@@ -1,5 +1,8 @@
 #include "engine/scene/robot_yaml.h"
 
+#include <filesystem>
+#include <fstream>
+
 namespace clearance {
 
 namespace {
@@ -57,6 +60,31 @@ Uncertainty read_uncertainty(const YamlValue& value) {
   if (const auto position = value.find("position")) uncertainty.position = position->not_negative();
   if (const auto angle = value.find("angle")) uncertainty.angle = angle->not_negative();
   return uncertainty;
+}
+
+bool is_robot_file(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return false;
+  std::ifstream file(path, std::ios::binary);
+  char begin[3] = {};
+  file.read(begin, 3);
+  file.clear();
+  file.seekg(std::string_view(begin, 3) == "\xEF\xBB\xBF" ? 3 : 0);
+  char first = 0;
+  return (file >> first) && first == '<';
+}
+
+Scene scene_of_robot(const std::string& path, bool allow_outside) {
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  const RobotOptions options{.urdf = path, .allow_outside = allow_outside, .folder = folder.empty() ? "." : folder};
+  try {
+    Scene scene;
+    scene.add_robot(read_urdf(path).name, options);
+    return scene;
+  } catch (const std::runtime_error& e) {  // RobotError or SceneError, which may name the robot alone
+    const std::string what = e.what();
+    throw SceneError(what.starts_with(path) ? what : path + ": " + what);
+  }
 }
 
 RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {

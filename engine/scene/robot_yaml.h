@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "engine/scene/scene_robot.h"
+#include "engine/scene/scene.h"
 #include "engine/scene/yaml_document.h"
 
 namespace clearance {
@@ -26,6 +26,12 @@ Convexify read_convexify(const YamlValue& value);
 
 /// What is not known of a body's pose, or of a link's. Throws SceneError.
 Uncertainty read_uncertainty(const YamlValue& value);
+
+/// Whether a scene file is a URDF: XML, which no scene file begins like.
+bool is_robot_file(const std::string& path);
+
+/// The scene of a URDF alone: a robot of the URDF's name, without positions at load. Throws SceneError.
+Scene scene_of_robot(const std::string& path, bool allow_outside);
 
 /// One of the list `robots`. Throws SceneError.
 RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve);

@@ -110,7 +110,8 @@ class Scene {
     double max_speed = 0;  ///< as in Body
   };
 
-  /// Reads a scene file (YAML) and the meshes it names. Throws SceneError.
+  /// Reads a scene file (YAML) and the meshes it names, or a URDF: a scene of that robot, which has the URDF's name.
+  /// Throws SceneError.
   /// \param allow_outside meshes may lie outside the scene file's folder.
   static Scene load(const std::string& path, bool allow_outside = false);
   /// Writes `scene.yaml` and all that it needs into a folder that is empty or not there yet. Loaded again it is the

@@ -308,9 +308,7 @@ class RobotAdder {
     }
     const std::string path = mesh_path(shape, folder_, packages_);
     if (!options_.allow_outside && !is_inside(path, options_.folder))
-      throw SceneError("mesh " + in_quotes(shape.mesh) +
-                       " lies outside the scene's folder; mesh files must lie inside it " +
-                       "unless files from outside are allowed");
+      throw SceneError("mesh " + in_quotes(shape.mesh) + " lies outside the scene's folder; " + kOutsideIsRefused);
     return scene_.mesh_geometry(path, shape.mesh_scale, convexify, 0);
   }
 

@@ -59,6 +59,10 @@ struct SceneRobot {
   }
 };
 
+/// Ends the error about a file that a scene names and that lies elsewhere.
+inline constexpr const char* kOutsideIsRefused =
+    "mesh files must lie inside it unless others are allowed (--allow-outside; in Python allow_outside=True)";
+
 /// A robot to be added to a scene.
 struct RobotOptions {
   std::string urdf;                                      ///< path

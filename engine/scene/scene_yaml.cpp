@@ -298,7 +298,7 @@ class SceneReader {
     if (named.empty() || named.find('\0') != std::string::npos) value.fail_expected("the path of a mesh file");
     const fs::path path = folder_ / named;  // an absolute path replaces the folder
     const auto outside = [&](const std::string& how) {
-      value.fail("\"" + named + "\" " + how + "; mesh files must lie inside it unless files from outside are allowed");
+      value.fail("\"" + named + "\" " + how + "; " + kOutsideIsRefused);
     };
     if (!allow_outside_) {
       if (fs::path(named).is_absolute()) outside("is an absolute path, not one inside the scene's folder");
@@ -466,7 +466,7 @@ class SceneReader {
 
 Scene Scene::load(const std::string& path, bool allow_outside) {
   const FpEnvironment environment;
-  return SceneReader(path, allow_outside).read();
+  return is_robot_file(path) ? scene_of_robot(path, allow_outside) : SceneReader(path, allow_outside).read();
 }
 
 }  // namespace clearance

@@ -176,6 +176,27 @@ TEST(RobotInAScene, WhatIsWrongIsSaidWithItsPlace) {
   has(text(ball, {.urdf = "", .link_uncertainty = {{"a", {0, 7}}}}), "uncertainty.angle: expected 0 to 3.2 radians");
 }
 
+TEST(RobotInASceneFile, AUrdfIsASceneOfOneRobot) {
+  const TemporaryFolder folder;
+  folder.write("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
+  const std::string urdf = folder.write("inner/file.xml",
+                                        "\xEF\xBB\xBF\n <?xml version='1.0'?><robot name='panda'><link name='a'>"
+                                        "<collision><geometry>\n<mesh filename='../far.obj'/></geometry></collision>"
+                                        "</link></robot>");
+  EXPECT_EQ(error_text<SceneError>([&] { Scene::load(urdf); }),
+            urdf +
+                ":2: link \"a\": collision: mesh \"../far.obj\" lies outside the scene's folder; mesh files must lie "
+                "inside it unless others are allowed (--allow-outside; in Python allow_outside=True)");
+  const Scene scene = Scene::load(urdf, true);
+  ASSERT_EQ(scene.bodies().size(), 2u);
+  EXPECT_EQ(scene.bodies()[0].name, "panda");
+  EXPECT_EQ(scene.bodies()[1].name, "panda/a");
+  const std::string bad = folder.write("bad.urdf", "<robot name='r'>\n<link/></robot>");
+  EXPECT_EQ(error_text<SceneError>([&] { Scene::load(bad); }), bad + ":2: link: expected the attribute name");
+  const std::string star = folder.write("star.urdf", "<robot name='*'><link name='a'/></robot>");
+  EXPECT_TRUE(error_text<SceneError>([&] { Scene::load(star); }).starts_with(star + ": robot name \"*\" is taken"));
+}
+
 TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
   const TemporaryFolder folder;
   folder.write("arm.urdf",

@@ -327,6 +327,11 @@ def test_quaternions_that_look_like_xyzw_are_warned_about(tmp_path):
         scene.add_sphere("yaw", 1, pose=[0, 0, 0, 0, 0, 0.6, 0.8])
 
 
+def test_a_urdf_is_a_scene_of_one_robot(tmp_path):
+    (tmp_path / "file.urdf").write_text("<robot name='panda'><link name='a'/></robot>")
+    assert [body.name for body in clearance.Scene.load(tmp_path / "file.urdf").bodies] == ["panda", "panda/a"]
+
+
 def test_matrix_as_pose_and_options_by_keyword():
     scene = clearance.Scene()
     matrix = np.eye(4)

@@ -192,7 +192,8 @@ TEST(SceneFile, FilesFromOutsideTheFolderOnlyWhenAllowed) {
       folder.write("inner/absolute.yaml", "bodies: [{name: a, mesh: " + (folder / "outside.obj") + "}]");
   std::filesystem::create_symlink(folder / "outside.obj", folder / "inner/link.obj");
   const std::string link = folder.write("inner/link.yaml", "bodies: [{name: a, mesh: link.obj}]");
-  const std::string hint = "; mesh files must lie inside it unless files from outside are allowed";
+  const std::string hint =
+      "; mesh files must lie inside it unless others are allowed (--allow-outside; in Python allow_outside=True)";
   EXPECT_EQ(error_text<SceneError>([&] { Scene::load(scene); }),
             scene + ":1: bodies[0].mesh: \"../outside.obj\" leaves the scene's folder" + hint);
   EXPECT_EQ(error_text<SceneError>([&] { Scene::load(absolute); }),

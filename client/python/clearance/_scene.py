@@ -52,7 +52,7 @@ class Scene(RobotScene):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], allow_outside: bool = False) -> Scene:
-        """Reads a scene file (YAML) and the meshes that it names.
+        """Reads a scene file (YAML) and the meshes that it names, or a URDF: a scene of that robot, by the URDF's name.
 
         allow_outside: meshes may lie outside the scene file's folder.
         Raises SceneError naming file, line, key and what was expected. Warns (HullWarning) of bodies whose pieces stand
