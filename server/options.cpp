@@ -1,8 +1,11 @@
 #include "options.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
 #include <iostream>
 
+#include "config_file.h"
 #include "wire/default_socket.h"
 
 namespace clearance {
@@ -231,9 +234,10 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
 }
 
 void add_watching(CLI::App& app, DaemonOptions& o) {
-  app.add_option("--metrics", o.metrics,
-                 "counters in Prometheus' text format by HTTP, at 127.0.0.1:PORT/metrics or on a Unix socket (/path);\n"
-                 "the distinct errors at /errors")
+  app.add_option(
+         "--metrics", o.metrics,
+         "counters in Prometheus' text format by HTTP, at 127.0.0.1:PORT/metrics or on a Unix socket (its path);\n"
+         "the distinct errors at /errors")
       ->type_name("ENDPOINT");
   app.add_option("--log-level", o.log_level, "what goes to standard error: debug, info, warn, error")
       ->check(quiet(CLI::IsMember({"trace", "debug", "info", "warn", "error"})))
@@ -244,6 +248,21 @@ void add_watching(CLI::App& app, DaemonOptions& o) {
       ->type_name("N");
 }
 
+/// Clients may run in another folder: what they connect to is an absolute path.
+std::string absolute_path(const std::string& path) {
+  if (path.empty()) return path;
+  const std::filesystem::path absolute = std::filesystem::absolute(path);
+  const bool leads_up = std::find(absolute.begin(), absolute.end(), "..") != absolute.end();
+  return (leads_up ? absolute : absolute.lexically_normal()).string();  // ".." behind a link leads elsewhere
+}
+
+/// Whether --metrics names a Unix socket: not HOST:PORT, nor one of the two alone.
+bool is_socket_path(const std::string& endpoint) {
+  if (endpoint.find('/') != std::string::npos) return true;
+  return endpoint.find(':') == std::string::npos && endpoint != "localhost" &&
+         endpoint.find_first_not_of("0123456789.") != std::string::npos;
+}
+
 }  // namespace
 
 bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exit_code) {
@@ -251,6 +270,8 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
   app.footer(kFooter);
   app.set_version_flag("--version", std::string("clearanced ") + CLEARANCE_VERSION);
   app.set_config("--config", "", "read options from this file (TOML or INI)")->type_name("FILE");
+  const auto config = std::make_shared<ConfigFile>(app);
+  app.config_formatter(config);
   app.allow_config_extras(CLI::config_extras_mode::error);
   app.get_formatter()->column_width(26);
   add_endpoints(app, o);
@@ -266,10 +287,13 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
     exit_code = app.exit(help_or_version);
     return false;
   } catch (const CLI::ParseError& error) {
-    std::cerr << "clearanced: " << error.what() << "\nclearanced --help lists the options.\n";
+    std::cerr << "clearanced: " << config->place_of(error.what(), {argv, static_cast<std::size_t>(argc)})
+              << error.what() << "\nclearanced --help lists the options.\n";
     exit_code = kExitCommandLine;
     return false;
   }
+  for (std::string& path : o.shm) path = absolute_path(path);
+  if (is_socket_path(o.metrics)) o.metrics = absolute_path(o.metrics);
   return true;
 }
 

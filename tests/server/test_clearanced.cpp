@@ -69,14 +69,74 @@ TEST_F(Clearanced, WrongCommandLinesEndWith2) {
       {{"--scene", scene_, "--ready-fd", "99"}, "clearanced: --ready-fd: descriptor 99 is not open"},
       {{"--scene", scene_, "--config", folder_ / "none.toml"},
        "clearanced: " + (folder_ / "none.toml") + " was not readable"},
-      {{"--config", folder_.write("bad.toml", "scene = \"x\"\nspeed = 11\n")},
-       "clearanced: INI was not able to parse speed"},
   };
   for (const Case& c : cases) {
     const Finished finished = clearanced(c.options);
     EXPECT_EQ(finished.code, 2) << finished.err;
     EXPECT_EQ(sentence(finished).rfind(c.text, 0), 0u) << finished.err;
   }
+}
+
+TEST_F(Clearanced, WhatIsWrongInAConfigurationFileIsNamedWithItsLine) {
+  struct Case {
+    std::string text, error;  // of the file; behind its name
+  };
+  const Case cases[] = {
+      {"scene = \"x\"\n# a comment\nspeed = 11\n", ":3: there is no option \"speed\""},
+      {"scene = \"x\"\nthreads 4\n", ":2: there is no option \"threads 4\""},
+      {"scene = \"x\"\n\nthreads = \"many\"\n", ":3: "},
+      {"scene = \"x\"\nzmq = [\n  \"a\",\n  \"b\" ]\nlog-level = \"loud\"\n", ":5: --log-level: loud not in {"},
+      {"scene = \"x\"\nreal-time = ture\n", ":2: real-time: expected true or false, got ture"},
+      {"scene = \"x\nthreads = 1\n", ":1: scene: the text has no end; expected \""},
+      {"scene = \"x#y\"\n", ":1: scene: the text has no end; expected \" before #, which begins a comment"},
+      {"threads = 1\nzmq = [\"a\",\n\"b\"\nscene = \"x\"\n", ":2: zmq: the list has no end; expected ]"},
+      {"scene = \"x\"\nthreads =\n", ":2: threads: expected a value"},
+      {"threads = 1\nscene = \"x\"\nthreads = 2\n", ":3: threads is there already, in line 1"},
+      {"[daemon]\nscene = \"x\"\n", ":1: a section, [daemon]; options stand outside of sections"},
+      {"scene = \"x\"\nhelp = true\n", ":2: help is for the command line alone"},
+  };
+  for (const Case& c : cases) {
+    const std::string file = folder_.write("bad.toml", c.text);
+    const Finished finished = clearanced({"--config", file});
+    EXPECT_EQ(finished.code, 2) << c.text << finished.err;
+    EXPECT_TRUE(sentence(finished).starts_with("clearanced: " + file + c.error)) << c.text << finished.err;
+  }
+  const Finished line = clearanced({"--config", folder_.write("good.toml", "threads = 1\n"), "--threads", "-1"});
+  EXPECT_EQ(sentence(line), "clearanced: --threads: Value -1 not in range 0 to 4096") << "of the command line";
+}
+
+// Clients run in other folders.
+TEST_F(Clearanced, ServesRelativePathsAsAbsoluteOnes) {
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(std::filesystem::path(folder_ / "c.ipc").parent_path());
+  Daemon daemon({"--scene", scene_, "--shm", "./rel.sock", "--metrics", "metrics.sock"});
+  std::filesystem::current_path(before);
+  EXPECT_EQ(daemon.url(), "shm://" + (folder_ / "rel.sock"));
+  EXPECT_EQ(patient(daemon.url()).scene().bodies.size(), 4u);
+  EXPECT_TRUE(contains(daemon.log(), "event=metrics url=unix:" + (folder_ / "metrics.sock"))) << daemon.log();
+  for (const char* number : {"9100", "127.0.0.1", "localhost", "localhost:9100"}) {
+    const Finished finished = clearanced({"--scene", scene_, "--zmq", ipc_, "--metrics", number});
+    EXPECT_TRUE(contains(finished.err, "expected 127.0.0.1:PORT, [::1]:PORT or the path of a Unix socket"))
+        << finished.err;
+  }
+}
+
+TEST_F(Clearanced, ServesAUrdfAndLogsWhatIsSuspicious) {
+  const std::string urdf = folder_.write(
+      "arm.urdf",
+      "<robot name='panda'><link name='a'/><link name='b'><collision><geometry><sphere radius='1'/></geometry>"
+      "</collision></link>\n<joint name='j' type='revolute'><parent link='a'/><child link='b'/><limit "
+      "effort='1'/></joint>"
+      "</robot>");
+  const Daemon daemon({"--scene", urdf, "--zmq", ipc_});
+  std::vector<std::string> names;
+  const auto scene = patient(ipc_).scene();
+  for (const auto& body : scene.bodies) names.push_back(body.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"panda", "panda/a", "panda/b"}));
+  EXPECT_TRUE(contains(daemon.log(), "arm.urdf:2: joint")) << daemon.log();
+  const std::string yaml = folder_.write("s.yaml", "bodies:\n  - {name: a, box: 1, pose: [0, 0, 0, 0, 0, 0, 1]}\n");
+  const Daemon other({"--scene", yaml, "--zmq", "tcp://127.0.0.1:*"});
+  EXPECT_TRUE(contains(other.log(), "event=scene_suspicious text=\"" + yaml + ":2: bodies[0].pose: ")) << other.log();
 }
 
 TEST_F(Clearanced, ABadSceneEndsWith3AndItsSentence) {
@@ -240,8 +300,8 @@ TEST_F(Clearanced, TheSocketOfALivingDaemonIsRefusedThatOfADeadOneReplaced) {
 }
 
 TEST_F(Clearanced, ReadsItsConfigurationFile) {
-  const std::string config =
-      folder_.write("c.toml", "scene = \"" + scene_ + "\"\nzmq = [\"" + ipc_ + "\", \"tcp://127.0.0.1:*\"]\n");
+  const std::string config = folder_.write("c.toml", "\xEF\xBB\xBFscene = \"" + scene_ + "\"\nzmq = [\n  \"" + ipc_ +
+                                                         "\",  # ours\n  \"tcp://127.0.0.1:*\"]\n");
   Daemon daemon({"--config", config});
   ASSERT_EQ(daemon.urls().size(), 2u);
   EXPECT_EQ(daemon.urls()[0], ipc_);

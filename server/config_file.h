@@ -1,0 +1,41 @@
+// The configuration file of clearanced.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <istream>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace clearance {
+
+/// Reads a file as CLI11 does, after checks that name the file and the line of what is wrong.
+class ConfigFile : public CLI::ConfigTOML {
+ public:
+  /// \param app whose options the file may have, by their long names
+  explicit ConfigFile(const CLI::App& app) : app_(app) {}
+
+  /// Throws CLI::ConfigError for an unknown or repeated option, a section, and a value that is missing or without end.
+  std::vector<CLI::ConfigItem> from_config(std::istream& input) const override;
+
+  /// Where the file has the option that an error about a value names: "clearanced.toml:4: "; empty: it has none, or the
+  /// command line has it as well, which counts.
+  std::string place_of(const std::string& error, std::span<const char* const> command_line) const;
+
+ private:
+  struct Entry {
+    std::string name, value;
+    int line = 0;
+  };
+  [[noreturn]] void fail(int line, const std::string& what) const;
+  std::vector<Entry> entries_of(std::istream& text) const;
+  Entry read_entry(const std::string& text, int* line, std::istream& more) const;
+  void check(const std::vector<Entry>& entries) const;
+  const CLI::Option* option_of(const std::string& name) const;
+
+  const CLI::App& app_;
+  mutable std::string file_;
+  mutable std::vector<Entry> entries_;
+};
+
+}  // namespace clearance
