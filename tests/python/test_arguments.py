@@ -14,7 +14,7 @@ from scenes import IDENTITY
 
 BOOLS = ["yes", "", 1, 0.0, None, np.array([True]), b"\1"]
 NUMBERS = ["1.5", b"1", True, np.True_, 1j, np.array("2"), np.ones(2), [1.0], float("nan"), 10**400]
-NUMBERS += [np.timedelta64(1, "s")]
+NUMBERS += [np.timedelta64(1, "s"), np.ma.masked, np.ma.array(1.0, mask=True), np.ma.array([1.0], mask=True)]
 NUMBERS_FROM_0 = [*NUMBERS, -1]
 INTEGERS = ["1", None, 1.5, True, np.True_, np.ones(2, int), 1 << 70]
 COUNTS = [*INTEGERS, -1]
@@ -22,14 +22,47 @@ WORDS = ["nonesuch", "", 3, None, b"none", ["none"]]
 TEXTS = [3, None, b"text", ["text"], "\ud800"]
 PATHS = [3, b"path", ["path"], "\ud800", True]
 BODIES = ["nonesuch", 1.5, True, -1, 1 << 33, b"cup", ["cup"], np.ones(1)]
-BODY_LISTS = ["cup", b"cup", 3, ["nonesuch"], [1.5], [True], [-1], np.zeros((1, 1), int), np.zeros(1)]
+#: Entries of masked arrays are no numbers, whatever lies under the mask.
+MASKED = [np.ma.masked_equal([[0.0] * 3 + [1] * 4], 0.0), [np.ma.masked_equal([0.0] * 3 + [1] * 4, 0.0)]]
+BODY_LISTS = [
+    np.ma.masked_equal([0, 1], 1),
+    "cup",
+    b"cup",
+    3,
+    ["nonesuch"],
+    [1.5],
+    [True],
+    [-1],
+    np.zeros((1, 1), int),
+    np.zeros(1),
+]
 POSE = ["here", 3, [0, 0, 0], ["0"] * 7, [1j] * 7, [[0], [0, 0]], [True] * 7]
-POSE += [np.zeros((2, 7)), 2 * np.eye(4), object()]
-SIZES = ["123", 1.0, [1, 1], [1, 1, "1"], [1, True, 1], [[1], [2, 3], 4], np.ones((3, 3)), b"123"]
-TWO = [SIZES[0], *SIZES[4:]] + [[1, "1"], [1, True], [1]]
-VERTICES = ["abc", [[0, 0]], [["0"] * 3], [[0, 0], [0, 0, 0]], [[True] * 3], np.zeros(3), np.zeros((1, 3), complex)]
+POSE += [np.zeros((2, 7)), 2 * np.eye(4), object(), *MASKED]
+SIZES = [
+    np.ma.masked_equal([1, 2, 0.0], 0.0),
+    "123",
+    1.0,
+    [1, 1],
+    [1, 1, "1"],
+    [1, True, 1],
+    [[1], [2, 3], 4],
+    np.ones((3, 3)),
+    b"123",
+]
+TWO = [SIZES[1], *SIZES[5:]] + [[1, "1"], [1, True], [1]]
+VERTICES = [
+    np.ma.masked_equal([[1, 2, 0.0]], 0.0),
+    [np.ma.masked_equal([1, 2, 0.0], 0.0)],
+    "abc",
+    [[0, 0]],
+    [["0"] * 3],
+    [[0, 0], [0, 0, 0]],
+    [[True] * 3],
+    np.zeros(3),
+    np.zeros((1, 3), complex),
+]
 JOINTS = ["nonesuch", b"arm", 3, 1.5, [1.5], ["nonesuch"], [True], [-1], np.zeros(1), np.zeros((1, 1), int)]
-POSITIONS = ["here", 3, np.zeros(3), np.zeros((1, 2)), [[1], [2, 3]]]
+POSITIONS = [*MASKED, "here", 3, np.zeros(3), np.zeros((1, 2)), [[1], [2, 3]]]
 OUTS = [3, "lower", {"lower": [0.0]}, {"lowr": np.zeros(1)}, {"lower": np.zeros((1, 1), np.float32)}, {3: np.zeros(1)}]
 
 _ONE = {"configurations": np.tile(IDENTITY, (1, 1, 1)).astype(float), "bodies": ["cup"]}
@@ -38,8 +71,8 @@ _ONE = {"configurations": np.tile(IDENTITY, (1, 1, 1)).astype(float), "bodies": 
 QUERY = {
     "pairs": [7, "cup", b"ab", [1.5, 2.5], [("cup", True)], [("cup",)], [{"cup": 1, "ball": 2}],
               [{"cup", "ball"}], ("cupp", "*"), [("cup", -1)], np.zeros((2, 2)), np.zeros(3, int), np.array([[0, -1]]),
-              np.array(3), [np.array(3)]],
-    "configurations": [*POSE[:-2], 2 * np.eye(4)[None, None], np.zeros((1, 7)), np.zeros((0, 1, 7)),
+              np.array(3), [np.array(3)], np.ma.masked_equal([[0, 1]], 1)],
+    "configurations": [*POSE[:-4], *MASKED, 2 * np.eye(4)[None, None], np.zeros((1, 7)), np.zeros((0, 1, 7)),
                        np.zeros((1, 3, 7))],
     "bodies": BODY_LISTS,
     "max_distance": [*NUMBERS, None],
@@ -128,7 +161,7 @@ SCENE = {
         "name": TEXTS, "points": VERTICES, "voxel": [*NUMBERS, None], "radius": [*NUMBERS, None], "live": BOOLS,
         **OF_A_BODY, **DOUBTS}),
     "add_mesh": ({"name": "x", "path": "x.obj"}, {
-        "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:1], *SIZES[2:], None, True], "convexify": WORDS,
+        "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:2], *SIZES[3:], None, True], "convexify": WORDS,
         "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
     "add_body": CLIENT["add_body"],
     "add_box": ({"name": "x", "size": [1, 1, 1]},

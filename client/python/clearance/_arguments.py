@@ -36,6 +36,8 @@ def to_number(value: Any, what: str) -> float:
 
 def _as_float(value: Any, what: str) -> float:
     if isinstance(value, (np.ndarray, np.generic)):
+        if is_masked(value):
+            raise ValueError(f"{what}: expected a number, got a masked entry")
         numeric = value.ndim == 0 and value.dtype.kind in "fiu"
     else:
         numeric = not isinstance(value, (str, bytes, bytearray, bool))
@@ -136,6 +138,7 @@ def to_floats(value: Any, what: str, expected: str = "numbers") -> np.ndarray:
     """A C-contiguous float64 array of numbers: the very array if it is one, else a copy."""
     if type(value) is np.ndarray and value.dtype == np.float64:
         return contiguous(value)
+    reject_masked(value, what)
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:  # rows of different lengths, for one
@@ -143,6 +146,19 @@ def to_floats(value: Any, what: str, expected: str = "numbers") -> np.ndarray:
     if array.dtype.kind not in "fiu":
         raise TypeError(f"{what}: expected {expected}, got an array of {array.dtype}")
     return contiguous(array.astype(np.float64, copy=False))
+
+
+def is_masked(value: Any) -> bool:
+    """Whether an array has masked entries, or a list holds such an array: numpy drops masks when it converts."""
+    if isinstance(value, (list, tuple)):
+        return any(isinstance(item, (list, tuple, np.ma.MaskedArray)) and is_masked(item) for item in value)
+    return isinstance(value, np.ma.MaskedArray) and bool(np.ma.is_masked(value))
+
+
+def reject_masked(value: Any, what: str) -> None:
+    """Raises ValueError for masked entries: what lies under a mask is not a number."""
+    if is_masked(value):
+        raise ValueError(f"{what}: expected numbers, got masked entries; fill them, or leave their rows out")
 
 
 def to_cloud(value: Any, what: str) -> np.ndarray:
@@ -252,6 +268,7 @@ def to_vertices(value: Any, what: str) -> np.ndarray:
 
 def to_triangles(value: Any, what: str) -> np.ndarray:
     """(T, 3) uint32, at least one row; which vertices there are, it does not know."""
+    reject_masked(value, what)
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:  # rows of different lengths, for one

@@ -10,7 +10,7 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from ._arguments import contiguous, did_you_mean, to_list, to_number_from_0
+from ._arguments import contiguous, did_you_mean, reject_masked, to_list, to_number_from_0
 from ._words import EVERY_BODY, GROUP_BIT, MARGIN_DTYPE, NONE
 
 BodyRef = Union[str, int]  #: a body, or where groups may stand too a group, by name or id
@@ -148,6 +148,7 @@ def _as_id(value: Any, what: str, expected: str) -> int:
 
 
 def _as_uint32(array: np.ndarray, what: str, ndim: int) -> np.ndarray:
+    reject_masked(array, what)
     if array.ndim != ndim or (ndim == 2 and array.shape[1] != 2):
         raise ValueError(f"{what}: expected shape {'(P, 2)' if ndim == 2 else '(M,)'}, got {array.shape}")
     if array.dtype != np.uint32:

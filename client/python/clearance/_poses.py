@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ._arguments import contiguous, to_floats
+from ._arguments import contiguous, is_masked, to_floats
 from ._errors import PoseWarning, warn
 
 #: How far a matrix may be from rigid: entries of R^T R - 1, and of the last row. Wide enough for matrices that went
@@ -99,12 +99,13 @@ def stack_poses(poses: Mapping[Any, Any]) -> np.ndarray:
     values = list(poses.values())
     if not values:
         return np.empty((0, 7))
-    try:
-        array = np.array(values)
-        if array.ndim == 2 and array.shape[1] == 7 and array.dtype.kind in "fiu":
-            return array.astype(np.float64, copy=False)
-    except (TypeError, ValueError):
-        pass
+    if not is_masked(values):
+        try:
+            array = np.array(values)
+            if array.ndim == 2 and array.shape[1] == 7 and array.dtype.kind in "fiu":
+                return array.astype(np.float64, copy=False)
+        except (TypeError, ValueError):
+            pass
     rows = np.empty((len(values), 7))
     for i, (key, value) in enumerate(poses.items()):
         rows[i] = as_one_pose(value, f"poses[{key!r}]")
