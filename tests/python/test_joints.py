@@ -244,3 +244,119 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
             client._send_joints(np.array([2, 2], np.uint32), np.zeros(2), 0, 0)
         with pytest.raises(clearance.QueryError, match="'arm/fore' is a link that joints place"):
             client.set_poses({"arm/fore": at(0)})
+
+
+HOME = [0.0, 0, 0, -1.5, 0, 0, 0, 0]
+DEGREES = [0.0, -45, 0, -135, 0, 90, 45, 0]
+
+
+@pytest.fixture(params=["engine", "shm"])
+def one(request, engine, arm_daemon, kinds):
+    """An engine, and a client of a daemon of the same scene."""
+    if request.param == "engine":
+        yield engine
+    elif kinds[request.param]:
+        pytest.skip(kinds[request.param])
+    else:
+        with clearance.connect(arm_daemon.urls["shm"], timeout_s=PATIENCE_S) as client:
+            client.set_joints(HOME, joints="arm")
+            yield client
+
+
+def test_a_check_says_which_joints_are_beyond_their_limits(one):
+    pairs = [("cup", "table")]  # free wherever the arm is
+    rows = np.array([HOME, HOME, HOME, HOME])
+    rows[1, 7], rows[3, 0], rows[3, 1] = 0.05, -3.0, math.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check = one.check(rows, joints="arm", pairs=pairs)
+        within = one.check(rows[[0, 2]], joints="arm", pairs=pairs)
+    assert check.free.tolist() == [True] * 4, "of distances alone"
+    assert check.beyond_limits.tolist() == [False, True, False, True]
+    assert check.ok.tolist() == [True, False, True, False] and not check
+    first, second = check.limit_violations
+    assert first == clearance.LimitViolation(1, "arm/grip", 0.05, 0.0, 0.04) and first.excess == 0.05 - 0.04
+    assert (second.configuration, second.joint, second.excess) == (3, "arm/joint1", 3.0 - 2.9)
+    assert repr(check) == (
+        "<clearance.Check: 4 of 4 free, 2 beyond joint limits (arm/grip at 0.05 is 0.01 beyond its limits, 0 to 0.04)>"
+    )
+    assert within and within.ok.all() and not within.beyond_limits.any() and within.limit_violations == ()
+    assert repr(within) == "<clearance.Check: 2 of 2 free>"
+    rows[1] = HOME  # what was answered stays
+    assert check.limit_violations[0].position == 0.05
+    edge = one.check([[2.9, *HOME[1:]], [-2.9, *HOME[1:]]], joints=list(one.joints("arm").names), pairs=pairs)
+    assert edge.ok.all(), "at the limit is within"
+    assert not one.check([[3.0]], joints=["arm/joint1"], pairs=pairs).ok.any()
+    assert not one.check([[3.0]], joints=one.joints([0]), pairs=pairs)
+    touching = one.check([HOME], joints="arm", pairs=pairs, margin=9.0)
+    assert not touching and not touching.ok.any() and not touching.beyond_limits.any()
+
+
+def test_degrees_given_as_radians_get_a_hint(one):
+    pairs = [("cup", "table")]
+    match = r"arm/joint2 at -45 is 43.24 beyond its limits, -1.76 to 1.76; as degrees they would be within"
+    with pytest.warns(clearance.JointLimitWarning, match="positions: " + match) as caught:
+        check = one.check([DEGREES, DEGREES], joints="arm", pairs=pairs)
+    assert len(caught) == 1 and caught[0].filename == __file__
+    assert check.free.all() and not check and "2 beyond joint limits (arm/joint2 at -45" in repr(check)
+    with pytest.warns(clearance.JointLimitWarning, match="path: " + match) as caught:
+        one.check_path([HOME, DEGREES], joints="arm", pairs=pairs)
+    assert len(caught) == 1 and caught[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for row in (
+            [*HOME[:7], 2.0],
+            [0, 8.0, 0, 90.0, 0, 200.0, 0, 0],
+            [6.0, *HOME[1:]],
+        ):  # as degrees beyond, too, or small
+            assert not one.check([row], joints="arm", pairs=pairs)
+    with pytest.warns(clearance.JointLimitWarning, match="positions: " + match) as caught:
+        one.set_joints(DEGREES, joints="arm")
+    assert len(caught) == 1 and caught[0].filename == __file__
+    with pytest.warns(clearance.JointLimitWarning, match="joints: " + match):
+        now = one.check(pairs=pairs)
+    assert now.free.all() and not now and now.limit_violations[0].joint == "arm/joint2"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not one.check(pairs=pairs), "known, and not said again"
+        one.set_joints(HOME, joints="arm")
+        assert one.check(pairs=pairs), "the joints are where they are now"
+        one.set_joints({"arm/grip": 0.041})
+        assert [v.joint for v in one.check(pairs=pairs).limit_violations] == ["arm/grip"]
+        assert one.check([[at(0.4, 0.3, 0.5)]], bodies=["cup"], pairs=pairs), "joints that a query does not name"
+
+
+def test_a_path_says_where_joints_leave_their_limits(one):
+    pairs = [("cup", "table")]
+    there = [*HOME[:7], 0.05]
+    path = one.check_path([HOME, there, [3.0, *there[1:]], HOME], joints="arm", pairs=pairs)
+    assert path.free and path.beyond_limits and not path.ok and not path
+    assert [(v.configuration, v.joint) for v in path.limit_violations] == [(2, "arm/joint1"), (1, "arm/grip")]
+    assert "beyond its" not in str(path) and "limit_violations=(LimitViolation(configuration=2" in repr(path)
+    good = one.check_path([HOME, [*HOME[:7], 0.04]], joints="arm", pairs=pairs)
+    assert good and good.ok and not good.beyond_limits and good.limit_violations == ()
+    hit = one.check_path([HOME, there], joints="arm", pairs=pairs, margin=9.0)
+    assert not hit.free and not hit and hit.limit_violations[0].joint == "arm/grip"
+    assert one.check_path([[at(0.4, 0.3, 0.5)], [at(0.4, 0.3, 0.6)]], bodies=["cup"], pairs=pairs)
+
+
+def test_joints_without_limits_are_never_beyond_them(tmp_path):
+    link = '<link name="{}"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>'
+    joint = '<joint name="{0}" type="{1}"><parent link="base"/><child link="{0}"/><axis xyz="0 0 1"/>{2}</joint>'
+    limit = '<limit lower="-1" upper="1"/>'
+    parts = [link.format(name) for name in ("base", "turn", "slide", "follow", "roam")]
+    parts += [joint.format("turn", "continuous", ""), joint.format("slide", "prismatic", limit)]
+    parts += [joint.format("follow", "prismatic", limit + '<mimic joint="slide" multiplier="3"/>')]
+    parts += [joint.format("roam", "planar", "")]
+    (tmp_path / "r.urdf").write_text(f'<robot name="r">{"".join(parts)}</robot>')
+    scene = clearance.Scene()
+    scene.add_robot("r", str(tmp_path / "r.urdf"), home={})
+    engine = clearance.Engine(scene, threads=1)
+    joints = engine.joints("r")
+    assert joints.names == ("r/turn", "r/slide", "r/roam/x", "r/roam/y", "r/roam/theta")
+    rows = [[1000.0, 0.9, 500, -500, 300], [-90.0, -1.5, 0, 0, 0]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check = engine.check(rows, joints=joints)
+    assert check.beyond_limits.tolist() == [False, True], "a mimic joint has no position of its own"
+    assert [(v.configuration, v.joint, v.excess) for v in check.limit_violations] == [(1, "r/slide", 0.5)]

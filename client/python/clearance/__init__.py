@@ -24,6 +24,7 @@ from ._errors import (
     ConnectionError,
     DaemonHung,
     HullWarning,
+    JointLimitWarning,
     NewEpoch,
     PoseWarning,
     QueryError,
@@ -35,6 +36,7 @@ from ._errors import (
 from ._front import BodyState, SceneChanged
 from ._future import Future
 from ._joints import Joints, JointState
+from ._limits import LimitViolation
 from ._motions import PathCheck
 from ._names import BodyInfo
 from ._poses import pose7_from_matrix
@@ -70,8 +72,10 @@ __all__ = [
     "Format",
     "Future",
     "HullWarning",
+    "JointLimitWarning",
     "JointState",
     "Joints",
+    "LimitViolation",
     "NONE",
     "NewEpoch",
     "PoseWarning",

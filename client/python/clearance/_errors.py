@@ -33,6 +33,10 @@ class PoseWarning(UserWarning):
     """
 
 
+class JointLimitWarning(UserWarning):
+    """Positions of joints are far beyond their limits, and would be within them as degrees. Positions are radians."""
+
+
 class HullWarning(UserWarning):
     """A mesh is far from convex, and its hull is what distances are measured to. The text names bodies and figures.
 

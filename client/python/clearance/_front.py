@@ -20,6 +20,7 @@ from ._asked import Asked
 from ._certificate import Certificates
 from ._future import Future
 from ._joints import Joints, JointsRef, JointState, JointTable
+from ._limits import Beyond, beyond_limits
 from ._motions import MotionQueries
 from ._names import BodyInfo, BodyRef, NameTable
 from ._prepared import Prepared, TableOf
@@ -66,6 +67,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         self._asked = Asked()
         self._tables: OrderedDict[_TableKey, np.ndarray] = OrderedDict()
         self._tables_lock = threading.Lock()
+        self._beyond_then: Optional[tuple[tuple[int, int], Optional[Beyond]]] = None  # of the revisions of an answer
 
     # ---- for subclasses -------------------------------------------------------------------------------------------
 
@@ -289,13 +291,35 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         The other arguments are those of distances(), which reduce="any" answers. `more`: precision, rel_tol, ...
 
         Returns .free (K,) bool, and of the others .pair (K, 2) and .status (K,). What is not proved is not free:
-        touching, an unusable pose, or a distance that is the margin to within the tolerance. Raises as distances().
+        touching, an unusable pose, or a distance that is the margin to within the tolerance. Distances do not depend on
+        joint limits: .ok (K,) bool is free and within them, and .limit_violations says which joint is beyond, and by
+        how much. Limits are those of the query's joints; without configurations, of all joints where they are. Warns
+        (JointLimitWarning) of positions that look like degrees. Raises as distances().
         """
         if joints is not None and bodies is None and positions is None:
             configurations, positions = None, configurations
+        if positions is not None:
+            positions = to_floats(positions, "positions", "(K, J) numbers")
         more = {"fields": _CHECKED, "timeout_s": timeout_s, **more}
         asked = {"joints": joints, "positions": positions, "margin": margin}
-        return Check(self.distances(pairs, configurations, bodies, reduce="any", **asked, **more))
+        result = self.distances(pairs, configurations, bodies, reduce="any", **asked, **more)
+        if joints is not None:
+            return Check(result, beyond_limits(positions, self._joint_table.limits(joints), "positions"))
+        return Check(result, self._beyond_now(result) if configurations is None else None)
+
+    def _beyond_now(self, result: Result) -> Optional[Beyond]:
+        """Which joints of the scene are beyond their limits; looked up anew where the answer saw other poses."""
+        if not self._joint_table.names:
+            return None
+        key = result.scene_revision, result.snapshot_revision
+        then = self._beyond_then
+        if then is None or then[0] != key:
+            rows, groups = self._load_joints()
+            table = JointTable(result.scene_revision, rows, groups)
+            positions = np.array([[row[3] if row[4] == Status.OK else math.nan for row in rows]])
+            joints = table.joints(np.arange(len(rows), dtype=np.uint32))
+            then = self._beyond_then = key, beyond_limits(positions, joints, "joints", stacklevel=4)
+        return then[1]
 
     def free_scale(
         self,

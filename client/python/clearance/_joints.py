@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Optional, Union
 
 import numpy as np
 
 from ._arguments import contiguous, did_you_mean, to_floats, to_list, to_number
 from ._words import Status
+
+_LIMITS_KEPT = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +23,11 @@ class Joints:
     ids: np.ndarray  #: (J,) uint32
     lower: np.ndarray  #: (J,) radians or metres; -inf: no limit
     upper: np.ndarray  #: (J,) radians or metres; +inf: no limit
+
+    @cached_property
+    def limits(self) -> tuple[list[float], list[float]]:
+        """Lower and upper as lists, which are quicker than arrays for a single row."""
+        return self.lower.tolist(), self.upper.tolist()
 
     def __len__(self) -> int:
         return len(self.names)
@@ -54,9 +62,22 @@ class JointTable:
         self.upper = np.array([row[2] for row in rows], dtype=np.float64)
         self.groups = {name: np.array(ids, dtype=np.uint32) for name, ids in groups}
         self.ids = {name: i for i, name in enumerate(self.names)}
+        self._limits: dict[Any, Joints] = {}  # as limits() gave them
 
     def joints(self, ids: np.ndarray) -> Joints:
         return Joints(tuple(self.names[i] for i in ids), ids, self.lower[ids], self.upper[ids])
+
+    def limits(self, value: JointsRef) -> Joints:
+        """The joints that a query has named, with their limits: kept, since planners name the same ones again."""
+        if isinstance(value, Joints):
+            return value
+        key = value if isinstance(value, str) else tuple(value)
+        known = self._limits.get(key)
+        if known is None:
+            if len(self._limits) >= _LIMITS_KEPT:
+                self._limits.clear()
+            known = self._limits[key] = self.joints(self.ids_of(value, "joints"))
+        return known
 
     def joint(self, value: Any, what: str) -> int:
         """Id of one joint given by name or id."""

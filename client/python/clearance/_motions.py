@@ -11,6 +11,7 @@ import numpy as np
 
 from ._arguments import to_floats
 from ._joints import Joints, JointsRef, JointTable
+from ._limits import LimitViolation, beyond_limits
 from ._poses import as_pose7
 from ._result import Result
 from ._words import Status
@@ -29,6 +30,21 @@ class PathCheck:
     t: Optional[float]  #: 0 to 1 in that motion: when `pair` is within its margin, or from when nothing is proved
     pair: Optional[tuple[int, int]]  #: ids of the bodies that stand in the way
     status: Status  #: BEYOND: free. OK, CONTACT, OVERLAP: `pair` is proved within its margin at `t`. Else why not
+    #: the first waypoint at which each joint is beyond its limits, in the order of joints; free does not depend on it
+    limit_violations: tuple[LimitViolation, ...] = ()
+
+    @property
+    def beyond_limits(self) -> bool:
+        """Whether a joint leaves its limits: between waypoints it goes straight, so at one of these."""
+        return bool(self.limit_violations)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the path is free all along, and within the joints' limits. It is the result as a bool."""
+        return self.free and not self.limit_violations
+
+    def __bool__(self) -> bool:
+        return self.ok
 
     @property
     def hit(self) -> bool:
@@ -108,7 +124,9 @@ class MotionQueries:
         """Says whether a path is free: whether every pair is proved farther than its margin all along.
 
         path: (N, J) positions of `joints`, or (N, M, 7) poses of `bodies`; or a pair of both: N - 1 motions in a row.
-        The other arguments are those of motions(). Ends with the first motion that is not proved to be free.
+        The other arguments are those of motions(). Ends with the first motion that is not proved to be free. `ok` of
+        the result is also about the joints' limits, `free` is not. Warns (JointLimitWarning) of positions that look
+        like degrees.
 
         Raises ValueError for fewer than two waypoints, and as motions() does.
         """
@@ -117,6 +135,8 @@ class MotionQueries:
         count = len(next(each for each in points if each is not None))
         if count < 2:
             raise ValueError(f"path: expected two waypoints or more, got {count}")
+        beyond = None if joints is None or points[0] is None else beyond_limits(points[0], joints, "path")
+        violations = () if beyond is None else beyond.first_of_each_joint()
         first, room = 0, _FIRST_MOTIONS
         while first < count - 1:
             last = min(first + room, count - 1)
@@ -127,9 +147,9 @@ class MotionQueries:
             )  # fmt: skip
             bad = np.flatnonzero(r.status != Status.BEYOND)
             if len(bad):
-                return _stopped(r, int(bad[0]), first)
+                return _stopped(r, int(bad[0]), first, violations)
             first, room = last, min(2 * room, _MOST_MOTIONS)
-        return PathCheck(True, None, None, None, Status.BEYOND)
+        return PathCheck(True, None, None, None, Status.BEYOND, violations)
 
 
 def motion_arguments(
@@ -163,12 +183,12 @@ def _joints_of(answers: HasJoints, joints: Optional[JointsRef]) -> Optional[Join
     return None if joints is None else table.joints(table.ids_of(joints, "joints"))
 
 
-def _stopped(r: Result, row: int, first: int) -> PathCheck:
+def _stopped(r: Result, row: int, first: int, violations: tuple[LimitViolation, ...]) -> PathCheck:
     time = float(r.time[row])
     if math.isnan(time):
         time = float(r.first_contact[row, 0])
     a, b = r.pair[row].tolist()
-    return PathCheck(False, first + row, time, (a, b), Status(int(r.status[row])))
+    return PathCheck(False, first + row, time, (a, b), Status(int(r.status[row])), violations)
 
 
 def _ends(value: Any, joints: Any, bodies: Any, what: str) -> tuple[Optional[np.ndarray], Optional[np.ndarray]]:

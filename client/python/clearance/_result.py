@@ -8,6 +8,7 @@ from typing import Any, Callable, Optional, Union
 import numpy as np
 
 from ._arguments import did_you_mean
+from ._limits import Beyond, LimitViolation
 from ._words import COLUMNS, COMPACT_DTYPE, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
 
 _ROWS_ALONE = frozenset(int(reduce) for reduce in (Reduce.WITHIN, Reduce.MIN, Reduce.ANY))  # (R,) or (K,)
@@ -254,16 +255,40 @@ _BEYOND = int(Status.BEYOND)  # numpy compares an enum's member as an object
 
 
 class Check:
-    """Which configurations are free, and what is known of the others: K of them, 1 without configurations."""
+    """Which configurations are free, and what is known of the others: K of them, 1 without configurations.
 
-    __slots__ = ("result", "free")
+    `free` is about distances alone; `ok` is free, and within the joints' limits. As a bool a check is ok.all().
+    """
+
+    __slots__ = ("result", "free", "_beyond")
 
     result: Result  #: of reduce="any", as distances() returns it
     free: np.ndarray  #: (K,) bool: every pair is proved farther than its margin
 
-    def __init__(self, result: Result):
+    def __init__(self, result: Result, beyond: Optional[Beyond] = None):
         self.result = result
         self.free = result.status == _BEYOND
+        self._beyond = beyond
+
+    @property
+    def beyond_limits(self) -> np.ndarray:
+        """(K,) bool: a joint of the query is beyond its limits; without configurations, a joint of the scene."""
+        if self._beyond is None:
+            return np.zeros(len(self.free), dtype=bool)
+        return self._beyond.configurations
+
+    @property
+    def ok(self) -> np.ndarray:
+        """(K,) bool: free, and within the joints' limits."""
+        return self.free & ~self.beyond_limits
+
+    @property
+    def limit_violations(self) -> tuple[LimitViolation, ...]:
+        """Each joint that is beyond its limits, of each configuration: which, where and by how much."""
+        return () if self._beyond is None else self._beyond.violations()
+
+    def __bool__(self) -> bool:
+        return bool(self.ok.all())
 
     @property
     def status(self) -> np.ndarray:
@@ -285,4 +310,8 @@ class Check:
         return self.status <= Status.CONTACT
 
     def __repr__(self) -> str:
-        return f"<clearance.Check: {np.count_nonzero(self.free)} of {len(self.free)} free>"
+        text = f"{np.count_nonzero(self.free)} of {len(self.free)} free"
+        if self._beyond is not None:
+            count = np.count_nonzero(self.beyond_limits)
+            text += f", {count} beyond joint limits ({self._beyond.first()})"
+        return f"<clearance.Check: {text}>"

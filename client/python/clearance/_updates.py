@@ -10,6 +10,7 @@ import numpy as np
 
 from ._arguments import to_cloud, to_integer, to_list, to_number
 from ._joints import JointsRef, JointTable
+from ._limits import beyond_limits
 from ._names import BodyRef, NameTable
 from ._poses import as_one_pose, as_pose7, stack_poses
 from ._words import NONE
@@ -80,7 +81,9 @@ class Updates:
         sequence: the caller's count of its updates, which answers then carry (snapshot_sequence); 0: none.
 
         A pose with NaN, or whose quaternion cannot be normalised, is stored as bad: queries then answer BAD_POSE.
-        Raises ValueError for a wrong shape, a matrix that is not rigid or an unknown name, TypeError for a wrong type.
+        Raises ValueError for a wrong shape, a matrix that is not rigid, masked entries or an unknown name, TypeError
+        for a wrong type, QueryError also for a body that is named twice or a robot's link. A call that raises changes
+        nothing.
         """
         names = self._names
         if isinstance(poses, Mapping):
@@ -138,10 +141,13 @@ class Updates:
         stamp_ns, sequence: as in set_poses().
 
         A position with NaN, or beyond 1e6, is stored as bad: queries then answer BAD_POSE of the links that it moves.
-        Raises QueryError as set_poses() does, ValueError for a wrong shape or an unknown name, TypeError for a wrong
-        type.
+        One beyond the joint's limits is used, with a warning (JointLimitWarning) where it looks like degrees. Raises
+        QueryError as set_poses() does, ValueError for a wrong shape or an unknown name, TypeError for a wrong type.
         """
-        ids, row = self._joint_table.update(positions, joints)
+        table = self._joint_table
+        ids, row = table.update(positions, joints)
+        if not ((row >= table.lower[ids]) & (row <= table.upper[ids])).all():
+            beyond_limits(row[None], table.joints(ids), "positions")
         return self._send_joints(ids, row, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
 
     def attach(

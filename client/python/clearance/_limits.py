@@ -1,0 +1,92 @@
+"""Positions beyond the limits of their joints, which distances do not depend on."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from operator import le
+from typing import Optional
+
+import numpy as np
+
+from ._errors import JointLimitWarning
+from ._joints import Joints
+
+
+@dataclass(frozen=True)
+class LimitViolation:
+    """A joint that is beyond its limits. Radians or metres."""
+
+    configuration: int  #: which row of the positions; of a path, which waypoint
+    joint: str
+    position: float
+    lower: float  #: -inf: no limit
+    upper: float  #: +inf: no limit
+
+    @property
+    def excess(self) -> float:
+        """How far beyond the limit, above 0."""
+        return max(self.lower - self.position, self.position - self.upper)
+
+    def __str__(self) -> str:
+        limits = f"{self.lower:g} to {self.upper:g}"
+        return f"{self.joint} at {self.position:g} is {self.excess:g} beyond its limits, {limits}"
+
+
+class Beyond:
+    """The positions of some configurations that are beyond joint limits; there is at least one."""
+
+    def __init__(self, rows: np.ndarray, mask: np.ndarray, joints: Joints):
+        self.configurations: np.ndarray = np.any(mask, axis=1)  #: (K,) bool
+        self._rows = rows.copy()
+        self._mask = mask
+        self._joints = joints
+
+    def violations(self) -> tuple[LimitViolation, ...]:
+        """In the order of configurations."""
+        return tuple(self._violation(int(k), int(j)) for k, j in np.argwhere(self._mask))
+
+    def first(self) -> LimitViolation:
+        k = int(self.configurations.argmax())
+        return self._violation(k, int(self._mask[k].argmax()))
+
+    def first_of_each_joint(self) -> tuple[LimitViolation, ...]:
+        """The first configuration at which each joint is beyond, in the order of joints."""
+        joints = np.flatnonzero(self._mask.any(axis=0))
+        return tuple(self._violation(int(self._mask[:, j].argmax()), int(j)) for j in joints)
+
+    def _violation(self, k: int, j: int) -> LimitViolation:
+        joints = self._joints
+        limits = float(joints.lower[j]), float(joints.upper[j])
+        return LimitViolation(k, joints.names[j], float(self._rows[k, j]), *limits)
+
+    def look_like_degrees(self) -> bool:
+        """Whether some position is more than a turn, and most configurations would be within limits as degrees."""
+        rows, mask = self._rows[self.configurations], self._mask[self.configurations]
+        if not (np.abs(rows) > 2 * math.pi)[mask].any():
+            return False
+        radians = np.radians(rows)
+        within = (radians >= self._joints.lower) & (radians <= self._joints.upper)
+        return bool(2 * np.count_nonzero((within | ~mask).all(axis=1)) > len(rows))
+
+
+def beyond_limits(rows: np.ndarray, joints: Joints, what: str, stacklevel: int = 3) -> Optional[Beyond]:
+    """Which of (K, J) positions are beyond limits; None: none is. NaN is beyond nothing: it is a bad position.
+
+    Warns of positions that look like degrees. stacklevel: as in warnings.warn(); 3: the caller's caller.
+    """
+    if len(rows) == 1:
+        row, (lower, upper) = rows[0].tolist(), joints.limits
+        if all(map(le, lower, row)) and all(map(le, row, upper)):
+            return None
+    elif ((rows >= joints.lower) & (rows <= joints.upper)).all():
+        return None
+    mask = (rows < joints.lower) | (rows > joints.upper)
+    if not mask.any():
+        return None
+    beyond = Beyond(rows, mask, joints)
+    if beyond.look_like_degrees():
+        text = f"{what}: {beyond.first()}; as degrees they would be within: positions are radians"
+        warnings.warn(text, JointLimitWarning, stacklevel=stacklevel)
+    return beyond
