@@ -577,3 +577,37 @@ def test_the_node_shows_that_its_daemon_died(bridge, make_node):
     assert state.level == b"\2" and bridge.daemon.urls["ipc"] in state.message
     node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))  # is said, and the node goes on
     assert len(published["log"]) == 3
+
+
+def test_transforms_are_taken_whole_or_not(bridge):
+    client, now = bridge.client, time.time_ns()
+    bridge.on_poses([transform("cup", now, 0.4, 0.3, 0.9)])
+    before = [(*s.pose, s.status, s.stamp_ns) for s in client.body_states()]
+    twice = [transform("cup", now, 1, 0, 0), transform("moon", now, 0, 0, 0), transform("cup", now, 2, 0, 0)]
+    with pytest.raises(ValueError, match="tf: cup comes twice"):
+        bridge.on_poses(twice)
+    with pytest.raises(clearance.QueryError, match="is a link that joints place"):
+        bridge.on_poses([transform("cup", now, 1, 0, 0), transform("arm/fore", now, 0, 0, 0)])
+    with pytest.raises(clearance.QueryError, match="is older than"):
+        bridge.on_poses([transform("cup", now - 10**9, 1, 0, 0)])
+    assert [(*s.pose, s.status, s.stamp_ns) for s in client.body_states()] == before
+    empty = transform("cup", now, 1, 0, 0)
+    empty.transform.rotation = Message(x=0.0, y=0.0, z=0.0, w=0.0)
+    assert bridge.on_poses([empty]).bad == 1, "a quaternion of zeros is no rotation"
+    assert client.body_states()[client.body_id("cup")].status == clearance.Status.BAD_POSE
+
+
+def test_an_object_is_added_whole_or_not(bridge):
+    client, follower = bridge.client, bridge.scene
+    good, bad = (primitive(1, 1.0, 1.0, 1.0), pose(3)), (primitive(2, -1.0), pose(4))
+    names = [body.name for body in client.bodies]
+    follower.on_scene(scene([thing("crate", primitives=[good, bad])]))
+    assert list(follower.left_out) == ["crate"] and [body.name for body in client.bodies] == names
+    follower.on_scene(scene([thing("crate", primitives=[good])]))
+    for operation in (ADD, APPEND):
+        follower.on_scene(scene([thing("crate", operation, primitives=[(good[0], pose(5)), bad])]))
+        assert list(follower.left_out) == ["crate"], "what the daemon rejects leaves the old one"
+        assert [body.name for body in client.bodies] == [*names, "crate"]
+        assert client.body_states()[client.body_id("crate")].pose.tolist() == at(3)
+    follower.on_scene(scene([thing("crate", primitives=[(good[0], pose(5)), (primitive(2, 1.0), pose(6))])]))
+    assert not follower.left_out and [body.name for body in client.bodies] == [*names, "crate.0", "crate.1"]

@@ -96,7 +96,13 @@ class Bridge:
         return self._known[1]
 
     def on_poses(self, transforms: list[Any]) -> Optional[clearance.PosesDone]:
-        """geometry_msgs/TransformStamped of the bodies that have their frames' names; None: none of them is known."""
+        """geometry_msgs/TransformStamped of the bodies that have their frames' names; None: none of them is known.
+
+        Raises ValueError where a frame comes twice.
+        """
+        frames = [t.child_frame_id for t in transforms]
+        if len(set(frames)) != len(frames):
+            raise ValueError(f"tf: {max(frames, key=frames.count)} comes twice")
         bodies = {body.name for body in self.client.bodies if not body.is_static}
         poses = {t.child_frame_id: pose_of(t.transform) for t in transforms if t.child_frame_id in bodies}
         self.unknown |= {t.child_frame_id for t in transforms} - bodies

@@ -14,10 +14,16 @@ MATRIX = "allowed_collision_matrix"  #: its name in `left_out`
 
 
 def pose_of(message: Any) -> list[float]:
-    """[x, y, z, qw, qx, qy, qz] of a geometry_msgs/Pose or Transform; a quaternion of zeros is none."""
-    p = getattr(message, "position", None) or message.translation
-    q = getattr(message, "orientation", None) or message.rotation
-    turn = [q.w, q.x, q.y, q.z] if any((q.w, q.x, q.y, q.z)) else [1.0, 0.0, 0.0, 0.0]
+    """[x, y, z, qw, qx, qy, qz] of a geometry_msgs/Pose or Transform.
+
+    A quaternion of zeros in a Pose is the identity, as MoveIt takes it. In a Transform it stays: it is no rotation.
+    """
+    if hasattr(message, "translation"):
+        p, q, is_empty = message.translation, message.rotation, False
+    else:
+        p, q = message.position, message.orientation
+        is_empty = not any((q.w, q.x, q.y, q.z))
+    turn = [1.0, 0.0, 0.0, 0.0] if is_empty else [q.w, q.x, q.y, q.z]
     return [float(number) for number in (p.x, p.y, p.z, *turn)]
 
 
@@ -96,14 +102,26 @@ class SceneFollower:
         shapes = list(_shapes(item))
         if not shapes:
             raise ValueError("it has no shape")
-        if operation == ADD:  # the old one stays until it is known what takes its place
+        first = len(self._parts.get(item.id, [])) if operation == APPEND else 0
+        several = len(shapes) > 1 or operation == APPEND
+        names = [f"{item.id}.{first + i}" if several else item.id for i in range(len(shapes))]
+        if operation == ADD and item.id in self._parts:
+            # The old one stays where the daemon rejects what would take its place.
+            trial = [f"{name}~" for name in names]
+            self._add(trial, shapes, place, parent)
+            self._remove_bodies(trial)
             self._remove(item.id)
-        parts = self._parts.setdefault(item.id, [])
-        for shape, within in shapes:
-            several = len(shapes) > 1 or operation == APPEND
-            name = f"{item.id}.{len(parts)}" if several else item.id
-            self._client.add_body(name, parent=parent, pose=place @ within, **shape)
-            parts.append((name, within))
+        self._add(names, shapes, place, parent)
+        self._parts.setdefault(item.id, []).extend((name, within) for name, (_, within) in zip(names, shapes))
+
+    def _add(self, names: list[str], shapes: list[Any], place: np.ndarray, parent: Optional[str]) -> None:
+        """Adds a body for each shape, or none where the daemon rejects one."""
+        for i, (name, (shape, within)) in enumerate(zip(names, shapes)):
+            try:
+                self._client.add_body(name, parent=parent, pose=place @ within, **shape)
+            except Exception:
+                self._remove_bodies(names[:i])
+                raise
 
     def _move(self, item: Any, place: np.ndarray) -> None:
         parts = self._parts.get(item.id)
@@ -112,14 +130,17 @@ class SceneFollower:
         given = [pose_of(pose) for pose in (*item.primitive_poses, *item.mesh_poses)]
         if given and len(given) != len(parts):
             raise ValueError(f"it has {len(parts)} shapes, and comes with poses for {len(given)}")
-        if given:
-            parts[:] = [(name, matrix_of(pose)) for (name, _), pose in zip(parts, given)]
-        self._client.set_poses({name: place @ within for name, within in parts})
+        moved = [(name, matrix_of(pose)) for (name, _), pose in zip(parts, given)] if given else parts
+        self._client.set_poses({name: place @ within for name, within in moved})
+        parts[:] = moved
 
     def _remove(self, name: str) -> None:
         self._held.pop(name, None)
-        for body, _ in reversed(self._parts.pop(name, [])):
-            self._client.remove_body(body)
+        self._remove_bodies([body for body, _ in self._parts.pop(name, [])])
+
+    def _remove_bodies(self, names: list[str]) -> None:
+        for name in reversed(names):
+            self._client.remove_body(name)
 
     def _attached(self, attached: Any) -> None:
         item, link = attached.object, self._prefix + attached.link_name
@@ -131,7 +152,8 @@ class SceneFollower:
                 self._held.pop(name, None)
             return
         if _shapes_given(item):
-            self._remove(item.id)
+            if _operation(item) != ADD:
+                self._remove(item.id)
             self._object(item, link)
         touched = [self._prefix + name for name in attached.touch_links]
         known = {body.name for body in self._client.bodies}
