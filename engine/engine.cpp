@@ -425,6 +425,35 @@ std::shared_ptr<void> Engine::trim_warm(std::uint64_t client, std::uint64_t room
   return impl_->warm.trim(client, room);
 }
 
+namespace {
+
+// How old the poses are, and how many bodies have none to answer for. Static bodies need no pose.
+void append_ages(Counters& counters, const PoseSnapshot& snapshot) {
+  std::uint64_t missing = 0, bad = 0;
+  std::int64_t newest = 0, oldest = 0;
+  for (std::size_t b = 0; b < snapshot.placed.size(); ++b) {
+    const Body& body = snapshot.scene->bodies()[b];
+    if (!body.pieces.empty() || is_cloud(body)) {  // else it is a frame, which no pair has
+      missing += snapshot.placed[b].status == Status::kNoPose;
+      bad += snapshot.placed[b].status == Status::kBadPose;
+    }
+    const std::int64_t receipt = snapshot.receipt_ns[b];
+    if (receipt == 0) continue;
+    newest = std::max(newest, receipt);
+    oldest = oldest == 0 ? receipt : std::min(oldest, receipt);
+  }
+  counters.emplace_back("engine.bodies_without_pose", missing);
+  counters.emplace_back("engine.bodies_with_bad_pose", bad);
+  if (oldest == 0) return;
+  const std::int64_t now = monotonic_ns();
+  counters.emplace_back("engine.newest_pose_age_ns",
+                        static_cast<std::uint64_t>(std::max<std::int64_t>(now - newest, 0)));
+  counters.emplace_back("engine.oldest_pose_age_ns",
+                        static_cast<std::uint64_t>(std::max<std::int64_t>(now - oldest, 0)));
+}
+
+}  // namespace
+
 Counters Engine::stats() const {
   const auto snapshot = impl_->poses.snapshot();
   std::uint64_t vertices = 0, pieces = 0, points = 0;
@@ -457,6 +486,7 @@ Counters Engine::stats() const {
                     {"engine.points", points},
                     {"engine.stamps_out_of_range", impl_->poses.stamps_out_of_range()},
                     {"engine.stamps_late", impl_->poses.stamps_late()}};
+  append_ages(counters, *snapshot);
   if (impl_->device) impl_->device->append(counters);
   if (impl_->router) impl_->router->append(counters);
   return counters;

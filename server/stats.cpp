@@ -12,6 +12,7 @@ Stats::Stats() {
 
 void Stats::count_latency(std::uint64_t ns) {
   const std::uint64_t us = (ns + 999) / 1000;
+  latency_sum_ns += ns;
   ++*latency_[std::min<int>(std::bit_width(us > 0 ? us - 1 : 0), kLatencyBuckets - 1)];
 }
 

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "error_log.h"
+#include "wire/prometheus.h"
 
 namespace clearance {
 
@@ -58,7 +59,7 @@ class Stats {
   // frames = replies + errors + requests.dropped (their client is gone) + requests.waiting
   std::uint64_t &frames = named_["frames"], &replies = named_["replies"], &dropped = named_["requests.dropped"],
                 &queries = named_["queries"], &answered = named_["queries.answered"], &rows = named_["rows"],
-                &records_ignored = named_["records.ignored"];
+                &records_ignored = named_["records.ignored"], &latency_sum_ns = named_[kLatencySum];
   // The most between two looks of the loop at its transports: time, and units of work (engine/narrow/work_meter.h).
   std::uint64_t &longest_section_ns = named_["loop.longest_section_ns"],
                 &longest_section_units = named_["loop.longest_section_units"];

@@ -485,9 +485,9 @@ TEST_F(CommandLine, StatAndPing) {
   EXPECT_TRUE(contains(ask({"stat", "--csv"}).out, "queries.waiting,0\n"));
   for (int i = 0; i < 3; ++i) ask({"query"});
   const Finished text = ask({"stat", "--prometheus"});
-  EXPECT_TRUE(contains(text.out, "\nclearance_queries_answered 3\n"));
-  EXPECT_TRUE(
-      contains(text.out, "\nclearance_latency_seconds_bucket{le=\"+Inf\"} 3\nclearance_latency_seconds_count 3\n"));
+  EXPECT_TRUE(contains(text.out, "\nclearance_queries_answered_total 3\n"));
+  EXPECT_TRUE(contains(text.out, "\nclearance_latency_seconds_bucket{le=\"+Inf\"} 3\n"));
+  EXPECT_TRUE(contains(text.out, "\nclearance_latency_seconds_count 3\n"));
   EXPECT_TRUE(contains(ask({"stat"}).out, "latency_us, half at most"));
   const Finished watched = ask({"stat", "--watch", "0.05", "--count", "2", "--csv"});
   EXPECT_TRUE(contains(watched.out, "queries.answered,3,\n")) << "none in between";

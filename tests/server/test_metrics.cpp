@@ -5,6 +5,10 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <sstream>
 #include <thread>
 
 #include "bad_requests.h"
@@ -126,6 +130,148 @@ bool has(const std::string& text, const std::string& part) {
 }
 const std::string kGet = "GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n";
 
+// --- the text format
+
+bool is_name(const std::string& text) {
+  const auto is_allowed = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == ':'; };
+  return !text.empty() && !std::isdigit(static_cast<unsigned char>(text[0])) && std::ranges::all_of(text, is_allowed);
+}
+
+/// What a strict reader of Prometheus' text format finds wrong with it; empty: nothing. All labels here are `le`.
+class FormatReader {
+ public:
+  std::string problem(const std::string& text) {
+    if (!text.ends_with('\n')) return "the last line does not end";
+    std::istringstream in(text);
+    for (std::string line; std::getline(in, line);)
+      if (const std::string wrong = take(line); !wrong.empty()) return wrong + ": " + line;
+    return end_metric();
+  }
+  std::map<std::string, double> values;  ///< by name, without those of histograms
+  std::map<std::string, std::string> types;
+
+ private:
+  std::string take(const std::string& line) {
+    std::istringstream words(line);
+    std::string hash, what, name, rest;
+    if (line.starts_with("# HELP ")) {
+      words >> hash >> what >> name;
+      std::getline(words >> std::ws, rest);
+      if (const std::string wrong = end_metric(); !wrong.empty()) return wrong;
+      if (!is_name(name) || rest.empty()) return "HELP has no name or no text";
+      if (types.contains(name)) return "the metric comes twice";
+      metric_ = name;
+      type_ = "";
+      return "";
+    }
+    if (line.starts_with("# TYPE ")) {
+      words >> hash >> what >> name >> type_ >> rest;
+      if (name != metric_ || !rest.empty()) return "TYPE does not follow its HELP";
+      if (type_ != "counter" && type_ != "gauge" && type_ != "histogram") return "no such type";
+      if ((type_ == "counter") != name.ends_with("_total")) return "counters, and they alone, end in _total";
+      types[name] = type_;
+      return "";
+    }
+    return sample(line);
+  }
+  std::string sample(const std::string& line) {
+    const std::size_t space = line.rfind(' '), brace = line.find('{');
+    if (space == std::string::npos || type_.empty()) return "neither a comment nor a sample of a metric";
+    const std::string name = line.substr(0, std::min(space, brace));
+    std::size_t used = 0;
+    const double value = std::stod(line.substr(space + 1), &used);
+    if (used != line.size() - space - 1) return "no number";
+    if (type_ != "histogram") {
+      if (name != metric_ || brace != std::string::npos) return "not of the metric";
+      if (type_ == "counter" && value < 0) return "a counter below 0";
+      return values.emplace(name, value).second ? "" : "comes twice";
+    }
+    if (name == metric_ + "_sum") return sums_++ == 0 ? "" : "a second sum";
+    if (name == metric_ + "_count") return (counts_.push_back(value), "");
+    const std::string label = line.substr(0, space), begin = metric_ + "_bucket{le=\"";
+    if (!label.starts_with(begin) || !label.ends_with("\"}")) return "no bucket";
+    const double bound = std::stod(label.substr(begin.size()));
+    if (!buckets_.empty() && (bound <= buckets_.back().first || value < buckets_.back().second))
+      return "buckets do not ascend";
+    buckets_.emplace_back(bound, value);
+    return "";
+  }
+  std::string end_metric() {
+    if (metric_.empty()) return "";
+    if (type_.empty()) return metric_ + " has no TYPE";
+    if (type_ != "histogram") return values.contains(metric_) ? "" : metric_ + " has no sample";
+    if (sums_ != 1 || counts_.size() != 1 || buckets_.empty()) return metric_ + " lacks _sum, _count or buckets";
+    if (!std::isinf(buckets_.back().first) || buckets_.back().second != counts_[0])
+      return metric_ + ": its last bucket is not the count";
+    return "";
+  }
+  std::string metric_, type_;
+  int sums_ = 0;
+  std::vector<double> counts_;
+  std::vector<std::pair<double, double>> buckets_;
+};
+
+std::string format_problem(const std::string& text) {
+  return FormatReader().problem(text);
+}
+
+TEST(Prometheus, TheStrictReaderFindsWhatIsWrong) {
+  const std::string good = "# HELP a_total A.\n# TYPE a_total counter\na_total 1\n";
+  EXPECT_EQ(format_problem(good), "");
+  EXPECT_NE(format_problem(good + good), "");
+  for (const char* bad :
+       {"a_total 1\n", "# HELP a_total A.\na_total 1\n", "# HELP a A.\n# TYPE a counter\na 1\n",
+        "# HELP a_total A.\n# TYPE a_total gauge\na_total 1\n", "# HELP a A.\n# TYPE a gauge\n",
+        "# HELP a A.\n# TYPE a gauge\nb 1\n", "# HELP a A.\n# TYPE a gauge\na 1",
+        "# HELP a.b A.\n# TYPE a.b gauge\na.b 1\n", "# HELP a\n# TYPE a gauge\na 1\n",
+        "# HELP a A.\n# TYPE a gauge\na 1x\n", "# HELP a A.\n# TYPE a histogram\na_bucket{le=\"+Inf\"} 1\na_count 1\n",
+        "# HELP a A.\n# TYPE a histogram\na_bucket{le=\"1\"} 1\na_sum 1\na_count 1\n",
+        "# HELP a A.\n# TYPE a histogram\na_bucket{le=\"2\"} 1\na_bucket{le=\"1\"} 1\na_bucket{le=\"+Inf\"} 1\na_sum "
+        "1\n"
+        "a_count 1\n"})
+    EXPECT_NE(format_problem(bad), "") << bad;
+}
+
+TEST(Prometheus, CountersGaugesAgesAndTheHistogramAreWrittenExactly) {
+  EXPECT_EQ(prometheus_text({{"queries.answered", 3},
+                             {"errors.bad_query", 1},
+                             {"uptime_s", 5},
+                             {"engine.oldest_pose_age_ns", 1'500'000'001},
+                             {"cuda.1.scene_bytes", 7},
+                             {"new.count", 2},
+                             {"latency_us.more", 1},
+                             {"latency_us.1", 0},
+                             {"latency_us.4194304", 2},
+                             {"queries.latency_sum_ns", 20'000'000'007}}),
+            "# HELP clearance_queries_answered_total Queries answered.\n"
+            "# TYPE clearance_queries_answered_total counter\n"
+            "clearance_queries_answered_total 3\n"
+            "# HELP clearance_errors_bad_query_total Requests rejected with this error code.\n"
+            "# TYPE clearance_errors_bad_query_total counter\n"
+            "clearance_errors_bad_query_total 1\n"
+            "# HELP clearance_uptime_s Seconds since the daemon started.\n"
+            "# TYPE clearance_uptime_s gauge\n"
+            "clearance_uptime_s 5\n"
+            "# HELP clearance_engine_oldest_pose_age_seconds Age of the oldest pose among the movable bodies that "
+            "received one. In seconds.\n"
+            "# TYPE clearance_engine_oldest_pose_age_seconds gauge\n"
+            "clearance_engine_oldest_pose_age_seconds 1.500000001\n"
+            "# HELP clearance_cuda_1_scene_bytes A figure of the daemon that has no description.\n"
+            "# TYPE clearance_cuda_1_scene_bytes gauge\n"
+            "clearance_cuda_1_scene_bytes 7\n"
+            "# HELP clearance_new_count_total A count of the daemon that has no description.\n"
+            "# TYPE clearance_new_count_total counter\n"
+            "clearance_new_count_total 2\n"
+            "# HELP clearance_latency_seconds From a query's arrival to its reply.\n"
+            "# TYPE clearance_latency_seconds histogram\n"
+            "clearance_latency_seconds_bucket{le=\"0.000001000\"} 0\n"
+            "clearance_latency_seconds_bucket{le=\"4.194304000\"} 2\n"
+            "clearance_latency_seconds_bucket{le=\"+Inf\"} 3\n"
+            "clearance_latency_seconds_sum 20.000000007\n"
+            "clearance_latency_seconds_count 3\n");
+  EXPECT_EQ(format_problem(prometheus_text({})), "") << "an empty histogram is one";
+}
+
 class Metrics : public testing::Test {
  protected:
   std::vector<std::string> options(const std::string& endpoint) {
@@ -156,11 +302,11 @@ TEST_F(Metrics, OnAUnixSocket) {
                   0),
       0u)
       << reply;
-  EXPECT_TRUE(has(text, "\nclearance_queries_answered 3\n")) << text;
-  EXPECT_TRUE(has(text, "\nclearance_errors 1\n")) << text;
+  EXPECT_TRUE(has(text, "\nclearance_queries_answered_total 3\n")) << text;
+  EXPECT_TRUE(has(text, "\nclearance_errors_total 1\n")) << text;
   EXPECT_TRUE(has(text, "clearance_engine_bodies 4\n")) << text;
-  EXPECT_TRUE(has(text, "clearance_latency_seconds_bucket{le=\"+Inf\"} 3\nclearance_latency_seconds_count 3\n"))
-      << text;
+  EXPECT_TRUE(has(text, "clearance_latency_seconds_bucket{le=\"+Inf\"} 3\nclearance_latency_seconds_sum ")) << text;
+  EXPECT_TRUE(has(text, "\nclearance_latency_seconds_count 3\n")) << text;
   const std::string errors = body_of(ask_http(path, "GET /errors HTTP/1.0\r\n\r\n"));
   EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
   EXPECT_EQ(errors.rfind("1\t20", 0), 0u) << errors;
@@ -173,6 +319,40 @@ TEST_F(Metrics, OnAUnixSocket) {
     EXPECT_EQ(ask_http(path, rubbish).rfind("HTTP/1.0 400 ", 0), 0u) << rubbish;
   EXPECT_EQ(daemon.stop(SIGTERM), 0);
   EXPECT_NE(stat(path.c_str(), &info), 0) << "the socket is removed";
+}
+
+TEST_F(Metrics, AreInTheFormatWithAnAgeOfThePoses) {
+  const std::string path = folder_ / "metrics.sock";
+  auto all = options(path);
+  all.insert(all.end(), {"--shm", folder_ / "c.sock"});
+  Daemon daemon(all);
+  Client client = patient(daemon.url());
+  const auto read = [&] {
+    FormatReader reader;
+    const std::string text = body_of(ask_http(path, kGet));
+    EXPECT_EQ(reader.problem(text), "");
+    EXPECT_FALSE(has(text, "no description")) << text;
+    return reader;
+  };
+  FormatReader first = read();
+  EXPECT_EQ(first.types.at("clearance_latency_seconds"), "histogram");
+  EXPECT_EQ(first.types.at("clearance_frames_total"), "counter");
+  EXPECT_EQ(first.types.at("clearance_requests_waiting"), "gauge");
+  EXPECT_EQ(first.values.at("clearance_engine_bodies_without_pose"), 1) << "link2";
+  EXPECT_FALSE(first.values.contains("clearance_engine_oldest_pose_age_seconds")) << "none was received";
+
+  client.set_poses({{"cup", {0, 0, 1, 1, 0, 0, 0}}});
+  const auto before = std::chrono::steady_clock::now();
+  client.set_poses({{"link2", {0, 0, 3, 1, 0, 0, 0}}, {"link1", {0, 0, NAN, 1, 0, 0, 0}}});
+  FormatReader second = read();
+  const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - before;
+  const double newest = second.values.at("clearance_engine_newest_pose_age_seconds");
+  EXPECT_GE(second.values.at("clearance_engine_oldest_pose_age_seconds"), newest);
+  EXPECT_GE(newest, 0);
+  EXPECT_LE(newest, passed.count());
+  EXPECT_EQ(second.values.at("clearance_engine_bodies_without_pose"), 0);
+  EXPECT_GE(second.values.at("clearance_engine_bodies_with_bad_pose"), 1);
+  EXPECT_EQ(second.values.at("clearance_poses_bad_total"), 1);
 }
 
 TEST_F(Metrics, OnTheLoopback) {
@@ -200,7 +380,7 @@ TEST_F(Metrics, WhoIsSlowOrGoesKeepsNobodyFromAnAnswer) {
   const shm::UniqueFd greedy = connect_to(path);
   (void)::send(greedy.get(), endless.data(), endless.size(), MSG_NOSIGNAL);
   EXPECT_EQ(read_to_end(greedy.get()), "");
-  EXPECT_TRUE(has(ask_http(path, kGet), "clearance_queries_answered 1\n"));
+  EXPECT_TRUE(has(ask_http(path, kGet), "clearance_queries_answered_total 1\n"));
 }
 
 TEST_F(Metrics, WhatWakesTheDaemonLetsItSleepAgain) {

@@ -30,6 +30,7 @@ TEST(Stats, LatenciesAreCountedInPowersOfTwo) {
   EXPECT_EQ(all.at("latency_us.4"), 1u);
   EXPECT_EQ(all.at("latency_us.8"), 0u);
   EXPECT_EQ(all.at("latency_us.more"), 1u);
+  EXPECT_EQ(all.at("queries.latency_sum_ns"), 6003u + (std::uint64_t{1} << 50));
 }
 
 TEST(Stats, ErrorsAreCountedByCodeAndRemembered) {
