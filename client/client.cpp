@@ -1,6 +1,7 @@
 #include "client.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "client_impl.h"
@@ -21,7 +22,19 @@ Client::Impl& Client::impl() const {
 }
 
 Check Client::check(const Query& query) {
-  return check_of(distances(as_check(query)));
+  const Reply reply = distances(as_check(query));
+  const bool is_now = query.joints.empty() && query.configurations.empty();
+  if (query.joints.empty() && !is_now) return check_of(reply, {}, {}, {});
+  const JointsInfo& info = impl().joints_at(reply.scene_revision(), is_now ? reply.snapshot_revision() : 0);
+  std::vector<std::uint32_t> joints(query.joints.begin(), query.joints.end());
+  std::vector<double> positions(query.positions.begin(), query.positions.end());
+  for (std::uint32_t joint = 0; is_now && joint < info.joints.size(); ++joint) {
+    joints.push_back(joint);
+    positions.push_back(info.joints[joint].status == Status::kOk ? info.joints[joint].position : std::nan(""));
+  }
+  std::vector<JointLimits> limits;
+  for (const std::uint32_t joint : joints) limits.push_back({info.joints.at(joint).lower, info.joints.at(joint).upper});
+  return check_of(reply, joints, limits, positions);
 }
 std::vector<double> Client::free_scale(const Query& query, std::span<const double> weights) {
   const Reply reply = distances(as_free_scale(query, weights));
@@ -106,11 +119,26 @@ PosesDone Client::set_points(std::uint32_t body, std::span<const std::array<floa
 
 JointsInfo Client::joints() {
   const std::uint64_t revision = scene().revision;
-  const auto frame = impl().call(FrameType::kGetJoints, {}, FrameType::kJoints, 0);
-  const auto parts = impl().checked([&] { return wire::parse_joints(impl().body_of(*frame)); });
+  JointsInfo info = impl().fetch_joints();
+  if (info.scene_revision != revision) impl().scene_is_old = true;  // ids are of the scene that the caller sees next
+  return info;
+}
+
+const JointsInfo& Client::Impl::joints_at(std::uint64_t scene_revision, std::uint64_t snapshot_revision) {
+  const bool is_known = joints && joints->scene_revision == scene_revision &&
+                        (snapshot_revision == 0 || joints->joints.empty() || joints_snapshot == snapshot_revision);
+  if (!is_known) {
+    joints = fetch_joints();
+    joints_snapshot = snapshot_revision;
+  }
+  return *joints;
+}
+
+JointsInfo Client::Impl::fetch_joints() {
+  const auto frame = call(FrameType::kGetJoints, {}, FrameType::kJoints, 0);
+  const auto parts = checked([&] { return wire::parse_joints(body_of(*frame)); });
   JointsInfo info;
   info.scene_revision = parts.header.scene_revision;
-  if (info.scene_revision != revision) impl().scene_is_old = true;  // ids are of the scene that the caller sees next
   for (std::uint64_t i = 0; i < parts.joints.size(); ++i) {
     const wire::JointStateRecord r = parts.joints[i];
     info.joints.push_back({wire::name_of(r.name), r.lower, r.upper, r.position, static_cast<Status>(r.status),

@@ -287,7 +287,8 @@ class CLEARANCE_API Client {
 
   /// Answers a query. Throws TimeoutError, ConnectionError, RequestError.
   Reply distances(const Query& query = {});
-  /// Which configurations are free: Reduce::kAny with the query's margins. What is not proved is not free.
+  /// Which configurations are free: Reduce::kAny with the query's margins. What is not proved is not free. Joint limits
+  /// are looked at too (Check::ok()); they are fetched once, without configurations after each change of poses.
   Check check(const Query& query = {});
   /// How far joints may move from each configuration (of joints, no bodies): the largest s that is proved such that all
   /// pairs stay beyond the query's margins while no joint moves by more than s times its weight. 0: not even the

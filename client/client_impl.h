@@ -159,6 +159,9 @@ struct Client::Impl {
     known_revision = poses_revision = scene->revision;
   }
   SceneInfo fetch_scene();
+  JointsInfo fetch_joints();
+  /// The joints of a scene with their limits, kept. \param snapshot_revision where they are at that one; 0: no matter
+  const JointsInfo& joints_at(std::uint64_t scene_revision, std::uint64_t snapshot_revision);
   /// The revision of the scene that the caller's ids are of, for a request that uses them; 0: it knows none. What
   /// somebody else has changed is refused (kWrongScene) until the caller looks at the scene again, since its ids may
   /// mean other bodies; what this client has changed itself is not, where they mean the same.
@@ -215,6 +218,8 @@ struct Client::Impl {
   Connection connection;
   std::map<std::uint64_t, std::string> sent_in_records;  // names of such options, by request under way
   std::optional<SceneInfo> scene;                        // as the caller has seen it
+  std::optional<JointsInfo> joints;                      // of joints_at()
+  std::uint64_t joints_snapshot = 0;
   bool scene_is_old = false;         // the daemon has said so: fetched anew before the caller's next look
   bool changed_by_us = false;        // since, in a way that may have given bodies other ids
   std::uint64_t known_revision = 0;  // of the scene that the caller's ids are of; 0: it has not looked

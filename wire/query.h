@@ -58,13 +58,41 @@ inline std::uint64_t configuration_count(const Query& query) {
   return of_bodies ? of_bodies : of_joints;
 }
 
-/// Which configurations are free: (K,) each, 1 without configurations.
+/// A joint's limits, radians or metres; infinite: none.
+struct JointLimits {
+  double lower, upper;
+};
+
+/// A joint that is beyond its limits.
+struct LimitViolation {
+  std::uint64_t configuration;
+  std::uint32_t joint;  ///< id
+  double position;      ///< radians or metres
+  JointLimits limits;
+  /// How far beyond, above 0.
+  double excess() const { return position < limits.lower ? limits.lower - position : position - limits.upper; }
+};
+
+/// Which configurations are free: (K,) each, 1 without configurations. Distances do not depend on joint limits, nor
+/// does `free`; ok() does.
 struct Check {
   std::vector<bool> free;  ///< every pair is proved farther than its margin
   std::vector<Status>
       status;                ///< kBeyond: free; kOk, kContact, kOverlap: `pair` is within; else nothing is proved of it
   std::vector<IdPair> pair;  ///< kNone where it is free
   std::vector<double> lower, upper;  ///< metres, of `pair`
+  /// A joint of the query is beyond its limits; without configurations, a joint of the scene.
+  std::vector<bool> beyond_limits;
+  std::vector<LimitViolation> limit_violations;  ///< in the order of configurations
+
+  /// Whether configuration `k` is free, and within the joints' limits.
+  bool ok(std::size_t k) const { return free[k] && !beyond_limits[k]; }
+  /// Whether all are.
+  explicit operator bool() const {
+    for (std::size_t k = 0; k < free.size(); ++k)
+      if (!ok(k)) return false;
+    return true;
+  }
 };
 
 /// A query as check() asks it.
@@ -83,8 +111,10 @@ inline Query as_free_scale(Query query, std::span<const double> weights) {
   return query;
 }
 /// What the answer to as_check() says.
+/// \param limits (J,) of the joints
 template <class Answer>
-Check check_of(const Answer& answer) {
+Check check_of(const Answer& answer, std::span<const std::uint32_t> joints, std::span<const JointLimits> limits,
+               std::span<const double> positions) {
   Check check;
   for (std::size_t k = 0; k < answer.rows(); ++k) {
     check.free.push_back(answer.status()[k] == Status::kBeyond);
@@ -92,6 +122,13 @@ Check check_of(const Answer& answer) {
     check.pair.push_back(answer.pair()[k]);
     check.lower.push_back(answer.lower()[k]);
     check.upper.push_back(answer.upper()[k]);
+    check.beyond_limits.push_back(false);
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      const double position = positions[k * joints.size() + j];
+      if (!(position < limits[j].lower || position > limits[j].upper)) continue;
+      check.beyond_limits[k] = true;
+      check.limit_violations.push_back({k, joints[j], position, limits[j]});
+    }
   }
   return check;
 }

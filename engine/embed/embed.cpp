@@ -1,5 +1,7 @@
 #include "engine/embed/embed.h"
 
+#include <cmath>
+
 #include "engine/engine.h"
 
 namespace clearance::embed {
@@ -330,7 +332,24 @@ std::uint32_t Engine::forbid(std::uint32_t a, std::uint32_t b) {
 }
 
 Check Engine::check(const Query& query) const {
-  return check_of(distances(as_check(query)));
+  const clearance::Scene& scene = impl_->engine.scene();
+  const Answer answer = distances(as_check(query));
+  std::vector<std::uint32_t> joints(query.joints.begin(), query.joints.end());
+  std::vector<double> positions(query.positions.begin(), query.positions.end());
+  if (query.joints.empty() && query.configurations.empty()) {
+    for (std::uint32_t joint = 0; joint < scene.joints().size(); ++joint) {
+      const JointState state = impl_->engine.joint_state(joint);
+      joints.push_back(joint);
+      positions.push_back(state.status == Status::kOk ? state.position : std::nan(""));
+    }
+  }
+  std::vector<JointLimits> limits;
+  for (const std::uint32_t joint : joints) {
+    const SceneJoint& of = scene.joints().at(joint);
+    const RobotColumn& column = scene.robots()[of.robot]->model.columns[of.column];
+    limits.push_back({column.lower, column.upper});
+  }
+  return check_of(answer, joints, limits, positions);
 }
 
 std::vector<double> Engine::free_scale(const Query& query, std::span<const double> weights) const {

@@ -214,8 +214,8 @@ class CLEARANCE_API Engine {
   /// configurations and for options that are a daemon's (min_pose_stamp_ns, max_reply_bytes, ...). A bad pose
   /// or an unknown id is a status of its rows.
   Answer distances(const Query& query = {}) const;
-  /// Which configurations are free: Reduce::kAny with the query's margins. What is not proved is not free. Throws as
-  /// distances().
+  /// Which configurations are free: Reduce::kAny with the query's margins. What is not proved is not free. Joint limits
+  /// are looked at too (Check::ok()). Throws as distances().
   Check check(const Query& query = {}) const;
   /// How far joints may move from each configuration (of joints, no bodies): the largest s that is proved such that all
   /// pairs stay beyond the query's margins while no joint moves by more than s times its weight. 0: not even the

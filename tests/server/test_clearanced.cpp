@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <thread>
 
@@ -547,6 +548,48 @@ TEST_F(CommandLine, HelpHasAnExample) {
                            "remove-body", "Example\n  clearance query", "CLEARANCE_URL"})
     EXPECT_TRUE(contains(help.out, part));
   EXPECT_FALSE(contains(clearance_cli({"query", "--help"}).out, "Exit codes"));
+}
+
+TEST_F(Clearanced, ACheckOfAClientSaysWhichJointsAreBeyondTheirLimits) {
+  std::filesystem::copy(CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf", folder_ / "arm.urdf");
+  const std::string scene = folder_.write("arm.yaml",
+                                          "bodies: [{name: post, box: 0.1, static: true, pose: [9, 0, 0, 1, 0, 0, 0]}, "
+                                          "{name: ball, sphere: 0.1, pose: [9, 3, 0, 1, 0, 0, 0]}]\n"
+                                          "robots: [{name: arm, urdf: arm.urdf, home: {joint4: -1.5}}]\n");
+  Daemon daemon({"--scene", scene, "--zmq", ipc_});
+  Client client = patient(ipc_);
+  const std::array<IdPair, 1> pairs{{{client.body("post"), client.body("ball")}}};
+  const std::uint32_t joints[] = {0, 7};
+  const double positions[] = {0, 0.05, 3, 0.01, -2.9, 0.04, NAN, 0};
+  Query query;
+  query.pairs = pairs;
+  query.joints = joints;
+  query.positions = positions;
+  const Check check = client.check(query);
+  EXPECT_EQ(check.free, (std::vector<bool>{true, true, true, true}));
+  EXPECT_EQ(check.beyond_limits, (std::vector<bool>{true, true, false, false}));
+  EXPECT_FALSE(check);
+  EXPECT_TRUE(check.ok(2));
+  ASSERT_EQ(check.limit_violations.size(), 2u);
+  EXPECT_EQ(check.limit_violations[0].joint, 7u);
+  EXPECT_EQ(check.limit_violations[0].excess(), 0.05 - 0.04);
+  EXPECT_EQ(check.limit_violations[1].configuration, 1u);
+  EXPECT_EQ(check.limit_violations[1].excess(), 3 - 2.9);
+
+  Query now;
+  now.pairs = pairs;
+  EXPECT_TRUE(client.check(now));
+  const std::pair<std::uint32_t, double> far[] = {{0, -4}};
+  client.set_joints(far);
+  const Check beyond = client.check(now);
+  ASSERT_EQ(beyond.limit_violations.size(), 1u);
+  EXPECT_EQ(beyond.limit_violations[0].excess(), 4 - 2.9);
+  EXPECT_FALSE(beyond.ok(0));
+  const std::uint32_t ball[] = {client.body("ball")};
+  const Pose7 pose[] = {{9, 4, 0, 1, 0, 0, 0}};
+  now.bodies = ball;
+  now.configurations = pose;
+  EXPECT_TRUE(client.check(now)) << "of joints that the query does not name nothing is told";
 }
 
 }  // namespace
