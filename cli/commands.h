@@ -42,10 +42,18 @@ std::uint32_t selector_of(Client& client, const std::string& text);
 void add_pairs_option(CLI::App& command, std::vector<std::string>& pairs);
 /// What was given there. Throws std::invalid_argument.
 std::vector<IdPair> pairs_of(Client& client, const std::vector<std::string>& texts);
-/// A pose given as x y z [qw qx qy qz]; the identity where nothing was given. Throws std::invalid_argument.
+/// A pose given as x y z [qw qx qy qz]; the identity where nothing was given. Throws std::invalid_argument, also for a
+/// pose that the daemon would store as bad.
 Pose7 pose_of(const std::string& option, const std::vector<double>& numbers);
-/// A joint's position. Throws std::invalid_argument, beginning with `expected`, for a text that is no number.
+/// A finite number. Throws std::invalid_argument, beginning with `expected`, for any other text.
+double number_of(const std::string& text, const std::string& expected);
+/// A joint's position: a number from -1e6 to 1e6, radians or metres. Throws as number_of().
 double position_of(const std::string& text, const std::string& expected);
+/// A hint, for the end of a message, that positions beyond their joints' limits were given in degrees: some is more
+/// than a turn, and all of them would be within as degrees. Else nothing.
+std::string degrees_hint(const std::vector<std::pair<double, JointInfo>>& beyond);
+/// Prints a warning for entries of an update that the daemon has stored as bad.
+void warn_of_bad(const PosesDone& done);
 std::string name_of(const SceneInfo& scene, std::uint32_t body);
 
 void add_bodies(CLI::App& app);

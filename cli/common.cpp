@@ -1,6 +1,11 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+#include <numbers>
+#include <sstream>
 
 #include "commands.h"
 #include "wire/default_socket.h"
@@ -48,6 +53,9 @@ void add_output_options(CLI::App& command, Output& output) {
 
 namespace {
 
+// The daemon's rules (docs/concepts.md): what breaks them is not sent.
+constexpr double kMinNorm = 1e-6, kMaxNorm = 1e6, kMaxPosition = 1e6;
+
 /// A body's number, if the text is one.
 bool number_of(Client& client, const std::string& text, std::uint32_t& id) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
@@ -82,19 +90,46 @@ Pose7 pose_of(const std::string& option, const std::vector<double>& numbers) {
                                 std::to_string(numbers.size()) + " numbers");
   Pose7 pose{0, 0, 0, 1, 0, 0, 0};
   std::copy(numbers.begin(), numbers.end(), pose.begin());
+  for (const double number : pose)
+    if (!std::isfinite(number)) throw std::invalid_argument(option + ": expected finite numbers");
+  const double norm = std::hypot(std::hypot(pose[3], pose[4]), std::hypot(pose[5], pose[6]));
+  if (!(norm >= kMinNorm && norm <= kMaxNorm)) {
+    std::ostringstream text;
+    text << option << ": expected a quaternion with a norm from " << kMinNorm << " to " << kMaxNorm << ", got " << norm;
+    throw std::invalid_argument(text.str());
+  }
   return pose;
 }
 
+double number_of(const std::string& text, const std::string& expected) {
+  char* end = nullptr;
+  const double number = std::strtod(text.c_str(), &end);
+  if (text.empty() || end != text.c_str() + text.size() || !std::isfinite(number))
+    throw std::invalid_argument(expected + ", got \"" + text + "\"");
+  return number;
+}
+
 double position_of(const std::string& text, const std::string& expected) {
-  std::size_t used = 0;
-  double position = 0;
-  try {
-    position = std::stod(text, &used);
-  } catch (const std::exception&) {
-  }
-  if (text.empty() || used != text.size())
-    throw std::invalid_argument(expected + ", radians or metres, got \"" + text + "\"");
+  const std::string all = expected + " from -1e6 to 1e6, radians or metres";
+  const double position = number_of(text, all);
+  if (std::abs(position) > kMaxPosition) throw std::invalid_argument(all + ", got \"" + text + "\"");
   return position;
+}
+
+std::string degrees_hint(const std::vector<std::pair<double, JointInfo>>& beyond) {
+  constexpr double kRadian = std::numbers::pi / 180;
+  bool is_large = false;
+  for (const auto& [position, joint] : beyond) {
+    if (position * kRadian < joint.lower || position * kRadian > joint.upper) return "";
+    is_large |= std::abs(position) > 2 * std::numbers::pi;
+  }
+  return is_large ? "; as degrees they would be within: positions are radians" : "";
+}
+
+void warn_of_bad(const PosesDone& done) {
+  if (done.bad > 0)
+    std::cerr << "clearance: warning: the daemon stored " << done.bad
+              << " of the values as bad; queries have no answer for what they move\n";
 }
 
 std::string name_of(const SceneInfo& scene, std::uint32_t body) {

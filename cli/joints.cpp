@@ -2,6 +2,7 @@
 #include <iostream>
 #include <memory>
 #include <set>
+#include <sstream>
 
 #include "commands.h"
 
@@ -25,17 +26,33 @@ std::uint32_t joint_of(const JointsInfo& info, const std::string& name) {
   throw std::invalid_argument("--set: there is no joint \"" + name + "\"; `clearance joints` lists them");
 }
 
+void warn_of_limits(const JointsInfo& info, const std::vector<std::pair<std::uint32_t, double>>& update) {
+  std::vector<std::pair<double, JointInfo>> beyond;
+  std::ostringstream text;
+  for (const auto& [id, position] : update) {
+    const JointInfo& joint = info.joints[id];
+    if (position >= joint.lower && position <= joint.upper) continue;
+    beyond.emplace_back(position, joint);
+    text << (beyond.size() > 1 ? ", " : "") << joint.name << " = " << position << " (" << joint.lower << " to "
+         << joint.upper << ")";
+  }
+  if (!beyond.empty())
+    std::cerr << "clearance: warning: beyond joint limits: " << text.str() << degrees_hint(beyond) << "\n";
+}
+
+/// Reads all positions before it sends any: a value that is rejected changes nothing.
 void set(Client& client, const JointsInfo& info, const std::vector<std::string>& positions) {
   std::vector<std::pair<std::uint32_t, double>> update;
   for (const std::string& text : positions) {
     const std::size_t equals = text.find('=');
     const std::string number = equals == std::string::npos ? "" : text.substr(equals + 1);
-    const double position = position_of(number, "--set: " + text + ": expected JOINT=POSITION");
+    const double position = position_of(number, "--set: " + text + ": expected JOINT=POSITION, a position");
     update.emplace_back(joint_of(info, text.substr(0, equals)), position);
   }
   const PosesDone done = client.set_joints(update);
-  if (done.bad) throw RequestError(0, "a position cannot be used: it must be a number from -1e6 to 1e6");
   std::cout << "pose revision " << done.revision << "\n";
+  warn_of_bad(done);
+  warn_of_limits(info, update);
 }
 
 void print(const JointsInfo& info, const std::string& group, Output output) {
@@ -73,7 +90,9 @@ void add_joints(CLI::App& app) {
       *app.add_subcommand("joints", "where the joints of the scene's robots are; with --set: put them there");
   auto options = std::make_shared<JointsOptions>();
   command.add_option("GROUP", options->group, "a robot, or a group of its joints; default: all");
-  command.add_option("--set", options->positions, "JOINT=POSITION, radians or metres; again for others, all at once");
+  command.add_option(
+      "--set", options->positions,
+      "JOINT=POSITION, radians or metres; again for others, all at once:\nwith one that is rejected none is set");
   add_connection_options(command, options->connection);
   add_output_options(command, options->output);
   command.callback([options] { run(*options); });

@@ -53,7 +53,8 @@ default socket. A daemon on TCP with keys wants CLEARANCE_SERVER_KEY and CLEARAN
 url (`clearance keygen --help`). `clearance COMMAND --help` lists a command's options.
 
 Exit codes
-  0 answered    1 the daemon refused    2 the command line is wrong    3 no connection, or no answer in time)");
+  0 answered    1 the daemon refused, and nothing has changed    2 the command line or a file is wrong
+  3 no connection, or no answer in time. `clearance path --help` has its own)");
 
   const auto fail = [](int code, const char* what) {
     std::cerr << "clearance: " << what << "\n";

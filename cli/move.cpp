@@ -20,10 +20,8 @@ void set_pose(const SetPoseOptions& o) {
   const std::pair<std::uint32_t, Pose7> pose{body_of(client, o.body), wanted};
   const PosesDone done = client.set_poses(std::span(&pose, 1));
   if (done.fixed) throw RequestError(0, "\"" + o.body + "\" is static: it does not move");
-  if (done.bad)
-    throw RequestError(0, "the pose of \"" + o.body +
-                              "\" cannot be used: numbers must be finite and the quaternion's norm within [1e-6, 1e6]");
   std::cout << "pose revision " << done.revision << "\n";
+  warn_of_bad(done);
 }
 
 struct AttachOptions {

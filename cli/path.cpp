@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "commands.h"
+#include "text_lines.h"
 
 namespace clearance::cli {
 namespace {
@@ -21,12 +22,19 @@ struct PathOptions {
   std::string certificate;  // a file; empty: none
 };
 
+/// A path that is not proved free, or leaves the joints' limits: exit code 1.
+struct NotFree : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 /// Waypoints in joint space.
 struct Path {
-  std::vector<std::string> names;  // (J,)
-  std::vector<double> positions;   // (N, J)
-  std::vector<std::size_t> lines;  // (N,) of the file
-  std::size_t size() const { return lines.size(); }
+  std::string head;                 // place of the names, "path.csv:1"
+  std::vector<std::string> names;   // (J,)
+  std::vector<double> positions;    // (N, J)
+  std::vector<std::string> places;  // (N,)
+  std::size_t size() const { return places.size(); }
+  double at(std::size_t k, std::size_t j) const { return positions[k * names.size() + j]; }
 };
 
 std::vector<std::string> cells_of(const std::string& line) {
@@ -40,18 +48,14 @@ std::vector<std::string> cells_of(const std::string& line) {
 }
 
 Path read(const std::string& name) {
-  std::ifstream file(name);
-  if (!file) throw std::invalid_argument(name + ": cannot be read");
   Path path;
-  std::size_t number = 0;
-  for (std::string line; std::getline(file, line);) {
-    ++number;
+  for_each_line(name, "", [&](const std::string& line, const std::string& place) {
     const std::vector<std::string> cells = cells_of(line);
-    if (cells.empty() || (cells.size() == 1 && cells[0].empty())) continue;
-    const std::string place = name + ":" + std::to_string(number);
+    if (cells.empty() || (cells.size() == 1 && cells[0].empty())) return;
     if (path.names.empty()) {
       path.names = cells;
-      continue;
+      path.head = place;
+      return;
     }
     if (cells.size() != path.names.size())
       throw std::invalid_argument(place + ": expected " + std::to_string(path.names.size()) +
@@ -59,33 +63,57 @@ Path read(const std::string& name) {
                                   std::to_string(cells.size()));
     for (std::size_t j = 0; j < cells.size(); ++j)
       path.positions.push_back(position_of(cells[j], place + ": " + path.names[j] + ": expected a number"));
-    path.lines.push_back(number);
-  }
+    path.places.push_back(place);
+  });
   if (path.size() < 2)
     throw std::invalid_argument(name + ": expected a line of joint names and two waypoints or more, got " +
                                 std::to_string(path.size()));
   return path;
 }
 
-std::vector<std::uint32_t> ids_of(const Path& path, const JointsInfo& info, const std::string& file) {
+std::vector<std::uint32_t> ids_of(const Path& path, const JointsInfo& info) {
   std::vector<std::uint32_t> ids;
   for (const std::string& name : path.names) {
     const auto known = [&name](const JointInfo& joint) { return joint.name == name; };
     const auto found = std::find_if(info.joints.begin(), info.joints.end(), known);
     if (found == info.joints.end())
-      throw std::invalid_argument(file + ":1: there is no joint \"" + name + "\"; `clearance joints` lists them");
+      throw std::invalid_argument(path.head + ": there is no joint \"" + name + "\"; `clearance joints` lists them");
     ids.push_back(static_cast<std::uint32_t>(found - info.joints.begin()));
   }
   return ids;
 }
 
-/// Says what is wrong with the motion of row `r`, which begins at waypoint `first`.
+/// The first waypoint at which each joint is beyond its limits, one on a line; empty: the path stays within all. Joints
+/// go in a straight line between waypoints, so their limits hold there too.
+std::string beyond_limits(const Path& path, const std::vector<std::uint32_t>& ids, const JointsInfo& info) {
+  std::ostringstream text;
+  std::vector<std::pair<double, JointInfo>> beyond;
+  for (std::size_t j = 0; j < ids.size(); ++j) {
+    const JointInfo& joint = info.joints[ids[j]];
+    for (std::size_t k = 0; k < path.size(); ++k) {
+      const double position = path.at(k, j);
+      if (position >= joint.lower && position <= joint.upper) continue;
+      const bool is_above = position > joint.upper;
+      text << (beyond.empty() ? "" : "\n") << path.places[k] << ": waypoint " << k << ": " << joint.name << " at "
+           << position << " is beyond its " << (is_above ? "upper" : "lower") << " limit "
+           << (is_above ? joint.upper : joint.lower) << " by "
+           << (is_above ? position - joint.upper : joint.lower - position);
+      beyond.emplace_back(position, joint);
+      break;
+    }
+  }
+  return text.str() + (beyond.empty() ? "" : degrees_hint(beyond));
+}
+
+/// Throws NotFree for the motion of row `r`, which begins at waypoint `first`.
+/// \param limits beyond_limits()
 [[noreturn]] void report(const Reply& reply, std::size_t r, std::size_t first, const Path& path, const PathOptions& o,
-                         const SceneInfo& scene) {
+                         const SceneInfo& scene, const std::string& limits) {
   const Status status = reply.status()[r];
   const auto [a, b] = reply.pair()[r];
   std::ostringstream text;
-  text << o.file << ":" << path.lines[first] << ": motion " << first << ", to line " << path.lines[first + 1] << ": ";
+  const std::string& end = path.places[first + 1];
+  text << path.places[first] << ": motion " << first << ", to line " << end.substr(end.rfind(':') + 1) << ": ";
   const std::string pair = name_of(scene, a) + " and " + name_of(scene, b);
   if (status <= Status::kContact)
     text << pair << " are within " << o.margin << " m at t = " << reply.time()[r];
@@ -94,7 +122,8 @@ std::vector<std::uint32_t> ids_of(const Path& path, const JointsInfo& info, cons
          << " m; --max-steps may prove it";
   else
     text << pair << " cannot be looked at: a pose is bad, missing or old";
-  throw RequestError(0, text.str());
+  if (!limits.empty()) text << "\n" << limits;
+  throw NotFree(text.str());
 }
 
 /// Both ends of each of `count` motions from waypoint `first` on.
@@ -119,7 +148,9 @@ void certify(Client& client, Query query, const Path& path, std::size_t motions,
 void run(const PathOptions& o) {
   const Path path = read(o.file);
   Client client = o.connection.open();
-  const std::vector<std::uint32_t> ids = ids_of(path, client.joints(), o.file);
+  const JointsInfo info = client.joints();
+  const std::vector<std::uint32_t> ids = ids_of(path, info);
+  const std::string limits = beyond_limits(path, ids, info);
   const std::vector<IdPair> pairs = pairs_of(client, o.pairs);
   Query query;
   query.pairs = pairs;
@@ -137,20 +168,36 @@ void run(const PathOptions& o) {
     for (std::size_t r = 0; r < count; ++r) {
       if (reply.status()[r] != Status::kBeyond) {
         certify(client, query, path, first + r + 1, o);
-        report(reply, r, first + r, path, o, client.scene());
+        report(reply, r, first + r, path, o, client.scene(), limits);
       }
       steps += reply.steps()[r];
     }
   }
   certify(client, query, path, path.size() - 1, o);
+  if (!limits.empty()) throw NotFree(limits);
   std::cout << "free: on all " << path.size() - 1 << " motions every pair is proved farther than " << o.margin << " m; "
             << steps << " configurations\n";
+  if (!std::cout.flush()) throw std::invalid_argument("standard output cannot be written");
+}
+
+/// Exit code 1 is kept for a path that is not free: what the daemon rejects is an error as a bad file is.
+void run_or_fail(const PathOptions& o) {
+  try {
+    run(o);
+  } catch (const NotFree&) {
+    throw;
+  } catch (const ConnectionError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw std::invalid_argument(error.what());
+  }
 }
 
 }  // namespace
 
 void add_path(CLI::App& app) {
-  auto& command = *app.add_subcommand("path", "whether a path is free all along, proved; exit code 1: it is not");
+  auto& command =
+      *app.add_subcommand("path", "whether a path is free all along, proved, and within the joints' limits");
   auto options = std::make_shared<PathOptions>();
   command
       .add_option("FILE", options->file,
@@ -172,7 +219,11 @@ void add_path(CLI::App& app) {
       ->type_name("FILE");
   add_pairs_option(command, options->pairs);
   add_connection_options(command, options->connection);
-  command.callback([options] { run(*options); });
+  command.footer(R"(
+Exit codes
+  0 free    1 not proved free, or beyond a joint's limits    2 an error: a bad file, or the daemon refused
+  3 no connection, or no answer in time)");
+  command.callback([options] { run_or_fail(*options); });
 }
 
 }  // namespace clearance::cli

@@ -1,11 +1,11 @@
 // Points of a body of points, from a file or another program.
 #include <array>
-#include <fstream>
 #include <iostream>
 #include <memory>
 #include <sstream>
 
 #include "commands.h"
+#include "text_lines.h"
 
 namespace clearance::cli {
 namespace {
@@ -17,34 +17,25 @@ struct PointsOptions {
 };
 
 // Three numbers a line; what follows them is passed over, and '#' begins a comment. Throws std::invalid_argument.
-std::vector<std::array<float, 3>> read_points(std::istream& in, const std::string& name) {
+std::vector<std::array<float, 3>> read_points(const std::string& file) {
   std::vector<std::array<float, 3>> points;
-  std::string line;
-  for (std::size_t number = 1; std::getline(in, line); ++number) {
+  for_each_line(file, "", [&](const std::string& line, const std::string& place) {
     std::istringstream words(line.substr(0, line.find('#')));
     std::string word;
     std::array<float, 3> point{};
     std::size_t count = 0;
     while (count < 3 && words >> word)
-      point[count++] = static_cast<float>(
-          position_of(word, name + ":" + std::to_string(number) + ": expected 3 numbers, metres, got '" + word + "'"));
+      point[count++] =
+          static_cast<float>(number_of(word, place + ": expected 3 numbers, metres, with white space between them"));
     if (count == 3) points.push_back(point);
     if (count == 1 || count == 2)
-      throw std::invalid_argument(name + ":" + std::to_string(number) + ": expected 3 numbers, got " +
-                                  std::to_string(count));
-  }
+      throw std::invalid_argument(place + ": expected 3 numbers, metres, got " + std::to_string(count));
+  });
   return points;
 }
 
 void run(const PointsOptions& o) {
-  std::vector<std::array<float, 3>> points;
-  if (o.file == "-") {
-    points = read_points(std::cin, "stdin");
-  } else {
-    std::ifstream file(o.file);
-    if (!file) throw std::invalid_argument("cannot read " + o.file);
-    points = read_points(file, o.file);
-  }
+  const std::vector<std::array<float, 3>> points = read_points(o.file);
   Client client = o.connection.open();
   const std::optional<double> radius = o.radius >= 0 ? std::optional(o.radius) : std::nullopt;
   const PosesDone done = client.set_points(body_of(client, o.body), points, radius);

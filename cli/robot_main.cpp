@@ -7,9 +7,11 @@
 #include <fstream>
 #include <iostream>
 #include <map>
+#include <optional>
 #include <sstream>
 
 #include "cli/table.h"
+#include "cli/text_lines.h"
 #include "engine/robot/kinematics.h"
 #include "inspect/robot_pairs.h"
 
@@ -17,6 +19,7 @@ namespace clearance {
 namespace {
 
 using cli::Cell;
+using cli::for_each_line;
 using cli::Output;
 using cli::Table;
 
@@ -117,7 +120,7 @@ std::uint32_t column_of(const RobotModel& robot, const std::string& place, const
 
 std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> out;
-  std::istringstream in(line.ends_with('\r') ? line.substr(0, line.size() - 1) : line);
+  std::istringstream in(line);
   for (std::string cell; std::getline(in, cell, ',');) out.push_back(cell);
   return out;
 }
@@ -137,21 +140,22 @@ std::vector<double> configurations(const RobotModel& robot, const Options& o) {
     first[column_of(robot, "--set", joint.substr(0, equals))] = number("--set", joint.substr(equals + 1));
   }
   if (o.positions.empty()) return first;
-  std::ifstream file(o.positions);
-  std::string line;
-  if (!std::getline(file, line)) throw RobotError(o.positions + ": expected a line of names, separated by commas");
-  std::vector<std::uint32_t> columns;
-  for (const std::string& name : split(line)) columns.push_back(column_of(robot, o.positions + ":1", name));
+  std::optional<std::vector<std::uint32_t>> columns;
   std::vector<double> all;
-  for (int at = 2; std::getline(file, line); ++at) {
-    const std::string place = o.positions + ":" + std::to_string(at);
+  for_each_line(o.positions, "", [&](const std::string& line, const std::string& place) {
     const std::vector<std::string> cells = split(line);
-    if (cells.size() != columns.size())
-      throw RobotError(place + ": expected " + std::to_string(columns.size()) + " numbers, got " +
+    if (!columns) {
+      columns.emplace();
+      for (const std::string& name : cells) columns->push_back(column_of(robot, place, name));
+      return;
+    }
+    if (cells.size() != columns->size())
+      throw RobotError(place + ": expected " + std::to_string(columns->size()) + " numbers, got " +
                        std::to_string(cells.size()));
-    for (std::size_t c = 0; c < cells.size(); ++c) first[columns[c]] = number(place, cells[c]);
+    for (std::size_t c = 0; c < cells.size(); ++c) first[(*columns)[c]] = number(place, cells[c]);
     all.insert(all.end(), first.begin(), first.end());
-  }
+  });
+  if (!columns) throw RobotError(o.positions + ": expected a line of names, separated by commas");
   return all;
 }
 

@@ -1,12 +1,13 @@
 // What changes the scene: reload, add-body, remove-body.
+#include <algorithm>
 #include <cstdio>
-#include <fstream>
 #include <iostream>
 #include <memory>
 #include <sstream>
 #include <stdexcept>
 
 #include "commands.h"
+#include "text_lines.h"
 
 namespace clearance::cli {
 namespace {
@@ -36,25 +37,17 @@ struct AddBodyOptions {
 template <class Number>
 std::vector<std::array<Number, 3>> read_rows(const std::string& option, const std::string& path,
                                              const std::string& expected) {
-  std::ifstream file;
-  if (path != "-") file.open(path);
-  std::istream& in = path == "-" ? std::cin : file;
-  if (!in) throw std::invalid_argument(option + " " + path + ": cannot be read");
   std::vector<std::array<Number, 3>> rows;
-  std::size_t line_number = 0;
-  for (std::string line; std::getline(in, line);) {
-    ++line_number;
-    for (char& c : line)
-      if (c == ',') c = ' ';
-    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
+  for_each_line(path, option + " ", [&](std::string line, const std::string& place) {
+    std::replace(line.begin(), line.end(), ',', ' ');
+    if (line.find_first_not_of(" \t\r") == std::string::npos) return;
     std::istringstream words(line);
     std::array<Number, 3> row{};
     std::string rest;
     if (!(words >> row[0] >> row[1] >> row[2]) || words >> rest)
-      throw std::invalid_argument(option + " " + path + ":" + std::to_string(line_number) + ": expected three " +
-                                  expected + ", got \"" + line.substr(0, 60) + '"');
+      throw std::invalid_argument(place + ": expected three " + expected + ", got \"" + line.substr(0, 60) + '"');
     rows.push_back(row);
-  }
+  });
   if (rows.empty()) throw std::invalid_argument(option + " " + path + ": there are none");
   return rows;
 }

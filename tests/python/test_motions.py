@@ -152,7 +152,7 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
 
 def test_the_command_says_where_a_path_is_not_free(arm_daemon, engine, root, tmp_path):
     arm = engine.joints("arm")
-    start, end = edges_of(arm, 40)
+    start, end = (np.clip(rows, arm.lower, arm.upper) for rows in edges_of(arm, 40))
     free = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any").status == Status.BEYOND
     file = tmp_path / "path.csv"
 
