@@ -107,6 +107,33 @@ TEST_F(LcmTransportTest, NamesThatAreUnknownAreLeftOut) {
   EXPECT_EQ(position(2), (std::vector<double>{3, 0, 0}));
 }
 
+TEST_F(LcmTransportTest, AMessageThatIsLateForOneBodyIsLeftOutWhole) {
+  start();
+  set_poses(1, 0.1);
+  const std::uint64_t revision = engine_->pose_revision();
+  pose_update_t late = update(2, 0.5);
+  late.stamp_ns = 1;
+  publish(late);
+  ASSERT_TRUE(until_counter("lcm.bad_stamps", 1));
+  EXPECT_EQ(engine_->pose_revision(), revision);
+  for (int i = 0; i < kMoving; ++i) EXPECT_EQ(position(1 + i), position_of(i, 0.1));
+  set_poses(4, 0.4);
+  EXPECT_EQ(engine_->pose_revision(), revision + 1) << "the next one is taken";
+}
+
+TEST_F(LcmTransportTest, ABadPoseAmongGoodOnesIsBadAndTheOthersHold) {
+  start();
+  pose_update_t message = update(1, 0.5);
+  message.poses[1][0] = std::nan("");
+  message.poses[2] = {0, 0, 0, 0, 0, 0, 0};
+  publish(message);
+  ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
+  EXPECT_EQ(position(1), position_of(0, 0.5));
+  EXPECT_EQ(engine_->body_state(2).status, Status::kBadPose);
+  EXPECT_EQ(engine_->body_state(3).status, Status::kBadPose);
+  EXPECT_EQ(counter("poses.bad"), 2u);
+}
+
 TEST_F(LcmTransportTest, IdsOfAnotherSceneAreRefused) {
   start();
   pose_update_t other = update(1, 1.0);

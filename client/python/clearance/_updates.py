@@ -82,8 +82,7 @@ class Updates:
 
         A pose with NaN, or whose quaternion cannot be normalised, is stored as bad: queries then answer BAD_POSE.
         Raises ValueError for a wrong shape, a matrix that is not rigid, masked entries or an unknown name, TypeError
-        for a wrong type, QueryError also for a body that is named twice or a robot's link. A call that raises changes
-        nothing.
+        for a wrong type, QueryError also for a pose of a robot's link. A call that raises changes nothing.
         """
         names = self._names
         if isinstance(poses, Mapping):
