@@ -115,7 +115,7 @@ def test_fk_takes_an_srdfs_states():
         (["fk", ARM, "--set", "joint1"], "expected JOINT=POSITION"),
         (["fk", ARM, "--state", "home"], 'the SRDF has no state "home"'),
         (["fk", ARM, "--base", 0, 0, 0, 0, 0, 0, 0], "--base: expected a pose"),
-        (["fk", ARM, "--positions", "{none}"], "{none}: expected a line of names"),
+        (["fk", ARM, "--positions", "{none}"], "{none}: cannot be read"),
         (["inspect", "{none}"], "{none}: No such file or directory"),
         (
             ["inspect", ARM, "--srdf", OTHER_SRDF],
