@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "client/python/bindings/columns.h"
+#include "client/python/bindings/gil.h"
 #include "engine/device/device_plan.h"
 #include "engine/engine.h"
 
@@ -48,7 +49,7 @@ class PyDevicePlan {
           if (at < columns.size() && columns[at] != 0) column = reinterpret_cast<Column*>(columns[at]);
         },
         rows);
-    nb::gil_scoped_release release;
+    const GilRelease release;
     plan_->run({reinterpret_cast<const Pose*>(poses), reinterpret_cast<const double*>(positions)}, rows,
                reinterpret_cast<void*>(stream));
   }

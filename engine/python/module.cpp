@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "client/python/bindings/columns.h"
+#include "client/python/bindings/gil.h"
 #include "engine/device/device.h"
 #include "engine/engine.h"
 #include "engine/python/device_plan_binding.h"
@@ -33,7 +34,7 @@ class PyJob {
 
   bool advance(std::int64_t budget_ns) {
     guard_.check("this query");
-    nb::gil_scoped_release release;
+    const GilRelease release;
     const auto begin = std::chrono::steady_clock::now();
     const bool done = job_.advance(std::chrono::nanoseconds(budget_ns));
     engine_ns_ += std::chrono::nanoseconds(std::chrono::steady_clock::now() - begin).count();
@@ -44,7 +45,7 @@ class PyJob {
   bool run(double timeout_s) {
     const auto begin = std::chrono::steady_clock::now();
     while (!advance(std::chrono::nanoseconds(kSignalPeriod).count())) {
-      if (PyErr_CheckSignals() != 0) throw nb::python_error();
+      check_signals();
       if (std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() > timeout_s) return false;
     }
     return true;
@@ -130,7 +131,7 @@ class PyEngine {
  public:
   PyEngine(const Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows,
            std::uint64_t device_memory, bool device_fallback, const std::vector<int>& devices) {
-    nb::gil_scoped_release release;
+    const GilRelease release;
     Engine::Options options;
     options.backend = backend;
     options.threads = threads;
@@ -180,7 +181,7 @@ class PyEngine {
             column = reinterpret_cast<Column*>(static_cast<std::byte*>(answer.owner.get()) + offset);
         },
         reply);
-    nb::gil_scoped_release release;
+    const GilRelease release;
     return std::make_unique<PyJob>(engine_, guard_, engine.start(std::move(prepared), reply), std::move(answer),
                                    std::move(out));
   }
@@ -196,7 +197,7 @@ class PyEngine {
     QueryView view = view_of(query);
     view.configuration_count = configurations;
     view.configurations = {};
-    nb::gil_scoped_release release;
+    const GilRelease release;
     return std::make_unique<PyDevicePlan>(engine_, guard_, use().plan_on_device(view));
   }
 
@@ -204,7 +205,7 @@ class PyEngine {
     auto* pairs = new std::vector<BodyPair>();
     nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<BodyPair>*>(p); });
     {
-      nb::gil_scoped_release release;
+      const GilRelease release;
       *pairs = use().pairs(view_of(query));
     }
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
@@ -212,7 +213,7 @@ class PyEngine {
 
   /// \param rows null: all
   std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
-    nb::gil_scoped_release release;
+    const GilRelease release;
     const QueryView view = view_of(query);
     if (rows) return use().certificate(view, std::span(rows->data(), rows->shape(0)));
     return use().certificate(view);
@@ -228,7 +229,7 @@ class PyEngine {
     }
     PoseUpdateResult result;
     {
-      nb::gil_scoped_release release;
+      const GilRelease release;
       result = use().set_poses(batch, stamp_ns, sequence);
     }
     return done(result);
@@ -241,7 +242,7 @@ class PyEngine {
     for (std::size_t i = 0; i < batch.size(); ++i) batch[i] = {ids.data()[i], positions.data()[i]};
     PoseUpdateResult result;
     {
-      nb::gil_scoped_release release;
+      const GilRelease release;
       result = use().set_joints(batch, stamp_ns, sequence);
     }
     return done(result);
@@ -252,7 +253,7 @@ class PyEngine {
     const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(xyz.data()), xyz.shape(0));
     PoseUpdateResult result;
     {
-      nb::gil_scoped_release release;
+      const GilRelease release;
       result = use().set_points(body, points, radius, stamp_ns, sequence);
     }
     return done(result);
@@ -282,7 +283,7 @@ class PyEngine {
     }
     PoseUpdateResult result;
     {
-      nb::gil_scoped_release release;
+      const GilRelease release;
       result = use().attach(child, parent, pose ? &X_pc : nullptr, {allow.data(), allow.shape(0)});
     }
     return done(result);
@@ -291,7 +292,7 @@ class PyEngine {
   nb::tuple allow(std::uint32_t a, std::uint32_t b, bool allow) const {
     PoseUpdateResult result;
     {
-      nb::gil_scoped_release release;
+      const GilRelease release;
       result = use().allow(a, b, allow);
     }
     return done(result);
@@ -313,7 +314,7 @@ class PyEngine {
   PreparedQuery prepare(const Query& query) const {
     constexpr std::uint32_t kPoints = kFieldPoints | kFieldNormal;
     QueryView view = view_of(query);
-    nb::gil_scoped_release release;
+    const GilRelease release;
     if (!query.points_by_default) return engine_->prepare(view);
     const std::uint32_t without = view.fields;
     view.fields |= kPoints;

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "client/python/bindings/columns.h"
+#include "client/python/bindings/gil.h"
 #include "engine/scene/body_ball.h"
 #include "engine/scene/hull_warning.h"
 #include "engine/scene/scene.h"
@@ -109,7 +110,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
           [](Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz, int convexify,
              double radius, const Parent& parent, bool fixed, const P& pose, const Doubts& doubts) {
             const Scene::BodyOptions o = options(radius, parent, fixed, pose, doubts);
-            nb::gil_scoped_release release;
+            const GilRelease release;
             return s.add_mesh(name, path, {sx, sy, sz}, static_cast<Convexify>(convexify), o);
           },
           nb::arg("name"), nb::arg("path"), nb::arg("sx"), nb::arg("sy"), nb::arg("sz"), nb::arg("convexify"),
@@ -121,7 +122,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
             const std::span<const Triangle> triangles(reinterpret_cast<const Triangle*>(t.data()), t.shape(0));
             const Scene::BodyOptions o = options(radius, parent, fixed, pose, doubts);
-            nb::gil_scoped_release release;
+            const GilRelease release;
             return s.add_mesh(name, vertices, triangles, static_cast<Convexify>(convexify), o);
           },
           nb::arg("name"), nb::arg("vertices"), nb::arg("triangles"), nb::arg("convexify"), nb::arg("radius"),
@@ -133,7 +134,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(v.data()), v.shape(0));
             Scene::BodyOptions o = options(radius, parent, fixed, pose, doubts);
             o.is_live = live;
-            nb::gil_scoped_release release;
+            const GilRelease release;
             return s.add_points(name, points, voxel, o);
           },
           nb::arg("name"), nb::arg("points"), nb::arg("voxel"), nb::arg("live"), nb::arg("radius"),
@@ -196,8 +197,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
 void bind_scene(nb::module_& m) {
   nb::class_<Scene> scene(m, "Scene");
   scene.def(nb::init<>())
-      .def_static("load", &Scene::load, nb::arg("path"), nb::arg("allow_outside"),
-                  nb::call_guard<nb::gil_scoped_release>());
+      .def_static("load", &Scene::load, nb::arg("path"), nb::arg("allow_outside"), nb::call_guard<GilRelease>());
   bind_shapes(scene);
   scene
       .def(
@@ -220,7 +220,7 @@ void bind_scene(nb::module_& m) {
             for (const auto& [link, doubt] : link_uncertainty) o.link_uncertainty[link] = {doubt.first, doubt.second};
             o.convexify = static_cast<Convexify>(convexify);
             for (const auto& [link, how] : link_convexify) o.link_convexify[link] = static_cast<Convexify>(how);
-            nb::gil_scoped_release release;
+            const GilRelease release;
             return s.add_robot(name, o);
           },
           nb::arg("name"), nb::arg("urdf"), nb::arg("srdf"), nb::arg("packages"), nb::arg("base").none(),
@@ -262,7 +262,7 @@ void bind_scene(nb::module_& m) {
                list.append(nb::make_tuple(s.bodies()[warning.body].name, warning.text));
              return list;
            })
-      .def("save", &Scene::save, nb::arg("folder"), nb::call_guard<nb::gil_scoped_release>())
+      .def("save", &Scene::save, nb::arg("folder"), nb::call_guard<GilRelease>())
       .def("revision", &Scene::revision);
 }
 

@@ -15,7 +15,7 @@ from clearance import Status
 from clearance.wire import ErrorCode
 from patience import PATIENCE_S
 from scenes import at, random_poses, same_bits
-from threads import turns_beside
+from threads import end_with_daemon_threads, turns_beside
 
 EVERY_FIELD = ("default", "points", "normal", "pieces", "flags", "gradient")
 
@@ -367,3 +367,27 @@ def test_the_gil_is_released_while_waiting(ipc):
             client.distances(timeout_s=0.3)
 
     assert turns_beside(ask) > 1000
+
+
+def test_a_program_ends_while_daemon_threads_are_in_the_client(daemon, kind):
+    prepare = f"""
+import contextlib, clearance
+url = {daemon.urls[kind]!r}
+clients = [clearance.connect(url, timeout_s={PATIENCE_S}) for _ in range(3)]
+
+def refused():
+    with contextlib.suppress(clearance.QueryError):
+        clients[2].distances([(1, 1)])
+
+def submitted():
+    return clients[1].submit(fields="lower").result()
+"""
+    calls = [
+        "clients[0].distances()",
+        "clients[0].distances()",
+        "submitted()",
+        "clients[1].ping(b'1234')",
+        "refused()",
+        f"clearance.connect(url, timeout_s={PATIENCE_S}).close()",
+    ]
+    assert end_with_daemon_threads(prepare, calls) == (3, "")

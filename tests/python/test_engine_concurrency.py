@@ -13,7 +13,7 @@ import clearance
 from clearance import Status
 from patience import PATIENCE_S
 from scenes import ARM_PAIRS, ARM_POSES, arm, at, random_hulls, random_poses, same
-from threads import turns_beside
+from threads import end_with_daemon_threads, turns_beside
 
 
 def big_query():
@@ -192,3 +192,38 @@ except KeyboardInterrupt:
     command = [sys.executable, "-c", code, os.path.dirname(__file__)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.stdout == "interrupted\n", done.stderr
+
+
+def test_a_program_ends_while_daemon_threads_are_in_the_engine(tmp_path):
+    prepare = f"""
+import contextlib, itertools, numpy as np, clearance
+from scenes import arm, random_hulls, random_poses
+scene, poses = random_hulls(40, seed=9)
+engine = clearance.Engine(scene)
+many = np.stack([random_poses(np.random.default_rng(10), 40, 2.5) for _ in range(100)])
+some, numbers, folder = many[:4, :2], itertools.count(), {str(tmp_path)!r}
+arm().save(folder + "/arm")
+
+def refused():
+    with contextlib.suppress(clearance.QueryError):
+        engine.distances([(1, 1)])
+
+def submitted():
+    with contextlib.suppress(RuntimeError):  # of concurrent.futures, once the program ends
+        engine.submit(configurations=many, fields="lower").result()
+"""
+    calls = [
+        "engine.distances(configurations=many, fields='lower')",
+        "engine.distances(configurations=many[:1], fields='lower')",
+        "engine.distances(reduce='min')",
+        "engine.check(many)",
+        "engine.motions(bodies=[0, 1], start=some, end=some + [0, 1, 0, 0, 0, 0, 0], pairs=[(0, 1)])",
+        "submitted()",
+        "engine.certificate(pairs=[(0, 1)])",
+        "engine.set_poses(poses)",
+        "engine.allow(0, 1 + next(numbers) % 39)",
+        "clearance.Engine(arm(), threads=1)",
+        "clearance.Scene.load(folder + '/arm/scene.yaml').save(f'{folder}/{next(numbers)}')",
+        "refused()",
+    ]
+    assert end_with_daemon_threads(prepare, calls) == (3, "")

@@ -16,6 +16,7 @@
 #include "client/client.h"
 #include "columns.h"
 #include "connection.h"
+#include "gil.h"
 #include "matrices.h"
 #include "remote_plan.h"
 #include "wire/layout.h"
@@ -175,7 +176,7 @@ class PyPending {
       const auto slice = std::clamp<Clock::duration>(left, Clock::duration(0), kSlice);
       if (use([&](Pending& pending) { return pending.wait_for(slice); })) return true;
       if (left <= kSlice) return false;
-      if (PyErr_CheckSignals() != 0) throw nb::python_error();
+      check_signals();
     }
   }
 
@@ -212,7 +213,7 @@ class PyClient {
            const std::string& key, std::optional<double> hang_s) {
     ConnectOptions options{duration_of(timeout_s), server_key, key, {}};
     if (hang_s) options.hang = duration_of(*hang_s);
-    nb::gil_scoped_release release;
+    const GilRelease release;
     connection_ = std::make_shared<Connection>(urls, options);
   }
 
@@ -240,7 +241,7 @@ class PyClient {
       });
       if (reply) return answer_of(connection_, std::move(*reply), static_cast<Reduce>(query.reduce), out, copy);
       if (Clock::now() >= deadline) return std::nullopt;
-      if (PyErr_CheckSignals() != 0) throw nb::python_error();
+      check_signals();
     }
   }
 

@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "block_pool.h"
+#include "gil.h"
 #include "wire/query_options.h"
 #include "wire/types.h"
 
@@ -302,9 +303,12 @@ class OutArrays {
 
 /// Raises clearance.<name>(code, text), or with code < 0 clearance.<name>(text).
 inline void raise_ours(const char* name, int code, const char* text) {
-  nb::object type = nb::module_::import_("clearance._errors").attr(name);
-  nb::object value = code < 0 ? type(nb::str(text)) : type(code, nb::str(text));
-  PyErr_SetObject(type.ptr(), value.ptr());
+  const nb::object type = nb::module_::import_("clearance._errors").attr(name);
+  const nb::object arguments = code < 0 ? nb::make_tuple(nb::str(text)) : nb::make_tuple(code, nb::str(text));
+  or_park([&] {
+    PyErr_SetObject(type.ptr(), arguments.ptr());
+    return true;
+  });
 }
 
 /// Handles are of the process that made them: threads and locks do not survive a fork.

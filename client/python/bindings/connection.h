@@ -15,6 +15,7 @@
 
 #include "client/client.h"
 #include "client/fork_guard.h"
+#include "gil.h"
 
 namespace clearance::python {
 
@@ -41,7 +42,7 @@ class Connection {
     // Before the lock: another thread may have held it at the fork, and does not exist in the child.
     if (fork_guard_.forked())
       throw ConnectionError(name_ + ": this connection was opened before a fork; the child process must connect anew");
-    nb::gil_scoped_release release;
+    const GilRelease release;
     const std::lock_guard lock(mutex_);
     empty_trash();
     return f(client_);
