@@ -179,7 +179,7 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
 };
 
 const DeviceInfo& installed() {
-  static const DeviceInfo info = probe();
+  static const auto& info = *new DeviceInfo(probe());  // queries may outlast main()
   return info;
 }
 

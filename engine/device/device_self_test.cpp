@@ -105,7 +105,7 @@ SelfTest self_test_devices(const std::vector<int>& devices) {
 
 const SelfTest& device_self_test(const std::vector<int>& devices) {
   static std::mutex mutex;
-  static std::map<std::vector<int>, SelfTest> tests;
+  static auto& tests = *new std::map<std::vector<int>, SelfTest>();  // engines may outlast main()
   static const SelfTest untested{"cuda"};
   if (has_stand_in()) return untested;
   const std::lock_guard lock(mutex);

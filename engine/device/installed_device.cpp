@@ -39,7 +39,7 @@ const DeviceModule& load_module() {
 }
 
 const Opened& opened() {
-  static const Opened one = [] {
+  static const auto& one = *new Opened([] {
     Opened o;
     try {
       o.module = &load_module();
@@ -47,7 +47,7 @@ const Opened& opened() {
       o.none.reason = error.what();
     }
     return o;
-  }();
+  }());
   return one;
 }
 

@@ -43,7 +43,7 @@ void run_f32_lanes_baseline(const LaneBatch&);
 extern const int kLanes_baseline;
 
 std::span<const LaneKernel> lane_kernels() {
-  static const std::vector<LaneKernel> kernels = [] {
+  static const auto& kernels = *new std::vector<LaneKernel>([] {  // queries may outlast main()
     std::vector<LaneKernel> k;
 #ifdef CLEARANCE_LANES_X86
     if (has_avx512_lanes()) k.push_back({"avx512", kLanes_avx512, run_lanes_avx512, run_f32_lanes_avx512});
@@ -51,7 +51,7 @@ std::span<const LaneKernel> lane_kernels() {
 #endif
     k.push_back({"baseline", kLanes_baseline, run_lanes_baseline, run_f32_lanes_baseline});
     return k;
-  }();
+  }());
   return kernels;
 }
 

@@ -191,10 +191,10 @@ SelfTest timed(std::string_view name, Ask ask) {
 }  // namespace
 
 const std::vector<KnownPair>& known_pairs() {
-  static const std::vector<KnownPair> pairs = [] {
+  static const auto& pairs = *new std::vector<KnownPair>([] {  // engines may outlast main()
     const FpEnvironment environment;
     return make_known_pairs();
-  }();
+  }());
   return pairs;
 }
 
@@ -247,11 +247,11 @@ SelfTest self_test_alone(bool reference) {
 }
 
 const std::vector<SelfTest>& self_tests() {
-  static const std::vector<SelfTest> tests = [] {
+  static const auto& tests = *new std::vector<SelfTest>([] {  // likewise
     std::vector<SelfTest> all{self_test_alone(true), self_test_alone(false)};
     for (const LaneKernel& kernel : lane_kernels()) all.push_back(self_test_lanes(kernel));
     return all;
-  }();
+  }());
   return tests;
 }
 

@@ -45,7 +45,7 @@ void run_lanes_kinematics_avx2(const KinematicBatch&);
 void run_lanes_kinematics_baseline(const KinematicBatch&);
 
 std::span<const KinematicKernel> kinematic_kernels() {
-  static const std::vector<KinematicKernel> kernels = [] {
+  static const auto& kernels = *new std::vector<KinematicKernel>([] {  // queries may outlast main()
     std::vector<KinematicKernel> k;
 #ifdef CLEARANCE_LANES_X86
     if (has_avx512_lanes()) k.push_back({"avx512", run_lanes_kinematics_avx512});
@@ -54,7 +54,7 @@ std::span<const KinematicKernel> kinematic_kernels() {
     k.push_back({"baseline", run_lanes_kinematics_baseline});
     k.push_back({"scalar", run_alone});
     return k;
-  }();
+  }());
   return kernels;
 }
 

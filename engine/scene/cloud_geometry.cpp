@@ -25,7 +25,7 @@ PiecePtr make_cloud_piece(std::span<const CloudPoint> points, float voxel, doubl
 }
 
 PiecePtr piece_of_no_points() {
-  static const PiecePtr nothing = make_piece({{0, 0, 0}});
+  static const PiecePtr& nothing = *new PiecePtr(make_piece({{0, 0, 0}}));  // queries may outlast main()
   return nothing;
 }
 
