@@ -1,8 +1,10 @@
 """Plans with OMPL over Clearance: what is found is proved free, and motions through a plate are not taken for free."""
 
+import gc
 import math
 import pathlib
 import tempfile
+import weakref
 
 import numpy as np
 from ompl import base as ob
@@ -84,6 +86,27 @@ def main():
     print(f"ompl: planned {len(rows)} waypoints, {len(shorter)} after shortcuts, every motion proved free")
 
 
+def planned_once():
+    """A weak reference to an engine with which a planner has planned."""
+    arm = problem()
+    si = arm.space_information()
+    gc.collect()  # OMPL alone holds what checks states and motions
+    definition = ob.ProblemDefinition(si)
+    definition.setStartAndGoalStates(arm.state([0.5, 0.0]), arm.state([1.0, 0.5]))
+    definition.setOptimizationObjective(clearance.ompl.ClearanceObjective(si, arm))
+    planner = og.RRTConnect(si)
+    planner.setProblemDefinition(definition)
+    planner.setup()
+    assert planner.solve(60.0)
+    return weakref.ref(arm.engine)
+
+
+def engines_end_with_their_problems():
+    engines = [planned_once() for _ in range(3)]
+    gc.collect()
+    assert [engine() for engine in engines] == [None] * 3
+
+
 def unrolled(arm, rows):
     out = [rows[0]]
     for row in rows[1:]:
@@ -93,3 +116,4 @@ def unrolled(arm, rows):
 
 if __name__ == "__main__":
     main()
+    engines_end_with_their_problems()

@@ -48,7 +48,6 @@ class JointProblem:
         self._bounded: list[int] = np.flatnonzero(bounded).tolist()
         self._turning: list[int] = np.flatnonzero(~bounded).tolist()
         self.space = self._make_space()
-        self._kept: list[Any] = []  # OMPL holds no references to what Python made
 
     def _make_space(self) -> Any:
         space = ob.CompoundStateSpace()
@@ -98,11 +97,9 @@ class JointProblem:
     def space_information(self) -> Any:
         """An ob.SpaceInformation of this problem, set up: validity of states, and motions that are proved free."""
         si = ob.SpaceInformation(self.space)
-        validity, motions = StateValidity(si, self), CertifiedMotions(si, self)
-        si.setStateValidityChecker(validity)
-        si.setMotionValidator(motions)
+        si.setStateValidityChecker(StateValidity(si, self))
+        si.setMotionValidator(CertifiedMotions(si, self))
         si.setup()
-        self._kept += [si, validity, motions]
         return si
 
     def free(self, rows: np.ndarray) -> np.ndarray:
