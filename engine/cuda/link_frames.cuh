@@ -71,7 +71,6 @@ __device__ inline void place_links_of(const FramesView& f, std::uint32_t which, 
     facts(at) = 0;
   }
   bool good = true;
-  double travel = 0;
   for (std::uint32_t i = 0; i < robot.steps; ++i) {
     const KinematicStep& step = f.steps[robot.first_step + i];
     if (step.from + 1 != at) {
@@ -82,15 +81,26 @@ __device__ inline void place_links_of(const FramesView& f, std::uint32_t which, 
     last = carried(from, step, row, &good);
     seen(i, from, last);
     last_fact |= fact_of_step(step, row);
-    const double out = travel_of(step, row);
-    if (travel < out) travel = out;
     at = robot.roots + i + 1;
     store_frame(f, robot.first_frame + at - 1, k, configurations, last);
     facts(at - 1) = last_fact;
   }
-  f.travels[std::size_t{which} * configurations + k] = travel;
   if (good) return;
   for (std::uint32_t i = 0; i < robot.steps; ++i) facts(robot.roots + i) |= kLinkBad;  // a mimic joint is too far out
+}
+
+// Kinematics::travels() of what a frame of a robot places in configuration k.
+__device__ inline double travel_to(const FramesView& f, std::uint32_t which, std::uint32_t frame, std::uint32_t k) {
+  const JointRobot robot = f.robots[which];
+  const JointRow row{f.columns + robot.first_column, f.positions + std::size_t{k} * f.joints};
+  double travel = 0;
+  for (std::uint32_t at = frame - robot.first_frame; at >= robot.roots;) {
+    const KinematicStep& step = f.steps[robot.first_step + at - robot.roots];
+    const double out = travel_of(step, row);
+    if (travel < out) travel = out;
+    at = step.from;
+  }
+  return travel;
 }
 
 }  // namespace clearance::cuda

@@ -50,9 +50,10 @@ __device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, c
 // nothing
 __device__ inline PlacedDoubt doubt_of_moved(const MovesView& moves, std::uint32_t link, std::uint32_t k,
                                              const Pose& local, const BodyPlacement& here, const PlacedDoubt* parent,
-                                             bool composed, std::uint32_t configurations, double& travel) {
+                                             bool composed, double& travel) {
   const DoubtMove& m = moves.doubts[link];
-  travel = m.robot == kNone ? m.travel : moves.frames.travels[std::size_t{m.robot} * configurations + k];
+  const bool slides = m.robot != kNone && m.joint_per_travel > 0;
+  travel = slides ? travel_to(moves.frames, m.robot, moves.source[link] - moves.given_count, k) : m.travel;
   const FrameDoubt joints{placement_error(m.joint_fixed, m.joint_per_travel, travel), m.joint_turn};
   return doubt_below(m.source, local.translation, here.pose.t_w, m.age_s, parent, composed, joints);
 }
@@ -96,7 +97,7 @@ __device__ inline PlacedDoubt place_body(const HullsView& hulls, const BodiesVie
     if ((state & kSlotStale) && here.status == Status::kOk) here.status = Status::kStalePose;
     if (kDoubted && here.status == Status::kOk)
       doubt = doubt_of_moved(moves, link, k, local, here, follows ? &doubt : nullptr, follows && is_composed(parent),
-                             configurations, travel);
+                             travel);
     parent = here;
     follows = true;
   }

@@ -178,7 +178,7 @@ struct FramesView {
   const double* positions;  ///< (configurations, joints)
   double* numbers;          ///< (frames, 7, configurations) qw, qx, qy, qz, x, y, z
   std::uint8_t* facts;      ///< (frames, configurations) LinkFact bits
-  double* travels;          ///< (robots, configurations) Kinematics::travel()
+  double* travels;          ///< not used
 };
 
 /// What a moved body adds to what is doubted of what it follows.
@@ -187,7 +187,7 @@ struct DoubtMove {
   double age_s = 0;
   double joint_fixed = 0, joint_per_travel = 0, joint_turn = 0;  ///< PlacementError of a link's pose; 0: it is none
   double travel = 0;                                             ///< where the query's joints do not say it
-  std::uint32_t robot = kNone;                                   ///< whose travel it is (FramesView); kNone: `travel`
+  std::uint32_t robot = kNone;                                   ///< in FramesView; kNone: the travel is `travel`
 };
 /// What becomes of a moved body whatever its pose, as bits: it has none, or one that is too old for one; a joint that
 /// the query leaves as it is, and that places it, is beyond its limits; the flag that its pose is old.

@@ -133,7 +133,7 @@ void MotionBlock::place(WorkMeter& meter) {
   rotations_.resize(used_ * bodies);
   rotations_of(given.poses, rotations_);
   for (std::size_t k = 0; k < used_; ++k) {
-    ConfigurationPoses::Block own = given.of(k, bodies, question_.plan.motions.size());
+    ConfigurationPoses::Block own = given.of(k, bodies);
     own.errors = instants_[k].moving->errors;
     placements_[k].configure(placed_++, own, std::span(rotations_).subspan(k * bodies, bodies));
     places_[k].twists.resize(question_.plan.moved.size());

@@ -54,7 +54,7 @@ ConfigurationPoses::Block MotionPoses::at(std::span<const Instant> instants) {
   poses_.resize(instants.size() * bodies);
   facts_.assign(instants.size() * bodies, 0);
   rows_.resize(instants.size() * joints);
-  travels_.resize(instants.size() * plan_.motions.size());
+  travels_.assign(instants.size() * bodies, 0);
   instants_.assign(instants.begin(), instants.end());
   twists_.assign(instants.size() * bodies, {});
   for (std::size_t k = 0; k < instants.size(); ++k) {
@@ -65,8 +65,7 @@ ConfigurationPoses::Block MotionPoses::at(std::span<const Instant> instants) {
   for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
     const LinkMotion& motion = plan_.motions[m];
     motion.make(rows_, instants.size(), poses_.data() + at, facts_.data() + at, bodies, scratch_);
-    for (std::size_t k = 0; k < instants.size(); ++k)
-      travels_[k * plan_.motions.size() + m] = motion.travel(scratch_, k);
+    for (std::size_t k = 0; k < instants.size(); ++k) motion.travels(k, travels_.data() + k * bodies + at, scratch_);
     take_twists(m, at);
     at += motion.links().size();
   }

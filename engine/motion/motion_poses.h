@@ -43,7 +43,7 @@ class MotionPoses {
   std::vector<double> rows_;   // (instants, joints)
   std::vector<Pose> poses_;
   std::vector<std::uint8_t> facts_;
-  std::vector<double> travels_;  // (instants, Plan::motions)
+  std::vector<double> travels_;  // (instants, Plan::bodies)
   LinkMotion::Scratch scratch_;
 };
 

@@ -15,7 +15,6 @@ constexpr std::uint64_t kTogether = kMostLanes;
 ConfigurationPoses::Block ConfigurationPoses::at(std::uint64_t first, std::uint64_t count) {
   const std::size_t bodies = plan_.bodies.size();
   if (plan_.motions.empty()) return {plan_.configurations.subspan(first * bodies, count * bodies), {}, {}};
-  const std::size_t motions = plan_.motions.size();
   if (plan_.round != round_ || first < first_ || first + count > first_ + count_) {
     const std::uint64_t begin = first / kTogether * kTogether,
                         end = std::min((first + count + kTogether - 1) / kTogether * kTogether,
@@ -24,7 +23,7 @@ ConfigurationPoses::Block ConfigurationPoses::at(std::uint64_t first, std::uint6
   }
   return {std::span(poses_).subspan((first - first_) * bodies, count * bodies),
           std::span(facts_).subspan((first - first_) * bodies, count * bodies),
-          std::span(travels_).subspan((first - first_) * motions, count * motions)};
+          std::span(travels_).subspan((first - first_) * bodies, count * bodies)};
 }
 
 void ConfigurationPoses::make(std::uint64_t first, std::uint64_t count) {
@@ -39,12 +38,11 @@ void ConfigurationPoses::make(std::uint64_t first, std::uint64_t count) {
     std::copy_n(plan_.configurations.begin() + static_cast<std::ptrdiff_t>((first + k) * given), given,
                 poses_.begin() + static_cast<std::ptrdiff_t>(k * bodies));
   std::size_t at = given;
-  travels_.resize(count * plan_.motions.size());
-  for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
-    const LinkMotion& motion = plan_.motions[m];
+  travels_.assign(count * bodies, 0);
+  for (const LinkMotion& motion : plan_.motions) {
     motion.make(plan_.positions.subspan(first * joints, count * joints), count, poses_.data() + at, facts_.data() + at,
                 bodies, scratch_);
-    for (std::uint64_t k = 0; k < count; ++k) travels_[k * plan_.motions.size() + m] = motion.travel(scratch_, k);
+    for (std::uint64_t k = 0; k < count; ++k) motion.travels(k, travels_.data() + k * bodies + at, scratch_);
     at += motion.links().size();
   }
 }

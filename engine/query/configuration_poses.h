@@ -18,16 +18,16 @@ class ConfigurationPoses {
   struct Block {
     std::span<const Pose> poses;          ///< (count, M) of Plan::bodies
     std::span<const std::uint8_t> facts;  ///< (count, M) LinkFact bits; empty: no joints move
-    std::span<const double> travels;      ///< (count, Plan::motions) Kinematics::travel(); likewise
+    std::span<const double> travels;      ///< (count, M) Kinematics::travels(); likewise
     /// Of one configuration: (Plan::moved,) metres, how far a point of the pieces may be from where it is meant, beside
     /// what PoseSnapshot's chains round; empty: not at all.
     std::span<const double> errors{};
 
     /// Of configuration first + i alone.
-    Block of(std::uint64_t i, std::size_t bodies, std::size_t motions) const {
+    Block of(std::uint64_t i, std::size_t bodies) const {
       return {poses.subspan(i * bodies, bodies),
               facts.empty() ? facts : facts.subspan(i * bodies, bodies),
-              travels.subspan(i * motions, motions),
+              travels.empty() ? travels : travels.subspan(i * bodies, bodies),
               {}};
     }
   };

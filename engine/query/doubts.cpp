@@ -35,12 +35,13 @@ BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double
 
 namespace {
 
-// Of each robot, where its joints stand.
-std::vector<double> travels_of(const Scene& scene, const PoseSnapshot& snapshot) {
-  std::vector<double> travels;
+// Of each robot's links, where its joints stand.
+std::vector<std::vector<double>> travels_of(const Scene& scene, const PoseSnapshot& snapshot) {
+  std::vector<std::vector<double>> travels;
   for (const auto& robot : scene.robots())
-    travels.push_back(robot->kinematics.travel(
-        std::span(snapshot.joints.position).subspan(robot->first_joint, robot->model.columns.size())));
+    robot->kinematics.travels(
+        std::span(snapshot.joints.position).subspan(robot->first_joint, robot->model.columns.size()),
+        travels.emplace_back(robot->kinematics.links()));
   return travels;
 }
 
@@ -60,11 +61,11 @@ double pose_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t
 std::vector<BodyDoubt> doubts_of(const Scene& scene, const PoseSnapshot& snapshot, std::int64_t now_ns) {
   if (!scene.has_doubts() && !snapshot.has_followers) return {};
   std::vector<BodyDoubt> doubts(scene.bodies().size());
-  const std::vector<double> travels = travels_of(scene, snapshot);
+  const std::vector<std::vector<double>> travels = travels_of(scene, snapshot);
   for (const std::uint32_t b : *snapshot.order) {
     const Body& body = scene.bodies()[b];
     PlacedLink& link = doubts[b].link;  // also of one that only a query gives a pose
-    if (body.robot != kNone) link = {&scene.robots()[body.robot]->errors, body.link, travels[body.robot]};
+    if (body.robot != kNone) link = {&scene.robots()[body.robot]->errors, body.link, travels[body.robot][body.link]};
     if (snapshot.placed[b].status != Status::kOk) continue;
     const double age_s = body.is_static ? 0 : pose_age_s(snapshot, b, now_ns);
     const std::uint32_t on = snapshot.parent[b];

@@ -15,7 +15,7 @@ namespace clearance {
 struct PlacedLink {
   const LinkErrors* errors = nullptr;  ///< of its robot; null: no link
   std::uint32_t link = 0;
-  double travel = 0;  ///< of the configuration: Kinematics::travel()
+  double travel = 0;  ///< Kinematics::travels()
 };
 
 /// What is not known of a placed body.

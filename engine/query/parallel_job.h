@@ -115,8 +115,7 @@ class ParallelJob : public Job::State {
     rotations.resize(count * moved);
     rotations_of(given.poses, rotations);
     for (std::uint64_t i = 0; i < count; ++i)
-      p[i].configure(first + i, given.of(i, moved, plan_.motions.size()),
-                     std::span(rotations).subspan(i * moved, moved));
+      p[i].configure(first + i, given.of(i, moved), std::span(rotations).subspan(i * moved, moved));
     return {p.data(), count};
   }
 

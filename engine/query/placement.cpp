@@ -66,10 +66,7 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
     first_piece_.push_back(static_cast<std::uint32_t>(pieces));
     pieces += scene.bodies()[b].pieces.size();
   }
-  motion_of_.resize(local_.size(), kNone);
-  std::size_t at = plan.given_bodies;
-  for (std::uint32_t m = 0; m < plan.motions.size(); ++m)
-    for (std::size_t i = 0; i < plan.motions[m].links().size(); ++i) motion_of_[moved_slot_[plan.bodies[at++]]] = m;
+  for (const std::uint32_t b : plan.moved) travels_.push_back(plan.doubts.empty() ? 0 : plan.doubts[b].link.travel);
   moved_.resize(local_.size());
   rotation_of_.resize(local_.size(), nullptr);
   moved_boxes_.resize(local_.size());
@@ -90,6 +87,7 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
     local_[slot] = given.poses[m];
     facts_[slot] = given.facts.empty() ? 0 : given.facts[m];
     rotation_of_[slot] = &rotations[m];
+    if (!given.travels.empty()) travels_[slot] = given.travels[m];
   }
   for (std::size_t i = 0; i < plan_.moved.size(); ++i) {
     const std::uint32_t body = plan_.moved[i], parent = snapshot.parent[body];
@@ -104,7 +102,7 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
       const double age_s =
           rotation_of_[i] ? points_age_s(snapshot, body, plan_.begun_ns) : pose_age_s(snapshot, body, plan_.begun_ns);
       PlacedLink link = plan_.doubts[body].link;
-      if (motion_of_[i] != kNone) link.travel = given.travels[motion_of_[i]];
+      link.travel = travels_[i];
       moved_doubts_[i] = doubt_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
                                   parent == kNone ? nullptr : &doubt(parent), on && is_composed(*on), link);
     }

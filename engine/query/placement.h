@@ -68,7 +68,7 @@ class Placement {
   std::vector<Pose> local_;                // of each moved body
   std::vector<std::uint8_t> facts_;        // likewise, LinkFact bits
   std::vector<const Mat3d*> rotation_of_;  // of local_, while a configuration is being placed
-  std::vector<std::uint32_t> motion_of_;   // of local_: which of the plan's motions places it, or kNone
+  std::vector<double> travels_;            // of local_: PlacedLink::travel
   std::vector<BodyPlacement> moved_;
   std::vector<BodyDoubt> moved_doubts_;  // empty where the plan has none
   std::span<const double> errors_;       // of each moved body, beside those; empty: none

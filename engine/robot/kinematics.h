@@ -70,9 +70,11 @@ class Kinematics {
   /// The same of how two links of one robot are to each other: only what the joints between them make. An exact
   /// distance of theirs differs by no more from that of the poses. Of links under different roots, the sum of both.
   PlacementError error_between(std::uint32_t a, double radius_a, std::uint32_t b, double radius_b) const;
-  /// The travel of a configuration that those bounds ask for, of all joints. \param positions (columns(),); one that is
-  /// no number or beyond kMaxPosition places no link, and counts for nothing
+  /// The travel of a configuration, of all joints. \param positions (columns(),); one that is no number or beyond
+  /// kMaxPosition places no link, and counts for nothing
   double travel(std::span<const double> positions) const;
+  /// The travel of each link: of the joints on the way to it, as PlacementError needs it. \param links (links(),)
+  void travels(std::span<const double> positions, std::span<double> links) const;
   /// Metres: how far the link's farthest point can be from its root, sliding joints at 0.
   double reach(std::uint32_t link, double radius) const;
 

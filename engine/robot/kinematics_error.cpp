@@ -132,6 +132,14 @@ double Kinematics::travel(std::span<const double> positions) const {
   return most;
 }
 
+void Kinematics::travels(std::span<const double> positions, std::span<double> links) const {
+  std::fill(links.begin(), links.end(), 0.0);
+  if (!slides_) return;
+  for (const KinematicStep& step : steps_)
+    links[step.link] =
+        std::max(links[carrier_of(step)], travel_of(step, [&](std::uint32_t column) { return positions[column]; }));
+}
+
 double Kinematics::reach(std::uint32_t link, double radius) const {
   return nodes_[link].length + radius;
 }

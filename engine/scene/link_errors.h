@@ -21,12 +21,13 @@ class LinkErrors {
   /// \param radii (links,) metres: no point of a link is farther from its origin; negative: it has no shape
   LinkErrors(const Kinematics& robot, std::span<const double> radii);
 
-  /// Of a link's origin, metres. \param travel Kinematics::travel() of the configuration
+  /// Of a link's origin, metres. \param travel Kinematics::travels() of the link
   double shift(std::uint32_t link, double travel) const { return links_[link].at(travel, 0); }
   /// Of a link's axes, radians.
   double turn(std::uint32_t link) const { return links_[link].turn; }
   /// How far the distance of two links with shapes may be off: what the joints between them make. +inf: they hang on
-  /// different roots or are too many for a table, and the sum of both links' errors has to do.
+  /// different roots or are too many for a table, and the sum of both links' errors has to do. \param travel the larger
+  /// of both
   double between(std::uint32_t a, std::uint32_t b, double travel) const;
 
   /// What these are made of, for who asks elsewhere than here: of a link's origin, its place in the table of pairs

@@ -96,4 +96,11 @@ void LinkMotion::make(std::span<const double> rows, std::size_t count, Pose* pos
   }
 }
 
+void LinkMotion::travels(std::size_t k, double* travels, Scratch& scratch) const {
+  const std::size_t columns = positions_.size();
+  scratch.travels.resize(robot_->kinematics.links());
+  robot_->kinematics.travels(std::span(scratch.positions).subspan(k * columns, columns), scratch.travels);
+  for (std::size_t i = 0; i < links_.size(); ++i) travels[i] = scratch.travels[links_[i]];
+}
+
 }  // namespace clearance

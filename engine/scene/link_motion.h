@@ -29,6 +29,7 @@ class LinkMotion {
     std::vector<Pose> poses;
     std::vector<Status> status;
     std::vector<std::uint8_t> strange;  // rows with facts of their own
+    std::vector<double> travels;        // of all links
   };
 
   /// All links that joints place, where the joints stand.
@@ -50,11 +51,8 @@ class LinkMotion {
   /// likewise
   void make(std::span<const double> rows, std::size_t count, Pose* poses, std::uint8_t* facts, std::size_t stride,
             Scratch& scratch) const;
-  /// Kinematics::travel() of row k of those that make() placed last.
-  double travel(const Scratch& scratch, std::size_t k) const {
-    const std::size_t columns = positions_.size();
-    return robot_->kinematics.travel(std::span(scratch.positions).subspan(k * columns, columns));
-  }
+  /// Kinematics::travels() of links() in row k of those that make() placed last. \param travels (links(),)
+  void travels(std::size_t k, double* travels, Scratch& scratch) const;
 
  private:
   void take_positions(std::span<const double> positions, std::span<const std::uint8_t> given);

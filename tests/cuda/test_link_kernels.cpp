@@ -108,10 +108,15 @@ class Moved {
                   same_bits(pose.qz, wanted.qz))
           << what;
     }
-    for (std::size_t m = 0; m < plan.motions.size(); ++m) {
-      EXPECT_TRUE(same_bits(device.moves.frames.travels[m * K_ + k], cpu.travels[m])) << m << ", " << k;
-      seen.travels += cpu.travels[m] > 0;
-    }
+    std::size_t m = plan.given_bodies;
+    for (std::uint32_t which = 0; which < plan.motions.size(); ++which)
+      for (std::size_t i = 0; i < plan.motions[which].links().size(); ++i, ++m) {
+        const auto slot = static_cast<std::uint32_t>(std::find(plan.moved.begin(), plan.moved.end(), plan.bodies[m]) -
+                                                     plan.moved.begin());
+        const std::uint32_t frame = device.moves.source[slot] - device.moves.given_count;
+        EXPECT_TRUE(same_bits(travel_to(device.moves.frames, which, frame, k), cpu.travels[m])) << m << ", " << k;
+        seen.travels += cpu.travels[m] > 0;
+      }
   }
   void compare_placed(const HostBodies& device, const BodyPlacement& cpu, std::uint32_t slot, std::uint32_t k,
                       Seen& seen) const {

@@ -5,6 +5,9 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
+#include <string>
+#include <vector>
 
 #include "arm_scene.h"
 #include "engine/engine.h"
@@ -217,6 +220,76 @@ TEST(JointQuery, AnswersAreThoseOfJointsThatAreSetBitForBit) {
       first += one.info.rows;
     }
     EXPECT_EQ(first, all.info.rows);
+  }
+}
+
+// Two branches with joints that slide, one in a plane, and a link on neither.
+constexpr const char* kSliding = R"(<robot name="r">
+<link name="base"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+<link name="cart"><collision><geometry><box size="0.2 0.3 0.1"/></geometry></collision></link>
+<link name="mast"><collision><geometry><capsule radius="0.05" length="0.4"/></geometry></collision></link>
+<link name="tip"><collision><origin xyz="-0.006 -0.375 -0.094"/><geometry><sphere radius="0.02"/></geometry></collision></link>
+<link name="post"><collision><geometry><cylinder radius="0.1" length="0.2"/></geometry></collision></link>
+<link name="arm"><collision><origin xyz="0 0 0.3"/><geometry><sphere radius="0.1"/></geometry></collision></link>
+<joint name="drive" type="planar"><parent link="base"/><child link="cart"/><origin xyz="1 2 3"/><axis xyz="0 0 1"/></joint>
+<joint name="turn" type="continuous"><parent link="cart"/><child link="mast"/><origin xyz="0.1 -0.2 0.3" rpy="0.1 -1.5 3.1"/></joint>
+<joint name="lift" type="prismatic"><parent link="mast"/><child link="tip"/><origin rpy="-1.668 -0.5664 3.0642"/><axis xyz="0.663 -0.514 -1.648"/><limit lower="-3" upper="3"/></joint>
+<joint name="rail" type="prismatic"><parent link="base"/><child link="post"/><origin xyz="-0.7 0 0"/><axis xyz="1 2 2"/><limit lower="-3" upper="3"/><mimic joint="lift" multiplier="-0.7" offset="0.1"/></joint>
+<joint name="bend" type="continuous"><parent link="base"/><child link="arm"/><origin xyz="0 0.4 0.1"/></joint>
+</robot>)";
+
+// The whole interval depends on what the query names, and on nothing that it replaces.
+TEST(JointQuery, WhereItsJointsStandDoesNotCount) {
+  const TemporaryFolder folder;
+  RobotOptions options;
+  options.urdf = folder.write("r.urdf", kSliding);
+  options.home = std::map<std::string, double>{};
+  options.parent = "carrier";
+  Scene scene;
+  scene.add_sphere("carrier", 0.1, {.pose = Pose{{0.3, 0.1, -0.2}, 0.9, 0.1, -0.3, 0.2}});
+  scene.add_box("table", {1, 1, 0.1}, {.is_static = true, .pose = Pose{{0.5, 0, -0.1}}});
+  scene.add_robot("r", options);
+  scene.add_sphere("held", 0.05, {.parent = "r/tip", .pose = Pose{{0, 0.1, 0}}});
+  std::vector<std::uint32_t> all(scene.joints().size());
+  for (std::uint32_t j = 0; j < all.size(); ++j) all[j] = j;
+  std::vector<BodyPair> pairs;
+  for (std::uint32_t b = 1; b < scene.bodies().size(); ++b)
+    for (std::uint32_t a = 0; a < b; ++a) pairs.push_back({a, b});
+  const auto stand = [](Engine& engine, const std::vector<std::uint32_t>& joints, const std::vector<double>& at) {
+    std::vector<JointPosition> update;
+    for (std::size_t i = 0; i < joints.size(); ++i) update.push_back({joints[i], at[i]});
+    engine.set_joints(update);
+  };
+  const std::vector<std::uint32_t> lift{scene.find_joint("r/lift")}, bend{scene.find_joint("r/bend")};
+  for (const std::vector<std::uint32_t>& joints : {all, lift, bend}) {
+    const std::vector<double> rows = [&] {
+      test::Random random(4);
+      std::vector<double> q;
+      for (std::size_t i = 0; i < 2 * joints.size(); ++i) q.push_back(random.uniform(-2, 2));
+      return q;
+    }();
+    for (const double others : {0.5, 1e5}) {
+      Engine set(scene), stood(scene);
+      stand(set, all, std::vector<double>(all.size(), others));
+      stand(set, joints, {rows.begin(), rows.begin() + static_cast<std::ptrdiff_t>(joints.size())});
+      for (const double standing : {0.5, -2.9, 1e3, 1e6}) {
+        stand(stood, all, std::vector<double>(all.size(), others));
+        stand(stood, joints, std::vector<double>(joints.size(), standing));
+        for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny}) {
+          QueryView query;
+          query.pairs = pairs;
+          query.all_pairs = false;
+          query.fields = reduce == Reduce::kAny ? kFieldStatus | kFieldLower | kFieldUpper : test::kAllFields;
+          query.reduce = reduce;
+          query.rel_tol = 0;
+          const Answer expected = ask(set, query);
+          query.joints = joints;
+          query.positions = rows;
+          query.configuration_count = 2;
+          expect_same_rows(ask(stood, query), 0, expected);
+        }
+      }
+    }
   }
 }
 
