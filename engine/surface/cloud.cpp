@@ -137,24 +137,26 @@ Surface::Surface(std::span<const CloudPoint> points, float edge)
       if (!(std::abs(x) <= kMostCloudCoordinate))
         throw std::invalid_argument("point " + std::to_string(i) + " has the coordinate " + std::to_string(x) +
                                     "; expected a finite number up to 1e9 m");
-  Digest digest;
-  digest.add(std::uint64_t{points_.size()});
-  digest.add(double{edge_});
   const double half = 0.5 * double{edge_};
   bool is_rounded = false;
   PointBox box{points_[0], points_[0]};
   for (const CloudPoint& p : points_) {
     box.take({p, p});
-    digest.add(std::uint64_t{std::bit_cast<std::uint32_t>(p[0])} << 32 | std::bit_cast<std::uint32_t>(p[1]));
-    digest.add(std::uint64_t{std::bit_cast<std::uint32_t>(p[2])});
     for (std::size_t k = 0; k < 3 && half > 0; ++k) is_rounded |= !is_exact(p[k], half) || !is_exact(p[k], -half);
   }
-  digest_ = digest.value();
   const Extremes all{{box.low[0], box.low[1], box.low[2]}, {box.high[0], box.high[1], box.high[2]}};
   extremes_ = {all.low - Vec3d{half, half, half}, all.high + Vec3d{half, half, half}};
   if (is_rounded) rounding_ = 2 * most_rounding(extremes_);  // of a corner's three coordinates
   PointList list(points_, all, half + rounding_);
   nodes_ = halve(list, size());  // from the centre, which is the origin: float32 as the points themselves
+  Digest digest;
+  digest.add(std::uint64_t{points_.size()});
+  digest.add(double{edge_});
+  for (const CloudPoint& p : points_) {  // in the order that a scene is saved with
+    digest.add(std::uint64_t{std::bit_cast<std::uint32_t>(p[0])} << 32 | std::bit_cast<std::uint32_t>(p[1]));
+    digest.add(std::uint64_t{std::bit_cast<std::uint32_t>(p[2])});
+  }
+  digest_ = digest.value();
 }
 
 bool meets_leaf(const Surface& surface, const Vec3d& low, const Vec3d& high) {

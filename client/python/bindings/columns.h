@@ -259,7 +259,8 @@ class OutArrays {
         expected = {rows};
       }
       if ((1u << i) & (kFieldPointA | kFieldPointB | kFieldNormal)) expected.push_back(3);
-      if ((1u << i) & (kFieldPieces | kFieldPair | kFieldPairLower | kFieldFirstContact)) expected.push_back(2);
+      if ((1u << i) & (kFieldPieces | kFieldPair | kFieldPairLower | kFieldFirstContact | kFieldBounds))
+        expected.push_back(2);
       if ((1u << i) & kFieldGradient) expected.insert(expected.end(), {2, 6});
       if ((1u << i) & kFieldGradientJoints) expected.push_back(joints);
       const Py_buffer& view = view_[static_cast<std::size_t>(i)];

@@ -70,6 +70,7 @@ class Client(Front):
     """
 
     _module = _client
+    _instead = "send its url, and connect in each process"
     _waits = True
 
     def __init__(

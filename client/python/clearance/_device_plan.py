@@ -58,6 +58,9 @@ class DevicePlan:
     joints: Optional[np.ndarray]  #: (J,) ids of those that positions move; None: there are none
     pairs: np.ndarray  #: (P, 2) body ids
 
+    def __reduce__(self) -> Any:
+        raise TypeError(f"a {type(self).__name__} cannot be pickled or copied: make it in each process")
+
     def __init__(
         self,
         module: Any,

@@ -43,6 +43,7 @@ class Engine(Front):
     """
 
     _module = _engine
+    _instead = "send its Scene, or the scene file's path, and make an Engine of it in each process"
 
     def __init__(
         self,

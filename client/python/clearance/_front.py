@@ -61,6 +61,8 @@ class BodyState:
 class Front(MotionQueries, Certificates, Updates, Parser):
     """Methods of both clearance.Engine and clearance.Client."""
 
+    _instead: str  #: what a program does that wants to send one to another process
+
     def __init__(self) -> None:
         self._names_cache: Optional[NameTable] = None
         self._joints_cache: Optional[JointTable] = None
@@ -68,6 +70,9 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         self._tables: OrderedDict[_TableKey, np.ndarray] = OrderedDict()
         self._tables_lock = threading.Lock()
         self._beyond_then: Optional[tuple[tuple[int, int], Optional[Beyond]]] = None  # of the revisions of an answer
+
+    def __reduce__(self) -> Any:
+        raise TypeError(f"a clearance.{type(self).__name__} cannot be pickled or copied: {self._instead}")
 
     # ---- for subclasses -------------------------------------------------------------------------------------------
 

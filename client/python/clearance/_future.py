@@ -17,6 +17,9 @@ _SLICE_NS = 2_000_000
 class Future:
     """The result of a query to come."""
 
+    def __reduce__(self) -> Any:
+        raise TypeError("a future cannot be pickled or copied: send its result()")
+
     def result(self, timeout: Optional[float] = None) -> Result:
         """Waits for the answer, at most `timeout` seconds (None: the query's timeout_s).
 

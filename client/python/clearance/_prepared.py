@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Optional
+from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
 
@@ -19,6 +19,9 @@ class Prepared:
     """A query that prepare() has parsed. A call answers it as distances() would, for the poses at that moment."""
 
     __slots__ = ("_front", "_query", "_table", "_pairs")
+
+    def __reduce__(self) -> Any:
+        raise TypeError("a prepared query cannot be pickled or copied: send its arguments, and prepare it there")
 
     def __init__(self, front: Front, query: Query):
         self._front = front

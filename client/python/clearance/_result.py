@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any, Callable, Optional, Union
 
 import numpy as np
@@ -41,6 +42,12 @@ class _AnswerAttribute:
 
     def __get__(self, result: Optional[Result], owner: Optional[type] = None) -> Any:
         return self if result is None else getattr(result._answer, self.name)
+
+
+#: Members of Result that say what it is, beside the columns.
+_NUMBERS = ("fields", "rows", "capacity", "total", "configurations", "pairs", "joints", "scene_revision",
+            "snapshot_revision", "snapshot_stamp_ns", "snapshot_sequence", "pose_age_ns", "engine_ns", "server_ns",
+            "backend")  # fmt: skip
 
 
 class Result:
@@ -193,9 +200,35 @@ class Result:
                 arrays[name] = np.ndarray(shape, column.dtype, self._answer, self._answer.offset(column.bit))
         return arrays
 
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        """Pickled and copied with its columns and its table of pairs, without the engine or client."""
+        numbers = {name: getattr(self._answer, name) for name in _NUMBERS}
+        numbers["capacity"] = numbers["rows"]
+        pairs, why_none = None, None
+        try:
+            pairs = self.pairs if self._reduce == Reduce.NONE else None
+        except Exception as error:  # another scene by now, or no daemon: the columns are there nevertheless
+            why_none = error
+        return _restored, (numbers, int(self._reduce), self.columns, pairs, why_none)
+
     def __repr__(self) -> str:
         names = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
         return f"<clearance.Result {self.reduce} {self._lead}: {names}; {self.backend}, poses {self.snapshot_revision}>"
+
+
+def _restored(
+    numbers: dict[str, Any],
+    reduce: int,
+    columns: dict[str, np.ndarray],
+    pairs: Optional[np.ndarray],
+    why_no_pairs: Optional[Exception],
+) -> Result:
+    """A Result from what __reduce__() made of one."""
+
+    def no_pairs(revision: int) -> np.ndarray:
+        raise why_no_pairs or ValueError("pairs: this result was restored without them")
+
+    return Result(SimpleNamespace(**numbers), reduce, columns, pairs, no_pairs)
 
 
 #: What `out=` takes: arrays by column name, or an earlier result to write over.

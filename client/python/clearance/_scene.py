@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import pathlib
+import tempfile
 import threading
 from collections.abc import Mapping, Sequence
 from typing import Any, Optional
@@ -439,6 +441,16 @@ class Scene(RobotScene):
         with self._lock:
             self._scene.save(to_path(folder, "folder"))
 
+    def __reduce__(self) -> tuple[Any, tuple[dict[str, bytes]]]:
+        """Pickled and copied as save() writes it. Raises SceneError where that cannot be."""
+        files: dict[str, bytes] = {}
+        if len(self):
+            with tempfile.TemporaryDirectory() as folder:
+                root = pathlib.Path(folder) / "scene"
+                self.save(root)
+                files = {str(f.relative_to(root)): f.read_bytes() for f in root.rglob("*") if f.is_file()}
+        return _restored, (files,)
+
     def initial_pose(self, body: BodyRef) -> Optional[np.ndarray]:
         """(7,) pose of a body at load, or None."""
         pose = self._scene.initial_pose(self._body(body, "body").id)
@@ -484,6 +496,19 @@ class Scene(RobotScene):
         if index >= len(table.bodies):
             raise ValueError(f"{what}: no body has the id {index}; the scene has {len(table.bodies)}")
         return table.bodies[index]
+
+
+def _restored(files: dict[str, bytes]) -> Scene:
+    """A Scene from what __reduce__() made of one, without the warnings that it once gave."""
+    scene = Scene()
+    if files:
+        with tempfile.TemporaryDirectory() as folder:
+            for name, content in files.items():
+                file = pathlib.Path(folder) / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(content)
+            scene._scene = _engine.Scene.load(os.path.join(folder, "scene.yaml"), False)
+    return scene
 
 
 def name_table(scene: Any, revision: int) -> NameTable:
