@@ -1,6 +1,10 @@
 // A query as C++ callers write it, the same for a client of the daemon and for an engine of their own.
 #pragma once
 
+#if __cplusplus < 202002L
+#error "Clearance needs C++20: -std=c++20, or in CMake target_compile_features(TARGET PRIVATE cxx_std_20)"
+#endif
+
 #include <clearance/query_options.h>
 #include <clearance/types.h>
 
