@@ -18,6 +18,13 @@ constexpr std::uint64_t kMostPairs = std::uint64_t{1} << 18;  // each keeps some
 constexpr std::uint64_t kPairsAtATime = 64;
 constexpr std::uint64_t kUnitsPerPair = 2, kMoversPerUnit = 4;  // of work
 
+// Never +inf, which would claim that nothing moves.
+double rounded_down(long double x) {
+  if (x >= std::numeric_limits<double>::max()) return std::numeric_limits<double>::max();
+  const auto near = static_cast<double>(x);
+  return near > x ? std::nextafter(near, 0.0) : near;
+}
+
 [[noreturn]] void refuse(const std::string& what) {
   throw QueryError(QueryErrorCode::kBadQuery, "free_scale: " + what);
 }
@@ -81,12 +88,12 @@ void FreeScale::take_weights() {
     weights_[joint.robot][joint.column] = plan_.weights[i];
   }
   for (std::size_t r = 0; r < weights_.size(); ++r) {
-    double most = 0;
+    Wide most = 0;
     for (const KinematicStep& step : scene_.robots()[r]->kinematics.steps()) {
-      const double scale = step.mimics ? std::abs(step.multiplier) : 1;
+      const Wide scale = step.mimics ? std::abs(step.multiplier) : 1;
       if (step.kind == KinematicStep::Kind::kSliding) most = std::max(most, scale * weights_[r][step.column]);
       if (step.kind == KinematicStep::Kind::kPlanar)
-        most = std::max({most, weights_[r][step.column], weights_[r][step.column + 1]});
+        most = std::max<Wide>({most, weights_[r][step.column], weights_[r][step.column + 1]});
     }
     weight_travels_.push_back(most * kUp);
   }
@@ -120,7 +127,7 @@ FreeScale::Carried FreeScale::carrier_of(std::uint32_t body) const {
 FreeScale::Way FreeScale::way_of(std::uint32_t robot, const MotionPath& path) const {
   Way way{robot, 0, 0};
   for (const Mover& mover : path.movers()) {
-    const double change = mover.scale * weights_[robot][mover.column];
+    const Wide change = Wide{mover.scale} * weights_[robot][mover.column];
     way.fixed += mover.reach * change;
     way.per_travel += mover.reach_travel * change;
   }
@@ -161,9 +168,9 @@ std::vector<double> FreeScale::travels(std::span<const double> row) const {
 double FreeScale::of(std::uint64_t position, std::span<const double> travels, double lower, double margin) const {
   const double room = (lower - margin) - (std::abs(lower) + margin) * 0x1p-50;
   if (!(room > 0)) return 0;
-  double scale = 0;
+  Wide scale = 0;
   for (std::uint32_t b = position ? pair_end_[position - 1] : 0; b < pair_end_[position]; ++b) {
-    double linear = 0, square = 0;
+    Wide linear = 0, square = 0;
     for (std::uint32_t w = b ? bound_end_[b - 1] : 0; w < bound_end_[b]; ++w) {
       linear += ways_[w].fixed + ways_[w].per_travel * travels[ways_[w].robot];
       square += ways_[w].per_travel * weight_travels_[ways_[w].robot];
@@ -173,7 +180,7 @@ double FreeScale::of(std::uint64_t position, std::span<const double> travels, do
     if (linear == 0 && square == 0) return kInf;
     scale = std::max(scale, 2 * room / ((linear + std::sqrt(linear * linear + 4 * square * room)) * kUp) * kDown);
   }
-  return scale;
+  return rounded_down(scale);
 }
 
 }  // namespace clearance

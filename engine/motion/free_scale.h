@@ -33,6 +33,8 @@ class FreeScale {
   double of(std::uint64_t position, std::span<const double> travels, double lower, double margin) const;
 
  private:
+  using Wide = long double;  // weights have any size: squares of their products neither underflow nor overflow
+
   // What moves a body: a link that carries it, and a ball of the link's around all its points.
   struct Carried {
     std::uint32_t robot = kNone, link = kNone;
@@ -41,7 +43,7 @@ class FreeScale {
   // Ways of one robot's joints while s is 1: so long, and so much longer for each metre of travel.
   struct Way {
     std::uint32_t robot;
-    double fixed, per_travel;
+    Wide fixed, per_travel;
   };
 
   void check() const;
@@ -57,7 +59,7 @@ class FreeScale {
   std::vector<std::optional<Carried>> carried_;           // of each body that a pair has named
   std::uint64_t next_ = 0;                                // pair to be looked at
   std::vector<std::vector<double>> positions_, weights_;  // of each robot, by column: as in the snapshot; while s is 1
-  std::vector<double> weight_travels_;                    // of each robot: the most that s = 1 adds to the travel
+  std::vector<Wide> weight_travels_;                      // of each robot: the most that s = 1 adds to the travel
   std::vector<Way> ways_;
   // Of each pair: bounds in ways_, of which each holds; the ways of one are added up.
   std::vector<std::uint32_t> bound_end_, pair_end_;

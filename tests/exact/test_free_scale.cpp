@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <vector>
 
 #include "link_scene.h"
@@ -61,7 +62,7 @@ Findings run() {
 struct TightCase {
   double scale, gap;
 };
-TightCase tight() {
+TightCase tight(double w = 2) {
   constexpr double kRadius = 0x1p-8, kGap = 0x1p-10;
   const TemporaryFolder folder;
   const std::string urdf =
@@ -74,13 +75,13 @@ TightCase tight() {
   scene.add_robot("r", {.urdf = urdf, .home = {{}}});
   const Engine engine(std::move(scene));
   const std::uint32_t joint = 0;
-  const double row[] = {0}, weight[] = {2};
+  const double row[] = {0}, weight[] = {w};
   QueryView query;
   query.joints = {&joint, 1};
   query.positions = row;
   query.configuration_count = 1;
   const double scale = engine.free_scale(query, weight).at(0);
-  const double q = 2 * scale;
+  const double q = w * scale;
   return {scale, std::hypot(1 - std::cos(q), 2 * kRadius + kGap - std::sin(q)) - 2 * kRadius};
 }
 
@@ -103,6 +104,18 @@ TEST(FreeScale, IsNearlyAllThereIs) {
   const TightCase found = tight();
   EXPECT_GT(found.gap, 0);
   EXPECT_LT(found.gap, 0.01 * 0x1p-10);
+}
+
+// A power of two in the weight is one in the scale, as far as there are such numbers; only what stays has no end.
+TEST(FreeScale, WeightsMayHaveAnySize) {
+  const double one = tight(1).scale;
+  for (const int exponent : {1, -1000, 1000, 1023, -1022, -1030}) {
+    const double scale = tight(std::ldexp(1.0, exponent)).scale;
+    EXPECT_NEAR(std::ldexp(scale, exponent) / one, 1, exponent > 900 ? 1e-4 : 1e-12) << exponent;
+    EXPECT_LE(std::ldexp(scale, exponent), one) << exponent;
+  }
+  EXPECT_EQ(tight(0x1p-1074).scale, std::numeric_limits<double>::max()) << "the largest number there is";
+  EXPECT_EQ(tight(0).scale, std::numeric_limits<double>::infinity());
 }
 
 TEST(FreeScale, SaysWhatItDoesNotAnswer) {
