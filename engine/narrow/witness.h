@@ -3,6 +3,7 @@
 //   Vec3d vertices[i], std::uint32_t count(), HullExtents extents(), SupportPoint<double> support(hull, n).
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <concepts>
 
@@ -41,12 +42,16 @@ struct Contact {
   Vec3d edge{0, 0, 0};
 };
 
+inline constexpr double kContactAngle = 1e-9;  // of rounding
+
+/// \param angle radians: how far the direction may be from the one that is meant
 template <class Hull>
-CLEARANCE_HD inline Contact contact_of_vertices(const Hull& hull, const Mat3d& R, const Vec3d& n_w) {
+CLEARANCE_HD inline Contact contact_of_vertices(const Hull& hull, const Mat3d& R, const Vec3d& n_w, double angle) {
   using std::sqrt;
   const Vec3d n = R.transpose_times(n_w);
   const SupportPoint<double> best = support(hull, n);
-  const double tolerance = 1e-9 * hull.extents().spread;
+  const double tolerance = angle * hull.extents().spread;
+  const double least = kContactAngle * hull.extents().spread;
   const Vec3d first = hull.vertices[best.index];
   Contact c;
   double longest = 0;
@@ -54,7 +59,7 @@ CLEARANCE_HD inline Contact contact_of_vertices(const Hull& hull, const Mat3d& R
     const Vec3d v = hull.vertices[i];
     if (!(best.value - dot(n, v) <= tolerance)) continue;
     const Vec3d e = v - first;
-    if (squared_norm(e) <= tolerance * tolerance) continue;
+    if (squared_norm(e) <= least * least) continue;
     c.dimensions = 1;
     if (squared_norm(e) > longest) {
       longest = squared_norm(e);
@@ -67,19 +72,19 @@ CLEARANCE_HD inline Contact contact_of_vertices(const Hull& hull, const Mat3d& R
     const Vec3d v = hull.vertices[i];
     if (!(best.value - dot(n, v) <= tolerance)) continue;
     const Vec3d e = v - first;
-    if (squared_norm(e) <= tolerance * tolerance) continue;
-    if (norm(cross(c.edge, e)) > tolerance) c.dimensions = 2;
+    if (squared_norm(e) <= least * least) continue;
+    if (norm(cross(c.edge, e)) > least) c.dimensions = 2;
   }
   c.edge = R * c.edge;
   return c;
 }
 
 /// Of a half-space's face, a disc at an end of a cone or cylinder, or its side.
-inline Contact contact_of_primitive(const Primitive& primitive, const Mat3d& R, const Vec3d& n_w) {
+inline Contact contact_of_primitive(const Primitive& primitive, const Mat3d& R, const Vec3d& n_w, double angle) {
   if (primitive.kind == Primitive::Kind::kHalfSpace) return {2, {0, 0, 0}};
   if (primitive.kind == Primitive::Kind::kEllipsoid) return {};
   const Vec3d n = R.transpose_times(n_w), &size = primitive.size;
-  const double across = std::hypot(n.x, n.y), tolerance = 1e-9 * std::hypot(size.x, size.z);
+  const double across = std::hypot(n.x, n.y), tolerance = angle * std::hypot(size.x, size.z);
   const bool has_two_discs = primitive.kind == Primitive::Kind::kCylinder;
   if ((n.z < 0 || has_two_discs) && size.x * across <= tolerance) return {2, {0, 0, 0}};
   if (has_two_discs && size.z * std::abs(n.z) <= tolerance) return {1, R * Vec3d{0, 0, 1}};
@@ -89,34 +94,43 @@ inline Contact contact_of_primitive(const Primitive& primitive, const Mat3d& R, 
   return {1, R * side * (1 / norm(side))};
 }
 template <class Hull>
-CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, const Vec3d& n_w) {
-  return contact_of_vertices(hull, R, n_w);
+CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, const Vec3d& n_w, double angle) {
+  return contact_of_vertices(hull, R, n_w, angle);
 }
 /// A core in closed form knows without a look at vertices. A template, so that no compiler for a device makes it.
 template <std::same_as<Piece> P>
-inline Contact contact_along(const P& piece, const Mat3d& R, const Vec3d& n_w) {
-  if (piece.primitive) return contact_of_primitive(*piece.primitive, R, n_w);
-  return contact_of_vertices(piece, R, n_w);
+inline Contact contact_along(const P& piece, const Mat3d& R, const Vec3d& n_w, double angle) {
+  if (piece.primitive) return contact_of_primitive(*piece.primitive, R, n_w, angle);
+  return contact_of_vertices(piece, R, n_w, angle);
+}
+
+/// How far a settled normal may be from the true one, radians. Vertices settle it up to rounding; a curved core is
+/// iterated on until the bounds meet the tolerance, and cos(angle) >= lower / upper.
+inline double normal_angle(const Piece& a, const Piece& b, double lower, double upper) {
+  const auto is_curved = [](const Piece& p) { return p.primitive && p.primitive->kind != Primitive::Kind::kHalfSpace; };
+  if (!(is_curved(a) || is_curved(b)) || !(0 < lower && lower <= upper)) return kContactAngle;
+  constexpr double kArcPerChord = 1.12;  // up to a right angle
+  return std::max(kContactAngle, kArcPerChord * std::sqrt(2 * (upper - lower) / upper));
 }
 
 /// Whether the nearest points of two separated pieces are not unique: both touch the supporting planes normal to n in
-/// faces or edges that lie side by side. n: unit, world axes, from a towards b.
+/// faces or edges that lie side by side. n: unit, world axes, from a towards b, within `angle` of the true one.
 template <class Hull>
 CLEARANCE_HD inline bool witness_is_ambiguous(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
-                                              const Vec3d& n) {
-  const Contact ca = contact_along(a, R_wa, n);
+                                              const Vec3d& n, double angle) {
+  const Contact ca = contact_along(a, R_wa, n, angle);
   if (ca.dimensions == 0) return false;
-  const Contact cb = contact_along(b, R_wb, -n);
+  const Contact cb = contact_along(b, R_wb, -n, angle);
   if (cb.dimensions == 0) return false;
-  return ca.dimensions + cb.dimensions > 2 || norm(cross(ca.edge, cb.edge)) < 1e-9;
+  return ca.dimensions + cb.dimensions > 2 || norm(cross(ca.edge, cb.edge)) < angle;
 }
 
 /// Whether kFlagNonsmooth is due: the bodies may touch, by what is not known of them, too, or their nearest points are
 /// not unique. \param lower of the answer
 template <class Hull>
 CLEARANCE_HD inline bool is_nonsmooth(double lower, const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
-                                      const Vec3d& n) {
-  return lower <= 0 || witness_is_ambiguous(a, R_wa, b, R_wb, n);
+                                      const Vec3d& n, double angle = kContactAngle) {
+  return lower <= 0 || witness_is_ambiguous(a, R_wa, b, R_wb, n, angle);
 }
 
 }  // namespace clearance

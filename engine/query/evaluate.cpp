@@ -117,9 +117,10 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
                             : overlap == Overlap::kOfTruth ? of_several && upper <= 0
                                                            : false;
   if (limits.signed_distance && is_of_pieces) answer.flags |= kFlagPieces;
-  if (options.want_flags && answer.status != Status::kBeyond &&
-      is_nonsmooth(answer.lower, piece_of(a, found.a, rooms[0]), pose_a.R_wb, piece_of(b, found.b, rooms[1]),
-                   pose_b.R_wb, best.normal))
+  if (!options.want_flags || answer.status == Status::kBeyond) return;
+  const Piece &piece_a = piece_of(a, found.a, rooms[0]), &piece_b = piece_of(b, found.b, rooms[1]);
+  if (is_nonsmooth(answer.lower, piece_a, pose_a.R_wb, piece_b, pose_b.R_wb, best.normal,
+                   normal_angle(piece_a, piece_b, best.bounds.lower, best.bounds.upper)))
     answer.flags |= kFlagNonsmooth;
 }
 

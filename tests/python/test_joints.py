@@ -99,6 +99,53 @@ def test_gradients_by_joints_are_differences(engine):
         engine.distances(fields="gradient_joints")
 
 
+# A link that turns about z, and what it is beside. At q = 0 their faces and edges lie side by side.
+ROUND_LINK = """<robot name="r"><link name="base"/><link name="l"><collision><origin xyz="0.3 0.05 0.02" rpy="{rpy}"/>
+<geometry>{shape}</geometry></collision></link><joint name="j" type="continuous"><parent link="base"/><child link="l"/>
+<axis xyz="0 0 1"/></joint></robot>"""
+ROUND_SHAPES = [
+    "<cylinder radius='0.2' length='0.5'/>",
+    "<box size='0.4 0.3 0.5'/>",
+    "<capsule radius='0.1' length='0.3'/>",
+]
+BESIDE = {
+    "box": lambda scene, pose: scene.add_box("o", [1, 1, 1], static=True, pose=pose),
+    "ellipsoid": lambda scene, pose: scene.add_ellipsoid("o", [0.5, 0.4, 0.3], static=True, pose=pose),
+    "cylinder": lambda scene, pose: scene.add_cylinder("o", 0.5, 1, static=True, pose=pose),
+    "lying cylinder": lambda scene, pose: scene.add_cylinder("o", 0.5, 1, static=True, pose=[*pose[:3], 1, 0, 1, 0]),
+    "cone": lambda scene, pose: scene.add_cone("o", 0.5, 1, static=True, pose=pose),
+}
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+def test_gradients_of_round_bodies_are_right_or_flagged(tmp_path, beside):
+    """Before differences, at the default tolerance: to what the normal is known to then, or NONSMOOTH."""
+    step, seen, flagged = 1e-5, 0, 0
+    rng = np.random.default_rng(3)
+    for shape in ROUND_SHAPES:
+        for rpy in ("0 0 0", "1.5707963267948966 0 0", "0 1.5707963267948966 0", "0.3 0.2 0.1"):
+            (tmp_path / "r.urdf").write_text(ROUND_LINK.format(shape=shape, rpy=rpy))
+            scene = clearance.Scene()
+            scene.add_robot("r", tmp_path / "r.urdf")
+            BESIDE[beside](scene, at(0.2, 1.4, 0.0))
+            engine = clearance.Engine(scene, threads=1)
+            rows = np.concatenate([np.zeros((1, 1)), rng.uniform(-1e-4, 1e-4, (5, 1)), rng.uniform(-0.5, 0.5, (20, 1))])
+            ask = {"pairs": [("r/l", "o")], "joints": "r"}
+            r = engine.distances(positions=rows, fields=["gradient_joints", "flags"], **ask)
+            below, here, above = (
+                engine.distances(positions=rows + d, fields="upper", rel_tol=1e-13, **ask).upper
+                for d in (-step, 0, step)
+            )
+            smooth = (r.flags & Flag.NONSMOOTH) == 0
+            slopes = np.sort([(here - below) / step, (above - here) / step], axis=0)  # which differ beside an edge
+            gradient = r.gradient_joints[..., 0]
+            wrong = np.maximum(slopes[0] - gradient, gradient - slopes[1])
+            assert (wrong[smooth] < 5e-3).all(), (shape, rpy, wrong[smooth].max())
+            seen, flagged = seen + smooth.sum(), flagged + (~smooth).sum()
+    assert seen > 150
+    assert flagged > 3 or beside in ("ellipsoid", "cone")
+
+
 def test_free_scale_is_a_region_that_is_free(engine):
     arm = engine.joints("arm")
     rows = rows_of(arm, 40, seed=5)
