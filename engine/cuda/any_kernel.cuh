@@ -94,7 +94,7 @@ __device__ inline void write_decision(const ReducedView& r, std::uint32_t k, std
   const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
   PairAnswer answer = r.answers[static_cast<std::uint32_t>(key)];
   answer.status = within ? decided_status(answer.lower, answer.upper) : Status::kUnconverged;
-  if (r.unusable[k] != kNone) answer.flags |= kFlagIncomplete;
+  if (r.unusable[k] != kNoPair) answer.flags |= kFlagIncomplete;
   write_answer(c, k, k, at_a, at_b, answer);
 }
 
@@ -106,7 +106,7 @@ __global__ void __launch_bounds__(kItemThreads) write_decisions(const __grid_con
   if (k >= r.chunk.configurations) return;
   if (r.winner[k] != kNone64) return write_decision(r, k, r.winner[k], true);
   if (r.lowest[k] != kNone64) return write_decision(r, k, r.lowest[k], false);
-  if (r.unusable[k] != kNone) return write_unusable(r, k, r.chunk.pairs[r.unusable[k]]);
+  if (r.unusable[k] != kNoPair) return write_unusable(r, k, r.chunk.pairs[r.unusable[k]]);
   write_no_pair(r.chunk, k, k, {kNone, kNone}, r.beyond);
 }
 

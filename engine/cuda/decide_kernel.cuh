@@ -68,8 +68,8 @@ struct ConfigurationPairs {
 
 // What a team's comparison of all boxes finds.
 struct FirstLook {
-  float reach = __builtin_inff();  // how far the nearest pair may well be, squared; infinite: no pair has poses
-  std::uint32_t unusable = kNone;  // first pair without usable poses
+  float reach = __builtin_inff();    // how far the nearest pair may well be, squared; infinite: no pair has poses
+  std::uint32_t unusable = kNoPair;  // first pair without usable poses
 };
 template <std::uint32_t kLanes>
 __device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, const Team<kLanes>& team) {
@@ -93,7 +93,7 @@ __device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, con
     const bool any = look.reach == kInf;
     for (std::uint32_t i = team.lane; i < members.count() && !all_placed; i += kLanes) {
       if (!members.has_poses(i)) {
-        if (look.unusable == kNone) look.unusable = i;
+        if (look.unusable == kNoPair) look.unusable = i;
       } else if (any) {
         look.reach = 3.4028234e38f;
       }
@@ -333,7 +333,7 @@ class Decision {
     } else if (is_usable()) {
       const PairRef winner = members_.ref(static_cast<std::uint32_t>(best_.place));
       write_group(r_, at_, winner, r_.answers[at_], lower_, first_.unusable, winner);
-    } else if (first_.unusable != kNone) {
+    } else if (first_.unusable != kNoPair) {
       write_unusable(r_, at_, members_.ref(first_.unusable));
     } else {
       write_empty(r_, at_);

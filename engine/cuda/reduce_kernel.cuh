@@ -282,11 +282,11 @@ __device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, Pa
 }
 // Reduction::rows() in the same order: a pair without usable poses may be nearer than all others, so that only a proved
 // overlap is the least distance nevertheless.
-// \param lower the least of the group. \param unusable its first pair without usable poses, or kNone. \param lowest
+// \param lower the least of the group. \param unusable its first pair without usable poses, or kNoPair. \param lowest
 // the pair with that bound, where it is asked for
 __device__ inline void write_group(const ReducedView& r, std::uint64_t at, PairRef ref, PairAnswer answer, double lower,
                                    std::uint32_t unusable, PairRef lowest) {
-  if (unusable != kNone && !(answer.upper <= 0)) return write_unusable(r, at, r.chunk.pairs[unusable]);
+  if (unusable != kNoPair && !(answer.upper <= 0)) return write_unusable(r, at, r.chunk.pairs[unusable]);
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
   const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
@@ -296,7 +296,7 @@ __device__ inline void write_group(const ReducedView& r, std::uint64_t at, PairR
                    pair_slack(c, lowest, k));
   else
     widen_to_group(answer, lower, q.max_distance, q.abs_tol, q.rel_tol);
-  if (unusable != kNone) {
+  if (unusable != kNoPair) {
     answer.flags |= kFlagIncomplete;
     if (!q.prove_overlaps) answer.lower = -__builtin_inf(), lowest = c.pairs[unusable];  // the depth may be greater
   }
@@ -314,7 +314,7 @@ __global__ void __launch_bounds__(kItemThreads) write_groups(const __grid_consta
   if (seed == ~std::uint64_t{0}) return write_empty(r, at);
   const std::uint32_t unusable = r.unusable[at];
   if (winner == ~std::uint64_t{0})  // without an unusable pair the CPU's answer follows
-    return write_unusable(r, at, r.chunk.pairs[unusable != kNone ? unusable : static_cast<std::uint32_t>(seed)]);
+    return write_unusable(r, at, r.chunk.pairs[unusable != kNoPair ? unusable : static_cast<std::uint32_t>(seed)]);
   const auto i = static_cast<std::uint32_t>(winner);
   const PairRef ref = r.chunk.pairs[winner >> 32];
   write_group(r, at, ref, r.answers[i], from_order_key(r.lower[at]), unusable,

@@ -298,6 +298,8 @@ struct TableView {
   const std::uint32_t *excluded_begin, *excluded;
 };
 
+inline constexpr std::uint32_t kNoPair = ~0u;  ///< all bits set, as device memory is cleared
+
 /// One launch of a reduced query (engine/query/reduction.h): its groups are bodies in each configuration, or
 /// configurations. Keys are what atomicMin() orders as their meaning; all bits set: there is none yet.
 struct ReducedView {
@@ -310,7 +312,7 @@ struct ReducedView {
   std::uint64_t *upper, *lower;  ///< (configurations, groups) least bounds, order_key()
   std::uint64_t* winner;         ///< (configurations, groups) pair and item
   std::uint64_t* lowest;         ///< (configurations, groups) the first pair with the least lower bound, and its item
-  std::uint32_t* unusable;       ///< (configurations, groups) the first pair without usable poses; kNone: none is
+  std::uint32_t* unusable;       ///< (configurations, groups) the first pair without usable poses, or kNoPair
   std::uint8_t* answered;        ///< (configurations, groups) nonzero: its row is written already; null: none is
   std::uint32_t *candidate_words, *hit_words;  ///< of Reduce::kWithin: a bit for each row
   std::uint32_t *candidate_ranks,

@@ -93,7 +93,7 @@ class HostReduction {
     ask_question(K, P);
     const std::size_t groups = std::size_t{K} * r_.groups, words = r_.rows / 32 + 1;
     keys_.assign(6 * groups, kNoKey);
-    unusable_.assign(groups, kNone);
+    unusable_.assign(groups, kNoPair);
     words_.assign(4 * words, 0);
     items_.resize(4 * r_.rows);
     answers_.resize(r_.rows);

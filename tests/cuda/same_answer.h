@@ -47,7 +47,9 @@ inline void expect_same(const Answer& device, const Answer& cpu, const std::stri
       ADD_FAILURE() << what << ": column " << column << " row " << row << " differs; bounds "
                     << (device.view.lower ? device.view.lower[row] : 0) << ' '
                     << (device.view.upper ? device.view.upper[row] : 0) << " and "
-                    << (cpu.view.lower ? cpu.view.lower[row] : 0) << ' ' << (cpu.view.upper ? cpu.view.upper[row] : 0);
+                    << (cpu.view.lower ? cpu.view.lower[row] : 0) << ' ' << (cpu.view.upper ? cpu.view.upper[row] : 0)
+                    << "; flags " << (device.view.flags ? device.view.flags[row] : 0) << " and "
+                    << (cpu.view.flags ? cpu.view.flags[row] : 0);
     }
     EXPECT_EQ(different, 0u) << what << ": of column " << column;
     ++column;

@@ -30,7 +30,7 @@ Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* w
   d.rows.info.rows = d.rows.info.total = K;
   d.answered.assign(K, 2);
   std::vector<std::uint64_t> keys(5 * K);
-  std::vector<std::uint32_t> unusable(K, kNone);
+  std::vector<std::uint32_t> unusable(K, kNoPair);
   std::vector<PairAnswer> answers(std::max(K, K * P));
   std::vector<std::uint32_t> items(K * P);
   std::uint32_t counts[kCounts] = {}, host_counts[kCounts] = {};
