@@ -46,7 +46,7 @@ struct Engine::Impl {
   SceneBulk bulk_by_pieces{scene.by_pieces() ? *scene.by_pieces() : scene};
   mutable KeptJobs kept{scene};  // their trees go back where they came from
   pid_t process = getpid();
-  mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0};
+  mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
 
   static Scene with_stand_ins(Scene scene) {
@@ -63,8 +63,8 @@ struct Engine::Impl {
 
   JobContext context(const Scene& of) const {
     const bool is_light = light && !of.has_stand_ins();
-    return {&of,   options.threads, reference, lanes,        is_light, &pairs_evaluated, &contradictions,
-            &warm, &trees,          near_by,   device.get(), &kept};
+    return {&of,    options.threads, reference,    lanes, is_light, &pairs_evaluated, &contradictions, &warm,
+            &trees, near_by,         device.get(), &kept, &teams};
   }
 
   // Whether the job of a query may be asked again. Where there is a device, the router has its say each time, but in
@@ -473,6 +473,7 @@ Counters Engine::stats() const {
                     {"engine.vertices", vertices},
                     {"engine.pairs", snapshot->pairs->size()},
                     {"engine.threads", static_cast<std::uint64_t>(impl_->options.threads)},
+                    {"engine.teams", impl_->teams},
                     {"engine.queries", impl_->queries},
                     {"engine.queries_asked_again", impl_->kept.asked_again()},
                     {"engine.pairs_evaluated", impl_->pairs_evaluated},

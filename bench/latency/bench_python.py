@@ -1,6 +1,15 @@
-"""How long the Python client takes for a query: `bench_python.py URL PAIRS SECONDS` prints medians [us] as JSON."""
+"""How long the Python client takes for a query: `bench_python.py URL PAIRS SECONDS` prints medians [us] as JSON.
 
+`bench_python.py --batches BUSY SECONDS` times batches on engines in this process, of all cores (threads=0) and of one
+by turns, alone and beside BUSY processes that keep the cores busy. It prints a row for each size of batch:
+configurations, microseconds for each of them with one thread and with all (median, 99th percentile of the whole batch
+in ms), and the ratio of the medians.
+"""
+
+import contextlib
 import json
+import os
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -23,7 +32,71 @@ def timed(ask, seconds):
     return took, engine
 
 
+@contextlib.contextmanager
+def busy_processes(count):
+    """That many processes which do nothing but run."""
+    running = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
+
+
+def batches_of_hulls(bodies=40, vertices=60, spread=2.5):
+    """A scene of random hulls, and poses of all of them in batches of some sizes."""
+    rng = np.random.default_rng(9)
+    scene = clearance.Scene()
+    for i in range(bodies):
+        scene.add_hull(f"b{i}", rng.normal(size=(vertices, 3)) * 0.3)
+    batches = {}
+    for count in (2, 8, 32, 128, 512):
+        turns = rng.normal(size=(count, bodies, 4))
+        turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
+        batches[count] = np.concatenate([rng.uniform(-spread, spread, (count, bodies, 3)), turns], -1)
+    return scene, batches
+
+
+def time_batches(load, seconds):
+    scene, batches = batches_of_hulls()
+    engines = {threads: clearance.Engine(scene, backend="cpu", threads=threads) for threads in (1, 0)}
+    questions = {
+        "check": lambda engine, poses: engine.check(poses),
+        "min": lambda engine, poses: engine.distances(configurations=poses, reduce="min", fields="lower"),
+        "none": lambda engine, poses: engine.distances(configurations=poses, fields="lower"),
+    }
+    for question, ask in questions.items():
+        for count, poses in batches.items():
+            took = {threads: [] for threads in engines}
+            end = time.perf_counter() + seconds
+            while time.perf_counter() < end or len(took[0]) < 5:
+                for threads, engine in engines.items():  # by turns: what others do meanwhile befalls both
+                    begin = time.perf_counter()
+                    ask(engine, poses)
+                    took[threads].append(time.perf_counter() - begin)
+            row = []
+            for threads in (1, 0):
+                row += [
+                    f"{1e6 * np.median(took[threads]) / count:9.1f}",
+                    f"{1e3 * np.percentile(took[threads], 99):9.2f}",
+                ]
+            print(
+                f"{load:8} {question:6} {count:5}", *row, f"{np.median(took[0]) / np.median(took[1]):8.2f}", flush=True
+            )
+
+
+def batches(busy, seconds):
+    os.environ["CLEARANCE_CACHE"] = "off"
+    print("load     reduce count   1: us   p99 ms   0: us   p99 ms   ratio")
+    time_batches("alone", seconds)
+    with busy_processes(busy):
+        time_batches(f"{busy} busy", seconds)
+
+
 def main():
+    if sys.argv[1] == "--batches":
+        return batches(int(sys.argv[2]), float(sys.argv[3]))
     url, pairs, seconds = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
     with clearance.connect(url) as client:
         drawn = None if pairs == 0 else client.pairs[np.random.default_rng(1).permutation(len(client.pairs))[:pairs]]

@@ -51,6 +51,12 @@ class WorkMeter {
     if (budget_.units != WorkBudget::kNoLimit) other.budget_.units -= std::min(budget_.units, spent_);
     return other;
   }
+  /// The same, for at most `time` of it.
+  WorkMeter share(std::chrono::nanoseconds time) const {
+    WorkMeter other = share();
+    other.deadline_ = std::min(deadline_, Clock::now() + time);
+    return other;
+  }
   /// What is left of the slice, for somebody who meters himself and whose work is then counted here.
   WorkBudget left() const {
     WorkBudget left = budget_;

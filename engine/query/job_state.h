@@ -34,8 +34,9 @@ struct JobContext {
   WarmStore* warm = nullptr;
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;
-  cuda::DeviceBackend* device = nullptr;  ///< null: the CPU alone
-  KeptJobs* kept = nullptr;               ///< where jobs go that may be asked again
+  cuda::DeviceBackend* device = nullptr;        ///< null: the CPU alone
+  KeptJobs* kept = nullptr;                     ///< where jobs go that may be asked again
+  std::atomic<std::uint64_t>* teams = nullptr;  ///< counts the teams of threads that were started; null: nothing does
 };
 
 struct Job::State {

@@ -18,6 +18,7 @@
 #include "engine/query/columns.h"
 #include "engine/query/job_state.h"
 #include "engine/query/joint_gradient.h"
+#include "engine/query/team_cost.h"
 
 namespace clearance {
 
@@ -25,6 +26,8 @@ using Clock = std::chrono::steady_clock;
 
 /// Pair-configurations that are not worth waking threads for.
 inline constexpr std::uint64_t kSerialBelow = 256;
+/// How long units run on the calling thread until it is first decided whether the rest is worth a team.
+inline constexpr std::chrono::nanoseconds kAlone{20'000};
 
 /// Whether the narrow phase was asked: bodies without a pose have no distance, and pairs that boxes alone prove to be
 /// beyond max_distance have no upper bound.
@@ -133,8 +136,8 @@ class ParallelJob : public Job::State {
   }
 
   // Runs units [next, count) until all are done (true) or the slice is over. `unit(i, worker, meter)` returns false
-  // where the slice ended within it: the same worker's state then goes on with it in the next one. \param alone without
-  // waking threads, which takes as long as some microseconds of work, and far longer where others use the cores.
+  // where the slice ended within it: the same worker's state then goes on with it in the next one. \param alone on the
+  // calling thread only; else a team takes over what is worth one (team_cost.h).
   template <class Unit>
   bool run_units(std::uint64_t& next, std::uint64_t count, WorkMeter& slice, Unit unit, bool alone = false) {
     std::atomic<std::uint64_t> from{next}, spent{0};
@@ -143,8 +146,7 @@ class ParallelJob : public Job::State {
       if (open == kNone64 || !unit(open, worker, meter)) return;
       open = kNone64;
     };
-    const auto work = [&](int thread, int threads) {
-      WorkMeter meter = slice.share();
+    const auto work = [&](int thread, int threads, WorkMeter meter) {
       for (int worker = thread; worker < workers(); worker += threads) finish(worker, meter);
       std::uint64_t& open = open_[static_cast<std::size_t>(thread)];
       while (open == kNone64 && !(meter.spent() > 0 && meter.is_over())) {
@@ -157,11 +159,38 @@ class ParallelJob : public Job::State {
       if (open != kNone64 && open >= count) open = kNone64;
       spent.fetch_add(meter.spent(), std::memory_order_relaxed);
     };
-    const std::uint64_t wanted = none_open() ? count - next : static_cast<std::uint64_t>(workers());
-    run_on(alone ? 1 : static_cast<int>(std::min(wanted, static_cast<std::uint64_t>(workers()))), work);
-    next = std::min<std::uint64_t>(from, count);
-    slice.count(spent);
-    return next == count && none_open();
+    const auto left = [&] { return count - std::min<std::uint64_t>(from, count) + count_open(); };
+    const auto end_phase = [&] {
+      slice.count(spent.exchange(0));
+      next = std::min<std::uint64_t>(from, count);
+      return left() == 0;
+    };
+    int threads = alone ? 1 : static_cast<int>(std::min(left(), static_cast<std::uint64_t>(workers())));
+    if (threads <= 1) {
+      work(0, 1, slice.share());
+      return end_phase();
+    }
+    // By the clock, which is cheap; before a team starts also by the processor's, as others may have had the core.
+    const auto is_worth = [&](std::chrono::nanoseconds passed, std::uint64_t before) {
+      const std::uint64_t more = left();
+      threads = static_cast<int>(std::min<std::uint64_t>(more, static_cast<std::uint64_t>(threads)));
+      const double each = 1e-9 * static_cast<double>(passed.count()) / static_cast<double>(before - more + 1);
+      return threads > 1 && team_cost().is_worth(each * static_cast<double>(more), threads, Clock::now());
+    };
+    const std::uint64_t all = left();
+    const Clock::time_point begin = Clock::now();
+    std::chrono::nanoseconds begun{0};
+    std::uint64_t left_then = 0;  // 0: no team is thought of
+    for (std::chrono::nanoseconds time = kAlone;; time *= 2) {
+      work(0, 1, slice.share(time));
+      if (end_phase()) return true;
+      if (slice.is_over()) return false;
+      if (left_then && is_worth(thread_time() - begun, left_then)) break;
+      left_then = is_worth(Clock::now() - begin, all) ? left() : 0;
+      if (left_then) begun = thread_time();
+    }
+    run_on(threads, [&](int thread, int of) { work(thread, of, slice.share()); });
+    return end_phase();
   }
 
   JobContext context_;
@@ -185,17 +214,19 @@ class ParallelJob : public Job::State {
     if (snapshot.oldest_receipt_ns != 0) info.pose_age_ns = plan_.begun_ns - snapshot.oldest_receipt_ns;
   }
 
-  bool none_open() const {
-    return std::all_of(open_.begin(), open_.end(), [](std::uint64_t unit) { return unit == kNone64; });
+  std::uint64_t count_open() const {
+    return open_.size() - static_cast<std::uint64_t>(std::count(open_.begin(), open_.end(), kNone64));
   }
 
   // Runs work(thread, threads) on as many threads, or on fewer where the system has no more.
   template <class Work>
-  static void run_on(int threads, const Work& work) {
-    if (threads <= 1) return work(0, 1);
+  void run_on(int threads, const Work& work) {
     std::exception_ptr failure;  // an exception may not leave a parallel region
+    std::atomic<std::chrono::nanoseconds::rep> worked{0};
+    const Clock::time_point begin = Clock::now();
 #pragma omp parallel num_threads(threads)
     {
+      const std::chrono::nanoseconds begun = thread_time();
       try {
         const FpEnvironment environment;  // the worker's own
         work(omp_get_thread_num(), omp_get_num_threads());
@@ -203,7 +234,11 @@ class ParallelJob : public Job::State {
 #pragma omp critical(clearance_job_failure)
         failure = std::current_exception();
       }
+      worked.fetch_add((thread_time() - begun).count(), std::memory_order_relaxed);
     }
+    const Clock::time_point end = Clock::now();
+    team_cost().learn(end - begin, std::chrono::nanoseconds(worked), end);
+    if (context_.teams) context_.teams->fetch_add(1, std::memory_order_relaxed);
     if (failure) std::rethrow_exception(failure);
   }
 

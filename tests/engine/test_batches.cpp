@@ -2,9 +2,12 @@
 // several pieces search in rounds, and each gets what it would get alone.
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <limits>
+#include <vector>
 
 #include "engine/narrow/lanes.h"
+#include "engine/query/team_cost.h"
 #include "engine_test_util.h"
 #include "same_rows.h"
 
@@ -64,6 +67,62 @@ TEST(Batches, GiveEachPairTheBitsThatItHasAlone) {
   }
   for (const Status status : {Status::kOk, Status::kOverlap, Status::kBeyond})
     EXPECT_GT(seen[static_cast<std::size_t>(status)], 20u) << "status " << int(status) << " was not met";
+}
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+TEST(TeamCost, FollowsWhatTeamsCostAndForgets) {
+  TeamCost cost;
+  const TeamCost::Clock::time_point now{};
+  cost.set(TeamCost::kFirst, now);
+  EXPECT_FALSE(cost.is_worth(500e-6, 16, now))
+      << "500 us are what it is taken for at first, and one thread has its share";
+  EXPECT_TRUE(cost.is_worth(600e-6, 16, now));
+  cost.learn(milliseconds(20), microseconds(300), now);
+  EXPECT_FALSE(cost.is_worth(20e-3, 2, now)) << "half of 19.7 ms, which were lost, and of 0.5";
+  EXPECT_TRUE(cost.is_worth(21e-3, 2, now));
+  EXPECT_TRUE(cost.is_worth(6e-3, 16, now + seconds(1))) << "half of that after a second";
+  EXPECT_FALSE(cost.is_worth(5e-3, 16, now + seconds(1)));
+  for (int i = 0; i < 10; ++i) cost.learn(milliseconds(1), milliseconds(8), now);
+  EXPECT_TRUE(cost.is_worth(220e-6, 2, now)) << "teams that gain time cost what they do on a quiet machine";
+  EXPECT_FALSE(cost.is_worth(180e-6, 2, now));
+  EXPECT_FALSE(cost.is_worth(180e-6, 2, now + seconds(1000)));
+}
+
+// Answers do not depend on it, and small batches have one thread whatever a team costs.
+TEST(Batches, HaveATeamWhereOneIsWorthIt) {
+  Random random(5);
+  Engine::Options options;
+  options.threads = 4;
+  const Engine engine(pieces_scene(random, 12), options);
+  std::vector<std::uint32_t> moved(12);
+  for (std::uint32_t b = 0; b < 12; ++b) moved[b] = b;
+  std::vector<Pose> poses;
+  for (int i = 0; i < 12 * 200; ++i) poses.push_back(random.pose(2.5));
+  const auto teams = [&] {
+    for (const auto& [name, value] : engine.stats())
+      if (name == "engine.teams") return value;
+    return ~std::uint64_t{0};
+  };
+  QueryView query;
+  query.fields = kAllFields;
+  query.bodies = moved;
+  const auto answer = [&](std::uint32_t count, std::chrono::nanoseconds cost) {
+    team_cost().set(cost, TeamCost::Clock::now());
+    query.configuration_count = count;
+    query.configurations = std::span(poses).first(12 * count);
+    return ask(engine, query);
+  };
+  answer(3, {});
+  EXPECT_EQ(teams(), 0u) << "198 pairs";
+  const Answer alone = answer(200, std::chrono::hours(1000));
+  EXPECT_EQ(teams(), 0u) << "nothing is worth that";
+  const Answer shared = answer(200, {});
+  EXPECT_GT(teams(), 0u);
+  expect_same_rows(alone, 0, shared, alone.info.rows);
+  team_cost().set(TeamCost::kFirst, TeamCost::Clock::now());
 }
 
 }  // namespace
