@@ -132,9 +132,9 @@ FRONT = {
         "margin": MARGINS,
         **{name: QUERY[name] for name in ("configurations", "pairs", "bodies", "timeout_s", "joints", "positions")}}),
     "motions": ({"bodies": ["cup"], "start": [[IDENTITY]], "end": [[IDENTITY]]}, {
-        "start": ENDS, "end": ENDS, "margin": MARGINS, "max_steps": COUNTS,
+        "start": ENDS, "end": ENDS, "margin": MARGINS, "max_steps": COUNTS, "abs_tol": NUMBERS,
         **{name: QUERY[name] for name in (
-            "joints", "pairs", "max_distance", "abs_tol", "rel_tol", "reduce", "bodies", "fields")}}),
+            "joints", "pairs", "max_distance", "rel_tol", "reduce", "bodies", "fields")}}),
     "check_path": ({"bodies": ["cup"], "path": [[IDENTITY], [IDENTITY]]}, {
         "path": [*ENDS, [[IDENTITY]]], "margin": MARGINS, "max_steps": COUNTS,
         **{name: QUERY[name] for name in ("joints", "pairs", "bodies")}}),
