@@ -135,8 +135,7 @@ std::string mesh_path(const RobotShape& shape, const std::string& folder,
   if (named.starts_with(kPackage)) {
     const auto [package, rest] = package_path(named);
     const auto at = packages.find(package);
-    if (at == packages.end() && named.substr(kPackage.size()).starts_with('/'))
-      fail("package:/// names no package; expected package://NAME/...");
+    if (at == packages.end() && rest.empty()) fail("it names no package; expected package://NAME/...");
     if (at == packages.end())
       fail("the package " + excerpt(package) +
            " has no folder here, and neither AMENT_PREFIX_PATH nor ROS_PACKAGE_PATH leads to one; name it under "

@@ -28,15 +28,12 @@ mpmath.mp.dps = 60
 # What is refused, and the words that say why.
 REFUSED = {
     "alex_psyonic_hands.urdf": 'mimic: there is no joint "index_q1"',
-    "centauro.urdf": "limit: expected lower and upper",
-    "quadruped.urdf": "limit: expected lower and upper",
     "ur3.urdf": "expected the attribute name",  # an empty <robot/>
 }
 # SRDFs of which no URDF of the package is the robot, or the only one is refused; and the words.
 REFUSED_SRDFS = {
     "alexander.srdf": 'this SRDF is for the robot "alexander", the URDF for "Alexander"',
     "cassie_v2.srdf": None,  # the package has no URDF of it
-    "centauro.srdf": "expected lower and upper",
     "z1.srdf": 'this SRDF is for the robot "z1", the URDF for "z1_description"',
 }
 RADIUS = 0.1  # metres: of the points of a link that its error is about

@@ -369,7 +369,7 @@ TEST(BadRobot, MeshesThatAreNotThere) {
             place + "\"package://arm/m.stl\": there is no file " + path + "/m.stl");
   mesh.mesh = "package:///m.stl";
   EXPECT_EQ(error_of([&] { mesh_path(mesh, "", {}); }),
-            place + "\"package:///m.stl\": package:/// names no package; expected package://NAME/...");
+            place + "\"package:///m.stl\": it names no package; expected package://NAME/...");
   mesh.mesh = "http://arm/m.stl";
   EXPECT_EQ(error_of([&] { mesh_path(mesh, "", {}); }),
             place + "\"http://arm/m.stl\": expected a path, package:// or file://");
