@@ -118,6 +118,7 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"engine.bodies_with_bad_pose", kGaugeMetric, "Bodies whose pose is bad: queries do not answer for them."},
     {"engine.warm_bytes", kGaugeMetric, "Warm state of all clients, in bytes."},
     {"engine.warm_without_room", kCounterMetric, "Warm states that had no room."},
+    {"engine.teams", kCounterMetric, "Teams of threads that were started for queries."},
     {"engine.box_trees", kCounterMetric, "Trees of boxes built."},
     {"engine.box_tree_bytes", kGaugeMetric, "Memory of these trees, in bytes."},
     {"engine.queries", kCounterMetric, "Queries that the engine began."},

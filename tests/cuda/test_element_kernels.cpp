@@ -69,7 +69,7 @@ TEST(ElementKernels, HoldWhatTheCpuHolds) {
       EXPECT_LT(found.left, found.rows / 10) << "few are the CPU's to finish";
     }
     for (const Found& found : {min, nearest, any}) EXPECT_GT(found.beyond, 3u);
-    for (const Found& found : {min, within, nearest}) EXPECT_GT(found.narrow, 5u);
+    for (const Found& found : {min, within, nearest}) EXPECT_GT(found.narrow, 3u);
     EXPECT_GT(any.apart, 3u) << "within their margins, and apart";
   }
 }

@@ -407,11 +407,15 @@ TEST_F(CommandLine, Query) {
 
   const Finished nearest = ask({"query", "--reduce", "nearest", "--csv", "--fields", "status"});
   EXPECT_EQ(nearest.out,
-            "body,a,b,status\ntable,table,cup,ok\ncup,table,cup,ok\nlink1,table,link1,ok\nlink2,table,link2,no_pose\n");
+            "body,a,b,status\ntable,table,link2,no_pose\ncup,cup,link2,no_pose\nlink1,link1,link2,no_pose\n"
+            "link2,table,link2,no_pose\n");
   const Finished pairs =
       ask({"query", "--pairs", "arm,table", "cup,2", "--csv", "--fields", "status", "--max-distance", "0.3"});
   EXPECT_EQ(pairs.out, "a,b,status\ntable,link1,ok\ntable,link2,no_pose\ncup,link1,beyond\n");
-  EXPECT_TRUE(contains(ask({"query", "--reduce", "min", "--json"}).out, "\"status\": \"ok\", \"distance_m\": 0.15"));
+  EXPECT_TRUE(contains(ask({"query", "--reduce", "min", "--json"}).out,
+                       "[{\"a\": \"table\", \"b\": \"link2\", \"status\": \"no_pose\", \"distance_m\": null"));
+  EXPECT_TRUE(contains(ask({"query", "--reduce", "min", "--pairs", "table,cup", "--json"}).out,
+                       "\"status\": \"ok\", \"distance_m\": 0.15"));
   EXPECT_TRUE(
       contains(ask({"query", "--json", "--pairs", "table,link2"}).out, "\"distance_m\": null, \"lower_m\": \"-inf\""));
 }
