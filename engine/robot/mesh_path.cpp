@@ -109,10 +109,10 @@ void find_packages(const RobotModel& robot, bool visual, std::map<std::string, s
   std::set<std::string> wanted;
   for (const RobotLink& link : robot.links)
     for (const RobotShape& shape : visual ? link.visual : link.collision)
-      if (shape.mesh.starts_with(kPackage))
-        if (const std::string package = package_path(shape.mesh).package; !package.empty() && package[0] != '.')
-          wanted.insert(package);
-  std::erase_if(wanted, [&](const std::string& package) { return packages->contains(package); });
+      if (shape.mesh.starts_with(kPackage)) wanted.insert(package_path(shape.mesh).package);
+  std::erase_if(wanted, [&](const std::string& package) {
+    return package.empty() || package.starts_with('.') || packages->contains(package);
+  });
   std::error_code error;
   for (const std::string& prefix : folders_of("AMENT_PREFIX_PATH"))
     std::erase_if(wanted, [&](const std::string& package) {
