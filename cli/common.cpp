@@ -57,7 +57,7 @@ namespace {
 constexpr double kMinNorm = 1e-6, kMaxNorm = 1e6, kMaxPosition = 1e6;
 
 /// A body's number, if the text is one.
-bool number_of(Client& client, const std::string& text, std::uint32_t& id) {
+bool is_number_of_body(Client& client, const std::string& text, std::uint32_t& id) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
   return error == std::errc() && end == text.data() + text.size() && id < client.scene().bodies.size();
 }
@@ -72,7 +72,7 @@ bool is_body(const SceneInfo& scene, const std::string& name) {
 
 std::uint32_t body_of(Client& client, const std::string& text) {
   std::uint32_t id = 0;
-  if (!is_body(client.scene(), text) && number_of(client, text, id)) return id;
+  if (!is_body(client.scene(), text) && is_number_of_body(client, text, id)) return id;
   return client.body(text);
 }
 
