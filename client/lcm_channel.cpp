@@ -220,7 +220,7 @@ class LcmChannel final : public Channel {
   }
 
   /// Keeps the kNewEpoch of another daemon. It is the answer if the bound daemon, which is pinged, proves to be gone:
-  /// it may have been started anew, with another server id.
+  /// it may have been restarted, with another server id.
   void hold_refusal(std::uint64_t request_id, std::unique_ptr<Frame> frame) {
     if (frame->header().type != static_cast<std::uint16_t>(wire::FrameType::kError)) return;
     const auto error = wire::parse_error(wire::split_payload(frame->header(), frame->payload()).body);

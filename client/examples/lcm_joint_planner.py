@@ -49,7 +49,7 @@ class Planner:
         if message.server_id != self.server:
             sys.exit(
                 f"lcm_joint_planner: daemons {self.server} and {message.server_id} publish under the same channels, or "
-                "one was started anew; give each a prefix of its own"
+                "one was restarted; give each a prefix of its own"
             )
         return message
 

@@ -149,7 +149,7 @@ class Planner {
     if (server_ == 0) server_ = server;
     if (server != server_)
       give_up("daemons " + std::to_string(server_) + " and " + std::to_string(server) +
-              " publish under the same channels, or one was started anew; give each a prefix of its own");
+              " publish under the same channels, or one was restarted; give each a prefix of its own");
   }
   void on_scene(const lcm::ReceiveBuffer*, const std::string&, const scene_t* m) {
     check_daemon(m->server_id);

@@ -59,7 +59,7 @@ class Planner:
         if message.server_id != self.server:
             sys.exit(
                 f"lcm_planner: daemons {self.server} and {message.server_id} publish under the same channels, or one "
-                "was started anew; give each a prefix of its own"
+                "was restarted; give each a prefix of its own"
             )
         return message
 

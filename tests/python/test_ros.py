@@ -427,7 +427,7 @@ def test_objects_of_planning_scenes_do_not_age_and_those_that_are_lost_are_misse
     with pytest.raises(clearance.NewEpoch) as raised:
         wait_until(lambda: answers(bridge))
     assert bridge.recover(raised.value)
-    lost = "planning_scene: the daemon was started anew and has no objects"
+    lost = "planning_scene: the daemon was restarted and has no objects"
     never = "joint_states: no position of arm has come"
     report = bridge.report(0.5, max_age_s=PATIENCE_S)
     assert report.stale == [lost, never] and report.least == -math.inf

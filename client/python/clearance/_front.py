@@ -313,7 +313,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         return Check(result, self._beyond_now(result) if configurations is None else None)
 
     def _beyond_now(self, result: Result) -> Optional[Beyond]:
-        """Which joints of the scene are beyond their limits; looked up anew where the answer saw other poses."""
+        """Which joints of the scene are beyond their limits; looked up again if the answer saw other poses."""
         if not self._joint_table.names:
             return None
         key = result.scene_revision, result.snapshot_revision

@@ -151,7 +151,7 @@ class Bridge:
         Joints, bodies and clouds that have once been set age, but for objects of planning scenes and attached bodies.
         Of the robot's joints at least one must have been set.
         """
-        found = ["planning_scene: the daemon was started anew and has no objects"] if self.scene.is_lost else []
+        found = ["planning_scene: the daemon was restarted and has no objects"] if self.scene.is_lost else []
         if max_age_s <= 0:
             return found
         ages = {joint.name: joint.age_ns for joint in self.client.joint_states()}

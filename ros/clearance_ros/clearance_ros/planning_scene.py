@@ -52,7 +52,7 @@ class SceneFollower:
         self._prefix = f"{robot}/" if robot else ""
         self._parts: dict[str, list[tuple[str, np.ndarray]]] = {}  # of each object: its bodies, and where within it
         self._held: dict[str, str] = {}  # the link of each object that is attached to one
-        self.is_lost = False  #: the daemon was started anew without the objects, until a whole scene comes
+        self.is_lost = False  #: the daemon was restarted without the objects, until a whole scene comes
         self.left_out: dict[str, str] = {}  #: objects and pairs that could not be taken, and why
 
     def on_scene(self, message: Any) -> None:
