@@ -8,7 +8,7 @@
 #include "engine/base/fp_environment.h"
 #include "engine/hull/primitive.h"
 #include "engine/scene/body_ball.h"
-#include "engine/scene/hull_warning.h"
+#include "engine/scene/mesh_warning.h"
 #include "engine/surface/surface.h"
 #include "inspect/timing.h"
 
@@ -135,7 +135,7 @@ SceneReport inspect(const Scene& scene, const InspectOptions& options) {
   const FpEnvironment environment;
   SceneReport report;
   for (const Body& body : scene.bodies()) report.bodies.push_back(describe(body));
-  for (HullWarning& warning : hull_warnings(scene)) report.bodies[warning.body].warning = std::move(warning.text);
+  for (MeshWarning& warning : mesh_warnings(scene)) report.bodies[warning.body].warning = std::move(warning.text);
   count_partners(scene, report);
   count_sharing(scene, report);
   std::vector<std::uint64_t> partners;

@@ -26,7 +26,7 @@ struct BodyReport {
   double model_error = 0;               ///< metres; how far it may stand out from what was asked for
   double hull_excess = 0;               ///< metres; no point of it is farther from its mesh
   std::optional<double> empty_share;    ///< of its volume, that its mesh leaves empty; unknown for meshes with holes
-  std::string warning;                  ///< what hull_warning() says of it
+  std::string warning;                  ///< what mesh_warning() says of it
   std::uint64_t partners = 0;           ///< bodies that it is asked about with
   std::uint64_t ignored = 0;            ///< bodies that it is not asked about with: on the ignore list
   std::uint64_t bytes = 0;              ///< its pieces, also where other bodies share them

@@ -114,7 +114,7 @@ void log_scene(const DaemonOptions& options, const Engine& engine, double load_s
       "event=scene_loaded scene=\"{}\" bodies={} pieces={} vertices={} revision={:016x} backend={} seconds={:.3f}",
       log_text(options.scene), engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(),
       engine.backend(), load_seconds);
-  log_hull_warnings(engine.scene(), hull_warnings(engine.scene()));
+  log_mesh_warnings(engine.scene(), mesh_warnings(engine.scene()));
   log_file_warnings(engine.scene());
 }
 

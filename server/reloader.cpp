@@ -54,7 +54,7 @@ void Reloader::begin(const std::shared_ptr<Engine>& current, const SceneParts& p
     outcome_.load = ++loads_;
     start([this, parts] {
       load(parts);
-      outcome_.warnings = hull_warnings(outcome_.engine->scene());
+      outcome_.warnings = mesh_warnings(outcome_.engine->scene());
     });
   } else if (!edits_.empty()) {
     outcome_.edit = ++edits_begun_;
@@ -66,7 +66,7 @@ void Reloader::begin(const std::shared_ptr<Engine>& current, const SceneParts& p
       outcome_.engine = build_(parts.whole());
       const Scene& scene = outcome_.engine->scene();
       if (parts.added.size() > before)
-        outcome_.warnings = hull_warnings(scene, static_cast<std::uint32_t>(scene.bodies().size() - 1));
+        outcome_.warnings = mesh_warnings(scene, static_cast<std::uint32_t>(scene.bodies().size() - 1));
       outcome_.parts = std::move(parts);
     });
     edits_.pop_front();

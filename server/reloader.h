@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "engine/engine.h"
-#include "engine/scene/hull_warning.h"
+#include "engine/scene/mesh_warning.h"
 
 namespace clearance {
 
@@ -49,7 +49,7 @@ class Reloader {
     double seconds = 0;
     std::uint64_t load = 0;             ///< its number, from 1; 0: this was an edit
     std::uint64_t edit = 0;             ///< likewise
-    std::vector<HullWarning> warnings;  ///< of a load; of an edit: of the body that it added
+    std::vector<MeshWarning> warnings;  ///< of a load; of an edit: of the body that it added
     std::string left_out;               ///< of a load: added bodies that do not fit to the file any more, and why
   };
 

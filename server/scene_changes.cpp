@@ -253,7 +253,7 @@ bool SceneChanges::install(Reloader::Outcome& outcome) {
   log::info("event={} bodies={} revision={:016x} seconds={:.3f}", outcome.edit ? "scene_edited" : "reloaded",
             engine_->scene().bodies().size(), engine_->scene_revision(), outcome.seconds);
   if (!outcome.left_out.empty()) log::warn("event=added_bodies_left_out error=\"{}\"", log_text(outcome.left_out));
-  log_hull_warnings(engine_->scene(), outcome.warnings);
+  log_mesh_warnings(engine_->scene(), outcome.warnings);
   if (!outcome.edit) log_file_warnings(engine_->scene());
   return true;
 }

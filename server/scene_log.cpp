@@ -9,7 +9,7 @@
 
 namespace clearance {
 
-void log_hull_warnings(const Scene& scene, std::span<const HullWarning> warnings) {
+void log_mesh_warnings(const Scene& scene, std::span<const MeshWarning> warnings) {
   struct Warned {
     const Body* first;
     const std::string* text;
@@ -17,14 +17,14 @@ void log_hull_warnings(const Scene& scene, std::span<const HullWarning> warnings
   };
   std::vector<Warned> meshes;  // in the order of the scene
   std::unordered_map<const Piece*, std::size_t> place;
-  for (const HullWarning& warning : warnings) {
+  for (const MeshWarning& warning : warnings) {
     const Body& body = scene.bodies()[warning.body];
     const auto [at, fresh] = place.try_emplace(body.pieces[0].get(), meshes.size());
     if (fresh) meshes.push_back({&body, &warning.text});
     ++meshes[at->second].bodies;
   }
   for (const auto& [first, text, bodies] : meshes)
-    log::warn("event=hull_stands_out body=\"{}\" more={} hull_excess_m={:.4g} empty_share={:.3g} text=\"{}\"",
+    log::warn("event=mesh_suspicious body=\"{}\" more={} hull_excess_m={:.4g} empty_share={:.3g} text=\"{}\"",
               log_text(first->name), bodies - 1, first->hull_excess, first->empty_share, log_text(*text));
 }
 

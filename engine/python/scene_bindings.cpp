@@ -16,7 +16,7 @@
 #include "client/python/bindings/columns.h"
 #include "client/python/bindings/gil.h"
 #include "engine/scene/body_ball.h"
-#include "engine/scene/hull_warning.h"
+#include "engine/scene/mesh_warning.h"
 #include "engine/scene/scene.h"
 #include "engine/surface/surface.h"
 
@@ -108,13 +108,15 @@ void bind_shapes(nb::class_<Scene>& scene) {
       .def(
           "add_mesh",
           [](Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz, int convexify,
-             double radius, const Parent& parent, bool fixed, const P& pose, const Doubts& doubts) {
+             bool y_up, double radius, const Parent& parent, bool fixed, const P& pose, const Doubts& doubts) {
             const Scene::BodyOptions o = options(radius, parent, fixed, pose, doubts);
             const GilRelease release;
-            return s.add_mesh(name, path, {sx, sy, sz}, static_cast<Convexify>(convexify), o);
+            return s.add_mesh(name, path, {sx, sy, sz}, static_cast<Convexify>(convexify), o,
+                              y_up ? UpAxis::kY : UpAxis::kZ);
           },
           nb::arg("name"), nb::arg("path"), nb::arg("sx"), nb::arg("sy"), nb::arg("sz"), nb::arg("convexify"),
-          nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+          nb::arg("y_up"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
+          nb::arg("doubts"))
       .def(
           "add_mesh_of",
           [](Scene& s, const std::string& name, const VertexRows& v, const TriangleRows& t, int convexify,
@@ -255,10 +257,10 @@ void bind_scene(nb::module_& m) {
       .def("source", [](const Scene& s, std::uint32_t id) { return body_at(s, id).source; })
       .def("pieces", &pieces)
       .def("display", &display)
-      .def("hull_warnings",
+      .def("mesh_warnings",
            [](const Scene& s, std::uint32_t first) {
              nb::list list;
-             for (const HullWarning& warning : hull_warnings(s, first))
+             for (const MeshWarning& warning : mesh_warnings(s, first))
                list.append(nb::make_tuple(s.bodies()[warning.body].name, warning.text));
              return list;
            })

@@ -96,8 +96,15 @@ class Excess {
   double distance_ = 0, hull_ = 0, solid_ = 0;
 };
 
+// A vertex of the file in the body's frame. Turning y up is exact: (x, y, z) becomes (x, -z, y).
+Vec3d in_body(const Vec3d& v, const MeshRecipe& recipe) {
+  const Vec3d scaled{recipe.scale.x * v.x, recipe.scale.y * v.y, recipe.scale.z * v.z};
+  return recipe.up == UpAxis::kY ? Vec3d{scaled.x, 0 - scaled.z, scaled.y} : scaled;
+}
+
 // The mesh as one, scaled: vertices and triangles of all submeshes, one after another.
-DisplayMesh joined(const std::vector<Submesh>& submeshes, const Vec3d& scale) {
+DisplayMesh joined(const std::vector<Submesh>& submeshes, const MeshRecipe& recipe) {
+  const Vec3d& scale = recipe.scale;
   std::size_t vertices = 0, triangles = 0;
   for (const Submesh& submesh : submeshes) {
     vertices += submesh.vertices.size();
@@ -109,7 +116,7 @@ DisplayMesh joined(const std::vector<Submesh>& submeshes, const Vec3d& scale) {
   const bool mirrored = ((scale.x < 0) != (scale.y < 0)) != (scale.z < 0);
   for (const Submesh& submesh : submeshes) {
     const auto base = static_cast<std::uint32_t>(out.vertices.size());
-    for (const Vec3d& v : submesh.vertices) out.vertices.push_back({scale.x * v.x, scale.y * v.y, scale.z * v.z});
+    for (const Vec3d& v : submesh.vertices) out.vertices.push_back(in_body(v, recipe));
     for (const Triangle& t : submesh.triangles)
       if (mirrored)
         out.triangles.push_back({base + t[0], base + t[2], base + t[1]});
@@ -131,38 +138,38 @@ std::uint64_t digest_of(const Surface& surface, double radius) {
 }
 
 // The hulls of a mesh's parts, and how far they stand out of it.
-void add_hulls(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, const Vec3d& scale, Convexify convexify,
-               double radius, std::uint64_t loaded, Geometry& out) {
+void add_hulls(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, const MeshRecipe& recipe,
+               std::uint64_t loaded, Geometry& out) {
   Excess excess;
-  if (convexify == Convexify::kHull)
-    out.pieces = {excess.add(whole, radius, loaded, submeshes.size() == 1)};
+  if (recipe.convexify != Convexify::kSubmeshes)
+    out.pieces = {excess.add(whole, recipe.radius, loaded, submeshes.size() == 1)};
   else
     for (const Submesh& submesh : submeshes)
-      out.pieces.push_back(excess.add(joined({submesh}, scale), radius, submesh.loaded_vertices, true));
+      out.pieces.push_back(excess.add(joined({submesh}, recipe), recipe.radius, submesh.loaded_vertices, true));
   out.hull_excess = excess.distance();
   out.empty_share = excess.empty_share();
 }
 
 // The pieces that a file proposes, in the mesh's frame.
-std::vector<std::vector<Vec3d>> proposed(const Mesh& pieces, const Vec3d& scale) {
+std::vector<std::vector<Vec3d>> proposed(const Mesh& pieces, const MeshRecipe& recipe) {
   std::vector<std::vector<Vec3d>> out;
-  for (const Submesh& piece : pieces.submeshes) out.push_back(joined({piece}, scale).vertices);
+  for (const Submesh& piece : pieces.submeshes) out.push_back(joined({piece}, recipe).vertices);
   return out;
 }
 
 // The piece of a mesh whose triangles are, or enclose, the body. \param pieces of kDecompose; may be null
-PiecePtr true_piece(const DisplayMesh& mesh, Convexify convexify, double radius, std::uint64_t loaded,
-                    const Mesh* pieces = nullptr, const Vec3d& scale = {1, 1, 1}) {
+PiecePtr true_piece(const DisplayMesh& mesh, const MeshRecipe& recipe, std::uint64_t loaded, const Mesh* pieces) {
+  const Convexify convexify = recipe.convexify;
   const std::string who = "convexify: " + std::string(word_of(convexify)) + ": ";
   if (mesh.triangles.empty()) throw std::invalid_argument(who + "the mesh has no triangles");
   try {
     const PiecePtr piece =
-        make_surface_piece(mesh.vertices, mesh.triangles, convexify != Convexify::kSurface, radius, loaded);
+        make_surface_piece(mesh.vertices, mesh.triangles, convexify != Convexify::kSurface, recipe.radius, loaded);
     if (convexify == Convexify::kSurface) return piece;
     if (const std::string why = hollow_place(*piece->surface); !why.empty())
       throw std::invalid_argument("the mesh does not enclose all that its faces go around: " + why);
     if (!pieces) return piece;
-    return make_decomposed_piece(mesh.vertices, mesh.triangles, proposed(*pieces, scale), radius, loaded);
+    return make_decomposed_piece(mesh.vertices, mesh.triangles, proposed(*pieces, recipe), recipe.radius, loaded);
   } catch (const std::invalid_argument& e) {
     throw std::invalid_argument(who + e.what());
   }
@@ -170,23 +177,23 @@ PiecePtr true_piece(const DisplayMesh& mesh, Convexify convexify, double radius,
 
 // What a mesh is by default. The hull of a closed one that is convex but for its vertices' rounding is its proxy: what
 // it stands out by is slack. One that is open or hollow counts as its hull.
-void add_truth(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, const Vec3d& scale, double radius,
+void add_truth(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, const MeshRecipe& recipe,
                std::uint64_t loaded, Geometry& out) {
   constexpr double kOfRounding = 0x1p-20;  // share of the size: eight times what float32 moves a vertex by
   if (whole.triangles.empty() || !open_edge(whole.vertices, whole.triangles).empty())
-    return add_hulls(submeshes, whole, scale, Convexify::kHull, radius, loaded, out);
-  const PiecePtr hull = make_hull_piece(whole.vertices, whole.triangles, radius, loaded, submeshes.size() == 1);
+    return add_hulls(submeshes, whole, recipe, loaded, out);
+  const PiecePtr hull = make_hull_piece(whole.vertices, whole.triangles, recipe.radius, loaded, submeshes.size() == 1);
   const std::optional<double> excess = convex_excess(whole.vertices, whole.triangles, *hull);
   if (excess && *excess <= kOfRounding * hull->spread) {
     out.pieces = {hull};
     out.model_error = (out.model_error + *excess) * (1 + 0x1p-52);
     return;
   }
-  const PiecePtr solid = make_surface_piece(whole.vertices, whole.triangles, true, radius, loaded);
+  const PiecePtr solid = make_surface_piece(whole.vertices, whole.triangles, true, recipe.radius, loaded);
   if (hollow_place(*solid->surface).empty())
     out.pieces = {solid};
   else
-    add_hulls(submeshes, whole, scale, Convexify::kHull, radius, loaded, out);
+    add_hulls(submeshes, whole, recipe, loaded, out);
 }
 
 }  // namespace
@@ -283,22 +290,23 @@ std::string mesh_source(const std::string& file, Convexify convexify, const Geom
   return file + " (" + std::string(word_of(convexify)) + ")";
 }
 
-Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,
-                          const std::string& source, const Mesh* pieces) {
+Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source, const Mesh* pieces) {
+  const Vec3d& scale = recipe.scale;
+  const Convexify convexify = recipe.convexify;
   for (int k = 0; k < 3; ++k)
     if (!(std::abs(scale[k]) > 0 && std::abs(scale[k]) <= kMaxCoordinate))
       throw std::invalid_argument("scale: expected finite numbers other than 0, got " + std::to_string(scale[k]));
   std::uint64_t loaded = 0;
   for (const Submesh& submesh : mesh.submeshes) loaded += submesh.loaded_vertices;
-  auto whole = std::make_shared<DisplayMesh>(joined(mesh.submeshes, scale));
+  auto whole = std::make_shared<DisplayMesh>(joined(mesh.submeshes, recipe));
   Geometry out;
   out.model_error = out.model_inner = rounding_of(mesh.submeshes, scale);
   if (convexify == Convexify::kAuto)
-    add_truth(mesh.submeshes, *whole, scale, radius, loaded, out);
+    add_truth(mesh.submeshes, *whole, recipe, loaded, out);
   else if (convexify == Convexify::kHull || convexify == Convexify::kSubmeshes)
-    add_hulls(mesh.submeshes, *whole, scale, convexify, radius, loaded, out);
+    add_hulls(mesh.submeshes, *whole, recipe, loaded, out);
   else
-    out.pieces = {true_piece(*whole, convexify, radius, loaded, pieces, scale)};
+    out.pieces = {true_piece(*whole, recipe, loaded, pieces)};
   out.display = std::move(whole);
   out.source = mesh_source(source, convexify, out);
   return out;
@@ -325,7 +333,7 @@ Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const 
     }
   all.vertices = std::move(unique.positions);
   all.loaded_vertices = vertices.size();
-  return geometry_of_mesh(mesh, {1, 1, 1}, convexify, radius, "mesh");
+  return geometry_of_mesh(mesh, {.convexify = convexify, .radius = radius}, "mesh");
 }
 
 }  // namespace clearance

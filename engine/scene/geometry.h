@@ -53,11 +53,18 @@ std::vector<Triangle> triangles_as_loaded(const Surface& surface);
 inline constexpr std::string_view kNoPiecesYet = "(solid: no pieces yet)";
 /// What Body::source says of a mesh file. \param made of it, which says what kAuto has become
 std::string mesh_source(const std::string& file, Convexify convexify, const Geometry& made);
-/// \param source names the file. \param scale per axis, in the file's frame; negative mirrors. Of a surface or solid
-/// the piece is exact, so that nothing stands out of it.
-/// \param pieces that kDecompose proves, each a submesh, in the same frame; null: it becomes a solid without
-Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,
-                          const std::string& source, const Mesh* pieces = nullptr);
+/// How a mesh file becomes a body's geometry.
+struct MeshRecipe {
+  Vec3d scale{1, 1, 1};  ///< per axis, in the file's frame; negative mirrors
+  Convexify convexify = Convexify::kAuto;
+  double radius = 0;  ///< metres, added to the pieces
+  UpAxis up = UpAxis::kZ;
+};
+/// Geometry of a mesh. That of a surface or solid is exact.
+/// \param source the file's name
+/// \param pieces for kDecompose, each a submesh in the file's frame; null: a solid without pieces
+Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source,
+                          const Mesh* pieces = nullptr);
 /// The same of a mesh that the caller has, in the body's frame.
 Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
                                Convexify convexify, double radius);

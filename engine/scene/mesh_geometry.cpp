@@ -60,6 +60,7 @@ std::string MeshGeometries::name_of(MeshFile& file, const MeshRecipe& recipe) {
   if (recipe.convexify == Convexify::kDecompose)
     if (MeshFile* pieces = file.pieces()) key.add(of_pieces(*pieces, [](MeshFile& f) { return f.digest(); }));
   for (int k = 0; k < 3; ++k) key.add(recipe.scale[k]);
+  key.add(static_cast<std::uint64_t>(recipe.up));
   return key.add(static_cast<std::uint64_t>(recipe.convexify)).add(recipe.radius).name();
 }
 
@@ -96,9 +97,8 @@ Geometry MeshGeometries::made(MeshFile& file, const MeshRecipe& recipe, const st
   const Mesh& mesh = file.mesh();
   MeshFile* const pieces = recipe.convexify == Convexify::kDecompose ? file.pieces() : nullptr;
   const auto is_as_named = [](MeshFile& f) { return f.mesh().alone && f.mesh().digest == f.digest(); };
-  Geometry geometry =
-      geometry_of_mesh(mesh, recipe.scale, recipe.convexify, recipe.radius, "",
-                       pieces ? &of_pieces(*pieces, [](MeshFile& f) -> const Mesh& { return f.mesh(); }) : nullptr);
+  Geometry geometry = geometry_of_mesh(
+      mesh, recipe, "", pieces ? &of_pieces(*pieces, [](MeshFile& f) -> const Mesh& { return f.mesh(); }) : nullptr);
   *shared = is_as_named(file) && (!pieces || is_as_named(*pieces));
   if (*shared && cache_.is_on()) cache_.write(name, geometry_record(geometry));
   return geometry;

@@ -41,14 +41,6 @@ class MeshFile {
 /// Where the pieces that are proposed for a mesh are looked for: its path and this.
 inline constexpr std::string_view kPiecesExtension = ".pieces.obj";
 
-/// What a scene may ask for of a mesh file: scale for each axis, in the file's frame, and the radius that grows the
-/// pieces.
-struct MeshRecipe {
-  Vec3d scale{1, 1, 1};
-  Convexify convexify = Convexify::kAuto;
-  double radius = 0;
-};
-
 /// Makes the geometries of a scene's mesh files, those of equal bytes and recipes once, and keeps them in the cache.
 /// For several threads.
 class MeshGeometries {

@@ -195,9 +195,9 @@ std::uint32_t Scene::add_shape(const std::string& name, const Shape& shape, cons
 }
 
 std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
-                              const BodyOptions& options) {
+                              const BodyOptions& options, UpAxis up) {
   const FpEnvironment environment;
-  return add_geometry(name, options, [&] { return mesh_geometry(path, scale, convexify, options.radius); });
+  return add_geometry(name, options, [&] { return mesh_geometry(path, {scale, convexify, options.radius, up}); });
 }
 
 std::uint32_t Scene::add_mesh(const std::string& name, std::span<const Vec3d> vertices,
@@ -208,15 +208,17 @@ std::uint32_t Scene::add_mesh(const std::string& name, std::span<const Vec3d> ve
 }
 
 // Of a file, scale and so on that were asked for before: what was made then. Throws MeshError.
-const Geometry& Scene::mesh_geometry(const std::string& path, Vec3d scale, Convexify convexify, double radius) {
+const Geometry& Scene::mesh_geometry(const std::string& path, const MeshRecipe& recipe) {
+  const auto& [scale, convexify, radius, up] = recipe;
   const std::string key = file_key(path) + number(scale.x) + ',' + number(scale.y) + ',' + number(scale.z) + ',' +
-                          std::to_string(static_cast<int>(convexify)) + ',' + number(radius);
+                          std::to_string(static_cast<int>(convexify)) + ',' + number(radius) + ',' +
+                          std::to_string(static_cast<int>(up));
   std::shared_ptr<const Geometry>& known = geometries_[key];
   if (known) return *known;
   try {
     if (!meshes_) meshes_ = std::make_shared<MeshGeometries>();
     MeshFile file(path);
-    known = std::make_shared<const Geometry>(meshes_->make(file, {scale, convexify, radius}, path));
+    known = std::make_shared<const Geometry>(meshes_->make(file, recipe, path));
     return *known;
   } catch (const std::exception& e) {
     geometries_.erase(key);

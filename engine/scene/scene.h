@@ -23,8 +23,12 @@
 namespace clearance {
 
 struct Geometry;       // engine/scene/geometry.h
+struct MeshRecipe;     // engine/scene/geometry.h
 class MeshGeometries;  // engine/scene/mesh_geometry.h
 struct Shape;          // engine/hull/shapes.h
+
+/// Axis of a mesh file that points up. The body's is always z.
+enum class UpAxis : std::uint8_t { kZ, kY };
 
 /// Bad input at set-up. The text names cause and place: "scenes/a.yaml:12: bodies[3].radius: expected a number > 0, got
 /// -1".
@@ -121,10 +125,12 @@ class Scene {
   /// Each adds a body and returns its id. Bodies of the same vertices and radius share their pieces. All throw
   /// SceneError for a bad or repeated name or bad geometry.
   std::uint32_t add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options);
-  /// \param scale per axis, not 0; negative mirrors. Bodies of the same file, scale, convexify and radius share their
-  /// pieces. A solid's mesh is closed; a surface's and a solid's has triangles.
+  /// Bodies of the same file and options share their pieces. A solid's mesh is closed; a surface's and a solid's has
+  /// triangles.
+  /// \param scale per axis of the file, not 0; negative mirrors
+  /// \param up axis of the file that becomes the body's z; kY turns (x, y, z) to (x, -z, y), exactly
   std::uint32_t add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
-                         const BodyOptions& options);
+                         const BodyOptions& options, UpAxis up = UpAxis::kZ);
   /// The same of a mesh that the caller has. \param vertices metres, in the body's frame. \param triangles of indices
   /// among them; a solid's turn all the same way.
   std::uint32_t add_mesh(const std::string& name, std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
@@ -212,7 +218,7 @@ class Scene {
   Body body_from(const std::string& name, const BodyOptions& options) const;
   PiecePtr shared_piece(const PiecePtr& piece);
   void check_free(const std::string& name, const char* what) const;
-  const Geometry& mesh_geometry(const std::string& path, Vec3d scale, Convexify convexify, double radius);
+  const Geometry& mesh_geometry(const std::string& path, const MeshRecipe& recipe);
   void insert_group(Group group);
   std::uint32_t insert_body(Body body);
   void leave_out(std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs);

@@ -80,7 +80,7 @@ class SceneReader {
     value.check_keys({"name",      "mesh",       "box",          "sphere",    "capsule",  "cylinder",    "cone",
                       "ellipsoid", "half_space", "points",       "uv_sphere", "geometry", "scale",       "convexify",
                       "radius",    "static",     "live",         "pose",      "parent",   "uncertainty", "padding",
-                      "max_speed", "voxel",      "height_field", "cell",      "octomap",  "unknown"});
+                      "max_speed", "voxel",      "height_field", "cell",      "octomap",  "unknown",     "up"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};
@@ -117,7 +117,7 @@ class SceneReader {
     const std::int64_t n = count->integer(1, kMaxBodies);
     shape->map("a shape, such as {sphere: 0.1}");
     shape->check_keys({"mesh", "box", "sphere", "capsule", "cylinder", "cone", "ellipsoid", "points", "uv_sphere",
-                       "scale", "convexify", "radius"});
+                       "scale", "convexify", "radius", "up"});
     const std::size_t geometry = read_geometry(*shape);
     const Vec3d size = read_box(*box);
     std::uint64_t seed = 0;
@@ -199,7 +199,7 @@ class SceneReader {
       radius = r->not_negative();
     }
     if (kind != "mesh")
-      for (const char* key : {"scale", "convexify"})
+      for (const char* key : {"scale", "convexify", "up"})
         if (const auto extra = value.find(key)) extra->fail("only a mesh has this key");
     if (const auto extra = value.find("voxel"); extra && (kind != "points" || !is_cloud_value(*found)))
       extra->fail("only points of a file, or points: [], have this key");
@@ -276,12 +276,19 @@ class SceneReader {
     }
     const auto how = value.find("convexify");
     const Convexify convexify = how ? read_convexify(*how) : Convexify::kAuto;
+    UpAxis up = UpAxis::kZ;
+    if (const auto axis = value.find("up")) {
+      const std::string letter = axis->text("y or z");
+      if (letter != "y" && letter != "z") axis->fail_expected("y or z");
+      if (letter == "y") up = UpAxis::kY;
+    }
     const std::string path = resolve(mesh, named);
     std::shared_ptr<MeshFile>& file = files_[path];
     if (!file) file = std::make_shared<MeshFile>(path);
     const std::string key = "mesh " + path + " " + exact(scale.x) + exact(scale.y) + exact(scale.z) +
-                            std::to_string(static_cast<int>(convexify)) + " +" + exact(radius);
-    return plan(key, mesh, [this, file = file, recipe = MeshRecipe{scale, convexify, radius}, named] {
+                            std::to_string(static_cast<int>(convexify)) + std::to_string(static_cast<int>(up)) + " +" +
+                            exact(radius);
+    return plan(key, mesh, [this, file = file, recipe = MeshRecipe{scale, convexify, radius, up}, named] {
       const auto in_file = [&](const std::exception& e) { return named + ": " + e.what(); };
       try {
         return meshes_.make(*file, recipe, named);

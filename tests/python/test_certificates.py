@@ -16,7 +16,7 @@ from certificates import NAMES, junk_refused, turned
 from clearance import Status
 from scenes import at, box_vertices, random_poses
 
-pytestmark = pytest.mark.filterwarnings("ignore::clearance.HullWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
 
 
 def zoo():

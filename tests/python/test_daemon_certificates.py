@@ -11,7 +11,7 @@ import clearance
 from patience import PATIENCE_S
 from robots import rows_of
 
-pytestmark = pytest.mark.filterwarnings("ignore::clearance.HullWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
 
 
 @pytest.fixture

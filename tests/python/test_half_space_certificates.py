@@ -17,7 +17,7 @@ import test_surface_certificates
 from certificates import NAMES, junk_refused
 from scenes import at, box_vertices, random_poses
 
-pytestmark = pytest.mark.filterwarnings("ignore::clearance.HullWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
 TWO_BOXES = """<robot name="r"><link name="two">
   <collision><origin xyz="0.4 0 0.1"/><geometry><box size="0.2 0.2 0.2"/></geometry></collision>
   <collision><origin xyz="-0.2 0 0" rpy="0.1 0.2 0.3"/><geometry><box size="0.1 0.3 0.2"/></geometry></collision>

@@ -12,7 +12,7 @@ from certificates import NAMES, junk_refused, turned
 from clearance import Status
 from scenes import at
 
-pytestmark = pytest.mark.filterwarnings("ignore::clearance.HullWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
 ARM = """<robot name="arm">
   <link name="base"><collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
   <link name="upper"><collision><origin xyz="0 0 0.3" rpy="0.1 0 0.2"/><geometry><box size="0.1 0.1 0.5"/></geometry>

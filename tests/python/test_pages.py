@@ -17,7 +17,7 @@ import error_page  # noqa: E402
 import snippets  # noqa: E402
 
 
-@pytest.mark.filterwarnings("ignore::clearance.HullWarning")
+@pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
 @pytest.mark.parametrize("page", snippets.pages(), ids=snippets.name_of)
 def test_what_a_page_says_runs_and_prints_what_it_says(page):
     snippets.check(page)

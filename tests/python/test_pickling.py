@@ -71,7 +71,7 @@ def test_checks_come_back_equal(engine, way):
 @pytest.mark.parametrize("way", WAYS)
 def test_scenes_come_back_equal(root, way):
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", clearance.HullWarning)
+        warnings.simplefilter("ignore", clearance.MeshWarning)
         scene = clearance.Scene.load(root / "scenes" / "cell" / "scene.yaml")
     scene.add_points("cloud", np.random.default_rng(1).normal(size=(50, 3)).astype(np.float32), radius=0.01)
     with warnings.catch_warnings():

@@ -78,13 +78,13 @@ def test_a_mesh_is_the_truth_where_nothing_is_said(tmp_path):
     assert [body.is_solid for body in robot.bodies if body.triangle_count] == [True]
     assert scene.source(1) == f"{tmp_path / 'cup.obj'} (solid)"
     with pytest.warns(
-        clearance.HullWarning,
+        clearance.MeshWarning,
         match=r"open: its hull stands up to .*: distances are to the hull; .*open\.obj \(hull\) encloses nothing: the "
         r"edge from \(.*\) to \(.*\) of triangle \d+ belongs to no other triangle: the mesh is open there; convexify: "
         "surface ",
     ):
         scene.add_mesh("open", tmp_path / "open.obj")
-    with pytest.warns(clearance.HullWarning, match="own open: .* mesh \\(hull\\) encloses nothing"):
+    with pytest.warns(clearance.MeshWarning, match="own open: .* mesh \\(hull\\) encloses nothing"):
         scene.add_body("own open", mesh=(CUP_VERTICES, CUP_TRIANGLES[1:]))
     assert [body.triangle_count for body in scene.bodies[-2:]] == [0, 0]
 
@@ -104,7 +104,7 @@ def test_a_hollow_mesh_is_no_solid_but_its_hull(tmp_path, start_daemon):
     for name, mesh in bad.items():
         with pytest.raises(clearance.SceneError, match="solid: the mesh does not enclose all that its faces go around"):
             scene.add_body(name, mesh=mesh, convexify="solid")
-        with pytest.warns(clearance.HullWarning, match=r"mesh \(hull\) is hollow: triangle \d+ at \("):
+        with pytest.warns(clearance.MeshWarning, match=r"mesh \(hull\) is hollow: triangle \d+ at \("):
             scene.add_body(name, mesh=mesh, pose=IDENTITY)
     assert [body.is_solid for body in scene.bodies] == [True, False, False, False]
     r = clearance.Engine(scene, backend="cpu").distances(pairs=[("ball", "*")])
@@ -116,7 +116,7 @@ def test_a_hollow_mesh_is_no_solid_but_its_hull(tmp_path, start_daemon):
             client.add_body("solid", mesh=bad["both sides"], convexify="solid")
         client.add_body("hollow", mesh=bad["both sides"], pose=IDENTITY)
         assert client.distances(pairs=[("hollow", "ball")]).status[0, 0] == clearance.Status.OVERLAP
-        assert 'event=hull_stands_out body="hollow"' in daemon.log() and "is hollow: triangle" in daemon.log()
+        assert 'event=mesh_suspicious body="hollow"' in daemon.log() and "is hollow: triangle" in daemon.log()
 
 
 def test_what_overlaps_a_solid_has_a_depth_between_two_bounds():
@@ -133,7 +133,7 @@ def test_what_overlaps_a_solid_has_a_depth_between_two_bounds():
 def test_a_mesh_is_what_is_said_of_it(tmp_path):
     write_obj(tmp_path / "cup.obj", CUP_VERTICES, CUP_TRIANGLES)
     scene = clearance.Scene()
-    with pytest.warns(clearance.HullWarning):
+    with pytest.warns(clearance.MeshWarning):
         scene.add_mesh("hull", tmp_path / "cup.obj", convexify="hull")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -261,7 +261,7 @@ def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
         "  - {name: two, mesh: shelf.obj, scale: 2, convexify: hull}\n"
     )
     with pytest.warns(
-        clearance.HullWarning, match=r"one: its hull stands up to .* m out of its mesh, .* % of it is empty.*; two: "
+        clearance.MeshWarning, match=r"one: its hull stands up to .* m out of its mesh, .* % of it is empty.*; two: "
     ) as caught:
         scene = clearance.Scene.load(tmp_path / "scene.yaml")
     assert len(caught) == 1 and caught[0].filename == __file__
@@ -270,10 +270,10 @@ def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
     assert 0.8 < one.empty_share < 0.95 and one.model_error == 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.simplefilter("ignore", clearance.HullWarning)
+        warnings.simplefilter("ignore", clearance.MeshWarning)
         clearance.Scene().add_mesh("quiet", tmp_path / "shelf.obj", convexify="hull")
         clearance.Scene().add_box("crate", [1, 1, 1])
-    with pytest.warns(clearance.HullWarning):
+    with pytest.warns(clearance.MeshWarning):
         scene.add_mesh("three", tmp_path / "shelf.obj", convexify="hull")
 
 
@@ -291,11 +291,11 @@ def test_a_robots_hulls_are_warned_about_once_in_the_callers_line(tmp_path):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         clearance.Scene.load_urdf(tmp_path / "r.urdf", srdf=tmp_path / "r.srdf", convexify="hull")
-    assert [one.category for one in caught] == [clearance.HullWarning, clearance.RobotWarning]
+    assert [one.category for one in caught] == [clearance.MeshWarning, clearance.RobotWarning]
     assert [one.filename for one in caught] == [__file__] * 2 and caught[0].lineno == caught[1].lineno
     text = str(caught[0].message)
     assert text.startswith("7 bodies: r/l0: its hull stands up to") and text.endswith("; and 2 more")
-    with pytest.warns(clearance.HullWarning) as own:
+    with pytest.warns(clearance.MeshWarning) as own:
         clearance.Scene().add_body("own", mesh=(CUP_VERTICES, CUP_TRIANGLES[1:]))
     assert len(own) == 1 and own[0].filename == __file__
 
@@ -470,3 +470,32 @@ def test_links_may_be_less_well_known_than_their_joints_say(root):
     assert info.padding == 0.05 and abs(grown[0] - (lower[0] - 0.05)) < 1e-6 and grown[1] == lower[1]
     with pytest.raises(clearance.SceneError, match='uncertainty: there is no link "elbows"'):
         gap(uncertainty={"elbows": {"angle": 0.1}})
+
+
+def test_a_mesh_whose_y_points_up_is_turned_exactly(tmp_path):
+    corners = [[1.0, 2.0, 3.0], [4.0, 2.0, 3.0], [1.0, 7.0, 3.0], [1.0, 2.0, 14.0]]
+    write_obj(tmp_path / "wedge.obj", corners, [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])
+    scene = clearance.Scene()
+    scene.add_mesh("wedge", tmp_path / "wedge.obj", up="y")
+    turned = {(x, -z, y) for x, y, z in corners}
+    assert {tuple(v) for v in scene.pieces("wedge")[0][0]} == turned
+    scene.save(tmp_path / "saved")
+    again = clearance.Scene.load(tmp_path / "saved" / "scene.yaml")
+    assert again.revision == scene.revision
+    assert {tuple(v) for v in again.pieces("wedge")[0][0]} == turned
+    with pytest.raises(ValueError, match="up: expected 'z' or 'y', got 'x'"):
+        scene.add_mesh("no", tmp_path / "wedge.obj", up="x")
+
+
+def test_a_mesh_in_millimetres_is_warned_about(tmp_path):
+    write_obj(
+        tmp_path / "part.obj",
+        [[0, 0, 0], [137, 0, 0], [0, 40, 0], [0, 0, 12]],
+        [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)],
+    )
+    scene = clearance.Scene()
+    with pytest.warns(clearance.MeshWarning, match="part: its mesh is 137 m wide.* scale: 0.001"):
+        scene.add_mesh("part", tmp_path / "part.obj")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene.add_mesh("scaled", tmp_path / "part.obj", scale=0.001)

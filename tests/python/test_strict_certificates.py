@@ -11,7 +11,7 @@ from certificates import NAMES
 from scenes import at
 from test_surface_certificates import ball, claims, torus, witness
 
-pytestmark = pytest.mark.filterwarnings("ignore::clearance.HullWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import clearance
 from certificates import NAMES, junk_refused, turned
 from scenes import at, random_poses
 
-pytestmark = pytest.mark.filterwarnings("ignore::clearance.HullWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
 
 
 def torus(around, across, radius=1.0, thick=0.4):

@@ -5,9 +5,9 @@
 
 #include "engine/hull/decomposition.h"
 #include "engine/scene/geometry_file.h"
-#include "engine/scene/hull_warning.h"
 #include "engine/scene/link_geometry.h"
 #include "engine/scene/mesh_geometry.h"
+#include "engine/scene/mesh_warning.h"
 #include "engine/surface/surface.h"
 #include "error_text.h"
 #include "inspect/decompose.h"
@@ -61,7 +61,7 @@ TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
   EXPECT_LE(pieces->inner, 1e-12);
   EXPECT_LE(pieces->most_outer(), 1e-3);
   EXPECT_TRUE(scene.bodies()[0].source.ends_with("(decompose)")) << scene.bodies()[0].source;
-  EXPECT_TRUE(hull_warnings(scene).empty());
+  EXPECT_TRUE(mesh_warnings(scene).empty());
   // At another scale, mirrored, and grown, which changes nothing of the pieces.
   scene.add_mesh("grown", mesh, {-2, 1, 3}, Convexify::kDecompose, {.radius = 0.5});
   ASSERT_TRUE(pieces_of(scene, 1));
@@ -75,7 +75,7 @@ TEST_F(DecomposedMeshes, WithoutPiecesAreSolidsAndSayWhatToRun) {
   scene.add_mesh("l", write("l.obj", kBracket), {1, 1, 1}, Convexify::kDecompose, {});
   EXPECT_FALSE(pieces_of(scene));
   EXPECT_TRUE(surface_of(scene.bodies()[0])->is_solid());
-  const std::vector<HullWarning> warnings = hull_warnings(scene);
+  const std::vector<MeshWarning> warnings = mesh_warnings(scene);
   ASSERT_EQ(warnings.size(), 1u);
   EXPECT_NE(warnings[0].text.find("clearance decompose FILE"), std::string::npos);
   // A link leads elsewhere, and is not followed.

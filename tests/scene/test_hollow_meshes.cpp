@@ -7,7 +7,7 @@
 
 #include "engine/hull/shapes.h"
 #include "engine/scene/geometry.h"
-#include "engine/scene/hull_warning.h"
+#include "engine/scene/mesh_warning.h"
 #include "engine/surface/enclosure.h"
 #include "engine/surface/surface.h"
 #include "error_text.h"
@@ -145,7 +145,7 @@ TEST(HollowMesh, IsWarnedAboutWithAPlace) {
   Scene scene;
   scene.add_mesh("it", mesh.vertices, mesh.triangles, Convexify::kAuto, {});
   scene.add_mesh("both", (ell() + ell().turned()).vertices, (ell() + ell().turned()).triangles, Convexify::kAuto, {});
-  const std::vector<HullWarning> warnings = hull_warnings(scene);
+  const std::vector<MeshWarning> warnings = mesh_warnings(scene);
   ASSERT_EQ(warnings.size(), 2u);
   EXPECT_NE(warnings[0].text.find("distances are to the hull; mesh (hull) is hollow: triangle "), std::string::npos)
       << warnings[0].text;
@@ -159,7 +159,7 @@ TEST(HollowMesh, MirroredByItsScale) {
   for (const bool is_bad : {false, true}) {
     file.submeshes = {{(is_bad ? bad : cup).vertices, (is_bad ? bad : cup).triangles}};
     for (const Vec3d& scale : {Vec3d{1, 1, 1}, Vec3d{-1, 1, 1}, Vec3d{1e-4, -1e-4, 1e-4}, Vec3d{1e4, 1e4, 1e4}}) {
-      const Geometry geometry = geometry_of_mesh(file, scale, Convexify::kAuto, 0, "it");
+      const Geometry geometry = geometry_of_mesh(file, {.scale = scale}, "it");
       EXPECT_EQ(is_solid(geometry), !is_bad) << scale.x;
     }
   }

@@ -7,7 +7,7 @@
 
 #include "engine/hull/hull.h"
 #include "engine/hull/hull_excess.h"
-#include "engine/scene/hull_warning.h"
+#include "engine/scene/mesh_warning.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
 
@@ -206,16 +206,36 @@ bodies:
   EXPECT_GT(b[0].hull_excess, 0.12);
   EXPECT_LT(b[0].hull_excess, 0.29);
   EXPECT_NEAR(b[0].empty_share, 0.87, 0.01);
-  EXPECT_NE(hull_warning(b[0]).find("m out of its mesh"), std::string::npos) << hull_warning(b[0]);
-  EXPECT_NE(hull_warning(b[0]).find(" % of it is empty"), std::string::npos) << hull_warning(b[0]);
+  EXPECT_NE(mesh_warning(b[0]).find("m out of its mesh"), std::string::npos) << mesh_warning(b[0]);
+  EXPECT_NE(mesh_warning(b[0]).find(" % of it is empty"), std::string::npos) << mesh_warning(b[0]);
   EXPECT_GT(b[1].hull_excess, 0.24);
   EXPECT_NEAR(b[1].empty_share, 0.87, 0.01);
   EXPECT_EQ(b[2].pieces.size(), 8u);
   EXPECT_LT(b[2].hull_excess, 1e-9);
   EXPECT_NEAR(b[2].empty_share, 0, 1e-9);
-  for (std::size_t i = 2; i < b.size(); ++i) EXPECT_EQ(hull_warning(b[i]), "") << b[i].name;
+  for (std::size_t i = 2; i < b.size(); ++i) EXPECT_EQ(mesh_warning(b[i]), "") << b[i].name;
   EXPECT_EQ(b[4].hull_excess, 0);
   EXPECT_EQ(b[4].empty_share, 0);
+}
+
+TEST(MeshWarnings, NameMeshesInMillimetres) {
+  const TemporaryFolder folder;
+  folder.write("part.obj", "v 0 0 0\nv 137 0 0\nv 0 40 0\nv 0 0 12\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
+  const Scene scene = Scene::load(folder.write("scene.yaml", R"(
+bodies:
+  - {name: metres, mesh: part.obj}
+  - {name: mm, mesh: part.obj, scale: 0.001}
+  - {name: below, mesh: part.obj, scale: 0.36}
+  - {name: surface, mesh: part.obj, convexify: surface}
+  - {name: floor, box: [200, 200, 1]}
+)"));
+  const std::vector<MeshWarning> warnings = mesh_warnings(scene);
+  ASSERT_EQ(warnings.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(warnings[i].body, 3 * i);
+    EXPECT_EQ(warnings[i].text,
+              "its mesh is 137 m wide: coordinates are metres, and a file in millimetres needs scale: 0.001");
+  }
 }
 
 }  // namespace

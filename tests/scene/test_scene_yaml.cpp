@@ -162,6 +162,44 @@ TEST(SceneFile, QuaternionsThatLookLikeXyzwAreWarnedOf) {
                                                         file + "10: robots[0].base: " + no_turn}));
 }
 
+// A wedge without symmetry, so that every wrong permutation or sign shows.
+constexpr const char* kWedge = "v 1 2 3\nv 4 2 3\nv 1 7 3\nv 1 2 14\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+
+TEST(SceneFile, UpYTurnsAMeshExactly) {
+  const TemporaryFolder folder;
+  folder.write("w.obj", kWedge);
+  for (const std::string how : {"hull", "submeshes", "surface", "solid", "auto"}) {
+    const Scene scene = load(folder,
+                             "bodies:\n"
+                             "  - {name: y, mesh: w.obj, up: y, scale: [0.5, 1, -0.125], convexify: " +
+                                 how +
+                                 "}\n"
+                                 "  - {name: z, mesh: w.obj, up: z, scale: [0.5, 1, -0.125], convexify: " +
+                                 how +
+                                 "}\n"
+                                 "  - {name: none, mesh: w.obj, scale: [0.5, 1, -0.125], convexify: " +
+                                 how + "}\n");
+    const auto& b = scene.bodies();
+    EXPECT_EQ(b[1].pieces[0].get(), b[2].pieces[0].get()) << "z is the default";
+    std::vector<Vec3d> expected;
+    for (const Vec3d& v : b[1].display->vertices) expected.push_back({v.x, 0 - v.z, v.y});
+    const auto same = [](const Vec3d& a, const Vec3d& c) { return a.x == c.x && a.y == c.y && a.z == c.z; };
+    EXPECT_TRUE(std::equal(expected.begin(), expected.end(), b[0].display->vertices.begin(),
+                           b[0].display->vertices.end(), same))
+        << how;
+    EXPECT_EQ(b[0].display->triangles, b[1].display->triangles) << "a turn keeps the orientation of faces";
+    EXPECT_EQ(b[0].model_error, b[1].model_error);
+    ASSERT_EQ(b[0].pieces.size(), 1u);
+    ASSERT_EQ(b[0].pieces[0]->vertices.size(), 4u);
+    for (const Vec3d& v : b[0].pieces[0]->vertices)
+      EXPECT_TRUE(std::any_of(expected.begin(), expected.end(), [&](const Vec3d& e) { return same(e, v); })) << how;
+  }
+  EXPECT_EQ(error_text<SceneError>([&] { load(folder, "bodies: [{name: a, mesh: w.obj, up: x}]"); }),
+            folder / "scene.yaml:1: bodies[0].up: expected y or z, got \"x\"");
+  EXPECT_EQ(error_text<SceneError>([&] { load(folder, "bodies: [{name: a, box: 1, up: y}]"); }),
+            folder / "scene.yaml:1: bodies[0].up: only a mesh has this key");
+}
+
 TEST(SceneFile, RandomBodiesRepeatBySeed) {
   const TemporaryFolder folder;
   const auto of = [&](const std::string& random) { return load(folder, "random: " + random); };

@@ -12,9 +12,9 @@
 #include "engine/device/hull_arrays.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/shapes.h"
-#include "engine/scene/hull_warning.h"
 #include "engine/scene/link_geometry.h"
 #include "engine/scene/mesh_geometry.h"
+#include "engine/scene/mesh_warning.h"
 #include "engine/surface/surface.h"
 #include "error_text.h"
 #include "temporary_folder.h"
@@ -86,7 +86,7 @@ TEST(TrueMesh, IsOnePieceThatStandsForItsTriangles) {
   }
   EXPECT_EQ(surface_of(bodies[0]), nullptr);
   EXPECT_NEAR(bodies[0].empty_share, 1.5 / 8, 1e-12);
-  EXPECT_NE(hull_warning(bodies[0]), "");
+  EXPECT_NE(mesh_warning(bodies[0]), "");
   EXPECT_EQ(triangle_count(bodies[0]), 0u);
   for (const std::size_t i : {1u, 2u}) {
     ASSERT_NE(surface_of(bodies[i]), nullptr);
@@ -94,7 +94,7 @@ TEST(TrueMesh, IsOnePieceThatStandsForItsTriangles) {
     EXPECT_EQ(triangle_count(bodies[i]), 28u);
     EXPECT_EQ(bodies[i].hull_excess, 0) << "nothing stands out of the truth";
     EXPECT_EQ(bodies[i].empty_share, 0);
-    EXPECT_EQ(hull_warning(bodies[i]), "");
+    EXPECT_EQ(mesh_warning(bodies[i]), "");
   }
   EXPECT_TRUE(scene.has_surfaces());
   Scene convex;
@@ -138,7 +138,7 @@ TEST(TrueMesh, TheDefaultIsTheTruth) {
   for (const std::size_t i : {0u, 1u, 2u, 3u}) {
     EXPECT_EQ(b[i].hull_excess, 0) << b[i].name;
     EXPECT_EQ(b[i].model_error, 0) << b[i].name;
-    EXPECT_EQ(hull_warning(b[i]), "") << b[i].name;
+    EXPECT_EQ(mesh_warning(b[i]), "") << b[i].name;
   }
   for (const std::size_t i : {2u, 3u}) {
     ASSERT_NE(surface_of(b[i]), nullptr) << b[i].name;
@@ -162,7 +162,7 @@ TEST(TrueMesh, AnOpenMeshIsItsHullAndAnEdgeSaysWhy) {
   scene.add_mesh("b", folder.write("turned.off", off(turned)), {2, 2, 2}, Convexify::kAuto, {});
   add(scene, "closed", cup(), Convexify::kHull);
   scene.add_mesh("c", file, {1, 1, 1}, Convexify::kAuto, {});
-  const std::vector<HullWarning> warnings = hull_warnings(scene);
+  const std::vector<MeshWarning> warnings = mesh_warnings(scene);
   ASSERT_EQ(warnings.size(), 4u);
   const auto says = [&](std::size_t i, const std::string& what) {
     EXPECT_NE(warnings[i].text.find(what), std::string::npos) << warnings[i].text;
@@ -174,7 +174,7 @@ TEST(TrueMesh, AnOpenMeshIsItsHullAndAnEdgeSaysWhy) {
   says(1, "they are not oriented alike");
   EXPECT_EQ(warnings[2].text.find("edge"), std::string::npos) << "its hull was asked for: " << warnings[2].text;
   EXPECT_EQ(warnings[3].text, warnings[0].text);
-  EXPECT_EQ(hull_warnings(scene, 3).size(), 1u);
+  EXPECT_EQ(mesh_warnings(scene, 3).size(), 1u);
 }
 
 // A ball as a file of float32 has it: no face is where it was, and the hull stands out by a rounding.

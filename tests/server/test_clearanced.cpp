@@ -255,9 +255,9 @@ TEST_F(Clearanced, LogWarnsOfMeshesThatAreFarFromConvex) {
                                           "{name: again, mesh: apart.obj, convexify: hull}, {name: box, box: 1}]\n");
   Daemon daemon({"--scene", scene, "--zmq", ipc_});
   const std::string log = daemon.log(),
-                    event = "level=warning event=hull_stands_out body=\"apart\" more=1 hull_excess_m=";
+                    event = "level=warning event=mesh_suspicious body=\"apart\" more=1 hull_excess_m=";
   ASSERT_TRUE(contains(log, event));
-  EXPECT_EQ(log.find("hull_stands_out", log.find(event) + event.size()), std::string::npos) << "once for each mesh";
+  EXPECT_EQ(log.find("mesh_suspicious", log.find(event) + event.size()), std::string::npos) << "once for each mesh";
   const auto bodies = connect(ipc_).scene().bodies;
   EXPECT_GT(bodies[0].hull_excess, 4);
   EXPECT_LT(bodies[0].hull_excess, 6);
@@ -278,8 +278,8 @@ TEST_F(Clearanced, AnOpenMeshThatIsAddedIsLoggedWithAnEdge) {
   client.add_body(closed);
   client.add_body(open);
   const std::string log = daemon.log();
-  EXPECT_FALSE(contains(log, "event=hull_stands_out body=\"closed\""));
-  ASSERT_TRUE(contains(log, "level=warning event=hull_stands_out body=\"open\" more=0 "));
+  EXPECT_FALSE(contains(log, "event=mesh_suspicious body=\"closed\""));
+  ASSERT_TRUE(contains(log, "level=warning event=mesh_suspicious body=\"open\" more=0 "));
   EXPECT_TRUE(
       contains(log,
                "mesh (hull) encloses nothing: the edge from (0, 0, 0) to (1, 0, 0) of triangle 0 belongs to no "

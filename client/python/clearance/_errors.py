@@ -37,10 +37,11 @@ class JointLimitWarning(UserWarning):
     """Positions of joints are far beyond their limits, and would be within them as degrees. Positions are radians."""
 
 
-class HullWarning(UserWarning):
-    """A mesh is far from convex, and its hull is what distances are measured to. The text names bodies and figures.
+class MeshWarning(UserWarning):
+    """A mesh is probably not what the scene takes it for. The text names bodies and figures.
 
-    ``warnings.simplefilter("ignore", clearance.HullWarning)`` is silent about it, "error" refuses such scenes.
+    It is far from convex, and distances are measured to its hull; or it is at least 50 m wide, and its file is probably
+    in millimetres. ``warnings.simplefilter("ignore", clearance.MeshWarning)`` silences it, "error" rejects such scenes.
     """
 
 

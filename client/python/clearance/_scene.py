@@ -7,7 +7,7 @@ import pathlib
 import tempfile
 import threading
 from collections.abc import Mapping, Sequence
-from typing import Any, Optional
+from typing import Any, Literal, Optional
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from ._errors import SceneError
 from ._names import BodyInfo, BodyRef, NameTable
 from ._poses import as_first_pose
 from ._scene_robots import RobotScene
-from ._scene_warnings import warn_of_files, warn_of_hulls, warn_of_robots
+from ._scene_warnings import warn_of_files, warn_of_meshes, warn_of_robots
 from ._words import CONVEXIFY, NONE, ConvexifyWord
 
 
@@ -57,14 +57,14 @@ class Scene(RobotScene):
         """Reads a scene file (YAML) and the meshes that it names, or a URDF: a scene of that robot, by the URDF's name.
 
         allow_outside: meshes may lie outside the scene file's folder.
-        Raises SceneError naming file, line, key and what was expected. Warns (HullWarning) of bodies whose pieces stand
+        Raises SceneError naming file, line, key and what was expected. Warns (MeshWarning) of bodies whose pieces stand
         far out of their meshes, (PoseWarning) of quaternions that look like x, y, z, w, and (RobotWarning) of what was
         left out of robots' files.
         """
         scene = cls.__new__(cls)
         scene._lock = threading.RLock()
         scene._scene = _engine.Scene.load(to_path(path, "path"), to_bool(allow_outside, "allow_outside"))
-        warn_of_hulls(scene._scene, 0)
+        warn_of_meshes(scene._scene, 0)
         warn_of_robots(scene._scene, 0)
         warn_of_files(scene._scene)
         return scene
@@ -133,6 +133,7 @@ class Scene(RobotScene):
         scale: Any = 1.0,
         convexify: ConvexifyWord = "auto",
         *,
+        up: Literal["y", "z"] = "z",
         radius: float = 0.0,
         parent: Optional[BodyRef] = None,
         static: bool = False,
@@ -141,14 +142,18 @@ class Scene(RobotScene):
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds a mesh file. scale: one number or three.
+        """Adds a mesh file, with coordinates in metres.
+
+        scale: one number or three, per axis of the file.
+        up: axis of the file that becomes the body's z. "y" turns (x, y, z) to (x, -z, y), exactly.
 
         convexify: what the body is: "hull" or "submeshes" (the convex hull of all vertices, or of each submesh's),
             "surface" (its triangles) or "solid" (what they enclose: they are closed, and turn alike); "decompose": a
             solid whose pieces, in FILE.pieces.obj, answer first; `clearance decompose FILE` makes them. "auto": the
             hull of a convex mesh, and of an open one, and a solid else.
 
-        Warns (HullWarning) if the pieces stand far out of the mesh: BodyInfo.hull_excess says how far at most.
+        Warns (MeshWarning) if the pieces stand far out of the mesh (BodyInfo.hull_excess is a bound), and if it is at
+        least 50 m wide: files in millimetres need scale=0.001.
         """
         sx, sy, sz = _three(scale, "scale", one=True)
         with self._lock:
@@ -159,10 +164,11 @@ class Scene(RobotScene):
                 sy,
                 sz,
                 to_word(convexify, CONVEXIFY, "convexify"),
+                to_word(up, {"z": False, "y": True}, "up"),
                 to_number(radius, "radius"),
                 *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
-            warn_of_hulls(self._scene, added)
+            warn_of_meshes(self._scene, added)
             return added
 
     def add_box(
@@ -388,7 +394,7 @@ class Scene(RobotScene):
     ) -> int:
         with self._lock:
             added = self._scene.add_mesh_of(to_text(name, "name"), vertices, triangles, convexify, radius, *rest)
-            warn_of_hulls(self._scene, added)
+            warn_of_meshes(self._scene, added)
             return added
 
     def add_group(self, name: str, bodies: Sequence[str]) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Optional, TypeVar, Union
 from ._arguments import to_bool, to_items, to_number, to_path, to_text, to_uncertainty, to_word
 from ._names import BodyInfo, BodyRef
 from ._poses import as_first_pose
-from ._scene_warnings import warn_of_hulls, warn_of_robots
+from ._scene_warnings import warn_of_meshes, warn_of_robots
 from ._words import CONVEXIFY, GEOMETRIES, ConvexifyWord, GeometryWord
 
 _BY_LINK = "a dict of {'position': metres, 'angle': radians} by link"
@@ -73,7 +73,7 @@ class RobotScene:
         convexify: what the links' meshes are, as in add_mesh(): one word or {link: word}, "auto" for the others.
 
         Raises SceneError naming file, line and element. Warns (RobotWarning) of what was left out of the SRDF or is
-        suspicious in the URDF, (HullWarning) once of all links that stand far out of their meshes, and (PoseWarning)
+        suspicious in the URDF, (MeshWarning) once of all links that stand far out of their meshes, and (PoseWarning)
         of a base whose quaternion looks like x, y, z, w.
         """
         folders = {} if packages is None else dict(to_items(packages, "packages", "a dict of folders by package"))
@@ -104,7 +104,7 @@ class RobotScene:
                 CONVEXIFY["auto"] if named else to_word(convexify, CONVEXIFY, "convexify"),
                 _convexify_by_link(convexify) if isinstance(convexify, Mapping) else {},
             )
-            warn_of_hulls(self._scene, bodies)
+            warn_of_meshes(self._scene, bodies)
             warn_of_robots(self._scene, index)
 
 

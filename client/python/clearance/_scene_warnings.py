@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ._errors import HullWarning, PoseWarning, RobotWarning, warn
+from ._errors import MeshWarning, PoseWarning, RobotWarning, warn
 
 _NAMED_IN_WARNING = 5
 
@@ -20,12 +20,12 @@ def warn_of_robots(scene: Any, first: int) -> None:
         warn(text, RobotWarning)
 
 
-def warn_of_hulls(scene: Any, first: int) -> None:
-    """One warning for all bodies from `first` on that are far from the meshes they stand for."""
-    found = scene.hull_warnings(first)
+def warn_of_meshes(scene: Any, first: int) -> None:
+    """Warns once for all bodies from `first` on whose meshes are probably not what they are taken for."""
+    found = scene.mesh_warnings(first)
     if not found:
         return
     text = "; ".join(f"{name}: {what}" for name, what in found[:_NAMED_IN_WARNING])
     if len(found) > _NAMED_IN_WARNING:
         text = f"{len(found)} bodies: {text}; and {len(found) - _NAMED_IN_WARNING} more"
-    warn(text, HullWarning)
+    warn(text, MeshWarning)

@@ -1,7 +1,8 @@
-#include "engine/scene/hull_warning.h"
+#include "engine/scene/mesh_warning.h"
 
 #include <algorithm>
 #include <cstdio>
+#include <limits>
 #include <map>
 #include <utility>
 
@@ -18,13 +19,43 @@ bool lacks_pieces(const Body& body) {
   return body.source.ends_with(kNoPiecesYet);
 }
 
+bool is_mesh(const Body& body) {
+  return body.source.ends_with(')');  // mesh_source()
+}
+
+// Largest edge of the bounding box of a body's vertices, in metres.
+double width(const Body& body) {
+  double widest = 0;
+  for (int k = 0; k < 3; ++k) {
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (const PiecePtr& piece : body.pieces)
+      for (const Vec3d& v : piece->vertices) {
+        low = std::min(low, v[k]);
+        high = std::max(high, v[k]);
+      }
+    widest = std::max(widest, high - low);
+  }
+  return widest;
+}
+
+bool is_large(const Body& body) {
+  return is_mesh(body) && width(body) >= kLargeMesh;
+}
+
 bool stands_out(const Body& body) {
   double size = 0;
   for (const PiecePtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
   return body.hull_excess > kHullExcessShare * size;
 }
 
-}  // namespace
+std::string units_warning(const Body& body) {
+  if (!is_large(body)) return "";
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "its mesh is %.4g m wide: coordinates are metres, and a file in millimetres needs scale: 0.001",
+                width(body));
+  return text;
+}
 
 std::string hull_warning(const Body& body) {
   if (lacks_pieces(body))
@@ -50,14 +81,22 @@ std::string hull_warning(const Body& body) {
   return warning;
 }
 
-std::vector<HullWarning> hull_warnings(const Scene& scene, std::uint32_t first) {
-  std::vector<HullWarning> warnings;
+}  // namespace
+
+std::string mesh_warning(const Body& body) {
+  std::string units = units_warning(body), hull = hull_warning(body);
+  if (units.empty() || hull.empty()) return units + hull;
+  return units + "; " + hull;
+}
+
+std::vector<MeshWarning> mesh_warnings(const Scene& scene, std::uint32_t first) {
+  std::vector<MeshWarning> warnings;
   std::map<std::pair<const DisplayMesh*, const Piece*>, std::string> known;
   for (std::uint32_t id = first; id < scene.bodies().size(); ++id) {
     const Body& body = scene.bodies()[id];
-    if (!stands_out(body) && !lacks_pieces(body)) continue;
+    if (!stands_out(body) && !lacks_pieces(body) && !is_large(body)) continue;
     const auto [at, fresh] = known.try_emplace({body.display.get(), body.pieces[0].get()});
-    if (fresh) at->second = hull_warning(body);
+    if (fresh) at->second = mesh_warning(body);
     warnings.push_back({id, at->second});
   }
   return warnings;
