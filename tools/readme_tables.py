@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the tables of the README and of docs/accuracy.md, latency.md, cuda.md and robots.md from docs/results.
+"""Writes the tables of docs/accuracy.md, latency.md, cuda.md and robots.md from docs/results.
 
     tools/readme_tables.py            write them
     tools/readme_tables.py --check    exit code 1 if they are not those of the files
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ["README.md", "docs/accuracy.md", "docs/latency.md", "docs/cuda.md", "docs/robots.md"]
+PAGES = ["docs/accuracy.md", "docs/latency.md", "docs/cuda.md", "docs/robots.md"]
 GPU = "gpu_nvidia_h100_80gb_hbm3"
 GPU_PLANS = "gpu_plans_nvidia_h100_80gb_hbm3"
 GPU_DAEMON = "gpu_daemon_nvidia_h100_80gb_hbm3"
@@ -183,42 +183,6 @@ def gpu_daemon():
     return markdown(["columns", "poses", "processes", *names], [line(row) for row in rows])
 
 
-GPU_SHOWN = {
-    "1000 spheres, box 100, compact": "all pairs of 1000 spheres, bounds and points of each",
-    "5000 spheres, box 171, compact": "all pairs of 5000 spheres, likewise",
-    "5000 spheres, box 171, nearest": "the nearest neighbour of each of 5000",
-    "50000 spheres, box 368, within 2": "pairs nearer than 2 m among 50,000",
-    "30 hulls, 150 pairs, 4096 configurations, compact": "30 hulls, 150 pairs, in 4096 configurations",
-    "30 hulls, 150 pairs, 4096 configurations, min": "the nearest pair in each of these",
-    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min":
-        "the same of two arms among obstacles, of 141 pieces",
-}
-
-
-def gpu():
-    """What a GPU answers beside the CPU of its machine."""
-    remark, rows = read(GPU)
-    found = {row["workload"]: row for row in rows}
-    cores = rows[0]["cpu_cores"]
-
-    def line(row):
-        device, cpu = float(row["wall_pinned_us"]), float(row["cpu_wall_us"])
-        return [
-            GPU_SHOWN[row["workload"]],
-            f"{int(row['pairs']):,}",
-            f"{device / 1000:,.2f}",
-            f"{cpu / 1000:,.1f}",
-            f"{cpu / device:,.0f}x",
-        ]
-
-    table = markdown(
-        ["query", "pairs", "GPU [ms]", f"{cores} cores [ms]", "ratio"], [line(found[name]) for name in GPU_SHOWN]
-    )
-    device = remark.removeprefix("device: ")
-    source = f"[docs/results/{GPU}.csv](docs/results/{GPU}.csv) ({device}, and the CPU of the same machine)"
-    return f"{table}\n\nFrom {source}, by `make gpu-bench`."
-
-
 ROBOTS = {"panda": "Panda", "ur5": "UR5", "fetch": "Fetch", "baxter": "Baxter"}
 COAL = "Coal"  # in tables of robots: the faster of its ways
 
@@ -289,7 +253,7 @@ def rrt():
 
 
 TABLES = {"robots": robots, "robots_one_a_call": robots_one_a_call, "rrt": rrt, "accuracy": accuracy,
-          "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,
+          "latency_bars": latency_bars, "latency_doorbell": latency_doorbell,
           "gpu_all": gpu_all, "gpu_plans": gpu_plans, "gpu_daemon": gpu_daemon}
 
 

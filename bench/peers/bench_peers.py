@@ -9,7 +9,7 @@
 
 Builds the peers in build/peers (Coal in a Python environment of its own there), asks each in a process of its own, and
 writes docs/results/peers_timing.csv, peers_accuracy.csv, docs/performance.{md,png} and the peers' tables of
-docs/accuracy.md and the README.
+docs/accuracy.md.
 A workload that is not asked for keeps its rows.
 """
 import argparse

@@ -1,4 +1,4 @@
-"""Tables of the peers in docs/performance.md, docs/accuracy.md and the README, from docs/results/peers_*.csv."""
+"""Tables of the peers in docs/performance.md and docs/accuracy.md, from docs/results/peers_*.csv."""
 
 import csv
 import sys
@@ -97,24 +97,6 @@ def timing_table(remark, groups):
     return f"From `docs/results/peers_timing.csv` ({remark}):\n\n" + "\n".join(lines) + threads
 
 
-def short_table(remark, groups):
-    """Some of the workloads, in float64, for the README."""
-
-    def show(r):
-        return nanoseconds(float(r["ns_median"]))
-
-    lines = ["| time per pair, one thread | Clearance | Coal | FCL | Bullet |", "|---|--:|--:|--:|--:|"]
-    for name in ("all_pairs", "cut", "within", "gap_1mm_42", "motion_1202", "cell", "cell_least", "depth_1202",
-                 "two_2M"):
-        rows = groups[name]
-        lines.append("| " + " | ".join([rows[0]["what"], show(ours(rows, "f64")), *peer_cells(rows, show)]) + " |")
-    return (
-        "\n".join(lines)
-        + f"\n\nFrom [docs/results/peers_timing.csv](docs/results/peers_timing.csv) ({remark}), by `make bench-peers`."
-        "\nOurs has bounds, the peers have none; *wrong*: no setting of the peer errs by less than 1e-5 there."
-    )
-
-
 def draw(groups, path):
     import matplotlib
     matplotlib.use("Agg")
@@ -183,7 +165,6 @@ def write_pages(check=False):
         measured = dict.fromkeys(f"{row['machine']}, {row['date']}, commit {row['commit']}" for row in timed)
         remark = "; ".join([*measured, remark]) + f", load {min(loads):.0f} to {max(loads):.0f}"
         replace_table(ROOT / "docs/performance.md", "peers timing", timing_table(remark, groups), check)
-        replace_table(ROOT / "README.md", "peers timing", short_table(remark, groups), check)
         if not check:
             draw(groups, ROOT / "docs/performance.png")
     remark, rows = read_csv(ACCURACY)

@@ -66,9 +66,9 @@ def test_python_example_of_the_readme(daemon, engine):
         assert (clearance.Status[word], float(low), float(high)) == (status, lower, upper)
 
 
-def test_cpp_example_of_the_readme(daemon, engine, tmp_path):
+def test_cpp_example_of_the_first_page(daemon, engine, tmp_path):
     """Built as a user would: against an installed Clearance, through find_package."""
-    (code,) = code_blocks("README.md", "cpp")
+    (code,) = code_blocks("docs/start.md", "cpp")
     prefix, source, build = tmp_path / "prefix", tmp_path / "source", tmp_path / "out"
     source.mkdir()
     (source / "main.cpp").write_text(daemon(code))
@@ -129,9 +129,9 @@ def test_cpp_fragments_compile(page, header, tmp_path):
 
 
 def test_every_cpp_block_is_compiled_or_anothers():
-    pages = {page: code_blocks(page, "cpp") for page in ("README.md", *(ROOT / "docs").glob("*.md"))}
+    pages = {page: code_blocks(page, "cpp") for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md"))}
     ours = {page for page, codes in pages.items() if [c for c in codes if not c.startswith(("// FCL", "// MoveIt"))]}
-    assert ours == {"README.md", *(ROOT / page for page, _ in FRAGMENTS)}
+    assert ours == {ROOT / "docs/start.md", *(ROOT / page for page, _ in FRAGMENTS)}
 
 
 def test_the_client_of_the_wire_page(daemon, engine, tmp_path):
