@@ -309,7 +309,7 @@ class RobotAdder {
     const std::string path = mesh_path(shape, folder_, packages_);
     if (!options_.allow_outside && !is_inside(path, options_.folder))
       throw SceneError("mesh " + in_quotes(shape.mesh) + " lies outside the scene's folder; " + kOutsideIsRefused);
-    return scene_.mesh_geometry(path, shape.mesh_scale, convexify, 0);
+    return scene_.mesh_geometry(path, {.scale = shape.mesh_scale, .convexify = convexify});
   }
 
   void add_groups() {
