@@ -1,5 +1,7 @@
 """The extension modules as files: what they show to the rest of the process, and what they need."""
 
+import ast
+import graphlib
 import importlib.util
 import pathlib
 import re
@@ -115,6 +117,40 @@ except ImportError as error:
     print(error)
 """
     assert "clearance.Engine is not there: this is a client-only install" in run(code)
+
+
+def package_modules(root):
+    """The package's modules by name, and the stubs of its compiled ones."""
+    folder = root / "client" / "python"
+    modules = {}
+    for path in sorted((folder / "clearance").rglob("*.py*")):
+        if path.suffix in (".py", ".pyi"):
+            parts = path.relative_to(folder).with_suffix("").parts
+            modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return modules
+
+
+def imported_modules(name, path, modules):
+    """The package's modules that one of them imports: anywhere in it, for its types alone as well."""
+    package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            up = package[: len(package) - node.level + 1] if node.level else []
+            base = ".".join([*up, *([node.module] if node.module else [])])
+            submodules = {f"{base}.{alias.name}" for alias in node.names} & set(modules)
+            found.update(submodules, [base] if len(submodules) < len(node.names) else [])
+    return (found & set(modules)) - {name}
+
+
+def test_no_module_imports_one_that_imports_it(root):
+    modules = package_modules(root)
+    imports = {name: imported_modules(name, path, modules) for name, path in modules.items()}
+    assert len(modules) > 50 and sum(map(len, imports.values())) > 250
+    assert "clearance._scene" in imports["clearance"]  # within `if TYPE_CHECKING`
+    tuple(graphlib.TopologicalSorter(imports).static_order())  # raises CycleError, which names the circle
 
 
 def test_unknown_attribute():

@@ -410,12 +410,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         return self._start(query)
 
     def _result(self, query: Query, answer: Any) -> Result:
-        return Result(answer, query.reduce, query.out, self._known_pairs(query), TableOf(self, query))
-
-    def _known_pairs(self, query: Query) -> Optional[np.ndarray]:
-        if query.pairs is None or query.selects:
-            return None
-        return query.pairs.copy()
+        return Result(answer, query.reduce, query.out, query.known_pairs(), TableOf(self, query))
 
 
 #: Of distances().

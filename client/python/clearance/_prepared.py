@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Optional
+from typing import Any, Optional, Protocol
 
 import numpy as np
 
@@ -11,23 +11,32 @@ from ._errors import QueryError
 from ._query import NO_WAIT, Query
 from ._result import Result
 
-if TYPE_CHECKING:
-    from ._front import Front
+
+class Answerer(Protocol):
+    """The members of an Engine or a Client that a prepared query uses."""
+
+    _waits: bool
+
+    def _answer(self, query: Query) -> Any: ...
+    def _scene_revision(self) -> int: ...
+    def _table(
+        self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray], joints: Optional[np.ndarray] = None
+    ) -> np.ndarray: ...
 
 
 class Prepared:
     """A query that prepare() has parsed. A call answers it as distances() would, for the poses at that moment."""
 
-    __slots__ = ("_front", "_query", "_table", "_pairs")
+    __slots__ = ("_answerer", "_query", "_table", "_pairs")
 
     def __reduce__(self) -> Any:
         raise TypeError("a prepared query cannot be pickled or copied: send its arguments, and prepare it there")
 
-    def __init__(self, front: Front, query: Query):
-        self._front = front
+    def __init__(self, answerer: Answerer, query: Query):
+        self._answerer = answerer
         self._query = query
-        self._table = TableOf(front, query)
-        self._pairs = front._known_pairs(query)
+        self._table = TableOf(answerer, query)
+        self._pairs = query.known_pairs()
         if self._pairs is not None:
             self._pairs.flags.writeable = False  # all its results share it
 
@@ -35,23 +44,23 @@ class Prepared:
         """min_pose_stamp_ns: for this call and later ones; None: unchanged."""
         query = self._query
         if min_pose_stamp_ns is not None:
-            if not self._front._waits:
+            if not self._answerer._waits:
                 raise ValueError(NO_WAIT)
             query.raw.min_pose_stamp_ns = to_count(min_pose_stamp_ns, "min_pose_stamp_ns")
-        return Result(self._front._answer(query), query.reduce, query.out, self._pairs, self._table)
+        return Result(self._answerer._answer(query), query.reduce, query.out, self._pairs, self._table)
 
 
 class TableOf:
     """Fetches the pair table of one query when its result is asked for it."""
 
-    __slots__ = ("front", "query")
+    __slots__ = ("answerer", "query")
 
-    def __init__(self, front: Front, query: Query):
-        self.front = front
+    def __init__(self, answerer: Answerer, query: Query):
+        self.answerer = answerer
         self.query = query
 
     def __call__(self, revision: int) -> np.ndarray:
-        table = self.front._table(self.query.pairs, self.query.bodies, self.query.joints)
-        if self.front._scene_revision() != revision:
+        table = self.answerer._table(self.query.pairs, self.query.bodies, self.query.joints)
+        if self.answerer._scene_revision() != revision:
             raise QueryError(2, "pairs: the scene has changed since this answer; ask for pairs before changing it")
         return table

@@ -46,6 +46,10 @@ class Query:
         other.timeout_s, other.copy, other.max_results = self.timeout_s, self.copy, self.max_results
         return other
 
+    def known_pairs(self) -> Optional[np.ndarray]:
+        """A copy of the pairs where each names two bodies; None: only the scene's pair table has them."""
+        return None if self.pairs is None or self.selects else self.pairs.copy()
+
     def out_list(self) -> Optional[list[Optional[np.ndarray]]]:
         """The arrays to write into, one entry for each bit of a field, as the extension modules take them."""
         if self.out is None:
