@@ -10,7 +10,7 @@ import difflib
 import math
 import os
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple, Optional, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -207,11 +207,6 @@ def to_doubts(uncertainty: Any, padding: Any, max_speed: Any) -> tuple[float, fl
     return position, angle, to_number(padding, "padding"), to_number(max_speed, "max_speed")
 
 
-def to_half_space(value: Any) -> Optional[bool]:
-    """The shape of add_body() that has no numbers: True, or None where it is not asked for."""
-    return True if to_bool(value, "half_space") else None
-
-
 class ShapeArgument(NamedTuple):
     """The shape that add_body() was given."""
 
@@ -222,8 +217,9 @@ class ShapeArgument(NamedTuple):
     cloud: np.ndarray  #: (N, 3) float32: the points of a cloud, else none; its voxel is the first of `numbers`
 
 
-def to_shape(shapes: Mapping[str, Any], convexify: Any, voxel: Any) -> ShapeArgument:
-    """The one shape that add_body() was given."""
+def to_shape(convexify: Any, voxel: Any, **shapes: Any) -> ShapeArgument:
+    """The one shape that add_body() was given. shapes: each argument by its name; None or False: not given."""
+    shapes["half_space"] = True if to_bool(shapes["half_space"], "half_space") else None
     given = [shape for shape, value in shapes.items() if value is not None]
     if len(given) != 1:
         raise ValueError(f"add_body: expected one of {', '.join(shapes)}, got {', '.join(given) or 'none'}")

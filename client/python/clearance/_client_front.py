@@ -13,7 +13,6 @@ from . import _client
 from ._arguments import (
     to_bool,
     to_doubts,
-    to_half_space,
     to_number,
     to_number_from_0,
     to_path,
@@ -192,10 +191,10 @@ class Client(Front):
         for the scene they began with. Raises QueryError for a name that is taken, a shape that cannot be made, or too
         many bodies; ValueError and TypeError for a wrong argument.
         """
-        shapes = {"vertices": vertices, "mesh": mesh, "box": box}
-        shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
-        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space), "points": points}
-        shape = to_shape(shapes, convexify, voxel)
+        shape = to_shape(
+            convexify, voxel, vertices=vertices, mesh=mesh, box=box, sphere=sphere, capsule=capsule, cylinder=cylinder,
+            cone=cone, ellipsoid=ellipsoid, half_space=half_space, points=points,
+        )  # fmt: skip
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
         row = None if pose is None else as_first_pose(pose, "pose").reshape(1, 7)
         return self._changed(

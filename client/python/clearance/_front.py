@@ -402,12 +402,8 @@ class Front(MotionQueries, Certificates, Updates, Parser):
 
         In process the poses are those at this call; through a daemon, those at the request's arrival.
         """
-        query = self._parse(
-            pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
-            joints, positions, model, **more,
-        )  # fmt: skip
-        return self._start(query)
+        given = locals()
+        return self._start(self._parse(**{name: given[name] for name in DEFAULTS}, **more))
 
     def _result(self, query: Query, answer: Any) -> Result:
         return Result(answer, query.reduce, query.out, query.known_pairs(), TableOf(self, query))

@@ -7,7 +7,7 @@ import pathlib
 import tempfile
 import threading
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, Optional
+from typing import Any, Callable, Literal, Optional
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from ._arguments import (
     to_cloud,
     to_doubts,
     to_floats,
-    to_half_space,
     to_list,
     to_number,
     to_numbers,
@@ -86,13 +85,8 @@ class Scene(RobotScene):
         rows = to_floats(vertices, "vertices", "(V, 3) numbers")
         if rows.ndim != 2 or rows.shape[1] != 3:
             raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
-        with self._lock:
-            return self._scene.add_hull(
-                to_text(name, "name"),
-                rows,
-                to_number(radius, "radius"),
-                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
-            )
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        return self._add(self._scene.add_hull, name, rest, rows, radius=radius)
 
     def add_points(
         self,
@@ -116,15 +110,9 @@ class Scene(RobotScene):
             the float32 above it.
         live: it has no pose and, without points, nothing is known of it (NO_POSE) until both are received.
         """
-        with self._lock:
-            return self._scene.add_points(
-                to_text(name, "name"),
-                to_cloud(points, "points"),
-                to_number(voxel, "voxel"),
-                to_bool(live, "live"),
-                to_number(radius, "radius"),
-                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
-            )
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        cloud, edge = to_cloud(points, "points"), to_number(voxel, "voxel")
+        return self._add(self._scene.add_points, name, rest, cloud, edge, to_bool(live, "live"), radius=radius)
 
     def add_mesh(
         self,
@@ -155,21 +143,11 @@ class Scene(RobotScene):
         Warns (MeshWarning) if the pieces stand far out of the mesh (BodyInfo.hull_excess is a bound), and if it is at
         least 50 m wide: files in millimetres need scale=0.001.
         """
-        sx, sy, sz = _three(scale, "scale", one=True)
-        with self._lock:
-            added = self._scene.add_mesh(
-                to_text(name, "name"),
-                to_path(path, "path"),
-                sx,
-                sy,
-                sz,
-                to_word(convexify, CONVEXIFY, "convexify"),
-                to_word(up, {"z": False, "y": True}, "up"),
-                to_number(radius, "radius"),
-                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
-            )
-            warn_of_meshes(self._scene, added)
-            return added
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        file, scales = to_path(path, "path"), _three(scale, "scale", one=True)
+        how, grown = to_word(convexify, CONVEXIFY, "convexify"), to_number(radius, "radius")
+        y_up = to_word(up, {"z": False, "y": True}, "up")
+        return self._add_mesh(self._scene.add_mesh, name, rest, file, *scales, how, y_up, grown)
 
     def add_box(
         self,
@@ -185,16 +163,8 @@ class Scene(RobotScene):
         max_speed: float = 0.0,
     ) -> int:
         """Adds a box of three full edge lengths, centred on the body's origin; `radius` rounds it outward."""
-        x, y, z = _three(size, "size")
-        with self._lock:
-            return self._scene.add_box(
-                to_text(name, "name"),
-                x,
-                y,
-                z,
-                to_number(radius, "radius"),
-                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
-            )
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        return self._add(self._scene.add_box, name, rest, *_three(size, "size"), radius=radius)
 
     def add_sphere(
         self,
@@ -209,12 +179,8 @@ class Scene(RobotScene):
         max_speed: float = 0.0,
     ) -> int:
         """Adds a sphere about the body's origin."""
-        with self._lock:
-            return self._scene.add_sphere(
-                to_text(name, "name"),
-                to_number(radius, "radius"),
-                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
-            )
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        return self._add(self._scene.add_sphere, name, rest, radius=radius)
 
     def add_capsule(
         self,
@@ -230,13 +196,8 @@ class Scene(RobotScene):
         max_speed: float = 0.0,
     ) -> int:
         """Adds a capsule along z; `length` is between the centres of its caps."""
-        with self._lock:
-            return self._scene.add_capsule(
-                to_text(name, "name"),
-                to_number(radius, "radius"),
-                to_number(length, "length"),
-                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
-            )
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        return self._add(self._scene.add_capsule, name, rest, radius=radius, length=length)
 
     def add_cylinder(
         self,
@@ -252,14 +213,8 @@ class Scene(RobotScene):
         max_speed: float = 0.0,
     ) -> int:
         """Adds a cylinder along z, exactly, from -length / 2 to length / 2."""
-        with self._lock:
-            return self._scene.add_cylinder(
-                to_text(name, "name"),
-                to_number(radius, "radius"),
-                to_number(length, "length"),
-                0.0,
-                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
-            )
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        return self._add(self._scene.add_cylinder, name, rest, radius=radius, length=length, grown=0.0)
 
     def add_cone(
         self,
@@ -275,14 +230,8 @@ class Scene(RobotScene):
         max_speed: float = 0.0,
     ) -> int:
         """Adds a cone along z, exactly: a disc of `radius` at -length / 2, the apex at length / 2."""
-        with self._lock:
-            return self._scene.add_cone(
-                to_text(name, "name"),
-                to_number(radius, "radius"),
-                to_number(length, "length"),
-                0.0,
-                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
-            )
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        return self._add(self._scene.add_cone, name, rest, radius=radius, length=length, grown=0.0)
 
     def add_ellipsoid(
         self,
@@ -298,16 +247,8 @@ class Scene(RobotScene):
         max_speed: float = 0.0,
     ) -> int:
         """Adds an ellipsoid of three half axes about the body's origin, exactly; `radius` grows it."""
-        x, y, z = _three(radii, "radii")
-        with self._lock:
-            return self._scene.add_ellipsoid(
-                to_text(name, "name"),
-                x,
-                y,
-                z,
-                to_number(radius, "radius"),
-                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
-            )
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        return self._add(self._scene.add_ellipsoid, name, rest, *_three(radii, "radii"), radius=radius)
 
     def add_half_space(
         self,
@@ -323,12 +264,8 @@ class Scene(RobotScene):
     ) -> int:
         """Adds the half-space z <= 0 of its own frame: a floor, or a wall. It is exact, static whatever `static` says,
         and follows no parent; `radius` moves its plane outward. SceneError for a parent or an uncertainty of angle."""
-        with self._lock:
-            return self._scene.add_half_space(
-                to_text(name, "name"),
-                to_number(radius, "radius"),
-                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
-            )
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        return self._add(self._scene.add_half_space, name, rest, radius=radius)
 
     def add_body(
         self,
@@ -355,45 +292,40 @@ class Scene(RobotScene):
         convexify: ConvexifyWord = "auto",
     ) -> int:
         """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it."""
-        shapes = {"vertices": vertices, "mesh": mesh, "box": box}
-        shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
-        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space), "points": points}
-        shape, numbers, triangles, how, cloud = to_shape(shapes, convexify, voxel)
-        rest: dict[str, Any] = {"parent": parent, "static": static, "pose": pose, "uncertainty": uncertainty}
-        rest.update(padding=padding, max_speed=max_speed)
-        if shape == "vertices":
-            return self.add_hull(name, numbers, radius, **rest)
-        if shape == "points":
-            return self.add_points(name, cloud, numbers[0, 0], radius, **rest)
-        if shape == "mesh":
-            return self._add_mesh_of(name, numbers, triangles, how, to_number(radius, "radius"), self._rest(**rest))
-        if shape == "box":
-            return self.add_box(name, numbers[0], radius=radius, **rest)
-        if shape == "half_space":
-            return self.add_half_space(name, radius=radius, **rest)
-        if shape == "ellipsoid":
-            return self.add_ellipsoid(name, numbers[0], radius=radius, **rest)
+        shape = to_shape(
+            convexify, voxel, vertices=vertices, mesh=mesh, box=box, sphere=sphere, capsule=capsule, cylinder=cylinder,
+            cone=cone, ellipsoid=ellipsoid, half_space=half_space, points=points,
+        )  # fmt: skip
         grown = to_number(radius, "radius")
-        r, length, _ = numbers[0].tolist()
-        if shape == "sphere":
-            return self.add_sphere(name, r + grown, **rest)
-        if shape == "capsule":
-            return self.add_capsule(name, r + grown, length, **rest)
-        with self._lock:
-            add = self._scene.add_cone if shape == "cone" else self._scene.add_cylinder
-            return add(to_text(name, "name"), r, length, grown, *self._rest(**rest))
+        rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
+        if shape.kind == "mesh":
+            return self._add_mesh(
+                self._scene.add_mesh_of, name, rest, shape.numbers, shape.triangles, shape.convexify, grown
+            )
+        if shape.kind == "vertices":
+            return self._add(self._scene.add_hull, name, rest, shape.numbers, grown)
+        x, y, z = shape.numbers[0].tolist()
+        arguments: dict[str, tuple[Any, ...]] = {
+            "box": (x, y, z, grown),
+            "sphere": (x + grown,),
+            "capsule": (x + grown, y),
+            "cylinder": (x, y, grown),
+            "cone": (x, y, grown),
+            "ellipsoid": (x, y, z, grown),
+            "half_space": (grown,),
+            "points": (shape.cloud, x, False, grown),
+        }
+        return self._add(getattr(self._scene, f"add_{shape.kind}"), name, rest, *arguments[shape.kind])
 
-    def _add_mesh_of(
-        self,
-        name: str,
-        vertices: np.ndarray,
-        triangles: np.ndarray,
-        convexify: int,
-        radius: float,
-        rest: tuple[Any, ...],
-    ) -> int:
+    def _add(self, add: Callable[..., int], name: str, rest: tuple[Any, ...], *arguments: Any, **numbers: Any) -> int:
+        """Calls `add` of the extension module. numbers: further arguments, each checked under its name."""
+        checked = [to_number(value, what) for what, value in numbers.items()]
         with self._lock:
-            added = self._scene.add_mesh_of(to_text(name, "name"), vertices, triangles, convexify, radius, *rest)
+            return add(to_text(name, "name"), *arguments, *checked, *rest)
+
+    def _add_mesh(self, add: Callable[..., int], name: str, rest: tuple[Any, ...], *arguments: Any) -> int:
+        with self._lock:
+            added = self._add(add, name, rest, *arguments)
             warn_of_meshes(self._scene, added)
             return added
 
