@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Layout of C++ and CUDA (clang-format), lint and layout (ruff) and types (mypy) of Python. All are run, whatever the first
-# says; the exit code is 1 if any finds something.
+# Layout of C++ and CUDA (clang-format), lint and layout (ruff) and types (mypy) of Python, and the vocabulary of comments and
+# pages (tools/vocabulary.py). Runs all of them; the exit code is 1 if any finds something.
 set -euo pipefail
 . "$(dirname "$0")/step.sh"
 
@@ -23,4 +23,5 @@ run clang-format "$bin/clang-format" --dry-run -Werror --ferror-limit=1 "${sourc
 run "ruff check" "$bin/ruff" check
 run "ruff format" "$bin/ruff" format --check
 run mypy "$bin/mypy" --python-executable "$bin/python"
+run vocabulary "$bin/python" tools/vocabulary.py
 ((${#failed[@]} == 0)) || die "found by ${failed[*]}. clang-format -i and ruff format write the layout; both are in $bin"
