@@ -1,7 +1,7 @@
-"""What callers pass, as numbers, words, text and arrays, or TypeError and ValueError that name the argument.
+"""Conversion of arguments to numbers, words, text and arrays, with TypeError and ValueError that name the argument.
 
-Each function takes the value and `what` it is called, and says what was expected and what came. Nothing is taken for
-what it is not: "yes" is no bool, True is no number, "1.5" is no number either.
+Each function takes the value and `what`, the argument's name. Errors contain the expected and the given value. There is
+no implicit conversion: "yes" is no bool, and neither True nor "1.5" is a number.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def _as_float(value: Any, what: str) -> float:
 
 
 def to_number_from_0(value: Any, what: str, otherwise: str = "") -> float:
-    """otherwise: what else may be given, for the error."""
+    """otherwise: further accepted values, for the error."""
     number = to_number(value, what)
     if number < 0:
         raise ValueError(f"{what}: expected a number >= 0{otherwise}, got {value}")
@@ -60,7 +60,7 @@ def to_number_from_0(value: Any, what: str, otherwise: str = "") -> float:
 
 
 def to_integer(value: Any, what: str) -> int:
-    """Of 64 bits, signed."""
+    """Converts to a signed integer of 64 bits."""
     try:
         if isinstance(value, bool):
             raise TypeError
@@ -89,7 +89,7 @@ def to_word(value: Any, words: Mapping[str, _Word], what: str) -> _Word:
 
 
 def to_option(value: Any, kind: str, words: str, what: str) -> Any:
-    """kind, words: as the table of query options has them (wire/query_options.h)."""
+    """kind, words: columns of the table of query options (wire/query_options.h)."""
     if kind == "word":
         return to_word(value, {word: i for i, word in enumerate(words.split())}, what)
     return {"bool": to_bool, "number": to_number, "integer": to_integer, "count": to_count}[kind](value, what)
@@ -135,7 +135,7 @@ def to_numbers(value: Any, what: str, count: int, expected: str) -> list[float]:
 
 
 def to_floats(value: Any, what: str, expected: str = "numbers") -> np.ndarray:
-    """A C-contiguous float64 array of numbers: the very array if it is one, else a copy."""
+    """Converts to a C-contiguous float64 array. Returns the argument itself if it is one, otherwise a copy."""
     if type(value) is np.ndarray and value.dtype == np.float64:
         return contiguous(value)
     reject_masked(value, what)
@@ -156,17 +156,17 @@ def is_masked(value: Any) -> bool:
 
 
 def reject_masked(value: Any, what: str) -> None:
-    """Raises ValueError for masked entries: what lies under a mask is not a number."""
+    """Raises ValueError for masked entries, whose values are undefined."""
     if is_masked(value):
         raise ValueError(f"{what}: expected numbers, got masked entries; fill them, or leave their rows out")
 
 
 def to_cloud(value: Any, what: str) -> np.ndarray:
-    """(N, 3) float32, C-contiguous: the very array if it is one, else a copy; no points at all are (0, 3)."""
+    """Converts to C-contiguous (N, 3) float32. Returns the argument itself if possible; (0, 3) without points."""
     if type(value) is np.ndarray and value.dtype == np.float32:
         array = contiguous(value)
     else:
-        with np.errstate(over="ignore"):  # inf is refused by its name later
+        with np.errstate(over="ignore"):  # inf is rejected later, by name
             array = contiguous(to_floats(value, what, "(N, 3) numbers").astype(np.float32))
     if array.shape in ((0,), (0, 3)):
         return np.empty((0, 3), np.float32)
@@ -176,13 +176,13 @@ def to_cloud(value: Any, what: str) -> np.ndarray:
 
 
 def contiguous(array: np.ndarray) -> np.ndarray:
-    """The array itself if it is C-contiguous and aligned, else a copy that is."""
+    """Returns the array itself if it is C-contiguous and aligned, otherwise a copy."""
     flags = array.flags
     return array if flags.c_contiguous and flags.aligned else np.array(array, order="C")
 
 
 def did_you_mean(value: Any, words: Iterable[str], cutoff: float = 0.6) -> str:
-    """ "; did you mean 'nearest'?" for a near miss, else nothing."""
+    """Returns "; did you mean 'nearest'?" for a similar word, otherwise an empty string."""
     if not isinstance(value, str):
         return ""
     by_fold = {word.casefold(): word for word in words}
@@ -191,7 +191,7 @@ def did_you_mean(value: Any, words: Iterable[str], cutoff: float = 0.6) -> str:
 
 
 def to_uncertainty(value: Any, what: str) -> tuple[float, float]:
-    """Metres and radians of {"position": ..., "angle": ...}; what is not there is 0."""
+    """Returns metres and radians of {"position": ..., "angle": ...}; missing keys are 0."""
     if not isinstance(value, Mapping):
         raise TypeError(f"{what}: expected a map, such as {{'position': 0.002, 'angle': 0.01}}, got {value!r}")
     for key in value:
@@ -202,7 +202,7 @@ def to_uncertainty(value: Any, what: str) -> tuple[float, float]:
 
 
 def to_doubts(uncertainty: Any, padding: Any, max_speed: Any) -> tuple[float, float, float, float]:
-    """What is not known of a body: position and angle, padding, max_speed; metres, radians, metres a second."""
+    """Returns a body's uncertainty: position, angle, padding, max_speed (metres, radians, metres per second)."""
     position, angle = to_uncertainty({} if uncertainty is None else uncertainty, "uncertainty")
     return position, angle, to_number(padding, "padding"), to_number(max_speed, "max_speed")
 
@@ -210,15 +210,15 @@ def to_doubts(uncertainty: Any, padding: Any, max_speed: Any) -> tuple[float, fl
 class ShapeArgument(NamedTuple):
     """The shape that add_body() was given."""
 
-    kind: str  #: as the argument is called
+    kind: str  #: name of the argument
     numbers: np.ndarray  #: float64: vertices (V, 3), or sizes (1, 3)
-    triangles: np.ndarray  #: (T, 3) uint32: of a mesh, else none
-    convexify: int  #: what the mesh is
-    cloud: np.ndarray  #: (N, 3) float32: the points of a cloud, else none; its voxel is the first of `numbers`
+    triangles: np.ndarray  #: (T, 3) uint32 triangles of a mesh, otherwise empty
+    convexify: int  #: body made from the mesh
+    cloud: np.ndarray  #: (N, 3) float32 points of a cloud, otherwise empty; its voxel is the first of `numbers`
 
 
 def to_shape(convexify: Any, voxel: Any, **shapes: Any) -> ShapeArgument:
-    """The one shape that add_body() was given. shapes: each argument by its name; None or False: not given."""
+    """Returns the one shape given to add_body(). shapes: each argument by its name, None or False if not given."""
     shapes["half_space"] = True if to_bool(shapes["half_space"], "half_space") else None
     given = [shape for shape, value in shapes.items() if value is not None]
     if len(given) != 1:
@@ -255,7 +255,7 @@ def _numbers_of(shape: str, value: Any) -> np.ndarray:
 
 
 def to_vertices(value: Any, what: str) -> np.ndarray:
-    """(V, 3) float64, at least one row."""
+    """Converts to (V, 3) float64, at least one row."""
     rows = to_floats(value, what, "(V, 3) numbers")
     if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows):
         raise ValueError(f"{what}: expected shape (V, 3), got {rows.shape}")
@@ -263,7 +263,7 @@ def to_vertices(value: Any, what: str) -> np.ndarray:
 
 
 def to_triangles(value: Any, what: str) -> np.ndarray:
-    """(T, 3) uint32, at least one row; which vertices there are, it does not know."""
+    """Converts to (T, 3) uint32, at least one row. The number of vertices is not checked."""
     reject_masked(value, what)
     try:
         array = np.asarray(value)

@@ -1,4 +1,4 @@
-"""Queries that were asked before: whoever plans asks the same of one configuration after another."""
+"""Cache of parsed queries, since a planner repeats one query for many configurations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _KEPT = 16
 
 
 class Asked:
-    """Parsed queries by their arguments, without their configurations. May be used from several threads."""
+    """Parsed queries by their arguments, without their configurations. Thread-safe."""
 
     def __init__(self) -> None:
         self._queries: dict[Any, Query] = {}
@@ -29,7 +29,7 @@ class Asked:
         arguments: tuple[Any, ...],
         more: Mapping[str, Any],
     ) -> tuple[Optional[Query], Any]:
-        """The query that these arguments were parsed to before, or None; and what keep() takes."""
+        """Returns the cached query of these arguments, or None, and the key for keep()."""
         try:
             shapes = _shape_of(configurations), None if positions is None else positions.shape
         except TypeError:
@@ -51,11 +51,11 @@ class Asked:
             return
         if len(self._queries) >= _KEPT:
             self._queries.clear()
-        self._queries[key] = query.at(None, None)  # without the arrays, and nobody else's
+        self._queries[key] = query.at(None, None)  # a copy of its own, without the arrays
 
 
 class _Last:
-    """The arguments that came last, none of which can change: the same objects are the same question."""
+    """The most recent arguments, all immutable, so that identical objects mean the same query."""
 
     __slots__ = ("revision", "shapes", "arguments", "names", "values", "query")
 
@@ -90,10 +90,10 @@ def _never_change(values: Iterable[Any]) -> bool:
     return all(type(v) in _NEVER_CHANGES or (type(v) is tuple and _never_change(v)) for v in values)
 
 
-# Equal keys, the same parsed query, but for the numbers in configurations and positions. TypeError: something among the
-# arguments may change, and is to be parsed each time.
+# Equal keys mean equal parsed queries, except for the numbers in configurations and positions. Raises TypeError for a
+# mutable argument, which must be parsed each time.
 def _frozen_all(values: tuple[Any, ...]) -> tuple[Any, ...]:
-    """With their types: 1 is no True."""
+    """Returns the values with their types, since 1 == True."""
     kinds = tuple(map(type, values))
     if not _NEVER_CHANGES.issuperset(kinds):
         values = tuple([v if kind in _NEVER_CHANGES else _frozen(v, kind) for kind, v in zip(kinds, values)])

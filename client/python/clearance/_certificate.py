@@ -1,4 +1,4 @@
-"""What proves rows of an answer, as a document that a separate program checks."""
+"""Certificates: proofs of the rows of an answer, checked by a separate program."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ._query import Query
 
 
 class Certificate:
-    """Rows of a query with what proves their bounds: a JSON document, which docs/certificates.md describes.
+    """Rows of a query with proofs of their bounds, as a JSON document (docs/certificates.md).
 
-    tools/check_certificate.py checks it in exact arithmetic, and needs nothing of Clearance.
+    tools/check_certificate.py checks it in exact arithmetic, independently of Clearance.
     """
 
     def __init__(self, text: str):
@@ -33,7 +33,7 @@ class Certificate:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The document as Python's json reads it, anew each time: "rows" holds status, lower and upper of each."""
+        """The parsed document, a new one for each access; "rows" has the status, lower and upper of each row."""
         document: dict[str, Any] = json.loads(self._text)
         return document
 
@@ -43,28 +43,26 @@ class Certificate:
 
 
 class Certifier(HasJoints, Protocol):
-    """What Certificates needs of the class that it is part of."""
+    """The members of Front that Certificates uses."""
 
     def _parse_named(self, arguments: dict[str, Any]) -> Query: ...
     def _certify(self, query: Query, rows: Optional[np.ndarray]) -> str: ...
 
 
 class Certificates:
-    """What Front says about certificates."""
+    """The method of Front for certificates."""
 
     def certificate(self: Certifier, rows: Optional[Sequence[int]] = None, **arguments: Any) -> Certificate:
-        """Answers rows of a query anew, on the newest poses, and gives with each what proves its bounds.
+        """Evaluates rows of a query on the current poses, and returns them with proofs of their bounds.
 
-        rows: numbers of rows, k * P + p for pair p in configuration, or motion, k; of motions that are reduced k; None:
-            all.
-        arguments: those of distances(), by name, but for reduce, which must be "none". The bounds are those that
-            distances() answers to the same poses with warm=False, bit for bit, unless their slack grows with age. Or
-            those of motions(), `start` and `end` among them, of any reduction; `first_contact` is proved, too, unless
-            `fields` leaves it out.
+        rows: row numbers: k * P + p for pair p in configuration or motion k, or k for reduced motions. Default: all.
+        arguments: those of distances(), by name, with reduce="none". The bounds have the bits of distances() with
+            warm=False on the same poses, unless their uncertainty grows with age. Or those of motions(), including
+            `start` and `end`, with any reduction; `first_contact` is proved, too, unless `fields` excludes it.
 
-        Takes ten times as long as the rows do. The reduction of a configuration is proved by the rows of its pairs.
-        Raises as distances() and motions(), and QueryError for a row that the answer has not; a daemon also for a
-        document of more than 64 MiB.
+        Takes ten times as long as the query. The rows of a configuration's pairs prove its reduction. Raises as
+        distances() and motions(), and QueryError for a row outside the answer; a daemon also for a document of more
+        than 64 MiB.
         """
         if "start" in arguments or "end" in arguments:
             arguments = motion_arguments(self, **arguments)

@@ -45,27 +45,27 @@ def connect(
     """Connects to a daemon.
 
     url: "shm:///run/user/1000/clearance.sock" (shared memory, the fastest), "ipc:///path" or "tcp://host:port"
-        (ZeroMQ), "udpm://239.255.76.67:7667?ttl=0" (LCM; "&prefix=NAME_" sets the channels' prefix). Of several, the
-        first that answers; when one is gone or hung, the next, round and round. Nothing is carried over (NewEpoch).
-    timeout_s: seconds, for this call and for every later one that gives none.
+        (ZeroMQ), "udpm://239.255.76.67:7667?ttl=0" (LCM; "&prefix=NAME_" sets the channels' prefix). With several, the
+        client uses the first that responds and moves to the next when a daemon is gone or hung, cyclically. The next
+        daemon has none of the client's state (NewEpoch).
+    timeout_s: default timeout of this client's calls in seconds, this one included.
     server_key, key: for a daemon that listens on TCP with keys: the files of its public key and of your own key pair,
-        as `clearance keygen` writes them. None: those of the url ("?server_key=FILE&key=FILE"), else of the environment
-        (CLEARANCE_SERVER_KEY, CLEARANCE_KEY), else no keys.
-    hang_s: seconds that the daemon's loop may stand still while a request is under way, 0.01 or more; then calls raise
-        DaemonHung, after a quarter more at most. 0: only the timeout ends a call. None: 1 s, or a fifth of timeout_s if
-        that is more.
+        as written by `clearance keygen`. Default: those of the url ("?server_key=FILE&key=FILE"), then of the
+        environment (CLEARANCE_SERVER_KEY, CLEARANCE_KEY), otherwise no keys.
+    hang_s: seconds that the daemon's loop may stand still during a request, 0.01 or more; then calls raise DaemonHung,
+        at most a quarter later. 0 disables this test. Default: 1 s, or a fifth of timeout_s if that is more.
 
-    Raises ConnectionError naming url and cause, over LCM also if several daemons answer; ValueError for a url of no
-    known kind.
+    Raises ConnectionError naming url and cause, over LCM also if several daemons respond; ValueError for a url of an
+    unknown kind.
     """
     return Client(url, timeout_s, server_key=server_key, key=key, hang_s=hang_s)
 
 
 class Client(Front):
-    """A connection to the daemon: the methods of clearance.Engine, answered by it.
+    """A connection to the daemon, with the methods of clearance.Engine.
 
-    Several threads may use it, one call at a time; a client for each thread is faster. A forked child cannot use it
-    (ConnectionError) and connects again. Also a context manager that closes the connection.
+    Thread-safe, but runs one call at a time; a client for each thread is faster. A forked child cannot use it
+    (ConnectionError) and must connect again. Also a context manager that closes the connection.
     """
 
     _module = _client
@@ -99,26 +99,26 @@ class Client(Front):
 
     @property
     def url(self) -> str:
-        """The url that this client is connected to."""
+        """The url of the current connection."""
         if self._connection is not None:
             self._url = self._connection.url
         return self._url
 
     @property
     def epoch(self) -> int:
-        """Which run of the daemon this client's requests are for; 0: that daemon is too old to have epochs."""
+        """Identifies the run of the daemon that this client's requests are for; 0 for a daemon without epochs."""
         return self._use().epoch
 
     def acknowledge_epoch(self) -> int:
-        """Goes on with the daemon that serves now, whichever it is, and returns its epoch.
+        """Accepts the current daemon after NewEpoch, and returns its epoch.
 
-        After NewEpoch; poses, attachments and bodies that clients had sent are gone: send them again.
+        Poses, attachments and bodies that clients had sent are lost and must be sent again.
         """
         return self._use().acknowledge_epoch()
 
     @property
     def timeout_s(self) -> float:
-        """Seconds that a call waits for its answer."""
+        """Default timeout of a call, in seconds."""
         return self._use().timeout_s
 
     @timeout_s.setter
@@ -132,17 +132,17 @@ class Client(Front):
         return self._backend
 
     def refresh(self) -> None:
-        """Fetches the scene again, after another client has changed it or the daemon was started with another one.
+        """Fetches the scene again, after another client changed it or the daemon started with another one.
 
-        If the client knows only an older scene, a query raises QueryError with the code WRONG_SCENE.
+        A query with an outdated scene raises QueryError with the code WRONG_SCENE.
         """
         self._names_cache = self._fetch_names(True)
 
     def reload(self, timeout_s: float = 600.0) -> SceneChanged:
-        """Makes the daemon load its scene file again, and waits until the new scene is in. Others' queries go on.
+        """Makes the daemon reload its scene file, and waits for the new scene. Queries of other clients continue.
 
-        Poses and attachments stay with the bodies of the same names. If loading fails the old scene stays, and this
-        raises RequestError with the code RELOAD_FAILED and the loader's message. timeout_s: for this call alone.
+        Bodies keep their poses and attachments by name. If loading fails, the old scene stays, and this raises
+        RequestError with the code RELOAD_FAILED and the loader's message. timeout_s applies to this call only.
         """
         return self._changed(*self._use().reload(to_number_from_0(timeout_s, "timeout_s")))
 
@@ -170,26 +170,26 @@ class Client(Front):
         max_speed: float = 0.0,
         convexify: ConvexifyWord = "auto",
     ) -> SceneChanged:
-        """Adds a body while the daemon runs (a grasped object, say), and waits until the scene has it.
+        """Adds a body at run time (for example a grasped object), and waits until the scene contains it.
 
         vertices: (V, 3) metres in the body's frame; the shape is their hull. Or one of mesh: a pair of such
-            vertices and (T, 3) places in their list, box: (x, y, z) edge lengths, sphere: radius, capsule,
+            vertices and (T, 3) indices of them, box: (x, y, z) edge lengths, sphere: radius, capsule,
             cylinder and cone: (radius, length), ellipsoid: (x, y, z) half axes, half_space: True, points: (N, 3) of a
             cloud, which set_points() replaces, as in clearance.Scene.
-        voxel: metres, of a cloud: above 0 it is the boxes of this edge about its points.
-        convexify: what a mesh is: "hull", "surface" (its triangles), "solid" (what they enclose; they are closed), or
-            "auto": the hull of a convex or open one, else a solid.
+        voxel: metres, for a cloud; above 0, boxes of this edge around the points are the body.
+        convexify: body made from a mesh: "hull", "surface" (its triangles), "solid" (the volume that they enclose, for
+            a closed mesh), or "auto": the hull of a convex or an open mesh, otherwise a solid.
         radius: metres, grows the shape.
         parent: name or id of the body that it follows.
-        pose: X_world_body, with a parent X_parent_body; None: no pose until one arrives (with a parent or static: the
-            identity). A quaternion that looks like x, y, z, w is warned about (PoseWarning).
-        uncertainty: {"position": metres, "angle": radians} that its place and its turn may be off by; padding: metres
-            that it is grown by; max_speed: metres a second that no point of it exceeds. As in a scene file; answers
-            hold all that these allow.
+        pose: X_world_body, or X_parent_body with a parent. Default: the identity with a parent or static, otherwise
+            none until one arrives. Warns (PoseWarning) of a quaternion that looks like x, y, z, w.
+        uncertainty: {"position": metres, "angle": radians}, bounds on the error of its pose; padding: metres of
+            growth; max_speed: metres per second, a bound on the speed of its points. As in a scene file; the bounds of
+            answers include all of these.
 
-        Its id comes after those of the other bodies, which keep their ids and poses. Queries under way are answered
-        for the scene they began with. Raises QueryError for a name that is taken, a shape that cannot be made, or too
-        many bodies; ValueError and TypeError for a wrong argument.
+        The body gets the next id; the others keep their ids and poses. Running queries finish on the scene that they
+        started with. Raises QueryError for a name in use, an invalid shape or too many bodies; ValueError and TypeError
+        for a wrong argument.
         """
         shape = to_shape(
             convexify, voxel, vertices=vertices, mesh=mesh, box=box, sphere=sphere, capsule=capsule, cylinder=cylinder,
@@ -215,9 +215,9 @@ class Client(Front):
         )
 
     def remove_body(self, name: str) -> SceneChanged:
-        """Removes a body that add_body() added; bodies added after it get other ids.
+        """Removes a body that add_body() added. The ids of bodies added after it change.
 
-        Raises QueryError for any other body, and for one that another follows.
+        Raises QueryError for any other body, and for the parent of another body.
         """
         return self._changed(*self._guarded(self._use().remove_body, to_text(name, "name")))
 
@@ -236,14 +236,14 @@ class Client(Front):
         reduce: ReduceWord = "none",
         **more: Any,
     ) -> RemotePlan:
-        """A query that the daemon's GPU answers in its memory, which this process maps: no rows go through the host.
+        """Returns a query that runs in the memory of the daemon's GPU, mapped into this process without host copies.
 
-        The arguments are those of Engine.plan_on_device(). Over shm:// and ipc://, on the daemon's machine; needs the
-        CUDA driver here, and nothing else of CUDA. The plan keeps the scene that it was made for: once an attachment, a
-        body or a reload has changed the daemon's, calls raise QueryError (WRONG_SCENE), and you make another one.
+        The arguments are those of Engine.plan_on_device(). Works over shm:// and ipc:// on the daemon's machine, and
+        requires only the CUDA driver in this process. The plan keeps its scene: after a change by an attachment, a body
+        or a reload, calls raise QueryError (WRONG_SCENE), and you need a new plan.
 
-        Raises as Engine.plan_on_device(), RequestError (BUSY) for more plans and memory than the daemon gives
-        (clearanced --help), and ConnectionError where this process has no driver or does not see that GPU.
+        Raises as Engine.plan_on_device(); RequestError (BUSY) beyond the daemon's limits on plans and memory
+        (clearanced --help); and ConnectionError if this process has no driver or does not see that GPU.
         """
         self._names  # so that the scene's revision goes with the query
         query, count = plan_query(self, configurations, bodies, pairs, fields, joints, reduce, more)
@@ -252,7 +252,7 @@ class Client(Front):
         return RemotePlan(plan, query.bodies, table, query.joints, reduced=query.reduce != 0)
 
     def body_states(self) -> list[BodyState]:
-        """Where each body is now, in the order of ids."""
+        """Returns the current state of each body, in the order of ids."""
         return [
             BodyState(
                 np.array(pose), Status(status), None if parent == NONE else parent, stamp, None if age < 0 else age
@@ -261,17 +261,17 @@ class Client(Front):
         ]
 
     def stats(self) -> dict[str, int]:
-        """The daemon's counters."""
+        """Returns the daemon's counters."""
         return dict(self._use().stats())
 
     def ping(self, payload: bytes = b"") -> float:
-        """Sends `payload` to the daemon and back; returns the seconds that took."""
+        """Sends `payload` to the daemon and back; returns the round-trip time in seconds."""
         if not isinstance(payload, bytes):
             raise TypeError(f"payload: expected bytes, got {payload!r}")
         return self._use().ping(payload)
 
     def close(self) -> None:
-        """Ends the connection. Answers with copy=False stay valid as long as you hold them."""
+        """Closes the connection. Existing answers with copy=False stay valid."""
         self._connection = None
 
     def __enter__(self) -> Client:
@@ -283,7 +283,7 @@ class Client(Front):
     def __repr__(self) -> str:
         return f"<clearance.Client {self._url}{'' if self._connection is not None else ' (closed)'}>"
 
-    # ---- what Front asks for --------------------------------------------------------------------------------------
+    # ---- required by Front ----------------------------------------------------------------------------------------
 
     def _use(self) -> Any:
         if self._connection is None:
@@ -376,7 +376,7 @@ class Client(Front):
         return PosesDone(*self._guarded(self._use().allow, a, b, allow))
 
     def _guarded(self, call: Any, *args: Any) -> Any:
-        """Calls; if the daemon refuses for another scene, the next call looks names up again."""
+        """Calls, and discards the cached names if the daemon rejects the request for its scene."""
         try:
             return call(*args)
         except QueryError as error:

@@ -1,6 +1,6 @@
-"""Bodies of what Coal (hpp-fcl) and Pinocchio have. Neither is needed to install or import this package.
+"""Bodies from shapes of Coal (hpp-fcl) and Pinocchio. Importing this package requires neither.
 
-Shapes are told by the names of their classes, so that what comes from coal, hppfcl or pinocchio is taken alike.
+Shapes are distinguished by the names of their classes, which are the same in coal, hppfcl and pinocchio.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
 
 
 def from_coal(geometry: Any) -> dict[str, Any]:
-    """A shape of Coal's as the arguments that add_body() takes, of a Scene or a Client.
+    """Converts a shape of Coal to arguments of add_body() of a Scene or a Client.
 
         scene.add_body("cup", **clearance.from_coal(coal.Capsule(0.02, 0.1)))
 
-    geometry: a Box, Sphere, Capsule, Cylinder, Cone, Ellipsoid, Convex (its points; their hull), or a BVHModel (its
-        vertices: **the hull of the mesh**, where Coal measures to the triangles). A swept sphere's radius grows
+    geometry: a Box, Sphere, Capsule, Cylinder, Cone, Ellipsoid, Convex (the hull of its points), or a BVHModel (its
+        vertices: **the hull of the mesh**, while Coal measures to the triangles). A swept sphere's radius grows
         the shape, as in Coal. Metres, in the frame of the geometry.
 
-    Raises TypeError, naming the class, for a shape that has no counterpart: a plane, a half-space (ours is
-    z <= 0, and its pose says the rest), an octree, a height field.
+    Raises TypeError, naming the class, for an unsupported shape: a plane, a half-space (Clearance has only z <= 0,
+    placed by a pose), an octree, a height field.
     """
     kind = type(geometry).__name__
     swept = float(getattr(geometry, "getSweptSphereRadius", float)())
@@ -47,16 +47,16 @@ def from_coal(geometry: Any) -> dict[str, Any]:
 
 
 def from_pinocchio(model: Any) -> Scene:
-    """A scene of a pinocchio.GeometryModel: a body for each geometry object, by its name.
+    """Creates a scene from a pinocchio.GeometryModel, with a body for each geometry object, by its name.
 
         scene = clearance.from_pinocchio(model.collision_model)
         engine = clearance.Engine(scene)
         engine.set_poses({g.name: data.oMg[i].homogeneous for i, g in enumerate(model.collision_model.geometryObjects)})
 
-    Pairs that are not among model.collisionPairs are left out, unless it has none. A mesh counts as its hull
-    (from_coal()). Bodies have no poses until they are set: Pinocchio's placements (GeometryData.oMg) are X_wb.
+    Only pairs in model.collisionPairs are enabled, unless it is empty. A mesh becomes its hull (from_coal()). Bodies
+    start without poses; Pinocchio's placements (GeometryData.oMg) are X_wb.
 
-    Raises TypeError or SceneError, naming the object, for a shape that has no counterpart or names that repeat.
+    Raises TypeError or SceneError, naming the object, for an unsupported shape or a repeated name.
     """
     from ._scene import Scene
 
@@ -78,5 +78,5 @@ def from_pinocchio(model: Any) -> Scene:
 
 
 def _rows(points: Any) -> np.ndarray:
-    """(V, 3) of Coal's vectors."""
+    """Converts Coal's vectors to (V, 3)."""
     return np.array([np.asarray(point, dtype=np.float64).reshape(3) for point in points])

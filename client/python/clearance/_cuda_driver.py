@@ -1,7 +1,6 @@
-"""Memory of a GPU that another process owns, by the CUDA driver that is found at run time: no build needs CUDA for it.
+"""Access to GPU memory of another process, through the CUDA driver found at run time. No build requires CUDA.
 
-The driver's primary context of the device is used, which is that of the CUDA runtime: what PyTorch, CuPy and JAX make
-lies in it, too.
+Uses the device's primary context, like the CUDA runtime, and so shares it with PyTorch, CuPy and JAX.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ class _Uuid(ctypes.Structure):
 
 
 class Driver:
-    """The calls that are needed, on one device. Raises ConnectionError naming the call and the driver's own words."""
+    """The required driver calls on one device. Raises ConnectionError with the call and the driver's message."""
 
     def __init__(self, library: Any, uuid: bytes):
         self._cuda = library
@@ -47,7 +46,7 @@ class Driver:
                 f"the plan's memory is on the GPU {uuid.hex()}, which is none of the {count.value} that this process "
                 "sees (CUDA_VISIBLE_DEVICES?)"
             )
-        #: Its number in this process.
+        #: The device's number in this process.
         self.number: int = number
         self._context = ctypes.c_void_p()
         self._check("cuDevicePrimaryCtxRetain", ctypes.byref(self._context), device)
@@ -69,7 +68,7 @@ class Driver:
             self._cuda.cuCtxPopCurrent_v2(ctypes.byref(ctypes.c_void_p()))
 
     def open(self, handle: bytes) -> int:
-        """The address of another process's memory here."""
+        """Maps another process's memory, and returns its address."""
         at = ctypes.c_uint64()
         with self._here():
             self._check(
@@ -82,7 +81,7 @@ class Driver:
             self._check("cuIpcCloseMemHandle", ctypes.c_uint64(address))
 
     def copy(self, to: int, source: int, size: int, from_host: bool = False) -> None:
-        """Copies bytes to the device's memory, and returns once they are there."""
+        """Copies bytes to device memory, and returns after completion."""
         with self._here():
             if from_host:
                 self._check("cuMemcpyHtoD_v2", ctypes.c_uint64(to), ctypes.c_void_p(source), ctypes.c_size_t(size))
@@ -91,7 +90,7 @@ class Driver:
             self._check("cuCtxSynchronize")
 
     def wait(self, stream: Optional[int]) -> None:
-        """For what is in a stream; None: for all that this process has asked of the device."""
+        """Waits for the work in a stream or, with None, for all work of this process on the device."""
         with self._here():
             if stream is None:
                 self._check("cuCtxSynchronize")
@@ -104,7 +103,7 @@ _lock = threading.Lock()
 
 
 def driver_for(uuid: bytes) -> Driver:
-    """The driver on the device of that UUID. Raises ConnectionError where there is none."""
+    """Returns the driver for the device of that UUID. Raises ConnectionError if there is none."""
     with _lock:
         if uuid not in _drivers:
             _drivers[uuid] = Driver(_load(), uuid)

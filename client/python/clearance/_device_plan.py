@@ -1,4 +1,4 @@
-"""Queries whose numbers and answers stay in a GPU's memory: no copy to the host, and no wait for it."""
+"""Queries with input and output in GPU memory, without copies to the host or synchronisation with it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _DLPACK_CUDA, _DLPACK_KINDS = 2, {0: "i", 1: "u", 2: "f"}
 
 
 class DeviceArray:
-    """A column in a GPU's memory, for whoever takes __cuda_array_interface__: torch.as_tensor(), cupy.asarray(), ...
+    """A column in GPU memory, with __cuda_array_interface__ for torch.as_tensor(), cupy.asarray(), ...
 
-    It is the plan's own memory: the next run of the plan writes there. Keeps the plan.
+    A view of the plan's memory, which the next run overwrites. Keeps the plan alive.
     """
 
     def __init__(self, address: int, shape: tuple[int, ...], dtype: np.dtype, owner: Any):
@@ -35,7 +35,7 @@ class DeviceArray:
 
 
 class DeviceRows:
-    """The columns of a run, as attributes: what `out` held, or the plan's own memory. There once the stream is."""
+    """The columns of a run as attributes: the arrays of `out` or the plan's memory, valid once the stream is done."""
 
     def __init__(self, columns: Mapping[str, Any]):
         self.__dict__.update(columns)
@@ -45,17 +45,17 @@ class DeviceRows:
 
 
 class DevicePlan:
-    """A query that a GPU answers from numbers in its memory to columns in its memory, as often as it is called.
+    """A callable query that reads its input from GPU memory and writes its columns to GPU memory.
 
-    Made by Engine.plan_on_device(). Rows have the bits of Engine.distances(), but for pairs that the GPU cannot settle,
-    which the CPU finishes there: here they have the bounds that the GPU proved, which hold as well but may be wider
-    than asked (Status.UNCONVERGED then). So has the row of a configuration for which such a pair stands; a plan of
-    reduce="any" has not found it to be free. What is not moved stays where it was when the plan was made.
+    Created by Engine.plan_on_device(). Rows have the bits of Engine.distances(), except for pairs on which the GPU does
+    not converge. Engine.distances() finishes these on the CPU; here they have the GPU's bounds, which are valid but may
+    exceed the tolerance (Status.UNCONVERGED). The same holds for a reduced row with such a pair, which reduce="any"
+    does not report as free. Other bodies keep the poses that they had at the plan's creation.
     """
 
-    shape: tuple[int, ...]  #: of rows: (K, P), or (K,) of a reduction; K is 1 for the current poses
-    bodies: Optional[np.ndarray]  #: (M,) ids of those that poses move; None: there are none
-    joints: Optional[np.ndarray]  #: (J,) ids of those that positions move; None: there are none
+    shape: tuple[int, ...]  #: shape of the rows: (K, P), or (K,) for a reduction; K is 1 for the current poses
+    bodies: Optional[np.ndarray]  #: (M,) ids of the bodies that poses move, or None
+    joints: Optional[np.ndarray]  #: (J,) ids of the joints that positions move, or None
     pairs: np.ndarray  #: (P, 2) body ids
 
     def __reduce__(self) -> Any:
@@ -86,7 +86,7 @@ class DevicePlan:
         joints: Optional[np.ndarray],
         reduced: bool,
     ) -> None:
-        """mask: Field bits of its columns."""
+        """Sets the attributes. mask: Field bits of its columns."""
         self.bodies, self.joints, self.pairs = bodies, joints, pairs
         self.shape = (configurations,) if reduced else (configurations, count)
         self._given_shapes = {
@@ -102,26 +102,26 @@ class DevicePlan:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """The columns that it can write."""
+        """Names of the columns that it can write."""
         return tuple(self._columns)
 
     @property
     def poses_shape(self) -> tuple[int, int, int]:
-        """(K, M, 7), of the poses that it takes; M is 0 where it moves no bodies."""
+        """(K, M, 7), the shape of its poses; M is 0 if it moves no bodies."""
         return (self.shape[0], 0 if self.bodies is None else len(self.bodies), 7)
 
     def column(self, name: str) -> Optional[Column]:
-        """A column that it can write; None: it cannot."""
+        """Returns a column by name, or None if the plan cannot write it."""
         return self._columns.get(name)
 
     @property
     def positions_shape(self) -> tuple[int, int]:
-        """(K, J), of the joint positions that it takes; J is 0 where it moves no joints."""
+        """(K, J), the shape of its joint positions; J is 0 if it moves no joints."""
         return (self.shape[0], 0 if self.joints is None else len(self.joints))
 
     def run_at(self, poses: int, positions: int, columns: Mapping[int, int], stream: int) -> None:
-        """The call for who knows that its memory is right. Addresses: of the poses and the positions (0: it takes
-        none), of columns by their bits (the other ones are not written), of a cudaStream_t."""
+        """Runs the query without checks. Arguments are addresses: of poses and positions (0 if unused), of columns by
+        their bits (others are not written), and of a cudaStream_t."""
         self._plan.run(poses, positions, _addresses(columns), stream)
 
     def __call__(
@@ -132,20 +132,20 @@ class DevicePlan:
         *,
         positions: Any = None,
     ) -> DeviceRows:
-        """Puts the query into a stream and returns.
+        """Launches the query in a stream and returns.
 
-        poses: (K, M, 7) float64 in C order, in the GPU's memory: [x, y, z, qw, qx, qy, qz] of each body; None for a
-            plan that moves no bodies. Anything with __cuda_array_interface__ or __dlpack__.
+        poses: (K, M, 7) float64 in C order, in GPU memory: [x, y, z, qw, qx, qy, qz] of each body; None for a plan that
+            moves no bodies. Any object with __cuda_array_interface__ or __dlpack__.
         positions: (K, J) float64 likewise: radians and metres of the plan's joints; None for a plan without joints.
-        out: {name: array}, some of the plan's columns, each of `shape` and what a row has ((J,) of gradient_joints), in
-            C order and of the column's type, in the GPU's memory; None: the plan's own memory, which its next run
-            writes again.
-        stream: the address of a cudaStream_t, or what has it as `cuda_stream` (PyTorch) or `ptr` (CuPy); None: the
-            default stream.
+        out: {name: array} for some of the plan's columns, in GPU memory, C order and the column's type. Shapes are
+            `shape` plus the shape of a row ((J,) for gradient_joints). Default: the plan's memory, which its next run
+            overwrites.
+        stream: the address of a cudaStream_t, or an object with it as `cuda_stream` (PyTorch) or `ptr` (CuPy). Default:
+            the default stream.
 
-        Nothing waits for the host or takes memory, so a call may be captured in a CUDA graph. Runs in several streams
-        must follow each other, which is yours to see to. Raises TypeError or ValueError naming the argument, and
-        QueryError where the GPU says no.
+        Neither synchronises with the host nor allocates memory, so a CUDA graph can capture a call. The caller must
+        order runs in different streams. Raises TypeError or ValueError naming the argument, and QueryError for an error
+        of the GPU.
         """
         given = [self._given(poses, "poses", "bodies"), self._given(positions, "positions", "joints")]
         if out is None:
@@ -196,7 +196,7 @@ class DevicePlan:
 
     def _address(self, array: Any, what: str, dtype: np.dtype, shape: tuple[int, ...]) -> int:
         address, got_shape, got_dtype = self._memory_of(array, what)
-        # A compact row may come as its eight float32.
+        # A compact row may be given as its eight float32 numbers.
         if got_shape == (*shape, dtype.itemsize // 4) and dtype.kind == "V" and got_dtype == np.dtype("<f4"):
             return address
         if got_dtype != dtype:
@@ -206,7 +206,7 @@ class DevicePlan:
         return address
 
     def _memory_of(self, array: Any, what: str) -> tuple[int, tuple[int, ...], np.dtype]:
-        """Address, shape and type of memory of this GPU in C order."""
+        """Returns address, shape and type of an array in C order in this GPU's memory."""
         try:
             interface = array.__cuda_array_interface__
         except AttributeError:
@@ -243,7 +243,7 @@ def _strides_in_c_order(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...
 
 
 def address_of_stream(stream: Any) -> int:
-    """Of a cudaStream_t; 0: the default stream."""
+    """Returns the address of a cudaStream_t, or 0 for the default stream."""
     if stream is None:
         return 0
     for name in ("cuda_stream", "ptr", "handle"):

@@ -26,20 +26,19 @@ from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, ReduceWord, Sta
 
 
 class Engine(Front):
-    """A scene resident in memory, the poses of its bodies, and answers to batched distance queries.
+    """A scene in memory with the poses of its bodies, which answers batched distance queries.
 
-    backend: "auto", "cpu", "reference" (brute force, the fast path's oracle), or another that Engine.backends() names;
-        asking for an absent one raises. "auto": the CPU, or where there is a device whichever was
-        faster for queries like it.
-    threads: 0: all cores.
-    max_rows: larger answers are refused with QueryError.
-    device_memory: bytes of each device's memory that backend "cuda" may take; 0: what there is.
-    devices: CUDA devices of backends "cuda" and "auto", by number, as in [0, 1]: each holds the scene, and queries are
-        shared out among them; empty: the current one. Naming one twice raises ValueError, one that is absent
-        RuntimeError.
-    device_fallback: whether the CPU answers where the device fails or has no room; if not, QueryError says why.
+    backend: "auto", "cpu", "reference" (brute force, the fast path's oracle), or another of Engine.backends(). An
+        unavailable one raises. "auto" is the CPU or, with a device, the faster of both for similar queries.
+    threads: number of threads. The default, 0, uses all cores.
+    max_rows: maximum rows of an answer; larger ones raise QueryError.
+    device_memory: maximum memory of each device for backend "cuda", in bytes. The default, 0, sets no limit.
+    devices: numbers of the CUDA devices for backends "cuda" and "auto", as in [0, 1]. Each holds the scene, and queries
+        are distributed among them. Default: the current device. Raises ValueError for a repeated number and
+        RuntimeError for an absent device.
+    device_fallback: whether the CPU answers if the device fails or runs out of memory; otherwise QueryError.
 
-    May be used from several threads; the GIL is released while it works. Not usable in a forked child (RuntimeError).
+    Thread-safe; releases the GIL during queries. Not usable in a forked child (RuntimeError).
     """
 
     _module = _engine
@@ -75,26 +74,26 @@ class Engine(Front):
 
     @staticmethod
     def backends() -> list[str]:
-        """Backends that can be asked for on this machine."""
+        """Returns the backends available on this machine."""
         return _engine.Engine.backends()
 
     @property
     def backend(self) -> str:
-        """The backend in use; "auto": a reply's `backend` says which one answered it."""
+        """The backend in use. For "auto", a result's `backend` is the one that answered it."""
         return self._engine.backend
 
     @property
     def device_error(self) -> str:
-        """What the device said last where it did not answer; empty: there was nothing."""
+        """The device's most recent error, or empty."""
         return self._engine.device_error
 
     @property
     def pose_revision(self) -> int:
-        """Of the newest snapshot."""
+        """Revision of the newest snapshot of the poses."""
         return self._engine.pose_revision
 
     def body_states(self) -> list[BodyState]:
-        """Where each body is now, by id."""
+        """Returns the current state of each body, by id."""
         return [_state(*row) for row in self._engine.body_states()]
 
     def plan_on_device(
@@ -108,22 +107,22 @@ class Engine(Front):
         reduce: ReduceWord = "none",
         **more: Any,
     ) -> DevicePlan:
-        """A query that a GPU answers from numbers in its memory to columns in its memory, as often as it is called.
+        """Returns a callable query that reads its input from GPU memory and writes its columns to GPU memory.
 
-        configurations: K, how many each call has; 0: the current poses, answered as one.
-        bodies: (M,) names or ids of the bodies that they move, as in distances(); None: every movable body, or none
-            where there are `joints`.
-        joints: of the positions that they have, as in distances(): what joints() gave, the name of a robot or of a
-            group of its joints, or names or ids. Slack of links counts as ever.
-        reduce: "none": a row for each configuration and pair; "min": one for each configuration, of its least distance;
-            "any": one that says whether every pair is farther than its `margin` (BEYOND: free).
-        fields: names of columns; None: lower and upper, of "any" the status, of the format "compact" its row and the
-            status. "gradient_joints" is for plans with joints; reductions have the column "pair" as well.
+        configurations: K, the number of configurations in each call; 0 for one configuration, the current poses.
+        bodies: (M,) names or ids of the bodies that they move, as in distances(). Default: every movable body, or none
+            with `joints`.
+        joints: the joints that they move, as in distances(): the result of joints(), the name of a robot or of a
+            group of its joints, or names or ids. The uncertainty of links still applies.
+        reduce: "none" for a row per configuration and pair; "min" for a row per configuration with its least distance;
+            "any" for a row per configuration with the status BEYOND if every pair is farther than its `margin`.
+        fields: names of columns. Default: lower and upper; the status for "any"; the compact row and the status for
+            the format "compact". "gradient_joints" requires joints; reductions also have the column "pair".
         pairs, and `more` (max_distance, abs_tol, rel_tol, margin, precision, format, ...): as in distances().
 
-        What is not moved stays where it is now. Raises as distances(), and QueryError for what a plan does not answer
-        (depths, the other reductions, bodies with a max_speed, poses that may be too old, surfaces), and for an engine
-        without a GPU or of several.
+        Other bodies keep their current poses. Raises as distances(); QueryError for unsupported queries (depths, other
+        reductions, bodies with a max_speed, limits on the age of poses, surfaces); and QueryError for an engine without
+        a GPU or with several.
         """
         query, count = plan_query(self, configurations, bodies, pairs, fields, joints, reduce, more)
         plan = self._engine.plan_on_device(query.raw, count)
@@ -131,14 +130,14 @@ class Engine(Front):
         return DevicePlan(_engine, plan, query.bodies, table, query.joints, reduced=query.reduce != 0)
 
     def stats(self) -> dict[str, int]:
-        """Counters that the engine keeps about itself."""
+        """Returns the engine's counters."""
         return dict(self._engine.stats())
 
-    # ---- what Front asks for --------------------------------------------------------------------------------------
+    # ---- required by Front ----------------------------------------------------------------------------------------
 
     def _load_names(self) -> NameTable:
         table = name_table(self._engine.scene, self._engine.scene_revision)
-        # The scene knows the parents at load, the states those of now.
+        # The scene has the parents at load, the states the current ones.
         bodies = [replace(body, parent=state.parent) for body, state in zip(table.bodies, self.body_states())]
         return NameTable(table.revision, bodies, table.groups)
 

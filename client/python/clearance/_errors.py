@@ -11,30 +11,30 @@ _PACKAGE = os.path.dirname(__file__) + os.sep
 
 
 class ClearanceError(Exception):
-    """Base of every error that Clearance raises about scenes, queries and connections.
+    """Base class of Clearance's errors about scenes, queries and connections.
 
-    A wrong argument (a shape, a type, an unknown name) is an ordinary TypeError or ValueError that names the argument.
+    A wrong argument (a shape, a type, an unknown name) raises TypeError or ValueError naming the argument.
     """
 
 
 class SceneError(ClearanceError, ValueError):
-    """Bad input at set-up: a scene file, a mesh or a body. The text names file, line, key and what was expected."""
+    """Invalid input at set-up: a scene file, a mesh or a body. Names file, line, key and the expected value."""
 
 
 class RobotWarning(UserWarning):
-    """Something in a robot's SRDF was left out, or something in its URDF is probably a mistake."""
+    """A part of a robot's SRDF was ignored, or a part of its URDF is probably a mistake."""
 
 
 class PoseWarning(UserWarning):
-    """A quaternion at load looks like one in the order x, y, z, w, where Clearance has w first.
+    """A quaternion at load looks like one in the order x, y, z, w; Clearance expects w first.
 
-    It reads as a half turn, and as x, y, z, w it would be no turn or one about z. Where the half turn is meant, the
-    negated quaternion is the same rotation and is not warned about.
+    It is a half turn, and in the order x, y, z, w it would be the identity or a turn about z. The negated quaternion is
+    the same rotation, without the warning.
     """
 
 
 class JointLimitWarning(UserWarning):
-    """Positions of joints are far beyond their limits, and would be within them as degrees. Positions are radians."""
+    """Joint positions far beyond their limits would be within them as degrees. Positions are radians."""
 
 
 class MeshWarning(UserWarning):
@@ -60,7 +60,7 @@ class QueryError(ClearanceError, ValueError):
 
 
 class RequestError(ClearanceError, RuntimeError):
-    """The daemon refused a request for a reason that lies not in the query. ``code`` is a wire.ErrorCode."""
+    """The daemon rejected a request for a reason outside the query. ``code`` is a wire.ErrorCode."""
 
     def __init__(self, code: int, text: str):
         super().__init__(text)
@@ -71,9 +71,9 @@ class RequestError(ClearanceError, RuntimeError):
 
 
 class NewEpoch(RequestError):
-    """The daemon was started anew, or is another one, since this client's first contact.
+    """The daemon was restarted, or is another one, since this client's first contact.
 
-    What clients had sent it - poses, attachments, bodies - is gone. Requests are refused so until
+    It has lost the poses, attachments and bodies that clients had sent. Requests are rejected with this error until
     Client.acknowledge_epoch(). ``code`` is wire.ErrorCode.NEW_EPOCH.
     """
 
@@ -87,11 +87,11 @@ class TimeoutError(ConnectionError, builtins.TimeoutError):
 
 
 class DaemonHung(ConnectionError):
-    """The daemon is there, but its loop stood still for hang_s while a request was under way."""
+    """The daemon exists, but its loop stood still for hang_s during a request."""
 
 
 def warn(text: str, category: type[Warning]) -> None:
-    """Warns of `text` at the innermost line that is not this package's."""
+    """Issues a warning at the innermost line outside this package."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
         level, frame = level + 1, frame.f_back

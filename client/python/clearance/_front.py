@@ -1,6 +1,6 @@
-"""The calls that an in-process engine and a client of the daemon share: arguments in, results out.
+"""The methods that an in-process engine and a client of the daemon share: arguments in, results out.
 
-Engine and Client differ only in who answers: each gives the few methods marked "for subclasses".
+Engine and Client differ only in where a query runs: each implements the few methods marked "for subclasses".
 """
 
 from __future__ import annotations
@@ -39,29 +39,29 @@ _CHECKED: Any = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.PAIR)  #: c
 
 @dataclass(frozen=True)
 class SceneChanged:
-    """The scene that replaced another."""
+    """The scene after a change."""
 
     scene_revision: int
     body_count: int
     body: Optional[int]  #: the id of the body that was added
-    seconds: float  #: time that making the scene took
+    seconds: float  #: time to build the scene
 
 
 @dataclass(frozen=True)
 class BodyState:
-    """Where a body is now."""
+    """The current pose of a body."""
 
-    pose: np.ndarray  #: (7,) X_wb; meaningful if status is OK
+    pose: np.ndarray  #: (7,) X_wb; valid if status is OK
     status: Status  #: OK, NO_POSE or BAD_POSE
     parent: Optional[int]
     stamp_ns: int  #: publisher's clock
-    age_ns: Optional[int]  #: since the pose was received, or the points of a cloud if they are older; None: never
+    age_ns: Optional[int]  #: since the pose, or the points of a cloud if older, were received; None if never
 
 
 class Front(MotionQueries, Certificates, Updates, Parser):
     """Methods of both clearance.Engine and clearance.Client."""
 
-    _instead: str  #: what a program does that wants to send one to another process
+    _instead: str  #: how to use one in another process, for the error of pickling
 
     def __init__(self) -> None:
         self._names_cache: Optional[NameTable] = None
@@ -110,7 +110,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
 
     @property
     def bodies(self) -> tuple[BodyInfo, ...]:
-        """The scene's bodies; a body's id is its place here."""
+        """The scene's bodies; a body's id is its index."""
         return self._names.bodies
 
     @property
@@ -119,24 +119,24 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         return dict(self._names.groups)
 
     def body_id(self, name: BodyRef) -> int:
-        """Id of a body. Raises ValueError, with near misses, for an unknown name."""
+        """Returns the id of a body. Raises ValueError, with similar names, for an unknown name."""
         return self._names.body(name, "name")
 
     @property
     def scene_revision(self) -> int:
-        """A number that stands for this scene: its geometry, bodies, groups and attachments."""
+        """Revision of this scene: its geometry, bodies, groups and attachments."""
         return self._scene_revision()
 
     @property
     def pairs(self) -> np.ndarray:
-        """(P, 2) uint32: all enabled pairs, in the order of answers to pairs=None without configurations.
+        """(P, 2) uint32: all enabled pairs, in the row order of a query with pairs=None and no configurations.
 
-        Left out are static-static pairs, pairs of a parent and its child, and those on the scene's ignore list.
+        Excludes static-static pairs, pairs of a parent and its child, and the scene's ignore list.
         """
         return self.pair_table()
 
     def pair_table(self, pairs: Pairs = None, bodies: Optional[Sequence[BodyRef]] = None) -> np.ndarray:
-        """(P, 2) uint32: the pairs that a query with these arguments answers, in order. Read-only."""
+        """Returns the pairs of a query with these arguments, in row order: (P, 2) uint32, read-only."""
         parsed_pairs = None if pairs is None else self._names.pairs_array(pairs)
         parsed_bodies = None if bodies is None else self._names.bodies_array(bodies, "bodies")
         return self._table(parsed_pairs, parsed_bodies)
@@ -155,7 +155,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
                     self._tables.move_to_end(key)
                     return table
             table = self._fetch_pairs(raw)
-            if self._scene_revision() == key[0]:  # else another thread has attached a body meanwhile
+            if self._scene_revision() == key[0]:  # otherwise another thread has changed the scene
                 break
         table.flags.writeable = False
         with self._tables_lock:
@@ -169,18 +169,18 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         return self._scene_revision(), pairs, bodies, joints
 
     def joints(self, group: JointsRef) -> Joints:
-        """Joints of robots, with their limits, as queries and updates take them.
+        """Returns joints of robots with their limits, for queries and updates.
 
         group: a robot's name ("panda"), a group of its SRDF ("panda/panda_arm"), or names or ids of joints
-            ("panda/panda_joint1"), whose order is kept.
+            ("panda/panda_joint1") in the order of the result.
 
-        Raises ValueError, with near misses, for an unknown name.
+        Raises ValueError, with similar names, for an unknown name.
         """
         table = self._joint_table
         return table.joints(table.ids_of(group, "group"))
 
     def joint_states(self) -> list[JointState]:
-        """Where each joint of the scene's robots is now, by id."""
+        """Returns the current state of each joint of the scene's robots, by id."""
         return [
             JointState(name, position, Status(status), beyond, stamp, None if age < 0 else age)
             for name, _, _, position, status, beyond, stamp, age in self._load_joints()[0]
@@ -215,53 +215,55 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         model: ModelWord = "truth",
         **more: Any,
     ) -> Result:
-        """Answers how far apart bodies are, and where, on one consistent snapshot of the poses.
+        """Returns the distances of pairs of bodies and their nearest points, on one consistent snapshot of the poses.
 
-        pairs: (P, 2) ids; or name or id pairs; or pairs of groups such as ("arm", "*"), which stand for their enabled
-            pairs. None: all enabled pairs; with configurations those with at least one moved body.
-        configurations: (K, M, 7) or (K, M, 4, 4) poses of M bodies that replace their current ones (children follow).
-        bodies: (M,) names or ids of those bodies; None: every movable body, in the order of ids.
+        pairs: (P, 2) ids; or pairs of names or ids; or pairs of groups such as ("arm", "*"), for all their enabled
+            pairs. Default: all enabled pairs, or with configurations those with at least one moved body.
+        configurations: (K, M, 7) or (K, M, 4, 4) poses that replace the current ones of M bodies. Children follow.
+        bodies: (M,) names or ids of those bodies. Default: every movable body, in the order of ids.
         max_distance: metres; a pair proved farther is BEYOND and not refined.
-        abs_tol, rel_tol: asks for upper - lower <= max(abs_tol, rel_tol |distance|). rel_tol None: 1e-6 (f32: 1e-4).
-        precision: "f64" or "f32" iterations; the bounds are valid in either. Reductions and signed distances are
-            iterated in float64 in any case, since float32 gains nothing there; of "f32" they take the default rel_tol.
-        signed: also the penetration depth of overlapping pairs; of a solid or a surface an interval that holds it.
+        abs_tol, rel_tol: the tolerance: upper - lower <= max(abs_tol, rel_tol |distance|). The default of rel_tol is
+            1e-6, or 1e-4 for "f32".
+        precision: "f64" or "f32" iterations; the bounds are valid in both. Reductions and signed distances always
+            iterate in float64, since float32 is no faster there; "f32" changes only their default rel_tol.
+        signed: adds the penetration depth of overlapping pairs; for a solid or a surface, an interval that contains it.
         reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body), "min" (per configuration) or
-            "any" (per configuration: BEYOND where every pair is proved farther than its margin, else one that is not).
-            For "any" `margin` says how far: metres, or (P,) metres for each pair, or {("arm", "*"): 0.02, ...}, where
-            later entries win and pairs that no entry names have 0. It takes no max_distance. With its column
-            "free_scale" `weights` (J,) says how far each joint goes at a scale of 1, as free_scale() asks it.
-        fields: names of the columns that come back; "points" is both points, "default" is distance, lower, upper and
-            status, "bounds" lower and upper in float32, rounded outward. None: "default", with points and normal
-            too if there are at most 100,000 rows.
+            "any" (per configuration: BEYOND if every pair is proved farther than its margin, otherwise a pair that is
+            not). "any" takes no max_distance but a `margin`: metres, or (P,) metres for each pair, or
+            {("arm", "*"): 0.02, ...}, where later entries win and other pairs have a margin of 0. Its column
+            "free_scale" takes `weights` (J,), the motion of each joint at a scale of 1, as in free_scale().
+        fields: names of the columns to return; "points" is both points, "default" is distance, lower, upper and
+            status, "bounds" is lower and upper in float32, rounded outward. The default is "default", plus points and
+            normal for at most 100,000 rows.
         format: "full", or "compact": float32 bounds rounded outward, points relative to each body's origin.
-        out: a dict of arrays or an earlier result to write into; `fields` then follows from its columns.
-        timeout_s: seconds; None: the client's own; in process no limit.
-        max_results: the most rows that reduce="within" returns.
-        max_pose_age_ns: poses older than this set Flag.STALE; 0: never.
-        warm: keep warm state between calls (faster; bits then depend on earlier calls). The CPU reduces cold.
-        copy: False: the columns of a client's answer are read-only views of the transport's own memory, given back when
-            the arrays are gone. In process the columns are always the result's own.
-        min_pose_stamp_ns: wait for poses with this stamp or a newer one (publisher's clock); 0: do not wait. In process
-            poses are there when set_poses() returns, so nothing needs to wait: such a query is a ValueError.
-        pose_wait_s: seconds to wait for them, at most 10; then a RequestError with the code POSES_LATE.
-        wait_for: the body or group whose poses to wait for. Bodies that have never had a stamp do not count, but at
-            least one must have one.
-        joints: what joints() gave, the name of a robot or of a group of its joints, or names or ids of joints. Joints
-            that are not named, and bodies, stay as they are; what follows a link moves with it.
-        positions: (K, J) radians and metres of those joints: K configurations, as many as `configurations` has if it is
-            given as well. A position that is no number, or beyond 1e6, makes its rows BAD_POSE; one beyond the joint's
-            limits sets Flag.BEYOND_LIMITS.
-        model: "truth", or "pieces": a body with convex pieces (convexify="decompose") is answered by these alone, and
-            no triangle is looked at. The interval is wider by how far the pieces may miss the mesh, and holds its
-            distance all the same; whether one body lies within another comes from the mesh. Negative values of
-            signed=True are the pieces' (Flag.PIECES). Other bodies are answered as ever.
-        more: options that came later, by name; docs/wire.md has a table of them all. An option that the daemon is too
-            old for is a RequestError that names it.
+        out: a dict of arrays or an earlier result to write into; its columns set `fields`.
+        timeout_s: seconds. Default: the client's timeout; no limit in process.
+        max_results: maximum number of rows of reduce="within".
+        max_pose_age_ns: poses older than this set Flag.STALE. The default, 0, disables the flag.
+        warm: keeps warm-start state between calls. Faster, but the last bits then depend on earlier calls. The CPU
+            reduces without it.
+        copy: if False, a client's columns are read-only views of the transport's memory, which is released with the
+            last array. In process, the result always owns its columns.
+        min_pose_stamp_ns: waits for poses with this stamp or a newer one (publisher's clock); 0 to not wait. Raises
+            ValueError in process, where poses are current once set_poses() returns.
+        pose_wait_s: maximum wait in seconds, at most 10; then RequestError with the code POSES_LATE.
+        wait_for: body or group whose poses to wait for. Bodies without any stamp are ignored, but at least one must
+            have a stamp.
+        joints: the result of joints(), the name of a robot or of a group of its joints, or names or ids of joints.
+            Other joints and bodies keep their poses; attached bodies move with their links.
+        positions: (K, J) radians and metres of those joints, for K configurations (the K of `configurations` if both
+            are given). NaN or a position beyond 1e6 makes its rows BAD_POSE; one beyond the joint's limits sets
+            Flag.BEYOND_LIMITS.
+        model: "truth", or "pieces": a body with convex parts (convexify="decompose") is replaced by these, and its
+            triangles are not read. The interval widens by the parts' deviation from the mesh and still contains its
+            distance; containment of one body in another is tested on the mesh. Negative values of signed=True are
+            those of the parts (Flag.PIECES). Other bodies are unaffected.
+        more: further options by name; docs/wire.md lists them. An option that is unknown to an older daemon raises
+            RequestError naming it.
 
         Raises TypeError or ValueError naming the argument; QueryError for a query that cannot be answered;
-        TimeoutError; and from a client ConnectionError and RequestError. A bad pose or an unknown id is a status of its
-        rows.
+        TimeoutError; and from a client ConnectionError and RequestError. A bad pose or an unknown id only sets the
+        status of its rows.
         """
         arguments = (
             max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format, out, timeout_s, max_results,
@@ -288,18 +290,19 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         positions: Any = None,
         **more: Any,
     ) -> Check:
-        """Says which configurations are free: whether every pair is proved farther apart than its margin.
+        """Returns the configurations that are free: every pair is proved farther apart than its margin.
 
-        configurations: as in distances(); with `joints`, and neither bodies nor positions, (K, J) positions of these.
+        configurations: as in distances(); with `joints`, and neither bodies nor positions, (K, J) joint positions.
         margin: metres >= 0; or (P,) metres, one for each pair; or {(body or group, body or group): metres}, "*" for
-            every body, where later entries win and pairs that no entry names have 0.
-        The other arguments are those of distances(), which reduce="any" answers. `more`: precision, rel_tol, ...
+            every body, where later entries win and other pairs have a margin of 0.
+        The other arguments are those of distances() with reduce="any". `more`: precision, rel_tol, ...
 
-        Returns .free (K,) bool, and of the others .pair (K, 2) and .status (K,). What is not proved is not free:
-        touching, an unusable pose, or a distance that is the margin to within the tolerance. Distances do not depend on
-        joint limits: .ok (K,) bool is free and within them, and .limit_violations says which joint is beyond, and by
-        how much. Limits are those of the query's joints; without configurations, of all joints where they are. Warns
-        (JointLimitWarning) of positions that look like degrees. Raises as distances().
+        Returns .free (K,) bool and, for configurations that are not free, .pair (K, 2) and .status (K,). Unproved
+        configurations are not free: contact, an invalid pose, or a distance equal to the margin within the tolerance.
+        Distances ignore joint limits: .ok (K,) bool is free and within limits, and .limit_violations lists the joints
+        that are not, with their excess. Limits are those of the query's joints; without configurations, those of all
+        joints at their current positions. Warns (JointLimitWarning) of positions that look like degrees. Raises as
+        distances().
         """
         if joints is not None and bodies is None and positions is None:
             configurations, positions = None, configurations
@@ -313,7 +316,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         return Check(result, self._beyond_now(result) if configurations is None else None)
 
     def _beyond_now(self, result: Result) -> Optional[Beyond]:
-        """Which joints of the scene are beyond their limits; looked up again if the answer saw other poses."""
+        """Returns the joints of the scene beyond their limits. Cached until the poses change."""
         if not self._joint_table.names:
             return None
         key = result.scene_revision, result.snapshot_revision
@@ -335,16 +338,16 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         pairs: Pairs = None,
         **more: Any,
     ) -> np.ndarray:
-        """How far joints may move: a region of joint space around each configuration that is proved to be free.
+        """Returns the size of a region of joint space around each configuration that is proved to be free.
 
         positions: (K, J) radians and metres of the joints, as in distances().
-        weights: (J,) >= 0, radians and metres, of how far each joint may go; None: 1 each.
+        weights: (J,) >= 0, radians and metres: the motion of each joint at a scale of 1. Default: 1 each.
         margin: as in check(). `more`: timeout_s, rel_tol, max_pose_age_ns, ...
 
-        Returns (K,) float64, rounded down: the largest s that is proved such that all pairs stay beyond their margins
-        while no joint moves by more than s times its weight. 0: not even the configuration itself is proved free; inf:
-        nothing that moves can come nearer. Joint limits are not looked at. Raises as distances() does, and QueryError
-        for robots that stand on links that these joints move.
+        Returns (K,) float64, rounded down: the largest s for which all pairs are proved to stay beyond their margins
+        while no joint moves by more than s times its weight. The value is 0 if the configuration itself is not proved
+        free, and inf if no motion can reduce a distance. Ignores joint limits. Raises as distances() does, and
+        QueryError for robots mounted on links that these joints move.
         """
         if joints is None:
             raise ValueError("joints: expected some, that move")
@@ -355,20 +358,20 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         return self.distances(reduce="any", fields="free_scale", **asked).free_scale
 
     def prepare(self, **arguments: Any) -> Prepared:
-        """Parses a query once, for a control loop that asks it again and again.
+        """Parses a query once, for a control loop that repeats it.
 
         arguments: those of distances(), by name. Each call reads `configurations` again if they are float64, of shape
-            (K, M, 7) and in C order, and `positions` if they are float64, of shape (K, J) and in C order: you may write
-            new numbers into them in between.
+            (K, M, 7) and in C order, and `positions` if they are float64, of shape (K, J) and in C order, so you can
+            update these arrays in place between calls.
 
-        Raises as distances() does. Names are looked up here: prepare again after the scene has changed.
+        Raises as distances() does. Names are resolved here, so prepare the query again after the scene changes.
         """
         if isinstance(arguments.get("pairs"), np.ndarray):
             arguments["pairs"] = arguments["pairs"].copy()
         return Prepared(self, self._parse_named(arguments))
 
     def _parse_named(self, arguments: dict[str, Any]) -> Query:
-        """Some of the arguments of distances(), by name."""
+        """Parses some of the arguments of distances(), by name."""
         return self._parse(**{**DEFAULTS, **arguments})
 
     def submit(
@@ -398,9 +401,9 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         model: ModelWord = "truth",
         **more: Any,
     ) -> Future:
-        """Begins a query as distances() asks it; returns a future: .result(timeout=None), .done(), .cancel().
+        """Starts the query of distances() and returns a future: .result(timeout=None), .done(), .cancel().
 
-        In process the poses are those at this call; through a daemon, those at the request's arrival.
+        In process, the poses are those at this call; through a daemon, those at the request's arrival.
         """
         given = locals()
         return self._start(self._parse(**{name: given[name] for name in DEFAULTS}, **more))
@@ -409,7 +412,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         return Result(answer, query.reduce, query.out, query.known_pairs(), TableOf(self, query))
 
 
-#: Of distances().
+#: Default values of the arguments of distances(), by name.
 DEFAULTS = {
     name: p.default for name, p in inspect.signature(Front.distances).parameters.items() if name not in ("self", "more")
 }

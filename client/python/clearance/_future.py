@@ -1,4 +1,4 @@
-"""Futures of queries that are under way."""
+"""Futures of running queries."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ _SLICE_NS = 2_000_000
 
 
 class Future:
-    """The result of a query to come."""
+    """The future result of a query."""
 
     def __reduce__(self) -> Any:
         raise TypeError("a future cannot be pickled or copied: send its result()")
 
     def result(self, timeout: Optional[float] = None) -> Result:
-        """Waits for the answer, at most `timeout` seconds (None: the query's timeout_s).
+        """Waits for the answer for at most `timeout` seconds. Default: the query's timeout_s.
 
-        Raises TimeoutError, after which it may be called again, and what distances() raises.
+        Raises TimeoutError, after which you can call it again, and the errors of distances().
         """
         raise NotImplementedError
 
     def done(self) -> bool:
-        """Whether result() would return or raise at once."""
+        """Whether result() returns or raises immediately."""
         raise NotImplementedError
 
     def cancel(self) -> bool:
-        """Gives up on the answer. Returns False if it is already there."""
+        """Cancels the query. Returns False if the answer has arrived."""
         raise NotImplementedError
 
 
@@ -60,7 +60,7 @@ class EngineFuture(Future):
 
 
 class Worker:
-    """One thread that works on all submitted jobs in turn, a slice of each, so that a long one blocks none."""
+    """One thread that runs time slices of all submitted jobs in turn, so that a long job blocks no other."""
 
     def __init__(self) -> None:
         self._executor = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="clearance")
@@ -69,7 +69,7 @@ class Worker:
         self._running = False
 
     def submit(self, job: Any, finish: Callable[[Any], Result]) -> concurrent.futures.Future[Result]:
-        """Works on `job` until it is done; the future's result is then finish(job)."""
+        """Runs `job` to completion and sets the future's result to finish(job)."""
         future: concurrent.futures.Future[Result] = concurrent.futures.Future()
         with self._lock:
             self._jobs.append((job, finish, future))
@@ -85,7 +85,7 @@ class Worker:
                     self._running = False
                     return
                 job, finish, future = self._jobs.popleft()
-            # Cancelled between slices: the job is dropped here. The state stays PENDING to the end, so that it can be.
+            # The state stays PENDING until the end, so that the job can be cancelled between slices.
             if future.cancelled():
                 future.set_running_or_notify_cancel()
                 continue

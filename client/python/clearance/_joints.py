@@ -17,16 +17,16 @@ _LIMITS_KEPT = 16
 
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """Some joints, in the order in which rows of positions have them."""
+    """Joints in the order of the columns of positions."""
 
     names: tuple[str, ...]
     ids: np.ndarray  #: (J,) uint32
-    lower: np.ndarray  #: (J,) radians or metres; -inf: no limit
-    upper: np.ndarray  #: (J,) radians or metres; +inf: no limit
+    lower: np.ndarray  #: (J,) radians or metres; -inf without a limit
+    upper: np.ndarray  #: (J,) radians or metres; +inf without a limit
 
     @cached_property
     def limits(self) -> tuple[list[float], list[float]]:
-        """Lower and upper as lists, which are quicker than arrays for a single row."""
+        """Lower and upper as lists, which are faster than arrays for a single row."""
         return self.lower.tolist(), self.upper.tolist()
 
     def __len__(self) -> int:
@@ -38,17 +38,17 @@ class Joints:
 
 @dataclass(frozen=True)
 class JointState:
-    """Where a joint is now."""
+    """The current state of a joint."""
 
     name: str
-    position: float  #: radians or metres; meaningful if status is OK
-    status: Status  #: OK, NO_POSE (it has no position) or BAD_POSE
+    position: float  #: radians or metres; valid if status is OK
+    status: Status  #: OK, NO_POSE (without a position) or BAD_POSE
     beyond_limits: bool
     stamp_ns: int  #: publisher's clock
-    age_ns: Optional[int]  #: since the position was received; None: never received
+    age_ns: Optional[int]  #: since the position was received; None if never
 
 
-#: What `joints=` takes: what joints() gave, the name of a robot or group, or names or ids of joints.
+#: Type of `joints=`: the result of joints(), the name of a robot or group, or names or ids of joints.
 JointsRef = Union[Joints, str, Sequence[Union[str, int]], np.ndarray]
 
 
@@ -62,13 +62,13 @@ class JointTable:
         self.upper = np.array([row[2] for row in rows], dtype=np.float64)
         self.groups = {name: np.array(ids, dtype=np.uint32) for name, ids in groups}
         self.ids = {name: i for i, name in enumerate(self.names)}
-        self._limits: dict[Any, Joints] = {}  # as limits() gave them
+        self._limits: dict[Any, Joints] = {}  # cached results of limits()
 
     def joints(self, ids: np.ndarray) -> Joints:
         return Joints(tuple(self.names[i] for i in ids), ids, self.lower[ids], self.upper[ids])
 
     def limits(self, value: JointsRef) -> Joints:
-        """The joints that a query has named, with their limits: kept, since planners name the same ones again."""
+        """Returns the joints named by a query, with their limits. Cached, since planners repeat the same ones."""
         if isinstance(value, Joints):
             return value
         key = value if isinstance(value, str) else tuple(value)
@@ -80,7 +80,7 @@ class JointTable:
         return known
 
     def joint(self, value: Any, what: str) -> int:
-        """Id of one joint given by name or id."""
+        """Returns the id of a joint given by name or id."""
         if isinstance(value, str):
             found = self.ids.get(value)
             if found is None:
@@ -116,7 +116,7 @@ class JointTable:
         return ids
 
     def rows(self, positions: Any, joints: Any) -> tuple[np.ndarray, np.ndarray]:
-        """(K, J) positions and (J,) ids of a query."""
+        """Returns (K, J) positions and (J,) ids of a query."""
         if joints is None:
             raise ValueError("positions: expected joints= as well, whose positions these are, got none")
         ids = self.ids_of(joints, "joints")
@@ -132,7 +132,7 @@ class JointTable:
         return rows, ids
 
     def update(self, positions: Any, joints: Any) -> tuple[np.ndarray, np.ndarray]:
-        """(J,) ids and positions of an update."""
+        """Returns (J,) ids and positions of an update."""
         given = None if joints is None else self.ids_of(joints, "joints")
         if isinstance(positions, Mapping):
             if given is not None:
@@ -149,7 +149,7 @@ class JointTable:
 
 
 def _position(value: Any, what: str) -> float:
-    """A number; NaN too, which is stored as a bad position."""
+    """Converts to a number. Accepts NaN, which is stored as an invalid position."""
     if isinstance(value, (float, np.floating)) and value != value:
         return float("nan")
     return to_number(value, what)

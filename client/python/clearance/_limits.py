@@ -16,17 +16,17 @@ from ._joints import Joints
 
 @dataclass(frozen=True)
 class LimitViolation:
-    """A joint that is beyond its limits. Radians or metres."""
+    """A joint beyond its limits. Radians or metres."""
 
-    configuration: int  #: which row of the positions; of a path, which waypoint
+    configuration: int  #: row of the positions, or waypoint of a path
     joint: str
     position: float
-    lower: float  #: -inf: no limit
-    upper: float  #: +inf: no limit
+    lower: float  #: -inf without a limit
+    upper: float  #: +inf without a limit
 
     @property
     def excess(self) -> float:
-        """How far beyond the limit, above 0."""
+        """Distance beyond the limit, above 0."""
         return max(self.lower - self.position, self.position - self.upper)
 
     def __str__(self) -> str:
@@ -35,7 +35,7 @@ class LimitViolation:
 
 
 class Beyond:
-    """The positions of some configurations that are beyond joint limits; there is at least one."""
+    """The positions beyond joint limits among some configurations, at least one."""
 
     def __init__(self, rows: np.ndarray, mask: np.ndarray, joints: Joints):
         self.configurations: np.ndarray = np.any(mask, axis=1)  #: (K,) bool
@@ -44,7 +44,7 @@ class Beyond:
         self._joints = joints
 
     def violations(self) -> tuple[LimitViolation, ...]:
-        """In the order of configurations."""
+        """Returns all violations in the order of configurations."""
         return tuple(self._violation(int(k), int(j)) for k, j in np.argwhere(self._mask))
 
     def first(self) -> LimitViolation:
@@ -52,7 +52,7 @@ class Beyond:
         return self._violation(k, int(self._mask[k].argmax()))
 
     def first_of_each_joint(self) -> tuple[LimitViolation, ...]:
-        """The first configuration at which each joint is beyond, in the order of joints."""
+        """Returns the first violation of each joint, in the order of joints."""
         joints = np.flatnonzero(self._mask.any(axis=0))
         return tuple(self._violation(int(self._mask[:, j].argmax()), int(j)) for j in joints)
 
@@ -62,7 +62,7 @@ class Beyond:
         return LimitViolation(k, joints.names[j], float(self._rows[k, j]), *limits)
 
     def look_like_degrees(self) -> bool:
-        """Whether some position is more than a turn, and most configurations would be within limits as degrees."""
+        """Whether a position exceeds a full turn, and most configurations would be within limits as degrees."""
         rows, mask = self._rows[self.configurations], self._mask[self.configurations]
         if not (np.abs(rows) > 2 * math.pi)[mask].any():
             return False
@@ -72,9 +72,9 @@ class Beyond:
 
 
 def beyond_limits(rows: np.ndarray, joints: Joints, what: str, stacklevel: int = 3) -> Optional[Beyond]:
-    """Which of (K, J) positions are beyond limits; None: none is. NaN is beyond nothing: it is a bad position.
+    """Returns the violations among (K, J) positions, or None. NaN is an invalid position, not a violation.
 
-    Warns of positions that look like degrees. stacklevel: as in warnings.warn(); 3: the caller's caller.
+    Warns of positions that look like degrees. stacklevel: as in warnings.warn(); the default is the caller's caller.
     """
     if len(rows) == 1:
         row, (lower, upper) = rows[0].tolist(), joints.limits

@@ -1,4 +1,4 @@
-"""Questions about whole motions, which Engine and Client share: arguments in, results out."""
+"""Queries of whole motions for Engine and Client: arguments in, results out."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from ._words import Status
 
 MotionReduceWord = Literal["none", "min", "any"]
 MOTION_FIELDS = ("default", "flags", "pair", "time", "first_contact", "steps")
-_FIRST_MOTIONS, _MOST_MOTIONS = 8, 1024  # of a path that are asked about at a time
+_FIRST_MOTIONS, _MOST_MOTIONS = 8, 1024  # motions of a path in one query
 
 
 @dataclass(frozen=True)
 class PathCheck:
-    """Whether a path is free all along, or where it is not proved to be."""
+    """Whether a whole path is free, or the first motion that is not proved free."""
 
-    free: bool  #: on each of its motions every pair is proved farther than its margin
-    index: Optional[int]  #: of the first motion that is not: from waypoint `index` to the next; None: free
-    t: Optional[float]  #: 0 to 1 in that motion: when `pair` is within its margin, or from when nothing is proved
-    pair: Optional[tuple[int, int]]  #: ids of the bodies that stand in the way
-    status: Status  #: BEYOND: free. OK, CONTACT, OVERLAP: `pair` is proved within its margin at `t`. Else why not
-    #: the first waypoint at which each joint is beyond its limits, in the order of joints; free does not depend on it
+    free: bool  #: whether every pair is proved farther than its margin on every motion
+    index: Optional[int]  #: the first motion that is not free, from waypoint `index` to the next; None if free
+    t: Optional[float]  #: 0 to 1 in that motion: time at which `pair` is within its margin, or at which the proof ends
+    pair: Optional[tuple[int, int]]  #: ids of the bodies that are not proved free
+    status: Status  #: BEYOND if free. OK, CONTACT, OVERLAP: `pair` is proved within its margin at `t`. Others: no proof
+    #: First waypoint at which each joint is beyond its limits, in the order of joints. Independent of `free`.
     limit_violations: tuple[LimitViolation, ...] = ()
 
     @property
     def beyond_limits(self) -> bool:
-        """Whether a joint leaves its limits: between waypoints it goes straight, so at one of these."""
+        """Whether a joint exceeds its limits. Checked at the waypoints, since motions are straight between them."""
         return bool(self.limit_violations)
 
     @property
     def ok(self) -> bool:
-        """Whether the path is free all along, and within the joints' limits. It is the result as a bool."""
+        """Whether the whole path is free and within the joints' limits; also the result as a bool."""
         return self.free and not self.limit_violations
 
     def __bool__(self) -> bool:
@@ -48,25 +48,25 @@ class PathCheck:
 
     @property
     def hit(self) -> bool:
-        """Whether it is proved that the path is not free. Where neither free nor hit, nothing is proved."""
+        """Whether the path is proved not to be free. If neither free nor hit, nothing is proved."""
         return self.status <= Status.CONTACT
 
 
 class HasJoints(Protocol):
-    """What motion_arguments() needs of an Engine or a Client."""
+    """The members of an Engine or a Client that motion_arguments() uses."""
 
     @property
     def _joint_table(self) -> JointTable: ...
 
 
 class Answers(HasJoints, Protocol):
-    """What MotionQueries needs of the class that it is part of."""
+    """The members of Front that MotionQueries uses."""
 
     def distances(self, *args: Any, **more: Any) -> Result: ...
 
 
 class MotionQueries:
-    """What Front says about motions: each is a query of configurations that come in twos."""
+    """The methods of Front for motions: queries of (start, end) pairs of configurations."""
 
     def motions(
         self: Answers,
@@ -84,25 +84,26 @@ class MotionQueries:
         fields: Union[str, Sequence[str], None] = None,
         **more: Any,
     ) -> Result:
-        """Answers how near bodies come to each other along whole motions; nothing is sampled, nothing assumed between.
+        """Returns the least distances of bodies along whole continuous motions, with certified bounds, not samples.
 
-        joints: those that move, as in distances(); they go in a straight line from `start` to `end`. A continuous joint
-            is not wrapped: from 3.1 to -3.1 is a long way.
-        start, end: (K, J) radians and metres: K motions. Without `joints` (K, M, 7) or (K, M, 4, 4) poses of `bodies`,
-            which go in a straight line and turn at a constant speed the shorter way (the flag HALF_TURN: ways are
-            nearly the same). With both a pair of them each, (positions, poses).
-        pairs, max_distance, fields, more: as in distances(). The columns `time`, `first_contact` and `steps` are of
-            motions alone, and come unasked; `gradient` and signed distances are not to be had.
-        margin: as in check(): what `first_contact` and reduce="any" test.
-        abs_tol, rel_tol: metres, ratio: the search ends once upper - lower is within them. None: 1 mm and 0 for
-            distances; for reduce="any" 0 and 1e-6, with which nearly every motion is decided.
-        reduce: "min": a row for each motion, the least of all pairs. "none": one for each motion and pair. "any":
-            whether every pair is proved farther than its margin all along (BEYOND), else one that is not.
-        max_steps: configurations that each motion may ask for; after them it is UNCONVERGED, and its bounds still hold.
+        joints: the moving joints, as in distances(); they move linearly from `start` to `end`. A continuous joint
+            does not wrap: from 3.1 to -3.1, it turns by 6.2 radians.
+        start, end: (K, J) radians and metres for K motions. Without `joints`, (K, M, 7) or (K, M, 4, 4) poses of
+            `bodies`, which move linearly and turn at a constant speed in the shorter direction (flag HALF_TURN if both
+            are nearly equal). With joints and bodies, a pair (positions, poses) each.
+        pairs, max_distance, fields, more: as in distances(). The columns `time`, `first_contact` and `steps` exist for
+            motions only, and are returned by default; `gradient` and signed distances are not available.
+        margin: the margin of `first_contact` and reduce="any", as in check().
+        abs_tol, rel_tol: metres, ratio: the tolerance of upper - lower. The defaults are 1 mm and 0 for distances; 0
+            and 1e-6 for reduce="any", which decide nearly every motion.
+        reduce: "min" for a row per motion, the minimum of all pairs; "none" for a row per motion and pair; "any" for a
+            row per motion, BEYOND if every pair is proved farther than its margin throughout, otherwise another pair.
+        max_steps: maximum evaluations per motion. Beyond it the status is UNCONVERGED; the bounds remain valid.
 
-        Columns begin with (K,), or (K, P) for reduce="none". [lower, upper] holds the least distance of the whole
-        motion, both ends included. `time`, 0 to 1, is that of the witness points. `first_contact` (..., 2): up to when
-        all is proved farther than the margin, and when something is proved within it; inf where that is never.
+        Columns begin with (K,), or (K, P) for reduce="none". [lower, upper] contains the least distance of the whole
+        motion, both ends included. `time`, 0 to 1, is the time of the witness points. `first_contact` (..., 2) is the
+        time until which all pairs are proved farther than the margin, and a time at which a pair is proved within it;
+        inf if there is none.
 
         Raises as distances() does.
         """
@@ -121,12 +122,12 @@ class MotionQueries:
         max_steps: int = 256,
         **more: Any,
     ) -> PathCheck:
-        """Says whether a path is free: whether every pair is proved farther than its margin all along.
+        """Returns whether a path is free: every pair is proved farther than its margin along the whole path.
 
-        path: (N, J) positions of `joints`, or (N, M, 7) poses of `bodies`; or a pair of both: N - 1 motions in a row.
-        The other arguments are those of motions(). Ends with the first motion that is not proved to be free. `ok` of
-        the result is also about the joints' limits, `free` is not. Warns (JointLimitWarning) of positions that look
-        like degrees.
+        path: (N, J) positions of `joints`, (N, M, 7) poses of `bodies`, or a pair of both, for N - 1 motions in a row.
+        The other arguments are those of motions(). Stops at the first motion that is not proved free. `ok` of the
+        result includes the joints' limits, `free` does not. Warns (JointLimitWarning) of positions that look like
+        degrees.
 
         Raises ValueError for fewer than two waypoints, and as motions() does.
         """
@@ -161,14 +162,14 @@ def motion_arguments(
     fields: Union[str, Sequence[str], None] = None,
     **more: Any,
 ) -> dict[str, Any]:
-    """What distances() is asked for motions(): what is not named has the defaults of that. Raises as it does."""
+    """Converts arguments of motions() to those of distances(), with the defaults of motions(). Raises as it does."""
     joints = _joints_of(answers, joints)
     ends = _ends(start, joints, bodies, "start"), _ends(end, joints, bodies, "end")
     positions, configurations = (_interleave(*each) for each in zip(*ends))
     asked: dict[str, Any] = {"reduce": "min", "max_steps": 256, "bodies": bodies, "joints": joints}
     asked |= {"positions": positions, "configurations": configurations}
     asked |= {"fields": MOTION_FIELDS if fields is None else fields, **more}
-    if asked["reduce"] == "any":  # wider tolerances would leave motions undecided
+    if asked["reduce"] == "any":  # wider tolerances leave motions undecided
         defaults: dict[str, Any] = {"abs_tol": 0.0, "rel_tol": None}
     else:
         defaults = {"abs_tol": 1e-3, "rel_tol": 0.0}
@@ -192,7 +193,7 @@ def _stopped(r: Result, row: int, first: int, violations: tuple[LimitViolation, 
 
 
 def _ends(value: Any, joints: Any, bodies: Any, what: str) -> tuple[Optional[np.ndarray], Optional[np.ndarray]]:
-    """(K, J) positions and (K, M, 7) poses of one end of motions; None: of what does not move."""
+    """Returns (K, J) positions and (K, M, 7) poses of one end of motions, None for the kind that does not move."""
     if value is None:
         raise ValueError(f"{what}: expected positions of joints, or poses of bodies, got none")
     if joints is None:
@@ -219,7 +220,7 @@ def _poses(value: Any, what: str) -> np.ndarray:
 
 
 def _interleave(start: Optional[np.ndarray], end: Optional[np.ndarray]) -> Optional[np.ndarray]:
-    """Ends of motions as a query has them: start and end of the first, of the second, ..."""
+    """Interleaves the ends of motions as a query expects them: first start, first end, second start, ..."""
     if start is None or end is None:
         return None
     if start.shape != end.shape:

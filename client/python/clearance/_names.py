@@ -13,12 +13,12 @@ import numpy as np
 from ._arguments import contiguous, did_you_mean, reject_masked, to_list, to_number_from_0
 from ._words import EVERY_BODY, GROUP_BIT, MARGIN_DTYPE, NONE
 
-BodyRef = Union[str, int]  #: a body, or where groups may stand too a group, by name or id
+BodyRef = Union[str, int]  #: a body or, where groups are accepted, a group, by name or id
 
 
 @dataclass(frozen=True)
 class BodyInfo:
-    """What is known about a body of the scene."""
+    """Properties of a body of the scene."""
 
     name: str
     id: int
@@ -26,19 +26,19 @@ class BodyInfo:
     is_static: bool
     piece_count: int
     vertex_count: int
-    model_error: float  #: metres: how far the pieces may stand out from the shape they were asked for
-    extent: float  #: metres, farthest point from the body's origin
-    hull_excess: float = 0.0  #: metres: no point of a piece is farther from the mesh it stands for; 0: a convex body
-    empty_share: float = 0.0  #: of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
-    triangle_count: int = 0  #: of a surface or solid, which its pieces only surround; 0: it is its pieces
-    is_solid: bool = False  #: with triangles: it is what they enclose, and not they alone
-    is_cloud: bool = False  #: it is points, which set_points() replaces
-    # What is not known of the body, term by term; of bodies in this process.
-    model_inner: float = 0.0  #: metres: how far the shape they were asked for may stand out from the pieces
-    uncertainty_position: float = 0.0  #: metres: radius of the ball that holds its origin
-    uncertainty_angle: float = 0.0  #: radians: how far it may be turned
-    padding: float = 0.0  #: metres that the pieces were grown by
-    max_speed: float = 0.0  #: metres a second that none of its points exceeds
+    model_error: float  #: metres: bound on how far the convex parts reach outside the specified shape
+    extent: float  #: metres: distance of the farthest point from the body's origin
+    hull_excess: float = 0.0  #: metres: bound on the distance of the convex parts from their mesh; 0 if convex
+    empty_share: float = 0.0  #: fraction of the parts' volume outside the mesh; NaN for an open mesh
+    triangle_count: int = 0  #: triangles of a surface or solid, which its parts only enclose; 0 if the parts are exact
+    is_solid: bool = False  #: whether the triangles enclose the body, rather than being the body
+    is_cloud: bool = False  #: whether the body is a point cloud, which set_points() replaces
+    # Terms of the body's uncertainty, for bodies in this process.
+    model_inner: float = 0.0  #: metres: bound on how far the specified shape reaches outside the convex parts
+    uncertainty_position: float = 0.0  #: metres: radius of the ball that contains its origin
+    uncertainty_angle: float = 0.0  #: radians: bound on its rotation error
+    padding: float = 0.0  #: metres: growth of the convex parts
+    max_speed: float = 0.0  #: metres per second: bound on the speed of its points
 
 
 class NameTable:
@@ -50,13 +50,13 @@ class NameTable:
         self.groups = groups
         self.ids: dict[str, int] = {body.name: body.id for body in bodies}
         self.selectors: dict[str, int] = dict(self.ids)
-        # A robot's name is that of a group and of a frame, which has no pairs.
+        # A robot's name refers to its group here, since its frame has no pairs.
         self.selectors.update((name, GROUP_BIT | index) for index, name in enumerate(groups))
         self.selectors["*"] = EVERY_BODY
         self.movable = np.array([body.id for body in bodies if not body.is_static], dtype=np.uint32)
 
     def body(self, value: Any, what: str) -> int:
-        """Id of one body given by name or id."""
+        """Returns the id of a body given by name or id."""
         if isinstance(value, str):
             found = self.ids.get(value)
             if found is None:
@@ -65,14 +65,14 @@ class NameTable:
         return _as_id(value, what, "a body's name or id")
 
     def bodies_array(self, value: Any, what: str) -> np.ndarray:
-        """(M,) uint32 ids of bodies given by names or ids."""
+        """Returns (M,) uint32 ids of bodies given by names or ids."""
         if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
             return _as_uint32(value, what, 1)
         items = to_list(value, what, "a list of names or ids")
         return np.array([self.body(item, f"{what}[{i}]") for i, item in enumerate(items)], dtype=np.uint32)
 
     def selector(self, value: Any, what: str) -> int:
-        """Id of a body, or selector of a group or of every body ("*")."""
+        """Returns the id of a body, or the selector of a group or of every body ("*")."""
         if isinstance(value, str):
             found = self.selectors.get(value)
             if found is None:
@@ -81,7 +81,7 @@ class NameTable:
         return _as_id(value, what, "a name or an id")
 
     def pairs_array(self, value: Any) -> np.ndarray:
-        """(P, 2) uint32 selectors from ids, names, or one pair."""
+        """Returns (P, 2) uint32 selectors from ids, names, or one pair."""
         if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
             return _as_uint32(value, "pairs", 2)
         rows = to_list(value, "pairs", "(P, 2) ids, a list of name pairs or one pair")
@@ -96,7 +96,7 @@ class NameTable:
         return np.array(flat, dtype=np.uint32).reshape(-1, 2)
 
     def margins_array(self, value: Mapping[Any, Any]) -> np.ndarray:
-        """(E,) rows of MARGIN_DTYPE from {(body or group, body or group): metres}, in the order of the dict."""
+        """Converts {(body or group, body or group): metres} to (E,) rows of MARGIN_DTYPE, in the order of the dict."""
         rows = np.zeros(len(value), MARGIN_DTYPE)
         for i, (pair, margin) in enumerate(value.items()):
             what = f"margin[{pair!r}]"
@@ -120,7 +120,7 @@ class NameTable:
 
 
 def has_selectors(pairs: np.ndarray) -> bool:
-    """Whether some entry of (P, 2) selectors stands for more than one body."""
+    """Whether an entry of (P, 2) selectors selects more than one body."""
     if not pairs.size or pairs.max() < GROUP_BIT:
         return False
     return bool(((pairs >= GROUP_BIT) & (pairs != NONE)).any())

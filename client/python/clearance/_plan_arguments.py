@@ -1,4 +1,4 @@
-"""Which plan a caller of plan_on_device() asks for, of an engine or a daemon."""
+"""Arguments of plan_on_device() for an engine or a daemon."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def plan_query(
     reduce: str,
     more: Mapping[str, Any],
 ) -> tuple[Query, int]:
-    """The query, in one configuration of zeros in place of K, and K."""
+    """Returns the query, with one configuration of zeros in place of K, and K."""
     count = to_count(configurations, "configurations")
     if fields is None and more.get("format") != "compact":
         fields = "status" if reduce == "any" else ("lower", "upper")

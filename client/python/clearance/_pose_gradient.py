@@ -1,4 +1,4 @@
-"""What PyTorch's and JAX's functions of distances share: from gradients by twists to those by poses."""
+"""Shared code of the PyTorch and JAX functions: converts gradients by twists to gradients by poses."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ._device_plan import DevicePlan
 
 
 def pose_gradient(xp: Any, poses: Any, by_twist: Any) -> Any:
-    """From a gradient by twists to one by the seven numbers of poses.
+    """Converts a gradient by twists to a gradient by the seven numbers of poses.
 
     xp: the arrays' module (numpy, torch, jax.numpy). poses: (..., 7) [x, y, z, qw, qx, qy, qz]. by_twist: (..., 6), by
-    a turn about the body's own origin (m/rad) and by a shift (m/m), world axes. Returns (..., 7): along the quaternion
-    itself it is 0, since its length means nothing.
+    a rotation about the body's origin (m/rad) and a translation (m/m), world axes. Returns (..., 7), with 0 along the
+    quaternion itself, whose length has no effect.
     """
     q, turn = poses[..., 3:], by_twist[..., :3]
     w, v = q[..., :1], q[..., 1:]
@@ -25,7 +25,7 @@ def pose_gradient(xp: Any, poses: Any, by_twist: Any) -> Any:
 
 
 def check_columns(plan: DevicePlan, *names: str) -> None:
-    """Raises ValueError for the first that the plan does not write."""
+    """Raises ValueError for the first column that the plan does not write."""
     for name in names:
         if name not in plan.fields:
             raise ValueError(f"plan: expected the column {name!r} among its fields, got {list(plan.fields)}")

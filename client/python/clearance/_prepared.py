@@ -1,4 +1,4 @@
-"""A query that is parsed once and asked again and again, and the table of its pairs."""
+"""Prepared queries, which are parsed once and run many times, and the pair tables of queries."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Answerer(Protocol):
 
 
 class Prepared:
-    """A query that prepare() has parsed. A call answers it as distances() would, for the poses at that moment."""
+    """A query parsed by prepare(). Calling it returns the result of distances() for the current poses."""
 
     __slots__ = ("_answerer", "_query", "_table", "_pairs")
 
@@ -41,7 +41,7 @@ class Prepared:
             self._pairs.flags.writeable = False  # all its results share it
 
     def __call__(self, min_pose_stamp_ns: Optional[int] = None) -> Result:
-        """min_pose_stamp_ns: for this call and later ones; None: unchanged."""
+        """Runs the query. min_pose_stamp_ns, if given, applies to this call and later ones."""
         query = self._query
         if min_pose_stamp_ns is not None:
             if not self._answerer._waits:
@@ -51,7 +51,7 @@ class Prepared:
 
 
 class TableOf:
-    """Fetches the pair table of one query when its result is asked for it."""
+    """Fetches the pair table of a query on demand."""
 
     __slots__ = ("answerer", "query")
 

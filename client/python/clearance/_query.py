@@ -1,4 +1,4 @@
-"""Arguments of distances() to a query: each is checked, and named where it is wrong."""
+"""Parsing of the arguments of distances() into a query, with errors that name the argument."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from ._words import COLUMNS, EVERY_BODY, FIELD_COUNT, FORMATS, MARGIN_DTYPE, MOD
 NO_WAIT = (
     "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
 )
-#: Beside the bits of columns: the extension module adds points and normal if there are few rows.
+#: Bit in addition to those of columns: the extension module adds points and normal if there are few rows.
 POINTS_BY_DEFAULT = 1 << 31
 
 
 class Query:
-    """A query with every argument parsed: what is sent, and what is needed to shape the answer."""
+    """A query with parsed arguments: the request, and the values that shape the answer."""
 
     __slots__ = ("raw", "reduce", "pairs", "selects", "bodies", "joints", "out", "timeout_s", "copy", "max_results")
 
     raw: Any  #: the extension module's Query
     reduce: int
     pairs: Optional[np.ndarray]
-    selects: bool  #: some pair stands for more than one
+    selects: bool  #: whether an entry of `pairs` selects several pairs
     bodies: Optional[np.ndarray]
     joints: Optional[np.ndarray]
     out: Optional[dict[str, np.ndarray]]
@@ -38,7 +38,7 @@ class Query:
     max_results: int
 
     def at(self, poses: Optional[np.ndarray], rows: Optional[np.ndarray]) -> Query:
-        """The same in other configurations, as many; of what may be changed it has its own."""
+        """Returns a copy with other configurations, of the same number, and its own mutable state."""
         other = Query()
         other.raw = self.raw.at(poses, rows)
         other.reduce, other.pairs, other.selects = self.reduce, self.pairs, self.selects
@@ -47,11 +47,11 @@ class Query:
         return other
 
     def known_pairs(self) -> Optional[np.ndarray]:
-        """A copy of the pairs where each names two bodies; None: only the scene's pair table has them."""
+        """Returns a copy of the pairs if each names two bodies; otherwise None, since only the pair table has them."""
         return None if self.pairs is None or self.selects else self.pairs.copy()
 
     def out_list(self) -> Optional[list[Optional[np.ndarray]]]:
-        """The arrays to write into, one entry for each bit of a field, as the extension modules take them."""
+        """Returns the output arrays, one entry for each bit of a field, as the extension modules expect them."""
         if self.out is None:
             return None
         arrays: list[Optional[np.ndarray]] = [None] * FIELD_COUNT
@@ -61,9 +61,9 @@ class Query:
 
 
 class Parser:
-    """What a query's arguments mean to an Engine or a Client, which says the following."""
+    """Resolves a query's arguments for an Engine or a Client, which implement the following members."""
 
-    _module: Any  # the extension module, which has Query
+    _module: Any  # the extension module with Query
     _waits = False  # whether queries may wait for poses
 
     @property
@@ -75,14 +75,14 @@ class Parser:
         raise NotImplementedError
 
     def _scene_revision(self) -> int:
-        """The revision of the scene to which names and pair tables belong."""
+        """Returns the revision of the scene of the names and pair tables."""
         raise NotImplementedError
 
     def _default_fields(self, query: Query, configurations: int) -> int:
-        """Column bits where none are asked for: points and normal come if there are few rows."""
+        """Returns the default column bits: points and normal are included if there are few rows."""
         raise NotImplementedError
 
-    def _parse(  # type: ignore[no-untyped-def]  # the arguments of distances() are said once
+    def _parse(  # type: ignore[no-untyped-def]  # types as in distances()
         self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
         out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
         joints, positions, model, **more,
@@ -144,7 +144,7 @@ class Parser:
         return query
 
     def _add_margins(self, raw: Any, margin: Any) -> dict[str, float]:
-        """Margins that are not one number; the option that stands for them."""
+        """Adds margins that are not one number, and returns the option that replaces them."""
         if isinstance(margin, Mapping):
             raw.set_margins(self._names.margins_array(margin).view(np.uint8).reshape(-1, MARGIN_DTYPE.itemsize))
         elif isinstance(margin, (np.ndarray, list, tuple)) and np.ndim(margin) > 0:
@@ -157,7 +157,7 @@ class Parser:
         return {"margin": 0.0}
 
     def _add_options(self, raw: Any, more: Mapping[str, Any]) -> None:
-        """Options without a parameter of their own: those of wire/query_options.h that travel in records."""
+        """Adds options without a parameter of their own: those of wire/query_options.h that travel in records."""
         for name, value in more.items():
             if name not in self._module.OPTIONS:
                 raise TypeError(f"distances() got an unexpected keyword argument {name!r}, or one for a daemon alone")
@@ -186,7 +186,7 @@ class Parser:
         return poses, ids
 
     def _mask(self, query: Query, fields: Any, format_word: int, configurations: int) -> int:
-        """Column bits of the query; POINTS_BY_DEFAULT: the answering side decides about points and normal."""
+        """Returns the column bits of the query. With POINTS_BY_DEFAULT, the engine decides about points and normal."""
         if query.out is not None:
             held = fields_mask(tuple(query.out))
             if fields is None:

@@ -1,4 +1,4 @@
-"""Plans of a daemon: queries that its GPU answers in memory that this process maps."""
+"""Plans of a daemon: queries on its GPU, in memory that this process maps."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ _F64 = np.dtype("<f8")
 
 
 class RemotePlan(DevicePlan):
-    """A query that the daemon's GPU answers from numbers in its memory to columns there, each time it is called.
+    """A callable query that runs on the daemon's GPU, with input and columns in the daemon's GPU memory.
 
-    Made by Client.plan_on_device(). The memory is the daemon's, mapped here by the CUDA driver: `poses`, `positions`
-    and the columns are arrays for whoever takes __cuda_array_interface__ (PyTorch, CuPy, JAX, Numba, Warp). Its rows
-    are those of a DevicePlan, bit for bit. A call returns once they are there. Also a context manager that closes it.
+    Created by Client.plan_on_device(). The CUDA driver maps the memory into this process: `poses`, `positions` and the
+    columns have __cuda_array_interface__ (PyTorch, CuPy, JAX, Numba, Warp). Rows have the bits of a DevicePlan. A call
+    returns when its rows are complete. Also a context manager that closes the plan.
     """
 
-    #: (K, M, 7) float64, where the poses go; None: it moves no bodies. Written there, they need no copy.
+    #: (K, M, 7) float64, the poses of the next call, or None if it moves no bodies. Writing here saves a copy.
     poses: Optional[DeviceArray]
-    #: (K, J) float64, where the positions of joints go; None: it has none.
+    #: (K, J) float64, the joint positions of the next call, or None if it moves no joints.
     positions: Optional[DeviceArray]
     scene_revision: int  #: of the scene that it keeps
-    snapshot_revision: int  #: of the poses of what it does not move
+    snapshot_revision: int  #: of the poses of the bodies that it does not move
 
     def __init__(
         self,
@@ -43,7 +43,7 @@ class RemotePlan(DevicePlan):
         self.scene_revision, self.snapshot_revision = scene, snapshot
         self._driver: Driver = driver(uuid)
         address = self._driver.open(handle)
-        # What views the memory keeps it mapped, and the daemon's plan open.
+        # Every view of the memory keeps it mapped, and the daemon's plan open.
         self._mapping = _Mapping(self._driver, address, plan)
         offsets = {field: offset for field, _, offset in columns}
 
@@ -75,24 +75,24 @@ class RemotePlan(DevicePlan):
         timeout_s: Optional[float] = None,
         check_scene: bool = True,
     ) -> DeviceRows:
-        """Has the daemon answer, and returns once the rows are there.
+        """Runs the query in the daemon, and returns when the rows are complete.
 
-        poses: (K, M, 7) float64 in C order: [x, y, z, qw, qx, qy, qz] of each body; in the GPU's memory, by
-            __cuda_array_interface__, or of numpy. Copied to the plan's `poses`, unless it is that array; None: those
-            that are there.
+        poses: (K, M, 7) float64 in C order: [x, y, z, qw, qx, qy, qz] of each body, a numpy array or in GPU memory with
+            __cuda_array_interface__. Copied to the plan's `poses` unless it is that array. Default: the current values
+            of `poses`.
         positions: (K, J) float64 likewise: radians and metres of the plan's joints.
-        out: {name: array}, some of the plan's columns, to which rows are copied within the GPU; None: the plan's own
-            memory, which its next run writes again.
-        stream: whose work writes poses and positions, as DevicePlan has it: the call waits for it; None: for all that
-            this process has asked of the GPU.
-        timeout_s: None: the client's. If it passes, the run goes on, and the next call raises RequestError (BUSY) until
-            it is over.
-        check_scene: whether to refuse (QueryError, WRONG_SCENE) where the daemon has another scene than the plan's.
+        out: {name: array} for some of the plan's columns; rows are copied there within the GPU. Default: the plan's
+            memory, which its next run overwrites.
+        stream: the stream that writes poses and positions, as in DevicePlan; the call waits for it. Default: the call
+            waits for all work of this process on the GPU.
+        timeout_s: seconds. Default: the client's timeout. After a timeout the run continues, and calls raise
+            RequestError (BUSY) until it ends.
+        check_scene: whether to raise QueryError (WRONG_SCENE) if the daemon's scene differs from the plan's.
 
         Raises TypeError or ValueError naming the argument, and as distances().
         """
         mapping = self._mapping.use()
-        # All is checked before anything is copied.
+        # Every check precedes the first copy.
         given = [self._source(poses, "poses", "bodies"), self._source(positions, "positions", "joints")]
         wanted = None if out is None else self._addresses_by_name(out)
         address = address_of_stream(stream)
@@ -112,7 +112,7 @@ class RemotePlan(DevicePlan):
         return DeviceRows(out or {})
 
     def close(self) -> None:
-        """Gives the memory back: arrays that view it must not be used any more."""
+        """Releases the memory. Arrays that view it become invalid."""
         self._mapping.close()
 
     def __enter__(self) -> RemotePlan:
@@ -122,7 +122,7 @@ class RemotePlan(DevicePlan):
         self.close()
 
     def _source(self, array: Any, what: str, moved: str) -> Optional[tuple[int, bool, Any]]:
-        """Address, whether it is the host's, and what keeps it; None: what is there is meant."""
+        """Returns the address, whether it is host memory, and its owner; None to use the plan's current values."""
         shape = self._given_shapes[what]
         if array is None:
             return None
@@ -146,11 +146,11 @@ class RemotePlan(DevicePlan):
 
 
 class _Mapping:
-    """The daemon's memory here, as long as somebody holds it or until it is closed."""
+    """The mapping of the daemon's memory, released by close() or with its last reference."""
 
     def __init__(self, driver: Driver, address: int, plan: Any):
         self._plan: Any = plan
-        # Before the plan is let go: CUDA does not say what becomes of a mapping whose memory goes first.
+        # Unmaps before the plan closes: CUDA does not define a mapping whose memory is freed first.
         self._unmap = weakref.finalize(self, driver.close, address)
         self._unmap.atexit = False  # the process's end does it
 

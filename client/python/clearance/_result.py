@@ -1,4 +1,4 @@
-"""What a query answers: columns as numpy arrays."""
+"""Results of queries: columns as numpy arrays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ROWS_ALONE = frozenset(int(reduce) for reduce in (Reduce.WITHIN, Reduce.MIN, Re
 
 
 class _ColumnAttribute:
-    """A column, made into an array when it is first looked at and kept."""
+    """A column, converted to an array on first access and cached."""
 
     def __init__(self, doc: str):
         self.__doc__ = doc
@@ -32,7 +32,7 @@ class _ColumnAttribute:
 
 
 class _AnswerAttribute:
-    """A number of the answer, looked up when asked for: of a thousand answers a second most are asked for few."""
+    """A number of the answer, read on access, since most callers use only a few of them."""
 
     def __init__(self, doc: str):
         self.__doc__ = doc
@@ -44,7 +44,7 @@ class _AnswerAttribute:
         return self if result is None else getattr(result._answer, self.name)
 
 
-#: Members of Result that say what it is, beside the columns.
+#: Members of Result that describe it, in addition to the columns.
 _NUMBERS = ("fields", "rows", "capacity", "total", "configurations", "pairs", "joints", "scene_revision",
             "snapshot_revision", "snapshot_stamp_ns", "snapshot_sequence", "pose_age_ns", "engine_ns", "server_ns",
             "backend")  # fmt: skip
@@ -55,7 +55,7 @@ class Result:
 
     The columns' shapes begin with (K, P) for reduce="none", (K, N) for "nearest", (K,) for "min" and "any" and (R,) for
     "within", where K counts configurations (1 without), P pairs, N bodies and R the pairs found. Metres, world frame.
-    A column that was not asked for raises AttributeError. With format="compact", lower, upper, point_a and point_b are
+    A column that was not requested raises AttributeError. With format="compact", lower, upper, point_a and point_b are
     float32 and the points are relative to each body's origin, in world axes.
 
     The bounds are certified: the exact distance of the stored convex pieces at the given poses lies in [lower, upper].
@@ -130,14 +130,14 @@ class Result:
 
     @property
     def reduce(self) -> str:
-        """The reduction asked for."""
+        """The reduction of the query."""
         return Reduce(self._reduce).name.lower()
 
     @property
     def pairs(self) -> np.ndarray:
-        """Body ids (a, b): (P, 2) for reduce="none", else which pair each row is of: (K, N, 2), (K, 2) or (R, 2).
+        """Body ids (a, b): (P, 2) for reduce="none", otherwise the pair of each row: (K, N, 2), (K, 2) or (R, 2).
 
-        A row of reduce="nearest" whose body has no pair, and one of "any" that is BEYOND, hold clearance.NONE.
+        The value is clearance.NONE for a body without pairs (reduce="nearest") and for a BEYOND row of "any".
         """
         if self._reduce != Reduce.NONE:
             return self.pair
@@ -147,7 +147,7 @@ class Result:
 
     @property
     def neighbours(self) -> np.ndarray:
-        """(K, N) uint32, for reduce="nearest": the body that each body is nearest to; clearance.NONE: there is none."""
+        """(K, N) uint32, for reduce="nearest": the nearest body of each body, or clearance.NONE."""
         if self._reduce != Reduce.NEAREST:
             raise AttributeError(f"neighbours: only for reduce='nearest', not for {self.reduce!r}")
         own = np.arange(self._lead[1], dtype=np.uint32)
@@ -155,7 +155,7 @@ class Result:
 
     @property
     def configuration(self) -> np.ndarray:
-        """(R,) uint32: the configuration each row of reduce="within" is of; otherwise 0 to K - 1."""
+        """(R,) uint32: the configuration of each row of reduce="within"; otherwise 0 to K - 1."""
         if self._configuration is None:
             if self.fields & Field.CONFIGURATION:
                 self._configuration = self._column("configuration")
@@ -165,7 +165,7 @@ class Result:
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
-        """The columns that are there, by name."""
+        """The columns of this result, by name."""
         names = [name for name, column in COLUMNS.items() if self.fields & (1 << column.bit)]
         return {name: self.configuration if name == "configuration" else getattr(self, name) for name in names}
 
@@ -188,7 +188,7 @@ class Result:
         return (self._answer.joints,) if name == "gradient_joints" else COLUMNS[name].shape
 
     def _reusable(self) -> dict[str, np.ndarray]:
-        """The columns with all the room they have, to write another answer into."""
+        """Returns the columns at their full capacity, to write another answer into."""
         if self._reduce != Reduce.WITHIN:
             return self.columns
         arrays: dict[str, np.ndarray] = {}
@@ -201,13 +201,13 @@ class Result:
         return arrays
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
-        """Pickled and copied with its columns and its table of pairs, without the engine or client."""
+        """Pickles and copies the columns and the table of pairs, without the engine or client."""
         numbers = {name: getattr(self._answer, name) for name in _NUMBERS}
         numbers["capacity"] = numbers["rows"]
         pairs, why_none = None, None
         try:
             pairs = self.pairs if self._reduce == Reduce.NONE else None
-        except Exception as error:  # another scene by now, or no daemon: the columns are there nevertheless
+        except Exception as error:  # the scene has changed, or the daemon is gone; the columns are still valid
             why_none = error
         return _restored, (numbers, int(self._reduce), self.columns, pairs, why_none)
 
@@ -223,7 +223,7 @@ def _restored(
     pairs: Optional[np.ndarray],
     why_no_pairs: Optional[Exception],
 ) -> Result:
-    """A Result from what __reduce__() made of one."""
+    """Restores a Result from the state of __reduce__()."""
 
     def no_pairs(revision: int) -> np.ndarray:
         raise why_no_pairs or ValueError("pairs: this result was restored without them")
@@ -231,12 +231,12 @@ def _restored(
     return Result(SimpleNamespace(**numbers), reduce, columns, pairs, no_pairs)
 
 
-#: What `out=` takes: arrays by column name, or an earlier result to write over.
+#: Type of `out=`: arrays by column name, or an earlier result to overwrite.
 Out = Union[Mapping[str, np.ndarray], Result, None]
 
 
 def fields_mask(fields: Any) -> int:
-    """Column bits for the names given as `fields`."""
+    """Returns the column bits of the names in `fields`."""
     if isinstance(fields, str):
         fields = (fields,)
     elif isinstance(fields, int) and not isinstance(fields, bool):
@@ -262,7 +262,7 @@ def fields_mask(fields: Any) -> int:
 
 
 def out_arrays(out: Any) -> dict[str, np.ndarray]:
-    """The arrays of `out`, checked for what can be checked before the answer's size is known."""
+    """Returns the arrays of `out`, checked as far as possible without the answer's size."""
     if isinstance(out, Result):
         arrays = out._reusable()
     elif isinstance(out, Mapping):
@@ -288,9 +288,9 @@ _BEYOND = int(Status.BEYOND)  # numpy compares an enum's member as an object
 
 
 class Check:
-    """Which configurations are free, and what is known of the others: K of them, 1 without configurations.
+    """The free ones among K configurations (1 without configurations), and the status of the others.
 
-    `free` is about distances alone; `ok` is free, and within the joints' limits. As a bool a check is ok.all().
+    `free` considers distances only; `ok` is free and within the joints' limits. As a bool, a check is ok.all().
     """
 
     __slots__ = ("result", "free", "_beyond")
@@ -305,7 +305,7 @@ class Check:
 
     @property
     def beyond_limits(self) -> np.ndarray:
-        """(K,) bool: a joint of the query is beyond its limits; without configurations, a joint of the scene."""
+        """(K,) bool: whether a joint of the query, or without configurations of the scene, is beyond its limits."""
         if self._beyond is None:
             return np.zeros(len(self.free), dtype=bool)
         return self._beyond.configurations
@@ -317,7 +317,7 @@ class Check:
 
     @property
     def limit_violations(self) -> tuple[LimitViolation, ...]:
-        """Each joint that is beyond its limits, of each configuration: which, where and by how much."""
+        """The joints beyond their limits in each configuration, with position and excess."""
         return () if self._beyond is None else self._beyond.violations()
 
     def __bool__(self) -> bool:
@@ -327,19 +327,19 @@ class Check:
     def status(self) -> np.ndarray:
         """(K,) uint8, values of clearance.Status.
 
-        BEYOND: free. OK, CONTACT, OVERLAP: `pair` is proved within its margin. UNCONVERGED: neither is proved of
-        `pair`. Else why `pair` could not be looked at: BAD_POSE, NO_POSE, STALE_POSE or UNKNOWN_BODY.
+        BEYOND if free. OK, CONTACT or OVERLAP if `pair` is proved within its margin, and UNCONVERGED if neither is
+        proved. BAD_POSE, NO_POSE, STALE_POSE or UNKNOWN_BODY if `pair` could not be evaluated.
         """
         return self.result.status
 
     @property
     def pair(self) -> np.ndarray:
-        """(K, 2) uint32: ids of the bodies that stand in the way; clearance.NONE where it is free."""
+        """(K, 2) uint32: ids of a pair that is not proved free, or clearance.NONE."""
         return self.result.pair
 
     @property
     def hit(self) -> np.ndarray:
-        """(K,) bool: `pair` is proved to be within its margin. Where neither free nor hit, nothing is proved."""
+        """(K,) bool: whether `pair` is proved to be within its margin. If neither free nor hit, nothing is proved."""
         return self.status <= Status.CONTACT
 
     def __repr__(self) -> str:

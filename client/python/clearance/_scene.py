@@ -1,4 +1,4 @@
-"""A scene: bodies, groups, and which pairs are asked about."""
+"""A scene: bodies, groups, and the pairs between them."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ from ._words import CONVEXIFY, NONE, ConvexifyWord
 
 
 class Scene(RobotScene):
-    """Bodies by id (their order of arrival), groups, and pairs that are left out.
+    """Bodies by id (in the order of their addition), groups, and ignored pairs.
 
     Build it with the add_* calls or with Scene.load(); an Engine takes a copy. Metres; vertices in the body's frame.
-    Every add_* call returns the new body's id and takes, by keyword,
+    Every add_* call returns the new body's id and takes these keyword arguments:
 
-    parent: a body that this one follows (its poses are then X_parent_body); static: it never moves; pose: where it is
-        at first, 7 numbers or a (4, 4) matrix. A body without a pose is answered NO_POSE until it gets one.
+    parent: a body that this one follows (its poses are then X_parent_body); static: whether it never moves; pose: the
+        initial pose, 7 numbers or a (4, 4) matrix. A body has the status NO_POSE until it gets a pose.
 
-    Each raises SceneError for a bad or repeated name or bad geometry, TypeError or ValueError for a wrong argument, and
-    warns (PoseWarning) of a pose whose quaternion looks like x, y, z, w.
+    Each raises SceneError for an invalid or repeated name or invalid geometry, TypeError or ValueError for a wrong
+    argument, and warns (PoseWarning) of a pose whose quaternion looks like x, y, z, w.
     """
 
     def __init__(self) -> None:
@@ -53,12 +53,12 @@ class Scene(RobotScene):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], allow_outside: bool = False) -> Scene:
-        """Reads a scene file (YAML) and the meshes that it names, or a URDF: a scene of that robot, by the URDF's name.
+        """Reads a scene file (YAML) and its meshes, or a URDF as a scene of that robot under the URDF's name.
 
-        allow_outside: meshes may lie outside the scene file's folder.
-        Raises SceneError naming file, line, key and what was expected. Warns (MeshWarning) of bodies whose pieces stand
-        far out of their meshes, (PoseWarning) of quaternions that look like x, y, z, w, and (RobotWarning) of what was
-        left out of robots' files.
+        allow_outside: whether meshes may be outside the scene file's folder.
+        Raises SceneError naming file, line, key and the expected value. Warns (MeshWarning) of bodies whose convex
+        parts reach far outside their meshes, (PoseWarning) of quaternions that look like x, y, z, w, and (RobotWarning)
+        of ignored parts of robots' files.
         """
         scene = cls.__new__(cls)
         scene._lock = threading.RLock()
@@ -81,7 +81,7 @@ class Scene(RobotScene):
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds the convex hull of (V, 3) vertices, grown by `radius`. Flat, collinear and single points are legal."""
+        """Adds the convex hull of (V, 3) vertices, grown by `radius`. Accepts flat, collinear and single points."""
         rows = to_floats(vertices, "vertices", "(V, 3) numbers")
         if rows.ndim != 2 or rows.shape[1] != 3:
             raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
@@ -105,10 +105,11 @@ class Scene(RobotScene):
     ) -> int:
         """Adds a cloud: (N, 3) points, grown by `radius`, which set_points() of an engine or a client replaces.
 
-        points: float32 is taken as it is, exactly; other numbers are rounded to float32 first. None: nothing is there.
-        voxel: metres; above 0 the body is the boxes of this edge about the points, along its axes. The edge counts as
-            the float32 above it.
-        live: it has no pose and, without points, nothing is known of it (NO_POSE) until both are received.
+        points: float32 values are exact; other numbers are rounded to float32. No points make an empty body.
+        voxel: metres; above 0, boxes of this edge around the points, parallel to the body's axes, are the body. The
+            edge is rounded up to float32.
+        live: whether the body starts without a pose. It has the status NO_POSE until its pose and, if it is empty, its
+            points arrive.
         """
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         cloud, edge = to_cloud(points, "points"), to_number(voxel, "voxel")
@@ -135,10 +136,10 @@ class Scene(RobotScene):
         scale: one number or three, per axis of the file.
         up: axis of the file that becomes the body's z. "y" turns (x, y, z) to (x, -z, y), exactly.
 
-        convexify: what the body is: "hull" or "submeshes" (the convex hull of all vertices, or of each submesh's),
-            "surface" (its triangles) or "solid" (what they enclose: they are closed, and turn alike); "decompose": a
-            solid whose pieces, in FILE.pieces.obj, answer first; `clearance decompose FILE` makes them. "auto": the
-            hull of a convex mesh, and of an open one, and a solid else.
+        convexify: body made from the mesh: "hull" or "submeshes" (the convex hull of all vertices, or of each submesh),
+            "surface" (its triangles) or "solid" (the volume that they enclose; the mesh must be closed and consistently
+            oriented); "decompose" for a solid with convex parts as accelerator, read from FILE.pieces.obj, the output
+            of `clearance decompose FILE`. "auto" is the hull of a convex or an open mesh, otherwise a solid.
 
         Warns (MeshWarning) if the pieces stand far out of the mesh (BodyInfo.hull_excess is a bound), and if it is at
         least 50 m wide: files in millimetres need scale=0.001.
@@ -178,7 +179,7 @@ class Scene(RobotScene):
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds a sphere about the body's origin."""
+        """Adds a sphere around the body's origin."""
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         return self._add(self._scene.add_sphere, name, rest, radius=radius)
 
@@ -195,7 +196,7 @@ class Scene(RobotScene):
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds a capsule along z; `length` is between the centres of its caps."""
+        """Adds a capsule along z; `length` is the distance between the centres of its caps."""
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         return self._add(self._scene.add_capsule, name, rest, radius=radius, length=length)
 
@@ -212,7 +213,7 @@ class Scene(RobotScene):
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds a cylinder along z, exactly, from -length / 2 to length / 2."""
+        """Adds an exact cylinder along z, from -length / 2 to length / 2."""
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         return self._add(self._scene.add_cylinder, name, rest, radius=radius, length=length, grown=0.0)
 
@@ -229,7 +230,7 @@ class Scene(RobotScene):
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds a cone along z, exactly: a disc of `radius` at -length / 2, the apex at length / 2."""
+        """Adds an exact cone along z: a disc of `radius` at -length / 2, the apex at length / 2."""
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         return self._add(self._scene.add_cone, name, rest, radius=radius, length=length, grown=0.0)
 
@@ -246,7 +247,7 @@ class Scene(RobotScene):
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds an ellipsoid of three half axes about the body's origin, exactly; `radius` grows it."""
+        """Adds an exact ellipsoid of three half axes around the body's origin; `radius` grows it."""
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         return self._add(self._scene.add_ellipsoid, name, rest, *_three(radii, "radii"), radius=radius)
 
@@ -262,8 +263,8 @@ class Scene(RobotScene):
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds the half-space z <= 0 of its own frame: a floor, or a wall. It is exact, static whatever `static` says,
-        and follows no parent; `radius` moves its plane outward. SceneError for a parent or an uncertainty of angle."""
+        """Adds the exact half-space z <= 0 of its own frame, such as a floor or a wall. It is static even with
+        static=False; `radius` moves its plane outward. Raises SceneError for a parent or an uncertainty of angle."""
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         return self._add(self._scene.add_half_space, name, rest, radius=radius)
 
@@ -291,7 +292,7 @@ class Scene(RobotScene):
         max_speed: float = 0.0,
         convexify: ConvexifyWord = "auto",
     ) -> int:
-        """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it."""
+        """Adds a body with the arguments of Client.add_body(): exactly one shape, grown by `radius`."""
         shape = to_shape(
             convexify, voxel, vertices=vertices, mesh=mesh, box=box, sphere=sphere, capsule=capsule, cylinder=cylinder,
             cone=cone, ellipsoid=ellipsoid, half_space=half_space, points=points,
@@ -318,7 +319,7 @@ class Scene(RobotScene):
         return self._add(getattr(self._scene, f"add_{shape.kind}"), name, rest, *arguments[shape.kind])
 
     def _add(self, add: Callable[..., int], name: str, rest: tuple[Any, ...], *arguments: Any, **numbers: Any) -> int:
-        """Calls `add` of the extension module. numbers: further arguments, each checked under its name."""
+        """Calls `add` of the extension module. numbers: further arguments, checked under their names."""
         checked = [to_number(value, what) for what, value in numbers.items()]
         with self._lock:
             return add(to_text(name, "name"), *arguments, *checked, *rest)
@@ -337,7 +338,7 @@ class Scene(RobotScene):
             self._scene.add_group(to_text(name, "name"), names)
 
     def ignore(self, a: BodyRef, b: BodyRef) -> None:
-        """Leaves out every pair between two bodies or groups (a group with itself: its inner pairs)."""
+        """Excludes every pair between two bodies or groups; for a group and itself, the pairs within it."""
         with self._lock:
             names = [
                 value if isinstance(value, str) else self._body(value, what).name
@@ -347,12 +348,12 @@ class Scene(RobotScene):
                 self._scene.ignore(*names)
             except SceneError:
                 for value, what in ((a, "a"), (b, "b")):
-                    self._table().selector(value, what)  # says which of them is not there, and what comes near
+                    self._table().selector(value, what)  # raises for the unknown one, with similar names
                 raise
 
     @property
     def bodies(self) -> tuple[BodyInfo, ...]:
-        """The bodies; a body's id is its place here."""
+        """The bodies; a body's id is its index."""
         return self._table().bodies
 
     @property
@@ -362,25 +363,26 @@ class Scene(RobotScene):
 
     @property
     def ignored(self) -> np.ndarray:
-        """(I, 2) uint32: pairs left out, a < b, sorted."""
+        """(I, 2) uint32: ignored pairs, a < b, sorted."""
         return np.array(self._scene.ignored(), dtype=np.uint32).reshape(-1, 2)
 
     @property
     def revision(self) -> int:
-        """A digest of geometry, names, groups and initial poses: the same scene gives the same number anywhere."""
+        """A digest of geometry, names, groups and initial poses, equal for equal scenes on every machine."""
         return self._scene.revision()
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Writes scene.yaml and all that it needs into a folder that is empty or not there yet.
+        """Writes scene.yaml and its files into a folder that is empty or does not exist.
 
         Scene.load(folder + "/scene.yaml") then has the same bodies, ids and pairs, and answers have the same bits.
-        Robots are kept as their URDF and SRDF, shapes as the engine has them. Raises SceneError where that cannot be.
+        Robots are written as their URDF and SRDF, shapes in the engine's own form. Raises SceneError for a scene that
+        cannot be written.
         """
         with self._lock:
             self._scene.save(to_path(folder, "folder"))
 
     def __reduce__(self) -> tuple[Any, tuple[dict[str, bytes]]]:
-        """Pickled and copied as save() writes it. Raises SceneError where that cannot be."""
+        """Pickles and copies the files of save(). Raises SceneError for a scene that cannot be written."""
         files: dict[str, bytes] = {}
         if len(self):
             with tempfile.TemporaryDirectory() as folder:
@@ -390,20 +392,21 @@ class Scene(RobotScene):
         return _restored, (files,)
 
     def initial_pose(self, body: BodyRef) -> Optional[np.ndarray]:
-        """(7,) pose of a body at load, or None."""
+        """Returns the (7,) pose of a body at load, or None."""
         pose = self._scene.initial_pose(self._body(body, "body").id)
         return None if pose is None else np.array(pose)
 
     def source(self, body: BodyRef) -> str:
-        """Where a body's geometry came from: "meshes/base.stl (hull)", "box", ..."""
+        """Returns the origin of a body's geometry: "meshes/base.stl (hull)", "box", ..."""
         return self._scene.source(self._body(body, "body").id)
 
     def pieces(self, body: BodyRef) -> list[tuple[np.ndarray, float]]:
-        """Each convex piece of a body: (V, 3) vertices in the body's frame, and the radius that grows their hull."""
+        """Returns the convex parts of a body: (V, 3) vertices in the body's frame, and the radius that grows their
+        hull."""
         return self._scene.pieces(self._body(body, "body").id)
 
     def display_mesh(self, body: BodyRef) -> Optional[tuple[np.ndarray, np.ndarray]]:
-        """Triangles for a picture: (V, 3) float64 vertices and (T, 3) uint32 indices; None if there are none."""
+        """Returns triangles for display: (V, 3) float64 vertices and (T, 3) uint32 indices; None if there are none."""
         return self._scene.display(self._body(body, "body").id)
 
     def __len__(self) -> int:
@@ -437,7 +440,7 @@ class Scene(RobotScene):
 
 
 def _restored(files: dict[str, bytes]) -> Scene:
-    """A Scene from what __reduce__() made of one, without the warnings that it once gave."""
+    """Restores a Scene from the files of __reduce__(), without repeating its warnings."""
     scene = Scene()
     if files:
         with tempfile.TemporaryDirectory() as folder:
@@ -450,7 +453,7 @@ def _restored(files: dict[str, bytes]) -> Scene:
 
 
 def name_table(scene: Any, revision: int) -> NameTable:
-    """Names and ids of an _engine.Scene."""
+    """Returns the names and ids of an _engine.Scene."""
     bodies = [
         BodyInfo(name, i, None if parent == NONE else parent, *rest)
         for i, (name, parent, *rest) in enumerate(scene.bodies())

@@ -18,7 +18,7 @@ _SceneT = TypeVar("_SceneT", bound="RobotScene")
 
 
 class RobotScene:
-    """What a Scene says about robots."""
+    """The methods of Scene for robots."""
 
     _scene: Any
     _lock: threading.RLock
@@ -30,9 +30,9 @@ class RobotScene:
     def load_urdf(
         cls: type[_SceneT], urdf: str | os.PathLike[str], name: Optional[str] = None, **options: Any
     ) -> _SceneT:
-        """A scene of one robot, at the origin.
+        """Creates a scene of one robot, at the origin.
 
-        name: of the robot in the scene; None: the file's name without its ending ("panda" of "panda.urdf").
+        name: name of the robot in the scene. Default: the file's name without its ending ("panda" of "panda.urdf").
         options: those of add_robot(), by name.
         """
         scene = cls()
@@ -58,23 +58,23 @@ class RobotScene:
     ) -> None:
         """Adds a robot: a frame `name` that places it, and a body "name/LINK" for each of its links.
 
-        srdf: its groups become groups "name/GROUP", the pairs that it disables are left out. Without one, links that a
-            joint joins are. Pairs with no moving joint between them are, too, unless it enables them by name.
-        packages: {package: folder} for meshes named package://NAME/...; packages that it does not name are looked up in
-            AMENT_PREFIX_PATH and ROS_PACKAGE_PATH. Other meshes lie beside the URDF.
-        base: pose of the base, 7 numbers or (4, 4): in the world or, with a parent, in it; None: the identity.
-        static: the base never moves.
+        srdf: defines groups "name/GROUP" and disabled pairs. Without one, pairs of links joined by a joint are
+            disabled. Pairs with no moving joint between them are always disabled, unless the SRDF enables them by name.
+        packages: {package: folder} for meshes named package://NAME/...; other packages are searched in
+            AMENT_PREFIX_PATH and ROS_PACKAGE_PATH. Relative paths of meshes start at the URDF's folder.
+        base: pose of the base, 7 numbers or (4, 4), in the world or in the parent. Default: the identity.
+        static: whether the base never moves.
         geometry: "collision" or "visual" shapes.
-        home: {joint: position} at load, radians and metres, or the name of a group state of the SRDF; joints that it
-            does not name are at 0. None: links have no pose until their joints have positions.
-        padding: metres that grow the links, one number or {link: metres}.
-        uncertainty: {link: {"position": metres, "angle": radians}} that a link may be off by, itself alone: not those
-            that hang on it.
-        convexify: what the links' meshes are, as in add_mesh(): one word or {link: word}, "auto" for the others.
+        home: {joint: position} at load, radians and metres, or the name of a group state of the SRDF; other joints are
+            at 0. By default, links have no pose until their joints have positions.
+        padding: growth of the links in metres, one number or {link: metres}.
+        uncertainty: {link: {"position": metres, "angle": radians}}, bounds on the pose error of the link alone, not of
+            its children.
+        convexify: body made from the links' meshes, as in add_mesh(): one word or {link: word}, "auto" for the others.
 
-        Raises SceneError naming file, line and element. Warns (RobotWarning) of what was left out of the SRDF or is
-        suspicious in the URDF, (MeshWarning) once of all links that stand far out of their meshes, and (PoseWarning)
-        of a base whose quaternion looks like x, y, z, w.
+        Raises SceneError naming file, line and element. Warns (RobotWarning) of ignored parts of the SRDF and
+        suspicious parts of the URDF, (MeshWarning) once for all links that reach far outside their meshes, and
+        (PoseWarning) of a base whose quaternion looks like x, y, z, w.
         """
         folders = {} if packages is None else dict(to_items(packages, "packages", "a dict of folders by package"))
         by_link = isinstance(padding, Mapping)

@@ -1,4 +1,4 @@
-"""What a scene warns of when something is added."""
+"""Warnings about bodies that are added to a scene."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _NAMED_IN_WARNING = 5
 
 
 def warn_of_files(scene: Any) -> None:
-    """One warning for each thing in a scene file that is legal and probably a mistake."""
+    """Warns of each entry of a scene file that is valid but probably a mistake."""
     for text in scene.warnings():
         warn(text, PoseWarning)
 

@@ -1,4 +1,4 @@
-"""What an engine and a client of the daemon are told: poses, points, joints, and who follows or may touch whom."""
+"""Updates of an engine or a client: poses, points, joints, attachments and allowed contacts."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from ._words import NONE
 
 @dataclass(frozen=True)
 class PosesDone:
-    """The effect of a pose update, which applies as a whole, in one snapshot."""
+    """The effect of an update, which applies as a whole, in one snapshot."""
 
-    revision: int  #: of the snapshot that holds the update
+    revision: int  #: of the snapshot that contains the update
     scene_revision: int
     applied: int
-    bad: int  #: stored, and answered BAD_POSE until a good one comes
+    bad: int  #: stored; the body has the status BAD_POSE until a valid pose arrives
     unknown: int  #: ids outside the scene, ignored
     fixed: int  #: static bodies, ignored
 
 
 class Updates:
-    """What Front says about updates; each of them applies as a whole, in one snapshot."""
+    """The methods of Front for updates; each update applies as a whole, in one snapshot."""
 
     _names_cache: Optional[NameTable]
 
@@ -72,17 +72,18 @@ class Updates:
         """Applies poses of one or more bodies as one snapshot.
 
         poses: {body: pose}, bodies by name or id; a pose is 7 numbers [x, y, z, qw, qx, qy, qz] (metres) or a (4, 4)
-            matrix, X_wb, or of a body with a parent X_parent_body. Or an array (M, 7) or (M, 4, 4) with `bodies`.
-        bodies: (M,) names or ids, only with an array; None: every movable body in the order of ids.
-        stamp_ns: a time of the caller's clock, which answers then carry (snapshot_stamp_ns); 0: none. Raises
-            QueryError, and applies nothing, if it is below 0, more than a minute ahead of this machine's clock (UTC),
-            or older than the last that this caller gave for one of the bodies. A caller whose clock starts again sends
-            one update without a stamp first.
-        sequence: the caller's count of its updates, which answers then carry (snapshot_sequence); 0: none.
+            matrix: X_wb, or X_parent_body with a parent. Or an array (M, 7) or (M, 4, 4) with `bodies`.
+        bodies: (M,) names or ids, only with an array. Default: every movable body in the order of ids.
+        stamp_ns: a time of the caller's clock, returned with answers (snapshot_stamp_ns); 0 for none. Raises
+            QueryError if it is below 0, more than a minute ahead of this machine's clock (UTC), or older than the
+            caller's last stamp for one of the bodies. After a restart of its clock, a caller must send one update
+            without a stamp.
+        sequence: the caller's count of its updates, returned with answers (snapshot_sequence); 0 for none.
 
-        A pose with NaN, or whose quaternion cannot be normalised, is stored as bad: queries then answer BAD_POSE.
-        Raises ValueError for a wrong shape, a matrix that is not rigid, masked entries or an unknown name, TypeError
-        for a wrong type, QueryError also for a pose of a robot's link. A call that raises changes nothing.
+        A pose with NaN, or with a quaternion that cannot be normalised, is stored, and the body has the status
+        BAD_POSE. Raises ValueError for a wrong shape, a matrix that is not rigid, masked entries or an unknown name,
+        TypeError for a wrong type, and QueryError also for a pose of a robot's link. A call that raises changes
+        nothing.
         """
         names = self._names
         if isinstance(poses, Mapping):
@@ -105,17 +106,17 @@ class Updates:
         stamp_ns: int = 0,
         sequence: int = 0,
     ) -> PosesDone:
-        """Replaces the points of a body of points, all at once: a query sees all of the old ones or all of the new.
+        """Replaces the points of a cloud atomically: a query uses all old points or all new ones.
 
-        body: by name or id; one that was made of points, and may have none yet.
-        xyz: (N, 3) metres, in the body's frame, N >= 0. float32 is taken as it is, exactly; other numbers are rounded
-            to float32 first. Without points nothing is there.
-        radius: metres that the points, or the voxels about them, are grown by; None: as the scene has it.
+        body: name or id of a body that was added as points, empty or not.
+        xyz: (N, 3) metres, in the body's frame, N >= 0. float32 values are exact; other numbers are rounded to float32.
+            No points make the body empty.
+        radius: metres, growth of the points or of their voxels. Default: the radius in the scene.
         stamp_ns, sequence: as in set_poses().
 
-        `applied` of the result counts points. Raises QueryError, and replaces nothing, for another body, a coordinate
-        that is not finite or beyond 1e9 m, more points than may be, and late stamps; ValueError for a wrong shape or an
-        unknown name; TypeError for a wrong type.
+        `applied` of the result counts points. Raises QueryError, and replaces nothing, for a body that is no cloud, a
+        coordinate that is not finite or beyond 1e9 m, too many points, and late stamps; ValueError for a wrong shape or
+        an unknown name; TypeError for a wrong type.
         """
         return self._send_points(
             self._names.body(body, "body"),
@@ -132,16 +133,16 @@ class Updates:
         stamp_ns: int = 0,
         sequence: int = 0,
     ) -> PosesDone:
-        """Sets positions of robots' joints as one snapshot: the poses of their links follow.
+        """Sets positions of robots' joints, and with them the poses of their links, as one snapshot.
 
         positions: {joint: position}, by name ("panda/panda_joint1") or id, radians and metres; or (J,) numbers with
             `joints`.
         joints: as in distances(), only with an array.
         stamp_ns, sequence: as in set_poses().
 
-        A position with NaN, or beyond 1e6, is stored as bad: queries then answer BAD_POSE of the links that it moves.
-        One beyond the joint's limits is used, with a warning (JointLimitWarning) where it looks like degrees. Raises
-        QueryError as set_poses() does, ValueError for a wrong shape or an unknown name, TypeError for a wrong type.
+        A position that is NaN or beyond 1e6 is stored, and the links that it moves have the status BAD_POSE. One beyond
+        the joint's limits is used, with a warning (JointLimitWarning) if it looks like degrees. Raises QueryError as
+        set_poses() does, ValueError for a wrong shape or an unknown name, TypeError for a wrong type.
         """
         table = self._joint_table
         ids, row = table.update(positions, joints)
@@ -152,14 +153,15 @@ class Updates:
     def attach(
         self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None, allow: Sequence[BodyRef] = ()
     ) -> PosesDone:
-        """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child).
+        """Attaches `child` to `parent`, at its current relative pose or at `pose` (X_parent_child).
 
-        With parent None the child follows nobody and stays where it is.
+        With parent None, detaches the child at its current pose.
 
-        allow: bodies and groups that the child may touch while it is attached so, such as the fingers that hold it:
-            their pairs with it are left out of pairs=None and of groups until the child is attached anew or set free.
+        allow: bodies and groups that the child may touch during this attachment, such as the fingers that hold it.
+            Their pairs with the child are excluded from pairs=None and from groups until the next attach() of the
+            child.
 
-        Raises QueryError for a cycle, a static child, or a body whose pose is not known and was not given.
+        Raises QueryError for a cycle, a static child, or an unknown pose that is not given.
         """
         child_id = self._names.body(child, "child")
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
@@ -171,17 +173,17 @@ class Updates:
         return done
 
     def allow(self, a: BodyRef, b: BodyRef) -> PosesDone:
-        """Lets `a` and `b` (bodies or groups) touch: their pairs are left out of pairs=None and of groups.
+        """Allows contact of `a` and `b` (bodies or groups): excludes their pairs from pairs=None and from groups.
 
-        A pair that a query names by its two bodies is answered all the same. `applied` says how many pairs changed.
-        Raises QueryError for an unknown body, and for more pairs than a scene keeps.
+        A query can still name such a pair by its two bodies. `applied` counts the pairs that changed. Raises QueryError
+        for an unknown body, and for more pairs than a scene can hold.
         """
         return self._allow(a, b, True)
 
     def forbid(self, a: BodyRef, b: BodyRef) -> PosesDone:
-        """Has the pairs of `a` and `b` (bodies or groups) looked at again, whoever let them touch.
+        """Includes the pairs of `a` and `b` (bodies or groups) again, whichever call excluded them.
 
-        Those of a parent and its child, and of two static bodies, stay left out.
+        Pairs of a parent and its child, and of two static bodies, stay excluded.
         """
         return self._allow(a, b, False)
 

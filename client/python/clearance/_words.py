@@ -1,4 +1,4 @@
-"""The words of the contract: what a query may ask and what an answer may say.
+"""Enumerations and columns of queries and answers.
 
 Mirrors wire/types.h, wire/convexify.h and wire/model.h, value by value (tests/python/test_words.py compares them).
 """
@@ -12,17 +12,17 @@ import numpy as np
 
 
 class Status(enum.IntEnum):
-    """What is known about one pair (or one reduced group) in one configuration."""
+    """Status of one pair (or one reduced group) in one configuration."""
 
-    OK = 0  #: apart: lower > 0, and the interval is as narrow as asked
-    OVERLAP = 1  #: a common point is proved: upper <= 0 (signed: and as narrow as asked)
+    OK = 0  #: apart: lower > 0, and the interval is within the tolerance
+    OVERLAP = 1  #: a common point is proved: upper <= 0 (if signed, also within the tolerance)
     CONTACT = 2  #: neither is provable: lower <= 0 <= upper
-    BEYOND = 3  #: proved farther than max_distance (reduce="any": than the margins); not refined
-    UNCONVERGED = 4  #: the interval is valid but wider than asked
+    BEYOND = 3  #: proved farther than max_distance (with reduce="any", than the margins); not refined
+    UNCONVERGED = 4  #: the interval is valid but wider than the tolerance
     BAD_POSE = 5  #: a pose with NaN, Inf or a quaternion that cannot be normalised
-    NO_POSE = 6  #: a movable body that never got a pose
+    NO_POSE = 6  #: a movable body without a pose
     UNKNOWN_BODY = 7  #: a body id outside the scene
-    STALE_POSE = 8  #: a pose older than max_pose_age_ns, where the query has stale_status
+    STALE_POSE = 8  #: a pose older than max_pose_age_ns, in a query with stale_status
 
 
 class Flag(enum.IntFlag):
@@ -32,11 +32,11 @@ class Flag(enum.IntFlag):
     RENORMALISED = 1 << 1  #: a quaternion's norm was off by more than 1e-3
     ROUNDING_LIMITED = 1 << 2  #: as narrow as the arithmetic allows
     NONSMOOTH = 1 << 3  #: witness points are not unique; the gradient is one of several
-    PIECES = 1 << 4  #: a body of several pieces overlaps: the depth bounds the union's motion from below
-    INCOMPLETE = 1 << 5  #: a reduced group held a bad or missing pose
-    SLACK = 1 << 6  #: what is not known of the bodies is alone wider than asked
+    PIECES = 1 << 4  #: a body of several convex parts overlaps: the depth is a lower bound for their union
+    INCOMPLETE = 1 << 5  #: a reduced group contains a bad or missing pose
+    SLACK = 1 << 6  #: uncertainty alone exceeds the tolerance
     BEYOND_LIMITS = 1 << 7  #: a joint that places one of the bodies is beyond its limits
-    HALF_TURN = 1 << 8  #: a body turns by nearly half a turn in a motion: which way, its ends hardly say
+    HALF_TURN = 1 << 8  #: a body turns by nearly half a turn in a motion, so its direction of rotation is ambiguous
 
 
 class Precision(enum.IntEnum):
@@ -47,31 +47,31 @@ class Precision(enum.IntEnum):
 
 
 class Model(enum.IntEnum):
-    """By what a query's bodies are answered."""
+    """Geometry used to answer a query."""
 
-    TRUTH = 0  #: what they are
-    PIECES = 1  #: convex pieces that stand for a mesh, where there are any: wider by how far these may miss it
+    TRUTH = 0  #: the exact geometry
+    PIECES = 1  #: a mesh's convex parts, if it has any; bounds widen by their deviation from the mesh
 
 
 class Reduce(enum.IntEnum):
-    """Which rows come back."""
+    """Rows of an answer."""
 
     NONE = 0  #: one row per configuration and pair
     WITHIN = 1  #: sparse: only pairs not proved farther than max_distance, up to max_results, with the total
     NEAREST = 2  #: one row per configuration and body
     MIN = 3  #: one row per configuration
-    ANY = 4  #: one row per configuration: BEYOND where every pair is proved beyond its margin, else one that is not
+    ANY = 4  #: one row per configuration: BEYOND if every pair is proved beyond its margin, otherwise another pair
 
 
 class Convexify(enum.IntEnum):
-    """What the body of a mesh that need not be convex is."""
+    """Body made from a mesh that need not be convex."""
 
-    HULL = 0  #: one piece: the hull of all its vertices
-    SUBMESHES = 1  #: one piece for each submesh of the file
-    DECOMPOSE = 2  #: a solid, whose convex pieces answer first
-    SURFACE = 3  #: its triangles are the body
-    SOLID = 4  #: what its triangles enclose is the body
-    AUTO = 5  #: the default: a convex mesh is its hull, another closed one a solid, an open one its hull
+    HULL = 0  #: one convex part: the hull of all vertices
+    SUBMESHES = 1  #: one convex part for each submesh of the file
+    DECOMPOSE = 2  #: a solid with convex parts as accelerator
+    SURFACE = 3  #: the triangles alone
+    SOLID = 4  #: the volume that the triangles enclose
+    AUTO = 5  #: the default: the hull of a convex or an open mesh, otherwise a solid
 
 
 class Format(enum.IntEnum):
@@ -118,7 +118,7 @@ class Column(NamedTuple):
     shape: tuple[int, ...]  #: of one row; of gradient_joints (J,), which depends on the query
 
 
-#: One entry of margins for groups of pairs, as extension modules and the wire have it.
+#: One entry of margins for groups of pairs, in the layout of the extension modules and the wire.
 MARGIN_DTYPE = np.dtype([("a", "<u4"), ("b", "<u4"), ("margin", "<f8")])
 
 #: Every column by name, in the order of Field.
@@ -149,14 +149,14 @@ KNOWN_FIELDS = sum(1 << column.bit for column in COLUMNS.values())
 FIELD_COUNT = KNOWN_FIELDS.bit_length()
 
 DEFAULT_FIELDS = int(Field.DISTANCE | Field.LOWER | Field.UPPER | Field.STATUS)
-#: What `fields` may name, as masks. "points" is both points, "default" the columns that come unasked.
+#: Names for `fields`, with their masks. "points" is both points, "default" the default columns.
 FIELD_MASKS: dict[str, int] = {
     **{name: 1 << column.bit for name, column in COLUMNS.items()},
     "points": int(Field.POINT_A | Field.POINT_B),
     "default": DEFAULT_FIELDS,
 }
 
-# What type checkers hold arguments against; tests compare them with the tables below.
+# Types of arguments for type checkers; tests compare them with the tables below.
 PrecisionWord = Literal["f64", "f32"]
 ModelWord = Literal["truth", "pieces"]
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]
@@ -173,13 +173,13 @@ CONVEXIFY = {word.name.lower(): int(word) for word in Convexify}
 GEOMETRIES = {"collision": 0, "visual": 1}
 BACKENDS = {name: name for name in ("auto", "cpu", "cuda", "reference")}
 
-#: Set in a pair selector that names a group; the other bits are the group's index.
+#: Marks a pair selector as a group; the other bits are the group's index.
 GROUP_BIT = 0x80000000
 #: The pair selector for every body.
 EVERY_BODY = 0xFFFFFFFF
-#: "No such body or piece" in an answer.
+#: "No such body or convex part" in an answer.
 NONE = 0xFFFFFFFE
-#: Bytes that a body's or group's name may have.
+#: Maximum length of a body's or group's name, in bytes.
 MAX_NAME_BYTES = 63
-#: Rows of an answer up to which points and normal come by default.
+#: Maximum number of rows for which points and normal are default columns.
 DEFAULT_POINTS_ROWS = 100000

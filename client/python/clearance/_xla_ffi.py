@@ -1,7 +1,7 @@
-"""Plans on a device as calls that XLA makes: its C interface for foreign functions, by ctypes.
+"""Device plans as XLA custom calls, through XLA's C interface for foreign functions and ctypes.
 
-The interface is that of xla/ffi/api/c_api.h (OpenXLA, major version 0), which comes with jaxlib. Structures have their
-size first, and only grow at their ends; a version that arranges them anew has another major number, and is refused.
+The interface is xla/ffi/api/c_api.h (OpenXLA, major version 0), part of jaxlib. Structures start with their size and
+only grow at the end; another layout has another major version, which is rejected.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ._device_plan import DevicePlan
 
 TARGET = "clearance_plan"
 
-_MAJOR, _MINOR = 0, 1  # what is used here was there in 0.1
+_MAJOR, _MINOR = 0, 1  # the oldest version with everything used here
 _INTERNAL = 13  # XLA_FFI_Error_Code_INTERNAL
 _METADATA = 1  # XLA_FFI_Extension_Metadata
 _EXECUTE = 3  # XLA_FFI_ExecutionStage_EXECUTE
@@ -59,18 +59,18 @@ _Handler = ctypes.CFUNCTYPE(c_void_p, POINTER(_Frame))
 
 _plans: weakref.WeakValueDictionary[int, DevicePlan] = weakref.WeakValueDictionary()
 _numbers = itertools.count(1)
-_registered: dict[str, Any] = {}  # by platform: its handler, which XLA calls as long as there is a process
+_registered: dict[str, Any] = {}  # the handler of each platform; XLA can call it until the process ends
 
 
 def number_of(plan: DevicePlan) -> int:
-    """By which calls name the plan, as long as it is there."""
+    """Returns the number that identifies the plan in calls, for the plan's lifetime."""
     number = next(_numbers)
     _plans[number] = plan
     return number
 
 
 def register(platform: str) -> None:
-    """Makes TARGET known to XLA. platform: "CUDA"; or "cpu", for plans that stand in for a device's."""
+    """Registers TARGET with XLA. platform: "CUDA", or "cpu" for fake device plans."""
     import jax
 
     if platform in _registered:
@@ -89,14 +89,14 @@ def _handle(frame: Any, has_streams: bool) -> Any:
         if frame.stage == _EXECUTE:
             _run(frame, has_streams)
         return None
-    except Exception as error:  # whatever it is: XLA has to hear of it
+    except Exception as error:  # XLA expects every error as a result
         text = f"clearance: {error}".encode()
         arguments = _ErrorArguments(ctypes.sizeof(_ErrorArguments), None, text, _INTERNAL)
         return _function(frame.api.contents.create_error, c_void_p)(ctypes.byref(arguments))
 
 
 def _run(frame: Any, has_streams: bool) -> None:
-    # Attributes come in the order of their names: the columns' bits, and the plan.
+    # Attributes are in the order of their names: the columns' bits, and the plan.
     columns, plan_number = (frame.attributes.at[k] for k in range(2))
     bits = ctypes.cast(columns, POINTER(_Array)).contents
     plan = _plans.get(plan_number.contents.value[0])

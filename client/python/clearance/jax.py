@@ -15,10 +15,10 @@ memory.
     cost = jax.jit(jax.value_and_grad(lambda positions: (0.05 - distances(positions)).clip(min=0).sum()))
     value, by_joint = cost(positions)           # positions (K, J) float64; by_joint the same
 
-Calls may stand in functions that are compiled (jax.jit): XLA puts them into its own stream, and nothing waits for the
-host. They cannot be mapped (jax.vmap): a plan's K is what it was made for.
+Calls work in compiled functions (jax.jit): XLA runs them in its own stream, without synchronisation with the host. They
+do not support jax.vmap, since a plan has a fixed K.
 
-Needs JAX with CUDA (`pip install "jax[cuda13]"`); `import clearance` alone does not.
+Requires JAX with CUDA (`pip install "jax[cuda13]"`); `import clearance` alone does not.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ __all__ = ["Distances", "JointDistances", "Rows"]
 
 
 class Rows:
-    """Columns of a plan as a function of what it moves, without a gradient.
+    """Columns of a plan as a function of poses and positions, without a gradient.
 
-    plan: of K configurations. fields: names among the plan's columns; None: all of them.
+    plan: a plan of K configurations. fields: names among the plan's columns. Default: all of them.
 
-    Called with (K, M, 7) float64 poses of its bodies and (K, J) float64 positions of its joints, each where it moves
-    any, it returns {name: array}, each of the plan's shape and what a row has; `compact` as 8 float32 a row. Raises
-    ValueError for a column that the plan has not, and TypeError for numbers of another type or shape.
+    Called with (K, M, 7) float64 poses of its bodies and (K, J) float64 positions of its joints, each only if it moves
+    any, it returns {name: array}; shapes are the plan's shape plus the shape of a row, 8 float32 for `compact`. Raises
+    ValueError for a column that the plan does not have, and TypeError for another type or shape of input.
     """
 
     def __init__(self, plan: DevicePlan, fields: Optional[Iterable[str]] = None, *, platform: str = "CUDA"):
@@ -96,11 +96,11 @@ def _weighed(weights: Any, gradient: Any) -> Any:
 class Distances:
     """Distances of a plan's pairs as a function of its bodies' poses, with a gradient (jax.custom_vjp).
 
-    plan: made with the columns "distance" and "gradient", for K >= 1 configurations of bodies without parents.
+    plan: a plan with the columns "distance" and "gradient", for K >= 1 configurations of bodies without parents.
 
-    Called with (K, M, 7) float64 poses it returns (K, P) float64 metres. The gradient is that of the witness points:
-    where these are not unique it is one of several. It is 0 where bodies overlap, as the distance is, and NaN where a
-    pose is bad or a pair is beyond max_distance, if that row counts.
+    Called with (K, M, 7) float64 poses it returns (K, P) float64 metres. The gradient is that of the witness points,
+    and one of several if these are not unique. It is 0 for overlapping bodies, as is the distance, and NaN for a bad
+    pose or a pair beyond max_distance, if the row has a nonzero weight.
     """
 
     def __init__(self, engine: Any, plan: DevicePlan, *, platform: str = "CUDA"):
@@ -138,10 +138,10 @@ class JointDistances:
     """Distances of a plan's pairs, or the least of each configuration, as a function of joint positions, with a
     gradient (jax.custom_vjp).
 
-    plan: of joints alone, reduce "none" or "min", made with the columns "distance" and "gradient_joints".
+    plan: a plan of joints alone, reduce "none" or "min", with the columns "distance" and "gradient_joints".
 
-    Called with (K, J) float64 positions it returns (K, P), or (K,) of "min", float64 metres. The gradient is that of
-    the witness points, as in Distances: of "min" that of the nearest pair. Rows that are beyond max_distance have none.
+    Called with (K, J) float64 positions it returns (K, P), or (K,) for "min", float64 metres. The gradient is that of
+    the witness points, as in Distances, and for "min" that of the nearest pair. Rows beyond max_distance have none.
     """
 
     def __init__(self, plan: DevicePlan, *, platform: str = "CUDA"):

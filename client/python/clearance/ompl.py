@@ -5,7 +5,7 @@
     si = problem.space_information()
     planner = og.RRTConnect(si)
 
-Needs the package ompl (2.0.1 is what is tested), which nothing else of this package does.
+Requires the package ompl (tested with 2.0.1).
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from ._words import Status
 
 
 class JointProblem:
-    """Joints of a robot as a state space, and an engine or client that says what is free.
+    """A robot's joints as a state space, with an engine or client that checks states and motions.
 
     engine: an Engine or a Client.
-    joints: as in distances(). A joint with limits is a number between them; one without is an angle on a circle (SO2),
-        along which OMPL goes the shorter way, and what is asked about is that way, unwrapped.
-    margin, pairs: as in check(): farther than this every pair has to be.
-    max_steps: configurations that the proof of a motion may ask for; one that needs more is not taken for free.
+    joints: as in distances(). A joint with limits is a number between them; a joint without limits is an angle on a
+        circle (SO2). OMPL moves it in the shorter direction, which queries receive unwrapped.
+    margin, pairs: as in check(), the required clearance.
+    max_steps: maximum evaluations per motion; a motion that needs more counts as not free.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class JointProblem:
     # ---- states ---------------------------------------------------------------------------------------------------
 
     def row(self, state: Any) -> np.ndarray:
-        """(J,) positions of a state, radians and metres."""
+        """Returns the (J,) positions of a state, radians and metres."""
         row = np.empty(len(self.joints))
         first = int(len(self._bounded) > 0)
         for i, j in enumerate(self._bounded):
@@ -76,7 +76,7 @@ class JointProblem:
         return row
 
     def state(self, row: Sequence[float]) -> Any:
-        """A state of the space at (J,) positions; an angle of a joint without limits is wrapped to (-pi, pi]."""
+        """Returns the state at (J,) positions. Wraps angles of joints without limits to (-pi, pi]."""
         state = self.space.allocState()
         first = int(len(self._bounded) > 0)
         for i, j in enumerate(self._bounded):
@@ -86,16 +86,16 @@ class JointProblem:
         return state
 
     def unwrapped(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """`end` as OMPL gets there from `start`: joints without limits turn the shorter way. (..., J) each."""
+        """Returns `end` unwrapped relative to `start`: joints without limits turn the shorter way. (..., J) each."""
         end = np.array(end, dtype=float)
         way = end[..., self._turning] - start[..., self._turning]
         end[..., self._turning] = start[..., self._turning] + np.arctan2(np.sin(way), np.cos(way))
         return end
 
-    # ---- what OMPL asks -------------------------------------------------------------------------------------------
+    # ---- callbacks of OMPL ----------------------------------------------------------------------------------------
 
     def space_information(self) -> Any:
-        """An ob.SpaceInformation of this problem, set up: validity of states, and motions that are proved free."""
+        """Returns a complete ob.SpaceInformation of this problem, with certified checks of states and motions."""
         si = ob.SpaceInformation(self.space)
         si.setStateValidityChecker(StateValidity(si, self))
         si.setMotionValidator(CertifiedMotions(si, self))
@@ -103,19 +103,19 @@ class JointProblem:
         return si
 
     def free(self, rows: np.ndarray) -> np.ndarray:
-        """(K,) bool of (K, J) positions."""
+        """Returns whether (K, J) positions are free: (K,) bool."""
         return self.engine.check(rows, **self.asked).free
 
     def motions(self, start: np.ndarray, end: np.ndarray) -> Any:
-        """The Result of motions() with reduce="any" from (K, J) to (K, J), which go as OMPL would."""
+        """Returns the Result of motions() with reduce="any" from (K, J) to (K, J), along OMPL's interpolation."""
         asked = {**self.asked, "reduce": "any", "max_steps": self.max_steps}
         return self.engine.motions(start=start, end=self.unwrapped(start, end), **asked)
 
     def shortened(self, path: np.ndarray) -> np.ndarray:
-        """A path (N, J) with fewer waypoints, each of whose motions is proved free: from every waypoint it goes
-        straight to the farthest one that it can.
+        """Returns a shortcut of a path (N, J), which connects each kept waypoint to the farthest one with a motion
+        proved free.
 
-        Raises ValueError where even the next waypoint is not proved to be reached.
+        Raises ValueError if the motion to the next waypoint is not proved free.
         """
         path = np.asarray(path, dtype=float)
         kept, at = [0], 0
@@ -131,7 +131,7 @@ class JointProblem:
 
 
 class StateValidity(ob.StateValidityChecker):  # type: ignore[misc]  # ompl has no types
-    """A state is valid where every joint is within its limits and every pair is proved farther than its margin."""
+    """Validates states: joints are within their limits, and every pair is proved farther than its margin."""
 
     def __init__(self, si: Any, problem: JointProblem):
         super().__init__(si)
@@ -142,7 +142,7 @@ class StateValidity(ob.StateValidityChecker):  # type: ignore[misc]  # ompl has 
         return bool(problem.space.satisfiesBounds(state) and problem.free(problem.row(state)[None])[0])
 
     def clearance(self, state: Any) -> float:
-        """Metres: the certified lower bound of the least distance."""
+        """Returns the certified lower bound of the least distance, in metres."""
         problem = self._problem
         asked = {"joints": problem.joints, "pairs": problem.asked["pairs"]}
         row = problem.row(state)[None]
@@ -150,7 +150,7 @@ class StateValidity(ob.StateValidityChecker):  # type: ignore[misc]  # ompl has 
 
 
 class CertifiedMotions(ob.MotionValidator):  # type: ignore[misc]
-    """A motion is valid where every pair is proved farther than its margin all along, not at samples."""
+    """Validates whole continuous motions, not samples: every pair is proved farther than its margin."""
 
     def __init__(self, si: Any, problem: JointProblem):
         super().__init__(si)
@@ -160,9 +160,9 @@ class CertifiedMotions(ob.MotionValidator):  # type: ignore[misc]
         return self.last_valid(start, end) is None
 
     def last_valid(self, start: Any, end: Any) -> Optional[tuple[Any, float]]:
-        """The last state up to which the motion is proved free, and its time, 0 to 1; None: all of it is.
+        """Returns the last state up to which the motion is proved free and its time, 0 to 1; None if all of it is.
 
-        This is checkMotion() with lastValid, which OMPL's Python package does not hand on.
+        Replaces checkMotion() with lastValid, which OMPL's Python package does not expose.
         """
         problem = self._problem
         a, b = problem.row(start), problem.row(end)
@@ -175,7 +175,7 @@ class CertifiedMotions(ob.MotionValidator):  # type: ignore[misc]
 
 
 class ClearanceObjective(ob.StateCostIntegralObjective):  # type: ignore[misc]
-    """Prefers paths far from everything: the integral of 1 / (clearance + softening) along the path."""
+    """Prefers paths far from obstacles: the integral of 1 / (clearance + softening) along the path."""
 
     def __init__(self, si: Any, problem: JointProblem, softening: float = 1e-2):
         super().__init__(si, True)

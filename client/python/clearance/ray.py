@@ -1,10 +1,10 @@
-"""Sweeps on Ray: each worker is an actor, for a few cores or a GPU of any machine of a cluster.
+"""Sweeps on Ray: each worker is an actor that uses a few cores or a GPU of any machine of a cluster.
 
     job = clearance.sweep.Job.load("reach.yaml")
     clearance.ray.run(job, address="auto")
 
-The result has the bytes of clearance.sweep.run(). Needs the packages ray and pyarrow, on every machine this package in
-the same version, and an output folder that every machine sees under the same path.
+The result has the bytes of clearance.sweep.run(). Requires the packages ray and pyarrow, this package in the same
+version on every machine, and an output folder with the same path on every machine.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from .sweep._work import Failed, Outcome, Performs, Spec, Task, Worker, machine
 __all__ = ["Actors", "run"]
 
 _GONE = (ray.exceptions.RayActorError, ray.exceptions.ObjectLostError, ray.exceptions.WorkerCrashedError)
-_LOOK_S = 5.0  # of silence, after which it is looked whether there is a machine at all
+_LOOK_S = 5.0  # of silence before a check that the cluster has machines
 
-#: Makes a worker in an actor's process. Tests give others.
+#: Creates a worker in an actor's process. Tests replace it.
 MakeWorker = Callable[[Spec, Packed], Performs]
 
 
 class _Actor:
-    """A worker's process. What goes wrong at its start is its first answer."""
+    """A worker's process. Reports an error at its start as its first result."""
 
     def start(self, spec: Spec, packed: Packed, make: MakeWorker) -> Union[str, Failed]:
         try:
@@ -52,23 +52,23 @@ class _Actor:
 
 
 class Actors:
-    """A pool of actors on the Ray that this process is connected to. The scene is put into its store once.
+    """A pool of actors on this process's Ray cluster. The scene is stored there once.
 
-    count: actors. gpus: of each actor; may be a part of one.
+    count: number of actors. gpus: GPUs per actor; may be a fraction.
     """
 
     def __init__(self, plan: Plan, count: int, gpus: float = 0.0, make: MakeWorker = Worker):
         self.size = count
         self._spec = plan.spec
         self._make = make
-        # Each machine fetches it once; its workers share that copy.
+        # Each machine fetches the scene once; its workers share that copy.
         self._packed = ray.put(plan.packed)
-        # Workers that are lost are replaced here, where it is known what they were at.
+        # This class replaces lost workers, instead of Ray, since it knows their tasks.
         options = {"num_cpus": plan.spec.threads, "num_gpus": gpus, "max_restarts": 0, "max_task_retries": 0}
         self._class = ray.remote(**options)(_Actor)
         self._next = 0
         self._actors: dict[int, Any] = {}
-        self._waiting: dict[Any, int] = {}  #: answers to come, and whose they are
+        self._waiting: dict[Any, int] = {}  #: pending results, with their workers
         self._events: deque[Event] = deque()
         for _ in range(count):
             self._start()
@@ -92,7 +92,7 @@ class Actors:
         self._actors.clear()
 
     def pids(self) -> list[int]:
-        """Of the workers, on whichever machines."""
+        """Returns the process ids of the workers, each on its machine."""
         pids: list[int] = ray.get([actor.pid.remote() for actor in self._actors.values()])
         return pids
 
@@ -103,13 +103,13 @@ class Actors:
         except _GONE as error:
             self._lose(worker, " ".join(str(error).split()))
             return
-        except ray.exceptions.RayTaskError as error:  # a worker's own errors are answers: this one could not be sent
+        except ray.exceptions.RayTaskError as error:  # an error of transmission, not of the worker
             message = Failed(f"Ray: {error}")
         self._events.append(Ready(worker, message) if isinstance(message, str) else Result(worker, message))
 
     def _lose(self, worker: int, text: str) -> None:
         with contextlib.suppress(Exception):
-            ray.kill(self._actors.pop(worker))  # it may only be out of reach
+            ray.kill(self._actors.pop(worker))  # it may be alive but unreachable
         self._waiting = {answer: whose for answer, whose in self._waiting.items() if whose != worker}
         self._events.append(Lost(worker, text))
         self._start()
@@ -131,15 +131,15 @@ def run(
     backend: BackendWord = "cpu",
     progress: Optional[TextIO] = None,
 ) -> Summary:
-    """Does a job, or what is left of it, with actors of Ray.
+    """Runs a job, or the rest of it, with actors of Ray.
 
-    address: of a cluster, as ray.init() takes it ("auto": the one that runs here); None: one of this machine, which
-        ends with the run. A program that is connected already stays so, and `address` is not looked at.
-    workers: actors; 0: as many as the cluster's CPUs and GPUs have room for.
-    threads: CPUs of each actor, and of its engine. gpus: of each; None: 1 with backend "cuda", else 0.
+    address: address of a cluster, as in ray.init() ("auto" for the one on this machine). By default, starts a cluster
+        on this machine for the duration of the run. Ignored if the program is connected already.
+    workers: number of actors. The default, 0, fills the cluster's CPUs and GPUs.
+    threads: CPUs of each actor and its engine. gpus: GPUs of each actor. Default: 1 with backend "cuda", otherwise 0.
     output, backend, progress: as in clearance.sweep.run().
 
-    Raises as clearance.sweep.run() does; SweepError where there is no cluster, too.
+    Raises as clearance.sweep.run() does, and SweepError without a cluster.
     """
     plan = prepare(job, None if output is None else Path(output), backend, threads)
     each = (1.0 if backend == "cuda" else 0.0) if gpus is None else gpus
@@ -155,7 +155,7 @@ def run(
 
 
 def _connect(address: Optional[str], scene_bytes: int) -> None:
-    # Workers look for this package where this process found it; on other machines it may be installed.
+    # Workers import this package from the same path as this process; on other machines it may be installed.
     path = os.pathsep.join(filter(None, [importable_from(), os.environ.get("PYTHONPATH", "")]))
     more: dict[str, Any] = {} if address else {"object_store_memory": max(1 << 27, 4 * scene_bytes)}
     for again in (True, True, False):
@@ -169,12 +169,12 @@ def _connect(address: Optional[str], scene_bytes: int) -> None:
                 **more,
             )
             return
-        except Exception as error:  # ray.init() raises whatever it came upon
+        except Exception as error:  # ray.init() raises many types
             ray.shutdown()
             if address or not again:
                 where = address or "this machine"
                 raise SweepError(f"Ray at {where} cannot be reached or started: {error}") from error
-            # Its processes have half a minute to start, which on a busy machine may be too little.
+            # Ray gives its processes half a minute to start, which can be too short on a busy machine.
 
 
 def _room(threads: int, gpus: float) -> int:

@@ -14,7 +14,7 @@ GPU's memory.
     d = distances(positions)                    # (K,); positions (K, J) float64
     (0.05 - d).clamp(min=0).sum().backward()    # positions.grad: (K, J)
 
-Needs PyTorch with CUDA (`pip install torch`); `import clearance` alone does not.
+Requires PyTorch with CUDA (`pip install torch`); `import clearance` alone does not.
 """
 
 from __future__ import annotations
@@ -58,17 +58,17 @@ class _Run(torch.autograd.Function):  # type: ignore[misc]  # where torch is not
 class Distances:
     """Distances of a plan's pairs as a function of its bodies' poses, with a gradient.
 
-    plan: made with the columns "distance" and "gradient", for K >= 1 configurations of bodies without parents.
+    plan: a plan with the columns "distance" and "gradient", for K >= 1 configurations of bodies without parents.
 
     Called with (K, M, 7) float64 poses on the plan's GPU it returns (K, P) float64 metres, in the current stream. The
-    gradient is that of the witness points: where these are not unique it is one of several. It is 0 where bodies
-    overlap, as the distance is, and NaN where a pose is bad or a pair is beyond max_distance, if that row counts.
+    gradient is that of the witness points, and one of several if these are not unique. It is 0 for overlapping bodies,
+    as is the distance, and NaN for a bad pose or a pair beyond max_distance, if the row has a nonzero weight.
     """
 
     def __init__(self, engine: Any, plan: DevicePlan):
         device = f"cuda:{plan.device}"
         self.plan = plan
-        #: Of each side of the pairs: which of them have a body there that moves, and its place among the bodies.
+        #: For each side of the pairs: the pairs with a moving body on that side, and its index among the bodies.
         self.sides = [
             tuple(torch.as_tensor(places, device=device) for places in side)
             for side in moving_sides(plan, len(engine.bodies))
@@ -101,10 +101,10 @@ class JointDistances:
     """Distances of a plan's pairs, or the least of each configuration, as a function of joint positions, with a
     gradient.
 
-    plan: of joints alone, reduce "none" or "min", made with the columns "distance" and "gradient_joints".
+    plan: a plan of joints alone, reduce "none" or "min", with the columns "distance" and "gradient_joints".
 
-    Called with (K, J) float64 positions on the plan's GPU it returns (K, P), or (K,) of "min", float64 metres, in the
-    current stream. The gradient is that of the witness points, as in Distances: of "min" that of the nearest pair.
+    Called with (K, J) float64 positions on the plan's GPU it returns (K, P), or (K,) for "min", float64 metres, in the
+    current stream. The gradient is that of the witness points, as in Distances, and for "min" that of the nearest pair.
     """
 
     def __init__(self, plan: DevicePlan):

@@ -1,9 +1,9 @@
-"""The frames of wire/protocol.h as numpy structured dtypes, for those who speak the wire from Python.
+"""The frames of wire/protocol.h as numpy structured dtypes, for clients that implement the protocol in Python.
 
     header = np.zeros((), wire.FrameHeader)
     header["magic"], header["version"], header["type"] = wire.MAGIC, wire.VERSION, wire.FrameType.DESCRIBE
 
-The dtypes are made of what the extension module says of the C++ structs. Little-endian; metres, radians, nanoseconds.
+The dtypes come from the C++ structs in the extension module. Little-endian; metres, radians, nanoseconds.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ import numpy as np
 from ._words import COLUMNS, DEFAULT_FIELDS
 
 MAGIC = 0x31524C43  #: "CLR1"
-VERSION = 1  #: of a frame without records
-RECORDS_VERSION = 2  #: of a frame whose payload may end in records
+VERSION = 1  #: version of a frame without records
+RECORDS_VERSION = 2  #: version of a frame whose payload may end in records
 COLUMN_ALIGNMENT = 64
 MAX_FRAME_BYTES = 1 << 31
 MAX_REQUEST_BYTES = 1 << 28
 
 
 class FrameType(enum.IntEnum):
-    """What a frame is. Requests below 0x80, answers from 0x81."""
+    """Types of frames. Requests are below 0x80, answers start at 0x81."""
 
     PING = 1
     DESCRIBE = 2
@@ -62,54 +62,54 @@ class FrameType(enum.IntEnum):
 
 
 class QueryRecord(enum.IntEnum):
-    """Records of a query that are arrays."""
+    """Tags of a query's array records."""
 
-    MARGINS = 6  #: two uint32, float64 each: selectors, metres
-    PAIR_MARGINS = 7  #: float64 each: (P,) metres
-    JOINTS = 8  #: uint32 each: (J,) ids
-    POSITIONS = 9  #: float64 each: (K, J)
-    WEIGHTS = 11  #: float64 each: (J,)
-    ROWS = 16  #: uint64 each: numbers of rows, of CERTIFY alone
+    MARGINS = 6  #: rows of two uint32 selectors and one float64, metres
+    PAIR_MARGINS = 7  #: (P,) float64, metres
+    JOINTS = 8  #: (J,) uint32 ids
+    POSITIONS = 9  #: (K, J) float64
+    WEIGHTS = 11  #: (J,) float64
+    ROWS = 16  #: uint64 row numbers, for CERTIFY only
 
 
 class ErrorCode(enum.IntEnum):
-    """Why a request was refused."""
+    """Reasons for rejecting a request."""
 
-    BAD_QUERY = 1  #: a value makes no sense; the text names it
-    WRONG_SCENE = 2  #: the daemon has another scene than the request names; the next call looks names up anew
-    TOO_LARGE = 3  #: the answer does not fit; ask for fewer rows or fields
-    NOT_SUPPORTED = 4  #: legal, but not in this build, backend or version; the text says what
-    BAD_FRAME = 16  #: sizes or counts do not fit: a bug in the client
-    WRONG_VERSION = 17  #: the daemon speaks an older version of the contract; the text says which
-    UNKNOWN_TYPE = 18  #: there is no such request: a bug in the client, or a daemon that is older
+    BAD_QUERY = 1  #: a value is invalid; the text names it
+    WRONG_SCENE = 2  #: the request names another scene than the daemon's; the next call fetches the names again
+    TOO_LARGE = 3  #: the answer exceeds a limit; request fewer rows or fields
+    NOT_SUPPORTED = 4  #: valid, but unsupported by this build, backend or version; the text names the option
+    BAD_FRAME = 16  #: inconsistent sizes or counts: a bug in the client
+    WRONG_VERSION = 17  #: the daemon supports only an older version of the protocol, which the text names
+    UNKNOWN_TYPE = 18  #: unknown type of request: a bug in the client, or an older daemon
     BUSY = 19  #: too many of this client's requests are waiting; read answers before sending more
     INTERNAL = 20  #: a bug of Clearance; please report it
     RELOAD_FAILED = 21  #: the scene file could not be loaded, and the old scene stays; the text is the loader's
     FORBIDDEN = 22  #: this client lacks the right that the text names
-    POSES_LATE = 23  #: the poses that the query waits for have not come in time
-    NEW_EPOCH = 24  #: the daemon was started anew, or is another one; Client.acknowledge_epoch() goes on with it
-    DEADLINE = 25  #: no answer by the query's deadline_ns; the text says how long it takes, or took
+    POSES_LATE = 23  #: the poses that the query waits for have not arrived in time
+    NEW_EPOCH = 24  #: the daemon was restarted, or is another one; Client.acknowledge_epoch() accepts it
+    DEADLINE = 25  #: no answer by the query's deadline_ns; the text states the time required or used
 
 
-RECORD_REQUIRED = 1  #: flag of a record: who does not know its tag refuses the frame
+RECORD_REQUIRED = 1  #: flag of a record: a receiver that does not know its tag must reject the frame
 
 
 class ReplyRecord(enum.IntEnum):
     """Tags of a reply's records."""
 
-    IGNORED = 1  #: uint16 each: tags of the query's records that the daemon passed over
-    JOINTS = 2  #: uint32: J, entries a row of the column gradient_joints, with which it comes
+    IGNORED = 1  #: uint16 tags of the query's records that the daemon ignored
+    JOINTS = 2  #: uint32 J, the entries per row of the column gradient_joints; present with that column
 
 
 class CommonRecord(enum.IntEnum):
-    """Tags of records that mean the same in every frame."""
+    """Tags of records with the same meaning in every frame."""
 
-    EPOCH = 0xFF00  #: uint64: of a reply the run of the daemon that answers, of a request the one that it is for
+    EPOCH = 0xFF00  #: uint64 run of the daemon: in a reply its own, in a request the intended one
 
 
 def __getattr__(name: str) -> Any:
-    """The structs, made when one is first asked for: RECORDS["FrameHeader"], or FrameHeader."""
-    if name.startswith("_"):  # the import system looks for some that no module of one file has
+    """Creates the structs on first use, as RECORDS["FrameHeader"] and FrameHeader."""
+    if name.startswith("_"):  # names that the import system tries
         raise AttributeError(name)
     from . import _client
 
@@ -121,11 +121,11 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
 
 
-_wire: Any = sys.modules[__name__]  # through which functions here get at the structs
+_wire: Any = sys.modules[__name__]  # access to the structs for the functions below
 
 
 def query_header(**values: object) -> np.ndarray:
-    """A QueryHeader with the defaults of the C++ struct, and the values given."""
+    """Returns a QueryHeader with the given values and otherwise the defaults of the C++ struct."""
     header = np.zeros((), _wire.QueryHeader)
     defaults = {
         "max_distance": np.inf,
@@ -140,7 +140,7 @@ def query_header(**values: object) -> np.ndarray:
 
 
 def record(tag: int, payload: bytes, required: bool = True) -> bytes:
-    """One record of a frame; tags rise from record to record."""
+    """Returns one record of a frame. Records must be in ascending order of tags."""
     header = np.zeros((), _wire.RecordHeader)
     header["tag"], header["flags"], header["bytes"] = tag, RECORD_REQUIRED if required else 0, len(payload)
     return header.tobytes() + payload + bytes(-len(payload) % 8)
@@ -149,7 +149,7 @@ def record(tag: int, payload: bytes, required: bool = True) -> bytes:
 def frame(
     type: FrameType, payload: bytes = b"", request_id: int = 0, scene_revision: int = 0, records: bytes = b""
 ) -> bytes:
-    """A whole frame: header, payload and records; of version 1 if there are none."""
+    """Returns a complete frame: header, payload and records. The version is 1 without records."""
     header = np.zeros((), _wire.FrameHeader)
     header["magic"], header["version"], header["type"] = MAGIC, RECORDS_VERSION if records else VERSION, type
     header["request_id"], header["payload_bytes"] = request_id, len(payload) + len(records)
@@ -158,7 +158,7 @@ def frame(
 
 
 def columns(payload: bytes, reply: np.ndarray) -> dict[str, np.ndarray]:
-    """Flat columns of a kReply payload; `reply` is its ReplyHeader."""
+    """Returns the flat columns of a kReply payload; `reply` is its ReplyHeader."""
     arrays = {}
     offset = _wire.ReplyHeader.itemsize
     rows = int(reply["rows"])
