@@ -1,5 +1,5 @@
-// What the body of a mesh is: a word that scenes, the daemon and every client share. Values are part of the wire
-// format. Python mirrors them in client/python/clearance/_words.py (a test compares the two).
+// Kinds of bodies made from a mesh, shared by scenes, the daemon and every client. Values are part of the wire format.
+// Python mirrors them in client/python/clearance/_words.py (a test compares the two).
 #pragma once
 
 #include <array>
@@ -10,21 +10,21 @@
 
 namespace clearance {
 
-/// What the body of a mesh that need not be convex is.
+/// Body made from a mesh that need not be convex.
 enum class Convexify : std::uint8_t {
-  kHull = 0,       ///< one piece: the hull of all its vertices
-  kSubmeshes = 1,  ///< one piece for each submesh of the file
-  kDecompose = 2,  ///< approximate convex decomposition
-  kSurface = 3,    ///< its triangles are the body
-  kSolid = 4,      ///< what its triangles enclose is the body
-  kAuto = 5,       ///< the default: a convex mesh is its hull, another closed one a solid, an open one its hull
+  kHull = 0,       ///< one convex part: the hull of all vertices
+  kSubmeshes = 1,  ///< one convex part for each submesh of the file
+  kDecompose = 2,  ///< a solid with convex parts as accelerator
+  kSurface = 3,    ///< the triangles alone
+  kSolid = 4,      ///< the volume that the triangles enclose
+  kAuto = 5,       ///< the default: the hull of a convex or an open mesh, otherwise a solid
 };
 
-/// What users call them, by value.
+/// Public names, by value.
 inline constexpr std::array<std::string_view, 6> kConvexifyWords = {"hull",    "submeshes", "decompose",
                                                                     "surface", "solid",     "auto"};
 
-/// The value of a word; nothing for any other text.
+/// Value of a public name, or nullopt.
 constexpr std::optional<Convexify> convexify_of(std::string_view word) {
   for (std::size_t i = 0; i < kConvexifyWords.size(); ++i)
     if (kConvexifyWords[i] == word) return static_cast<Convexify>(i);

@@ -1,20 +1,20 @@
-// The wire contract: frames that clients and the daemon exchange, the same over every transport.
+// Frames exchanged by clients and the daemon, the same over every transport.
 //
 //   frame      [ FrameHeader 64 B | payload_bytes ]
 //   kQuery     [ QueryHeader 128 B | pairs P x 8 | bodies M x 4, padded to 8 | configurations K x M x 56 ]
 //   kReply     [ ReplyHeader 128 B | columns in the order of Field, each from a 64-byte boundary of the payload ]
 //   kSetPoses  [ PosesHeader 32 B  | count x PoseRecord 64 B ]
 //   kScene     [ SceneHeader 64 B  | bodies x BodyRecord 128 B | groups x GroupRecord 80 B | members x 4 ]
-//   kPairs     [ QueryHeader, pairs, bodies as in kQuery; configurations left out ]  ->  kPairTable [ PairsHeader 16 B
+//   kPairs     [ QueryHeader, pairs, bodies as in kQuery; without configurations ]  ->  kPairTable [ PairsHeader 16 B
 //   | P x 8 ] kBodyStates[ StatesHeader 32 B | bodies x BodyStateRecord 96 B ] kStats     [ count x CounterRecord 64 B
 //   ] kError     [ ErrorHeader 16 B  | text, UTF-8 ]
 //   kPlan      [ PlanHeader 184 B  | columns x PlanColumnRecord 16 B ]
 //   version 2  [ FrameHeader | payload as above | records, each RecordHeader 8 B and its bytes padded to 8 ]
 //
 // ZeroMQ carries a frame as two message parts (header, payload), shared memory as one contiguous block that starts on a
-// 64-byte boundary, LCM inside typed messages (lcmtypes/). Little-endian throughout; metres, radians, nanoseconds.
+// 64-byte boundary, LCM in typed messages (lcmtypes/). Little-endian; metres, radians, nanoseconds.
 // These structs do not change any more: what comes later travels in records (docs/wire.md, "Versions").
-// Everything read from a peer is copied once and validated (wire.h) before it is used.
+// Data from a peer is copied once and validated (wire.h) before use.
 #pragma once
 
 #include <clearance/types.h>
@@ -33,9 +33,9 @@ inline constexpr std::uint16_t kVersion = 1;
 /// Of a frame whose payload may end in records, and of the replies to it.
 inline constexpr std::uint16_t kRecordsVersion = 2;
 using clearance::kColumnAlignment;
-/// A frame larger than this is refused, whatever the transport.
+/// Maximum size of a frame over every transport.
 inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 31;
-/// A request larger than this is refused by clients before it is sent; ZeroMQ closes the connection of one who tries.
+/// Maximum size of a request. Clients check it before sending; ZeroMQ closes a connection that exceeds it.
 inline constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{1} << 28;
 
 enum class FrameType : std::uint16_t {
@@ -48,18 +48,18 @@ enum class FrameType : std::uint16_t {
   kAttach = 6,       ///< payload AttachRecord; answered by kPosesDone
   kGetStates = 7,    ///< no payload; answered by kBodyStates
   kGetStats = 8,     ///< no payload; answered by kStats
-  kReload = 9,       ///< no payload; answered by kSceneChanged once the daemon has loaded its scene anew
-  kAddBody = 10,     ///< payload NewBodyRecord, vertices; answered by kSceneChanged once the body is in
+  kReload = 9,       ///< no payload; answered by kSceneChanged once the daemon has reloaded its scene
+  kAddBody = 10,     ///< payload NewBodyRecord, vertices; answered by kSceneChanged once the scene contains it
   kRemoveBody = 11,  ///< payload RemoveBodyRecord; answered by kSceneChanged
   kAllow = 12,       ///< payload AllowRecord; answered by kPosesDone, whose `applied` counts pairs
-  kSetJoints = 13,   ///< payload PosesHeader, JointRecord each; answered by kPosesDone
+  kSetJoints = 13,   ///< payload PosesHeader, JointRecords; answered by kPosesDone
   kGetJoints = 14,   ///< no payload; answered by kJoints
-  kSetPoints = 15,   ///< payload PointsHeader, float32 x, y, z each; answered by kPosesDone
-  kCertify = 17,     ///< payload as kQuery's, perhaps with the record kRows; answered by kCertificate
-  kOpenPlan = 18,    ///< payload as kPairs', of configuration_count configurations; answered by kPlan
-  kRunPlan = 19,     ///< payload PlanRecord; answered by kPlanDone once the rows are there
+  kSetPoints = 15,   ///< payload PointsHeader, points of float32 x, y, z; answered by kPosesDone
+  kCertify = 17,     ///< payload of kQuery, with an optional record kRows; answered by kCertificate
+  kOpenPlan = 18,    ///< payload of kPairs, for configuration_count configurations; answered by kPlan
+  kRunPlan = 19,     ///< payload PlanRecord; answered by kPlanDone once the rows are complete
   kClosePlan = 20,   ///< payload PlanRecord; answered by kPlanDone
-  // daemon to client; any request may be answered by kError
+  // daemon to client; the answer to any request can be kError
   kPong = 0x81,
   kScene = 0x82,
   kReply = 0x83,
@@ -68,9 +68,9 @@ enum class FrameType : std::uint16_t {
   kBodyStates = 0x87,
   kStats = 0x88,
   kSceneChanged = 0x89,  ///< payload SceneChange
-  kJoints = 0x8A,        ///< payload JointsHeader, JointStateRecord each, GroupRecord each, uint32 members
+  kJoints = 0x8A,        ///< payload JointsHeader, JointStateRecords, GroupRecords, uint32 members
   kCertificate = 0x8C,   ///< payload: the document (JSON, UTF-8), docs/certificates.md
-  kPlan = 0x8D,          ///< payload PlanHeader, PlanColumnRecord each
+  kPlan = 0x8D,          ///< payload PlanHeader, PlanColumnRecords
   kPlanDone = 0x8E,      ///< payload PlanResult
   kError = 0xFF,
 };
@@ -82,22 +82,22 @@ struct FrameHeader {
   std::uint16_t type = 0;            ///< FrameType
   std::uint64_t request_id = 0;      ///< chosen by the client, echoed by the daemon
   std::uint64_t payload_bytes = 0;   ///< bytes after this header
-  std::uint64_t scene_revision = 0;  ///< the sender's; 0 in a request: any
-  std::uint64_t client_id = 0;       ///< LCM: whom a reply is for; elsewhere 0
+  std::uint64_t scene_revision = 0;  ///< the sender's; 0 in a request for any scene
+  std::uint64_t client_id = 0;       ///< receiver of a reply over LCM, otherwise 0
   std::uint64_t records_bytes = 0;   ///< kRecordsVersion: of the payload, at its end; else 0
   std::uint64_t reserved[2] = {};    ///< 0
 };
 
-/// Begins a record. Its bytes follow, and zeros up to the next multiple of 8.
+/// Begins a record. Its bytes follow, padded with zeros to a multiple of 8.
 struct RecordHeader {
-  std::uint16_t tag = 0;    ///< of a query: query_options.h; of a reply: ReplyRecord
+  std::uint16_t tag = 0;    ///< in a query, of query_options.h; in a reply, ReplyRecord
   std::uint16_t flags = 0;  ///< kRecordRequired
   std::uint32_t bytes = 0;
 };
-/// Who does not know the tag refuses the frame; without this bit it passes over the record.
+/// A receiver that does not know the tag must reject the frame; without this bit, it ignores the record.
 inline constexpr std::uint16_t kRecordRequired = 1;
 
-/// Records that mean the same in every frame.
+/// Records with the same meaning in every frame.
 enum class CommonRecord : std::uint16_t {
   /// uint64, never 0: which run of the daemon, a number that it draws at random when it starts. In every reply of
   /// version 2 the one that answers; in a request the one that it is for: any other refuses it with kNewEpoch.
@@ -105,42 +105,41 @@ enum class CommonRecord : std::uint16_t {
 };
 inline constexpr std::uint64_t kEpochRecordBytes = sizeof(RecordHeader) + sizeof(std::uint64_t);
 
-/// Records of a query that hold arrays; the others are options (query_options.h), whose tags are apart from these. All
-/// are required.
+/// Array records of a query, all required. Options (query_options.h) have other tags.
 enum class QueryRecord : std::uint16_t {
-  kMargins = 6,      ///< MarginEntry each
-  kPairMargins = 7,  ///< float64 each, metres: (P,)
-  kJoints = 8,       ///< uint32 each: (J,) ids of joints
-  kPositions = 9,    ///< float64 each: (K, J) radians and metres, K the configuration_count; not in kPairs, kOpenPlan
-  kWeights = 11,     ///< float64 each: (J,) radians and metres, of the column free_scale
-  kRows = 16,        ///< uint64 each: numbers of rows, k P + p; only in kCertify; none: all
+  kMargins = 6,      ///< MarginEntry array
+  kPairMargins = 7,  ///< (P,) float64, metres
+  kJoints = 8,       ///< (J,) uint32, ids of joints
+  kPositions = 9,    ///< (K, J) float64, radians and metres, K the configuration_count; not in kPairs, kOpenPlan
+  kWeights = 11,     ///< (J,) float64, radians and metres, for the column free_scale
+  kRows = 16,        ///< uint64 row numbers, k P + p; only in kCertify, by default all rows
 };
 /// Records of a kAttach.
 enum class AttachTag : std::uint16_t {
-  kAllow = 1,  ///< uint32 each, selectors: what the child may touch while it is attached so
+  kAllow = 1,  ///< uint32 selectors of bodies that the child may touch during this attachment
 };
 
 /// Records of a kAddBody.
 enum class NewBodyTag : std::uint16_t {
   kDoubts = 20,     ///< BodyDoubts
-  kTriangles = 21,  ///< TriangleRecord each, of a hull's vertices: they are those of a mesh
-  kConvexify = 22,  ///< uint8: Convexify, what that mesh is; without it its hull
-  kPoints = 23,     ///< three float32 each, metres, the body's frame: those of a cloud; without it it has none
+  kTriangles = 21,  ///< TriangleRecord array; makes the vertices of a kHull those of a mesh
+  kConvexify = 22,  ///< uint8 Convexify of that mesh, by default kHull
+  kPoints = 23,     ///< points of a cloud: three float32 each, metres, in the body's frame; by default none
 };
 
 /// Records of a kReply.
 enum class ReplyRecord : std::uint16_t {
-  kIgnored = 1,  ///< uint16 each: tags of the query's records that the daemon passed over
-  kJoints = 2,   ///< uint32: J, entries a row of the column gradient_joints, with which it comes
+  kIgnored = 1,  ///< uint16 tags of the query's records that the daemon ignored
+  kJoints = 2,   ///< uint32 J, the entries per row of the column gradient_joints; present with that column
 };
 
 struct QueryHeader {
-  double max_distance = 0;                ///< metres; +inf: no limit
+  double max_distance = 0;                ///< metres; +inf without a limit
   double abs_tol = 0;                     ///< metres
-  double rel_tol = -1;                    ///< negative: the precision's default
+  double rel_tol = -1;                    ///< negative for the precision's default
   std::uint32_t pair_count = 0;           ///< P selectors; read only if all_pairs is 0
   std::uint32_t body_count = 0;           ///< M
-  std::uint32_t configuration_count = 0;  ///< K; 0: the current poses
+  std::uint32_t configuration_count = 0;  ///< K; 0 for the current poses
   std::uint32_t fields = kDefaultFields;
   std::uint64_t max_results = 1u << 20;
   std::int64_t max_pose_age_ns = 0;
@@ -149,19 +148,19 @@ struct QueryHeader {
   std::uint8_t signed_distance = 0;
   std::uint8_t reduce = 0;  ///< Reduce
   std::uint8_t format = 0;  ///< Format
-  std::uint8_t warm = 0;    ///< keep warm state for this client
+  std::uint8_t warm = 0;    ///< whether to keep warm-start state for this client
   std::uint8_t padding[2] = {};
-  std::int64_t min_pose_stamp_ns = 0;  ///< begin once the poses of wait_for have this stamp or a newer one; 0: at once
-  std::int64_t pose_wait_ns = 0;       ///< at most so long, 0 to 10 s; then kPosesLate
+  std::int64_t min_pose_stamp_ns = 0;  ///< waits for poses of wait_for with this stamp or a newer one; 0 to not wait
+  std::int64_t pose_wait_ns = 0;       ///< maximum wait, 0 to 10 s; then kPosesLate
   std::uint32_t wait_for =
-      kEveryBody;  ///< body, or group selector; bodies without a stamp do not count, but one must have one
+      kEveryBody;  ///< body or group selector; unstamped bodies are ignored, but at least one must have a stamp
   std::uint32_t padding2[1] = {};
   std::uint64_t reserved[5] = {};
 };
 
 struct ReplyHeader {
   std::uint64_t rows = 0;            ///< of each column
-  std::uint64_t total = 0;           ///< kWithin: pairs found, also those past max_results
+  std::uint64_t total = 0;           ///< pairs found by kWithin, including those past max_results
   std::uint64_t configurations = 0;  ///< K
   std::uint64_t pairs = 0;           ///< P
   std::uint32_t fields = 0;          ///< columns that follow
@@ -171,30 +170,30 @@ struct ReplyHeader {
   std::uint64_t scene_revision = 0;
   std::uint64_t snapshot_revision = 0;  ///< of the poses
   std::int64_t snapshot_stamp_ns = 0;   ///< newest publisher's stamp
-  std::int64_t oldest_receipt_ns = 0;   ///< daemon's monotonic clock; 0: no pose was received
+  std::int64_t oldest_receipt_ns = 0;   ///< daemon's monotonic clock; 0 if no pose was received
   std::uint64_t pairs_evaluated = 0;
   std::uint64_t engine_ns = 0;         ///< inside the engine
-  std::uint64_t server_ns = 0;         ///< from receipt of the request to the reply being whole
+  std::uint64_t server_ns = 0;         ///< from the request's receipt to the complete reply
   char backend[16] = {};               ///< NUL-terminated
-  std::int64_t snapshot_sequence = 0;  ///< its publisher's count of the update with snapshot_stamp_ns; 0: not counted
-  std::int64_t pose_age_ns = 0;        ///< from oldest_receipt_ns to the query's begin; -1: no pose was received
+  std::int64_t snapshot_sequence = 0;  ///< its publisher's count of the update with snapshot_stamp_ns; 0 if not counted
+  std::int64_t pose_age_ns = 0;        ///< from oldest_receipt_ns to the query's start; -1 if no pose was received
 };
 
 struct PosesHeader {
   std::uint64_t count = 0;
   std::int64_t stamp_ns = 0;  ///< publisher's clock
-  std::int64_t sequence = 0;  ///< publisher's count of its updates; 0: it keeps none
+  std::int64_t sequence = 0;  ///< publisher's count of its updates, or 0
   std::uint64_t reserved[1] = {};
 };
 
-/// Points that replace those of a body of points, all at once: three float32 each follow, metres, in the body's frame.
+/// Replaces all points of a cloud. Three float32 for each point follow, metres, in the body's frame.
 struct PointsHeader {
   std::uint64_t count = 0;
-  std::int64_t stamp_ns = 0;  ///< publisher's clock; 0: it gives none
-  std::int64_t sequence = 0;  ///< publisher's count of its updates; 0: it keeps none
-  double radius = 0;          ///< metres, that the points are grown by; meaningful if has_radius
+  std::int64_t stamp_ns = 0;  ///< publisher's clock, or 0
+  std::int64_t sequence = 0;  ///< publisher's count of its updates, or 0
+  double radius = 0;          ///< metres, growth of the points; valid if has_radius
   std::uint32_t body = 0;
-  std::uint8_t has_radius = 0;  ///< 0: as the scene has it
+  std::uint8_t has_radius = 0;  ///< 0 for the radius in the scene
   std::uint8_t padding[3] = {};
   std::uint64_t reserved[3] = {};
 };
@@ -213,15 +212,15 @@ struct JointRecord {
 
 struct AttachRecord {
   std::uint32_t child = 0;
-  std::uint32_t parent = 0;   ///< kNone: set free
-  std::uint8_t has_pose = 0;  ///< 0: from where it is now
+  std::uint32_t parent = 0;   ///< kNone to detach
+  std::uint8_t has_pose = 0;  ///< 0 for the current relative pose
   std::uint8_t padding[7] = {};
   double pose[7] = {};  ///< X_parent_child
 };
 
 struct AllowRecord {
   std::uint32_t a = 0, b = 0;  ///< selectors
-  std::uint8_t allow = 1;      ///< 0: their pairs are looked at again
+  std::uint8_t allow = 1;      ///< 0 to include their pairs again
   std::uint8_t padding[7] = {};
 };
 
@@ -249,17 +248,17 @@ struct BodyRecord {
   char name[64] = {};  ///< NUL-terminated UTF-8
   std::uint32_t parent = kNone;
   std::uint8_t is_static = 0;
-  std::uint8_t is_solid = 0;  ///< the body is what its triangles enclose; 0 where there are some: these alone
-  std::uint8_t is_cloud = 0;  ///< the body is points, which kSetPoints replaces
+  std::uint8_t is_solid = 0;  ///< whether the triangles enclose the body, rather than being the body
+  std::uint8_t is_cloud = 0;  ///< whether the body is a point cloud, which kSetPoints replaces
   std::uint8_t padding[1] = {};
   std::uint32_t piece_count = 0;
   std::uint32_t padding2 = 0;
   std::uint64_t vertex_count = 0;
   double model_error = 0;            ///< metres
   double extent = 0;                 ///< metres, farthest point from the body's origin
-  double hull_excess = 0;            ///< metres, how far its pieces stand out of its mesh at most
-  double empty_share = 0;            ///< of the pieces' volume that the mesh leaves empty; NaN: not known
-  std::uint64_t triangle_count = 0;  ///< of a surface or solid, for which its pieces only stand; 0: it is its pieces
+  double hull_excess = 0;            ///< metres, bound on the distance of its convex parts from its mesh
+  double empty_share = 0;            ///< fraction of the parts' volume outside the mesh, or NaN if unknown
+  std::uint64_t triangle_count = 0;  ///< triangles of a surface or solid; 0 if the convex parts are the body
 };
 
 struct GroupRecord {
@@ -296,7 +295,7 @@ struct JointsHeader {
   std::uint64_t revision = 0;  ///< of the poses
   std::int64_t now_ns = 0;     ///< daemon's monotonic clock
   std::uint32_t joint_count = 0;
-  std::uint32_t group_count = 0;  ///< a robot's joints by its name, and those of the groups of its SRDF
+  std::uint32_t group_count = 0;  ///< one group per robot with all its joints, and the groups of its SRDF
   std::uint32_t member_count = 0;
   std::uint32_t padding = 0;
   std::uint64_t reserved = 0;
@@ -304,34 +303,34 @@ struct JointsHeader {
 
 struct JointStateRecord {
   char name[64] = {};  ///< "panda/panda_joint1"
-  double lower = 0;    ///< radians or metres; infinite: no limit
+  double lower = 0;    ///< radians or metres; infinite without a limit
   double upper = 0;
-  double position = 0;  ///< meaningful if status is kOk
+  double position = 0;  ///< valid if status is kOk
   std::int64_t stamp_ns = 0;
   std::int64_t receipt_ns = 0;
-  std::uint8_t status = 0;  ///< Status: kOk, kNoPose (it has no position), kBadPose
+  std::uint8_t status = 0;  ///< Status: kOk, kNoPose (without a position), kBadPose
   std::uint8_t beyond_limits = 0;
   std::uint8_t padding[6] = {};
   std::uint64_t reserved[2] = {};
 };
 
-/// A query that is answered in a device's memory, which the client maps (docs/wire.md, "Plans").
+/// A query in device memory that the client maps (docs/wire.md, "Plans").
 struct PlanHeader {
-  std::uint64_t plan = 0;               ///< its number, never 0; for the client alone that opened it
-  std::uint64_t memory_bytes = 0;       ///< of the memory
+  std::uint64_t plan = 0;               ///< its number, never 0; valid for the client that opened it
+  std::uint64_t memory_bytes = 0;       ///< size of the memory
   std::uint8_t memory_handle[64] = {};  ///< cudaIpcMemHandle_t
-  std::uint8_t device_uuid[16] = {};    ///< of the device that has it
+  std::uint8_t device_uuid[16] = {};    ///< of the memory's device
   std::uint64_t poses_offset = 0;       ///< into the memory: (K, M, 7) float64 as in kQuery
   std::uint64_t positions_offset = 0;   ///< into the memory: (K, J) float64, radians and metres
   std::uint64_t rows = 0;               ///< of each column
-  std::uint64_t configurations = 0;     ///< K; 1 of the current poses
+  std::uint64_t configurations = 0;     ///< K; 1 for the current poses
   std::uint64_t pairs = 0;              ///< P
-  std::uint32_t body_count = 0;         ///< M; 0: no poses are read
-  std::uint32_t joint_count = 0;        ///< J; 0: no positions are read
+  std::uint32_t body_count = 0;         ///< M; 0 without poses as input
+  std::uint32_t joint_count = 0;        ///< J; 0 without positions as input
   std::uint32_t fields = 0;             ///< columns, Field bits
-  std::uint32_t column_count = 0;       ///< how many these are
-  std::uint64_t scene_revision = 0;     ///< of the scene that it was made for, and keeps
-  std::uint64_t snapshot_revision = 0;  ///< of the poses, likewise
+  std::uint32_t column_count = 0;       ///< number of columns
+  std::uint64_t scene_revision = 0;     ///< of the scene, fixed when the plan is opened
+  std::uint64_t snapshot_revision = 0;  ///< of the poses, fixed likewise
   std::uint64_t reserved[2] = {};
 };
 
@@ -349,42 +348,42 @@ struct PlanRecord {
 
 struct PlanResult {
   std::uint64_t plan = 0;
-  std::uint64_t snapshot_revision = 0;  ///< of the poses that the daemon has now, which need not be the plan's
-  std::uint64_t took_ns = 0;            ///< kRunPlan: from its first launch until its rows were there
+  std::uint64_t snapshot_revision = 0;  ///< of the daemon's current poses, not necessarily the plan's
+  std::uint64_t took_ns = 0;            ///< time of kRunPlan from its first launch to its complete rows
   std::uint64_t reserved[1] = {};
 };
 
 enum class BodyShape : std::uint8_t {
-  kHull = 0,       ///< of the vertices that follow
+  kHull = 0,       ///< hull of the vertices that follow
   kBox = 1,        ///< size: full edge lengths
   kSphere = 2,     ///< size: radius
   kCapsule = 3,    ///< size: radius, length between the centres of its caps; along z
   kCylinder = 4,   ///< size: radius, length; along z
   kHalfSpace = 5,  ///< z <= 0 in its own frame; static, without a parent
-  kCone = 6,       ///< size: radius, length; along z, its apex ahead
+  kCone = 6,       ///< size: radius, length; along z, with its apex at the positive end
   kEllipsoid = 7,  ///< size: half axes
-  kCloud = 8,      ///< points, which kSetPoints replaces; size: the edge of the boxes about them, 0: points
+  kCloud = 8,      ///< points, which kSetPoints replaces; size: edge of the boxes around them, or 0
 };
 
 struct NewBodyRecord {
   char name[64] = {};            ///< NUL-terminated UTF-8
-  std::uint32_t parent = kNone;  ///< that it follows
+  std::uint32_t parent = kNone;  ///< body that it follows
   std::uint8_t shape = 0;        ///< BodyShape
   std::uint8_t is_static = 0;
-  std::uint8_t has_pose = 0;  ///< 0: none until one arrives; with a parent or static: the identity
+  std::uint8_t has_pose = 0;  ///< if 0, the identity with a parent or static, otherwise none until one arrives
   std::uint8_t padding = 0;
   double size[3] = {};  ///< metres
   double radius = 0;    ///< metres, grows the shape
-  double pose[7] = {};  ///< X_wb, with a parent X_parent_body
+  double pose[7] = {};  ///< X_wb, or X_parent_body with a parent
   std::uint64_t vertex_count = 0;
   std::uint64_t reserved[2] = {};
 };
 
 struct BodyDoubts {
-  double uncertainty_position = 0;  ///< metres: its origin lies within a ball of this radius about its place
-  double uncertainty_angle = 0;     ///< radians: it may be turned by up to this about its origin
-  double padding = 0;               ///< metres that it is grown by
-  double max_speed = 0;             ///< metres a second that no point of it exceeds
+  double uncertainty_position = 0;  ///< metres: radius of a ball around its position that contains its origin
+  double uncertainty_angle = 0;     ///< radians: bound on its rotation error about its origin
+  double padding = 0;               ///< metres: growth
+  double max_speed = 0;             ///< metres per second: bound on the speed of its points
 };
 
 struct VertexRecord {
@@ -392,18 +391,18 @@ struct VertexRecord {
 };
 
 struct TriangleRecord {
-  std::uint32_t vertices[3] = {};  ///< by their place among those of the body
+  std::uint32_t vertices[3] = {};  ///< indices of the body's vertices
 };
 
 struct RemoveBodyRecord {
-  char name[64] = {};  ///< of a body that kAddBody brought
+  char name[64] = {};  ///< of a body added by kAddBody
 };
 
 struct SceneChange {
-  std::uint64_t scene_revision = 0;  ///< that requests find from now on
+  std::uint64_t scene_revision = 0;  ///< of the new scene
   std::uint32_t body_count = 0;
-  std::uint32_t body = kNone;  ///< kAddBody: the id of the new one
-  double seconds = 0;          ///< that it took to make the scene
+  std::uint32_t body = kNone;  ///< id of the new body, for kAddBody
+  double seconds = 0;          ///< time to build the scene
   std::uint64_t reserved[1] = {};
 };
 
@@ -413,27 +412,27 @@ struct CounterRecord {
 };
 
 enum class ErrorCode : std::uint16_t {
-  kBadQuery = 1,  ///< as QueryErrorCode
+  kBadQuery = 1,  ///< the first four as in QueryErrorCode
   kWrongScene = 2,
   kTooLarge = 3,
   kNotSupported = 4,
-  kBadFrame = 16,      ///< magic, sizes or counts do not fit
-  kWrongVersion = 17,  ///< the text says which one this side speaks
+  kBadFrame = 16,      ///< inconsistent magic, sizes or counts
+  kWrongVersion = 17,  ///< the text names the supported version
   kUnknownType = 18,
-  kBusy = 19,  ///< the queue of this client is full; ask again
+  kBusy = 19,  ///< the queue of this client is full; retry later
   kInternal = 20,
   kReloadFailed = 21,  ///< the old scene stays; the text is the loader's
-  kForbidden = 22,     ///< this client may not do that; the text names the right that it lacks
-  kPosesLate = 23,     ///< the poses that the query waits for have not come in time
-  kNewEpoch = 24,      ///< the daemon was started anew, or is another one, since the client's first contact
-  kDeadline = 25,      ///< no answer by the query's deadline; the text says how long it takes, or took
+  kForbidden = 22,     ///< this client lacks the right that the text names
+  kPosesLate = 23,     ///< the poses that the query waits for have not arrived in time
+  kNewEpoch = 24,      ///< the daemon was restarted, or is another one, since the client's first contact
+  kDeadline = 25,      ///< no answer by the query's deadline; the text states the time required or used
 };
 
 struct ErrorHeader {
   std::uint16_t code = 0;  ///< ErrorCode
   std::uint16_t padding = 0;
   std::uint32_t text_bytes = 0;
-  std::uint64_t needed_bytes = 0;  ///< kTooLarge: room that the reply would need; else 0
+  std::uint64_t needed_bytes = 0;  ///< size of the reply for kTooLarge, otherwise 0
 };
 
 #define CLEARANCE_WIRE(type, bytes) \

@@ -1,4 +1,4 @@
-// A query as C++ callers write it, the same for a client of the daemon and for an engine of their own.
+// A query in C++, the same for a client of the daemon and for an engine in the process.
 #pragma once
 
 #if __cplusplus < 202002L
@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-// Installed shared libraries show what is marked so, and nothing else.
+// Marks the exported symbols of installed shared libraries.
 #ifdef CLEARANCE_STATIC
 #define CLEARANCE_API
 #else
@@ -30,24 +30,25 @@ using Pose7 = std::array<double, 7>;
 using IdPair = std::array<std::uint32_t, 2>;
 
 struct Query {
-  std::span<const IdPair> pairs = {};          ///< empty: all enabled pairs, or none
-  bool all_pairs = true;                       ///< what empty `pairs` means; with pairs it is not read
+  std::span<const IdPair> pairs = {};          ///< the pairs; if empty, see all_pairs
+  bool all_pairs = true;                       ///< if `pairs` is empty: all enabled pairs, otherwise no pairs
   std::span<const std::uint32_t> bodies = {};  ///< (M,) moved bodies
-  std::span<const Pose7> configurations = {};  ///< (K * M,) their poses; empty: the current poses
+  std::span<const Pose7> configurations = {};  ///< (K * M,) their poses; empty for the current poses
   std::span<const std::uint32_t> joints = {};  ///< (J,) moved joints, by id
-  std::span<const double> positions = {};      ///< (K * J,) radians and metres; other joints stay as they are
-  /// max_distance, reduce, ...: one member for each row of the table in query_options.h, which says what it is for.
+  std::span<const double> positions = {};      ///< (K * J,) radians and metres; other joints keep their positions
+  /// max_distance, reduce, ...: one member for each row of the table in query_options.h, which describes it.
   CLEARANCE_QUERY_OPTIONS(CLEARANCE_OPTION_MEMBER)
-  /// Reduce::kAny, in place of `margin`: of pairs of bodies and groups, later entries win; or (P,) one of each pair.
+  /// Replaces `margin` in Reduce::kAny: margins of pairs of bodies and groups, where later entries win, or (P,) margins
+  /// of each pair.
   std::span<const MarginEntry> margins = {};
   std::span<const double> pair_margins = {};
-  std::span<const double> weights =
-      {};                   ///< kFieldFreeScale: (J,) radians and metres >= 0 that joints go at a scale of 1
-  bool check_scene = true;  ///< refuse an answer for another scene than the one this client fetched
+  /// For kFieldFreeScale: (J,) radians and metres >= 0, joint motions at a scale of 1.
+  std::span<const double> weights = {};
+  bool check_scene = true;  ///< whether to reject an answer for another scene than the client's
 };
 
-/// K: how many configurations it has; 0: none, it is about the current poses. Throws std::invalid_argument for poses
-/// and positions that are no whole number of configurations, or not the same.
+/// Number of configurations, or 0 for the current poses. Throws std::invalid_argument unless poses and positions are
+/// whole numbers of configurations, and the same number.
 inline std::uint64_t configuration_count(const Query& query) {
   const auto count = [](const char* what, std::size_t given, std::size_t each, const char* of) -> std::uint64_t {
     if (each == 0 ? given == 0 : given % each == 0 && given > 0) return each ? given / each : 0;
@@ -62,36 +63,35 @@ inline std::uint64_t configuration_count(const Query& query) {
   return of_bodies ? of_bodies : of_joints;
 }
 
-/// A joint's limits, radians or metres; infinite: none.
+/// A joint's limits, radians or metres; infinite without a limit.
 struct JointLimits {
   double lower, upper;
 };
 
-/// A joint that is beyond its limits.
+/// A joint beyond its limits.
 struct LimitViolation {
   std::uint64_t configuration;
   std::uint32_t joint;  ///< id
   double position;      ///< radians or metres
   JointLimits limits;
-  /// How far beyond, above 0.
+  /// Distance beyond the limit, above 0.
   double excess() const { return position < limits.lower ? limits.lower - position : position - limits.upper; }
 };
 
-/// Which configurations are free: (K,) each, 1 without configurations. Distances do not depend on joint limits, nor
-/// does `free`; ok() does.
+/// The free configurations: (K,) each, or 1 without configurations. `free` ignores joint limits, ok() includes them.
 struct Check {
-  std::vector<bool> free;  ///< every pair is proved farther than its margin
-  std::vector<Status>
-      status;                ///< kBeyond: free; kOk, kContact, kOverlap: `pair` is within; else nothing is proved of it
-  std::vector<IdPair> pair;  ///< kNone where it is free
+  std::vector<bool> free;  ///< whether every pair is proved farther than its margin
+  /// kBeyond if free; kOk, kContact, kOverlap if `pair` is proved within its margin; otherwise there is no proof.
+  std::vector<Status> status;
+  std::vector<IdPair> pair;          ///< kNone if free
   std::vector<double> lower, upper;  ///< metres, of `pair`
-  /// A joint of the query is beyond its limits; without configurations, a joint of the scene.
+  /// Whether a joint of the query, or without configurations of the scene, is beyond its limits.
   std::vector<bool> beyond_limits;
   std::vector<LimitViolation> limit_violations;  ///< in the order of configurations
 
   /// Whether configuration `k` is free, and within the joints' limits.
   bool ok(std::size_t k) const { return free[k] && !beyond_limits[k]; }
-  /// Whether all are.
+  /// Whether all configurations are ok.
   explicit operator bool() const {
     for (std::size_t k = 0; k < free.size(); ++k)
       if (!ok(k)) return false;
@@ -99,14 +99,15 @@ struct Check {
   }
 };
 
-/// A query as check() asks it.
+/// Converts a query to that of check().
 inline Query as_check(Query query) {
   query.reduce = Reduce::kAny;
   query.format = Format::kFull;
   query.fields = kFieldLower | kFieldUpper | kFieldStatus;
   return query;
 }
-/// A query as free_scale() asks it. \param weights must stay until it is answered
+/// Converts a query to that of free_scale().
+/// \param weights must outlive the query
 inline Query as_free_scale(Query query, std::span<const double> weights) {
   query.reduce = Reduce::kAny;
   query.format = Format::kFull;
@@ -114,8 +115,8 @@ inline Query as_free_scale(Query query, std::span<const double> weights) {
   query.weights = weights;
   return query;
 }
-/// What the answer to as_check() says.
-/// \param limits (J,) of the joints
+/// Converts the answer of as_check().
+/// \param limits (J,) limits of the joints
 template <class Answer>
 Check check_of(const Answer& answer, std::span<const std::uint32_t> joints, std::span<const JointLimits> limits,
                std::span<const double> positions) {

@@ -1,13 +1,13 @@
-// What a query may ask besides its pairs and poses: each option is one row of this table.
+// Options of a query, in addition to its pairs and poses: one row of this table for each.
 //
-// What follows from a row: the member of Query in C++ (client.h) and in Python's extension modules, its place on the
-// wire, what a daemon accepts and in which words it refuses the rest (query_frame.cpp), its translation from LCM where
+// A row defines the member of Query in C++ (client.h) and in Python's extension modules, the option's place on the
+// wire, the accepted values and the error for others (query_frame.cpp), its translation from LCM where
 // query_t or query2_t has it by that name, a flag of `clearance query`, a keyword argument of Python's calls, and its
-// row in docs/wire.md, which a test compares. What is left to write is its use: the daemon reads QueryParts::options,
-// the engine gets it once QueryView has a member of that name.
+// row in docs/wire.md, which a test compares. Only its use is written by hand: the daemon reads QueryParts::options,
+// and the engine receives it if QueryView has a member of that name.
 //
-// The first rows travel in QueryHeader, which is what it is for good. A new option takes the next free tag, and travels
-// in a record of that tag where it differs from its default; rows stay in the order in which they came.
+// The first rows travel in QueryHeader, which is final. A new option takes the next free tag, and travels in a record
+// of that tag if it differs from its default. Rows keep the order of their introduction.
 #pragma once
 
 #include <clearance/model.h>
@@ -18,7 +18,7 @@
 #include <type_traits>
 #include <utility>
 
-// X(type, name, default, tag (0: in QueryHeader), legal values, unit, what it is for)
+// X(type, name, default, tag (0 in QueryHeader), legal values, unit, description)
 // clang-format off
 #define CLEARANCE_QUERY_OPTIONS(X)                                                                                     \
   X(double, max_distance, std::numeric_limits<double>::infinity(), 0, Legal::at_least(0, "a number of metres >= 0"),  \
@@ -67,13 +67,13 @@
 
 namespace clearance {
 
-/// Which values an option may have.
+/// Legal values of an option.
 struct Legal {
   enum class Kind : std::uint8_t { kAnything, kRange, kWord, kBits };
   Kind kind = Kind::kAnything;
-  double least = 0, most = 0;  ///< kRange; kWord: the last word
-  std::uint64_t mask = 0;      ///< kBits
-  const char* text = nullptr;  ///< kRange, for people; null: "LEAST to MOST". kWord: the words, from 0 on
+  double least = 0, most = 0;  ///< of kRange; `most` of kWord is its last word
+  std::uint64_t mask = 0;      ///< of kBits
+  const char* text = nullptr;  ///< description of kRange, by default "LEAST to MOST"; the words of kWord, from 0 on
 
   static constexpr Legal anything() { return {}; }
   static constexpr Legal range(double least, double most, const char* text = nullptr) {
@@ -101,7 +101,7 @@ struct QueryOptions {
 
 inline constexpr QueryOptions kDefaultOptions;
 
-/// A row of the table, but for type and default.
+/// A row of the table, without type and default.
 struct QueryOption {
   const char* name;
   std::uint16_t tag;
@@ -109,7 +109,7 @@ struct QueryOption {
   const char *unit, *text;
 };
 
-/// Calls f(row, member) for each row; member(x) is the option in any x that has it.
+/// Calls f(row, member) for each row; member(x) is the option in any x with such a member.
 template <class F>
 constexpr void for_each_query_option(F f) {
 #define CLEARANCE_OPTION_VISIT(type, name, value, tag, legal, unit, text) \
@@ -118,7 +118,7 @@ constexpr void for_each_query_option(F f) {
 #undef CLEARANCE_OPTION_VISIT
 }
 
-/// Copies the options that both have, by name.
+/// Copies the options common to both, by name.
 template <class From, class To>
 void copy_options(const From& from, To& to) {
   for_each_query_option([&](const QueryOption&, auto member) {
@@ -127,7 +127,7 @@ void copy_options(const From& from, To& to) {
   });
 }
 
-/// How a record holds an option of type T.
+/// Type of an option of type T in a record.
 template <class T>
 using OptionOnWire = std::conditional_t<std::is_enum_v<T> || std::is_same_v<T, bool>, std::uint8_t, T>;
 

@@ -1,25 +1,25 @@
-// The words of the contract: what a query may ask and what an answer may say.
+// Enumerations and columns of queries and answers.
 //
-// Shared by the engine, the daemon and every client, so that each word has one value everywhere. Plain enums only:
-// no transport, no geometry. Values are part of the wire format; they are never renumbered. Python mirrors them in
-// client/python/clearance/_words.py (a test compares the two).
+// Shared by the engine, the daemon and every client. Plain enums only, without transport or geometry. Values are part
+// of the wire format and are never renumbered. Python mirrors them in client/python/clearance/_words.py (a test
+// compares the two).
 #pragma once
 
 #include <cstdint>
 
 namespace clearance {
 
-/// What is known about one pair (or one reduced group) in one configuration.
+/// Status of one pair (or one reduced group) in one configuration.
 enum class Status : std::uint8_t {
-  kOk = 0,           ///< apart: lower > 0, and the interval is as narrow as asked
-  kOverlap = 1,      ///< a common point is proved: upper <= 0 (signed: and as narrow as asked)
+  kOk = 0,           ///< apart: lower > 0, and the interval is within the tolerance
+  kOverlap = 1,      ///< a common point is proved: upper <= 0 (if signed, also within the tolerance)
   kContact = 2,      ///< neither is provable: lower <= 0 <= upper
-  kBeyond = 3,       ///< proved farther than max_distance (Reduce::kAny: than the margins); not refined
-  kUnconverged = 4,  ///< the interval is valid but wider than asked
+  kBeyond = 3,       ///< proved farther than max_distance (with Reduce::kAny, than the margins); not refined
+  kUnconverged = 4,  ///< the interval is valid but wider than the tolerance
   kBadPose = 5,      ///< a pose with NaN, Inf or a quaternion that cannot be normalised
-  kNoPose = 6,       ///< a movable body that never got a pose
+  kNoPose = 6,       ///< a movable body without a pose
   kUnknownBody = 7,  ///< a body id outside the scene
-  kStalePose = 8,    ///< a pose older than max_pose_age_ns, where the query has stale_status
+  kStalePose = 8,    ///< a pose older than max_pose_age_ns, in a query with stale_status
 };
 
 /// Facts about one answer, as bits.
@@ -28,30 +28,30 @@ enum Flag : std::uint16_t {
   kFlagRenormalised = 1 << 1,     ///< a quaternion's norm was off by more than 1e-3
   kFlagRoundingLimited = 1 << 2,  ///< as narrow as the arithmetic allows
   kFlagNonsmooth = 1 << 3,        ///< witness points are not unique; the gradient is one of several
-  kFlagPieces = 1 << 4,           ///< a body of several pieces overlaps: the depth bounds the union's motion from below
-  kFlagIncomplete = 1 << 5,       ///< a reduced group held a bad or missing pose
-  kFlagSlack = 1 << 6,            ///< what is not known of the bodies is alone wider than asked
+  kFlagPieces = 1 << 4,           ///< a body of several convex parts overlaps: the depth is a lower bound
+  kFlagIncomplete = 1 << 5,       ///< a reduced group contains a bad or missing pose
+  kFlagSlack = 1 << 6,            ///< uncertainty alone exceeds the tolerance
   kFlagBeyondLimits = 1 << 7,     ///< a joint that places one of the bodies is beyond its limits
-  kFlagHalfTurn = 1 << 8,         ///< a body turns by nearly half a turn in a motion: which way, its ends hardly say
+  kFlagHalfTurn = 1 << 8,         ///< a body turns by nearly half a turn: its direction of rotation is ambiguous
 };
 
 /// Arithmetic of the iterations; the bounds are valid in either.
 enum class Precision : std::uint8_t { kF64 = 0, kF32 = 1 };
 
-/// Which rows come back.
+/// Rows of an answer.
 enum class Reduce : std::uint8_t {
   kNone = 0,     ///< one row per configuration and pair
   kWithin = 1,   ///< sparse: only pairs not proved farther than max_distance, up to max_results, with the total
   kNearest = 2,  ///< one row per configuration and body
   kMin = 3,      ///< one row per configuration
-  kAny = 4,      ///< one row per configuration: kBeyond where every pair is proved farther than its margin, else a pair
-                 ///< proved to be within it (kOk, kContact, kOverlap), or else one of which neither is proved
+  kAny = 4,      ///< one row per configuration: kBeyond if every pair is proved farther than its margin, otherwise a
+                 ///< pair proved within its margin (kOk, kContact, kOverlap) or, failing that, an undecided pair
 };
 
 /// How columns are encoded.
 enum class Format : std::uint8_t {
   kFull = 0,     ///< float64 columns, points in the world frame
-  kCompact = 1,  ///< one CompactAnswer per row, and the integer columns asked for
+  kCompact = 1,  ///< one CompactAnswer per row, and the requested integer columns
 };
 
 /// Columns of an answer, as bits of a mask and (by position) as the order of columns in a reply.
@@ -64,37 +64,38 @@ enum Field : std::uint32_t {
   kFieldPointA = 1u << 5,           ///< 3 float64, metres, world frame
   kFieldPointB = 1u << 6,           ///< 3 float64, metres, world frame
   kFieldNormal = 1u << 7,           ///< 3 float64, unit, world frame, from a towards b
-  kFieldPieces = 1u << 8,           ///< 2 uint32, index of the nearest piece within each body
-  kFieldGradient = 1u << 9,         ///< 2 x 6 float64: of a, of b: by a turn about its own origin, a shift; world axes
-  kFieldPair = 1u << 10,            ///< 2 uint32, body ids (a, b); always there for reductions
-  kFieldConfiguration = 1u << 11,   ///< uint32; always there for Reduce::kWithin
-  kFieldCompact = 1u << 12,         ///< CompactAnswer, replaces the float64 columns when Format::kCompact
+  kFieldPieces = 1u << 8,           ///< 2 uint32, index of the nearest convex part within each body
+  kFieldGradient = 1u << 9,         ///< 2 x 6 float64, of a and b: by a turn about its origin, a shift; world axes
+  kFieldPair = 1u << 10,            ///< 2 uint32, body ids (a, b); always present in reductions
+  kFieldConfiguration = 1u << 11,   ///< uint32; always present with Reduce::kWithin
+  kFieldCompact = 1u << 12,         ///< CompactAnswer, replaces the float64 columns in Format::kCompact
   kFieldGradientJoints = 1u << 13,  ///< J float64: by the position of each of the query's joints, in their order
   kFieldPairLower = 1u << 14,       ///< 2 uint32, body ids: the pair whose lower bound is the row's; reductions
-  kFieldTime = 1u << 15,            ///< float64, 0 to 1: when in the motion the row's witness points are; NaN: none
-  kFieldFirstContact = 1u << 16,  ///< 2 float64, 0 to 1: up to when the pairs are proved beyond their margins, and when
-                                  ///< one is proved within; inf: they always are; it never is
-  kFieldSteps = 1u << 17,         ///< uint32, configurations that the motion asked for
-  kFieldBounds = 1u << 18,        ///< 2 float32, metres: lower and upper, rounded outward
-  kFieldFreeScale = 1u << 19,  ///< float64: while no joint moves by more than so many times its weight, every pair is
-                               ///< proved to stay beyond its margin; 0: not even now. kAny, with weights
+  kFieldTime = 1u << 15,            ///< float64, 0 to 1: time of the row's witness points in the motion, or NaN
+  kFieldFirstContact = 1u << 16,    ///< 2 float64, 0 to 1: time until which pairs are proved beyond their margins, and
+                                    ///< a time at which one is proved within; inf if there is none
+  kFieldSteps = 1u << 17,           ///< uint32, evaluations of the motion
+  kFieldBounds = 1u << 18,          ///< 2 float32, metres: lower and upper, rounded outward
+  kFieldFreeScale = 1u << 19,  ///< float64, kAny with weights: every pair is proved to stay beyond its margin while
+                               ///< no joint moves by more than this times its weight; 0 if not proved even now
 };
 inline constexpr int kFieldCount = 20;
 inline constexpr std::uint32_t kKnownFields = (1u << kFieldCount) - 1;
-/// Columns that only motions have.
+/// Columns of motions only.
 inline constexpr std::uint32_t kMotionFields = kFieldTime | kFieldFirstContact | kFieldSteps;
 inline constexpr std::uint32_t kFieldPoints = kFieldPointA | kFieldPointB;
 inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
 
-/// Bytes of one row of each column, by bit position of its Field; of kFieldGradientJoints those of one joint.
+/// Bytes of one row of each column, by bit position of its Field; for kFieldGradientJoints, bytes of one joint.
 inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8,  1, 2, 24, 24, 24, 8, 96,
                                                            8, 4, 32, 8, 8, 8,  16, 4,  8, 8};
-/// Bytes of one row of a column. \param joints of the query: J
+/// Bytes of one row of a column.
+/// \param joints number of the query's joints
 constexpr std::uint64_t field_bytes(int bit, std::uint64_t joints) {
   return kFieldBytes[bit] * ((1u << bit) == kFieldGradientJoints ? joints : 1);
 }
 
-/// Each column of a reply starts on such a boundary.
+/// Alignment of each column of a reply, in bytes.
 inline constexpr std::uint64_t kColumnAlignment = 64;
 
 /// One row of Format::kCompact: 32 bytes. Bounds are rounded outward; points are relative to each body's origin, world
@@ -117,13 +118,13 @@ static_assert(sizeof(MarginEntry) == 16);
 /// A pair selector: a body id, or a group index with kGroupBit set, or every body.
 inline constexpr std::uint32_t kGroupBit = 0x80000000u;
 inline constexpr std::uint32_t kEveryBody = 0xFFFFFFFFu;
-/// "No such body or piece" in an answer.
+/// "No such body or convex part" in an answer.
 inline constexpr std::uint32_t kNone = 0xFFFFFFFEu;
 
-/// Bytes a body's or group's name may have.
+/// Maximum length of a body's or group's name, in bytes.
 inline constexpr int kMaxNameBytes = 63;
 
-/// Rows of a dense answer up to which points and normal come by default.
+/// Maximum rows of a dense answer with points and normal by default.
 inline constexpr std::uint64_t kDefaultPointsRows = 100000;
 
 }  // namespace clearance

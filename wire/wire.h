@@ -1,7 +1,7 @@
-// Builds and checks frames of the wire contract (protocol.h): one routine for each, used by the daemon and by clients.
+// Builds and validates frames (protocol.h), with the same routines in the daemon and in clients.
 //
-// Nothing here trusts a byte: every size is computed without overflow and compared with what arrived before anything is
-// read, every enumeration is checked for its range, and records are read by copy, so that no alignment is asked for.
+// Input is untrusted: sizes are computed without overflow and compared with the received bytes before any read,
+// enumerations are checked for their range, and records are copied, so that alignment does not matter.
 #pragma once
 
 #include <cstddef>
@@ -19,13 +19,13 @@
 
 namespace clearance::wire {
 
-/// A frame that cannot be accepted; the text names the part and what was expected there.
+/// Error for an invalid frame; the text names the part and the expected value.
 struct WireError : std::runtime_error {
   WireError(ErrorCode c, const std::string& what) : std::runtime_error(what), code(c) {}
   ErrorCode code;
 };
 
-/// `count` records of T, one after another in somebody's bytes.
+/// View of `count` consecutive records of T in a buffer.
 template <class T>
 class Records {
  public:
@@ -57,20 +57,20 @@ static_assert(sizeof(PairRecord) == 8 && sizeof(ConfigurationRecord) == 56);
 
 // --- frames
 
-/// Throws WireError (kBadFrame, kWrongVersion) unless the header fits this version and the payload that came with it.
+/// Throws WireError (kBadFrame, kWrongVersion) unless the header matches this version and the payload.
 void check_header(const FrameHeader& header, std::uint64_t payload_bytes);
 
 /// Copies the header of a contiguous frame, checks it and returns its payload. Throws WireError.
 std::span<const std::byte> split_frame(std::span<const std::byte> frame, FrameHeader& header);
 
-/// A payload without its records, and these.
+/// A payload, split into body and records.
 struct PayloadParts {
   std::span<const std::byte> body, records;
 };
-/// Throws WireError for a header that speaks of more records than there are bytes.
+/// Throws WireError if the header announces more bytes of records than the payload has.
 PayloadParts split_payload(const FrameHeader& header, std::span<const std::byte> payload);
 
-/// The header of a frame of `type`.
+/// Creates the header of a frame of `type`.
 FrameHeader make_header(FrameType type, std::uint64_t request_id, std::uint64_t payload_bytes,
                         std::uint64_t scene_revision = 0, std::uint64_t client_id = 0);
 
@@ -78,9 +78,9 @@ FrameHeader make_header(FrameType type, std::uint64_t request_id, std::uint64_t 
 FrameHeader make_reply_header(const FrameHeader& request, FrameType type, std::uint64_t payload_bytes,
                               std::uint64_t scene_revision);
 
-/// The type's name for messages: "kQuery"; of an unknown one its number.
+/// Returns the type's name for messages, such as "kQuery", or the number of an unknown type.
 std::string type_name(std::uint16_t type);
-/// The code's name for messages and counters: "bad_query".
+/// Returns the code's name for messages and counters, such as "bad_query".
 std::string_view error_name(ErrorCode code);
 
 /// Appends to a payload under construction.
@@ -91,7 +91,7 @@ void append(std::vector<std::byte>& bytes, const T& record) {
   append_bytes(bytes, &record, sizeof record);
 }
 
-/// Appends to a frame under construction; the payload's size is written into the header at the end.
+/// Builds a frame; take() writes the payload's size into the header.
 class FrameBuilder {
  public:
   explicit FrameBuilder(const FrameHeader& header) { add(header); }
@@ -105,7 +105,7 @@ class FrameBuilder {
     append_bytes(bytes_, data, size);
     return *this;
   }
-  /// The whole frame.
+  /// Returns the complete frame.
   std::vector<std::byte> take();
 
  private:
@@ -119,85 +119,88 @@ struct RecordView {
   bool required;
   std::span<const std::byte> bytes;
 };
-/// Tags of records that were passed over.
+/// Tags of ignored records.
 using PassedOver = std::vector<std::uint16_t>;
 
 void append_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
                    std::span<const std::byte> bytes);
-/// The same before the first record whose tag is higher, as tags have to rise.
-/// \param records as append_record() made them
+/// Inserts a record before the first one with a higher tag, since tags must ascend.
+/// \param records output of append_record()
 void insert_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
                    std::span<const std::byte> bytes);
-/// Appends CommonRecord::kEpoch. \param flags kRecordRequired in a request
+/// Appends CommonRecord::kEpoch.
+/// \param flags kRecordRequired in a request
 void append_epoch(std::vector<std::byte>& records, std::uint64_t epoch, std::uint16_t flags = 0);
-/// The epoch that a reply names; 0: none. Throws WireError for records that make no sense.
+/// Returns the epoch in a reply, or 0. Throws WireError for invalid records.
 std::uint64_t epoch_of(const FrameHeader& header, std::span<const std::byte> payload);
 /// The header of a frame whose payload ends in so many bytes of records; unchanged if there are none.
 FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes);
-/// Calls know(record), which returns whether the tag is known to it. One that is not is noted in `passed_over`, or, if
-/// it is required, refused. Throws WireError (kBadFrame for sizes, flags and tags that do not rise; kNotSupported).
+/// Calls know(record), which returns whether it knows the tag, for each record except the epoch. Adds unknown tags to
+/// `passed_over` or, if required, rejects them. Throws WireError (kBadFrame for sizes, flags and tags that do not
+/// ascend; kNotSupported).
 /// \param what names the frame in errors.
-/// \return the epoch among them, which know() is not asked about; 0: there is none
+/// \return the epoch among them, or 0
 template <class Know>
 std::uint64_t read_records(const char* what, std::span<const std::byte> records, PassedOver& passed_over, Know know);
 
 // --- kQuery, kPairs, kCertify, kOpenPlan
 
-/// Whether a request of this type has configurations in it, beside how many they are.
+/// Whether a request of this type contains configurations, not only their number.
 constexpr bool has_configurations(FrameType query) {
   return query != FrameType::kPairs && query != FrameType::kOpenPlan;
 }
 
 struct QueryParts {
   QueryHeader header;
-  QueryOptions options;  ///< whether they came in the header or in records
+  QueryOptions options;  ///< from the header and from records
   PassedOver passed_over;
-  std::uint64_t epoch = 0;                      ///< that it is for; 0: it names none
+  std::uint64_t epoch = 0;                      ///< intended run of the daemon, or 0
   Records<PairRecord> pairs;                    ///< (P,)
   Records<std::uint32_t> bodies;                ///< (M,)
-  Records<ConfigurationRecord> configurations;  ///< (K, M); empty where has_configurations() is false
-  Records<MarginEntry> margins;                 ///< of pairs of selectors; not looked at
-  Records<double> pair_margins;                 ///< one of each pair; not looked at
+  Records<ConfigurationRecord> configurations;  ///< (K, M); empty if has_configurations() is false
+  Records<MarginEntry> margins;                 ///< margins of pairs of selectors; not validated
+  Records<double> pair_margins;                 ///< a margin of each pair; not validated
   Records<std::uint32_t> joints;                ///< (J,)
-  Records<double> positions;                    ///< (K, J); likewise
-  Records<double> weights;                      ///< of the joints; not looked at
-  Records<std::uint64_t> rows;                  ///< of kCertify; not looked at
-  bool has_rows = false;                        ///< there is such a record
+  Records<double> positions;                    ///< (K, J); empty if has_configurations() is false
+  Records<double> weights;                      ///< weights of the joints; not validated
+  Records<std::uint64_t> rows;                  ///< rows of kCertify; not validated
+  bool has_rows = false;                        ///< whether the record of `rows` is present
 };
 
-/// Bytes of a query's payload. Throws WireError (kTooLarge) if a frame cannot be so large.
+/// Bytes of a query's payload. Throws WireError (kTooLarge) beyond the maximum size of a frame.
 std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std::uint64_t configurations);
 
-/// Writes a whole kQuery, kPairs, kCertify or kOpenPlan frame of sizeof(FrameHeader) + query_payload_bytes(...) +
-/// records at `frame`. The counts are those of `query`; where has_configurations() is false they are left out (and
-/// counted as 0 in query_payload_bytes).
+/// Writes a complete kQuery, kPairs, kCertify or kOpenPlan frame of sizeof(FrameHeader) + query_payload_bytes(...) +
+/// records to `frame`, with the counts of `query`. If has_configurations() is false, there are no configurations, and
+/// query_payload_bytes() counts 0.
 void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,
                  const void* bodies, const void* configurations, std::span<const std::byte> records = {});
 
-/// The records of those options that have no place in QueryHeader and differ from their defaults, each required.
-/// \param options QueryOptions, or what has members of the same names.
+/// Returns required records of the options outside QueryHeader that differ from their defaults.
+/// \param options QueryOptions, or a type with members of the same names.
 template <class Options>
 std::vector<std::byte> option_records(const Options& options);
-/// Inserts the records of a query's joints, if it has any. \param positions of kPairs: none
+/// Inserts the records of a query's joints, if it has any.
+/// \param positions empty for kPairs
 void insert_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
                           std::span<const double> positions);
 
-/// Throws WireError (kBadFrame for sizes, kBadQuery for values, kNotSupported for a record that it may not pass over).
-/// \param with_configurations has_configurations() of its type.
+/// Throws WireError (kBadFrame for sizes, kBadQuery for values, kNotSupported for an unknown required record).
+/// \param with_configurations has_configurations() of the query's type.
 QueryParts parse_query(std::span<const std::byte> payload, bool with_configurations = true,
                        std::span<const std::byte> records = {});
-/// The payload of a kQuery, kPairs, kCertify or kOpenPlan frame, with its records.
+/// Parses the payload of a kQuery, kPairs, kCertify or kOpenPlan frame, with its records.
 QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> payload);
 
 // --- kReply
 
-/// Bytes of the columns of a reply. Throws WireError (kTooLarge) if a frame cannot be so large.
-/// \param joints of the query: J, read only with kFieldGradientJoints
+/// Bytes of the columns of a reply. Throws WireError (kTooLarge) beyond the maximum size of a frame.
+/// \param joints number of the query's joints, read only with kFieldGradientJoints
 std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields, std::uint64_t joints = 0);
-/// Where the column of `field` begins, from the end of the ReplyHeader. The column must be among `fields`.
+/// Offset of the column of `field` from the end of the ReplyHeader. The column must be among `fields`.
 std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field field, std::uint64_t joints = 0);
-/// Throws WireError unless the columns that the header speaks of are all there, and nothing else but records that it
-/// may pass over. \param joints receives J of a reply with kFieldGradientJoints, else 0; may be null
+/// Throws WireError unless the payload contains exactly the columns in the header and no unknown required record.
+/// \param joints receives J of a reply with kFieldGradientJoints, otherwise 0; can be null
 ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records = {},
                         std::uint32_t* joints = nullptr);
 
@@ -215,7 +218,7 @@ struct JointUpdateParts {
 JointUpdateParts parse_joint_update(std::span<const std::byte> payload);
 struct PointsParts {
   PointsHeader header;
-  std::span<const std::byte> xyz;  ///< twelve bytes for each point
+  std::span<const std::byte> xyz;  ///< twelve bytes per point
 };
 PointsParts parse_points(std::span<const std::byte> payload);
 struct AttachParts {
@@ -234,7 +237,7 @@ struct SceneParts {
   Records<GroupRecord> groups;
   Records<std::uint32_t> members;
 };
-/// Also checks that names end, members exist and are bodies.
+/// Also checks that names are terminated, and that members are bodies.
 SceneParts parse_scene(std::span<const std::byte> payload);
 
 struct PairTableParts {
@@ -255,21 +258,21 @@ struct JointsParts {
   Records<GroupRecord> groups;
   Records<std::uint32_t> members;
 };
-/// Also checks that names end, and members exist and are joints.
+/// Also checks that names are terminated, and that members are joints.
 JointsParts parse_joints(std::span<const std::byte> payload);
 
 struct NewBodyParts {
   NewBodyRecord record;
   Records<VertexRecord> vertices;
-  Records<TriangleRecord> triangles;  ///< empty: the vertices are those of a hull
+  Records<TriangleRecord> triangles;  ///< empty for the vertices of a hull
   Convexify convexify = Convexify::kHull;
-  Records<std::array<float, 3>> points;  ///< of a cloud
+  Records<std::array<float, 3>> points;  ///< points of a cloud
   BodyDoubts doubts;
   PassedOver passed_over;
   std::uint64_t epoch = 0;  ///< as QueryParts::epoch
 };
-/// Also checks that the name ends, that there is such a shape, that only clouds have points, and such a `convexify` of
-/// triangles; not which vertices these name.
+/// Also checks that the name is terminated, that shape and `convexify` are valid, and that only clouds have points.
+/// Does not check the indices of triangles.
 NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 RemoveBodyRecord parse_remove_body(std::span<const std::byte> payload);
 SceneChange parse_scene_changed(std::span<const std::byte> payload);
@@ -278,14 +281,14 @@ struct PlanParts {
   PlanHeader header;
   Records<PlanColumnRecord> columns;
 };
-/// Also checks that poses, positions and columns lie in the memory, one after another, and that the columns are those
-/// that the header speaks of.
+/// Also checks that poses, positions and columns are consecutive within the memory, and that the columns match the
+/// header.
 PlanParts parse_plan(std::span<const std::byte> payload);
-/// Of kRunPlan and kClosePlan.
+/// Parses the payload of kRunPlan and kClosePlan.
 PlanRecord parse_plan_request(std::span<const std::byte> payload);
 PlanResult parse_plan_done(std::span<const std::byte> payload);
 
-/// Also checks that names end.
+/// Also checks that names are terminated.
 Records<CounterRecord> parse_stats(std::span<const std::byte> payload);
 
 struct ErrorParts {
@@ -294,18 +297,18 @@ struct ErrorParts {
 };
 ErrorParts parse_error(std::span<const std::byte> payload);
 
-/// The payload of a frame without one: throws WireError if there are bytes.
+/// Throws WireError if the payload is not empty.
 void parse_empty(std::span<const std::byte> payload, std::uint16_t type);
 
 // --- templates of the above
 
-/// The record at the front of `records`, which it is taken from. \param last tag before it, 0 at first, and then its
-/// own. Throws WireError (kBadFrame).
+/// Removes the first of `records` and returns it. Throws WireError (kBadFrame).
+/// \param last the previous tag, initially 0; set to the record's tag
 RecordView take_record(const char* what, std::span<const std::byte>& records, std::uint16_t& last);
 /// Throws WireError (kNotSupported) if the record is required.
 void pass_over(const char* what, const RecordView& record, PassedOver& passed_over);
 
-/// The epoch that a record names. Throws WireError (kBadFrame).
+/// Returns the epoch in a record. Throws WireError (kBadFrame).
 std::uint64_t epoch_in(const char* what, const RecordView& record);
 
 template <class Know>
@@ -334,12 +337,12 @@ std::vector<std::byte> option_records(const Options& options) {
   return records;
 }
 
-/// The name in a fixed field, up to its NUL.
+/// Returns the name in a fixed field, up to its NUL.
 template <std::size_t N>
 std::string name_of(const char (&field)[N]) {
   return {field, strnlen(field, N)};
 }
-/// Writes a name into a fixed field, cut to fit and NUL-terminated.
+/// Writes a name into a fixed field, truncated to fit and NUL-terminated.
 template <std::size_t N>
 void set_name(char (&field)[N], std::string_view name) {
   const std::size_t size = name.size() < N ? name.size() : N - 1;
