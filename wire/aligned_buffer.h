@@ -1,4 +1,4 @@
-// Bytes that start on a 64-byte boundary, as payloads and frames in place do.
+// Buffers aligned to 64 bytes, as payloads and in-place frames require.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@ struct FreeDeleter {
 };
 using AlignedBytes = std::unique_ptr<std::byte, FreeDeleter>;
 
-/// `bytes` uninitialised bytes on a 64-byte boundary. Throws std::bad_alloc. release()d memory goes back with
+/// Allocates `bytes` uninitialised bytes on a 64-byte boundary. Throws std::bad_alloc. Free release()d memory with
 /// std::free().
 inline AlignedBytes aligned_bytes(std::size_t bytes) {
   void* memory = std::aligned_alloc(64, (bytes + 63) / 64 * 64);

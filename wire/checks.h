@@ -1,5 +1,5 @@
-// What the checks of frames have in common (wire.h's sources alone include this): sizes that cannot overflow, and
-// errors that name the part and what was expected there.
+// Shared checks of frames: sizes without overflow, and errors with the part and the expected value. Included only by
+// wire.h's sources.
 #pragma once
 
 #include <concepts>
@@ -13,7 +13,7 @@ namespace clearance::wire {
 inline constexpr std::uint64_t kMaxPayloadBytes = kMaxFrameBytes - sizeof(FrameHeader);
 inline constexpr std::uint64_t kRecordAlignment = 8;
 
-// Sizes are summed in 128 bits: three counts of 32 bits and a record size cannot overflow it.
+// Sizes are summed in 128 bits, which three 32-bit counts times record sizes cannot overflow.
 using Wide = unsigned __int128;
 
 constexpr std::uint64_t align(std::uint64_t bytes, std::uint64_t to) {
@@ -43,7 +43,7 @@ inline std::string str(double value) {
   throw WireError(ErrorCode::kBadQuery, text);
 }
 
-/// The fixed struct that a payload begins with.
+/// Returns the fixed struct at the start of a payload.
 template <class T>
 T head(std::span<const std::byte> payload, const char* what) {
   if (payload.size() < sizeof(T))
@@ -54,7 +54,7 @@ T head(std::span<const std::byte> payload, const char* what) {
   return header;
 }
 
-/// \param contents says what a payload of the expected size holds: a text made where it is wrong, not for every frame.
+/// \param contents returns a description of the expected payload; called only for an error
 template <class Contents>
 void expect_size(const char* what, const Contents& contents, Wide expected, std::uint64_t got) {
   if (expected != got)
@@ -76,7 +76,7 @@ void expect_name(const char (&name)[N], const char* what, std::uint64_t index) {
   if (strnlen(name, N) == N) bad_frame(std::string(what) + "[" + str(index) + "]: the name does not end");
 }
 
-/// Sections that follow one another in a payload whose size has been checked.
+/// Consecutive sections of a payload whose size has been checked.
 class Cursor {
  public:
   explicit Cursor(const std::byte* at) : at_(at) {}

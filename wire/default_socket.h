@@ -1,4 +1,4 @@
-// Where daemon and clients meet if nobody says otherwise.
+// Default sockets of the daemon.
 #pragma once
 
 #include <sys/stat.h>
@@ -9,7 +9,7 @@
 
 namespace clearance {
 
-/// The folder of this user's sockets: $XDG_RUNTIME_DIR, or /run/user/UID, or /tmp/clearance-UID (which need not exist).
+/// Folder of this user's sockets: $XDG_RUNTIME_DIR, /run/user/UID, or /tmp/clearance-UID, which may not exist.
 inline std::string default_socket_folder() {
   const auto is_folder = [](const std::string& path) {
     struct stat info;
@@ -22,7 +22,7 @@ inline std::string default_socket_folder() {
   return "/tmp/clearance-" + uid;
 }
 
-/// The socket of the shared-memory transport.
+/// Socket of the shared-memory transport.
 inline std::string default_socket_path() {
   return default_socket_folder() + "/clearance.sock";
 }

@@ -1,4 +1,4 @@
-// Frames and their records, whatever they hold.
+// Frames and their records, independent of the contents.
 #include <utility>
 
 #include "checks.h"

@@ -29,7 +29,7 @@ void write_new(const std::string& path, const std::string& text) {
   fail(path, std::string("cannot be written: ") + std::strerror(error));
 }
 
-/// The words of a key file: one key, or "public" and "secret" with a key each.
+/// Reads the words of a key file: one key, or "public" and "secret" with a key each.
 KeyPair parse(const std::string& path) {
   std::ifstream in(path);
   if (!in) fail(path, std::strerror(errno));

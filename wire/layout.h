@@ -1,5 +1,5 @@
-// The members of the wire's structs by name, from which Python makes its dtypes. A struct of protocol.h whose members
-// are not all listed here does not compile.
+// Members of the wire's structs by name, for Python's dtypes. A struct of protocol.h with an unlisted member does not
+// compile.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace clearance::wire {
 
-/// How numpy writes a type: "<u4", "(7,)<f8", "S16".
+/// numpy's format of a type, such as "<u4", "(7,)<f8" or "S16".
 template <class T>
 std::string numpy_format() {
   if constexpr (std::is_array_v<T>) {
@@ -34,7 +34,7 @@ std::string numpy_format() {
   f(r, a) __VA_OPT__(CLEARANCE_EACH_AGAIN CLEARANCE_PARENTHESES(f, r, __VA_ARGS__))
 #define CLEARANCE_EACH_AGAIN() CLEARANCE_EACH_NEXT
 
-/// Calls begin(struct's name), and then member(name, numpy format) for each of its members in their order.
+/// For each struct, calls begin(name), then member(name, numpy format) for each member in order.
 template <class Begin, class Member>
 void for_each_struct(Begin begin, Member member) {
 #define CLEARANCE_SIZE(type, name) +sizeof(type::name)

@@ -68,7 +68,7 @@ sockaddr_in socket_address(const std::string& host, std::uint16_t port) {
   return address;
 }
 
-/// liblcm warns on stderr if the system grants less than was asked for, so ask for what it grants.
+/// Returns the granted buffer size, since liblcm warns on stderr about a request beyond it.
 long granted_receive_buffer() {
   long limit = 0;
   std::ifstream("/proc/sys/net/core/rmem_max") >> limit;
@@ -146,8 +146,8 @@ void check_multicast(const LcmAddress& address) {
     fail("nothing can be sent there", errno);
   }
 
-  // A route alone says little: its interface may have no multicast, or a firewall may eat the packets. So send one,
-  // from the same sockets that liblcm would open but on a port of our own, and see it come back.
+  // A route alone is no proof: its interface may lack multicast, or a firewall may drop the packets. So this sends a
+  // packet, from the kind of sockets that liblcm opens but on another port, and waits for it.
   const Fd receiver(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_in place = socket_address(address.host, 0);
   ip_mreq membership{};
@@ -192,7 +192,7 @@ struct LcmBus::Subscription {
 
   static void receive(const lcm_recv_buf_t* buffer, const char* channel, void* user) {
     auto* self = static_cast<Subscription*>(user);
-    // A packet whose channel name does not end comes with a size below zero.
+    // A packet with an unterminated channel name has a negative size.
     if (buffer->data_size > (1u << 30)) return;
     try {
       self->handler(channel, {static_cast<const std::byte*>(buffer->data), buffer->data_size});
@@ -234,7 +234,7 @@ void LcmBus::subscribe_all(int queue, std::function<void(const std::string&, std
 
 void LcmBus::add(const std::string& pattern, int queue, std::unique_ptr<Subscription> added) {
   subscriptions_.push_back(std::move(added));
-  // A name is a regular expression to liblcm; good_prefix() lets nothing special through.
+  // liblcm treats a name as a regular expression; good_prefix() rejects special characters.
   lcm_subscription_t* subscription =
       lcm_subscribe(lcm_, pattern.c_str(), &Subscription::receive, subscriptions_.back().get());
   if (subscription == nullptr) throw std::runtime_error("LCM: cannot subscribe to " + pattern);
@@ -247,7 +247,7 @@ bool LcmBus::publish(const std::string& name, std::span<const std::byte> message
 }
 
 bool LcmBus::handle() {
-  // poll(), not lcm_handle_timeout(): that one uses select() and fails past descriptor 1023.
+  // poll() instead of lcm_handle_timeout(), which uses select() and fails beyond descriptor 1023.
   pollfd waiting{descriptor_, POLLIN, 0};
   if (::poll(&waiting, 1, 0) <= 0) return false;
   const int result = lcm_handle(lcm_);

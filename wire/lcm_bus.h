@@ -1,7 +1,7 @@
-// One end of an LCM network: opened with a clear error where there is no multicast route, messages in and out.
+// An endpoint of an LCM network, with a clear error if there is no multicast route.
 //
-// Used by the daemon's LCM transport and by the client's LCM channel. No call throws through liblcm's C frames, and
-// nothing waits in it: liblcm's own self test would wait ten seconds where multicast does not come back.
+// Used by the daemon's LCM transport and by the client's LCM channel. No exception passes through liblcm's C frames,
+// and no call blocks in it: liblcm's own self test would wait ten seconds without multicast.
 #pragma once
 
 #include <chrono>
@@ -19,33 +19,33 @@ struct _lcm_t;
 
 namespace clearance {
 
-/// What every message of ours stays under, so that it is one datagram.
+/// Maximum size of our messages, so that each is one datagram.
 inline constexpr std::size_t kLcmMessageBytes = 48 * 1024;
-/// A longer message was fragmented by LCM and is not accepted: liblcm counts fragments without looking which ones came,
-/// so that a repeated one makes a message with a hole.
+/// Maximum size of an accepted message. LCM fragments longer ones and only counts the fragments, so that a repeated one
+/// leaves a hole in the message.
 inline constexpr std::size_t kLcmDatagramBytes = 65499;
 
-/// "udpm://239.255.76.67:7667?ttl=0&prefix=cell2_", taken apart.
+/// Parsed url, such as "udpm://239.255.76.67:7667?ttl=0&prefix=cell2_".
 struct LcmAddress {
   std::string host = "239.255.76.67";
   std::uint16_t port = 7667;
-  int ttl = 0;               ///< 0: stays on this host
-  long recv_buf_size = 0;    ///< bytes; 0: as much as the system grants, up to 4 MB
-  std::string prefix;        ///< before every channel's name
-  double distances_hz = -1;  ///< daemon: at most so many distances_t a second; 0: none; negative: not said
+  int ttl = 0;               ///< 0 for this host only
+  long recv_buf_size = 0;    ///< bytes; 0 for the system's limit, up to 4 MB
+  std::string prefix;        ///< prefix of every channel's name
+  double distances_hz = -1;  ///< of the daemon: maximum rate of distances_t, 0 for none; negative if not given
 
-  /// What connect() takes.
+  /// The url for connect().
   std::string url() const;
 };
 
-/// Throws std::invalid_argument naming the url, the part and what was expected.
+/// Throws std::invalid_argument naming the url, the part and the expected value.
 LcmAddress parse_lcm_address(const std::string& url);
 
-/// Makes sure that a packet to the group comes back on this machine, within a second. Throws std::runtime_error with
-/// the cause and the commands that add a route.
+/// Checks that a packet to the group arrives on this machine within a second. Throws std::runtime_error with the cause
+/// and the commands that add a route.
 void check_multicast(const LcmAddress& address);
 
-/// A number to know a client, publisher or daemon by: from the system's random source, positive, never 0.
+/// Returns a random positive id for a client, publisher or daemon, from the system's random source.
 std::int64_t draw_lcm_id();
 
 /// Not thread-safe. Handlers run inside handle().
@@ -60,12 +60,12 @@ class LcmBus {
   LcmBus& operator=(const LcmBus&) = delete;
 
   /// Calls `handler` with each message of the channel `prefix + name`.
-  /// \param queue messages kept between two calls of handle(); more are dropped by liblcm without a word.
+  /// \param queue maximum number of messages between two calls of handle(); liblcm drops further ones silently
   void subscribe(const std::string& name, int queue, Handler handler);
   /// Likewise with each message of every channel `prefix + CLEARANCE_...`, and the channel's whole name.
   void subscribe_all(int queue, std::function<void(const std::string&, std::span<const std::byte>)> handler);
 
-  /// Sends one message on `prefix + name`. False if the system refused it. Never blocks for long.
+  /// Sends one message on `prefix + name`. Returns false on a system error. Never blocks for long.
   bool publish(const std::string& name, std::span<const std::byte> message);
   /// Encodes and sends a message of a generated type.
   template <class Message>
@@ -75,11 +75,11 @@ class LcmBus {
     return size >= 0 && publish(name, {buffer_.data(), static_cast<std::size_t>(size)});
   }
 
-  /// Becomes readable when a message waits.
+  /// Descriptor that is readable while messages wait.
   int descriptor() const { return descriptor_; }
-  /// Hands one waiting message to its handler; false if none waits. Passes on what the handler throws.
+  /// Passes one waiting message to its handler; returns false if none waits. Propagates the handler's exceptions.
   bool handle();
-  /// Waits until a message waits; false once `deadline` has passed.
+  /// Blocks until a message waits; returns false after `deadline`.
   bool wait(std::chrono::steady_clock::time_point deadline) const;
 
   const LcmAddress& address() const { return address_; }
@@ -97,8 +97,8 @@ class LcmBus {
   std::exception_ptr thrown_;
 };
 
-/// Spreads a burst out, so that receivers with a small socket buffer keep up: `burst_bytes` at once, then
-/// `bytes_per_second`. All that is sent to an LCM network counts, since every receiver's socket gets all of it.
+/// Rate limiter for receivers with a small socket buffer: `burst_bytes` at once, then `bytes_per_second`. Counts all
+/// bytes sent to an LCM network, since every receiver's socket gets all of them.
 class LcmPacer {
  public:
   using Clock = std::chrono::steady_clock;
@@ -107,10 +107,10 @@ class LcmPacer {
 
   explicit LcmPacer(double bytes_per_second = kBytesPerSecond) : bytes_per_second_(bytes_per_second) {}
 
-  /// Whether more may be sent now.
+  /// Whether more bytes can be sent now.
   bool ready(Clock::time_point now);
   void sent(std::size_t bytes) { allowance_ -= static_cast<double>(bytes); }
-  /// How long until ready(), from the last call of it.
+  /// Time until ready(), from its last call.
   std::chrono::nanoseconds pause() const;
 
  private:

@@ -9,7 +9,7 @@
 namespace clearance {
 namespace {
 
-/// Walks the big-endian fields of a packet; the first thing that does not fit ends the walk.
+/// Walks the big-endian fields of a packet, and stops at the first invalid one.
 class Walk {
  public:
   Walk(std::span<const std::byte> packet, const char* type, std::int64_t hash) : packet_(packet), type_(type) {
@@ -30,7 +30,7 @@ class Walk {
       at_ += bytes;
     }
   }
-  /// A count of entries of at least `entry_bytes` each.
+  /// Reads a count of entries of at least `entry_bytes` each.
   std::uint64_t count(std::uint64_t entry_bytes, const char* what) {
     const std::uint64_t at = at_;
     skip(4, what);
@@ -44,7 +44,7 @@ class Walk {
     }
     return static_cast<std::uint64_t>(value);
   }
-  /// A string of at most `limit` bytes without its NUL.
+  /// Reads a string of at most `limit` bytes without its NUL.
   void string(std::uint64_t limit, const char* what) {
     const std::uint64_t size = count(1, what);
     if (!problem_.empty()) return;
@@ -53,7 +53,7 @@ class Walk {
     } else {
       const auto text = packet_.subspan(at_, size);
       at_ += size;
-      // Generated code reads up to the first NUL: bytes behind it would be seen by some readers only.
+      // Generated code reads up to the first NUL, so that only some readers would get the bytes after it.
       if (std::find(text.begin(), text.end(), std::byte{0}) != text.end() - 1) {
         fail(std::string(what) + " does not end where it says");
       }
@@ -92,7 +92,7 @@ void walk_query(Walk& walk) {
   const std::uint64_t bodies = walk.count(4, "body_count");
   walk.skip(4 * bodies, "bodies");
   const std::uint64_t configurations = walk.count(bodies * kPoseBytes, "configuration_count");
-  // Without bodies a configuration has no bytes that could be counted, and makes no sense.
+  // Configurations without bodies have no bytes to count, and are invalid.
   if (bodies == 0 && configurations > 0) walk.fail("configurations without bodies");
   walk.skip(configurations * bodies * kPoseBytes, "configurations");
 }

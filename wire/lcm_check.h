@@ -1,7 +1,7 @@
-// Whether a packet really holds a message of a type: looked at before the generated decode() sees it.
+// Validates packets before the generated decode() reads them.
 //
-// Generated code believes the counts in a packet: 37 bytes can make it ask for gigabytes. Here every count is compared
-// with the bytes that came, strings must end where they say, and nothing may be left over.
+// Generated code trusts the counts in a packet, so that 37 bytes can make it allocate gigabytes. These checks compare
+// every count with the received bytes, require terminated strings, and reject trailing bytes.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@
 
 namespace clearance {
 
-/// Each returns what is wrong with the packet, or an empty text.
+/// Each returns a description of the packet's error, or an empty text.
 std::string check_pose_update(std::span<const std::byte> packet);
 std::string check_named_pose_update(std::span<const std::byte> packet);
 std::string check_joint_update(std::span<const std::byte> packet);
@@ -59,7 +59,7 @@ inline std::string check_packet(std::span<const std::byte> packet, const clearan
   return check_frame(packet);
 }
 
-/// Checks, then decodes. Returns what is wrong, or an empty text; throws only std::bad_alloc.
+/// Checks, then decodes. Returns a description of the error, or an empty text; throws only std::bad_alloc.
 template <class Message>
 std::string decode_checked(std::span<const std::byte> packet, Message& message) {
   std::string problem = check_packet(packet, message);

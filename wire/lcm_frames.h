@@ -1,4 +1,4 @@
-// Frames of protocol.h in parts that fit one LCM message each, and whole again.
+// Splits frames of protocol.h into parts for LCM messages, and joins them.
 #pragma once
 
 #include <chrono>
@@ -14,35 +14,35 @@
 
 namespace clearance {
 
-/// A frame's bytes, from a 64-byte boundary.
+/// A frame's bytes, aligned to 64 bytes.
 struct FrameBytes {
   AlignedBytes bytes;
   std::uint64_t size = 0;
 
   FrameBytes() = default;
-  /// Room for `n` bytes, not set. Throws std::bad_alloc.
+  /// Allocates `n` uninitialised bytes. Throws std::bad_alloc.
   explicit FrameBytes(std::uint64_t n) : bytes(aligned_bytes(n)), size(n) {}
   std::span<const std::byte> span() const { return {bytes.get(), static_cast<std::size_t>(size)}; }
 };
 
-/// Parts that a frame of so many bytes takes; at least 1.
+/// Number of parts of a frame of so many bytes, at least 1.
 std::uint64_t frame_part_count(std::uint64_t frame_bytes,
                                std::uint64_t part_bytes = clearance_lcm::frame_t::PART_BYTES);
 
-/// Part `part` of a frame; ids and sequence are the caller's to fill in.
+/// Returns part `part` of a frame, without ids and sequence, which the caller sets.
 clearance_lcm::frame_t frame_part(std::span<const std::byte> frame, std::uint64_t part);
 
-/// Puts parts together, in whatever order they come. Only parts of one frame (sender and sequence) ever meet; a frame
-/// of which a part is missing is given up when it is old, or when younger ones need the room.
+/// Joins parts in any order, by sender and sequence. An incomplete frame is dropped when it is too old, or to make
+/// space for newer ones.
 class FrameAssembler {
  public:
   using Clock = std::chrono::steady_clock;
   struct Limits {
-    std::uint64_t frame_bytes = 0;        ///< a larger frame is refused
-    std::uint64_t total_bytes = 0;        ///< of all frames under way
-    std::size_t frames = 64;              ///< under way
-    std::chrono::milliseconds age{2000};  ///< since its last part
-    std::uint64_t least_bytes = 64;       ///< a smaller frame is refused: a FrameHeader
+    std::uint64_t frame_bytes = 0;        ///< maximum size of a frame
+    std::uint64_t total_bytes = 0;        ///< maximum size of all incomplete frames
+    std::size_t frames = 64;              ///< maximum number of incomplete frames
+    std::chrono::milliseconds age{2000};  ///< maximum age of an incomplete frame, since its last part
+    std::uint64_t least_bytes = 64;       ///< minimum size of a frame: a FrameHeader
     std::uint64_t part_bytes = clearance_lcm::frame_t::PART_BYTES;
   };
   struct Whole {
@@ -52,16 +52,16 @@ class FrameAssembler {
     FrameBytes frame;
   };
   struct Counts {
-    std::uint64_t bad = 0;       ///< parts whose numbers do not fit together, or of too large a frame
-    std::uint64_t repeated = 0;  ///< parts that were there already
-    std::uint64_t given_up = 0;  ///< frames
+    std::uint64_t bad = 0;       ///< parts with inconsistent numbers, or of too large a frame
+    std::uint64_t repeated = 0;  ///< duplicate parts
+    std::uint64_t given_up = 0;  ///< dropped frames
   };
 
   explicit FrameAssembler(const Limits& limits) : limits_(limits) {}
 
-  /// Takes a part; the frame, if this was the last one missing.
+  /// Adds a part; returns the frame if it is complete.
   std::optional<Whole> add(const clearance_lcm::frame_t& part, Clock::time_point now);
-  /// Gives up what is old.
+  /// Drops incomplete frames that are too old.
   void expire(Clock::time_point now);
   const Counts& counts() const { return counts_; }
 

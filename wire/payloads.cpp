@@ -1,4 +1,4 @@
-// What the other frames hold: replies, poses, scenes, bodies, counters, errors.
+// Payloads of the other frames: replies, poses, scenes, bodies, counters, errors.
 #include "checks.h"
 
 namespace clearance::wire {
@@ -13,7 +13,7 @@ Wide columns_wide(std::uint64_t rows, std::uint32_t fields, std::uint64_t joints
   return bytes;
 }
 
-/// Names that end, and members in the list, each of them one of `count` things.
+/// Checks that names are terminated, and that members are in the list and below `count`.
 void expect_groups(const std::string& what, const Records<GroupRecord>& groups, const Records<std::uint32_t>& members,
                    std::uint64_t count, const char* thing) {
   for (std::uint64_t i = 0; i < groups.size(); ++i) {
@@ -61,7 +61,7 @@ ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std:
   expect_size(
       "reply", [&] { return str(header.rows) + " rows"; },
       sizeof(ReplyHeader) + columns_wide(header.rows, header.fields, width), payload.size());
-  // The last column's end is padded too, so that the whole block has one rule.
+  // The last column is padded, too, like all others.
   if (strnlen(header.backend, sizeof header.backend) == sizeof header.backend)
     bad_frame("reply: the backend's name does not end");
   if (joints) *joints = width;
@@ -200,7 +200,7 @@ StatesParts parse_states(std::span<const std::byte> payload) {
 
 namespace {
 
-// A record of a kAddBody, into what is known of the body so far. Returns whether there is such a record.
+// Reads a record of a kAddBody into `parts`. Returns whether the tag is known.
 bool read_new_body_record(const RecordView& record, NewBodyParts& parts) {
   const auto size = record.bytes.size();
   switch (static_cast<NewBodyTag>(record.tag)) {

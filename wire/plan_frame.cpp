@@ -1,10 +1,11 @@
-// Plans in a device's memory: where their poses and columns lie.
+// Plans in device memory: layout of their poses and columns.
 #include "checks.h"
 
 namespace clearance::wire {
 namespace {
 
-/// Refuses a part that does not lie in the memory behind the parts before it. \param end of these, and then its own
+/// Rejects a part outside the memory or before the end of the previous parts.
+/// \param end end of the previous parts, then of this one
 void expect_inside(const std::string& what, std::uint64_t offset, Wide bytes, std::uint64_t memory,
                    std::uint64_t& end) {
   if (offset < end || Wide(offset) + bytes > memory)

@@ -12,7 +12,7 @@ namespace {
 
 enum class MetricKind { kCounterMetric, kGaugeMetric };
 
-/// What is known of a counter, or of all that begin with a name that ends in '.'.
+/// Description of a counter, or of all counters with a prefix that ends in '.'.
 struct Metric {
   std::string_view name;
   MetricKind kind;
@@ -156,8 +156,8 @@ bool is_latency(const std::string& name) {
   return name.rfind(kLatencyCounters, 0) == 0;
 }
 
-/// What is known of a counter; where it is unknown, as with a daemon newer than this program, its type is told by its
-/// name.
+/// Returns the description of a counter. For an unknown counter, such as one of a newer daemon, derives the type from
+/// the name.
 Metric metric_of(const std::string& name) {
   for (const Metric& metric : kMetrics)
     if (metric.name == name) return metric;
@@ -168,14 +168,14 @@ Metric metric_of(const std::string& name) {
   return {name, kCounterMetric, "A count of the daemon that has no description."};
 }
 
-/// The metric's name without its type's ending.
+/// Returns the metric's name without the suffix of its type.
 std::string prometheus_name(const std::string& name) {
   std::string metric = "clearance_" + name;
   std::replace_if(metric.begin(), metric.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
   return metric;
 }
 
-/// Seconds, exactly as a decimal.
+/// Formats seconds as an exact decimal.
 std::string decimal_seconds(std::uint64_t ns) {
   char text[40];
   std::snprintf(text, sizeof text, "%llu.%09llu", static_cast<unsigned long long>(ns / 1'000'000'000),
@@ -198,7 +198,7 @@ void write_latency(std::ostream& out, const std::vector<std::pair<std::string, s
   out << "# HELP clearance_latency_seconds From a query's arrival to its reply.\n"
          "# TYPE clearance_latency_seconds histogram\n";
   std::uint64_t sum = 0, ns = 0;
-  bool is_endless = false;  // the last bucket must be that without a bound
+  bool is_endless = false;  // the last bucket must have no bound
   for (const auto& [bound, count] : latencies_of(counters)) {
     sum += count;
     is_endless = !bound;

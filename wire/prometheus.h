@@ -9,14 +9,13 @@
 
 namespace clearance {
 
-/// Begins the names of the counters of queries by how long they took: "latency_us.8" has those of 4 to 8 us.
+/// Prefix of the counters of queries by latency; "latency_us.8" counts those of 4 to 8 us.
 inline constexpr const char* kLatencyCounters = "latency_us.";
 
-/// The name of the counter of how long they took in all, nanoseconds.
+/// Name of the counter of their total latency, in nanoseconds.
 inline constexpr const char* kLatencySum = "queries.latency_sum_ns";
 
-/// Queries by how long they took: pairs of an upper bound in microseconds (none: there is none) and how many,
-/// ascending.
+/// Queries by latency: ascending pairs of an upper bound in microseconds, if any, and a count.
 using Latencies = std::vector<std::pair<std::optional<double>, std::uint64_t>>;
 Latencies latencies_of(const std::vector<std::pair<std::string, std::uint64_t>>& counters);
 

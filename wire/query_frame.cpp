@@ -1,4 +1,4 @@
-// kQuery, kPairs, kCertify and kOpenPlan: written by clients, checked by the daemon.
+// Writes and parses kQuery, kPairs, kCertify and kOpenPlan.
 #include "checks.h"
 
 namespace clearance::wire {
@@ -9,7 +9,7 @@ Wide query_bytes(std::uint64_t pairs, std::uint64_t bodies, std::uint64_t config
          Wide(configurations) * bodies * sizeof(ConfigurationRecord);
 }
 
-/// What is wrong with an option's value as it came (a word as its number).
+/// Describes the error of an option's value (a word as its number).
 template <class T>
 [[noreturn]] void refuse_option(const QueryOption& option, T value) {
   const std::string name = std::string("query: ") + option.name;
@@ -17,7 +17,7 @@ template <class T>
   if (legal.kind == Legal::Kind::kWord) bad_query(name + " " + str(value) + " is none of 0 to " + str(legal.most));
   if (legal.kind == Legal::Kind::kBits)
     bad_query(name + " has unknown bits: " + str(static_cast<std::uint64_t>(value) & ~legal.mask));
-  // Where there is no text, both ends are whole numbers.
+  // Without a text, both ends are integers.
   const std::string range =
       legal.text ? legal.text : str(std::int64_t(legal.least)) + " to " + str(std::int64_t(legal.most));
   bad_query(name + " must be " + range + ", got " + str(value));
@@ -40,7 +40,7 @@ void check_query_header(const QueryHeader& q) {
   expect_zero(q.reserved, "query");
 }
 
-/// A record that is an array of T.
+/// Reads a record as an array of T.
 template <class T>
 Records<T> read_array(const RecordView& record, const char* name) {
   if (record.bytes.size() % sizeof(T))
@@ -74,7 +74,7 @@ bool take_array(const RecordView& record, QueryParts& parts) {
   return false;
 }
 
-/// What configurations move, and whether its positions are as many as that.
+/// Checks the moved bodies and joints, and the number of positions.
 void check_joints(const QueryParts& parts, bool with_configurations) {
   const std::uint64_t count = parts.header.configuration_count, joints = parts.joints.size();
   if (count && !parts.header.body_count && !joints)

@@ -1,4 +1,4 @@
-// The shared-memory transport's contract: one segment for each client, and the few messages on the socket beside it.
+// Protocol of the shared-memory transport: one segment per client, and a few messages on a socket.
 //
 //   bytes   segment (a memfd of the daemon's, sealed against resizing)                              who writes
 //       0   geometry: magic, slots, capacities, offsets; the version word is stored last            daemon, once
@@ -8,32 +8,31 @@
 //     256   client_waiting                                                                          client
 //     320   request ring: kRingEntries x RingEntry                                                  client
 //    1344   reply ring:   kRingEntries x RingEntry                                                  daemon
-//    2368   turns: of the daemon's loop, so far                                                     daemon
+//    2368   turns: iterations of the daemon's loop so far                                           daemon
 //    4096   request areas: slot_count x request_capacity, one frame in each                         client
 //     ...   reply areas:   slot_count x reply_capacity, one frame in each                           daemon
 //
-// A slot is one request and the room for its reply. The client takes a free slot, writes the frame into its request
-// area, raises the slot's generation by one, posts {slot, generation, bytes} to the request ring and then stores
-// request_head (release). The daemon copies the frame into private memory before it looks at it, has the reply written
-// in place, and posts {slot, generation, bytes} to the reply ring. The reply's bytes belong to the client until it uses
-// the slot again. A reply of 0 bytes gives the slot back unanswered: the daemon has dropped the request.
+// A slot contains one request and the space for its reply. The client writes a frame into the request area of a free
+// slot, increments the slot's generation, posts {slot, generation, bytes} to the request ring and then stores
+// request_head (release). The daemon copies the frame into private memory before parsing it, writes the reply in place,
+// and posts {slot, generation, bytes} to the reply ring. The reply's bytes belong to the client until it reuses the
+// slot. A reply of 0 bytes returns the slot without an answer: the daemon has dropped the request.
 //
-// Neither side ever reads back what it wrote: head counters, slot states and generations are kept in private memory,
-// and the words here only publish them. Whatever the daemon loads from the client (request_head, ring entries, frames)
-// it loads once and then validates; a client that breaks the rules is disconnected, and its segment is given to no one
-// else.
+// Neither side reads its own stores back: head counters, slot states and generations are kept in private memory, and
+// shared memory only publishes them. The daemon loads each value of the client (request_head, ring entries, frames)
+// once and then validates it. It disconnects a client that violates the protocol, and never reuses its segment.
 //
-// Going to sleep without losing a wake-up takes a store and then a load on both sides, all sequentially consistent:
-//   daemon  daemon_sleeping = 1, look at request_head, sleep     client  request_head = n, daemon_sleeping? eventfd
-//   client  client_waiting = 1, look at reply_head, sleep        daemon  reply_head = n, client_waiting? futex wake
+// To sleep without losing a wake-up, each side stores and then loads, all sequentially consistent:
+//   daemon  daemon_sleeping = 1, load request_head, sleep        client  request_head = n, daemon_sleeping? eventfd
+//   client  client_waiting = 1, load reply_head, sleep           daemon  reply_head = n, client_waiting? futex wake
 //
-// The turns go up as long as the daemon's loop goes round. Where the loop sleeps that may take 100 ms; a client that
-// wants to know wakes it. 0 for good: a daemon that does not count them.
+// `turns` increases with every iteration of the daemon's loop. A sleeping loop can take 100 ms; a client that tests for
+// progress wakes it. A daemon that does not count them leaves 0.
 //
-// Beside the segment: a Unix socket (SOCK_SEQPACKET) carries Message structs both ways and shows a peer's death.
+// A Unix socket (SOCK_SEQPACKET) carries Message structs in both directions and reports a peer's death.
 //   client  kHello                      daemon  kSegment + memfd + eventfd, or kRefused and the end
-//   client  kGrow (capacities wanted)   daemon  kSegment + memfd, or kRefused (the connection goes on)
-//   client  kRetire (segment_id)        -       a segment that was outgrown and holds no request or reply any more
+//   client  kGrow (capacities wanted)   daemon  kSegment + memfd, or kRefused (the connection stays open)
+//   client  kRetire (segment_id)        -       an outgrown segment without requests or replies
 #pragma once
 
 #include <atomic>
@@ -44,8 +43,8 @@
 namespace clearance::shm {
 
 inline constexpr std::uint32_t kMagic = 0x4D534C43;  // "CLSM"
-/// Changes when anything in this header does, but for words that were 0 so far and mean "not there" then. A peer of
-/// another version is refused.
+/// Changes with this header, except for new words whose previous value, 0, means "absent". Peers of another version are
+/// rejected.
 inline constexpr std::uint16_t kLayoutVersion = 1;
 
 inline constexpr std::size_t kCacheLine = 64;
@@ -57,7 +56,7 @@ inline constexpr std::uint64_t kMinReplyCapacity = kPage;  ///< an error reply a
 /// One posted request or reply.
 struct RingEntry {
   std::atomic<std::uint64_t> ticket;       ///< pack_ticket(slot, generation)
-  std::atomic<std::uint64_t> frame_bytes;  ///< header and payload; 0 in a reply: the request was dropped
+  std::atomic<std::uint64_t> frame_bytes;  ///< header and payload; 0 in a reply to a dropped request
 };
 
 constexpr std::uint64_t pack_ticket(std::uint32_t slot, std::uint32_t generation) {
@@ -71,7 +70,7 @@ constexpr std::uint32_t ticket_generation(std::uint64_t ticket) {
 }
 
 struct SegmentHeader {
-  // Geometry, constant once the version word is there.
+  // Geometry, constant once the version word is stored.
   std::uint32_t magic;
   std::uint32_t segment_id;    ///< counts up within one connection
   std::uint32_t slot_count;    ///< 1 to kMaxSlots
@@ -120,17 +119,17 @@ enum class MessageKind : std::uint32_t {
   kRefused = 0x82,
 };
 
-/// One message on the socket. The first sixteen bytes and the place of `text` are the same in every version.
+/// One message on the socket. The first sixteen bytes and the offset of `text` are the same in every version.
 struct Message {
   std::uint32_t magic = kMagic;
   std::uint16_t layout_version = kLayoutVersion;
   std::uint16_t wire_version = 0;  ///< wire::kVersion
   std::uint32_t kind = 0;          ///< MessageKind
   std::uint32_t segment_id = 0;
-  std::uint64_t request_capacity = 0;  ///< kHello, kGrow: wanted, 0: as the daemon likes; kSegment: given
+  std::uint64_t request_capacity = 0;  ///< requested in kHello, kGrow (0 for the daemon's choice); granted in kSegment
   std::uint64_t reply_capacity = 0;
   std::uint64_t reserved[4] = {};
-  char text[192] = {};  ///< kRefused: why; NUL-terminated UTF-8
+  char text[192] = {};  ///< reason of kRefused; NUL-terminated UTF-8
 };
 static_assert(sizeof(Message) == 256 && std::is_trivially_copyable_v<Message> && offsetof(Message, text) == 64);
 inline constexpr std::size_t kMessagePrefixBytes = 16;
@@ -140,7 +139,7 @@ constexpr std::uint64_t round_to_page(std::uint64_t bytes) {
   return (bytes + kPage - 1) & ~(kPage - 1);
 }
 
-/// The bytes of a segment. Capacities are multiples of kPage.
+/// Size of a segment in bytes. Capacities are multiples of kPage.
 constexpr std::uint64_t segment_bytes(std::uint32_t slots, std::uint64_t request_capacity,
                                       std::uint64_t reply_capacity) {
   return kPage + slots * (request_capacity + reply_capacity);

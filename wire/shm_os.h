@@ -1,5 +1,4 @@
-// The few system calls that both ends of the shared-memory transport need: descriptors, messages with descriptors,
-// futex.
+// System calls for both ends of the shared-memory transport: descriptors, messages with descriptors, futex.
 #pragma once
 
 #include <linux/futex.h>
@@ -23,7 +22,7 @@
 
 namespace clearance::shm {
 
-/// A descriptor that is closed with its owner.
+/// An owned descriptor, closed by the destructor.
 class UniqueFd {
  public:
   UniqueFd() = default;
@@ -49,7 +48,7 @@ class UniqueFd {
 
 inline constexpr int kMaxPassedFds = 2;
 
-/// Sends one message with up to kMaxPassedFds descriptors, without blocking. False with errno set if it was not taken.
+/// Sends one message with up to kMaxPassedFds descriptors, without blocking. On failure, returns false with errno set.
 inline bool send_message(int socket, const Message& message, std::span<const int> fds = {}) {
   iovec data{const_cast<Message*>(&message), sizeof message};
   alignas(cmsghdr) std::byte control[CMSG_SPACE(sizeof(int) * kMaxPassedFds)] = {};
@@ -71,8 +70,8 @@ inline bool send_message(int socket, const Message& message, std::span<const int
   return sent == static_cast<ssize_t>(sizeof message);
 }
 
-/// Receives one message without blocking, and the descriptors that came with it (all are taken in, none leaks).
-/// Returns the bytes received; 0: the peer is gone; -1 with errno: nothing there (EAGAIN) or an error.
+/// Receives one message with its descriptors, all of them owned by the result, without blocking.
+/// Returns the bytes received; 0 if the peer is gone; -1 with errno for no message (EAGAIN) or an error.
 inline ssize_t receive_message(int socket, Message& message, std::array<UniqueFd, kMaxPassedFds>* fds = nullptr) {
   message = Message{};
   iovec data{&message, sizeof message};
@@ -103,7 +102,7 @@ inline ssize_t receive_message(int socket, Message& message, std::array<UniqueFd
   return received;
 }
 
-/// Fills the address of a socket path. False if the path is empty or too long (107 bytes).
+/// Sets the address of a socket path. Returns false if the path is empty or longer than 107 bytes.
 inline bool socket_address(const char* path, sockaddr_un& address) {
   address = {};
   address.sun_family = AF_UNIX;
@@ -113,20 +112,20 @@ inline bool socket_address(const char* path, sockaddr_un& address) {
   return true;
 }
 
-/// Waits until `word` is no longer `seen`, at most `timeout`; may return early. Works between processes.
+/// Waits while `word` equals `seen`, for at most `timeout`; may return early. Works between processes.
 inline void futex_wait(const std::atomic<std::uint32_t>& word, std::uint32_t seen, std::chrono::nanoseconds timeout) {
   if (timeout <= std::chrono::nanoseconds::zero()) return;
   const timespec relative{timeout.count() / 1'000'000'000, timeout.count() % 1'000'000'000};
   ::syscall(SYS_futex, &word, FUTEX_WAIT, seen, &relative, nullptr, 0);
 }
 
-/// Wakes whoever waits on `word`.
+/// Wakes the threads that wait on `word`.
 inline void futex_wake(const std::atomic<std::uint32_t>& word) {
   ::syscall(SYS_futex, &word, FUTEX_WAKE, 1, nullptr, nullptr, 0);
 }
 
-/// Begins to fetch the cache lines of what will soon be read or written. The lines come at the same time, where loads
-/// that wait for each other would have each take its turn between the cores.
+/// Prefetches the cache lines of memory that is read or written soon. The transfers between cores overlap, unlike those
+/// of dependent loads.
 inline constexpr std::size_t kPrefetched = 512;
 inline void prefetch_to_read(const std::byte* begin) {
   for (std::size_t at = 0; at < kPrefetched; at += kCacheLine) __builtin_prefetch(begin + at, 0);
@@ -135,7 +134,7 @@ inline void prefetch_to_write(const std::byte* begin) {
   for (std::size_t at = 0; at < kPrefetched; at += kCacheLine) __builtin_prefetch(begin + at, 1);
 }
 
-/// Tells the core that this is a spin loop.
+/// Hint to the core for a spin loop.
 inline void cpu_relax() {
 #if defined(__x86_64__) || defined(__i386__)
   __builtin_ia32_pause();

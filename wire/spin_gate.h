@@ -1,21 +1,21 @@
-// Whether a side that waits spins before it sleeps: as long as that pays.
+// Adaptive spinning: decides whether a waiting side spins before it sleeps.
 #pragma once
 
 namespace clearance {
 
-/// Spinning spares the sleeper's wake-up, and takes a core from whoever could use it, perhaps from the very side that
-/// is waited for. So it is given up once kMisses waits in a row outlasted their spin; from then on one wait in
-/// kProbeEvery spins, to see whether it pays again. For one thread.
+/// Spinning avoids the cost of a wake-up, but occupies a core that other threads could use, perhaps the awaited side
+/// itself. It stops after kMisses consecutive waits that outlasted their spin; then one wait in kProbeEvery spins, to
+/// test whether it pays again. Not thread-safe.
 class SpinGate {
  public:
   static constexpr int kMisses = 16;
   static constexpr unsigned kProbeEvery = 64;
 
-  /// Whether the wait that begins is to spin. Asked once for each wait.
+  /// Whether the next wait spins. Called once per wait.
   bool opens() { return misses_ < kMisses || ++waits_ % kProbeEvery == 0; }
-  /// A wait ended while it spun.
+  /// Records a wait that ended during its spin.
   void paid() { misses_ = 0; }
-  /// A wait outlasted its spin.
+  /// Records a wait that outlasted its spin.
   void missed() { ++misses_; }
 
  private:

@@ -1,5 +1,5 @@
-// Calls of libzmq that a signal may interrupt (EINTR), made again until they are through: SIGHUP must not cost a
-// message its second half, nor SIGTERM end in an error.
+// Calls of libzmq that are repeated after a signal (EINTR), so that SIGHUP does not lose the second half of a message,
+// and SIGTERM does not end in an error.
 #pragma once
 
 #include <cerrno>
@@ -16,17 +16,17 @@ auto uninterrupted(Call call) {
     }
 }
 
-/// Whether a message can be received.
+/// Whether a message is available.
 inline bool has_input(const zmq::socket_t& socket) {
   return uninterrupted([&] { return (socket.get(zmq::sockopt::events) & ZMQ_POLLIN) != 0; });
 }
 
-/// False if there is none, and only with zmq::recv_flags::dontwait.
+/// Returns false if there is no message; only with zmq::recv_flags::dontwait.
 inline bool receive(zmq::socket_t& socket, zmq::message_t& part, zmq::recv_flags flags) {
   return uninterrupted([&] { return socket.recv(part, flags).has_value(); });
 }
 
-/// False if it cannot be sent now, and only with zmq::send_flags::dontwait.
+/// Returns false if it cannot be sent now; only with zmq::send_flags::dontwait.
 inline bool send(zmq::socket_t& socket, zmq::message_t& part, zmq::send_flags flags) {
   return uninterrupted([&] { return socket.send(part, flags).has_value(); });
 }

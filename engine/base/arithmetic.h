@@ -1,4 +1,4 @@
-// What each scalar of the narrow phase can resolve.
+// Resolution of each scalar type of the narrow phase.
 #pragma once
 
 #include "engine/base/double_double.h"
@@ -8,10 +8,10 @@ namespace clearance {
 template <class T>
 struct Arithmetic;
 
-/// kUnit: every operation's result is within kUnit of exact, relatively.
+/// kUnit: bound on the relative error of every operation.
 /// kCareful: spend more operations to lose fewer digits (the last resort).
-/// kUnderflowLength: lengths below this may have lost digits to underflow when they were squared; metres.
-/// kSafelySquared: directions at least this long, squared, need no rescaling before they are squared (see rescaled()).
+/// kUnderflowLength: lengths below this may have lost digits to underflow in their squares; metres.
+/// kSafelySquared: least squared length of directions that need no rescaling before squaring (see rescaled()).
 /// kFlatFace: squared sine of the angle between two edges below which their face's plane is noise.
 template <>
 struct Arithmetic<float> {

@@ -1,4 +1,4 @@
-// A priority queue for searches that take the best, find some more below it and go on with the best of all.
+// Priority queue for best-first searches, which pop the best element and push some of its children.
 #pragma once
 
 #include <algorithm>
@@ -9,13 +9,13 @@
 
 namespace clearance {
 
-/// A heap of four children a node, beside which the best of what was put last waits: mostly it is taken next, and
-/// where it is not it takes the place of what is.
+/// 4-ary heap with a separate front slot for the best of the most recently pushed elements. The front is usually popped
+/// next; otherwise it replaces the element that is.
 ///
-/// Only ranks are compared and moved, and which of four is the least is found without a branch, that nobody could
-/// foresee. Ranks of children share a cache line.
-/// \tparam RankOf the rank of an element, less than kNoRank: the least comes first. Of the same rank any may come
-/// first, but the same one whenever the same was put and taken before.
+/// Compares and moves only ranks, and finds the least of four without an unpredictable branch. Ranks of siblings share
+/// a cache line.
+/// \tparam RankOf the rank of an element, less than kNoRank; the least is popped first. The order of equal ranks is
+/// unspecified but deterministic.
 template <class T, class RankOf>
 class BestFirst {
  public:
@@ -64,7 +64,7 @@ class BestFirst {
     }
     return first;
   }
-  /// All but the front, in any order.
+  /// All elements except the front, in any order.
   template <class Each>
   void each_behind(const Each& each) const {
     const T* const front = &this->front();
@@ -75,7 +75,7 @@ class BestFirst {
 
  private:
   static constexpr std::size_t kChildren = 4;
-  // The first child of the root begins a line.
+  // The root's first child starts a cache line.
   struct alignas(kChildren * sizeof(Rank)) Line {
     Rank of[kChildren] = {kNoRank, kNoRank, kNoRank, kNoRank};
   };
@@ -83,7 +83,7 @@ class BestFirst {
   Rank* ranks() { return &lines_[0].of[kChildren - 1]; }
   const Rank* ranks() const { return &lines_[0].of[kChildren - 1]; }
   bool is_last_first() const { return has_last_ && (size_ == 0 || !(ranks()[0] < last_rank_)); }
-  // Into the heap, from its end.
+  // Inserts at the end of the heap, and sifts up.
   void rise(const T& x, Rank rank) {
     std::uint32_t place = static_cast<std::uint32_t>(elements_.size());
     if (free_.empty()) {
@@ -102,7 +102,7 @@ class BestFirst {
     rank_at[hole] = rank;
     places_[hole] = place;
   }
-  // In place of the first.
+  // Replaces the root, and sifts down.
   void sink(std::uint32_t place, Rank rank) {
     Rank* const rank_at = ranks();
     std::size_t hole = 0;
@@ -122,8 +122,8 @@ class BestFirst {
     places_[to] = places_[from];
   }
 
-  std::vector<Line> lines_ = std::vector<Line>(1);  // ranks, and kNoRank behind the last
-  std::vector<std::uint32_t> places_, free_;        // in elements_: of each rank; of none
+  std::vector<Line> lines_ = std::vector<Line>(1);  // ranks, with kNoRank after the last
+  std::vector<std::uint32_t> places_, free_;        // indices into elements_: of each rank; unused
   std::vector<T> elements_;
   std::size_t size_ = 0;
   T last_{};

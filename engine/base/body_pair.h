@@ -1,4 +1,4 @@
-// Two bodies, or what selects them.
+// A pair of bodies or selectors.
 #pragma once
 
 #include <compare>
@@ -8,7 +8,7 @@
 
 namespace clearance {
 
-/// Two selectors: body ids, or groups (see kGroupBit, kEveryBody). An answered pair always holds two body ids.
+/// Two selectors: body ids, or groups (see kGroupBit, kEveryBody). In an answer, always two body ids.
 struct BodyPair {
   std::uint32_t a = kNone;
   std::uint32_t b = kNone;

@@ -20,7 +20,7 @@ namespace {
 
 void (*refusal)(int call) = nullptr;
 
-// On the thread that made the call, which the kernel has not carried out.
+// Runs on the thread that made the call, which the kernel has not executed.
 void on_forbidden_call(int, siginfo_t* info, void*) {
   refusal(info->si_syscall);
 }
@@ -31,22 +31,22 @@ CallFilter::CallFilter(std::string who)
     : who_(std::move(who)), context_(::seccomp_init(SCMP_ACT_TRAP), &::seccomp_release) {
   if (!context_) throw std::bad_alloc();
   check(::seccomp_attr_set(context_.get(), SCMP_FLTATR_API_SYSRAWRC, 1), "attributes");
-  // Memory, none of which becomes code.
+  // Memory without execution rights.
   allow(SCMP_SYS(mmap), SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
   allow(SCMP_SYS(mmap2), SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
   allow(SCMP_SYS(mprotect), SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
   allow_each({SCMP_SYS(munmap), SCMP_SYS(mremap), SCMP_SYS(brk), SCMP_SYS(madvise)});
-  // What the C++ library asks for by itself.
+  // Calls of the C++ library itself.
   allow_each({SCMP_SYS(futex), SCMP_SYS(futex_time64), SCMP_SYS(clock_gettime), SCMP_SYS(clock_gettime64),
               SCMP_SYS(gettimeofday), SCMP_SYS(getrandom), SCMP_SYS(sched_yield), SCMP_SYS(getpid), SCMP_SYS(gettid)});
-  // Its end, by abort() too: a crash is told as one.
+  // Ending, including by abort(), so that a crash is reported as a crash.
   allow_each({SCMP_SYS(exit), SCMP_SYS(exit_group), SCMP_SYS(rt_sigprocmask), SCMP_SYS(rt_sigreturn),
               SCMP_SYS(sigreturn), SCMP_SYS(restart_syscall)});
   const auto self = static_cast<scmp_datum_t>(::getpid());
   allow(SCMP_SYS(tgkill), SCMP_A0(SCMP_CMP_EQ, self, 0));
   allow(SCMP_SYS(rt_sigaction), SCMP_A0(SCMP_CMP_EQ, SIGABRT, 0));
 #if defined(CLEARANCE_ASAN) || defined(CLEARANCE_TSAN)
-  // What their own code asks for: whether memory can be read is tried with a pipe.
+  // Calls of the sanitizers, which test with a pipe whether memory is readable.
   allow_each(
       {SCMP_SYS(pipe), SCMP_SYS(pipe2), SCMP_SYS(sched_getaffinity), SCMP_SYS(sigaltstack), SCMP_SYS(getrusage)});
 #endif
@@ -71,7 +71,7 @@ void CallFilter::check(int error, const char* what) const {
 }
 
 std::string CallFilter::enforce(void (*refuse)(int call)) {
-  // A question that a kernel with filters answers, and one that has none, or a container that forbids them, does not.
+  // Fails on a kernel without filters, and in a container that forbids them.
   const std::uint32_t wanted = SECCOMP_RET_TRAP;
   if (::syscall(SYS_seccomp, SECCOMP_GET_ACTION_AVAIL, 0, &wanted) != 0)
     return "the kernel refuses filters of system calls (" + std::generic_category().message(errno) + ")";

@@ -1,4 +1,4 @@
-// Takes system calls away from a process that others may have taken over (seccomp).
+// Restricts the system calls of a process that may be compromised (seccomp).
 #pragma once
 
 #include <seccomp.h>
@@ -10,14 +10,15 @@
 
 namespace clearance {
 
-/// A list of system calls that this process may still make, once it is in force. For good: nothing can take it away.
+/// Allow-list of system calls for this process. Once enforced, it cannot be removed.
 class CallFilter {
  public:
-  /// A list that has what any program of ours needs: to take memory that does not become code, to wait for locks, to
-  /// read clocks, and to end, by abort() too. \param who for messages: "the mesh loader".
+  /// Starts with the calls that every Clearance program needs: allocating memory without execution rights, waiting for
+  /// locks, reading clocks, and ending, including by abort().
+  /// \param who name for messages, such as "the mesh loader"
   explicit CallFilter(std::string who);
 
-  /// \param call may be one that this architecture does not have.
+  /// \param call ignored if this architecture does not have it
   template <class... Conditions>
   void allow(int call, Conditions... conditions) {
     const scmp_arg_cmp all[sizeof...(conditions) + 1] = {conditions..., {}};
@@ -26,15 +27,15 @@ class CallFilter {
   void allow_each(std::initializer_list<int> calls) {
     for (const int call : calls) allow(call);
   }
-  /// A call that is answered by an error, and ends nothing.
+  /// Makes a call return an error instead of ending the process.
   void answer(int call, unsigned short error);
-  /// Has enforce() bind threads that run already, too; later ones are bound in any case.
+  /// Makes enforce() apply to running threads, too. It always applies to later ones.
   void bind_all_threads();
-  /// Puts it in force. The first call that is not on the list is not carried out:
-  /// `refuse` gets its number on the thread that made it, must end the process, and may take no memory.
+  /// Enforces the list. The first call outside it is not executed: `refuse` receives its number on the calling thread,
+  /// must end the process, and may not allocate memory.
   ///
-  /// Returns why the kernel refuses such filters (too old, or a container that forbids them), and an empty text if it
-  /// is in force. Throws std::runtime_error if it cannot be had for any other reason.
+  /// Returns the reason if the kernel does not support such filters (too old, or a container that forbids them),
+  /// otherwise an empty text. Throws std::runtime_error for any other failure.
   std::string enforce(void (*refuse)(int call));
 
  private:

@@ -1,4 +1,4 @@
-// Numbers that show what a program does.
+// Counters of a program's work.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace clearance {
 
-/// Numbers that a running engine keeps about itself.
+/// Counters of a running engine.
 using Counters = std::vector<std::pair<std::string, std::uint64_t>>;
 
 }  // namespace clearance

@@ -15,18 +15,18 @@
 
 namespace clearance {
 
-/// Gives equal positions the same number. Equal as numbers (-0 equals +0); nothing is merged within a tolerance.
+/// Numbers distinct positions. Compares exactly, without a tolerance (-0 equals +0).
 template <class T>
 class PositionIndex {
  public:
-  /// \param expected how many positions will be asked for: at most 2^32 - 2, and any other number of them is right, too
+  /// \param expected expected number of lookups, at most 2^32 - 2; only a hint
   explicit PositionIndex(std::size_t expected)
       : log2_slots_(std::clamp(static_cast<int>(std::bit_width(expected / 2)), 8, 24)),
         slots_(std::size_t{1} << log2_slots_, kFree) {
     assert(expected < kFree);
   }
 
-  /// The number of a position without a NaN. New ones have the next number.
+  /// Returns the number of a position without a NaN. A new position gets the next number.
   std::uint32_t number(const Vec3<T>& p) {
     const Vec3<T> v{p.x + T(0), p.y + T(0), p.z + T(0)};  // -0 becomes +0
     std::size_t s = place(v);
@@ -41,7 +41,7 @@ class PositionIndex {
     return fresh;
   }
 
-  /// By their numbers.
+  /// The positions, indexed by number.
   const std::vector<Vec3<T>>& positions() const { return positions_; }
   std::vector<Vec3<T>> take() { return std::move(positions_); }
 
@@ -79,7 +79,8 @@ struct UniquePositions {
   std::vector<std::uint32_t> index;  ///< of each input position among `positions`
 };
 
-/// \param count at most 2^32 - 2. \param position gives position i; none may be NaN.
+/// \param count number of positions, at most 2^32 - 2
+/// \param position returns position i, without a NaN
 template <class T, class F>
 UniquePositions<T> unique_positions(std::size_t count, F&& position) {
   PositionIndex<T> numbers(count);

@@ -1,4 +1,4 @@
-// A 64-bit digest of data, the same on every machine: for recognising a scene, not for security.
+// A 64-bit digest of data, the same on every machine. Identifies scenes; not cryptographic.
 #pragma once
 
 #include <bit>
@@ -17,7 +17,7 @@ class Digest {
     state_ = (std::rotl(state_, 29) ^ word) * 0x9E3779B97F4A7C15ull;
     state_ ^= state_ >> 32;
   }
-  /// Equal numbers give equal digests: -0 counts as +0.
+  /// Hashes -0 as +0, so that equal numbers have equal digests.
   void add(double number) { add(std::bit_cast<std::uint64_t>(number + 0.0)); }
   void add(const Vec3d& v) {
     add(v.x);
@@ -28,7 +28,7 @@ class Digest {
     add(std::uint64_t{vectors.size()});
     for (const Vec3d& v : vectors) add(v);
   }
-  /// The length goes in first, so that "ab","c" and "a","bc" differ.
+  /// Hashes the length first, so that "ab","c" and "a","bc" differ.
   void add(std::string_view text) {
     add(std::uint64_t{text.size()});
     std::uint64_t word = 0;
@@ -40,7 +40,7 @@ class Digest {
       }
     }
   }
-  /// Never 0.
+  /// The digest, never 0.
   std::uint64_t value() const { return state_ ? state_ : 1; }
 
  private:

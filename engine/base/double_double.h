@@ -34,8 +34,8 @@ CLEARANCE_HD inline DoubleDouble fast_two_sum(double a, double b) {
   const double s = a + b;
   return {s, b - (s - a)};
 }
-/// p + e = a b exactly, barring underflow (Dekker and Veltkamp; not by a fused multiply-add, which differs
-/// where the error underflows: a pose must mean the same rotation everywhere).
+/// p + e = a b exactly, barring underflow (Dekker and Veltkamp). A fused multiply-add would differ if the error
+/// underflows, but a pose must give the same rotation on every machine.
 CLEARANCE_HD inline DoubleDouble two_prod(double a, double b) {
   const double p = a * b;
   constexpr double kSplit = 134217729.0;  // 2^27 + 1
@@ -61,7 +61,7 @@ CLEARANCE_HD inline DoubleDouble operator*(const DoubleDouble& a, const DoubleDo
   const DoubleDouble p = dd::two_prod(a.hi, b.hi);
   return dd::fast_two_sum(p.hi, p.lo + (a.hi * b.lo + a.lo * b.hi));
 }
-/// Three digits of the quotient, each of what the ones before leave.
+/// Long division with three quotient digits, each computed from the previous remainder.
 CLEARANCE_HD inline DoubleDouble operator/(const DoubleDouble& a, const DoubleDouble& b) {
   const double q1 = a.hi / b.hi;
   DoubleDouble r = a - b * DoubleDouble(q1);

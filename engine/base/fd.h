@@ -9,7 +9,7 @@
 
 namespace clearance {
 
-/// A descriptor that is closed when its owner goes.
+/// An owned descriptor, closed by the destructor.
 class Fd {
  public:
   explicit Fd(int fd = -1) : fd_(fd) {}
@@ -30,7 +30,7 @@ class Fd {
   int fd_;
 };
 
-/// Whether this process may have a file so large (RLIMIT_FSIZE): a write beyond it ends the process.
+/// Whether RLIMIT_FSIZE allows a file of this size; a write beyond the limit ends the process.
 inline bool may_write(std::uint64_t bytes) {
   rlimit limit{};
   return ::getrlimit(RLIMIT_FSIZE, &limit) == 0 && (limit.rlim_cur == RLIM_INFINITY || bytes <= limit.rlim_cur);

@@ -1,9 +1,8 @@
-// The floating-point state that bounds are proved for, whatever state a caller's thread is in.
+// The floating-point state that the bounds' proofs assume, independent of the state of the caller's thread.
 //
-// A thread may round upward, flush denormals to zero or die of an invalid operation: games, codecs, interval
-// libraries and -ffast-math set such states, and threads inherit them. No bound holds there. So each function by which
-// a caller comes in puts its thread into the default state and back, and so does each OpenMP worker, whose thread may
-// be the caller's too.
+// A thread may round upward, flush denormals to zero or trap on an invalid operation: games, codecs, interval
+// libraries and -ffast-math set such states, and threads inherit them. No bound is valid there. So each public function
+// sets the default state for its duration, and so does each OpenMP worker, whose thread can be the caller's.
 #pragma once
 
 #include <cstdint>
@@ -14,9 +13,9 @@
 
 namespace clearance {
 
-/// While one lives, its thread computes as IEEE 754's defaults have it: to nearest, denormals kept, no exception traps.
-/// Then the thread's state is again what it was, its sticky exception flags too: what we raise is nobody else's
-/// business. Costs a read and a comparison where there is nothing to change. The compiler moves no load across it.
+/// Sets the IEEE 754 default state for its lifetime: round to nearest, keep denormals, no exception traps. The
+/// destructor restores the thread's state including the sticky exception flags, so that ours do not reach the caller.
+/// Costs a read and a comparison if the state is the default already. The compiler moves no load across it.
 class FpEnvironment {
  public:
   FpEnvironment() : callers_(State::now()) {
@@ -30,8 +29,8 @@ class FpEnvironment {
 
  private:
 #if defined(__x86_64__)
-  // MXCSR is what doubles and floats are computed with. The x87 unit computes nothing of ours, but the C library asks
-  // its control word how to round when it reads and prints decimal numbers.
+  // MXCSR controls arithmetic on doubles and floats. The x87 unit is not used for arithmetic, but the C library reads
+  // its control word to round when it reads and prints decimal numbers.
   struct State {
     std::uint32_t mxcsr = 0x1F80;
     std::uint16_t x87 = 0x037F;
@@ -52,7 +51,7 @@ class FpEnvironment {
   };
 #elif defined(__aarch64__)
   struct State {
-    std::uint64_t fpcr = 0, fpsr = 0;  // how to compute; the sticky flags
+    std::uint64_t fpcr = 0, fpsr = 0;  // control; sticky flags
 
     static State now() {
       State s;

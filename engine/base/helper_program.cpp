@@ -70,7 +70,7 @@ pid_t start_helper(const std::string& program, std::vector<std::string> argument
   std::vector<char*> words{const_cast<char*>(program.c_str())};
   for (std::string& argument : arguments) words.push_back(argument.data());
   words.push_back(nullptr);
-  std::vector<Fd> moved;  // above those that they become
+  std::vector<Fd> moved;  // copies above their final numbers
   for (const int fd : descriptors) {
     moved.emplace_back(::fcntl(fd, F_DUPFD_CLOEXEC, 10));
     if (!moved.back()) fail(errno);

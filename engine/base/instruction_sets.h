@@ -1,4 +1,4 @@
-// Which of the instruction sets that lanes are compiled for (lanes_avx512.cpp and the like) this machine has.
+// Instruction sets of this machine, among those that lanes are compiled for (lanes_avx512.cpp etc.).
 #pragma once
 
 namespace clearance {

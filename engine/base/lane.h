@@ -1,9 +1,8 @@
-// What lets one piece of code run on a scalar, on a SIMD pack and on a GPU thread: masks, selection, small integers.
+// Masks, selection and small integers for code that runs on a scalar, a SIMD pack and a GPU thread alike.
 //
-// A scalar T is a pack of one lane: its masks are bool and select() is the conditional operator. pack.h gives the same
-// words to Highway's vectors. Code written with them never branches on a lane's value, only on any(mask): what no lane
-// needs is skipped, and what a lane does never depends on its neighbours, so that every instantiation gives the same
-// bits.
+// A scalar T is a pack of one lane: its masks are bool and select() is the conditional operator. pack.h defines the
+// same functions for Highway's vectors. Such code never branches on a lane's value, only on any(mask): it skips work
+// that no lane needs, and no lane's result depends on its neighbours, so that every instantiation gives the same bits.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +11,8 @@
 
 namespace clearance {
 
-/// Mask: one truth value for each lane. Index: a vertex's index for each lane; a float type where that is faster, since
-/// indices are exact in it. Count: a small integer for each lane.
+/// Mask: a bool per lane. Index: a vertex index per lane, in a float type where that is faster, since indices are exact
+/// in it. Count: a small integer per lane.
 template <class T>
 struct Lane {
   using Mask = bool;
@@ -21,7 +20,7 @@ struct Lane {
   using Count = int;
 };
 
-// A processor chooses between addresses; a GPU thread between values, since only those live in registers.
+// A CPU selects between addresses; a GPU thread selects between values, since only these can stay in registers.
 #ifdef __CUDA_ARCH__
 template <class T>
 CLEARANCE_HD inline T select(bool mask, const T& yes, const T& no) {

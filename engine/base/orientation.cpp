@@ -16,10 +16,10 @@ int sign(double x) {
   return (x > 0) - (x < 0);
 }
 
-// An exact sum of doubles that do not overlap, ascending in magnitude: its sign is that of the last.
+// An exact sum of nonoverlapping doubles, ascending in magnitude. Its sign is that of the last.
 using Expansion = std::vector<double>;
 
-// Shewchuk's Grow-Expansion (theorem 10), zeros left out: e + b. Nonoverlapping if e is.
+// Shewchuk's Grow-Expansion (theorem 10) without zeros: e + b. Nonoverlapping if e is.
 void grow(Expansion* e, double b) {
   double q = b;
   std::size_t kept = 0;
@@ -37,7 +37,7 @@ void add(Expansion* e, const Expansion& f) {
   for (const double c : f) grow(e, c);
 }
 
-// Scale-Expansion (theorem 19), zeros left out: b e. Nonoverlapping if e is.
+// Scale-Expansion (theorem 19) without zeros: b e. Nonoverlapping if e is.
 Expansion scaled(const Expansion& e, double b) {
   Expansion out;
   if (e.empty() || b == 0) return out;
@@ -103,9 +103,9 @@ int orientation(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p) 
   double permanent;
   if (const int sure = orientation_in_float64(a, b, c, p, permanent); sure != kUnsure) return sure;
 
-  // The differences are exact now. Each of the six products of three is wrong by less than 2 * 7 u^2 of itself, and the
-  // five additions by 3 u^2 of their results: in all below 64 u^2 of the permanent, whose own rounding 1 + 2^-20
-  // outweighs.
+  // The differences are exact here. Each of the six triple products has a relative error below 2 * 7 u^2, and each of
+  // the five additions one of 3 u^2: in total less than 64 u^2 of the permanent. The factor 1 + 2^-20 covers the
+  // permanent's own rounding.
   const Difference du = exact_difference(b, a), dv = exact_difference(c, a), dw = exact_difference(p, a);
   const DoubleDouble fine = dot(dw, cross(du, dv));
   const double bound = 64 * kU * kU * (1 + 0x1p-20) * permanent;

@@ -1,7 +1,7 @@
-// SIMD packs for algorithms written over a scalar or a pack: Highway's vectors under the words of lane.h.
+// SIMD packs for algorithms over a scalar or a pack: Highway's vectors with the functions of lane.h.
 //
-// Included only by lanes_*.cpp, each compiled for one instruction set and naming it in CLEARANCE_ISA, so that every
-// instantiation has symbols of its own and none can be linked in the place of another's.
+// Included only by lanes_*.cpp, each compiled for one instruction set, named by CLEARANCE_ISA. Every instantiation thus
+// has its own symbols, and the linker cannot confuse them.
 #pragma once
 
 #include <hwy/highway.h>
@@ -26,7 +26,7 @@ struct PackMask {
   HWY_INLINE friend PackMask operator|(PackMask a, PackMask b) { return {hn::Or(a.m, b.m)}; }
   HWY_INLINE friend PackMask operator!(PackMask a) { return {hn::Not(a.m)}; }
   HWY_INLINE friend bool any(PackMask a) { return !hn::AllFalse(hn::ScalableTag<T>(), a.m); }
-  /// Bit i: that of lane i.
+  /// Bit i is that of lane i.
   HWY_INLINE friend std::uint32_t bits_of(PackMask a) {
     alignas(8) std::uint8_t bytes[8] = {};
     hn::StoreMaskBits(hn::ScalableTag<T>(), a.m, bytes);
@@ -34,7 +34,7 @@ struct PackMask {
   }
 };
 
-/// As many lanes of T as the instruction set's widest register holds.
+/// A pack of T with the width of the instruction set's widest register.
 template <class T>
 struct Pack {
   using Tag = hn::ScalableTag<T>;
@@ -48,7 +48,7 @@ struct Pack {
   HWY_INLINE explicit Pack(double x) : v(hn::Set(Tag(), static_cast<T>(x))) {}
   HWY_INLINE static Pack load(const T* p) { return hn::Load(Tag(), p); }
   HWY_INLINE static Pack load_unaligned(const T* p) { return hn::LoadU(Tag(), p); }
-  /// from[i] of each lane's index i.
+  /// Returns from[i] for each lane's index i.
   HWY_INLINE static Pack gather(const T* from, Pack index) {
     const hn::RebindToSigned<Tag> ints;
     return hn::GatherIndex(Tag(), from, hn::ConvertTo(ints, index.v));

@@ -1,4 +1,4 @@
-// Why a request is refused as a whole.
+// Errors that reject a whole request.
 #pragma once
 
 #include <cstdint>
@@ -7,12 +7,12 @@
 
 namespace clearance {
 
-/// Why a query as a whole cannot be answered. A bad pose or an unknown body is a Status of its rows, not an error.
+/// Reason that a whole query cannot be answered. A bad pose or an unknown body is a Status of its rows, not an error.
 enum class QueryErrorCode : std::uint16_t {
-  kBadQuery = 1,      ///< a malformed value; the text says which
-  kWrongScene = 2,    ///< the caller knows another scene revision
+  kBadQuery = 1,      ///< an invalid value; the text names it
+  kWrongScene = 2,    ///< the caller has another scene revision
   kTooLarge = 3,      ///< more rows than allowed
-  kNotSupported = 4,  ///< legal, but this build or backend cannot
+  kNotSupported = 4,  ///< valid, but unsupported by this build or backend
 };
 
 struct QueryError : std::runtime_error {

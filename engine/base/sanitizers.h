@@ -1,4 +1,4 @@
-// Which sanitizer this file is compiled with: GCC and Clang say it in two ways.
+// Detects the sanitizers of this compilation, which GCC and Clang announce differently.
 #pragma once
 
 #if defined(__has_feature)

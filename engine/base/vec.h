@@ -1,7 +1,7 @@
 // Three-vectors and matrices over any scalar, for host and device.
 //
-// The narrow phase is written once over a scalar T (float, double, DoubleDouble, a SIMD pack); Eigen serves the
-// loaders, whose types are never in a hot loop.
+// The narrow phase is written once over a scalar T (float, double, DoubleDouble, a SIMD pack). Only the loaders use
+// Eigen, outside hot loops.
 #pragma once
 
 #include <cmath>
@@ -12,13 +12,13 @@
 #else
 #define CLEARANCE_HD
 #endif
-/// Before a loop over the entries of a small array: where it is unrolled, a GPU can keep the array in registers.
+/// Unrolls the next loop over a small array, so that a GPU can keep the array in registers.
 #ifdef __CUDA_ARCH__
 #define CLEARANCE_UNROLL _Pragma("unroll")
 #else
 #define CLEARANCE_UNROLL
 #endif
-/// For what is called once in a hot loop over packs: passing packs through memory would cost more than it does.
+/// Forces inlining of a function called once in a hot loop over packs, since passing packs through memory is expensive.
 #define CLEARANCE_INLINE CLEARANCE_HD inline __attribute__((always_inline))
 
 namespace clearance {
@@ -64,8 +64,8 @@ CLEARANCE_HD inline T norm(const Vec3<T>& a) {
   return sqrt(dot(a, a));
 }
 
-/// v times a power of two, exactly, so that its squares neither overflow nor lose digits to underflow: the same
-/// direction. 0 and vectors with an infinity or a NaN stay as they are.
+/// Scales v exactly by a power of two, so that its squares neither overflow nor lose digits to underflow. Returns 0 and
+/// vectors with an infinity or a NaN unchanged.
 template <class T>
 CLEARANCE_HD inline Vec3<T> rescaled(const Vec3<T>& v) {
   using std::abs;

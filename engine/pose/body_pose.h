@@ -1,4 +1,4 @@
-// Poses of bodies as they come, and what is known of each.
+// Updates of poses and joints, and the states that result.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@ namespace clearance {
 /// A pose update of one body.
 struct BodyPose {
   std::uint32_t body = kNone;
-  Pose pose;  ///< X_wb; of a body with a parent: X_pb
+  Pose pose;  ///< X_wb, or X_pb with a parent
 };
 
 /// A position update of one joint.
@@ -20,33 +20,33 @@ struct JointPosition {
   double position = 0;  ///< radians or metres
 };
 
-/// What is known of a joint, as the newest snapshot has it.
+/// State of a joint in the newest snapshot.
 struct JointState {
   double position = 0;
-  Status status = Status::kNoPose;  ///< kOk, kNoPose (it has no position) or kBadPose
+  Status status = Status::kNoPose;  ///< kOk, kNoPose (without a position) or kBadPose
   bool beyond_limits = false;
   std::int64_t stamp_ns = 0;    ///< publisher's clock
-  std::int64_t receipt_ns = 0;  ///< our monotonic clock; 0: never set since load
+  std::int64_t receipt_ns = 0;  ///< our monotonic clock; 0 if never set since load
 };
 
-/// What became of a batch of updates of poses or joints. A batch applies as a whole, in one snapshot; bad entries are
-/// stored as bad, so that queries say so, and unknown or static bodies are left out and counted.
+/// Result of a batch of updates of poses or joints, which applies as a whole, in one snapshot. Bad entries are stored,
+/// so that queries report them; unknown and static bodies are only counted.
 struct PoseUpdateResult {
-  std::uint64_t revision = 0;  ///< of the snapshot that holds the update
+  std::uint64_t revision = 0;  ///< of the snapshot that contains the update
   std::uint32_t applied = 0;
-  std::uint32_t bad = 0;           ///< stored, and answered kBadPose until a good one comes
+  std::uint32_t bad = 0;           ///< stored; the status is kBadPose until a valid one arrives
   std::uint32_t unknown = 0;       ///< body or joint id outside the scene
   std::uint32_t fixed = 0;         ///< static body
-  std::uint64_t copied_bytes = 0;  ///< of what is known of bodies, for the snapshot
+  std::uint64_t copied_bytes = 0;  ///< bytes of body states copied for the snapshot
 };
 
-/// Where a body is, as the newest snapshot has it.
+/// State of a body in the newest snapshot.
 struct BodyState {
-  Pose X_wb;                        ///< meaningful if `status` is kOk
+  Pose X_wb;                        ///< valid if `status` is kOk
   Status status = Status::kNoPose;  ///< kOk, kNoPose or kBadPose
   std::uint32_t parent = kNone;
   std::int64_t stamp_ns = 0;    ///< publisher's clock
-  std::int64_t receipt_ns = 0;  ///< our monotonic clock; 0: never moved since load
+  std::int64_t receipt_ns = 0;  ///< our monotonic clock; 0 if never moved since load
 };
 
 }  // namespace clearance

@@ -1,4 +1,4 @@
-// A body where it is: from poses as given to what the narrow phase wants. For host and device.
+// Placement of bodies in the world, from given poses to the form that the narrow phase uses. For host and device.
 #pragma once
 
 #include "engine/pose/pose.h"
@@ -6,7 +6,7 @@
 
 namespace clearance {
 
-/// A body's pose as the narrow phase wants it.
+/// A body's pose in the form that the narrow phase uses.
 struct PlacedPose {
   Mat3d R_wb;  ///< rotation_of(X_wb)
   Vec3d t_w;   ///< origin of the body in the world
@@ -15,10 +15,10 @@ struct PlacedPose {
 
 /// A body in the world.
 struct BodyPlacement {
-  PlacedPose pose;                  ///< meaningful if `status` is kOk
-  Status status = Status::kNoPose;  ///< kOk, kNoPose, kBadPose; kStalePose in a query that takes such for none
+  PlacedPose pose;                  ///< valid if `status` is kOk
+  Status status = Status::kNoPose;  ///< kOk, kNoPose, kBadPose; kStalePose in a query with stale_status
   bool renormalised = false;        ///< the body's own quaternion was off by more than 1e-3
-  bool beyond_limits = false;       ///< a joint that places it, or what it follows, is beyond its limits
+  bool beyond_limits = false;       ///< a joint that places it or a parent of it is beyond its limits
 };
 
 CLEARANCE_HD inline bool is_identity(const Pose& X) {
@@ -26,13 +26,15 @@ CLEARANCE_HD inline bool is_identity(const Pose& X) {
          X.qz == 0;
 }
 
-/// Whether the pose of what follows a placed body is composed with its own, and so rounded.
+/// Whether the poses of a placed body's children are composed with its own, and so rounded.
 CLEARANCE_HD inline bool is_composed(const BodyPlacement& parent) {
   return !is_identity(parent.pose.X_wb);
 }
 
-/// Places a body. \param local its pose as given; null: none was. \param parent the body that it follows, placed; null:
-/// none. \param rotation rotation_of(*local), if it is known already.
+/// Places a body.
+/// \param local its given pose, or null
+/// \param parent its placed parent, or null
+/// \param rotation rotation_of(*local) if available, or null
 CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* parent,
                                         const Mat3d* rotation = nullptr) {
   BodyPlacement body;
@@ -41,7 +43,7 @@ CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* 
   body.renormalised = quality == PoseQuality::kRenormalised;
   body.status = quality == PoseQuality::kBad ? Status::kBadPose : parent ? parent->status : Status::kOk;
   if (body.status != Status::kOk) return body;
-  const bool composed = parent && is_composed(*parent);  // else there is nothing to be rounded
+  const bool composed = parent && is_composed(*parent);  // otherwise there is no rounding
   const Pose X_wb = composed ? compose(parent->pose.X_wb, parent->pose.R_wb, *local) : *local;
   if (composed && check(X_wb) == PoseQuality::kBad) {  // a composition can overflow
     body.status = Status::kBadPose;

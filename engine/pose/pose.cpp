@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kLanes = 8;
 
-// q: (4, kLanes) as w, x, y, z; R: (9, kLanes). Flattened, so that the compiler sees plain arithmetic on lanes.
+// q: (4, kLanes) as w, x, y, z; R: (9, kLanes). Flattened, so that the compiler can vectorise over lanes.
 CLEARANCE_CLONES __attribute__((flatten)) void rotations_in_lanes(const double (&q)[4][kLanes],
                                                                   double (&R)[9][kLanes]) {
   for (std::size_t k = 0; k < kLanes; ++k) {

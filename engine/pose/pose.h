@@ -1,4 +1,4 @@
-// A pose as the contract states it, and the rotation that it stands for.
+// A pose as given by users, and its rotation.
 #pragma once
 
 #include <cmath>
@@ -10,8 +10,8 @@
 
 namespace clearance {
 
-/// Pose of a body in the world (X_wb) or, of a body with a parent, in its parent (X_pb): a translation in metres and a
-/// quaternion (scalar first) of any norm from 1e-6 to 1e6, which stands for the rotation M(q) / |q|^2. Seven float64.
+/// Pose of a body in the world (X_wb) or, with a parent, in its parent (X_pb): a translation in metres and a quaternion
+/// (scalar first) with a norm from 1e-6 to 1e6. Its rotation is M(q) / |q|^2. Seven float64.
 struct Pose {
   Vec3d translation{0, 0, 0};
   double qw = 1, qx = 0, qy = 0, qz = 0;
@@ -27,20 +27,22 @@ enum class PoseQuality : std::uint8_t {
 /// Largest coordinate, in metres, of a vertex or a translation. Beyond it products of coordinates could overflow.
 inline constexpr double kMaxCoordinate = 1e60;
 
-/// Whether a pose may be used.
+/// Whether a pose is usable.
 CLEARANCE_HD PoseQuality check(const Pose& X);
 
 /// The rotation M(q) / |q|^2, each entry rounded once from about 100 bits: |R_ij error| <= 2^-53 |R_ij| + 2^-90.
 /// The pose must not be kBad. The derivation of certify()'s constant rests on this (docs/bounds.md).
 CLEARANCE_HD Mat3d rotation_of(const Pose& X);
 
-/// The same of many poses, side by side: the same bits. \param rotations (poses.size(),)
+/// The same for many poses, in SIMD lanes, with the same bits.
+/// \param rotations (poses.size(),) results
 void rotations_of(std::span<const Pose> poses, std::span<Mat3d> rotations);
 
 /// The same to about 100 bits.
 CLEARANCE_HD Mat3<DoubleDouble> rotation_of_double_double(const Pose& X);
 
-/// X_ac = X_ab X_bc, rounded; the quaternion is normalised. Neither may be kBad. \param R_ab rotation_of(X_ab)
+/// X_ac = X_ab X_bc, rounded; the quaternion is normalised. Neither may be kBad.
+/// \param R_ab rotation_of(X_ab)
 CLEARANCE_HD Pose compose(const Pose& X_ab, const Mat3d& R_ab, const Pose& X_bc);
 CLEARANCE_HD inline Pose compose(const Pose& X_ab, const Pose& X_bc) {
   return compose(X_ab, rotation_of(X_ab), X_bc);
@@ -51,9 +53,9 @@ CLEARANCE_HD Pose inverse(const Pose& X_ab);
 
 namespace detail {
 
-inline constexpr double kMinQuaternionNorm = 1e-6;   // design contract: from 1e-6 ...
-inline constexpr double kMaxQuaternionNorm = 1e6;    // ... to 1e6 is normalised exactly
-inline constexpr double kRenormalisedBeyond = 1e-3;  // off by more than this sets the flag
+inline constexpr double kMinQuaternionNorm = 1e-6;   // norms from 1e-6 ...
+inline constexpr double kMaxQuaternionNorm = 1e6;    // ... to 1e6 are normalised exactly
+inline constexpr double kRenormalisedBeyond = 1e-3;  // a larger deviation sets the flag
 
 CLEARANCE_HD inline double quaternion_norm(const Pose& X) {
   using std::sqrt;

@@ -7,8 +7,8 @@
 
 namespace clearance {
 
-/// A sentence about a pose whose quaternion reads as a half turn here and, in the order x, y, z, w, as no turn or one
-/// about z alone; empty for every other. The negated quaternion is the same rotation and is not warned about.
+/// Returns a warning for a quaternion that is a half turn and, in the order x, y, z, w, would be the identity or a turn
+/// about z; otherwise an empty text. The negated quaternion is the same rotation, without the warning.
 std::string order_warning(const Pose& X);
 
 }  // namespace clearance

@@ -1,4 +1,4 @@
-// The last stamp that each publisher gave for each body: what is older is an update that came late, or once more.
+// The last stamp of each publisher for each body, to detect updates that are late or repeated.
 #pragma once
 
 #include <cstdint>
@@ -8,16 +8,16 @@ namespace clearance {
 
 class StampMarks {
  public:
-  /// Publishers of one body that are remembered; past that the one silent for longest is forgotten.
+  /// Maximum number of publishers per body; beyond it, the least recently active one is evicted.
   static constexpr std::size_t kRemembered = 8;
 
   explicit StampMarks(std::size_t bodies) : marks_(bodies) {}
 
-  /// The last stamp of a publisher for a body; 0: none.
+  /// Returns the last stamp of a publisher for a body, or 0.
   std::int64_t last(std::uint32_t body, std::uint64_t publisher) const;
-  /// \param stamp_ns 0: the publisher gives none, and may begin anew.
+  /// \param stamp_ns 0 for an update without a stamp, after which the publisher's clock can restart
   void note(std::uint32_t body, std::uint64_t publisher, std::int64_t stamp_ns);
-  /// What another store knows of one of its bodies.
+  /// Copies the marks of a body from another store.
   void take_over(std::uint32_t body, const StampMarks& old, std::uint32_t was) { marks_[body] = old.marks_[was]; }
 
  private:
@@ -25,7 +25,7 @@ class StampMarks {
     std::uint64_t publisher;
     std::int64_t stamp_ns;
   };
-  std::vector<std::vector<Mark>> marks_;  // by body; the last to move it first
+  std::vector<std::vector<Mark>> marks_;  // by body, most recent publisher first
 };
 
 }  // namespace clearance
