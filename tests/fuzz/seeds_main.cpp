@@ -17,6 +17,7 @@
 #include "server/outside/link.h"
 #include "tests/client/plan_payload.h"
 #include "tests/server/memory_transport.h"
+#include "tests/server/sample_requests.h"
 #include "tests/server/test_scene.h"
 #include "wire/lcm_frames.h"
 #include "wire/shm_layout.h"
@@ -33,137 +34,6 @@ std::uint8_t mended(const Data& frame) {
   return header.version == wire::kRecordsVersion ? kMendHeader | kHasRecords : kMendHeader;
 }
 
-/// Requests by name, as a client sends them to the daemon of small_scene().
-std::vector<std::pair<std::string, Data>> requests() {
-  std::vector<std::pair<std::string, Data>> all;
-  const auto query = [&](const std::string& name, auto change) {
-    TestQuery q;
-    change(q);
-    all.emplace_back("query_" + name, q.frame(all.size() + 1));
-  };
-  const Pose7 here{0.2, 0.1, 0.4, 1, 0, 0, 0}, there{0.3, -0.1, 0.5, 0.9, 0.1, 0.2, 0.3};
-  query("all_pairs", [](TestQuery&) {});
-  query("pairs", [](TestQuery& q) { q.pairs = {{0, 1}, {1, 2}, {2, 0}}; });
-  query("group_against_all", [](TestQuery& q) { q.pairs = {{kGroupBit, kEveryBody}}; });
-  query("configurations_f32", [&](TestQuery& q) {
-    q.bodies = {1, 2};
-    q.configurations = {here, there, there, here};
-    q.header.precision = 1;
-    q.header.fields =
-        kKnownFields & ~(kFieldCompact | kFieldPairLower | kFieldGradientJoints | kMotionFields | kFieldFreeScale);
-  });
-  query("signed_with_points", [&](TestQuery& q) {
-    q.bodies = {1};
-    q.configurations = {{0, 0, 0, 1, 0, 0, 0}};
-    q.header.signed_distance = 1;
-    q.header.fields = kDefaultFields | kFieldPoints | kFieldNormal | kFieldGradient;
-  });
-  query("within", [](TestQuery& q) {
-    q.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
-    q.header.max_distance = 0.3;
-    q.header.max_results = 2;
-  });
-  query("nearest_stale", [](TestQuery& q) {
-    q.header.reduce = static_cast<std::uint8_t>(Reduce::kNearest);
-    q.header.fields = kDefaultFields | kFieldFlags;
-    q.header.max_pose_age_ns = 1000;
-  });
-  query("least_compact_warm", [&](TestQuery& q) {
-    q.bodies = {1};
-    q.configurations = {here, there};
-    q.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
-    q.header.format = static_cast<std::uint8_t>(Format::kCompact);
-    q.header.warm = 1;
-  });
-  query("waits_for_poses", [](TestQuery& q) {
-    q.header.min_pose_stamp_ns = 1000;  // of the poses below
-    q.header.pose_wait_ns = 1'000'000'000;
-    q.header.wait_for = 1;
-  });
-  const auto add_record = [](TestQuery& q, std::uint16_t tag, std::uint16_t flags, std::uint64_t value) {
-    wire::append_record(q.records, tag, flags, std::as_bytes(std::span(&value, 1)));
-  };
-  query("held_to_a_size", [&](TestQuery& q) { add_record(q, 1, wire::kRecordRequired, 1 << 20); });
-  query("with_an_unknown_record", [&](TestQuery& q) {
-    add_record(q, 1, wire::kRecordRequired, 1 << 20);
-    add_record(q, 500, 0, 7);
-  });
-  TestQuery pairs;
-  pairs.bodies = {1};
-  all.emplace_back("pairs", pairs.frame(20, wire::FrameType::kPairs));
-
-  const Data echo = data_of("hello");
-  all.emplace_back("ping", simple_frame(wire::FrameType::kPing, 21, echo));
-  all.emplace_back("describe", simple_frame(wire::FrameType::kDescribe, 22));
-  all.emplace_back("states", simple_frame(wire::FrameType::kGetStates, 23));
-  all.emplace_back("stats", simple_frame(wire::FrameType::kGetStats, 24));
-  Data poses;
-  wire::PosesHeader header;
-  header.count = 2;
-  header.stamp_ns = 1000;
-  add(poses, header);
-  for (const std::uint32_t body : {1u, 3u}) {
-    wire::PoseRecord record;
-    record.body = body;
-    std::copy(there.begin(), there.end(), record.pose);
-    add(poses, record);
-  }
-  all.emplace_back("poses", simple_frame(wire::FrameType::kSetPoses, 25, poses));
-  all.emplace_back("joints", simple_frame(wire::FrameType::kGetJoints, 26));
-  Data positions;
-  add(positions, header);
-  for (const std::uint32_t joint : {0u, 2u}) add(positions, wire::JointRecord{joint, 0, 0.5});
-  all.emplace_back("set_joints", simple_frame(wire::FrameType::kSetJoints, 27, positions));
-  query("in_joint_space", [&](TestQuery& q) {
-    q.joints = {0, 1};
-    q.positions = {0.1, 0.2, 0.3, 0.4};
-  });
-  wire::AttachRecord attach;
-  attach.child = 1;
-  attach.parent = 2;
-  attach.has_pose = 1;
-  std::copy(here.begin(), here.end(), attach.pose);
-  const auto new_body = [&](const std::string& name, wire::BodyShape shape,
-                            std::span<const wire::VertexRecord> vertices,
-                            std::span<const wire::TriangleRecord> triangles = {}, Convexify convexify = {}) {
-    wire::NewBodyRecord record;
-    wire::set_name(record.name, name);
-    record.shape = static_cast<std::uint8_t>(shape);
-    record.parent = 2;
-    if (shape != wire::BodyShape::kHull) std::fill(std::begin(record.size), std::end(record.size), 0.1);
-    record.has_pose = 1;
-    std::copy(here.begin(), here.end(), record.pose);
-    record.vertex_count = vertices.size();
-    Data payload;
-    add(payload, record);
-    wire::append_bytes(payload, vertices.data(), vertices.size_bytes());
-    Data records;
-    if (!triangles.empty()) {
-      using wire::NewBodyTag;
-      const auto add_tagged = [&records](NewBodyTag tag, std::span<const std::byte> bytes) {
-        wire::append_record(records, static_cast<std::uint16_t>(tag), wire::kRecordRequired, bytes);
-      };
-      add_tagged(NewBodyTag::kTriangles, std::as_bytes(triangles));
-      add_tagged(NewBodyTag::kConvexify, std::as_bytes(std::span(&convexify, 1)));
-    }
-    const auto of_body = wire::make_header(wire::FrameType::kAddBody, all.size() + 1, payload.size());
-    wire::FrameBuilder frame(wire::with_records(of_body, records.size()));
-    frame.add_bytes(payload.data(), payload.size()).add_bytes(records.data(), records.size());
-    all.emplace_back("add_" + name, frame.take());
-  };
-  new_body("capsule", wire::BodyShape::kCapsule, {});
-  const wire::VertexRecord corners[] = {{{0, 0, 0}}, {{1, 0, 0}},       {{0, 1, 0}},
-                                        {{0, 0, 1}}, {{0.2, 0.2, 0.2}}, {{1, 1, 1}}};
-  new_body("hull", wire::BodyShape::kHull, corners);
-  const wire::TriangleRecord faces[] = {{{0, 2, 1}}, {{0, 1, 3}}, {{1, 2, 3}}, {{0, 3, 2}}};
-  new_body("solid", wire::BodyShape::kHull, std::span(corners).first(4), faces, Convexify::kSolid);
-  new_body("surface", wire::BodyShape::kHull, corners, std::span(faces).first(2), Convexify::kSurface);
-  new_body("mesh", wire::BodyShape::kHull, corners, faces, Convexify::kHull);
-  all.emplace_back("reload", simple_frame(wire::FrameType::kReload, 27));
-  all.emplace_back("attach", simple_frame(wire::FrameType::kAttach, 26, std::as_bytes(std::span(&attach, 1))));
-  return all;
-}
-
 void save_requests_and_replies() {
   Engine::Options options;
   options.threads = 1;
@@ -174,7 +44,7 @@ void save_requests_and_replies() {
   MemoryTransport& transport = *owned;
   loop.add(std::move(owned));
   Data conversation;
-  for (const auto& [name, frame] : requests()) {
+  for (const auto& [name, frame] : sample_requests()) {
     Data request, reply;
     append_frame(request, mended(frame), frame);
     save("request", "good_" + name, request);
@@ -192,7 +62,7 @@ void save_requests_and_replies() {
   save("request", "good_conversation", conversation);
   // A body that comes, is asked about, and goes.
   Data come_and_go;
-  for (const auto& [name, frame] : requests())
+  for (const auto& [name, frame] : sample_requests())
     if (name == "add_capsule" || name == "query_all_pairs") append_frame(come_and_go, kMendHeader, frame);
   wire::RemoveBodyRecord gone;
   wire::set_name(gone.name, "capsule");
@@ -233,7 +103,7 @@ void save_requests_and_replies() {
 
 void save_zmq() {
   const std::uint8_t no_name = 0, frame = 0, parts = 1, noise = 2, same_name = 3;
-  const auto all = requests();
+  const auto all = sample_requests();
   Data every, named, odd, strangers, twice;
   add(every, no_name);
   for (const auto& [name, request] : all)
@@ -270,7 +140,7 @@ void add_post(Data& steps, std::uint8_t slot, const Data& frame) {
 
 void save_shm() {
   const std::uint8_t receive = 0, hello = 1, message = 2, raw = 3, scribble = 4, turn = 6, anew = 7;
-  auto all = requests();
+  auto all = sample_requests();
   std::erase_if(all, [](const auto& request) {  // what waits for poses keeps its slot meanwhile
     return request.first.starts_with("add_") || request.first == "reload" || request.first == "query_waits_for_poses";
   });
