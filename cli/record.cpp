@@ -24,8 +24,7 @@ using Clock = std::chrono::steady_clock;
 constexpr int kQueue = 10000;
 /// What goes to a daemon, and not what it says: to be played to another one.
 const std::set<std::string> kInputs{"CLEARANCE_POSES",        "CLEARANCE_POSES_NAMED", "CLEARANCE_JOINTS",
-                                    "CLEARANCE_JOINTS_NAMED", "CLEARANCE_QUERY",       "CLEARANCE_QUERY2",
-                                    "CLEARANCE_JOINT_QUERY"};
+                                    "CLEARANCE_JOINTS_NAMED", "CLEARANCE_QUERY",       "CLEARANCE_JOINT_QUERY"};
 
 struct RecordOptions {
   std::string file;

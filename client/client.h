@@ -90,7 +90,7 @@ class CLEARANCE_API Reply {
   std::span<const double> free_scale() const;     ///< Client::free_scale()
   std::span<const std::uint32_t> steps() const;   ///< of motions: configurations that each asked for
 
-  std::uint64_t epoch() const;  ///< of the daemon that answered; 0: it is too old to have one
+  std::uint64_t epoch() const;  ///< of the daemon that answered; 0: the reply names none
   std::uint64_t scene_revision() const;
   std::uint64_t snapshot_revision() const;
   std::int64_t snapshot_stamp_ns() const;  ///< publisher's clock: the newest stamp among the poses
@@ -365,7 +365,7 @@ class CLEARANCE_API Client {
   Duration ping(std::span<const std::byte> payload = {});  ///< a bare echo through the daemon
 
   /// Which run of the daemon this client's requests are for: the one that it met when it connected, or that was
-  /// acknowledged last. 0: that daemon is too old to have epochs.
+  /// acknowledged last. 0: that daemon names none.
   std::uint64_t epoch() const;
   /// Goes on with the daemon that serves now, whichever it is, and returns its epoch. After NewEpoch: then send poses,
   /// attachments and bodies again. Throws ConnectionError, also if this client's daemon is gone and several others

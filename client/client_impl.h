@@ -86,7 +86,6 @@ struct Client::Impl {
     const std::uint64_t scene_revision = query.check_scene ? revision_of_ids() : 0;  // before the room: it may ask, too
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
-    // Without records a query is of version 1, which every daemon answers.
     std::vector<std::byte> records = query_records(query);
     wire::insert_joint_records(records, query.joints, has_configurations ? query.positions : std::span<const double>());
     if (rows)
@@ -119,7 +118,7 @@ struct Client::Impl {
       const auto code = static_cast<wire::ErrorCode>(error.header.code);
       if (code == wire::ErrorCode::kWrongScene) scene_is_old = true;
       if (code == wire::ErrorCode::kNewEpoch) throw NewEpoch(error.header.code, url() + ": " + error.text);
-      const bool is_old = sent && (code == wire::ErrorCode::kWrongVersion || code == wire::ErrorCode::kNotSupported);
+      const bool is_old = sent && code == wire::ErrorCode::kNotSupported;
       throw RequestError(error.header.code,
                          error.text + (is_old ? "; the daemon is too old for one of: " + sent.mapped() : ""));
     }

@@ -92,8 +92,7 @@ void Connection::connect_anew() {
 void Connection::meet(Deadline deadline) {
   std::unique_ptr<Frame> frame;
   while (!frame) {
-    wire::FrameHeader header = wire::make_header(wire::FrameType::kPing, next_own_request_++, 0);
-    header.version = wire::kRecordsVersion;
+    const wire::FrameHeader header = wire::make_header(wire::FrameType::kPing, next_own_request_++, 0);
     std::memcpy(channel_->begin(sizeof header, 0), &header, sizeof header);
     channel_->send();
     frame = await(header.request_id, channel_->may_lose() ? std::min(deadline, deadline_in(kAskAgain)) : deadline);
@@ -105,9 +104,7 @@ void Connection::meet(Deadline deadline) {
     const wire::PayloadParts parts = wire::split_payload(frame->header(), frame->payload());
     if (frame->header().type == static_cast<std::uint16_t>(wire::FrameType::kError)) {
       const auto error = wire::parse_error(parts.body);
-      // One that is too old for version 2 has no epoch.
-      if (error.header.code != static_cast<std::uint16_t>(wire::ErrorCode::kWrongVersion))
-        throw RequestError(error.header.code, error.text);
+      throw RequestError(error.header.code, error.text);
     }
     epoch_ = wire::epoch_of(frame->header(), frame->payload());
   } catch (const wire::WireError& error) {

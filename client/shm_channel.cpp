@@ -409,8 +409,7 @@ class ShmChannel final : public Channel {
     wire::FrameHeader header;
     std::memcpy(&header, segment->reply_area(index), sizeof header);
     auto frame = std::make_unique<ShmFrame>(segment, index, header);
-    const bool is_known = header.version == wire::kVersion || header.version == wire::kRecordsVersion;
-    if (header.magic != wire::kMagic || !is_known || header.request_id != slot.request_id ||
+    if (header.magic != wire::kMagic || header.version != wire::kVersion || header.request_id != slot.request_id ||
         header.payload_bytes != slot.reply_bytes - sizeof header)
       throw ConnectionError(url() + ": the reply to request " + std::to_string(slot.request_id) + " is garbled");
     return frame;

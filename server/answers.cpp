@@ -44,8 +44,7 @@ void Answers::check_epoch(const FrameHeader& request, std::uint64_t named) const
     throw Refusal{ErrorCode::kNewEpoch, wire::type_name(request.type) + " names no epoch (--require-epoch)"};
 }
 
-std::vector<std::byte> Answers::records(const FrameHeader& request, const wire::PassedOver& passed_over,
-                                        std::size_t joints) const {
+std::vector<std::byte> Answers::records(const wire::PassedOver& passed_over, std::size_t joints) const {
   std::vector<std::byte> records;
   if (!passed_over.empty())
     wire::append_record(records, static_cast<std::uint16_t>(wire::ReplyRecord::kIgnored), 0,
@@ -53,26 +52,20 @@ std::vector<std::byte> Answers::records(const FrameHeader& request, const wire::
   if (const auto width = static_cast<std::uint32_t>(joints))
     wire::append_record(records, static_cast<std::uint16_t>(wire::ReplyRecord::kJoints), 0,
                         std::as_bytes(std::span(&width, 1)));
-  const auto last = ending(request);
-  records.insert(records.end(), last.begin(), last.end());
+  records.insert(records.end(), epoch_record_.begin(), epoch_record_.end());
   return records;
-}
-
-std::span<const std::byte> Answers::ending(const FrameHeader& request) const {
-  if (request.version != wire::kRecordsVersion) return {};
-  return epoch_record_;
 }
 
 void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType type,
                     std::span<const std::byte> payload) {
-  std::byte* frame = reserve(sink, request, payload.size());
+  std::byte* frame = reserve(sink, payload.size());
   count_copied(payload.size());
   if (!payload.empty()) std::memcpy(frame + sizeof(FrameHeader), payload.data(), payload.size());
   publish(sink, request, type, frame, payload.size());
 }
 
-std::byte* Answers::reserve(ReplySink& sink, const FrameHeader& request, std::uint64_t payload_bytes) {
-  const std::uint64_t bytes = sizeof(FrameHeader) + payload_bytes + ending(request).size();
+std::byte* Answers::reserve(ReplySink& sink, std::uint64_t payload_bytes) {
+  const std::uint64_t bytes = sizeof(FrameHeader) + payload_bytes + epoch_record_.size();
   const auto too_large = [bytes](const char* room) {
     return Refusal{ErrorCode::kTooLarge, "the reply needs " + std::to_string(bytes) + " bytes, more than " + room,
                    bytes};
@@ -85,12 +78,11 @@ std::byte* Answers::reserve(ReplySink& sink, const FrameHeader& request, std::ui
 
 void Answers::publish(ReplySink& sink, const FrameHeader& request, wire::FrameType type, std::byte* frame,
                       std::uint64_t payload_bytes) {
-  const std::span<const std::byte> ending = this->ending(request);
   const auto header = wire::with_records(
-      wire::make_reply_header(request, type, payload_bytes, engine_->scene_revision()), ending.size());
+      wire::make_reply_header(request, type, payload_bytes, engine_->scene_revision()), epoch_record_.size());
   std::memcpy(frame, &header, sizeof header);
-  if (!ending.empty()) std::memcpy(frame + sizeof header + payload_bytes, ending.data(), ending.size());
-  sink.publish(sizeof header + payload_bytes + ending.size());
+  std::memcpy(frame + sizeof header + payload_bytes, epoch_record_.data(), epoch_record_.size());
+  sink.publish(sizeof header + header.payload_bytes);
   ++stats_.replies;
 }
 
@@ -107,7 +99,7 @@ void Answers::refuse(ReplySink& sink, const FrameHeader& request, const Refusal&
              log_text(refusal.text));
   try {
     if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes,
-                    ending(request)))
+                    epoch_record_))
       ++stats_["errors.unsent"];
   } catch (const std::exception& failure) {
     ++stats_["errors.unsent"];

@@ -28,14 +28,13 @@ class Answers {
   void check_epoch(const wire::FrameHeader& request, std::uint64_t named) const;
   /// What the reply to a query ends in. From any thread. \param passed_over tags of the request's records that nobody
   /// here knows. \param joints J of one with the column gradient_joints, else 0
-  std::vector<std::byte> records(const wire::FrameHeader& request, const wire::PassedOver& passed_over,
-                                 std::size_t joints) const;
+  std::vector<std::byte> records(const wire::PassedOver& passed_over, std::size_t joints) const;
 
   /// Throws a Refusal (kTooLarge) if it does not fit.
   void reply(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type,
              std::span<const std::byte> payload);
   /// The same in steps: room for the frame, where the payload is then written behind the header, and its publication.
-  std::byte* reserve(ReplySink& sink, const wire::FrameHeader& request, std::uint64_t payload_bytes);
+  std::byte* reserve(ReplySink& sink, std::uint64_t payload_bytes);
   void publish(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type, std::byte* frame,
                std::uint64_t payload_bytes);
   /// Counts a request whose client is gone.
@@ -65,14 +64,12 @@ class Answers {
   /// The exception that is being handled, in words for whoever asked. Not in guard(), which every user compiles: to
   /// format one line of the log takes the compiler five seconds.
   static Refusal refusal_of_caught(const wire::FrameHeader& request);
-  /// What every other reply ends in.
-  std::span<const std::byte> ending(const wire::FrameHeader& request) const;
 
   Stats& stats_;
   const std::shared_ptr<Engine>& engine_;
   const std::uint64_t epoch_;
   const bool require_epoch_;
-  std::vector<std::byte> epoch_record_;
+  std::vector<std::byte> epoch_record_;  // the end of every reply
 };
 
 constexpr wire::ErrorCode code_of(QueryErrorCode code) {

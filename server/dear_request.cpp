@@ -81,7 +81,7 @@ bool DearRequest::settle() {
     else if (step_ == Step::kPublish)
       answers_.publish(*asked_.sink, asked_.header, type_, frame_, payload_bytes_);
     else
-      frame_ = answers_.reserve(*asked_.sink, asked_.header, payload_bytes_);
+      frame_ = answers_.reserve(*asked_.sink, payload_bytes_);
   });
   if (step_ == Step::kPublish || weight_ == Weight::kLight) return true;
   step_ = went_well ? Step::kCopy : Step::kOver;

@@ -16,8 +16,8 @@
 namespace clearance {
 
 /// What the daemon listens to, without the prefix.
-inline constexpr const char* kLcmChannelsIn[] = {"CLEARANCE_POSES",  "CLEARANCE_POSES_NAMED", "CLEARANCE_QUERY",
-                                                 "CLEARANCE_QUERY2", "CLEARANCE_FRAME_IN",    "CLEARANCE_STATUS"};
+inline constexpr const char* kLcmChannelsIn[] = {"CLEARANCE_POSES", "CLEARANCE_POSES_NAMED", "CLEARANCE_QUERY",
+                                                 "CLEARANCE_FRAME_IN", "CLEARANCE_STATUS"};
 
 class LcmPort {
  public:

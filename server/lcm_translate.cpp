@@ -65,7 +65,7 @@ wire::ReplyHeader reply_of(std::span<const std::byte> payload, const std::byte*&
 /// The payload of a frame of our own loop; an error frame is thrown as what it says.
 std::span<const std::byte> payload_of(std::span<const std::byte> frame, wire::FrameType wanted) {
   wire::FrameHeader header;
-  const auto payload = wire::split_frame(frame, header);
+  const auto payload = wire::split_payload(header, wire::split_frame(frame, header)).body;
   if (header.type == static_cast<std::uint16_t>(wire::FrameType::kError)) {
     const wire::ErrorParts error = wire::parse_error(payload);
     throw wire::WireError(static_cast<wire::ErrorCode>(error.header.code), error.text);
@@ -86,19 +86,12 @@ void read_options(const Message& message, QueryOptions& options) {
   });
 }
 
-/// What a query2_t says beside its query.
-QueryOptions options_of(const clearance_lcm::query2_t& query) {
-  QueryOptions options;
-  read_options(query, options);
-  if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a body, too
-  return options;
-}
-
-/// \param options what is known of them beside the query. \param rows of joints; 0: the query's own configurations
+/// \param options that the query does not have. \param rows of joints; 0: the query's own configurations
 std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOptions options,
                                 std::span<const std::uint32_t> joints = {}, std::span<const double> positions = {},
                                 std::int32_t rows = 0) {
   read_options(query, options);
+  if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a body, too
   for (const auto& [field, name] : {std::pair{kFieldPairLower, "pair_lower"},
                                     {kFieldGradientJoints, "gradient_joints"},
                                     {kFieldTime, "time"},
@@ -148,17 +141,13 @@ std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query) {
   return frame_of(query, {});
 }
 
-std::vector<std::byte> query_frame_of(const clearance_lcm::query2_t& query) {
-  return frame_of(query.query, options_of(query));
-}
-
 std::vector<std::byte> query_frame_of(const clearance_lcm::joint_query_t& query,
                                       std::span<const std::uint32_t> joints) {
   std::vector<double> positions;
   for (const auto& row : query.positions) positions.insert(positions.end(), row.begin(), row.end());
-  QueryOptions options = options_of(query.query);
+  QueryOptions options;
   read_options(query, options);
-  return frame_of(query.query.query, options, joints, positions, query.row_count);
+  return frame_of(query.query, options, joints, positions, query.row_count);
 }
 
 std::vector<std::byte> nearest_query_frame() {

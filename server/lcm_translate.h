@@ -9,7 +9,6 @@
 
 #include "clearance_lcm/distances_t.hpp"
 #include "clearance_lcm/joint_query_t.hpp"
-#include "clearance_lcm/query2_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 #include "clearance_lcm/reply_t.hpp"
 #include "clearance_lcm/scene_t.hpp"
@@ -22,7 +21,6 @@ namespace clearance {
 
 /// A kQuery frame from a message: fields left at 0 get their defaults. Values are checked where the frame is.
 std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query);
-std::vector<std::byte> query_frame_of(const clearance_lcm::query2_t& query);
 /// The same in joint space. \param joints ids of those that the message names
 std::vector<std::byte> query_frame_of(const clearance_lcm::joint_query_t& query, std::span<const std::uint32_t> joints);
 

@@ -37,7 +37,6 @@ using clearance_lcm::named_joint_update_t;
 using clearance_lcm::named_pose_update_t;
 using clearance_lcm::points_t;
 using clearance_lcm::pose_update_t;
-using clearance_lcm::query2_t;
 using clearance_lcm::query_t;
 
 constexpr int kMessagesPerPoll = 64;
@@ -65,8 +64,7 @@ class LcmTransport final : public Transport {
     listen("CLEARANCE_JOINTS", &LcmTransport::on_poses<joint_update_t>);
     listen("CLEARANCE_JOINTS_NAMED", &LcmTransport::on_poses<named_joint_update_t>);
     listen("CLEARANCE_POINTS", &LcmTransport::on_points);
-    listen("CLEARANCE_QUERY", &LcmTransport::on_query<query_t>);
-    listen("CLEARANCE_QUERY2", &LcmTransport::on_query<query2_t>);
+    listen("CLEARANCE_QUERY", &LcmTransport::on_query);
     listen("CLEARANCE_JOINT_QUERY", &LcmTransport::on_joint_query);
     listen("CLEARANCE_FRAME_IN", &LcmTransport::on_frame);
     listen("CLEARANCE_STATUS", &LcmTransport::on_status);
@@ -154,21 +152,15 @@ class LcmTransport final : public Transport {
 
   // --- requests
 
-  static const query_t& question_in(const query_t& query) { return query; }
-  static const query_t& question_in(const query2_t& query) { return query.query; }
-
-  template <class Query>
   void on_query(std::span<const std::byte> packet) {
-    Query query;
-    if (!decode(packet, query)) return;
-    const query_t& question = question_in(query);
-    if (is_named(Query::getTypeName(), question)) hand_in(question, [&] { return query_frame_of(query); });
+    query_t query;
+    if (decode(packet, query) && is_named("query_t", query)) hand_in(query, [&] { return query_frame_of(query); });
   }
 
   void on_joint_query(std::span<const std::byte> packet) {
     joint_query_t asked;
-    if (!decode(packet, asked) || !is_named("joint_query_t", asked.query.query)) return;
-    const query_t& query = asked.query.query;
+    if (!decode(packet, asked) || !is_named("joint_query_t", asked.query)) return;
+    const query_t& query = asked.query;
     if (query.body_count != 0 && query.configuration_count != asked.row_count)  // poses are read for each row
       return refuse(query, wire::ErrorCode::kBadQuery,
                     std::to_string(query.configuration_count) + " configurations of bodies and " +

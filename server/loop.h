@@ -61,7 +61,7 @@ class Loop final : public Inbox {
     bool worker_thread = true;  ///< false: the loop works on everything itself, so that a test can count slices
   };
 
-  /// Which run of the daemon this is: a number drawn at random, never 0, which every reply of version 2 carries.
+  /// Which run of the daemon this is: a number drawn at random, never 0, which every reply carries.
   std::uint64_t epoch() const { return answers_.epoch(); }
 
   explicit Loop(Engine& engine) : Loop(engine, Options()) {}

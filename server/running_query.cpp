@@ -266,7 +266,7 @@ void RunningQuery::prepare(const wire::QueryParts& parts) {
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0 && parts.joints.size() == 0;
   const bool by_joints = query.fields & kFieldGradientJoints && query.format == Format::kFull;
-  records_ = daemon_.answers.records(asked_.header, parts.passed_over, by_joints ? query.joints.size() : 0);
+  records_ = daemon_.answers.records(parts.passed_over, by_joints ? query.joints.size() : 0);
   prepared_ = engine_->begin_preparing(query);
 }
 
@@ -342,7 +342,7 @@ void RunningQuery::take_final_room() {
 
 void RunningQuery::publish() {
   const std::uint64_t bytes = columns_end() + records_.size();
-  if (!records_.empty()) std::memcpy(frame_ + columns_end(), records_.data(), records_.size());
+  std::memcpy(frame_ + columns_end(), records_.data(), records_.size());
   const auto header =
       wire::with_records(wire::make_reply_header(asked_.header, wire::FrameType::kReply,
                                                  columns_end() - sizeof(FrameHeader), info_.scene_revision),

@@ -11,16 +11,15 @@ void check_header(const FrameHeader& h, std::uint64_t payload_bytes) {
     std::snprintf(text, sizeof text, "frame: magic is 0x%08x, expected 0x%08x", h.magic, kMagic);
     bad_frame(text);
   }
-  if (h.version != kVersion && h.version != kRecordsVersion)
+  if (h.version != kVersion)
     throw WireError(ErrorCode::kWrongVersion,
-                    "frame: version " + str(h.version) + ", this side speaks versions 1 and " + str(kRecordsVersion));
+                    "frame: version " + str(h.version) + ", this side speaks version " + str(kVersion));
   if (h.payload_bytes > kMaxPayloadBytes)
     bad_frame("frame: a payload of " + str(h.payload_bytes) + " bytes is more than the " + str(kMaxPayloadBytes) +
               " allowed");
   if (h.payload_bytes != payload_bytes)
     bad_frame("frame: the header speaks of a payload of " + str(h.payload_bytes) + " bytes, " + str(payload_bytes) +
               " came");
-  if (h.version == kVersion && h.records_bytes) bad_frame("frame: reserved words must be 0");
   expect_zero(h.reserved, "frame");
 }
 
@@ -34,7 +33,6 @@ std::span<const std::byte> split_frame(std::span<const std::byte> frame, FrameHe
 }
 
 PayloadParts split_payload(const FrameHeader& h, std::span<const std::byte> payload) {
-  if (h.version == kVersion) return {payload, {}};
   if (h.records_bytes > payload.size() || h.records_bytes % kRecordAlignment)
     bad_frame("frame: " + str(h.records_bytes) + " bytes are no whole records at the end of a payload of " +
               str(payload.size()));
@@ -55,9 +53,7 @@ FrameHeader make_header(FrameType type, std::uint64_t request_id, std::uint64_t 
 
 FrameHeader make_reply_header(const FrameHeader& request, FrameType type, std::uint64_t payload_bytes,
                               std::uint64_t scene_revision) {
-  FrameHeader header = make_header(type, request.request_id, payload_bytes, scene_revision, request.client_id);
-  if (request.version == kRecordsVersion) header.version = kRecordsVersion;
-  return header;
+  return make_header(type, request.request_id, payload_bytes, scene_revision, request.client_id);
 }
 
 std::string type_name(std::uint16_t type) {
@@ -212,8 +208,6 @@ std::uint64_t epoch_in(const char* what, const RecordView& record) {
 }
 
 FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes) {
-  if (records_bytes == 0) return header;
-  header.version = kRecordsVersion;
   header.records_bytes = records_bytes;
   header.payload_bytes += records_bytes;
   return header;

@@ -87,7 +87,7 @@ class Walk {
 constexpr std::uint64_t kPoseBytes = 7 * 8;
 
 void walk_query(Walk& walk) {
-  walk.skip(3 * 8 + 3 * 8 + 2 * 8 + 4 + 5, "its parameters");
+  walk.skip(3 * 8 + 3 * 8 + 5 * 8 + 2 * 4 + 7, "its parameters");
   walk.skip(8 * walk.count(8, "pair_count"), "pairs");
   const std::uint64_t bodies = walk.count(4, "body_count");
   walk.skip(4 * bodies, "bodies");
@@ -95,11 +95,6 @@ void walk_query(Walk& walk) {
   // Configurations without bodies have no bytes to count, and are invalid.
   if (bodies == 0 && configurations > 0) walk.fail("configurations without bodies");
   walk.skip(configurations * bodies * kPoseBytes, "configurations");
-}
-
-void walk_query2(Walk& walk) {
-  walk_query(walk);
-  walk.skip(2 * 8 + 1 + 4 + 8 + 1, "what it waits for");
 }
 
 }  // namespace
@@ -154,15 +149,9 @@ std::string check_query(std::span<const std::byte> packet) {
   return walk.end();
 }
 
-std::string check_query2(std::span<const std::byte> packet) {
-  Walk walk(packet, "query2_t", clearance_lcm::query2_t::getHash());
-  walk_query2(walk);
-  return walk.end();
-}
-
 std::string check_joint_query(std::span<const std::byte> packet) {
   Walk walk(packet, "joint_query_t", clearance_lcm::joint_query_t::getHash());
-  walk_query2(walk);
+  walk_query(walk);
   const std::uint64_t joints = walk.count(5, "joint_count");
   for (std::uint64_t i = 0; i < joints && walk.good(); ++i) walk.string(kMaxNameBytes, "a joint");
   const std::uint64_t rows = walk.count(joints * 8, "row_count");

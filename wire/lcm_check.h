@@ -15,7 +15,6 @@
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/points_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
-#include "clearance_lcm/query2_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 
 namespace clearance {
@@ -27,7 +26,6 @@ std::string check_joint_update(std::span<const std::byte> packet);
 std::string check_named_joint_update(std::span<const std::byte> packet);
 std::string check_points(std::span<const std::byte> packet);
 std::string check_query(std::span<const std::byte> packet);
-std::string check_query2(std::span<const std::byte> packet);
 std::string check_joint_query(std::span<const std::byte> packet);
 std::string check_frame(std::span<const std::byte> packet);
 
@@ -48,9 +46,6 @@ inline std::string check_packet(std::span<const std::byte> packet, const clearan
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::query_t&) {
   return check_query(packet);
-}
-inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::query2_t&) {
-  return check_query2(packet);
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::joint_query_t&) {
   return check_joint_query(packet);

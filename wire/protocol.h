@@ -9,11 +9,11 @@
 //   | P x 8 ] kBodyStates[ StatesHeader 32 B | bodies x BodyStateRecord 96 B ] kStats     [ count x CounterRecord 64 B
 //   ] kError     [ ErrorHeader 16 B  | text, UTF-8 ]
 //   kPlan      [ PlanHeader 184 B  | columns x PlanColumnRecord 16 B ]
-//   version 2  [ FrameHeader | payload as above | records, each RecordHeader 8 B and its bytes padded to 8 ]
+//   records    at the end of any payload, each [ RecordHeader 8 B | its bytes, padded to 8 ]
 //
 // ZeroMQ carries a frame as two message parts (header, payload), shared memory as one contiguous block that starts on a
 // 64-byte boundary, LCM in typed messages (lcmtypes/). Little-endian; metres, radians, nanoseconds.
-// These structs do not change any more: what comes later travels in records (docs/wire.md, "Versions").
+// Later additions travel in records (docs/wire.md, "Versions").
 // Data from a peer is copied once and validated (wire.h) before use.
 #pragma once
 
@@ -28,10 +28,7 @@ namespace clearance::wire {
 static_assert(std::endian::native == std::endian::little, "the wire is little-endian");
 
 inline constexpr std::uint32_t kMagic = 0x31524C43;  // "CLR1"
-/// Of a frame without records, and of the greeting over shared memory.
 inline constexpr std::uint16_t kVersion = 1;
-/// Of a frame whose payload may end in records, and of the replies to it.
-inline constexpr std::uint16_t kRecordsVersion = 2;
 using clearance::kColumnAlignment;
 /// Maximum size of a frame over every transport.
 inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 31;
@@ -84,7 +81,7 @@ struct FrameHeader {
   std::uint64_t payload_bytes = 0;   ///< bytes after this header
   std::uint64_t scene_revision = 0;  ///< the sender's; 0 in a request for any scene
   std::uint64_t client_id = 0;       ///< receiver of a reply over LCM, otherwise 0
-  std::uint64_t records_bytes = 0;   ///< kRecordsVersion: of the payload, at its end; else 0
+  std::uint64_t records_bytes = 0;   ///< of the payload, at its end
   std::uint64_t reserved[2] = {};    ///< 0
 };
 
@@ -99,8 +96,8 @@ inline constexpr std::uint16_t kRecordRequired = 1;
 
 /// Records with the same meaning in every frame.
 enum class CommonRecord : std::uint16_t {
-  /// uint64, never 0: which run of the daemon, a number that it draws at random when it starts. In every reply of
-  /// version 2 the one that answers; in a request the one that it is for: any other refuses it with kNewEpoch.
+  /// uint64, never 0: the run of the daemon, a number drawn at random when it starts. Ends every reply of the daemon's
+  /// loop; in a request, the run it is for: any other rejects it with kNewEpoch.
   kEpoch = 0xFF00,
 };
 inline constexpr std::uint64_t kEpochRecordBytes = sizeof(RecordHeader) + sizeof(std::uint64_t);

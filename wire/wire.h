@@ -74,7 +74,7 @@ PayloadParts split_payload(const FrameHeader& header, std::span<const std::byte>
 FrameHeader make_header(FrameType type, std::uint64_t request_id, std::uint64_t payload_bytes,
                         std::uint64_t scene_revision = 0, std::uint64_t client_id = 0);
 
-/// The header of what answers `request`: in its version, for whoever sent it.
+/// Header of the reply to `request`.
 FrameHeader make_reply_header(const FrameHeader& request, FrameType type, std::uint64_t payload_bytes,
                               std::uint64_t scene_revision);
 
@@ -133,7 +133,7 @@ void insert_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint
 void append_epoch(std::vector<std::byte>& records, std::uint64_t epoch, std::uint16_t flags = 0);
 /// Returns the epoch in a reply, or 0. Throws WireError for invalid records.
 std::uint64_t epoch_of(const FrameHeader& header, std::span<const std::byte> payload);
-/// The header of a frame whose payload ends in so many bytes of records; unchanged if there are none.
+/// Returns `header` for a payload that ends in `records_bytes` of records.
 FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes);
 /// Calls know(record), which returns whether it knows the tag, for each record except the epoch. Adds unknown tags to
 /// `passed_over` or, if required, rejects them. Throws WireError (kBadFrame for sizes, flags and tags that do not

@@ -18,10 +18,10 @@ import time
 import lcm
 
 try:
-    from clearance_lcm import joint_query_t, named_joint_update_t, query2_t, query_t, reply_t, scene_t
+    from clearance_lcm import joint_query_t, named_joint_update_t, query_t, reply_t, scene_t
 except ImportError:  # not on the path: where the build generates them
     sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / "build" / "python"))
-    from clearance_lcm import joint_query_t, named_joint_update_t, query2_t, query_t, reply_t, scene_t
+    from clearance_lcm import joint_query_t, named_joint_update_t, query_t, reply_t, scene_t
 
 STATUS = ["ok", "overlap", "contact", "beyond", "unconverged", "bad pose", "no pose", "unknown body", "stale pose"]
 
@@ -112,9 +112,8 @@ def main():
     planner.publish()
 
     message = joint_query_t()
-    message.query = query2_t()
-    message.query.query = query_t()  # what is left at zero has its default
-    message.query.query.reduce = query_t.REDUCE_MIN  # of each configuration the nearest pair with a link that moves
+    message.query = query_t()  # what is left at zero has its default
+    message.query.reduce = query_t.REDUCE_MIN  # of each configuration the nearest pair with a link that moves
     message.joints = [name for name, _, _ in options.joint]
     message.joint_count = len(message.joints)
     way = [k / max(1, options.steps - 1) for k in range(options.steps)]

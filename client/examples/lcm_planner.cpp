@@ -8,7 +8,6 @@
 // nearest pair with its bounds.
 #include <chrono>
 #include <clearance_lcm/pose_update_t.hpp>
-#include <clearance_lcm/query2_t.hpp>
 #include <clearance_lcm/query_t.hpp>
 #include <clearance_lcm/reply_t.hpp>
 #include <clearance_lcm/scene_t.hpp>
@@ -24,7 +23,6 @@
 #include <vector>
 
 using clearance_lcm::pose_update_t;
-using clearance_lcm::query2_t;
 using clearance_lcm::query_t;
 using clearance_lcm::reply_t;
 using clearance_lcm::scene_t;
@@ -101,27 +99,25 @@ class Planner {
   }
 
   /// The parts of the answer, in order. A lost part costs a repeat of the question, and so do lost poses.
-  const std::map<int, reply_t>& ask(const query_t& query) {
-    query2_t question{};
-    question.query = query;
+  const std::map<int, reply_t>& ask(query_t question) {
     question.pose_wait_ns = 200'000'000;
     question.wait_for_one = true;
     question.wait_for = poses_.rbegin()->first;  // the last that we published: a message applies as a whole
     std::string why = "no answer";
     for (int attempt = 0; attempt < 5; ++attempt) {
-      question.query.client_id = id_;
-      question.query.request_id = ++request_;
-      question.query.scene_revision = revision_;
+      question.client_id = id_;
+      question.request_id = ++request_;
+      question.scene_revision = revision_;
       question.min_pose_stamp_ns = stamp_ns_;
       replies_.by_key.clear();
-      lcm_.publish(prefix_ + "CLEARANCE_QUERY2", &question);
+      lcm_.publish(prefix_ + "CLEARANCE_QUERY", &question);
       const auto deadline = Clock::now() + std::chrono::seconds(1);
       while (replies_.whole() == nullptr && Clock::now() < deadline) spin();
       if (const auto* parts = replies_.whole()) {
         const reply_t& first = parts->begin()->second;
         if (first.error_code == 0) return *parts;
         why = "the daemon refused: " + first.error_text;
-        if (first.error_code != query2_t::ERROR_POSES_LATE) break;
+        if (first.error_code != reply_t::ERROR_POSES_LATE) break;
         publish_poses();
       }
     }

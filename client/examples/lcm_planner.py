@@ -19,10 +19,10 @@ import time
 import lcm
 
 try:
-    from clearance_lcm import pose_update_t, query2_t, query_t, reply_t, scene_t, states_t
+    from clearance_lcm import pose_update_t, query_t, reply_t, scene_t, states_t
 except ImportError:  # not on the path: where the build generates them
     sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / "build" / "python"))
-    from clearance_lcm import pose_update_t, query2_t, query_t, reply_t, scene_t, states_t
+    from clearance_lcm import pose_update_t, query_t, reply_t, scene_t, states_t
 
 STATUS = ["ok", "overlap", "contact", "beyond", "unconverged", "bad pose", "no pose", "unknown body"]
 POSE_WAIT_NS = 200_000_000  # that a question waits for our poses
@@ -126,17 +126,15 @@ class Planner:
 
     def ask(self, query, patience=1.0, attempts=5):
         """The parts of the answer, in order. A lost part costs a repeat of the question, and so do lost poses."""
-        question = query2_t()
-        question.query = query
         if self.poses:  # the last of the bodies that we published: a message applies as a whole
-            question.wait_for_one, question.wait_for = True, max(self.poses)
-            question.pose_wait_ns = POSE_WAIT_NS
+            query.wait_for_one, query.wait_for = True, max(self.poses)
+            query.pose_wait_ns = POSE_WAIT_NS
         for _ in range(attempts):
             self.request += 1
             self.reply_parts.clear()
             query.client_id, query.request_id, query.scene_revision = self.id, self.request, self.revision
-            question.min_pose_stamp_ns = self.stamp_ns
-            self.lcm.publish(self.prefix + "CLEARANCE_QUERY2", question.encode())
+            query.min_pose_stamp_ns = self.stamp_ns
+            self.lcm.publish(self.prefix + "CLEARANCE_QUERY", query.encode())
             deadline = time.monotonic() + patience
             while time.monotonic() < deadline and not self.whole(self.reply_parts):
                 self.spin(0.05)
@@ -145,7 +143,7 @@ class Planner:
                 return parts
             if parts:
                 why = f"the daemon refused: {parts[0].error_text}"
-                if parts[0].error_code != query2_t.ERROR_POSES_LATE:
+                if parts[0].error_code != reply_t.ERROR_POSES_LATE:
                     break
                 self.publish_poses()
         sys.exit(f"lcm_planner: {why}")

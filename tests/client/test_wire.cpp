@@ -158,7 +158,7 @@ TEST(Wire, AnOptionTravelsInTheHeaderOrInARecord) {
 
 TEST(Wire, OptionsInRecordsArriveAsTheyWereSent) {
   QueryOptions options;
-  EXPECT_TRUE(option_records(options).empty()) << "defaults need no version 2";
+  EXPECT_TRUE(option_records(options).empty()) << "defaults need none";
   options.max_reply_bytes = 12345;
   options.reduce = Reduce::kMin;  // has its place in the header
   const Bytes records = option_records(options);
@@ -249,7 +249,7 @@ TEST(Wire, BadHeadersAreNamed) {
   h = good;
   h.version = 9;
   EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kWrongVersion),
-            "frame: version 9, this side speaks versions 1 and 2");
+            "frame: version 9, this side speaks version 1");
   EXPECT_EQ(error_of([&] { check_header(good, 16); }, ErrorCode::kBadFrame),
             "frame: the header speaks of a payload of 24 bytes, 16 came");
   h = good;

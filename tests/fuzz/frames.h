@@ -12,9 +12,6 @@ namespace clearance::fuzz {
 /// Set in the control byte: magic, version, sizes and reserved words of the header are put right, so that mutations of
 /// the payload are not all refused at the first look.
 inline constexpr std::uint8_t kMendHeader = 1;
-/// With kMendHeader: the frame is of version 2, and its payload ends in as many bytes of records as its header says,
-/// or fewer.
-inline constexpr std::uint8_t kHasRecords = 4;
 
 struct InputFrame {
   std::uint8_t control = 0;
@@ -31,10 +28,9 @@ inline InputFrame next_frame(Input& in) {
   if (frame.control & kMendHeader) {
     std::memcpy(&header, frame.bytes.data(), sizeof header);
     header.magic = wire::kMagic;
-    header.version = frame.control & kHasRecords ? wire::kRecordsVersion : wire::kVersion;
+    header.version = wire::kVersion;
     header.payload_bytes = frame.bytes.size() - sizeof header;
-    header.records_bytes =
-        frame.control & kHasRecords ? std::min(header.records_bytes, header.payload_bytes) / 8 * 8 : 0;
+    header.records_bytes = std::min(header.records_bytes, header.payload_bytes) / 8 * 8;
     std::memset(header.reserved, 0, sizeof header.reserved);
     std::memcpy(frame.bytes.data(), &header, sizeof header);
   }

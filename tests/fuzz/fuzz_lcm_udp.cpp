@@ -16,8 +16,7 @@ namespace clearance::fuzz {
 namespace {
 
 constexpr const char* kChannels[] = {"CLEARANCE_POSES",    "CLEARANCE_POSES_NAMED", "CLEARANCE_QUERY",
-                                     "CLEARANCE_FRAME_IN", "CLEARANCE_STATUS",      "OTHER",
-                                     "CLEARANCE_QUERY2"};
+                                     "CLEARANCE_FRAME_IN", "CLEARANCE_STATUS",      "OTHER"};
 
 /// A daemon on a network of its own. Opening one takes longer than a thousand inputs, so it stays.
 class Network {

@@ -54,10 +54,10 @@ void use(Reply reply) {
 /// Reads a frame as the calls of client.cpp do. Throws WireError, ConnectionError.
 void interpret(Bytes frame) {
   wire::FrameHeader header;
-  const Bytes payload = wire::split_frame(frame, header);
+  const Bytes whole = wire::split_frame(frame, header), payload = wire::split_payload(header, whole).body;
   switch (static_cast<wire::FrameType>(header.type)) {
     case wire::FrameType::kReply:  // looks at its records, too
-      return use(Reply(std::make_unique<InputReply>(header, payload)));
+      return use(Reply(std::make_unique<InputReply>(header, whole)));
     case wire::FrameType::kScene: {
       const auto scene = wire::parse_scene(payload);
       for (std::uint64_t i = 0; i < scene.bodies.size(); ++i) wire::name_of(scene.bodies[i].name);

@@ -9,7 +9,6 @@
 #include "clearance_lcm/frame_t.hpp"
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
-#include "clearance_lcm/query2_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 #include "frames.h"
 #include "seeds.h"
@@ -27,13 +26,6 @@ namespace {
 
 // --- frames
 
-/// The control byte of a frame that is whole.
-std::uint8_t mended(const Data& frame) {
-  wire::FrameHeader header;
-  std::memcpy(&header, frame.data(), sizeof header);
-  return header.version == wire::kRecordsVersion ? kMendHeader | kHasRecords : kMendHeader;
-}
-
 void save_requests_and_replies() {
   Engine::Options options;
   options.threads = 1;
@@ -46,7 +38,7 @@ void save_requests_and_replies() {
   Data conversation;
   for (const auto& [name, frame] : sample_requests()) {
     Data request, reply;
-    append_frame(request, mended(frame), frame);
+    append_frame(request, kMendHeader, frame);
     save("request", "good_" + name, request);
     append_frame(conversation, 0, frame);
     MemoryClient client;
@@ -56,7 +48,7 @@ void save_requests_and_replies() {
     Data bytes;
     add(bytes, got.header());
     wire::append_bytes(bytes, got.payload().data(), got.payload().size());
-    append_frame(reply, mended(bytes), bytes);
+    append_frame(reply, kMendHeader, bytes);
     save("reply", "good_" + name, reply);
   }
   save("request", "good_conversation", conversation);
@@ -109,7 +101,7 @@ void save_zmq() {
   for (const auto& [name, request] : all)
     if (name == "ping" || name == "query_pairs" || name == "query_held_to_a_size" || name == "stats") {
       add(every, frame);
-      append_frame(every, mended(request), request);
+      append_frame(every, kMendHeader, request);
     }
   save("zmq_server", "good_requests", every);
   add(named, std::uint8_t{7});
@@ -135,7 +127,7 @@ void save_zmq() {
 
 void add_post(Data& steps, std::uint8_t slot, const Data& frame) {
   add(steps, std::uint8_t{5}, slot);
-  append_frame(steps, mended(frame), frame);
+  append_frame(steps, kMendHeader, frame);
 }
 
 void save_shm() {
@@ -227,12 +219,10 @@ void save_lcm() {
   query.bodies = {1};
   query.configuration_count = 2;
   query.configurations.assign(2, {{0, 0, 1, 1, 0, 0, 0}});
-  clearance_lcm::query2_t waiting{};
-  waiting.query = query;
-  waiting.min_pose_stamp_ns = 1000;
-  waiting.pose_wait_ns = 5;
-  waiting.wait_for_one = 1;
-  waiting.deadline_ns = 1'000'000;
+  query.min_pose_stamp_ns = 1000;
+  query.pose_wait_ns = 5;
+  query.wait_for_one = 1;
+  query.deadline_ns = 1'000'000;
   TestQuery large;
   wire::append_record(large.records, 500, 0, data_of("passed over"));
   large.bodies = {1};
@@ -264,8 +254,6 @@ void save_lcm() {
     save("lcm_packet", std::string("good_") + kinds[type].first, packet(type, kinds[type].second));
     save("lcm_udp", std::string("good_") + kinds[type].first, message(type, kinds[type].second));
   }
-  save("lcm_packet", "good_query_that_waits", packet(4, encoded(waiting)));
-  save("lcm_udp", "good_query_that_waits", message(6, encoded(waiting)));
   Data packets, messages;
   for (const Data& part : parts) {
     const Data a = packet(3, part), b = message(3, part);

@@ -271,13 +271,6 @@ void write_frames(std::ostream& out) {
 
 // --- LCM
 
-/// A message with all its query's parts, and the frame that the daemon makes of it.
-template <class Message>
-void write_query_message(std::ostream& out, const std::string& name, const Message& message) {
-  write_message(out, name, message);
-  write(out, name + ", as a frame", query_frame_of(message));
-}
-
 void write_queries(std::ostream& out) {
   clearance_lcm::query_t query{};
   query.client_id = 7;
@@ -289,17 +282,15 @@ void write_queries(std::ostream& out) {
   query.bodies = {1};
   query.configuration_count = 2;
   query.configurations.assign(2, {{0, 0, 1, 1, 0, 0, 0}});
-  write_query_message(out, "query_t", query);
-  clearance_lcm::query2_t waiting{};
-  waiting.query = query;
-  waiting.min_pose_stamp_ns = 1000;
-  waiting.pose_wait_ns = 5;
-  waiting.wait_for_one = 1;
-  waiting.wait_for = 2;
-  waiting.deadline_ns = 1'000'000;
-  write_query_message(out, "query2_t", waiting);
+  query.min_pose_stamp_ns = 1000;
+  query.pose_wait_ns = 5;
+  query.deadline_ns = 1'000'000;
+  query.wait_for_one = 1;
+  query.wait_for = 2;
+  write_message(out, "query_t", query);
+  write(out, "query_t, as a frame", query_frame_of(query));
   clearance_lcm::joint_query_t joints{};
-  joints.query.query.client_id = 7;
+  joints.query.client_id = 7;
   joints.joint_count = 2;
   joints.joints = {"arm/joint1", "arm/joint4"};
   joints.row_count = 1;

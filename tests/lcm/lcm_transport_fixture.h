@@ -15,7 +15,6 @@
 #include "clearance_lcm/frame_t.hpp"
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
-#include "clearance_lcm/query2_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 #include "clearance_lcm/reply_t.hpp"
 #include "clearance_lcm/scene_t.hpp"
@@ -31,7 +30,6 @@ namespace clearance {
 using clearance_lcm::distances_t;
 using clearance_lcm::named_pose_update_t;
 using clearance_lcm::pose_update_t;
-using clearance_lcm::query2_t;
 using clearance_lcm::query_t;
 using clearance_lcm::reply_t;
 using clearance_lcm::scene_t;

@@ -105,27 +105,26 @@ TEST_F(LcmJoints, PositionsThatAreNoNumbersAreBadAndTheOthersHold) {
 TEST_F(LcmJoints, AQueryOfAnotherNumberOfRowsOrAnOlderSceneIsRefused) {
   start("", {}, arm_scene());
   joint_query_t message{};
-  message.query.query = question();
+  message.query = question();
   message.joint_count = 1;
   message.joints = {"arm0/joint1"};
   message.row_count = 2;
   message.positions = {{0.1}, {0.2}};
-  message.query.query.body_count = 1;
-  message.query.query.bodies = {1};
-  message.query.query.configuration_count = 1;
-  message.query.query.configurations = {{pose_of(0, 0)}};
+  message.query.body_count = 1;
+  message.query.bodies = {1};
+  message.query.configuration_count = 1;
+  message.query.configurations = {{pose_of(0, 0)}};
   const auto refused = [&] {
-    const auto reply =
-        ask(message.query.query, [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); });
+    const auto reply = ask(message.query, [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); });
     return reply ? reply->error_text : "no reply";
   };
   EXPECT_EQ(refused(), "1 configurations of bodies and 2 of joints: expected as many, or no bodies");
-  message.query.query.configuration_count = 0;
-  message.query.query.configurations.clear();
+  message.query.configuration_count = 0;
+  message.query.configurations.clear();
   EXPECT_EQ(refused(), "0 configurations of bodies and 2 of joints: expected as many, or no bodies");
-  message.query.query.body_count = 0;
-  message.query.query.bodies.clear();
-  message.query.query.scene_revision = 12345;
+  message.query.body_count = 0;
+  message.query.bodies.clear();
+  message.query.scene_revision = 12345;
   EXPECT_EQ(refused(),
             "the scene is revision " + std::to_string(engine_->scene_revision()) + ", the query is for 12345");
 }
@@ -134,14 +133,14 @@ TEST_F(LcmJoints, QueriesInJointSpaceAreAnswered) {
   start("", {}, arm_scene());
   set_poses(1, 0.0);
   joint_query_t message{};
-  message.query.query = question();
-  message.query.query.reduce = query_t::REDUCE_MIN;
+  message.query = question();
+  message.query.reduce = query_t::REDUCE_MIN;
   message.joint_count = 2;
   message.joints = {"arm0/joint1", "arm0/joint4"};
   message.row_count = 3;
   message.positions = {{0, -1}, {0.5, -1.2}, {1, -0.4}};
   const auto send = [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); };
-  const auto reply = ask(message.query.query, send);
+  const auto reply = ask(message.query, send);
   ASSERT_TRUE(reply);
   ASSERT_EQ(reply->error_code, 0) << reply->error_text;
   ASSERT_EQ(reply->distance.size(), 3u);
@@ -160,11 +159,11 @@ TEST_F(LcmJoints, QueriesInJointSpaceAreAnswered) {
   }
   for (int k = 0; k < 3; ++k) EXPECT_EQ(reply->lower[k], lower[k]);
   message.joints[1] = "arm0/joint9";
-  const auto unknown = ask(message.query.query, send);
+  const auto unknown = ask(message.query, send);
   ASSERT_TRUE(unknown);
   EXPECT_EQ(unknown->error_text, "joints[1]: there is no joint 'arm0/joint9'");
   message.joints[1] = "arm0/joint1";
-  const auto twice = ask(message.query.query, send);
+  const auto twice = ask(message.query, send);
   ASSERT_TRUE(twice);
   EXPECT_EQ(twice->error_text, "joints[1]: 'arm0/joint1' is named twice");
 }
@@ -173,30 +172,30 @@ TEST_F(LcmJoints, MotionsAreAnsweredAllTheWay) {
   start("", {}, arm_scene());
   set_poses(1, 0.0);
   joint_query_t message{};
-  message.query.query = question();
-  message.query.query.reduce = query_t::REDUCE_MIN;
-  message.query.query.abs_tol = 1e-3;
+  message.query = question();
+  message.query.reduce = query_t::REDUCE_MIN;
+  message.query.abs_tol = 1e-3;
   message.joint_count = 2;
   message.joints = {"arm0/joint1", "arm0/joint4"};
   message.row_count = 4;
   message.positions = {{0, -1}, {0.5, -1.2}, {1, -0.4}, {-1, -0.6}};
   message.max_steps = 64;
   const auto send = [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); };
-  const auto least = ask(message.query.query, send);
+  const auto least = ask(message.query, send);
   ASSERT_TRUE(least);
   ASSERT_EQ(least->error_code, 0) << least->error_text;
   ASSERT_EQ(least->lower.size(), 2u);
   EXPECT_EQ(least->configurations, 2);
-  message.query.query.reduce = static_cast<std::int8_t>(Reduce::kAny);
-  message.query.query.abs_tol = 0;
+  message.query.reduce = static_cast<std::int8_t>(Reduce::kAny);
+  message.query.abs_tol = 0;
   message.margin = 100;  // nothing is that far
-  const auto decided = ask(message.query.query, send);
+  const auto decided = ask(message.query, send);
   ASSERT_TRUE(decided);
   ASSERT_EQ(decided->error_code, 0) << decided->error_text;
   ASSERT_EQ(decided->status.size(), 2u);
   EXPECT_LE(decided->status[0], static_cast<int>(Status::kContact)) << "a pair is proved within";
   message.max_steps = -1;
-  const auto negative = ask(message.query.query, send);
+  const auto negative = ask(message.query, send);
   ASSERT_TRUE(negative);
   EXPECT_EQ(negative->error_text, "query: max_steps must be 0 to 65536, got 4294967295");
 }
@@ -206,8 +205,8 @@ TEST_F(LcmJoints, AQueryWaitsForPositionsOfItsStamp) {
   publish_positions(positions(1, 0.1));
   ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
   joint_query_t waiting{};
-  waiting.query.query = question();
-  waiting.query.query.reduce = query_t::REDUCE_MIN;
+  waiting.query = question();
+  waiting.query.reduce = query_t::REDUCE_MIN;
   waiting.query.min_pose_stamp_ns = 2000;
   waiting.query.pose_wait_ns = 10'000'000'000;
   waiting.joint_count = 1;
@@ -221,16 +220,16 @@ TEST_F(LcmJoints, AQueryWaitsForPositionsOfItsStamp) {
   ASSERT_TRUE(until([&] { return answers_.size() == 1; }));
   const reply_t& reply = answers_.begin()->second.whole;
   EXPECT_EQ(reply.error_code, 0) << reply.error_text;
-  EXPECT_EQ(reply.request_id, waiting.query.query.request_id);
+  EXPECT_EQ(reply.request_id, waiting.query.request_id);
   EXPECT_EQ(reply.snapshot_stamp_ns, 2000);
 
-  waiting.query.query = question();
+  waiting.query = question();
   waiting.query.min_pose_stamp_ns = 2001;
   waiting.query.pose_wait_ns = 0;
   answers_.clear();
   ASSERT_TRUE(bus_->publish_message("CLEARANCE_JOINT_QUERY", waiting));
   ASSERT_TRUE(until([&] { return answers_.size() == 1; }));
-  EXPECT_EQ(answers_.begin()->second.whole.error_code, query2_t::ERROR_POSES_LATE);
+  EXPECT_EQ(answers_.begin()->second.whole.error_code, reply_t::ERROR_POSES_LATE);
   EXPECT_EQ(answers_.begin()->second.whole.error_text, "no poses with stamp 2001 or newer are there");
 }
 

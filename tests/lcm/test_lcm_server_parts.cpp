@@ -90,18 +90,18 @@ TEST(LcmTranslate, QueryFieldsAreAllCarried) {
   EXPECT_EQ(parts.configurations[5].pose[6], 42);
 }
 
-TEST(LcmTranslate, WhatCameAfterAQueryIsCarriedToo) {
-  const auto options_of = [](const clearance_lcm::query2_t& query) {
+TEST(LcmTranslate, WaitsAndDeadlinesAreCarried) {
+  const auto options_of = [](const clearance_lcm::query_t& query) {
     const auto frame = query_frame_of(query);
     wire::FrameHeader header;
     const auto payload = wire::split_frame(frame, header);
     EXPECT_EQ(header.client_id, 11u);
     return wire::parse_query(header, payload).options;
   };
-  clearance_lcm::query2_t query{};
-  query.query.client_id = 11;
-  query.query.max_distance = 2.5;
-  query.query.max_pose_age_ns = 18;
+  clearance_lcm::query_t query{};
+  query.client_id = 11;
+  query.max_distance = 2.5;
+  query.max_pose_age_ns = 18;
   QueryOptions options = options_of(query);
   EXPECT_EQ(options.max_distance, 2.5);
   EXPECT_EQ(options.fields, kDefaultFields | kFieldPair);

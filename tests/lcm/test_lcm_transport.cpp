@@ -210,11 +210,10 @@ TEST_F(LcmTransportTest, RefusalsSayWhy) {
 TEST_F(LcmTransportTest, AQueryWaitsForPosesOfItsStamp) {
   start();
   set_poses(1, 0.1);
-  query2_t waiting{};
-  waiting.query = question();
+  query_t waiting = question();
   waiting.min_pose_stamp_ns = 2000;
   waiting.pose_wait_ns = 10'000'000'000;
-  ASSERT_TRUE(bus_->publish_message("CLEARANCE_QUERY2", waiting));
+  ASSERT_TRUE(bus_->publish_message("CLEARANCE_QUERY", waiting));
   ASSERT_TRUE(until_counter("queries.held_back", 1));
   expect_good_answer();  // to another, meanwhile
   EXPECT_EQ(answers_.size(), 1u);
@@ -223,8 +222,8 @@ TEST_F(LcmTransportTest, AQueryWaitsForPosesOfItsStamp) {
   ASSERT_TRUE(until([&] { return answers_.size() == 1; }));
   const reply_t& reply = answers_.begin()->second.whole;
   EXPECT_EQ(reply.error_code, 0) << reply.error_text;
-  EXPECT_EQ(reply.client_id, waiting.query.client_id);
-  EXPECT_EQ(reply.request_id, waiting.query.request_id);
+  EXPECT_EQ(reply.client_id, waiting.client_id);
+  EXPECT_EQ(reply.request_id, waiting.request_id);
   EXPECT_EQ(reply.snapshot_stamp_ns, 2000);
   expect_same(reply, *engine_, {}, kDefaultFields | kFieldPair);
 }
@@ -232,37 +231,37 @@ TEST_F(LcmTransportTest, AQueryWaitsForPosesOfItsStamp) {
 TEST_F(LcmTransportTest, PosesThatDoNotComeAreSaidSo) {
   start();
   set_poses(1, 0.1);
-  const auto ask_for = [&](query2_t query) {
-    query.query = question();
-    query.query.max_pose_age_ns = query.stale_status ? 1 : 0;
+  const auto ask_for = [&](query_t query) {
+    query.request_id = question().request_id;
+    query.max_pose_age_ns = query.stale_status ? 1 : 0;
     answers_.clear();
-    EXPECT_TRUE(bus_->publish_message("CLEARANCE_QUERY2", query));
+    EXPECT_TRUE(bus_->publish_message("CLEARANCE_QUERY", query));
     EXPECT_TRUE(until([&] { return answers_.size() == 1; }));
     return answers_.empty() ? reply_t{} : answers_.begin()->second.whole;
   };
-  query2_t query{};
+  query_t query = question();
   query.min_pose_stamp_ns = 1001;
   reply_t reply = ask_for(query);
-  EXPECT_EQ(reply.error_code, query2_t::ERROR_POSES_LATE);
+  EXPECT_EQ(reply.error_code, reply_t::ERROR_POSES_LATE);
   EXPECT_EQ(reply.error_text, "no poses with stamp 1001 or newer are there");
   query.pose_wait_ns = 2'000'000;
   reply = ask_for(query);
-  EXPECT_EQ(reply.error_code, query2_t::ERROR_POSES_LATE);
+  EXPECT_EQ(reply.error_code, reply_t::ERROR_POSES_LATE);
   EXPECT_EQ(reply.error_text, "no poses with stamp 1001 or newer came within 2.000000 ms");
   query.deadline_ns = 1'000'000;  // in a record, as is that of the reply
-  EXPECT_EQ(ask_for(query).error_code, query2_t::ERROR_DEADLINE);
+  EXPECT_EQ(ask_for(query).error_code, reply_t::ERROR_DEADLINE);
   query.pose_wait_ns = -1;
   EXPECT_EQ(ask_for(query).error_text, "query: pose_wait_ns must be 0 to 10000000000, got -1");
 
-  query = {};
+  query = question();
   query.min_pose_stamp_ns = 1000;
   query.wait_for_one = true;  // the table has no stamp, and none of its own
-  EXPECT_EQ(ask_for(query).error_code, query2_t::ERROR_POSES_LATE);
+  EXPECT_EQ(ask_for(query).error_code, reply_t::ERROR_POSES_LATE);
   query.wait_for = 1;
   query.stale_status = true;
   reply = ask_for(query);
   EXPECT_EQ(reply.error_code, 0) << reply.error_text;
-  EXPECT_EQ(std::count(reply.status.begin(), reply.status.end(), query2_t::STATUS_STALE_POSE), reply.row_count);
+  EXPECT_EQ(std::count(reply.status.begin(), reply.status.end(), reply_t::STATUS_STALE_POSE), reply.row_count);
   EXPECT_EQ(reply.row_count, 21);
 }
 

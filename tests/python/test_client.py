@@ -213,7 +213,7 @@ def test_wrong_arguments_are_named(client, arguments, error, text):
 
 
 def test_an_option_that_travels_in_a_record(client, engine):
-    """Of wire version 2, over every transport; Python has no code of its own for it."""
+    """Over every transport; Python has no code of its own for it."""
     whole = client.distances(fields=["lower", "upper"])
     rows = whole.lower.size
     bytes_needed = 64 + 128 + 2 * -(-8 * rows // 64) * 64 + 16  # and the daemon's epoch

@@ -63,9 +63,8 @@ def test_records_of_a_frame():
     record = wire.record(1, np.uint64(7).tobytes()) + wire.record(500, b"abc", required=False)
     frame = wire.frame(wire.FrameType.QUERY, wire.query_header().tobytes(), 5, records=record)
     header = np.frombuffer(frame, wire.FrameHeader, 1)[0]
-    assert (header["version"], header["payload_bytes"], header["records_bytes"]) == (2, 128 + 32, 32)
+    assert (header["version"], header["payload_bytes"], header["records_bytes"]) == (1, 128 + 32, 32)
     assert frame[-32:] == bytes.fromhex("0100010008000000 0700000000000000 f401000003000000 6162630000000000")
-    assert wire.frame(wire.FrameType.PING)[4] == 1, "without records a frame is of version 1"
 
 
 @pytest.mark.parametrize("name", ["FrameType", "ErrorCode", "ReplyRecord", "QueryRecord"])
@@ -88,7 +87,6 @@ def test_constants(root):
 
     assert wire.MAGIC == constant("kMagic")
     assert wire.VERSION == constant("kVersion")
-    assert wire.RECORDS_VERSION == constant("kRecordsVersion")
     assert wire.RECORD_REQUIRED == constant("kRecordRequired")
     assert wire.COLUMN_ALIGNMENT == constant("kColumnAlignment")
     assert wire.MAX_FRAME_BYTES == constant("kMaxFrameBytes")

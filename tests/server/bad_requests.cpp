@@ -74,7 +74,7 @@ void add_frames(List& list) {
   const auto ping = simple_frame(FrameType::kPing, 7, std::vector<std::byte>(24));
   list.frame("wrong magic", ping, ErrorCode::kBadFrame, "frame: magic is 0x46495245, expected 0x31524c43",
              [](auto& h) { h.magic = 0x46495245; });
-  list.frame("wrong version", ping, ErrorCode::kWrongVersion, "frame: version 9, this side speaks versions 1 and 2",
+  list.frame("wrong version", ping, ErrorCode::kWrongVersion, "frame: version 9, this side speaks version 1",
              [](auto& h) { h.version = 9; });
   list.frame("payload shorter than said", ping, ErrorCode::kBadFrame,
              "frame: the header speaks of a payload of 25 bytes, 24 came", [](auto& h) { h.payload_bytes = 25; });

@@ -59,7 +59,7 @@ class LoopTest : public testing::Test {
   Reply ask(MemoryClient& client, const TestQuery& query) { return Reply(ask(client, query.frame(1))); }
   static wire::ErrorParts error_of(const std::unique_ptr<MemoryFrame>& frame) {
     EXPECT_EQ(frame->type(), wire::FrameType::kError);
-    return wire::parse_error(wire::split_payload(frame->header(), frame->payload()).body);
+    return wire::parse_error(frame->body());
   }
 
   bool with_worker_ = false;

@@ -39,6 +39,8 @@ class MemoryFrame final : public Frame {
   }
   const wire::FrameHeader& header() const override { return header_; }
   std::span<const std::byte> payload() const override { return {payload_.get(), header_.payload_bytes}; }
+  /// The payload without its records.
+  std::span<const std::byte> body() const { return wire::split_payload(header_, payload()).body; }
   wire::FrameType type() const { return static_cast<wire::FrameType>(header_.type); }
 
  private:

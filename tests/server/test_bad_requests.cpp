@@ -27,7 +27,7 @@ std::vector<std::byte> frame_of(const BadRequest& request) {
 
 void expect_refusal(const BadRequest& request, const Frame& reply) {
   ASSERT_EQ(reply.header().type, static_cast<std::uint16_t>(FrameType::kError)) << request.name;
-  const auto error = wire::parse_error(reply.payload());
+  const auto error = wire::parse_error(wire::split_payload(reply.header(), reply.payload()).body);
   EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(request.code)) << request.name << ": " << error.text;
   EXPECT_EQ(error.text.substr(0, request.text.size()), request.text) << request.name;
   EXPECT_EQ(reply.header().request_id, request.header.request_id) << request.name;
@@ -141,7 +141,7 @@ TEST_F(BadFramesOverZmq, GarbledPartsAreRefused) {
   for (const auto& [parts, text] : cases) {
     raw_.send(parts);
     const auto reply = raw_.receive();
-    const auto error = wire::parse_error(reply->payload());
+    const auto error = wire::parse_error(wire::split_payload(reply->header(), reply->payload()).body);
     EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kBadFrame));
     EXPECT_EQ(error.text, expected + text);
     EXPECT_EQ(reply->header().request_id, 0u);

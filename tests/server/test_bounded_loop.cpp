@@ -152,8 +152,8 @@ TEST_F(BoundedLoop, EchoesAreCopiedElsewhere) {
   const std::vector<std::byte> payload(250'000'000, std::byte{7});
   const auto pong = ask_within(simple_frame(FrameType::kPing, 1, payload));
   ASSERT_EQ(pong->type(), FrameType::kPong);
-  ASSERT_EQ(pong->payload().size(), payload.size());
-  EXPECT_EQ(std::memcmp(pong->payload().data(), payload.data(), payload.size()), 0);
+  ASSERT_EQ(pong->body().size(), payload.size());
+  EXPECT_EQ(std::memcmp(pong->body().data(), payload.data(), payload.size()), 0);
 }
 
 TEST_F(BoundedLoop, LargeScenesAreDescribedElsewhere) {
@@ -161,7 +161,7 @@ TEST_F(BoundedLoop, LargeScenesAreDescribedElsewhere) {
   EXPECT_EQ(ask_within(simple_frame(FrameType::kDescribe, 1))->type(), FrameType::kScene);
   EXPECT_EQ(ask_within(simple_frame(FrameType::kGetStates, 1))->type(), FrameType::kBodyStates);
   const auto table = ask_within(group_query().frame(1, FrameType::kPairs));
-  EXPECT_EQ(table->payload().size(),
+  EXPECT_EQ(table->body().size(),
             sizeof(wire::PairsHeader) + std::uint64_t{kBodies} * (kBodies - 1) / 2 * sizeof(BodyPair));
 }
 

@@ -40,7 +40,7 @@ class CertificateRequests : public LoopTest {
  protected:
   std::string document(const std::unique_ptr<MemoryFrame>& frame) {
     EXPECT_EQ(frame->type(), FrameType::kCertificate);
-    const auto body = wire::split_payload(frame->header(), frame->payload()).body;
+    const auto body = frame->body();
     return {reinterpret_cast<const char*>(body.data()), body.size()};
   }
   void expect_refused(const std::vector<std::byte>& frame, ErrorCode code, const std::string& text) {

@@ -34,7 +34,7 @@ class ContradictionLog : public LoopTest {
  protected:
   std::uint64_t contradictions() {
     const auto frame = ask(a_, simple_frame(FrameType::kGetStats, 9));
-    const auto counters = wire::parse_stats(frame->payload());
+    const auto counters = wire::parse_stats(frame->body());
     for (std::uint64_t i = 0; i < counters.size(); ++i)
       if (wire::name_of(counters[i].name) == "engine.contradictions") return counters[i].value;
     ADD_FAILURE() << "not counted";

@@ -30,7 +30,7 @@ class Deadlines : public LoopTest {
   std::string refusal(MemoryClient& client) {
     const auto frame = take(client);
     EXPECT_EQ(frame->type(), FrameType::kError);
-    const auto error = wire::parse_error(wire::split_payload(frame->header(), frame->payload()).body);
+    const auto error = wire::parse_error(frame->body());
     EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kDeadline) << error.text;
     return error.text;
   }

@@ -78,7 +78,7 @@ class DevicePlansTest : public LoopTest {
   static Mapped mapped(const MemoryFrame& frame) {
     EXPECT_EQ(frame.type(), FrameType::kPlan);
     if (frame.type() != FrameType::kPlan) return {};
-    const auto parts = wire::parse_plan(wire::split_payload(frame.header(), frame.payload()).body);
+    const auto parts = wire::parse_plan(frame.body());
     Mapped plan{parts.header, {}};
     for (std::uint64_t i = 0; i < parts.columns.size(); ++i) plan.columns.push_back(parts.columns[i]);
     return plan;
@@ -90,7 +90,7 @@ class DevicePlansTest : public LoopTest {
   wire::PlanResult run(MemoryClient& client, std::uint64_t plan) {
     const auto frame = tell(client, plan_frame(FrameType::kRunPlan, plan));
     EXPECT_EQ(frame->type(), FrameType::kPlanDone);
-    return frame->type() == FrameType::kPlanDone ? wire::parse_plan_done(frame->payload()) : wire::PlanResult();
+    return frame->type() == FrameType::kPlanDone ? wire::parse_plan_done(frame->body()) : wire::PlanResult();
   }
   void expect_refused(const std::unique_ptr<MemoryFrame>& frame, ErrorCode code, const std::string& text) {
     const auto error = error_of(frame);
@@ -99,7 +99,7 @@ class DevicePlansTest : public LoopTest {
   }
   std::uint64_t counter(const std::string& name) {
     const auto frame = tell(c_, simple_frame(FrameType::kGetStats, 1));
-    const auto all = wire::parse_stats(frame->payload());
+    const auto all = wire::parse_stats(frame->body());
     for (std::uint64_t i = 0; i < all.size(); ++i)
       if (wire::name_of(all[i].name) == name) return all[i].value;
     ADD_FAILURE() << name;

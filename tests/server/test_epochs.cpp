@@ -28,14 +28,13 @@ Bytes poses_frame(double z) {
   return wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0)).add(header).add(record).take();
 }
 
-/// The same request in version 2. \param epoch 0: it names none
-Bytes in_version_2(const Bytes& frame, std::uint64_t epoch, std::uint16_t flags = wire::kRecordRequired) {
+/// The same request with the record of an epoch.
+Bytes for_epoch(const Bytes& frame, std::uint64_t epoch) {
   wire::FrameHeader header;
   std::memcpy(&header, frame.data(), sizeof header);
   Bytes records;
-  if (epoch) wire::append_epoch(records, epoch, flags);
+  wire::append_epoch(records, epoch, wire::kRecordRequired);
   header = wire::with_records(header, records.size());
-  header.version = wire::kRecordsVersion;
   return wire::FrameBuilder(header)
       .add_bytes(frame.data() + sizeof header, frame.size() - sizeof header)
       .add_bytes(records.data(), records.size())
@@ -75,16 +74,13 @@ class Epochs : public LoopTest {
   std::map<std::string, Bytes> requests_;
 };
 
-TEST_F(Epochs, EveryReplyOfVersion2CarriesThatOfTheDaemon) {
+TEST_F(Epochs, EveryReplyCarriesThatOfTheDaemon) {
   begin();
   ASSERT_NE(loop_->epoch(), 0u);
   for (const auto& [name, request] : requests_) {
     SCOPED_TRACE(name);
-    EXPECT_EQ(epoch_of(*ask(a_, in_version_2(request, 0))), loop_->epoch());
-    EXPECT_EQ(epoch_of(*ask(a_, in_version_2(request, loop_->epoch()))), loop_->epoch());
-    const auto of_version_1 = ask(a_, request);
-    EXPECT_EQ(of_version_1->header().version, wire::kVersion);
-    EXPECT_EQ(epoch_of(*of_version_1), 0u);
+    EXPECT_EQ(epoch_of(*ask(a_, request)), loop_->epoch());
+    EXPECT_EQ(epoch_of(*ask(a_, for_epoch(request, loop_->epoch()))), loop_->epoch());
   }
 }
 
@@ -100,10 +96,10 @@ TEST_F(Epochs, RequestsForAnotherOneAreRefusedAndChangeNothing) {
   const Pose before = engine_->body_state(1).X_wb;
   for (const auto& [name, request] : requests_) {
     SCOPED_TRACE(name);
-    const auto frame = ask(a_, in_version_2(request, loop_->epoch() ^ 1));
+    const auto frame = ask(a_, for_epoch(request, loop_->epoch() ^ 1));
     ASSERT_EQ(frame->type(), FrameType::kError);
     EXPECT_EQ(epoch_of(*frame), loop_->epoch());
-    const auto error = wire::parse_error(wire::split_payload(frame->header(), frame->payload()).body);
+    const auto error = wire::parse_error(frame->body());
     EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kNewEpoch));
     EXPECT_NE(error.text.find("was started anew"), std::string::npos) << error.text;
   }
@@ -118,7 +114,7 @@ TEST_F(Epochs, RecordsThatNameNoneAreRefused) {
     TestQuery query = small_query();
     wire::append_record(query.records, static_cast<std::uint16_t>(wire::CommonRecord::kEpoch), 0, Bytes(bytes, value));
     const auto frame = ask(a_, query.frame(1));
-    const auto error = wire::parse_error(wire::split_payload(frame->header(), frame->payload()).body);
+    const auto error = wire::parse_error(frame->body());
     EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kBadFrame));
     return error.text;
   };
@@ -138,17 +134,17 @@ TEST_F(Epochs, ADaemonThatRequiresThemAnswersWhoNamesNoneOnlyWhatIsHarmless) {
     const auto frame = ask(a_, request);
     EXPECT_EQ(frame->type() != FrameType::kError, is_harmless);
     if (is_harmless) continue;
-    EXPECT_EQ(wire::parse_error(frame->payload()).header.code, static_cast<std::uint16_t>(ErrorCode::kNewEpoch));
+    EXPECT_EQ(wire::parse_error(frame->body()).header.code, static_cast<std::uint16_t>(ErrorCode::kNewEpoch));
     ++refused;
   }
   EXPECT_EQ(refused, 11);
-  EXPECT_EQ(ask(a_, in_version_2(requests_["query"], loop_->epoch()))->type(), FrameType::kReply);
+  EXPECT_EQ(ask(a_, for_epoch(requests_["query"], loop_->epoch()))->type(), FrameType::kReply);
 }
 
 TEST_F(Epochs, AQueryThatWaitsForPosesIsAnsweredWithThem) {
   begin();
   TestQuery query = waiting_query();
-  transport_->send(a_, in_version_2(query.frame(1), loop_->epoch()));
+  transport_->send(a_, for_epoch(query.frame(1), loop_->epoch()));
   turn_until_idle();
   ASSERT_EQ(loop_->held(), 1u);
   const BodyPose pose{1, Pose{{0, 0, 0.3}}};

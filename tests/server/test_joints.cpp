@@ -40,7 +40,7 @@ class JointsTest : public LoopTest {
   wire::JointsParts joints() {
     frame_ = ask(a_, simple_frame(FrameType::kGetJoints, 3));
     EXPECT_EQ(frame_->type(), FrameType::kJoints);
-    return wire::parse_joints(frame_->payload());
+    return wire::parse_joints(frame_->body());
   }
   static TestQuery joint_query() {
     TestQuery query;
@@ -56,7 +56,7 @@ TEST_F(JointsTest, PositionsAreSetInOneRevisionAndListed) {
   start(arm_scene());
   const std::uint64_t before = engine_->pose_revision();
   const auto done = wire::parse_poses_done(
-      ask(a_, update({{0, 0, 0.5}, {4, 0, std::numeric_limits<double>::quiet_NaN()}, {99, 0, 1}}, 77000))->payload());
+      ask(a_, update({{0, 0, 0.5}, {4, 0, std::numeric_limits<double>::quiet_NaN()}, {99, 0, 1}}, 77000))->body());
   EXPECT_EQ(done.applied, 1u);
   EXPECT_EQ(done.bad, 1u);
   EXPECT_EQ(done.unknown, 1u);
@@ -244,7 +244,7 @@ TEST_F(JointsTest, ItsPairsAreThoseOfTheLinksThatMove) {
   last.joints = {6};
   const auto frame = ask(a_, last.frame(1, FrameType::kPairs));
   ASSERT_EQ(frame->type(), FrameType::kPairTable);
-  const auto table = wire::parse_pair_table(wire::split_payload(frame->header(), frame->payload()).body);
+  const auto table = wire::parse_pair_table(frame->body());
   const std::uint32_t spin = engine_->scene().find_body("arm/spin");
   ASSERT_GT(table.pairs.size(), 5u);
   for (std::uint64_t i = 0; i < table.pairs.size(); ++i)

@@ -193,7 +193,8 @@ TEST_F(LoopTest, SparseRepliesAreClosedUp) {
   EXPECT_LT(near, dense.rows() / 2) << "most of the room was not needed";
 
   // A client with no room for the most that might come back, but for what does.
-  a_.room = sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) + wire::columns_bytes(sparse.rows(), sparse.fields());
+  a_.room = sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) +
+            wire::columns_bytes(sparse.rows(), sparse.fields()) + wire::kEpochRecordBytes;
   const Reply narrow = ask(a_, query);
   ASSERT_EQ(narrow.rows(), sparse.rows());
   EXPECT_EQ(std::memcmp(narrow.point_a().data(), sparse.point_a().data(), 24 * sparse.rows()), 0);
@@ -214,10 +215,10 @@ TEST_F(LoopTest, WhatAClientHasNoRoomForIsSaid) {
   a_.room = 400;
   const auto error = error_of(ask(a_, small_query().frame(1)));
   EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kTooLarge));
-  EXPECT_EQ(error.text, "the reply of 1 rows needs 448 bytes, more than this client has room for");
-  EXPECT_EQ(error.header.needed_bytes, 448u);
+  EXPECT_EQ(error.text, "the reply of 1 rows needs 464 bytes, more than this client has room for");
+  EXPECT_EQ(error.header.needed_bytes, 464u);
   const auto scene = error_of(ask(a_, simple_frame(FrameType::kDescribe, 1)));
-  EXPECT_EQ(scene.text, "the reply needs 728 bytes, more than this client has room for");
+  EXPECT_EQ(scene.text, "the reply needs 744 bytes, more than this client has room for");
   a_.room = 10;
   transport_->send(a_, small_query().frame(1));
   turn_until_idle();

@@ -17,7 +17,7 @@ TEST_F(LoopTest, DescribesItsScene) {
   ASSERT_EQ(frame->type(), FrameType::kScene);
   EXPECT_EQ(frame->header().request_id, 4u);
   EXPECT_EQ(frame->header().scene_revision, engine_->scene_revision());
-  const auto scene = wire::parse_scene(frame->payload());
+  const auto scene = wire::parse_scene(frame->body());
   ASSERT_EQ(scene.bodies.size(), 4u);
   EXPECT_EQ(wire::name_of(scene.bodies[2].name), "link1");
   EXPECT_EQ(scene.bodies[0].is_static, 1);
@@ -42,14 +42,14 @@ TEST_F(LoopTest, SetsPosesAndTellsWhatBecameOfThem) {
       .add(wire::PoseRecord{1, 0, {0, 0, 0, 0, 0, 0, 0}})  // no rotation
       .add(wire::PoseRecord{0, 0, {0, 0, 1, 1, 0, 0, 0}})  // static
       .add(wire::PoseRecord{99, 0, {0, 0, 1, 1, 0, 0, 0}});
-  const auto done = wire::parse_poses_done(ask(a_, frame.take())->payload());
+  const auto done = wire::parse_poses_done(ask(a_, frame.take())->body());
   EXPECT_EQ(done.applied, 1u);
   EXPECT_EQ(done.bad, 1u);
   EXPECT_EQ(done.fixed, 1u);
   EXPECT_EQ(done.unknown, 1u);
   EXPECT_EQ(done.revision, engine_->pose_revision());
 
-  const auto states = wire::parse_states(ask(a_, simple_frame(FrameType::kGetStates, 2))->payload());
+  const auto states = wire::parse_states(ask(a_, simple_frame(FrameType::kGetStates, 2))->body());
   ASSERT_EQ(states.states.size(), 4u);
   EXPECT_EQ(states.states[3].pose[2], 2);
   EXPECT_EQ(states.states[3].stamp_ns, 77);
@@ -91,11 +91,11 @@ TEST_F(LoopTest, AttachmentsChangeTheScene) {
     return wire::FrameBuilder(wire::make_header(FrameType::kAttach, 1, 0, revision)).add(record).take();
   };
   const std::uint64_t old_revision = engine_->scene_revision();
-  const auto done = wire::parse_poses_done(ask(a_, attach(old_revision))->payload());
+  const auto done = wire::parse_poses_done(ask(a_, attach(old_revision))->body());
   EXPECT_NE(done.scene_revision, old_revision);
   EXPECT_EQ(done.scene_revision, engine_->scene_revision());
   const auto scene_frame = ask(a_, simple_frame(FrameType::kDescribe, 1));
-  const auto scene = wire::parse_scene(scene_frame->payload());
+  const auto scene = wire::parse_scene(scene_frame->body());
   EXPECT_EQ(scene.bodies[1].parent, 2u);
   EXPECT_EQ(scene.header.pair_count, 5u) << "a body and the one it follows are no pair";
   EXPECT_EQ(error_of(ask(a_, attach(old_revision))).header.code, static_cast<std::uint16_t>(ErrorCode::kWrongScene));
@@ -116,7 +116,7 @@ TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
       EXPECT_EQ(static_cast<ErrorCode>(error_of(frame).header.code), ErrorCode::kWrongScene);
       return false;
     }
-    return wire::parse_reply(frame->payload()).scene_revision == revision;
+    return wire::parse_reply(frame->body()).scene_revision == revision;
   };
   TestQuery others, both, moved, carrier, all, nearest;
   others.pairs = {{0, 3}, {4, 5}};
@@ -153,7 +153,7 @@ TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
   const auto done =
       ask(b_, wire::FrameBuilder(wire::make_header(FrameType::kAttach, 1, 0, old_revision)).add(record).take());
   ASSERT_EQ(done->type(), FrameType::kPosesDone);
-  EXPECT_EQ(wire::parse_poses_done(done->payload()).scene_revision, old_revision)
+  EXPECT_EQ(wire::parse_poses_done(done->body()).scene_revision, old_revision)
       << "it does not know what the first one did";
 }
 
@@ -163,7 +163,7 @@ TEST_F(LoopTest, TellsTheOrderOfPairs) {
   query.pairs = {{kGroupBit | 0u, 0}, {2, 1}};
   const auto frame = ask(a_, query.frame(1, FrameType::kPairs));
   ASSERT_EQ(frame->type(), FrameType::kPairTable);
-  const auto table = wire::parse_pair_table(frame->payload());
+  const auto table = wire::parse_pair_table(frame->body());
   EXPECT_EQ(table.header.scene_revision, engine_->scene_revision());
   query.header.fields |= kFieldPair;
   const Reply reply = ask(a_, query);
@@ -178,7 +178,7 @@ TEST_F(LoopTest, TellsTheOrderOfPairs) {
   moved.bodies = {1};
   moved.configurations = {{0, 0, 0, 1, 0, 0, 0}};
   const auto moved_frame = ask(a_, moved.frame(2, FrameType::kPairs));
-  EXPECT_EQ(wire::parse_pair_table(moved_frame->payload()).pairs.size(), 3u);
+  EXPECT_EQ(wire::parse_pair_table(moved_frame->body()).pairs.size(), 3u);
 }
 
 TEST_F(LoopTest, EchoesAndCounts) {
@@ -186,13 +186,13 @@ TEST_F(LoopTest, EchoesAndCounts) {
   const std::vector<std::byte> payload{std::byte{1}, std::byte{2}, std::byte{3}};
   const auto echo = ask(a_, simple_frame(FrameType::kPing, 8, payload));
   EXPECT_EQ(echo->type(), FrameType::kPong);
-  EXPECT_TRUE(std::equal(payload.begin(), payload.end(), echo->payload().begin(), echo->payload().end()));
+  EXPECT_TRUE(std::equal(payload.begin(), payload.end(), echo->body().begin(), echo->body().end()));
   ask(a_, small_query());
   ask(a_, simple_frame(FrameType::kDescribe, 1, payload));  // refused: it has a payload
 
   const auto frame = ask(a_, simple_frame(FrameType::kGetStats, 9));
   std::map<std::string, std::uint64_t> stats;
-  const auto counters = wire::parse_stats(frame->payload());
+  const auto counters = wire::parse_stats(frame->body());
   for (std::uint64_t i = 0; i < counters.size(); ++i) stats[wire::name_of(counters[i].name)] = counters[i].value;
   EXPECT_EQ(stats.at("frames"), 4u);
   EXPECT_EQ(stats.at("memory.frames"), 3u) << "those of finished polls";

@@ -159,7 +159,7 @@ TEST_F(Reload, ARequestIsAnsweredWhenTheNewSceneIsIn) {
   const auto change_of = [this](MemoryClient& client) {
     const auto frame = take(client);
     EXPECT_EQ(frame->type(), FrameType::kSceneChanged);
-    return wire::parse_scene_changed(frame->payload());
+    return wire::parse_scene_changed(frame->body());
   };
   transport_->send(a_, simple_frame(FrameType::kReload, 7));
   while (begun < 1) loop_->turn();

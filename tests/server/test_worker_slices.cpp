@@ -54,7 +54,7 @@ TEST_F(WorkerSlices, GroupsAreExpandedInThem) {
   query.pairs = {{kGroupBit, kGroupBit}, {7, 5}, {kEveryBody, kGroupBit}};
   const auto table = ask_in_slices(query.frame(1, FrameType::kPairs));
   const std::uint64_t each = std::uint64_t{kBodies} * (kBodies - 1) / 2;
-  ASSERT_EQ(table->payload().size(), sizeof(wire::PairsHeader) + (2 * each + 1) * sizeof(BodyPair));
+  ASSERT_EQ(table->body().size(), sizeof(wire::PairsHeader) + (2 * each + 1) * sizeof(BodyPair));
   EXPECT_GT(turns_, 1000);
 
   query.pairs = {{kGroupBit, kGroupBit}};

@@ -17,8 +17,7 @@ import numpy as np
 from ._words import COLUMNS, DEFAULT_FIELDS
 
 MAGIC = 0x31524C43  #: "CLR1"
-VERSION = 1  #: version of a frame without records
-RECORDS_VERSION = 2  #: version of a frame whose payload may end in records
+VERSION = 1
 COLUMN_ALIGNMENT = 64
 MAX_FRAME_BYTES = 1 << 31
 MAX_REQUEST_BYTES = 1 << 28
@@ -80,7 +79,7 @@ class ErrorCode(enum.IntEnum):
     TOO_LARGE = 3  #: the answer exceeds a limit; request fewer rows or fields
     NOT_SUPPORTED = 4  #: valid, but unsupported by this build, backend or version; the text names the option
     BAD_FRAME = 16  #: inconsistent sizes or counts: a bug in the client
-    WRONG_VERSION = 17  #: the daemon supports only an older version of the protocol, which the text names
+    WRONG_VERSION = 17  #: the daemon speaks another version of the protocol, which the text names
     UNKNOWN_TYPE = 18  #: unknown type of request: a bug in the client, or an older daemon
     BUSY = 19  #: too many of this client's requests are waiting; read answers before sending more
     INTERNAL = 20  #: a bug of Clearance; please report it
@@ -149,9 +148,9 @@ def record(tag: int, payload: bytes, required: bool = True) -> bytes:
 def frame(
     type: FrameType, payload: bytes = b"", request_id: int = 0, scene_revision: int = 0, records: bytes = b""
 ) -> bytes:
-    """Returns a complete frame: header, payload and records. The version is 1 without records."""
+    """Returns a complete frame: header, payload and records."""
     header = np.zeros((), _wire.FrameHeader)
-    header["magic"], header["version"], header["type"] = MAGIC, RECORDS_VERSION if records else VERSION, type
+    header["magic"], header["version"], header["type"] = MAGIC, VERSION, type
     header["request_id"], header["payload_bytes"] = request_id, len(payload) + len(records)
     header["scene_revision"], header["records_bytes"] = scene_revision, len(records)
     return header.tobytes() + payload + records

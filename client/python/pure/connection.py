@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any, Optional, Union
 
 from .._errors import ConnectionError, DaemonHung, QueryError, RequestError, TimeoutError
-from ..wire import CommonRecord, ErrorCode, FrameType
+from ..wire import CommonRecord, FrameType
 from .frames import OWN_REQUESTS, Frame, header_bytes, malformed, record
 from .shm_channel import ShmChannel
 from .urls import Keys, check_url, keys_of
@@ -181,16 +181,13 @@ class Connection:
     def _meet(self, deadline: float) -> None:
         """Asks who serves there. Raises RequestError if the daemon refuses to say."""
         self._next_own += 1
-        self._channel.send(header_bytes(FrameType.PING, self._next_own, 0, records=0), [b""], 0)
+        self._channel.send(header_bytes(FrameType.PING, self._next_own, 0), [b""], 0)
         frame = self.wait_for(self._next_own, deadline)
         if frame is None:
             self._channel.forget(self._next_own)
             raise TimeoutError(f"{self.url}: the daemon does not answer")
         if frame.type == FrameType.ERROR:
-            code, text = parse_error(frame, self.url)
-            # One that is too old for version 2 has no epoch.
-            if code != ErrorCode.WRONG_VERSION:
-                raise RequestError(code, text)
+            raise RequestError(*parse_error(frame, self.url))
         self.epoch = frame.epoch(self.url)
         self._has_met = True
         self._epoch_record = record(CommonRecord.EPOCH, struct.pack("<Q", self.epoch)) if self.epoch else b""

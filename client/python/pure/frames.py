@@ -1,12 +1,12 @@
-"""Frames as they travel: a header, a payload, and the records that a payload of version 2 may end in (docs/wire.md)."""
+"""Frames as they travel: a header, a payload, and the records that a payload may end in (docs/wire.md)."""
 
 from __future__ import annotations
 
 import struct
-from typing import Any, Optional
+from typing import Any
 
 from .._errors import ConnectionError
-from ..wire import MAGIC, RECORD_REQUIRED, RECORDS_VERSION, VERSION, CommonRecord, FrameType
+from ..wire import MAGIC, RECORD_REQUIRED, VERSION, CommonRecord, FrameType
 
 HEADER = struct.Struct("<IHHQQQQQ16x")
 #: Request ids from here on are of what the library itself asks: a caller's requests count from 1.
@@ -20,19 +20,18 @@ _RECORD = struct.Struct("<HHI")
 class Frame:
     """A frame that arrived. `lease` keeps its memory: over shared memory the slot is given back with it."""
 
-    __slots__ = ("type", "version", "request_id", "payload", "records", "lease")
+    __slots__ = ("type", "request_id", "payload", "records", "lease")
 
     def __init__(self, header: Any, payload: Any, url: str, lease: Any = None):
-        magic, self.version, self.type, self.request_id, size, _, _, records = HEADER.unpack(header)
-        is_known = magic == MAGIC and self.version in (VERSION, RECORDS_VERSION)
-        if not is_known or size != len(payload) or records > size or records % 8:
+        magic, version, self.type, self.request_id, size, _, _, records = HEADER.unpack(header)
+        if (magic, version) != (MAGIC, VERSION) or size != len(payload) or records > size or records % 8:
             raise malformed(url, "its header does not fit what came")
         self.payload = memoryview(payload)[: size - records]
         self.records = memoryview(payload)[size - records :]
         self.lease = lease
 
     def epoch(self, url: str) -> int:
-        """Which run of the daemon has answered; 0: it is too old to say."""
+        """Which run of the daemon has answered; 0: the reply names none."""
         return self.number(CommonRecord.EPOCH, 8, url)
 
     def number(self, wanted: int, width: int, url: str) -> int:
@@ -58,12 +57,9 @@ def record(tag: int, payload: bytes) -> bytes:
     return _RECORD.pack(tag, RECORD_REQUIRED, len(payload)) + payload + bytes(-len(payload) % 8)
 
 
-def header_bytes(
-    type: int, request_id: int, payload_bytes: int, scene_revision: int = 0, records: Optional[int] = None
-) -> bytes:
-    """records: bytes of them that the payload ends in; None: a frame that may not have any."""
-    version = VERSION if records is None else RECORDS_VERSION
-    return HEADER.pack(MAGIC, version, type, request_id, payload_bytes, scene_revision, 0, records or 0)
+def header_bytes(type: int, request_id: int, payload_bytes: int, scene_revision: int = 0, records: int = 0) -> bytes:
+    """records: bytes of them that the payload ends in."""
+    return HEADER.pack(MAGIC, VERSION, type, request_id, payload_bytes, scene_revision, 0, records)
 
 
 def name_of_type(type: int) -> str:

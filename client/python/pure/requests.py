@@ -86,7 +86,7 @@ class Session:
                 f"a request of {size + 64} bytes is more than the {MAX_REQUEST_BYTES} allowed: split it",
             )
         request_id = self.connection.next_request_id()
-        header = header_bytes(type, request_id, size, scene_revision, len(records) if records else None)
+        header = header_bytes(type, request_id, size, scene_revision, len(records))
         bodies = [part.tobytes() if isinstance(part, np.ndarray) else part for part in parts]
         self.connection.send(header, [*bodies, records], reply_bytes)
         return request_id
@@ -105,7 +105,7 @@ class Session:
                 self._scene_is_old = True
             if code == ErrorCode.NEW_EPOCH:
                 raise NewEpoch(code, f"{url}: {text}")
-            if sent and code in (ErrorCode.WRONG_VERSION, ErrorCode.NOT_SUPPORTED):
+            if sent and code == ErrorCode.NOT_SUPPORTED:
                 text += f"; the daemon is too old for one of: {sent}"
             raise refusal(code, text)
         if frame.type != FrameType[type]:
