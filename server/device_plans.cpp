@@ -33,9 +33,8 @@ std::vector<std::byte> PlanOpening::make(std::uint64_t number, std::uint64_t& ig
   ignored += parts.passed_over.size();
   answers_.check_epoch(request_, parts.epoch);
   const QueryOptions& asked = parts.options;
-  if (asked.min_pose_stamp_ns != 0 || asked.deadline_ns != 0 || asked.max_reply_bytes != 0)
-    throw Refusal{wire::ErrorCode::kNotSupported,
-                  "a plan on a device: without min_pose_stamp_ns, deadline_ns and max_reply_bytes"};
+  if (asked.min_pose_stamp_ns != 0 || asked.deadline_ns != 0)
+    throw Refusal{wire::ErrorCode::kNotSupported, "a plan on a device: without min_pose_stamp_ns and deadline_ns"};
   plan_ = {new SharedPlan(std::exchange(engine_, nullptr), view_of(parts, request_.scene_revision), limits_,
                           std::move(share_)),
            [free = free_](SharedPlan* plan) { free(std::shared_ptr<SharedPlan>(plan)); }};

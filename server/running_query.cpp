@@ -46,14 +46,6 @@ Refusal no_room(std::uint64_t rows, std::uint64_t bytes) {
           bytes};
 }
 
-/// Throws a Refusal (kTooLarge) if the query wants no reply of so many bytes. \param most 0: it takes any.
-void check_reply_size(std::uint64_t rows, std::uint64_t bytes, std::uint64_t most) {
-  if (most && bytes > most)
-    throw Refusal{wire::ErrorCode::kTooLarge,
-                  "the reply of " + std::to_string(rows) + " rows needs " + std::to_string(bytes) +
-                      " bytes, more than the max_reply_bytes = " + std::to_string(most) + " of this query"};
-}
-
 }  // namespace
 
 QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
@@ -262,7 +254,6 @@ void RunningQuery::prepare(const wire::QueryParts& parts) {
   wants_warm_ = parts.options.warm;
   reduce_ = query.reduce;
   format_ = query.format;
-  max_reply_bytes_ = parts.options.max_reply_bytes;
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0 && parts.joints.size() == 0;
   const bool by_joints = query.fields & kFieldGradientJoints && query.format == Format::kFull;
@@ -282,7 +273,6 @@ void RunningQuery::list(const WorkBudget& budget) {
 void RunningQuery::take_room(ReplySink& sink) {
   const std::uint64_t reply_bytes =
       kColumnsBegin + wire::columns_bytes(size_.rows, size_.fields, size_.joints) + records_.size();
-  if (reduce_ != Reduce::kWithin) check_reply_size(size_.rows, reply_bytes, max_reply_bytes_);
   std::uint64_t bytes = reply_bytes + payload_bytes_ + (whole_table_ ? 0 : size_.pairs * sizeof(BodyPair));
   asked_.share.give_back();
   const std::uint64_t left = daemon_.quotas.check_bytes(client(), service_class(), bytes, sink.unsent_bytes());
@@ -328,7 +318,6 @@ void RunningQuery::run(std::chrono::nanoseconds budget) {
   std::byte* columns = frame_ + kColumnsBegin;
   if (info_.rows < size_.rows) close_up_columns(columns, size_, info_.rows);
   clear_gaps(columns, size_, info_.rows);
-  check_reply_size(info_.rows, columns_end() + records_.size(), max_reply_bytes_);
   step_ = own_ ? Step::kFinalRoom : Step::kPublish;
 }
 

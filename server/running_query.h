@@ -131,8 +131,7 @@ class RunningQuery final : public ScheduledQuery {
   Format format_ = Format::kFull;
   QueryOptions options_;
   Extent extent_;
-  std::uint64_t max_reply_bytes_ = 0;  // 0: no limit
-  std::vector<std::byte> records_;     // of the reply, behind its columns
+  std::vector<std::byte> records_;  // of the reply, behind its columns
   std::optional<PreparedQuery> prepared_;
   std::optional<Job> job_;
 

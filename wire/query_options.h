@@ -49,8 +49,6 @@
     "ns", "wait at most so long for them; then `kPosesLate`")                                                          \
   X(std::uint32_t, wait_for, kEveryBody, 0, Legal::anything(),                                                         \
     "", "body, or selector of a group; bodies that never had a stamp do not count, but at least one must have one")                   \
-  X(std::uint64_t, max_reply_bytes, 0, 1, Legal::anything(),                                                           \
-    "bytes", "a larger reply frame is refused with `kTooLarge`; 0: no limit but the daemon's")                         \
   X(bool, stale_status, false, 2, Legal::word("false true"),                                                           \
     "", "poses older than max_pose_age_ns are none: the status `stale_pose`, and no distance")                         \
   X(bool, as_planning, false, 3, Legal::word("false true"),                                                            \

@@ -211,7 +211,7 @@ class CLEARANCE_API Engine {
   std::uint32_t forbid(std::uint32_t a, std::uint32_t b);
 
   /// Throws QueryError for a query that cannot be answered, std::invalid_argument for poses that are no whole number of
-  /// configurations and for options that are a daemon's (min_pose_stamp_ns, max_reply_bytes, ...). A bad pose
+  /// configurations and for options that are a daemon's (min_pose_stamp_ns, deadline_ns, ...). A bad pose
   /// or an unknown id is a status of its rows.
   Answer distances(const Query& query = {}) const;
   /// Which configurations are free: Reduce::kAny with the query's margins. What is not proved is not free. Joint limits

@@ -159,7 +159,7 @@ TEST(Wire, AnOptionTravelsInTheHeaderOrInARecord) {
 TEST(Wire, OptionsInRecordsArriveAsTheyWereSent) {
   QueryOptions options;
   EXPECT_TRUE(option_records(options).empty()) << "defaults need none";
-  options.max_reply_bytes = 12345;
+  options.deadline_ns = 12345;
   options.reduce = Reduce::kMin;  // has its place in the header
   const Bytes records = option_records(options);
   ASSERT_EQ(records.size(), sizeof(RecordHeader) + 8);
@@ -170,7 +170,7 @@ TEST(Wire, OptionsInRecordsArriveAsTheyWereSent) {
   EXPECT_EQ(header.payload_bytes, payload.size());
   EXPECT_NO_THROW(check_header(header, payload.size()));
   const auto parts = parse_query(header, payload);
-  EXPECT_EQ(parts.options.max_reply_bytes, 12345u);
+  EXPECT_EQ(parts.options.deadline_ns, 12345);
   EXPECT_EQ(parts.options.reduce, Reduce::kNone);
   EXPECT_EQ(parts.configurations.size(), 6u);
   // A record that is cut anywhere, in a header that says so.

@@ -99,7 +99,7 @@ void save_zmq() {
   Data every, named, odd, strangers, twice;
   add(every, no_name);
   for (const auto& [name, request] : all)
-    if (name == "ping" || name == "query_pairs" || name == "query_held_to_a_size" || name == "stats") {
+    if (name == "ping" || name == "query_pairs" || name == "query_with_a_deadline" || name == "stats") {
       add(every, frame);
       append_frame(every, kMendHeader, request);
     }

@@ -215,25 +215,14 @@ def test_wrong_arguments_are_named(client, arguments, error, text):
 def test_an_option_that_travels_in_a_record(client, engine):
     """Over every transport; Python has no code of its own for it."""
     whole = client.distances(fields=["lower", "upper"])
-    rows = whole.lower.size
-    bytes_needed = 64 + 128 + 2 * -(-8 * rows // 64) * 64 + 16  # and the daemon's epoch
-    assert same_bits(client.distances(fields=["lower", "upper"], max_reply_bytes=bytes_needed), whole)
-    prepared = client.prepare(fields=["lower", "upper"], max_reply_bytes=bytes_needed - 1)
-    for ask in (prepared, lambda: client.submit(fields=["lower", "upper"], max_reply_bytes=bytes_needed - 1).result()):
-        with pytest.raises(
-            clearance.QueryError, match=f"needs {bytes_needed} bytes, more than the max_reply_bytes"
-        ) as error:
-            ask()
-        assert error.value.code == ErrorCode.TOO_LARGE
-    with pytest.raises(ValueError, match="max_reply_bytes: expected an integer >= 0, got -1"):
-        client.distances(max_reply_bytes=-1)
-    with pytest.raises(TypeError, match=r"max_reply_bytes: expected an integer, got 1\.5"):
-        client.distances(max_reply_bytes=1.5)
-    for wrong in ("max_reply_byte", "min_pose_stamp", "signed_distance"):
+    assert same_bits(client.distances(fields=["lower", "upper"], deadline_ns=60 * 10**9), whole)
+    with pytest.raises(TypeError, match=r"deadline_ns: expected an integer, got 1\.5"):
+        client.distances(deadline_ns=1.5)
+    for wrong in ("deadline", "min_pose_stamp", "signed_distance"):
         with pytest.raises(TypeError, match=f"unexpected keyword argument '{wrong}'"):
             client.distances(**{wrong: 1})
-    with pytest.raises(TypeError, match="unexpected keyword argument 'max_reply_bytes', or one for a daemon alone"):
-        engine.distances(max_reply_bytes=1)
+    with pytest.raises(TypeError, match="unexpected keyword argument 'deadline_ns', or one for a daemon alone"):
+        engine.distances(deadline_ns=1)
 
 
 def test_a_deadline_that_cannot_be_kept(client):

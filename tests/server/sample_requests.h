@@ -65,9 +65,10 @@ inline std::vector<std::pair<std::string, std::vector<std::byte>>> sample_reques
   const auto add_record = [](TestQuery& q, std::uint16_t tag, std::uint16_t flags, std::uint64_t value) {
     wire::append_record(q.records, tag, flags, std::as_bytes(std::span(&value, 1)));
   };
-  query("held_to_a_size", [&](TestQuery& q) { add_record(q, 1, wire::kRecordRequired, 1 << 20); });
+  constexpr std::uint64_t kHour = 3'600'000'000'000;
+  query("with_a_deadline", [&](TestQuery& q) { add_record(q, 4, wire::kRecordRequired, kHour); });
   query("with_an_unknown_record", [&](TestQuery& q) {
-    add_record(q, 1, wire::kRecordRequired, 1 << 20);
+    add_record(q, 4, wire::kRecordRequired, kHour);
     add_record(q, 500, 0, 7);
   });
   TestQuery pairs;

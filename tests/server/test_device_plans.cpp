@@ -323,8 +323,7 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
   refuse(query, ErrorCode::kNotSupported, "a plan on a device: reduce: expected none, min or any");
   query = plan_query();
   query.header.min_pose_stamp_ns = 5;
-  refuse(query, ErrorCode::kNotSupported,
-         "a plan on a device: without min_pose_stamp_ns, deadline_ns and max_reply_bytes");
+  refuse(query, ErrorCode::kNotSupported, "a plan on a device: without min_pose_stamp_ns and deadline_ns");
   query = plan_query();
   query.bodies = {3, 3};
   const auto twice = error_of(tell(a_, query.frame(1, FrameType::kOpenPlan)));

@@ -3,8 +3,6 @@
 
 #include <cstring>
 
-#include "client/client.h"
-#include "daemon_fixture.h"
 #include "loop_fixture.h"
 
 namespace clearance {
@@ -19,44 +17,6 @@ wire::FrameHeader header_of(const Bytes& frame) {
   std::memcpy(&header, frame.data(), sizeof header);
   return header;
 }
-
-class LimitedReplies : public testing::TestWithParam<const char*> {
- protected:
-  std::string url(const std::string& scheme) const {
-    for (const std::string& url : daemon_.urls())
-      if (url.starts_with(scheme)) return url;
-    throw std::runtime_error("no " + scheme);
-  }
-  TestFolder folder_;
-  Daemon daemon_{{"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--zmq", "ipc://" + (folder_ / "z"), "--shm",
-                  folder_ / "s", "--threads", "1"}};
-};
-
-TEST_P(LimitedReplies, AreRejectedBeyondTheLimit) {
-  Client client = patient(url(GetParam()));
-  Query query;
-  const Reply without = client.distances(query);
-  const std::uint64_t bytes =
-      64 + 128 + wire::columns_bytes(without.rows(), without.fields()) + wire::kEpochRecordBytes;
-  query.max_reply_bytes = bytes;
-  EXPECT_EQ(client.distances(query).rows(), without.rows());
-  query.max_reply_bytes = bytes - 1;
-  for (const Reduce reduce : {Reduce::kNone, Reduce::kWithin}) {
-    query.reduce = reduce;
-    try {
-      (void)client.distances(query);
-      ADD_FAILURE() << "too large";
-    } catch (const RequestError& error) {
-      EXPECT_EQ(error.code, static_cast<std::uint16_t>(ErrorCode::kTooLarge));
-      EXPECT_NE(std::string(error.what()).find("more than the max_reply_bytes = " + std::to_string(bytes - 1)),
-                std::string::npos)
-          << error.what();
-    }
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(Over, LimitedReplies, testing::Values("ipc", "shm"),
-                         [](const auto& transport) { return std::string(transport.param); });
 
 class Records : public LoopTest {
  protected:
@@ -129,7 +89,7 @@ TEST_F(Records, ThatDoNotFitAreRefused) {
   twice.insert(twice.end(), again.begin(), again.end());
   cut.resize(24);
   const Case cases[] = {
-      {record(1, wire::kRecordRequired, 4), "query: max_reply_bytes (record 1) has 4 bytes, expected 8"},
+      {record(4, wire::kRecordRequired, 4), "query: deadline_ns (record 4) has 4 bytes, expected 8"},
       {record(9, 2), "query: record 9 has unknown flags"},
       {record(0, 0), "query: record 0 comes after record 0: tags must rise, from 1 on"},
       {twice, "query: record 9 comes after record 9: tags must rise, from 1 on"},
