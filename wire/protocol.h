@@ -5,9 +5,11 @@
 //   kReply     [ ReplyHeader 128 B | columns in the order of Field, each from a 64-byte boundary of the payload ]
 //   kSetPoses  [ PosesHeader 32 B  | count x PoseRecord 64 B ]
 //   kScene     [ SceneHeader 64 B  | bodies x BodyRecord 128 B | groups x GroupRecord 80 B | members x 4 ]
-//   kPairs     [ QueryHeader, pairs, bodies as in kQuery; without configurations ]  ->  kPairTable [ PairsHeader 16 B
-//   | P x 8 ] kBodyStates[ StatesHeader 32 B | bodies x BodyStateRecord 96 B ] kStats     [ count x CounterRecord 64 B
-//   ] kError     [ ErrorHeader 16 B  | text, UTF-8 ]
+//   kPairs     [ QueryHeader, pairs, bodies as in kQuery; without configurations ]
+//   kPairTable [ PairsHeader 16 B  | P x 8 ]
+//   kBodyStates[ StatesHeader 32 B | bodies x BodyStateRecord 96 B ]
+//   kStats     [ count x CounterRecord 64 B ]
+//   kError     [ ErrorHeader 16 B  | text, UTF-8 ]
 //   kPlan      [ PlanHeader 184 B  | columns x PlanColumnRecord 16 B ]
 //   records    at the end of any payload, each [ RecordHeader 8 B | its bytes, padded to 8 ]
 //
