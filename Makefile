@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-view bench-robots bench-motions bench-ompl bench-surfaces bench-clouds bench-sweep bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test test-extras lint fuzz soak demo bench certify gpu-test gpu-bench clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -44,54 +44,8 @@ demo: setup  ## an arm that moves by joint messages, asked about through all thr
 	@tools/build.sh release demo_programs
 	@$(PYTHON_VENV) tools/demo.py
 
-bench: build  ## latency and throughput of every transport, beside their floors and bars: out/latency*.csv
-	@$(PYTHON_VENV) bench/latency/bench.py
-
-bench-peers:  ## ours beside Coal, FCL and Bullet, which it installs: times and errors; rewrites docs/performance.*
-	@tools/setup.sh tools/peers_packages.txt
-	@tools/build.sh release clearance-peers-export clearance-peers-ours
-	@$(PYTHON_VENV) bench/peers/bench_peers.py
-
-bench-broad: setup  ## the ways to find near pairs, alone and within queries; rewrites docs/results/broad.csv and docs/performance.md
-	@tools/build.sh release clearance-broad
-	@build/bin/clearance-broad --csv docs/results/broad.csv
-	@$(PYTHON_VENV) bench/broad/broad.py
-
-bench-sections: build  ## the longest that the loop is away from its transports, by kind of request; rewrites docs/results/sections.csv
-	@$(PYTHON_VENV) bench/latency/bench_sections.py
-
-bench-classes: build  ## what a client of the class control waits beside the worst of the others; rewrites docs/results/classes.csv
-	@$(PYTHON_VENV) bench/latency/bench_classes.py
-
-bench-view: build  ## what a control loop waits while a viewer looks at its daemon; rewrites docs/results/view.csv
-	@$(PYTHON_VENV) bench/latency/bench_view.py
-
-bench-robots: build  ## MotionBenchMaker's problems: is a state valid, how near is it to contact, beside Pinocchio and Coal, which it installs; RRT-Connect end to end; rewrites docs/results/robots.csv and rrt.csv, the tables and the picture of docs/robots.md
-	@$(PYTHON_VENV) bench/robots/bench_robots.py --csv docs/results/robots.csv
-	@$(PYTHON_VENV) bench/robots/bench_rrt.py --csv docs/results/rrt.csv
-	@$(PYTHON_VENV) tools/readme_tables.py
-	@$(PYTHON_VENV) bench/robots/draw.py
-
-bench-motions: build  ## edges of the same problems, proved free all along, beside sampling them; free bodies beside FCL; rewrites docs/results/motions.csv and free_bodies.csv
-	@$(PYTHON_VENV) bench/robots/bench_motions.py --csv docs/results/motions.csv
-	@$(PYTHON_VENV) bench/robots/bench_free_bodies.py --csv docs/results/free_bodies.csv
-
-bench-ompl: build  ## the same problems planned by OMPL, with edges that are sampled and with edges that are proved; rewrites docs/results/ompl.csv
-	@$(PYTHON_VENV) bench/robots/bench_ompl.py --csv docs/results/ompl.csv
-
-bench-surfaces: build  ## meshes that are not convex, beside Coal, which it installs; rewrites docs/results/surfaces.csv, pieces.csv and link_meshes.csv
-	@$(PYTHON_VENV) bench/surfaces/bench_surfaces.py --csv docs/results/surfaces.csv
-	@$(PYTHON_VENV) bench/surfaces/bench_pieces.py --csv docs/results/pieces.csv
-	@$(PYTHON_VENV) bench/robots/bench_link_meshes.py --csv docs/results/link_meshes.csv
-
-bench-clouds: build  ## points against a robot, beside Coal's octree, which it installs; rewrites docs/results/clouds.csv
-	@$(PYTHON_VENV) bench/surfaces/bench_clouds.py --csv docs/results/clouds.csv
-
-bench-sweep: build  ## a sweep on Ray, which it installs, beside the engine alone; rewrites docs/results/sweep.csv
-	@$(PYTHON_VENV) bench/sweep/bench_sweep.py --csv docs/results/sweep.csv
-
-bench-load: build  ## how long 1000 meshes take to load, with an empty cache and with a full one; rewrites docs/results/load.csv
-	@$(PYTHON_VENV) bench/load/bench_load.py --csv docs/results/load.csv
+bench:  ## latency and throughput; another benchmark by SUITE="robots rrt" OPTIONS="--rounds 5", a small run by QUICK=1; SUITE=list lists them
+	@python3 bench/run.py $(if $(QUICK),--quick) $(or $(SUITE),latency) $(OPTIONS)
 
 certify: setup  ## a million pairs of every hard class of hulls and of meshes against exact arithmetic, 100,000 motions, and 30,000 certificates of each class before a judge of their own; rewrites docs/results/*accuracy.csv
 	@tools/build.sh release clearance-certify clearance-certificates
@@ -102,44 +56,13 @@ certify: setup  ## a million pairs of every hard class of hulls and of meshes ag
 	@build/bin/clearance-certify --motions 100000 --seed 1 --csv docs/results/motion_accuracy.csv
 	@build/bin/clearance-certify --meshes --pairs 1000000 --seed 1 --csv docs/results/mesh_accuracy.csv --failures out/certify_mesh_failures.txt
 
-tradeoff: setup  ## time against accuracy for every setting of a query; what robots' meshes are taken for; proved edges beside sampled ones; rewrites docs/results/tradeoff.csv, shapes.csv, edges.csv and docs/tradeoff.*
-	@tools/build.sh release product clearance-tradeoff
-	@build/bin/clearance-tradeoff --csv docs/results/tradeoff.csv
-	@$(PYTHON_VENV) bench/robots/bench_shapes.py --csv docs/results/shapes.csv
-	@$(PYTHON_VENV) bench/tradeoff/edges.py --csv docs/results/edges.csv
-	@$(PYTHON_VENV) bench/tradeoff/tradeoff.py
+gpu-test: setup  ## the cuda backend against the CPU and exact arithmetic, on this machine's GPU; TASK=certify: a million pairs, TASK=sanitize: under compute-sanitizer
+	@targets=$$(tools/gpu.sh programs $(or $(TASK),test)) && tools/build.sh release $$targets
+	@tools/gpu.sh $(or $(TASK),test)
 
-report: setup  ## the experiments of the 2023 report with its systems, ours and Coal; rewrites docs/report.* and docs/results/report.csv
-	@tools/build.sh release clearance-report
-	@$(PYTHON_VENV) bench/report/report.py --measure
-
-report-gpu: setup  ## the same with the systems on this machine's GPU; writes docs/results/report_*.csv
-	@tools/build.sh release clearance-report clearance-gpu-bench clearance_cuda
-	@tools/gpu.sh report
-	@$(PYTHON_VENV) bench/report/report.py
-
-gpu-compile: setup  ## the kernels for every GPU architecture from 7.5 to 12.0; needs nvcc, but no GPU
-	@tools/build.sh gpus kernels
-
-gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
-	@tools/build.sh release $$(tools/gpu.sh programs test) clearance-gpu-bench clearance_cuda
-	@tools/gpu.sh test
-
-gpu-certify: setup  ## a million pairs of every hard class on this machine's GPU against exact arithmetic, and 100,000 motions; writes docs/results/*accuracy_*.csv
-	@tools/build.sh release clearance-certify clearance-gpu-bench clearance_cuda
-	@tools/gpu.sh certify
-
-gpu-sanitize: setup  ## the cuda backend's tests under compute-sanitizer: memory, barriers, races
-	@tools/build.sh release $$(tools/gpu.sh programs sanitize) clearance_cuda
-	@tools/gpu.sh sanitize
-
-gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine; writes docs/results/gpu_*.csv
-	@tools/build.sh release product clearance-gpu-bench clearance-gpu-plans clearance-gpu-daemon clearance-gpu-motions
-	@tools/gpu.sh bench
-
-gpu-several: setup  ## all GPUs of this machine together beside one of them; writes docs/results/gpus_*.csv
-	@tools/build.sh release clearance-gpu-bench clearance_cuda
-	@tools/gpu.sh several
+gpu-bench: setup  ## throughput of the cuda backend beside the CPU's; TASK=several: all GPUs beside one, TASK=report: the 2023 report's systems; writes docs/results/*_DEVICE.csv
+	@targets=$$(tools/gpu.sh programs $(or $(TASK),bench)) && tools/build.sh release $$targets
+	@tools/gpu.sh $(or $(TASK),bench)
 
 clean:  ## remove build folders and out/ (.venv stays)
 	@rm -rf build build-* out

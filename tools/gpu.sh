@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
-# gpu.sh test|certify|sanitize|bench|daemon|several|report [folder of binaries]: the tests and benchmarks that need a GPU, run by make gpu-test and
-# its like (report: make report-gpu). Binaries may have been built elsewhere: besides them it needs the source tree that it
-# lies in, for the tests' data, and the programs that tests start (memory_client, clearanced and what it starts).
-# gpu.sh programs test|sanitize: the tests that these run, as targets to build.
+# gpu.sh TASK [folder of binaries]: tests and benchmarks that need a GPU. make gpu-test runs test, certify and sanitize; make
+# gpu-bench runs bench, several and report; daemon is a part of bench. Binaries may have been built elsewhere: besides them it
+# needs the source tree that it lies in, for the tests' data, and the programs that tests start (memory_client, clearanced
+# and what it starts).
+# gpu.sh programs TASK: the targets to build for it.
 set -uo pipefail
-what=${1:?gpu.sh test, certify, sanitize, bench, daemon, several or report}
+tasks="test, certify, sanitize, bench, daemon, several or report"
+what=${1:?gpu.sh $tasks}
 
 tests=(test_cuda_backend test_cuda_slack test_cuda_elements test_cuda_decisions test_cuda_reductions test_cuda_warm
   test_cuda_motions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_device_plan test_shared_memory
@@ -16,9 +18,13 @@ sanitized=("test_cuda_backend --gtest_filter=*OwnShape:*Explicit*:*Poses*:*LastQ
   "test_cuda_elements --gtest_filter=*Repeat*:*Follow*" "test_cuda_motions --gtest_filter=*TellOf*")
 if [ "$what" = programs ]; then
   case ${2:-} in
-    test) printf '%s\n' "${tests[@]%% *}" ;;
-    sanitize) printf '%s\n' "${sanitized[@]%% *}" ;;
-    *) echo "gpu.sh: expected test or sanitize, got '${2:-}'" >&2; exit 2 ;;
+    test) printf '%s\n' "${tests[@]%% *}" clearance-gpu-bench clearance_cuda ;;
+    sanitize) printf '%s\n' "${sanitized[@]%% *}" clearance_cuda ;;
+    certify) echo clearance-certify clearance-gpu-bench clearance_cuda ;;
+    bench | daemon) echo product clearance-gpu-bench clearance-gpu-plans clearance-gpu-daemon clearance-gpu-motions ;;
+    several) echo clearance-gpu-bench clearance_cuda ;;
+    report) echo clearance-report clearance-gpu-bench clearance_cuda ;;
+    *) echo "gpu.sh: expected $tasks, got '${2:-}'" >&2; exit 2 ;;
   esac
   exit
 fi
@@ -125,7 +131,7 @@ case $what in
     python=${PYTHON:-.venv/bin/python}
     # MotionBenchMaker's edges: problems that write_motion_scenes.py has written (MOTION_SCENES=... names a folder).
     scenes=${MOTION_SCENES:-build/motion_scenes}
-    [ -d "$scenes" ] || "$python" bench/gpu/write_motion_scenes.py "$scenes"
+    [ -d "$scenes" ] || "$python" bench/environment.py bench/robots bench/gpu/write_motion_scenes.py "$scenes"
     if [ -d "$scenes" ] && [ -x "$bin/clearance-gpu-motions" ]; then
       file=$(results_file gpu_motions) && "$bin/clearance-gpu-motions" "$scenes"/* --csv "$file" && echo "$file"
     fi
@@ -152,7 +158,8 @@ case $what in
     for program in "$bin/coal_peer" build/peers/coal/peer; do
       [ -x "$program" ] && coal=(--coal "$program") && break
     done
-    "$bin/clearance-report" --csv "$file" --remark "make report-gpu" --scratch "$out" "${coal[@]}" && echo "$file"
+    "$bin/clearance-report" --csv "$file" --remark "make gpu-bench TASK=report" --scratch "$out" "${coal[@]}" && echo "$file" || exit 1
+    if [ "${file%/*}" = docs/results ]; then "${PYTHON:-.venv/bin/python}" bench/write_pages.py --draw report; fi
     ;;
-  *) echo "gpu.sh: expected test, certify, sanitize, bench, daemon, several or report, got '$what'" >&2; exit 2 ;;
+  *) echo "gpu.sh: expected $tasks, got '$what'" >&2; exit 2 ;;
 esac

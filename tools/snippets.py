@@ -45,7 +45,6 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "build/bin/clearance-certify": LONG + "tests/exact",
         "build/bin/clearance-certificates": LONG + "tests/exact",
         "build/bin/clearance-mine": LONG + "tests/exact",
-        "tools/accuracy_table.py": "rewrites the page; its check is tests/python/test_docs.py",
     },
     "docs/containers_and_ros.md": {
         "mkdir -p /run/clearance": NEEDS + "Docker",

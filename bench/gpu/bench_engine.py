@@ -5,13 +5,10 @@ is the time within the engine's own code, so the difference is what Python and f
 """
 
 import argparse
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "build/python"))
 import clearance
 
 BODIES, PAIRS, CONFIGURATIONS = 30, 150, 4096

@@ -260,7 +260,7 @@ int main(int argc, char** argv) {
       return 1;
     }
     std::ofstream csv(filter);
-    csv << "# devices: " << count << " x " << cuda::device_info().name << "\n# command: make gpu-several\n"
+    csv << "# devices: " << count << " x " << cuda::device_info().name << "\n# command: make gpu-bench TASK=several\n"
         << "workload,pairs,devices,wall_one_us,wall_all_us,ratio,bits\n";
     for (const Workload& w : workloads())
       if (w.configurations > 0 || (w.reduce == Reduce::kNone && w.name.starts_with("5000"))) run_several(w, csv);

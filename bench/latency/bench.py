@@ -4,7 +4,6 @@ Parts: latency (every transport beside its floor), python (the client's prepared
 with cores apart, shared and busy), throughput (one client, eight and 64; replies of 16 MB). Each writes out/NAME.csv.
 """
 import argparse
-import csv
 import json
 import os
 import statistics
@@ -12,11 +11,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tools"))
+from harness import ROOT, read, write
 
-from processes import DemoError, Stage  # noqa: E402
-from service import BIN, ROUTE, start_daemon  # noqa: E402
+from processes import DemoError, Stage
+from service import BIN, ROUTE, start_daemon
 
 # What is asked: pairs (0: all enabled), configurations (0: the current poses), and how often.
 QUESTIONS = [
@@ -51,14 +49,6 @@ def clearance(stage, prefix, *words):
     return done.stdout
 
 
-def write_rows(path, rows):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-
-
 def latency(machine, options, path):
     """Each transport beside its floor, and the bars: floor, the engine's own time, what is added."""
     path.unlink(missing_ok=True)
@@ -80,7 +70,7 @@ def latency(machine, options, path):
                 clearance(
                     stage, machine.on(1), "bench", "--connect", url, "--seconds", options.seconds, "--csv", path, *words
                 )
-                row = list(csv.DictReader(path.open()))[-1]
+                row = read(path)[1][-1]
                 number = {
                     key: float(value) for key, value in row.items() if key.endswith(("_us", "_hz", "bar", "limit"))
                 }
@@ -145,7 +135,7 @@ def python(machine, options, path):
             for kind in ("prepared", "distances"):
                 row[f"{kind}_added_us"] = round(row[f"{kind}_p50_us"] - floor - row["engine_p50_us"], 3)
             row.update(
-                bar_us=3, met="yes" if row["prepared_added_us"] <= 3 else "no", command="bench/latency/bench.py python"
+                bar_us=3, met="yes" if row["prepared_added_us"] <= 3 else "no", command="bench/run.py latency --parts python"
             )
             rows.append(row)
             print(
@@ -155,7 +145,7 @@ def python(machine, options, path):
                 f"{row['distances_added_us']:.2f} us",
                 flush=True,
             )
-        write_rows(path, rows)
+        write(rows, path)
 
 
 def doorbell(machine, options, path):
@@ -201,7 +191,7 @@ def doorbell(machine, options, path):
                         f"{row['throughput_hz']:.0f} queries/s",
                         flush=True,
                     )
-    write_rows(path, rows)
+    write(rows, path)
 
 
 def throughput(machine, options, path):
@@ -241,7 +231,7 @@ PARTS = {"latency": latency, "python": python, "doorbell": doorbell, "throughput
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)}; none: all")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--scene", default="scenes/nineteen/scene.yaml", type=Path, help="from the repository's folder")
     parser.add_argument("--seconds", default=5.0, type=float, help="of each measurement")
     parser.add_argument("--out", default="out", type=Path, help="folder of the CSV files, written anew")
@@ -249,14 +239,11 @@ def main():
         "--real-time", action="store_true", help="daemon and bench at real-time priority, on a machine that is shared"
     )
     options = parser.parse_args()
-    unknown = set(options.parts) - set(PARTS)
-    if unknown:
-        parser.error(f"no part {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
     os.chdir(ROOT)
     options.out.mkdir(parents=True, exist_ok=True)
     machine = Machine(options.real_time)
     try:
-        for part in options.parts or PARTS:
+        for part in options.parts:
             path = options.out / ("latency.csv" if part == "latency" else f"latency_{part}.csv")
             print(
                 f"{part}: {PARTS[part].__doc__} {options.scene}, {options.seconds:g} s each; load "

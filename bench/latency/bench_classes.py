@@ -9,25 +9,16 @@ own, which the aggressor and the busy programs keep off. The client runs at real
 all others at one priority above other programs (both where that is allowed).
 """
 
-import argparse
 import contextlib
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-from bench_sections import (
-    BIN,
-    KINDS,
-    ROOT,
-    DemoError,
-    Stage,
-    bench_one_pair,
-    quietest,
-    start_aggressor,
-    write_csv,
-    write_scene,
-)
+from bench_sections import KINDS, bench_one_pair, parser_of, quietest, start_aggressor, write_scene
+from harness import shown, write
+
+from processes import DemoError, Stage
 
 MOST_RATIO, MOST_MS_SHARED = 2, 10
 SECTIONS = Path(__file__).with_name("bench_sections.py")
@@ -121,26 +112,25 @@ def row_of(kind, got, base, are_shared, real_time):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--csv", type=Path, default=ROOT / "docs/results/classes.csv")
-    parser.add_argument("--binaries", type=Path, default=BIN, help="where clearanced and clearance are")
+    parser = parser_of(__doc__)
     parser.add_argument("--seconds", type=float, default=5, help="of each round")
     parser.add_argument(
         "--rounds", type=int, default=3, help="of each row; the one counts that the host disturbed least"
     )
     parser.add_argument("--kinds", nargs="*", default=[kind for kind in KINDS if kind != "nothing"], choices=KINDS)
     options = parser.parse_args()
+    write(shown(rows_of(options)), options.csv)
+
+
+def rows_of(options):
     cpus = Cpus()
     priority = Priority()
-    rows = []
     for real_time in (False, True):
         base = None
         for kind in ["busy CPUs", *options.kinds]:
             got = measure(kind, cpus, options, priority, real_time)
             base = base or got["p99.9_us"]
-            rows.append(row_of(kind, got, base, cpus.are_shared, real_time))
-            print(rows[-1], flush=True)
-    write_csv(options.csv, rows)
+            yield row_of(kind, got, base, cpus.are_shared, real_time)
 
 
 if __name__ == "__main__":

@@ -12,11 +12,8 @@ import os
 import subprocess
 import sys
 import time
-from pathlib import Path
-
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "build/python"))
 import clearance
 
 

@@ -7,7 +7,6 @@ CPU time that the host of a virtual machine took meanwhile, which nothing here c
 """
 
 import argparse
-import csv
 import json
 import os
 import signal
@@ -15,13 +14,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import harness
 import numpy as np
+from harness import shown, write
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tools"))
-
-from processes import DemoError, Stage  # noqa: E402
-from service import BIN  # noqa: E402
+from processes import DemoError, Stage
+from service import BIN
 
 BODIES = 5000
 PIECES = 100
@@ -170,17 +168,15 @@ def measure(kind, binaries, seconds):
         }
 
 
-def write_csv(path, rows):
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+def parser_of(doc):
+    """Options that these benchmarks of daemons share."""
+    parser = harness.parser(doc)
+    parser.add_argument("--binaries", type=Path, default=BIN, help="where clearanced and clearance are")
+    return parser
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--csv", type=Path, default=ROOT / "docs/results/sections.csv")
-    parser.add_argument("--binaries", type=Path, default=BIN, help="where clearanced and clearance are")
+    parser = parser_of(__doc__)
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--kinds", nargs="*", default=KINDS, choices=KINDS)
     parser.add_argument("--aggressor", nargs=2, metavar=("KIND", "URL"), help=argparse.SUPPRESS)
@@ -189,11 +185,8 @@ def main():
     if options.aggressor:
         kind, url = options.aggressor
         return aggressor(kind, url, options.as_planning)
-    rows = []
-    for kind in options.kinds:
-        rows.append(measure(kind, options.binaries, options.seconds))
-        print(rows[-1], flush=True)
-    write_csv(options.csv, rows)
+    rows = shown(measure(kind, options.binaries, options.seconds) for kind in options.kinds)
+    write(rows, options.csv)
 
 
 if __name__ == "__main__":

@@ -9,16 +9,15 @@ is allowed. All of it with an ordinary daemon, and with one that has --real-time
 that a difference is the viewer's.
 """
 
-import argparse
 import os
 import statistics
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 from bench_classes import Cpus, Players, Priority
-from bench_sections import BIN, ROOT, bench_one_pair, cpu_ms, stolen_ms, write_csv
+from bench_sections import bench_one_pair, cpu_ms, parser_of, stolen_ms
+from harness import ROOT, shown, write
 
 SCENE = ROOT / "scenes/cell/robot.yaml"
 RATE_HZ, PICTURES = 10, 2000
@@ -88,37 +87,34 @@ def median_of(rows, name):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--csv", type=Path, default=ROOT / "docs/results/view.csv")
-    parser.add_argument("--binaries", type=Path, default=BIN, help="where clearanced and clearance are")
+    parser = parser_of(__doc__)
     parser.add_argument("--seconds", type=float, default=10, help="of each turn")
     parser.add_argument("--turns", type=int, default=8)
     parser.add_argument("--look", metavar="URL", help="be the viewer")
     options = parser.parse_args()
     if options.look:
         look(options.look)
-    table = []
+    write(shown(rows_of(options)), options.csv)
+
+
+def rows_of(options):
     for real_time in (False, True):
         rows, cpus, picture_us = measure(options.binaries, options.seconds, options.turns, real_time)
         for kind, of_kind in rows.items():
-            table.append(
-                {
-                    "daemon": "--real-time" if real_time else "ordinary",
-                    "beside": kind,
-                    "machine": of_kind[0]["machine"],
-                    "shared": "yes" if cpus.are_shared else "no",
-                    "turns": options.turns,
-                    "seconds": options.seconds,
-                    **{n: median_of(of_kind, n) for n in ("p50_us", "p99.9_us", "max_us")},
-                    "least_p99.9_us": round(min(row["p99.9_us"] for row in of_kind), 1),
-                    "most_p99.9_us": round(max(row["p99.9_us"] for row in of_kind), 1),
-                    "picture_us": round(picture_us, 1),
-                    "stolen_ms": median_of(of_kind, "stolen_ms"),
-                    "load": round(os.getloadavg()[0], 1),
-                }
-            )
-            print(table[-1], flush=True)
-    write_csv(options.csv, table)
+            yield {
+                "daemon": "--real-time" if real_time else "ordinary",
+                "beside": kind,
+                "machine": of_kind[0]["machine"],
+                "shared": "yes" if cpus.are_shared else "no",
+                "turns": options.turns,
+                "seconds": options.seconds,
+                **{n: median_of(of_kind, n) for n in ("p50_us", "p99.9_us", "max_us")},
+                "least_p99.9_us": round(min(row["p99.9_us"] for row in of_kind), 1),
+                "most_p99.9_us": round(max(row["p99.9_us"] for row in of_kind), 1),
+                "picture_us": round(picture_us, 1),
+                "stolen_ms": median_of(of_kind, "stolen_ms"),
+                "load": round(os.getloadavg()[0], 1),
+            }
 
 
 if __name__ == "__main__":

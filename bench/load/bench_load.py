@@ -1,14 +1,12 @@
 #!/usr/bin/env python3
 """Times how long a scene of many meshes takes to load, with an empty cache and with a full one.
 
-    bench/load/bench_load.py [--meshes 1000] [--runs 3] [--csv docs/results/load.csv]
+    bench/run.py load [--meshes 1000] [--runs 3]
 
 Each mesh is a sphere of 9,942 vertices in a file of its own, no two alike. Every load is a process of its own, with the
 Python package and the file system's cache warm. `off` is without a cache, `cold` with an empty one, `warm` with what
 `cold` left.
 """
-import argparse
-import csv
 import os
 import subprocess
 import sys
@@ -16,8 +14,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from harness import parser, shown, write
 
-ROOT = Path(__file__).resolve().parents[2]
 RESOLUTION = 71  # of make_uv_sphere: 2 r (r - 1) + 2 vertices
 LOAD = """
 import os, resource, sys, time
@@ -64,12 +62,7 @@ def write_scene(folder: Path, meshes: int) -> Path:
 
 def load(scene: Path, cache: str):
     """(seconds, seconds of processor time, cores) of one load."""
-    environment = {
-        **os.environ,
-        "CLEARANCE_CACHE": cache,
-        "CLEARANCE_CACHE_MIB": "8192",
-        "PYTHONPATH": str(ROOT / "build" / "python"),
-    }
+    environment = {**os.environ, "CLEARANCE_CACHE": cache, "CLEARANCE_CACHE_MIB": "8192"}
     answer = subprocess.run([sys.executable, "-c", LOAD, str(scene)], env=environment, capture_output=True, text=True)
     if answer.returncode:
         sys.exit(answer.stderr)
@@ -77,31 +70,30 @@ def load(scene: Path, cache: str):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--meshes", type=int, default=1000)
-    parser.add_argument("--runs", type=int, default=3, help="of each; the best counts")
-    parser.add_argument("--csv", type=Path)
-    arguments = parser.parse_args()
+    made = parser(__doc__)
+    made.add_argument("--meshes", type=int, default=1000)
+    made.add_argument("--runs", type=int, default=3, help="of each; the best counts")
+    options = made.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        scene = write_scene(Path(folder), arguments.meshes)
+        scene = write_scene(Path(folder), options.meshes)
         runs = {"off": [], "cold": [], "warm": []}
-        for run in range(arguments.runs):
+        for run in range(options.runs):
             cache = f"{folder}/cache{run}"
             for kind, where in (("off", "off"), ("cold", cache), ("warm", cache)):
                 runs[kind].append(load(scene, where))
                 print(f"{kind}: {runs[kind][-1][0]:.2f} s, {runs[kind][-1][1]:.2f} s of processor time", flush=True)
     best = {kind: min(times) for kind, times in runs.items()}
     print(
-        f"{arguments.meshes} meshes of {2 * RESOLUTION * (RESOLUTION - 1) + 2} vertices, {best['cold'][2]:.0f} cores: "
+        f"{options.meshes} meshes of {2 * RESOLUTION * (RESOLUTION - 1) + 2} vertices, {best['cold'][2]:.0f} cores: "
         f"{best['cold'][0]:.2f} s with an empty cache, {best['warm'][0]:.2f} s with a full one, "
         f"{best['cold'][0] / best['warm'][0]:.1f} times as fast"
     )
-    if arguments.csv:
-        with arguments.csv.open("w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["cache", "meshes", "cores", "seconds", "processor_seconds"])
-            for kind, (seconds, processor, cores) in best.items():
-                writer.writerow([kind, arguments.meshes, int(cores), f"{seconds:.3f}", f"{processor:.3f}"])
+    rows = (
+        {"cache": kind, "meshes": options.meshes, "cores": int(cores), "seconds": f"{seconds:.3f}",
+         "processor_seconds": f"{processor:.3f}"}
+        for kind, (seconds, processor, cores) in best.items()
+    )  # fmt: skip
+    write(shown(rows), options.csv)
 
 
 if __name__ == "__main__":

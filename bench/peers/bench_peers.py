@@ -1,20 +1,15 @@
 #!/usr/bin/env python3
 """Clearance beside Coal, FCL and Bullet: the same vertices and poses, timed side by side and judged in the same run.
 
-    bench/peers/bench_peers.py                     time every workload, then count wrong answers in every hard class
-    bench/peers/bench_peers.py --workload cell     only workloads of that name or part of it (repeat); no classes
-    bench/peers/bench_peers.py --classes           the classes only
-    bench/peers/bench_peers.py --pages             only write the pages from the CSV files
-    bench/peers/bench_peers.py --check             only say whether the pages show them (exit code 1 if not)
+    bench/run.py peers                     time every workload, then count wrong answers in every hard class
+    bench/run.py peers --workload cell     only workloads of that name or part of it (repeat); no classes
+    bench/run.py peers --classes           the classes only
 
-Builds the peers in build/peers (Coal in a Python environment of its own there), asks each in a process of its own, and
-writes docs/results/peers_timing.csv, peers_accuracy.csv, docs/performance.{md,png} and the peers' tables of
-docs/accuracy.md.
-A workload that is not asked for keeps its rows.
+Builds the peers in build/peers (Coal in a Python environment of its own there), runs each in a process of its own, and
+writes peers_timing.csv and peers_accuracy.csv. A workload that is left out keeps its rows.
 """
 import argparse
 import datetime
-import functools
 import os
 import statistics
 import struct
@@ -24,7 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from peers_pages import ACCURACY, LEFT_OUT, ROOT, TIMING, best, grouped, read_csv, write_csv, write_pages
+from environment import python_of
+from harness import RESULTS, ROOT, commit, grouped, machine, read, run, write
+from pages.peers import LEFT_OUT, best
 
 BUILD = ROOT / "build/peers"
 PROBLEMS = ROOT / "out/peers"
@@ -39,48 +36,21 @@ CONTENDERS = {
 CELL_CONFIGURATIONS = 4096
 
 
-def run(command, **kwargs):
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, **kwargs)
-    if done.returncode:
-        sys.exit(f"bench_peers: {' '.join(str(p) for p in command)}\n{done.stdout[-3000:]}{done.stderr[-3000:]}")
-    return done.stdout
-
-
 def set_up(peers=("coal", "fcl", "bullet")):
     """Builds each peer as a project of its own, Coal's prefix holds other versions of what FCL is linked with."""
-    venv, wanted = BUILD / "venv", ROOT / "bench/peers/coal/requirements.txt"
-    stamp = venv / "installed"
-    if not stamp.exists() or stamp.read_text() != wanted.read_text():
-        print("Install Coal into build/peers/venv ...", flush=True)
-        run([sys.executable, "-m", "venv", "--clear", venv])
-        run([venv / "bin/python", "-m", "pip", "install", "--disable-pip-version-check", "-r", wanted])
-        stamp.write_text(wanted.read_text())
+    venv = python_of("bench/peers").parents[1]
     prefix = next(venv.glob("lib/python3*/site-packages/cmeel.prefix"))
     for peer in peers:
         print(f"Build {peer}'s program ...", flush=True)
         where = [f"-DCMAKE_PREFIX_PATH={prefix}"] if peer == "coal" else []
-        run(["cmake", "-S", ROOT / "bench/peers" / peer, "-B", BUILD / peer, "-G", "Ninja", *where])
-        run(["cmake", "--build", BUILD / peer])
+        run("cmake", "-S", ROOT / "bench/peers" / peer, "-B", BUILD / peer, "-G", "Ninja", *where)
+        run("cmake", "--build", BUILD / peer)
 
 
 def versions():
-    coal = run([BUILD / "venv/bin/python", "-m", "pip", "show", "coal"]).split("Version: ")[1].split()[0]
-    debian = [run(["dpkg-query", "-W", "-f", "${source:Upstream-Version}", p]) for p in ("libfcl-dev", "libbullet-dev")]
+    coal = run(BUILD / "venv/bin/python", "-m", "pip", "show", "coal").split("Version: ")[1].split()[0]
+    debian = [run("dpkg-query", "-W", "-f", "${source:Upstream-Version}", p) for p in ("libfcl-dev", "libbullet-dev")]
     return f"Coal {coal}, FCL {debian[0]}, Bullet {debian[1]}"
-
-
-@functools.cache
-def machine():
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
-    model = next((line.split(": ")[1].strip() for line in lines if line.startswith("model name")), "?")
-    return f"{model} x{os.cpu_count()}"
-
-
-@functools.cache
-def commit():
-    """HEAD, and a + if other files differ from it than those that this program writes."""
-    changed = run(["git", "status", "--porcelain", "--", ".", ":!docs", ":!README.md"], cwd=ROOT)
-    return run(["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT).strip() + ("+" if changed else "")
 
 
 # ---- problems --------------------------------------------------------------------------------------------------------
@@ -95,7 +65,7 @@ class Problem:
         if not self.path.exists() or self.path.stat().st_mtime < EXPORT.stat().st_mtime:
             extra = link_poses() if name.startswith("cell") else []
             extra += ["--count", count] if kind == "class" else []
-            run([EXPORT, f"--{kind}", name, "--scenes", ROOT / "scenes", "--out", self.path, *extra])
+            run(EXPORT, f"--{kind}", name, "--scenes", ROOT / "scenes", "--out", self.path, *extra)
         with open(self.path, "rb") as f:
             kind, self.max_distance = struct.unpack("<8xId", f.read(20))
             self.depth = kind == 2
@@ -312,34 +282,31 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--workload", action="append", default=[], help="only those whose names hold this")
     parser.add_argument("--classes", action="store_true", help="only the classes of hard cases")
-    parser.add_argument("--pages", action="store_true", help="only write the pages anew")
-    parser.add_argument("--check", action="store_true", help="only say whether the pages are up to date")
     parser.add_argument("--rounds", type=int, default=7, help="timed, after one that is not")
     parser.add_argument("--seconds", type=float, default=0.1, help="least time of one measurement")
     parser.add_argument("--cases", type=int, default=200, help="of each class")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of the CSV files")
     options = parser.parse_args()
     os.chdir(ROOT)
-    if not (options.pages or options.check):
-        set_up()
-        listed = [line.split("\t") for line in run([EXPORT, "--list"]).splitlines()]
-        if not options.classes:
-            _, old = read_csv(TIMING)
-            kept = grouped(old, "workload")
-            for _, name, what in (x for x in listed if x[0] == "workload"):
-                if options.workload and not any(w in name for w in options.workload):
-                    continue
-                kept[name] = time_workload(Problem("workload", name), what, options.rounds, options.seconds)
-                show(kept[name])
-                order = [x[1] for x in listed if x[1] in kept]
-                write_csv(TIMING, f"{versions()}, one thread", [r for name in order for r in kept[name]])
-        if not options.workload:
-            rows = []
-            for _, name, _ in (x for x in listed if x[0] == "class"):
-                print(f"class {name} ...", flush=True)
-                rows += try_class(name, options.cases)
-                what = f"{options.cases} cases of each class, seed 1, {versions()}"
-                write_csv(ACCURACY, f"{what}, {datetime.date.today()}, commit {commit()}", rows)
-    write_pages(options.check)
+    set_up()
+    timing, accuracy = (options.results / f"peers_{kind}.csv" for kind in ("timing", "accuracy"))
+    listed = [line.split("\t") for line in run(EXPORT, "--list").splitlines()]
+    if not options.classes:
+        kept = grouped(read(timing)[1] if timing.exists() else [], "workload")
+        for _, name, what in (x for x in listed if x[0] == "workload"):
+            if options.workload and not any(w in name for w in options.workload):
+                continue
+            kept[name] = time_workload(Problem("workload", name), what, options.rounds, options.seconds)
+            show(kept[name])
+            order = [x[1] for x in listed if x[1] in kept]
+            write([r for name in order for r in kept[name]], timing, f"{versions()}, one thread")
+    if not options.workload:
+        rows = []
+        for _, name, _ in (x for x in listed if x[0] == "class"):
+            print(f"class {name} ...", flush=True)
+            rows += try_class(name, options.cases)
+            what = f"{options.cases} cases of each class, seed 1, {versions()}"
+            write(rows, accuracy, f"{what}, {datetime.date.today()}, commit {commit()}")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ int main(int argc, char** argv) {
   std::uint64_t seed = 1;
   int count = 200;
   bool list = false;
-  CLI::App app{"Writes a problem for every contender of make bench-peers, with its truth."};
+  CLI::App app{"Writes a problem for every contender of make bench SUITE=peers, with its truth."};
   app.add_flag("--list", list, "print the workloads and the classes, with a line on each");
   app.add_option("--workload", workload, "a workload to write");
   app.add_option("--class", cls, "a class of cases to write");

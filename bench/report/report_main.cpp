@@ -1,5 +1,5 @@
-// clearance-report: the experiments of the 2023 report on this machine, with its systems, ours and Coal: make report,
-// make report-gpu. Writes one row for each method and case.
+// clearance-report: the experiments of the 2023 report on this machine, with its systems, ours and Coal (make bench
+// SUITE=report, make gpu-bench TASK=report). Writes one row for each method and case.
 #include <omp.h>
 
 #include <CLI/CLI.hpp>
@@ -23,7 +23,7 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 struct Options {
-  std::string csv, scenes = "scenes", remark = "make report";
+  std::string csv, scenes = "scenes", remark = "make bench SUITE=report";
   std::vector<std::string> only;
   ContestOptions contest;
   bool brief = false;

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Free bodies: is a box that goes straight and turns free all along? Clearance beside FCL's continuous collision.
 
-    bench/robots/bench_free_bodies.py [--motions 1000] [--csv FILE]
+    bench/run.py free_bodies [--motions 1000] [--csv FILE]
 
 A box goes by, or through, a block or a plate of 0.1 mm. FCL is asked by its package python-fcl, one motion a call, with
 the motion type that is the same motion (linear): by conservative advancement, of its shapes and of the same boxes as
@@ -11,25 +11,17 @@ A verdict is wrong where it says free and the bodies overlap at the time that Cl
 standing bodies says there; or where it says hit and Clearance proves more than 0.1 mm all along, which FCL's distance
 at 400 times does not contradict. Clearance's is wrong where FCL's standing bodies contradict it at one of these times.
 Exit code 1 if one is.
-
-Installs python-fcl in build/robots.
 """
 
-import argparse
 import importlib
 import sys
-import time
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent)]
-from environment import in_own_environment  # noqa: E402
-from rows import save, show  # noqa: E402
+import numpy as np
+from harness import parser, shown, timed, write
 
-if __name__ == "__main__":
-    in_own_environment()
-import numpy as np  # noqa: E402
+import clearance
+from clearance import Status
 
 fcl: Any = importlib.import_module("fcl")  # bench/peers has a folder of that name, which type checkers find
 
@@ -88,13 +80,15 @@ def fcl_hits(sizes, other, start, end, solver, as_mesh):
     )
     ends, stands, hits = [transform(pose) for pose in end], fcl.Transform(), []
     starts = [transform(pose) for pose in start]
-    begin = time.process_time()
-    for first, last in zip(starts, ends):
-        body.setTransform(first)
-        result = fcl.ContinuousCollisionResult()
-        fcl.continuousCollide(body, last, still, stands, request, result)
-        hits.append(result.is_collide)
-    return time.process_time() - begin, np.array(hits)
+
+    def collide():
+        for first, last in zip(starts, ends):
+            body.setTransform(first)
+            result = fcl.ContinuousCollisionResult()
+            fcl.continuousCollide(body, last, still, stands, request, result)
+            hits.append(result.is_collide)
+
+    return timed(collide)[0], np.array(hits)
 
 
 def standing(sizes, other, poses):
@@ -108,9 +102,6 @@ def standing(sizes, other, poses):
 
 
 def measure(name, other, count, rng):
-    import clearance
-    from clearance import Status
-
     sizes = np.array([0.2, 0.15, 0.1])
     start, end = random_poses(rng, count)
     scene = clearance.Scene()
@@ -119,9 +110,8 @@ def measure(name, other, count, rng):
     engine = clearance.Engine(scene, backend="cpu", threads=1)
     ask = {"bodies": ["body"], "start": start[:, None], "end": end[:, None]}
     engine.motions(**{**ask, "start": start[:2, None], "end": end[:2, None]}, reduce="any")
-    begin = time.process_time()
-    any_ = engine.motions(**ask, reduce="any", rel_tol=1e-6, abs_tol=0.0, fields=("status", "time"))
-    seconds = time.process_time() - begin
+    proof = {"reduce": "any", "rel_tol": 1e-6, "abs_tol": 0.0, "fields": ("status", "time")}
+    seconds, any_ = timed(engine.motions, **ask, **proof)
     least = engine.motions(**ask, reduce="min", abs_tol=1e-5, max_steps=4096, fields=("lower", "status"))
     free = any_.status == Status.BEYOND
     hit = any_.status <= Status.CONTACT
@@ -151,17 +141,13 @@ def measure(name, other, count, rng):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--motions", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--csv", type=Path)
-    options = parser.parse_args()
+    made = parser(__doc__, seed=1)
+    made.add_argument("--motions", type=int, default=1000)
+    options = made.parse_args()
     rng = np.random.default_rng(options.seed)
     rows = measure("block", np.array([0.3, 0.2, 0.25]), options.motions, rng)
     rows += measure("plate", np.array([0.6, 0.6, 1e-4]), options.motions, rng)
-    for row in rows:
-        show(row)
-    save(rows, options.csv)
+    write(shown(rows), options.csv)
     return 1 if any(row["wrong_free"] + row["wrong_hit"] for row in rows if row["system"] == "Clearance") else 0
 
 

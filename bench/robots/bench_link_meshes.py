@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A robot's links before a concave mesh, beside Pinocchio and Coal (BVHModelOBBRSS), in the same states.
 
-    bench/robots/bench_link_meshes.py [--robots panda ur5] [--states 2000] [--rounds 3] [--csv FILE]
+    bench/run.py link_meshes [--robots panda ur5] [--states 2000] [--rounds 3] [--csv FILE]
 
 The mesh is one body of 2,828 triangles: a bumpy floor, a shelf of five compartments, two rings. Links are hulls (panda,
 ur5), and meshes as their files have them (`meshes`). All pairs of a link and the mesh are asked in random states: a
@@ -10,24 +10,16 @@ contact found is enough). One thread, processor time, rounds in turn, the least 
 the peer a call in C++ for each state, in whichever of its two orders is faster (pairs in order, a tree of boxes). It
 has no call for the least distance alone. Shown beside it: how far its distances lie outside our bounds at most where
 links are apart, and how many verdicts differ.
-
-Installs the peers into build/robots and downloads the robots there.
 """
 
-import argparse
-import sys
-import warnings
 from dataclasses import dataclass
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent), str(ROOT / "bench/surfaces")]
-from environment import BUILD, in_own_environment  # noqa: E402
-from rows import save, show  # noqa: E402
-
-if __name__ == "__main__":
-    in_own_environment()
-import numpy as np  # noqa: E402
+import numpy as np
+import problems
+from bench_robots import limits_of, seconds_of
+from bench_surfaces import outside, ring, shelf
+from contenders import Clearance, PinocchioCoal
+from harness import shown, stamped, write
 
 
 @dataclass
@@ -57,8 +49,6 @@ def floor(side, cells, rng):
 
 def concave_room():
     """What stands around a robot's foot, as one mesh that is not closed."""
-    from bench_surfaces import ring, shelf
-
     rng = np.random.default_rng(7)
     parts = [(floor(2.4, 24, rng), (0, 0, -0.3)), (shelf(), (0.45, -0.5, -0.2))]
     parts += [(ring(800, 0.12, 0.03, rng), at) for at in ((-0.4, 0.5, 0.1), (-0.3, -0.55, 0.4))]
@@ -72,15 +62,10 @@ def concave_room():
 
 
 def measure(name, links, resources, options):
-    import problems
-    from bench_robots import limits_of, seconds_of
-    from contenders import Clearance, PinocchioCoal
-
-    urdf, srdf = problems.urdf_of(resources, name)
     joints = list(problems.load(resources, name)[0].goal)
-    peer = PinocchioCoal(urdf, srdf, resources, joints, as_hulls=links == "hulls")
+    peer = PinocchioCoal(resources, joints, name, as_hulls=links == "hulls")
     peer.robot.removeAllCollisionPairs()
-    us = Clearance(urdf, srdf, resources, joints, name, convexify="hull" if links == "hulls" else "surface")
+    us = Clearance(resources, joints, name, convexify="hull" if links == "hulls" else "surface")
     room = concave_room()
     for contender in (us, peer):
         contender.begin(room)
@@ -102,7 +87,7 @@ def measure(name, links, resources, options):
     distance, _ = theirs["least"]["Coal"](peer.states(Q))
     their_free = next(iter(theirs["valid"].values()))(peer.states(Q))
     lower, upper = least.lower.ravel(), least.upper.ravel()
-    off = np.maximum(lower - distance, distance - upper)[lower > 0]
+    off = outside(lower, upper, distance, lower > 0)
     for question, (way, peers) in questions.items():
         seconds = {"ours": [], "theirs": []}
         for _ in range(options.rounds):
@@ -111,28 +96,18 @@ def measure(name, links, resources, options):
         mine, best = (1e6 * min(each) / len(Q) for each in seconds.values())
         yield {"robot": name, "links": links, "question": question, "pairs": len(moving), "states": len(Q),
                "free": int(free.sum()), "us": f"{mine:.3g}", "coal_us": f"{best:.3g}", "ratio": f"{best / mine:.3g}",
-               "coal_off_m": f"{max(off.max(initial=0), 0):.1e}", "verdicts_differ": int((free != their_free).sum())}
+               "coal_off_m": f"{off:.1e}", "verdicts_differ": int((free != their_free).sum())}
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--robots", nargs="+", default=["panda", "ur5"], metavar="NAME")
+    parser = problems.parser(__doc__, "panda ur5", seed=1)
     parser.add_argument("--states", type=int, default=2000)
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
-    import problems
-
-    warnings.simplefilter("ignore")  # what robots and meshes have in them is known
-    resources = problems.fetch(BUILD)
-    rows = []
-    for name in options.robots:
-        for links in ("hulls", "meshes"):
-            for row in measure(name, links, resources, options):
-                rows.append(row)
-                show(row)
-    save(rows, options.csv, f"{options.states} states, the least of {options.rounds} rounds")
+    resources = problems.fetch()
+    cases = [(name, links) for name in options.robots for links in ("hulls", "meshes")]
+    rows = shown(row for case in cases for row in measure(*case, resources, options))
+    write(rows, options.csv, stamped(f"{options.states} states, the least of {options.rounds} rounds"))
 
 
 if __name__ == "__main__":

@@ -1,36 +1,30 @@
 #!/usr/bin/env python3
 """MotionBenchMaker's problems planned by OMPL's RRTConnect: edges sampled every 0.02 rad beside edges that are proved.
 
-    bench/robots/bench_ompl.py [--robots panda ur5 fetch] [--problems 3] [--seconds 20] [--csv FILE]
+    bench/run.py ompl [--robots panda ur5 fetch] [--problems 3] [--seconds 20] [--csv FILE]
 
 Both ask the same engine, one thread: samples of an edge go in one batch, and so does a proof. Every path that is found,
 and every one that is shortened after it, is then judged as a whole: proved free, or refused, with the pair and the time
 that refuse it. Times are processor time, medians over solved problems; a problem that is not solved within --seconds on
 the wall counts as unsolved. Exit code 1 if a path of proved edges is refused.
-
-Downloads the problems and installs OMPL in build/robots.
 """
 
-import argparse
 import statistics
 import sys
-import time
-import warnings
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent)]
-from environment import BUILD, in_own_environment  # noqa: E402
-from rows import save, show  # noqa: E402
+import numpy as np
+import problems
+from bench_motions import STEP
+from contenders import engine_of
+from harness import shown, timed, write
+from ompl import base as ob
+from ompl import geometric as og
+from ompl import util
+from sampled import within_samples
 
-if __name__ == "__main__":
-    in_own_environment()
-import numpy as np  # noqa: E402
-from bench_motions import scene_of, within_samples  # noqa: E402
-from ompl import base as ob  # noqa: E402
-from ompl import geometric as og  # noqa: E402
-from ompl import util  # noqa: E402
+import clearance.ompl
+from clearance import Status
 
 
 class SampledMotions(ob.MotionValidator):
@@ -46,7 +40,7 @@ class SampledMotions(ob.MotionValidator):
 
     def free(self, start, end):
         problem = self.problem
-        return within_samples(problem.engine, problem.joints, start, problem.unwrapped(start, end), 0.0)
+        return within_samples(problem.engine, problem.joints, start, problem.unwrapped(start, end), 0.0, STEP)[0]
 
 
 def shortened(path, free):
@@ -62,8 +56,6 @@ def shortened(path, free):
 
 def plan(problem, start, goal, sampled, seconds):
     """(rows of the path or None, of the shortened path, seconds of both)."""
-    from clearance import Status
-
     si = problem.space_information()
     samples = SampledMotions(si, problem)
     if sampled:
@@ -74,17 +66,14 @@ def plan(problem, start, goal, sampled, seconds):
     planner = og.RRTConnect(si)
     planner.setProblemDefinition(definition)
     planner.setup()
-    begin = time.process_time()
-    solved = planner.solve(seconds)
-    planning = time.process_time() - begin
+    planning, solved = timed(planner.solve, seconds)
     if not solved or not definition.hasExactSolution():
         return None, None, planning, 0.0
     path = definition.getSolutionPath()
     rows = np.array([problem.row(path.getState(i)) for i in range(path.getStateCount())])
-    begin = time.process_time()
     free = samples.free if sampled else lambda a, b: problem.motions(a, b).status == Status.BEYOND
-    shorter = shortened(rows, free)
-    return rows, shorter, planning, time.process_time() - begin
+    shortening, shorter = timed(shortened, rows, free)
+    return rows, shorter, planning, shortening
 
 
 def judged(problem, rows):
@@ -100,19 +89,13 @@ def judged(problem, rows):
 
 
 def measure(robot, resources, options):
-    import problems
-
-    import clearance.ompl
-
-    urdf, srdf = problems.urdf_of(resources, robot)
-    files = {"urdf": str(urdf), "srdf": str(srdf), "packages": {robot: str(resources / robot)}, "static": True}
     found: dict[str, dict[str, Any]] = {
         way: {"seconds": [], "shortening": [], "refused": [], "asked": 0} for way in ("sampled", "proved")
     }
-    for asked in [p for p in problems.load(resources, robot) if p.number <= options.problems]:
+    for asked in problems.load(resources, robot, options.problems):
         joints = list(asked.goal)
         start, goal = (np.array([at[j] for j in joints]) for at in (asked.start, asked.goal))
-        engine = scene_of(asked, files)
+        engine = engine_of(asked, resources)
         for way, of in found.items():
             problem = clearance.ompl.JointProblem(engine, [f"{robot}/{j}" for j in joints])
             if not problem.free(np.array([start, goal])).all():
@@ -144,25 +127,15 @@ def measure(robot, resources, options):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--robots", nargs="+", default=["panda", "ur5", "fetch"])
+    parser = problems.parser(__doc__, "panda ur5 fetch", seed=1)
     parser.add_argument("--problems", type=int, default=3, help="of each family: numbers 1 to this")
     parser.add_argument("--seconds", type=float, default=20, help="on the wall, for each plan")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
-    import problems
-
-    resources = problems.fetch(BUILD)
-    warnings.simplefilter("ignore")  # what robots and meshes have in them is known
+    resources = problems.fetch()
     util.setLogLevel(util.LOG_ERROR)
     util.RNG.setSeed(options.seed)
-    rows = []
-    for robot in options.robots:
-        for row in measure(robot, resources, options):
-            rows.append(row)
-            show(row)
-    save(rows, options.csv)
+    rows = shown(row for robot in options.robots for row in measure(robot, resources, options))
+    write(rows, options.csv)
     return 1 if any(row["refused"] for row in rows if row["edges"] == "proved") else 0
 
 

@@ -1,35 +1,31 @@
 #!/usr/bin/env python3
 """MotionBenchMaker's problems: is a state valid, and how near is it to contact? Clearance beside Pinocchio and Coal.
 
-    bench/robots/bench_robots.py [--robots panda ur5 fetch baxter] [--problems 50] [--states 1000] [--csv FILE]
+    bench/run.py robots [--robots panda ur5 fetch baxter] [--problems 50] [--states 1000] [--csv FILE]
 
 Every contender gets each problem's start, goal and so many random states, and makes its own kinematics. Free and
 colliding states are timed apart, since of a colliding one the first contact is enough. Contenders take turns; a row
 says processor time (over shared memory: time on the wall) for each state, and how many times the best of Pinocchio and
 Coal's ways takes. Verdicts and distances are compared: where they contradict each other by more than what Coal's may be
 off by, our certificate goes to an independent checker (tools/check_certificate.py). Exit code 1: one is not proved.
-
-Downloads the problems and installs Pinocchio and Coal in build/robots.
 """
 
-import argparse
 import sys
 import time
-import warnings
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "build/python"), str(Path(__file__).parent)]
-from environment import BUILD, in_own_environment  # noqa: E402
-from rows import save  # noqa: E402
+import numpy as np
+import problems
+from contenders import Clearance, PinocchioCoal
+from harness import shown, stamped, timed, write
+
+from processes import Stage
+from service import start_daemon
 
 NEAR = 1e-6  # metres: what Coal's verdicts may be off by
 
 
 def limits_of(model, joints):
     """(J, 2): where random states come from."""
-    import numpy as np
-
     found = []
     for name in joints:
         joint = model.joints[model.getJointId(name)]
@@ -48,8 +44,6 @@ class Measurement:
         self.verdicts, self.near, self.contested, self.unproved = 0, 0, 0, 0
 
     def run(self, problem, Q, rounds):
-        import numpy as np
-
         for contender in self.contenders:
             contender.begin(problem)
         try:
@@ -97,8 +91,6 @@ class Measurement:
             self.states[key] = self.states.get(key, 0) + len(Q)
 
     def rows(self):
-        import numpy as np
-
         for question in ("valid", "least"):
             for kind in ("free", "colliding"):
                 found = {k: v for k, v in self.seconds.items() if k[:2] == (question, kind)}
@@ -122,20 +114,17 @@ class Measurement:
 def seconds_of(contender, way, states):
     """Processor time in this process; time on the wall where a daemon works."""
     clock = time.perf_counter if getattr(contender, "url", None) else time.process_time
-    begin = clock()
-    way(states)
-    return clock() - begin
+    return timed(way, states, clock=clock)[0]
 
 
 def states_of(problem, joints, limits, count, rng):
-    import numpy as np
-
     ends = [[at[j] for j in joints] for at in (problem.start, problem.goal)]
     return np.concatenate([ends, rng.uniform(limits[:, 0], limits[:, 1], (count, len(joints)))])
 
 
-def scene_of(robot, urdf, srdf, resources):
+def scene_file_of(robot, resources):
     """A scene file with the robot alone, for the daemon: its links are hulls, as the peers have them."""
+    urdf, srdf = problems.urdf_of(resources, robot)
     path = resources / f"{robot}.yaml"
     path.write_text(
         f"robots:\n  - {{name: {robot}, urdf: {robot}/{urdf.name}, srdf: {robot}/{srdf.name}, "
@@ -145,21 +134,13 @@ def scene_of(robot, urdf, srdf, resources):
 
 
 def measure(options, robot, resources):
-    import numpy as np
-    import problems
-    from contenders import Clearance, PinocchioCoal
-
-    from processes import Stage
-    from service import start_daemon
-
-    urdf, srdf = problems.urdf_of(resources, robot)
-    asked = [p for p in problems.load(resources, robot) if p.number <= options.problems]
+    asked = problems.load(resources, robot, options.problems)
     joints = list(asked[0].goal)
-    peer = PinocchioCoal(urdf, srdf, resources, joints)
+    peer = PinocchioCoal(resources, joints, robot)
     limits = limits_of(peer.model, joints)
     with Stage() as stage:
-        _, urls, _ = start_daemon(stage, scene_of(robot, urdf, srdf, resources), options=["--threads", "1"])
-        files = urdf, srdf, resources, joints, robot
+        _, urls, _ = start_daemon(stage, scene_file_of(robot, resources), options=["--threads", "1"])
+        files = resources, joints, robot
         contenders = [Clearance(*files), Clearance(*files, url=urls["shm"]), peer]
         measurement = Measurement(robot, contenders, seconds_of)
         for number, problem in enumerate(asked):
@@ -173,28 +154,19 @@ def measure(options, robot, resources):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--robots", nargs="+", default=["panda", "ur5", "fetch", "baxter"])
+    parser = problems.parser(__doc__, "panda ur5 fetch baxter", seed=1)
     parser.add_argument("--problems", type=int, default=50, help="of each family: numbers 1 to this")
     parser.add_argument("--states", type=int, default=1000, help="random ones of each problem")
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
-    in_own_environment()
-    import problems
-
-    resources = problems.fetch(BUILD)
-    warnings.simplefilter("ignore")  # what robots and meshes have in them is known
+    resources = problems.fetch()
     rows, unproved = [], 0
     for robot in options.robots:
         more, open_ones = measure(options, robot, resources)
-        rows += more
+        rows += shown(more)
         unproved += open_ones
-        for row in more:
-            print("  ".join(f"{value:>12}" for value in row.values()), flush=True)
     asked = f"problems 1 to {options.problems} of each family, {options.states} random states of each"
-    save(rows, options.csv, asked)
+    write(rows, options.csv, stamped(asked))
     return 1 if unproved else 0
 
 

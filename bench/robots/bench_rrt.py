@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """MotionBenchMaker's problems planned end to end by RRT-Connect: where the time goes, beside Pinocchio and Coal.
 
-    bench/robots/bench_rrt.py [--robots panda ur5] [--problems 20] [--csv FILE]
+    bench/run.py rrt [--robots panda ur5] [--problems 20] [--csv FILE]
 
 One planner, written here in Python, asks everybody about the same edges, sampled every --resolution radians: ours in
 one call an edge, in process and over shared memory (a daemon of one thread), Coal state by state, up to the first that
@@ -16,25 +16,20 @@ is not free. The random numbers are the same for all, so that equal verdicts giv
 
 Contenders take turns with each problem, --rounds times; the round in which one took least counts. A problem counts
 where all solve it within --states states.
-Downloads the problems and installs Pinocchio and Coal in build/robots.
 """
 
-import argparse
-import sys
 import time
-import warnings
-from pathlib import Path
 from typing import Any, Optional
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "build/python"), str(Path(__file__).parent)]
-from environment import BUILD, in_own_environment  # noqa: E402
-from rows import save  # noqa: E402
+import contenders
+import numpy as np
+import problems
+from bench_robots import limits_of, scene_file_of
+from harness import shown, stamped, write
 
-if __name__ == "__main__":
-    in_own_environment()
-import contenders  # noqa: E402
-import numpy as np  # noqa: E402
+from clearance import Status
+from processes import Stage
+from service import start_daemon
 
 STEP = 1.0  # radians and metres that a tree grows by at most, joint by joint
 
@@ -88,9 +83,8 @@ def plan(checker, start, goal, limits, rng, resolution, most_states):
 class Ours:
     """One call an edge."""
 
-    def __init__(self, files: Any, robot: str, url: Optional[str] = None):
-        urdf, srdf, resources, joints = files
-        self.contender = contenders.Clearance(urdf, srdf, resources, joints, robot, url)
+    def __init__(self, *files: Any, url: Optional[str] = None):
+        self.contender = contenders.Clearance(*files, url)
         self.name = "Clearance over shared memory" if url else "Clearance in process"
 
     def begin(self, problem):
@@ -98,8 +92,6 @@ class Ours:
         self.states, self.seconds, self.engine_seconds, self.asked = 0, 0.0, 0.0, []
 
     def free(self, states):
-        from clearance import Status
-
         begin = time.perf_counter()
         answer = self.contender.asked.distances(
             joints=self.contender.joints, positions=states, reduce="any", fields="status"
@@ -219,21 +211,14 @@ def row_of(robot, name, found, agreed):
 
 
 def measure(robot, resources, options):
-    import problems
-    from bench_robots import limits_of, scene_of
-
-    from processes import Stage
-    from service import start_daemon
-
-    urdf, srdf = problems.urdf_of(resources, robot)
     asked = chosen(problems.load(resources, robot), options.problems)
     joints = list(asked[0].goal)
     found: list[list[Any]] = []
     with Stage() as stage:
-        _, urls, _ = start_daemon(stage, scene_of(robot, urdf, srdf, resources), options=["--threads", "1"])
-        files = urdf, srdf, resources, joints
+        _, urls, _ = start_daemon(stage, scene_file_of(robot, resources), options=["--threads", "1"])
+        files = resources, joints, robot
         theirs = [Theirs(*files, tree=tree) for tree in (True, False)]
-        checkers: list[Any] = [Ours(files, robot), Ours(files, robot, url=urls["shm"]), *theirs]
+        checkers: list[Any] = [Ours(*files), Ours(*files, url=urls["shm"]), *theirs]
         limits = limits_of(theirs[-1].contender.model, joints)
         for problem in asked:
             rounds = []
@@ -254,28 +239,17 @@ def measure(robot, resources, options):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--robots", nargs="+", default=["panda", "ur5"])
+    parser = problems.parser(__doc__, "panda ur5", seed=1)
     parser.add_argument("--problems", type=int, default=20, help="of each robot, of its families by turns")
     parser.add_argument("--resolution", type=float, default=1 / 32, help="radians, metres between samples of an edge")
     parser.add_argument("--states", type=int, default=200000, help="samples after which a problem counts as unsolved")
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
-    import problems
-
-    resources = problems.fetch(BUILD)
-    warnings.simplefilter("ignore")  # what robots and meshes have in them is known
-    rows = []
-    for robot in options.robots:
-        rows += measure(robot, resources, options)
-    for row in rows:
-        print("  ".join(f"{value:>12}" for value in row.values()), flush=True)
+    resources = problems.fetch()
+    rows = shown(row for robot in options.robots for row in measure(robot, resources, options))
     asked = f"up to {options.problems} problems of each robot, a sample every {options.resolution:g} rad"
-    save(rows, options.csv, asked)
-    return 0
+    write(rows, options.csv, stamped(asked))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What a robot's meshes are taken for, and what each choice costs: MotionBenchMaker's states of robots, concave ones.
 
-    bench/robots/bench_shapes.py [--robots ur5 panda] [--problems 2] [--states 100] [--csv FILE]
+    bench/run.py shapes [--robots ur5 panda] [--problems 2] [--states 100] [--csv FILE]
 
 `hull`, `submeshes` and `auto` are what a scene may say (convexify); `exact` is `auto` with the links that are open as
 surfaces, and is the truth here. Each is asked whether a state is valid and how near it is to contact: start, goal and
@@ -9,24 +9,17 @@ random states of each problem, one thread, a batch of configurations, processor 
 truth and not proved free with a choice is a false refusal (`unconverged` counts), one that is called free and is proved
 to collide a missed overlap: exit code 1. `short_mm` is by how much a choice's distance falls short of the truth's, the
 median of the free states and the most; `width` is what slack and tolerance leave of the interval.
-
-Downloads the problems into build/robots.
 """
 
-import argparse
 import sys
-import time
-import warnings
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent)]
-from environment import BUILD, in_own_environment  # noqa: E402
-from rows import save, show  # noqa: E402
+import numpy as np
+import problems
+from contenders import engine_of
+from harness import shown, timed, write
 
-if __name__ == "__main__":
-    in_own_environment()
-import numpy as np  # noqa: E402
+import clearance
+from clearance import Status
 
 CHOICES = ("hull", "submeshes", "auto", "exact")
 
@@ -35,11 +28,8 @@ class Robot:
     """A robot's files, and which of its links are open."""
 
     def __init__(self, name, resources):
-        import problems
-
-        self.name = name
-        urdf, srdf = problems.urdf_of(resources, name)
-        self.files = {"urdf": str(urdf), "srdf": str(srdf), "packages": {name: str(resources / name)}, "static": True}
+        self.name, self.resources = name, resources
+        self.files = {**problems.files_of(resources, name), "static": True}
         scene = self.scene("auto")
         self.open = {
             body.name.removeprefix(name + "/"): "surface"
@@ -47,34 +37,22 @@ class Robot:
             if body.hull_excess > 0 and scene.source(i).endswith("(hull)")
         }
 
-    def scene(self, choice):
-        import clearance
+    def convexify(self, choice):
+        return self.open if choice == "exact" else choice
 
+    def scene(self, choice):
         scene = clearance.Scene()
-        scene.add_robot(self.name, convexify=self.open if choice == "exact" else choice, **self.files)
+        scene.add_robot(self.name, convexify=self.convexify(choice), **self.files)
         return scene
 
     def engine(self, choice, problem):
-        from contenders import shape_of
-
-        import clearance
-
-        scene = self.scene(choice)
-        for thing in problem.obstacles:
-            scene.add_body(f"{thing.name}_obstacle", static=True, pose=thing.pose, **shape_of(thing))
-        return clearance.Engine(scene, backend="cpu", threads=1)
+        return engine_of(problem, self.resources, self.convexify(choice))
 
 
 def limits(engine, joints):
     """(J, 2): where random states come from."""
     group = engine.joints(joints)
     return np.clip(np.stack([group.lower, group.upper], 1), -np.pi, np.pi)
-
-
-def timed(call, *args, **more):
-    begin = time.process_time()
-    result = call(*args, **more)
-    return time.process_time() - begin, result
 
 
 class Sums:
@@ -86,8 +64,6 @@ class Sums:
         self.short, self.widths = [], []
 
     def add(self, valid_s, valid, least_s, least, truth, nearest):
-        from clearance import Status
-
         self.valid_s += valid_s
         self.least_s += least_s
         is_free, free = truth.free, valid.free
@@ -101,13 +77,10 @@ class Sums:
 
 
 def measure(name, resources, options):
-    import problems
-
     robot = Robot(name, resources)
     sums = {choice: Sums() for choice in CHOICES}
     triangles = {choice: sum(body.triangle_count for body in robot.scene(choice).bodies) for choice in CHOICES}
-    asked = [p for p in problems.load(resources, name) if p.number <= options.problems]
-    for problem in asked:
+    for problem in problems.load(resources, name, options.problems):
         joints = list(problem.goal)
         ids = [f"{name}/{joint}" for joint in joints]
         rng = np.random.default_rng([problem.number, options.seed])
@@ -149,23 +122,13 @@ def row_of(name, choice, triangles, s):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--robots", nargs="+", default=["ur5", "panda"], metavar="NAME")
+    parser = problems.parser(__doc__, "ur5 panda", seed=1)
     parser.add_argument("--problems", type=int, default=2, help="of each family")
     parser.add_argument("--states", type=int, default=100, help="random ones of each problem")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
-    import problems
-
-    warnings.simplefilter("ignore")
-    resources = problems.fetch(BUILD)
-    rows = []
-    for name in options.robots:
-        for row in measure(name, resources, options):
-            rows.append(row)
-            show(row)
-    save(rows, options.csv)
+    resources = problems.fetch()
+    rows = shown(row for name in options.robots for row in measure(name, resources, options))
+    write(rows, options.csv)
     return int(any(row["missed"] for row in rows))
 
 

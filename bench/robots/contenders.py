@@ -5,15 +5,10 @@ least(Q): each state's least distance over all pairs, metres, 0 where there is c
 where the contender knows no bounds.
 """
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "build/python")]
-
+import problems
 
 _BOUNDS = ("lower", "upper")
 
@@ -36,11 +31,12 @@ class PinocchioCoal:
     least distance has no first stop.
     """
 
-    def __init__(self, urdf, srdf, resources, joints, as_hulls=True):
+    def __init__(self, resources, joints, robot, as_hulls=True):
         import pinocchio
 
         import coal
 
+        urdf, srdf = problems.urdf_of(resources, robot)
         self.coal, self.pin, self.joints = coal, pinocchio, joints
         self.model = pinocchio.buildModelFromUrdf(str(urdf))
         self.robot = pinocchio.buildGeomFromUrdf(
@@ -125,12 +121,12 @@ class Clearance:
     `convexify` says.
     """
 
-    def __init__(self, urdf, srdf, resources, joints, robot, url=None, convexify="hull"):
+    def __init__(self, resources, joints, robot, url=None, convexify="hull"):
         import clearance
 
         self.clearance, self.robot, self.url, self.convexify = clearance, robot, url, convexify
         self.names = [f"{robot}/{joint}" for joint in joints]
-        self.files = {"urdf": str(urdf), "srdf": str(srdf), "packages": {robot: str(resources / robot)}}
+        self.files = problems.files_of(resources, robot)
         self.client = clearance.connect(url) if url else None
         self.current: Any = None
         self.asked: Any = None
@@ -210,6 +206,7 @@ class Clearance:
 
 
 def shape_of(thing):
+    """Arguments of add_body() for an obstacle."""
     if thing.shape == "mesh":
         return {"mesh": thing.sizes, "convexify": "surface"}
     if thing.shape == "box":
@@ -217,3 +214,21 @@ def shape_of(thing):
     if thing.shape == "cylinder":
         return {"cylinder": (thing.sizes[1], thing.sizes[0])}
     return {"sphere": thing.sizes[0]}
+
+
+def scene_of(problem, resources, convexify="hull", shape=shape_of):
+    """A problem's robot, its links as `convexify` says, among its obstacles, and nothing that moves but the robot."""
+    import clearance
+
+    scene = clearance.Scene()
+    scene.add_robot(problem.robot, convexify=convexify, static=True, **problems.files_of(resources, problem.robot))
+    for thing in problem.obstacles:
+        scene.add_body(f"{thing.name}_obstacle", static=True, pose=thing.pose, **shape(thing))
+    return scene
+
+
+def engine_of(problem, resources, convexify="hull"):
+    """An engine with one thread on such a scene."""
+    import clearance
+
+    return clearance.Engine(scene_of(problem, resources, convexify), backend="cpu", threads=1)

@@ -10,12 +10,14 @@ import math
 import subprocess
 import sys
 import tarfile
+import warnings
 from dataclasses import dataclass
-from pathlib import Path
 
+import harness
 import numpy as np
 import yaml
 
+FOLDER = harness.ROOT / "build/robots"
 PACKAGE = "vamp-planner==0.6.4"
 ROBOTS = ("panda", "ur5", "fetch", "baxter")
 LAST = {"baxter": 30}
@@ -43,12 +45,19 @@ class Problem:
         return f"{self.robot}/{self.family}/{self.number}"
 
 
-def fetch(folder):
-    """The package's resources under `folder`, downloaded once. Returns where the robots' folders are."""
-    resources = Path(folder) / "resources"
+def parser(doc, robots, **more):
+    """Options of a benchmark of these problems. more: of harness.parser()."""
+    made = harness.parser(doc, **more)
+    made.add_argument("--robots", nargs="+", default=robots.split(), choices=ROBOTS)
+    return made
+
+
+def fetch():
+    """The package's resources, downloaded once. Returns where the robots' folders are."""
+    warnings.simplefilter("ignore")  # what robots and meshes have in them is known
+    folder, resources = FOLDER, FOLDER / "resources"
     if all((resources / robot / "problems").is_dir() for robot in ROBOTS):
         return resources
-    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     print(f"Download {PACKAGE} (65 MB) ...", flush=True)
     command = [sys.executable, "-m", "pip", "download", "--disable-pip-version-check", "--quiet", "--no-deps"]
@@ -78,12 +87,18 @@ def urdf_of(resources, robot):
     return path, folder / f"{robot}.srdf"
 
 
-def load(resources, robot):
-    """The problems of a robot, by family and number."""
+def files_of(resources, robot):
+    """What Scene.add_robot() needs."""
+    urdf, srdf = urdf_of(resources, robot)
+    return {"urdf": str(urdf), "srdf": str(srdf), "packages": {robot: str(resources / robot)}}
+
+
+def load(resources, robot, last=math.inf):
+    """The problems of a robot, by family and number. last: the highest number."""
     found = []
     for path in sorted((resources / robot / "problems").glob("*/scene*.yaml")):
         number = int(path.stem.removeprefix("scene"))
-        if number > LAST.get(robot, 50):
+        if number > min(LAST.get(robot, 50), last):
             continue
         family = path.parent.name.removesuffix(f"_{robot}")
         scene = _read(path)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A cloud against a robot, beside Coal's octree (OcTree) of the same voxels, in the same states.
 
-    bench/surfaces/bench_clouds.py [--points 100000] [--states 100] [--csv FILE]
+    bench/run.py clouds [--points 100000] [--states 100] [--csv FILE]
 
 The arm of scenes/cell stands in a cloud as a depth camera would see it: walls, a floor, boxes and noise around it, no
 point within 25 cm of its foot. In each state the links' distance to the cloud is asked for: the least of
@@ -10,23 +10,13 @@ processor time, one batch of states with us, a call for each link with Coal, whi
 and, for `min`, knows no bound but the octree's own. Both have voxels of one edge; ours as points, too. Shown beside it:
 how far Coal's least distance lies outside of our bounds at most, and the time to replace the cloud: set_points() with
 us, makeOctree() with Coal.
-
-Installs Coal into build/robots.
 """
 
-import argparse
-import csv
-import sys
-import time
-from pathlib import Path
+import numpy as np
+from bench_surfaces import outside, place_of, requests_of
+from harness import ROOT, parser, shown, timed, write
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "build/python"), str(ROOT / "bench/robots")]
-from environment import in_own_environment  # noqa: E402
-
-if __name__ == "__main__":
-    in_own_environment()
-import numpy as np  # noqa: E402
+import clearance
 
 EDGE = 0.02  # metres
 SCENE = """
@@ -62,8 +52,6 @@ def on_grid(cloud):
 
 class Clearance:
     def __init__(self, folder):
-        import clearance
-
         self.scene = clearance.Scene.load(folder / "scene.yaml", allow_outside=True)
         self.engine = clearance.Engine(self.scene, backend="cpu", threads=1)
 
@@ -90,8 +78,8 @@ class Coal:
         for state in states:
             us.engine.set_joints(state, joints="arm")
             at = us.engine.body_states()
-            self.places.append([self._transform(at[body].pose) * own for body, _, own in self.links])
-        self.still = self._transform([0, 0, 0, 1, 0, 0, 0])
+            self.places.append([place_of(coal, at[body].pose) * own for body, _, own in self.links])
+        self.still = place_of(coal, [0, 0, 0, 1, 0, 0, 0])
 
     def _model(self, vertices, radius):
         """A piece of ours: a ball, a capsule or a hull, and where it is in its link."""
@@ -108,19 +96,11 @@ class Coal:
         points.extend(list(vertices))
         return self.coal.Convex.convexHull(points, True, "Qt"), self.coal.Transform3s.Identity()
 
-    def _transform(self, pose):
-        t, (w, x, y, z) = np.array(pose[:3]), pose[3:]
-        turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
-        return self.coal.Transform3s(turn, t)
-
     def take(self, cloud):
         self.tree = self.coal.makeOctree(np.ascontiguousarray(cloud, dtype=np.float64), EDGE)
 
     def least(self):
-        request, result = self.coal.DistanceRequest(), self.coal.DistanceResult()
-        request.enable_signed_distance = False
+        request, result, _, _ = requests_of(self.coal)
         out = []
         for places in self.places:
             best = np.inf
@@ -131,9 +111,7 @@ class Coal:
         return np.array(out)
 
     def free(self):
-        request, result = self.coal.CollisionRequest(), self.coal.CollisionResult()
-        request.num_max_contacts = 1
-        request.enable_contact = False
+        _, _, request, result = requests_of(self.coal)
         out = []
         for places in self.places:
             touches = False
@@ -146,28 +124,24 @@ class Coal:
         return np.array(out)
 
 
-def timed(call, count=1):
-    begin = time.process_time()
-    found = call()
-    return (time.process_time() - begin) / count, found
-
-
 def swap(call, times=20):
     """The median of what replacing a cloud takes, in milliseconds."""
     return 1e3 * float(np.median([timed(call)[0] for _ in range(times)]))
 
 
 def row(us, coal, body, elements, states, coal_least, coal_check, cloud):
-    """What is measured of one body. coal_least, coal_check: seconds a state, and what was found."""
-    least, (lower, upper) = timed(lambda: us.least(body, states), len(states))
-    check, free = timed(lambda: us.free(body, states), len(states))
-    distances, is_same = coal_least[1], body == "voxels"  # of the same boxes
-    apart = (lower > 0) & (distances > 0)
-    off = np.maximum(np.maximum(lower - distances, distances - upper)[apart], 0).max(initial=0)
+    """Figures of one body. coal_least, coal_check: seconds, and what was found."""
+    least, (lower, upper) = timed(us.least, body, states)
+    check, free = timed(us.free, body, states)
+    is_same = body == "voxels"  # of the same boxes
+    off = outside(lower, upper, coal_least[1], (lower > 0) & (coal_least[1] > 0))
+    least, coal_least_s, check, coal_check_s = (
+        each / len(states) for each in (least, coal_least[0], check, coal_check[0])
+    )
     return {"cloud": body, "elements": len(elements), "states": len(states), "free": int(free.sum()),
-            "min_us": round(1e6 * least, 1), "coal_min_us": round(1e6 * coal_least[0], 1),
-            "min_ratio": round(coal_least[0] / least, 2), "any_us": round(1e6 * check, 1),
-            "coal_any_us": round(1e6 * coal_check[0], 1), "any_ratio": round(coal_check[0] / check, 2),
+            "min_us": round(1e6 * least, 1), "coal_min_us": round(1e6 * coal_least_s, 1),
+            "min_ratio": round(coal_least_s / least, 2), "any_us": round(1e6 * check, 1),
+            "coal_any_us": round(1e6 * coal_check_s, 1), "any_ratio": round(coal_check_s / check, 2),
             "coal_off_m": f"{off:.1e}" if is_same else "",
             "verdicts_differ": int(np.sum(free != coal_check[1])) if is_same else "",
             "swap_ms": round(swap(lambda: us.engine.set_points(body, elements)), 2),
@@ -175,44 +149,31 @@ def row(us, coal, body, elements, states, coal_least, coal_check, cloud):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--points", type=int, default=100000)
-    parser.add_argument("--states", type=int, default=100)
-    parser.add_argument("--csv", type=Path)
-    arguments = parser.parse_args()
+    made = parser(__doc__)
+    made.add_argument("--points", type=int, default=100000)
+    made.add_argument("--states", type=int, default=100)
+    options = made.parse_args()
     rng = np.random.default_rng(5)
     folder = ROOT / "build/bench_clouds"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scene.yaml").write_text(SCENE % (ROOT / "scenes/cell/arm.urdf", EDGE))
     us = Clearance(folder)
 
-    cloud = room(int(arguments.points * 1.05), rng)
+    cloud = room(int(options.points * 1.05), rng)
     joints = us.engine.joints("arm")
     keep = np.linalg.norm(cloud - np.array([0, 0, 0.9]), axis=1) > 0.25
-    cloud = cloud[keep][: arguments.points]
+    cloud = cloud[keep][: options.points]
     us.engine.set_points("points", cloud)
     voxels = on_grid(cloud)
     us.engine.set_points("voxels", voxels)
     low, high = np.maximum(joints.lower, -2.5), np.minimum(joints.upper, 2.5)
-    states = rng.uniform(low, high, (arguments.states, len(low)))
+    states = rng.uniform(low, high, (options.states, len(low)))
     coal = Coal(us, states)
     coal.take(cloud)
 
-    rows = []
-
-    def show(**row):
-        rows.append(row)
-        print("  ".join(f"{key} {value}" for key, value in row.items()), flush=True)
-
-    coal_least, distances = timed(coal.least, len(states))
-    coal_check, coal_free = timed(coal.free, len(states))
-    for body, elements in (("points", cloud), ("voxels", voxels)):
-        show(**row(us, coal, body, elements, states, (coal_least, distances), (coal_check, coal_free), cloud))
-    if arguments.csv:
-        with arguments.csv.open("w", newline="") as file:
-            writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+    both = timed(coal.least), timed(coal.free)
+    rows = (row(us, coal, *body, states, *both, cloud) for body in (("points", cloud), ("voxels", voxels)))
+    write(shown(rows), options.csv)
 
 
 if __name__ == "__main__":

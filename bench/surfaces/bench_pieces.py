@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Solids by their triangles alone, with convex pieces in front of these, and by the pieces alone (model="pieces").
 
-    bench/surfaces/bench_pieces.py [--poses 500] [--csv FILE]
+    bench/run.py pieces [--poses 500] [--csv FILE]
 
 A shelf of nine boards before a hull, and two bumpy rings of 1000 triangles each, cut into 24 sectors; their pieces are
 the boards, and the hulls of the sectors. One thread, processor time, one batch of configurations, the best of three
@@ -9,22 +9,16 @@ rounds in which all take turns. `least` asks for the distance, `near` for the di
 a pose is proved free. Shown beside it: how much wider the pieces' intervals are, and poses that each proves free.
 """
 
-import argparse
-import csv
 import os
-import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).resolve().parent), str(ROOT / "bench/robots")]
+import numpy as np
+from bench_surfaces import block, poses, ring, shelf
+from harness import parser, shown, timed, write
+
 os.environ.setdefault("CLEARANCE_CACHE", "off")
-
-import numpy as np  # noqa: E402
-from bench_surfaces import block, poses, ring, shelf  # noqa: E402
-
 import clearance  # noqa: E402
 
 CUT_OFF = 0.05  # metres
@@ -84,9 +78,8 @@ def row(case, question, both, X, **more):
     best, answers = dict.fromkeys(ways, np.inf), {}
     for _ in range(ROUNDS):
         for way, (engine, model) in ways.items():
-            begin = time.process_time()
-            answers[way] = engine.distances([("a", "b")], X[:, None], ["b"], model=model, **more)
-            best[way] = min(best[way], (time.process_time() - begin) / len(X) * 1e6)
+            took, answers[way] = timed(engine.distances, [("a", "b")], X[:, None], ["b"], model=model, **more)
+            best[way] = min(best[way], took / len(X) * 1e6)
     truth, pieces = answers["triangles"], answers["pieces"]
     beyond = int(clearance.Status.BEYOND)
     compared: dict[str, Any]
@@ -116,23 +109,19 @@ def cases(count):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--poses", type=int, default=500)
-    parser.add_argument("--csv", type=Path)
-    arguments = parser.parse_args()
-    rows = []
-    for case, a, b, X in cases(arguments.poses):
+    made = parser(__doc__)
+    made.add_argument("--poses", type=int, default=500)
+    options = made.parse_args()
+    write(shown(measure(options.poses)), options.csv)
+
+
+def measure(count):
+    """A row for each case of so many poses."""
+    for case, a, b, X in cases(count):
         with tempfile.TemporaryDirectory() as folder:
             both = engines(Path(folder), a, b)
         for question, more in (("least", {}), ("near", {"max_distance": CUT_OFF}), ("check", {"reduce": "any"})):
-            rows.append(row(case, question, both, X, **more))
-            print("  ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
-    if arguments.csv:
-        names = list(dict.fromkeys(name for r in rows for name in r))
-        with arguments.csv.open("w", newline="") as file:
-            writer = csv.DictWriter(file, names, restval="", lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+            yield row(case, question, both, X, **more)
 
 
 if __name__ == "__main__":

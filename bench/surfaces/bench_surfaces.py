@@ -1,31 +1,18 @@
 #!/usr/bin/env python3
 """Distances of meshes that are not convex, beside Coal's trees of triangles (BVHModelOBBRSS), on the same poses.
 
-    bench/surfaces/bench_surfaces.py [--poses 200] [--sizes 1000 10000 100000] [--csv FILE]
+    bench/run.py surfaces [--poses 200] [--sizes 1000 10000 100000] [--csv FILE]
 
 Two bumpy rings of so many triangles each, in poses that are apart (by about their size), near (their surfaces at most
 1 mm apart) and crossing; and a shelf of five compartments before 2000 convex hulls. One thread, processor time, the
 least of five rounds; one batch of configurations with us, a call for each pose with Coal, whose poses are made before.
 `least` asks for the distance, `valid` whether they touch, where the first contact is enough. Shown beside it: how far
 Coal's distance lies outside of our bounds at most, and poses in which it finds bodies apart that we prove to overlap.
-
-Installs Coal into build/robots.
 """
 
-import argparse
-import csv
-import sys
-import time
-from pathlib import Path
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "build/python"), str(ROOT / "bench/robots")]
-from environment import in_own_environment  # noqa: E402
-
-if __name__ == "__main__":
-    in_own_environment()
-import numpy as np  # noqa: E402
-from contenders import tree_of_triangles  # noqa: E402
+import numpy as np
+from contenders import tree_of_triangles
+from harness import parser, shown, timed, write
 
 
 def ring(triangles, radius, tube, rng):
@@ -70,6 +57,29 @@ def poses(count, spread, centre, rng):
     return np.hstack([centre + rng.uniform(-1, 1, (count, 3)) * spread, q / np.linalg.norm(q, axis=1, keepdims=True)])
 
 
+def place_of(coal, pose):
+    """Coal's transform of a pose (7,): x y z, qw qx qy qz."""
+    w, x, y, z = pose[3:]
+    turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+    return coal.Transform3s(turn, np.array(pose[:3]))
+
+
+def requests_of(coal):
+    """Coal's (distance request, its result, collision request, its result): distances of what is apart, first contacts."""
+    distance, collision = coal.DistanceRequest(), coal.CollisionRequest()
+    distance.enable_signed_distance = False
+    collision.num_max_contacts = 1
+    collision.enable_contact = False
+    return distance, coal.DistanceResult(), collision, coal.CollisionResult()
+
+
+def outside(lower, upper, distances, counted):
+    """Metres by which distances lie outside of our bounds at most, of those that count."""
+    return np.maximum(lower - distances, distances - upper)[counted].max(initial=0)
+
+
 class Coal:
     def __init__(self, a, b):
         import coal
@@ -86,22 +96,14 @@ class Coal:
 
     def places(self, X):
         """Poses as Coal has them: made before the time is taken."""
-        return [self.coal.Transform3s(self._rotation(np.concatenate([x[4:], x[3:4]])), x[:3]) for x in X]
+        return [place_of(self.coal, x) for x in X]
 
     def _each(self, places, call):
         still = self.coal.Transform3s()
         return np.array([call(still, place) for place in places])
 
-    @staticmethod
-    def _rotation(q):
-        x, y, z, w = q
-        return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
-
     def least(self, places):
-        request, result = self.coal.DistanceRequest(), self.coal.DistanceResult()
-        request.enable_signed_distance = False
+        request, result, _, _ = requests_of(self.coal)
 
         def distance(A, B):
             result.clear()
@@ -110,9 +112,7 @@ class Coal:
         return self._each(places, distance)
 
     def valid(self, places):
-        request, result = self.coal.CollisionRequest(), self.coal.CollisionResult()
-        request.num_max_contacts = 1
-        request.enable_contact = False
+        _, _, request, result = requests_of(self.coal)
 
         def collide(A, B):
             result.clear()
@@ -144,14 +144,10 @@ class Clearance:
         return self.engine.check(bodies=["b"], configurations=X[:, None]).free
 
 
-def timed(call, X, rounds=5):
+def least_of(call, X, rounds=5):
     """Microseconds a pose, the least of some rounds, and what was found."""
-    least = np.inf
-    for _ in range(rounds):
-        begin = time.process_time()
-        found = call(X)
-        least = min(least, time.process_time() - begin)
-    return least / len(X) * 1e6, found
+    each = [timed(call, X) for _ in range(rounds)]
+    return min(seconds for seconds, _ in each) / len(X) * 1e6, each[-1][1]
 
 
 def near(us, X, gap):
@@ -165,54 +161,46 @@ def near(us, X, gap):
 
 
 def row(name, us, coal, X):
-    ours, (lower, upper) = timed(us.least, X)
+    ours, (lower, upper) = least_of(us.least, X)
     places = coal.places(X)
-    theirs, distance = timed(coal.least, places)
-    our_check, free = timed(us.valid, X)
-    their_check, their_free = timed(coal.valid, places)
-    apart = lower > 0
-    off = np.maximum(np.maximum(lower - distance, distance - upper)[apart], 0)
+    theirs, distance = least_of(coal.least, places)
+    our_check, free = least_of(us.valid, X)
+    their_check, their_free = least_of(coal.valid, places)
+    off = outside(lower, upper, distance, lower > 0)
     return {"case": name, "poses": len(X), "us": round(ours, 1), "coal_us": round(theirs, 1),
             "ratio": round(theirs / ours, 2), "check_us": round(our_check, 1), "coal_check_us": round(their_check, 1),
             "check_ratio": round(their_check / our_check, 2), "wide": int(np.sum(upper - lower > 1e-5)),
-            "coal_off_m": f"{off.max(initial=0):.1e}", "coal_missed": int(np.sum(their_free & (upper <= 0))),
+            "coal_off_m": f"{off:.1e}", "coal_missed": int(np.sum(their_free & (upper <= 0))),
             "verdicts_differ": int(np.sum(their_free != free))}
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--poses", type=int, default=200)
-    parser.add_argument("--sizes", type=int, nargs="+", default=[1000, 10000, 100000])
-    parser.add_argument("--csv", type=Path)
-    arguments = parser.parse_args()
-    rows = []
+    made = parser(__doc__)
+    made.add_argument("--poses", type=int, default=200)
+    made.add_argument("--sizes", type=int, nargs="+", default=[1000, 10000, 100000])
+    options = made.parse_args()
+    write(shown(measure(options.poses, options.sizes)), options.csv)
 
-    def show(result):
-        rows.append(result)
-        print("  ".join(f"{key} {value}" for key, value in result.items()), flush=True)
 
-    for size in arguments.sizes:
+def measure(count, sizes):
+    """A row for each case of so many poses."""
+    for size in sizes:
         rng = np.random.default_rng(size)
         a, b = ring(size, 1, 0.3, rng), ring(size, 0.9, 0.25, rng)
         us, coal = Clearance(a, b), Coal(a, b)
-        far = poses(arguments.poses, 4, 0, rng)
+        far = poses(count, 4, 0, rng)
         far = far[np.linalg.norm(far[:, :3], axis=1) > 2.6]
-        show(row(f"rings of {size} triangles, apart", us, coal, far))
-        show(row(f"rings of {size} triangles, 1 mm", us, coal, near(us, far[: arguments.poses // 4], 5e-4)))
-        inside = poses(arguments.poses, 0.6, 0, rng)
+        yield row(f"rings of {size} triangles, apart", us, coal, far)
+        yield row(f"rings of {size} triangles, 1 mm", us, coal, near(us, far[: count // 4], 5e-4))
+        inside = poses(count, 0.6, 0, rng)
         inside = inside[us.least(inside)[1] <= 0]
-        show(row(f"rings of {size} triangles, crossing", us, coal, inside))
+        yield row(f"rings of {size} triangles, crossing", us, coal, inside)
     rng = np.random.default_rng(1)
     points = rng.normal(size=(60, 3))
     hull = (points / np.linalg.norm(points, axis=1, keepdims=True) * [0.05, 0.08, 0.15], None)
     board = shelf()
     us, coal = Clearance(board, hull), Coal(board, hull)
-    show(row("a hull before a shelf", us, coal, poses(10 * arguments.poses, [0.5, 0.7, 1.2], [0.3, 0.5, 1], rng)))
-    if arguments.csv:
-        with arguments.csv.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+    yield row("a hull before a shelf", us, coal, poses(10 * count, [0.5, 0.7, 1.2], [0.3, 0.5, 1], rng))
 
 
 if __name__ == "__main__":

@@ -1,43 +1,32 @@
 #!/usr/bin/env python3
 """What Ray costs a sweep: the engine alone in this process, beside one and two actors; and 32 that only sleep.
 
-    bench/sweep/bench_sweep.py [--rounds 5] [--parts 8] [--csv docs/results/sweep.csv]
+    bench/run.py sweep [--rounds 5] [--parts 8]
 
 Each round does the same parts by the engine alone, then by one actor, then by two, whose processes stay: parts written,
 journal and manifest included. `wall` are medians over rounds of the ratio within a round; they mean something on an
 idle machine. `cpu_over_alone` is the processor time of this process and the actors over that of the engine alone, which
-other programs disturb less; `daemons_cores` what Ray's other processes take of a core all the while, work or none. Runs
-in an environment of its own (build/sweep), which has Ray.
+other programs disturb less; `daemons_cores` what Ray's other processes take of a core all the while, work or none.
 """
 
-import argparse
-import csv
 import os
 import pathlib
 import shutil
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-VENV = ROOT / "build/sweep"
-PACKAGES = ["ray==2.60.0", "pyarrow==26.0.1", "scipy==1.17.1", "PyYAML==6.0.3", "numpy"]
+import ray
+from harness import ROOT, parser, shown, write
+from ray.cluster_utils import Cluster
+
+from clearance.ray import Actors
+from clearance.sweep import Job, prepare
+from clearance.sweep._progress import Progress
+from clearance.sweep._run import drive
+from clearance.sweep._work import Done, Part, Worker
+
 SLEEP_S, SLEEPERS, SLEEPS = 1.0, 32, 320
-
-
-def in_own_environment():
-    if os.environ.get("CLEARANCE_BENCH_SWEEP"):
-        return
-    python = VENV / "bin/python"
-    if not python.exists():
-        subprocess.run([sys.executable, "-m", "venv", str(VENV)], check=True)
-        pip = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
-        subprocess.run([*pip, *PACKAGES], check=True)
-    path = os.pathsep.join(filter(None, [str(ROOT / "build/python"), os.environ.get("PYTHONPATH")]))
-    more = {"CLEARANCE_BENCH_SWEEP": "1", "PYTHONPATH": path}
-    os.execve(python, [str(python), __file__, *sys.argv[1:]], {**os.environ, **more})
 
 
 def cpu_of_tree(pid, ours):
@@ -74,16 +63,12 @@ class Sleeping:
         pass
 
     def perform(self, task):
-        from clearance.sweep._work import Done
-
         time.sleep(SLEEP_S)
         return Done(task.part, 1, 0, "")
 
 
 def kept(plan, count, **more):
     """Actors that outlive a run, all ready; function that begins the next."""
-    from clearance.ray import Actors
-
     class Kept(Actors):
         def close(self):
             self._events.extend(ready)
@@ -102,11 +87,6 @@ def fresh(plan):
 
 def overhead(options):
     """Seconds of each way in each round: {way: [(wall, cpu, daemons'), ...]}."""
-    from clearance.sweep import Job, prepare
-    from clearance.sweep._progress import Progress
-    from clearance.sweep._run import drive
-    from clearance.sweep._work import Part, Worker
-
     rows = {"uniform": {"count": options.parts * options.part_rows, "seed": 1}}
     said = {"scene": str(ROOT / "scenes/cell/robot.yaml"), "joints": "arm", "rows": rows}
     said["part_rows"] = options.part_rows
@@ -127,13 +107,6 @@ def overhead(options):
 
 def asleep():
     """Seconds that 32 workers on four simulated machines take for sleeps of 320 s in all."""
-    import ray
-    from ray.cluster_utils import Cluster
-
-    from clearance.sweep import Job, prepare
-    from clearance.sweep._progress import Progress
-    from clearance.sweep._run import drive
-
     store = {"object_store_memory": 1 << 27}
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **store})
     for _ in range(4):
@@ -150,15 +123,11 @@ def asleep():
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--parts", type=int, default=8)
-    parser.add_argument("--part-rows", type=int, default=65536)
-    parser.add_argument("--csv", type=pathlib.Path)
-    options = parser.parse_args()
-    in_own_environment()
-    import ray
-
+    made = parser(__doc__)
+    made.add_argument("--rounds", type=int, default=5)
+    made.add_argument("--parts", type=int, default=8)
+    made.add_argument("--part-rows", type=int, default=65536)
+    options = made.parse_args()
     quiet = {"include_dashboard": False, "log_to_driver": False, "logging_level": "error"}
     ray.init(num_cpus=3, object_store_memory=1 << 27, **quiet)
     load = os.getloadavg()[0]
@@ -182,13 +151,8 @@ def main():
     table.append([name, SLEEPS, 1, f"{SLEEPS / seconds:.1f}", times_alone, "", "", "", "", f"{load:.1f}"])
     head = ["way", "rows", "rounds", "rows_per_s", "times_alone", "least", "most", "cpu_over_alone", "daemons_cores",
             "load"]  # fmt: skip
-    for row in [head, *table]:
-        print(", ".join(map(str, row)), flush=True)
-    if options.csv:
-        with open(options.csv, "w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([head, *table])
-    return 0
+    write(shown(dict(zip(head, row)) for row in table), options.csv)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,12 +1,9 @@
-"""Tables of the peers in docs/performance.md and docs/accuracy.md, from docs/results/peers_*.csv."""
+"""Tables and picture of the peers in docs/performance.md and docs/accuracy.md."""
 
-import csv
-import sys
-from pathlib import Path
+from harness import grouped
+from pages import markdown, plot, results, times
 
-ROOT = Path(__file__).resolve().parents[2]
-TIMING = ROOT / "docs/results/peers_timing.csv"
-ACCURACY = ROOT / "docs/results/peers_accuracy.csv"
+PICTURE = "performance.png"
 LEFT_OUT = {("two_2M", "Bullet"), ("two_2M", "Bullet f32")}  # 80 ms a pair, and wrong
 RIGHT = 1e-5  # a peer's setting counts if its worst relative error in the run is below
 
@@ -19,40 +16,6 @@ def best(rows, contender):
     return (min(rows, key=lambda r: float(r["ns_median"])), bool(right)) if rows else (None, False)
 
 
-def read_csv(path):
-    if not path.exists():
-        return "", []
-    with open(path, newline="") as f:
-        remark = f.readline().lstrip("# ").strip()
-        return remark, list(csv.DictReader(f))
-
-
-def write_csv(path, remark, rows):
-    with open(path, "w", newline="") as f:
-        f.write(f"# {remark}\n")
-        columns = list(dict.fromkeys(key for row in rows for key in row))
-        writer = csv.DictWriter(f, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-
-
-def grouped(rows, key):
-    groups = {}
-    for row in rows:
-        groups.setdefault(row[key], []).append(row)
-    return groups
-
-
-def replace_table(page, name, text, check):
-    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-    old = page.read_text()
-    head, rest = old.split(begin)
-    new = f"{head}{begin}\n{text}\n{end}{rest.split(end)[1]}"
-    if check and new != old:
-        sys.exit(f"{page} does not show what docs/results has: run bench/peers/bench_peers.py --pages")
-    page.write_text(new) if new != old else None
-
-
 def nanoseconds(value):
     return f"{value:,.0f} ns" if value < 1e4 else f"{value / 1e3:,.1f} us" if value < 1e7 else f"{value / 1e6:,.1f} ms"
 
@@ -60,10 +23,6 @@ def nanoseconds(value):
 def figure(row):
     error = float(row["worst_relative_error"])
     return "0" if error == 0 else f"{error:.0e}"
-
-
-def times(ratio):
-    return f"{ratio:,.0f}x" if ratio >= 10 else f"{ratio:.2g}x"
 
 
 def ours(rows, precision):
@@ -83,24 +42,34 @@ def peer_cells(rows, show):
     return cells
 
 
-def timing_table(remark, groups):
+def timing():
+    """(where and when, rows by workload)."""
+    remark, rows = results("peers_timing")
+    loads = [float(row["load"]) for row in rows if row.get("load")]
+    timed = [row for row in rows if row["commit"]]
+    measured = dict.fromkeys(f"{row['machine']}, {row['date']}, commit {row['commit']}" for row in timed)
+    return "; ".join([*measured, remark]) + f", load {min(loads):.0f} to {max(loads):.0f}", grouped(rows, "workload")
+
+
+def timing_table():
     def show(r):
         return f"{nanoseconds(float(r['ns_median']))} ({figure(r)})"
 
-    lines = ["| work | ours, float64 | ours, float32 | Coal | FCL | Bullet |", "|---|--:|--:|--:|--:|--:|"]
-    for rows in groups.values():
-        cells = [rows[0]["what"], show(ours(rows, "f64")), show(ours(rows, "f32")), *peer_cells(rows, show)]
-        lines.append("| " + " | ".join(cells) + " |")
+    remark, groups = timing()
+    lines = [
+        [rows[0]["what"], show(ours(rows, "f64")), show(ours(rows, "f32")), *peer_cells(rows, show)]
+        for rows in groups.values()
+    ]
     faster = [f"{1 / float(r['over_ours_f64']):.2f}x ({r['what']})" for rows in groups.values() for r in rows
               if r["setting"].endswith("two threads")]
     threads = f"\n\nTwo threads over one, float64: {', '.join(faster)}." if faster else ""
-    return f"From `docs/results/peers_timing.csv` ({remark}):\n\n" + "\n".join(lines) + threads
+    table = markdown(["work", "ours, float64", "ours, float32", "Coal", "FCL", "Bullet"], lines)
+    return f"From `docs/results/peers_timing.csv` ({remark}):\n\n{table}{threads}"
 
 
-def draw(groups, path):
-    import matplotlib
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+def draw(path):
+    _, groups = timing()
+    plt = plot()
     names = ["Clearance f64", "Clearance f32", "Coal", "FCL", "Bullet"]
     figure, axes = plt.subplots(figsize=(11, 6), layout="constrained")
     for i, name in enumerate(names):
@@ -130,11 +99,12 @@ def total(rows, *keys):
     return sum(int(r[k]) for r in rows for k in keys)
 
 
-def accuracy_table(remark, rows):
+def accuracy_table():
+    remark, rows = results("peers_accuracy")
     tried = list(dict.fromkeys((r["contender"], r["setting"]) for r in rows if r["contender"] != "Bullet f32"))
     label = {"Clearance": "ours"}
     names = [label.get(c, f"{c} {s}" if c == "Coal" else c) for c, s in tried]
-    lines = ["| class | " + " | ".join(names) + " |", "|---|" + "--:|" * len(tried)]
+    lines = []
     groups = grouped(rows, "class")
     for name in [*groups, None]:
         cells = [f"`{name}`" if name else "**all**"]
@@ -143,30 +113,14 @@ def accuracy_table(remark, rows):
             cases, none = total(mine, "cases"), total(mine, "refused", "crashed", "hung")
             cells.append(" / ".join(share(x, cases) for x in (total(mine, "wrong"), total(mine, "wrong_by_1e-3"),
                                                                total(mine, "wrong_by_1e-6_of_size"), none)))
-        lines.append("| " + " | ".join(cells) + " |")
+        lines.append(cells)
     return (
         f"From `docs/results/peers_accuracy.csv` ({remark}); of all cases: wrong by more than 1e-6 of the distance "
         "(and "
         "16 eps S) / by more than 1e-3 of the distance / by more than 1e-6 of S, the bodies' size and separation / "
         "without "
-        "an answer (refused, crashed or hung):\n\n" + "\n".join(lines)
+        "an answer (refused, crashed or hung):\n\n" + markdown(["class", *names], lines)
     )
 
 
-def write_pages(check=False):
-    for path in (TIMING, ACCURACY):
-        if check and not read_csv(path)[1]:
-            sys.exit(f"{path} has no rows to check the pages by")
-    remark, rows = read_csv(TIMING)
-    if rows:
-        groups = grouped(rows, "workload")
-        loads = [float(row["load"]) for row in rows if row.get("load")]
-        timed = [row for row in rows if row["commit"]]
-        measured = dict.fromkeys(f"{row['machine']}, {row['date']}, commit {row['commit']}" for row in timed)
-        remark = "; ".join([*measured, remark]) + f", load {min(loads):.0f} to {max(loads):.0f}"
-        replace_table(ROOT / "docs/performance.md", "peers timing", timing_table(remark, groups), check)
-        if not check:
-            draw(groups, ROOT / "docs/performance.png")
-    remark, rows = read_csv(ACCURACY)
-    if rows:
-        replace_table(ROOT / "docs/accuracy.md", "peers accuracy", accuracy_table(remark, rows), check)
+TABLES = {"peers timing": timing_table, "peers accuracy": accuracy_table}

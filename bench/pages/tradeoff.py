@@ -1,25 +1,11 @@
-#!/usr/bin/env python3
-"""Writes what docs/results/tradeoff.csv, shapes.csv and edges.csv say into docs/tradeoff.md, draws docs/tradeoff.png.
+"""Tables, claims and picture of docs/tradeoff.md: what each setting of a query costs."""
 
-    bench/tradeoff/tradeoff.py            write them; exit code 1 if the page's own words no longer hold
-    bench/tradeoff/tradeoff.py --check    only check that the page shows the CSV and its words hold (exit code 1 if not)
-
-The words of the page that rest on figures are marked there with <!-- claim NAME -->; CLAIMS says what each one means.
-"""
-import csv
 import math
-import re
 import statistics
-import sys
-from pathlib import Path
 
-import edges as edge_figures
+from pages import markdown, plot, results
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "tradeoff.md"
-PICTURE = ROOT / "docs" / "tradeoff.png"
-CSV = ROOT / "docs" / "results" / "tradeoff.csv"
-SHAPES = ROOT / "docs" / "results" / "shapes.csv"
+PICTURE = "tradeoff.png"
 INF = math.inf
 
 
@@ -40,17 +26,6 @@ class Sweep:
     def ratios(self, scenes=None, **setting):
         """Time over that of the default query, of each scene."""
         return [float(self.at(s, **setting)["ratio"]) for s in scenes or self.scenes]
-
-
-def read():
-    """(remark, rows) of the CSV."""
-    lines = CSV.read_text().splitlines()
-    return lines[0].lstrip("# "), list(csv.DictReader(lines[1:]))
-
-
-def markdown(header, rows):
-    lines = ["| " + " | ".join(header) + " |", "|---|" + "--:|" * (len(header) - 1)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
 def time_table(s):
@@ -168,9 +143,10 @@ def sentences(s):
     return "\n".join(f"- {line}" for line in lines)
 
 
-def generated(remark, rows):
-    """Everything between the markers."""
-    parts = [f"From `docs/results/tradeoff.csv` ({remark}), by `make tradeoff`."]
+def settings():
+    """All settings of every backend."""
+    remark, rows = results("tradeoff")
+    parts = [f"From `docs/results/tradeoff.csv` ({remark}), by `make bench SUITE=tradeoff`."]
     for backend in dict.fromkeys(r["backend"] for r in rows):
         s = Sweep(rows, backend)
         parts += [
@@ -238,21 +214,14 @@ CLAIMS = {
 }
 
 
-def broken_claims(text, rows, edges):
-    """Names of the page's claims that the figures contradict."""
-    s = Sweep(rows, "cpu")
-    names = re.findall(r"<!-- claim (.*?) -->", text)
-    unknown = set(names) ^ (set(CLAIMS) | set(edge_figures.CLAIMS))
-    if unknown:
-        sys.exit(f"{PAGE}: claims of the page and of bench/tradeoff differ: {', '.join(sorted(unknown))}")
-    return [n for n in names if not (CLAIMS[n](s) if n in CLAIMS else edge_figures.CLAIMS[n](edges))]
+def claims():
+    sweep = Sweep(results("tradeoff")[1], "cpu")
+    return {name: holds(sweep) for name, holds in CLAIMS.items()}
 
 
-def draw(remark, rows):
-    import matplotlib
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+def draw(path):
+    _, rows = results("tradeoff")
+    plt = plot()
     backends = list(dict.fromkeys(r["backend"] for r in rows))
     sweeps = [Sweep(rows, b) for b in backends]
     scenes = sweeps[0].scenes
@@ -308,13 +277,12 @@ def draw(remark, rows):
     figure.legend(handles, labels, loc="lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle("Certified width and error against time, rel_tol from 1e-1 (top) to 1e-12 (bottom)")
     figure.tight_layout(rect=(0, 0.09, 1, 0.98))
-    figure.savefig(PICTURE, dpi=80)
+    figure.savefig(path, dpi=80)
 
 
 def shapes_table():
     """What bench/robots/bench_shapes.py measured."""
-    with open(SHAPES) as f:
-        rows = list(csv.DictReader(f))
+    _, rows = results("shapes")
     header = ["robot, `convexify`", "triangles", "valid [us a state]", "least distance [us]", "short by, median [mm]",
               "most [mm]", "free states refused", "missed overlaps"]
     return markdown(header, [
@@ -325,37 +293,4 @@ def shapes_table():
     ])
 
 
-def with_block(text, name, block):
-    """The page with what stands between the markers of this name replaced."""
-    begin, end = f"<!-- {name}: begin -->\n", f"\n<!-- {name}: end -->"
-    if begin not in text or end not in text:
-        sys.exit(f"{PAGE}: the marker {begin.strip()} or {end.strip()} is missing")
-    return text[:text.index(begin) + len(begin)] + block + text[text.index(end):]
-
-
-def main():
-    if sys.argv[1:] not in ([], ["--check"]):
-        sys.exit(__doc__)
-    remark, rows = read()
-    text = PAGE.read_text()
-    edges = edge_figures.Edges()
-    new = with_block(with_block(text, "tradeoff", generated(remark, rows)), "shapes", shapes_table())
-    new = with_block(new, "edges", edge_figures.tables(edges, markdown))
-    broken = broken_claims(text, rows, edges)
-    if sys.argv[1:]:
-        if new != text:
-            files = f"{CSV}, {SHAPES} and {edge_figures.CSV}"
-            sys.exit(f"{PAGE} does not show {files}: run bench/tradeoff/tradeoff.py")
-    else:
-        PAGE.write_text(new)
-        draw(remark, rows)
-    if broken:
-        sys.exit(
-            f"{PAGE}: the figures contradict what the page says (<!-- claim ... -->): {', '.join(broken)}. Write it "
-            "anew, and "
-            "CLAIMS in bench/tradeoff/tradeoff.py with it"
-        )
-
-
-if __name__ == "__main__":
-    main()
+TABLES = {"tradeoff": settings, "shapes": shapes_table}

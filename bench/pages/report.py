@@ -1,24 +1,13 @@
-#!/usr/bin/env python3
-"""The 2023 report's experiments: writes the tables of docs/report.md (between its markers) and draws docs/report.png.
+"""Tables, claims and picture of docs/report.md: the 2023 report's experiments on each machine."""
 
-    bench/report/report.py              write them from docs/results/report*.csv
-    bench/report/report.py --check      only check that the page shows the files and its words hold (exit code 1 if not)
-    bench/report/report.py --measure    first run build/bin/clearance-report here (make report), with Coal if possible
-
-The words of the page that rest on figures are marked there with <!-- claim NAME -->; CLAIMS says what each one means.
-"""
-import csv
 import functools
 import math
 import re
-import subprocess
-import sys
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "report.md"
-PICTURE = ROOT / "docs" / "report.png"
-CPU_FILE = ROOT / "docs" / "results" / "report.csv"
+from harness import RESULTS, read
+from pages import all_of, markdown, plot
+
+PICTURE = "report.png"
 
 # Microseconds as the report prints them (AMD Ryzen 9 5900X, NVIDIA GeForce RTX 3060), by experiment and case.
 REPORTED = {
@@ -55,12 +44,11 @@ class Results:
     """The rows of one machine."""
 
     def __init__(self, path):
-        lines = path.read_text().splitlines()
-        self.machine, *load, self.command = lines[0].lstrip("# ").split("; ")
+        remark, self.rows = read(path)
+        self.machine, *load, self.command = remark.split("; ")
         self.load = "".join(f", {x}" for x in load)
         self.gpu = self.machine.split(", ")[1] if ", " in self.machine else None
         self.path = path
-        self.rows = list(csv.DictReader(lines[1:]))
 
     @property
     def short(self):
@@ -80,18 +68,12 @@ class Results:
         return float(r[key]) if r else math.nan
 
 
-def read():
-    files = [CPU_FILE, *sorted(CPU_FILE.parent.glob("report_*.csv"))]
-    return [Results(f) for f in files]
+@functools.cache
+def machines():
+    return [Results(path) for path in (RESULTS / "report.csv", *sorted(RESULTS.glob("report_*.csv")))]
 
 
 LARGE = "2 large spheres"
-
-
-def all_of(conditions):
-    """Whether there are some and all hold."""
-    conditions = list(conditions)
-    return bool(conditions) and all(conditions)
 
 
 def depth(x, method):
@@ -109,11 +91,6 @@ def time_of(us):
 
 def ratio_of(value):
     return "" if math.isnan(value) else f"{value:,.0f}x" if value >= 100 else f"{value:.3g}x"
-
-
-def markdown(header, rows, words=1):
-    lines = ["| " + " | ".join(header) + " |", "|---|" * 1 + "---|" * (words - 1) + "---:|" * (len(header) - words)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
 def label(method):
@@ -252,28 +229,37 @@ def terms_table(results):
     return markdown(["case", "", "the report", *(f"{x.short}, kernels" for x in results if x.gpu)], rows, words=2)
 
 
-def tables(results):
-    close = ["aabb_naive", "aabb_naive_omp", "aabb_tree", "aabb_tree_noheuristic", "aabb_tree_omp",
-             "clearance_brute", "clearance_tree", "clearance_tree_kept"]
-    return {
-        "machines": "\n".join(
-            f"- {x.machine}{x.load}, by `{x.command}`: [results/{x.path.name}](results/{x.path.name})" for x in results
-        ),
-        "close 1000": "\n\n".join(
-            f"{title}:\n\n" + comparison(results, "close_pairs", f"1000 meshes; margin {margin}", "aabb_naive", close)
-            for margin, title in (("inf", "1000 meshes, margin infinite"), ("1", "margin 1 m"), ("0", "margin 0"))
-        ),
-        "close 2": comparison(results, "close_pairs", "2 meshes; margin inf", "aabb_naive", close),
-        "tree": tree_table(results),
-        "support": comparison(results, "support", "2 large spheres", "gjk"),
-        "terms": terms_table(results),
-        "pairs 1000": comparison(results, "pairs", "1000 spheres", "gjk"),
-        "pairs 5000": comparison(results, "pairs", "5000 spheres", "gjk"),
-        "blocks": block_table(results),
-        "lite": comparison(results, "lite", "benchmark_lite", "naive"),
-        "spheres": sphere_table(results),
-        "transfers": transfer_table(results),
-    }
+def machine_list(results):
+    return "\n".join(
+        f"- {x.machine}{x.load}, by `{x.command}`: [results/{x.path.name}](results/{x.path.name})" for x in results
+    )
+
+
+def close_tables(results):
+    titles = {"inf": "1000 meshes, margin infinite", "1": "margin 1 m", "0": "margin 0"}
+    return "\n\n".join(
+        f"{title}:\n\n" + comparison(results, "close_pairs", f"1000 meshes; margin {margin}", "aabb_naive", CLOSE_PAIRS)
+        for margin, title in titles.items()
+    )
+
+
+CLOSE_PAIRS = ["aabb_naive", "aabb_naive_omp", "aabb_tree", "aabb_tree_noheuristic", "aabb_tree_omp",
+               "clearance_brute", "clearance_tree", "clearance_tree_kept"]  # fmt: skip
+MAKERS = {
+    "machines": machine_list,
+    "close 1000": close_tables,
+    "close 2": lambda x: comparison(x, "close_pairs", "2 meshes; margin inf", "aabb_naive", CLOSE_PAIRS),
+    "tree": tree_table,
+    "support": lambda x: comparison(x, "support", "2 large spheres", "gjk"),
+    "terms": terms_table,
+    "pairs 1000": lambda x: comparison(x, "pairs", "1000 spheres", "gjk"),
+    "pairs 5000": lambda x: comparison(x, "pairs", "5000 spheres", "gjk"),
+    "blocks": block_table,
+    "lite": lambda x: comparison(x, "lite", "benchmark_lite", "naive"),
+    "spheres": sphere_table,
+    "transfers": transfer_table,
+}
+TABLES = {name: lambda make=make: make(machines()) for name, make in MAKERS.items()}
 
 
 # What the page says in its own words, as conditions on the figures.
@@ -367,35 +353,16 @@ CLAIMS = {
 }
 
 
-def filled(text, results):
-    made = tables(results)
-    for name in re.findall(r"<!-- table (.*?) -->", text):
-        if name not in made:
-            sys.exit(f"{PAGE}: no table is called {name!r}; there are {', '.join(made)}")
-    for name, table in made.items():
-        begin = f"<!-- table {name} -->\n"
-        if begin not in text:
-            sys.exit(f"{PAGE}: the marker {begin.strip()} is missing")
-        head, rest = text.split(begin)
-        text = head + begin + table + "\n<!-- end -->" + rest.split("<!-- end -->", 1)[1]
-    return text
-
-
-def broken_claims(text, results):
-    names = re.findall(r"<!-- claim (.*?) -->", text)
-    unknown = set(names) ^ set(CLAIMS)
-    if unknown:
-        sys.exit(f"{PAGE}: claims of the page and of bench/report/report.py differ: {', '.join(sorted(unknown))}")
+def claims():
+    results = machines()
     gpu = [x for x in results if x.gpu]
-    return [name for name in names if not CLAIMS[name](results, gpu)]
+    return {name: holds(results, gpu) for name, holds in CLAIMS.items()}
 
 
-def draw(results):
-    import matplotlib
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+def draw(path):
     from matplotlib.lines import Line2D
 
+    plt, results = plot(), machines()
     figure, axes = plt.subplots(4, 2, figsize=(15, 22), layout="constrained")
     panels = [
         ("close_pairs", "1000 meshes; margin inf", "Close pairs of 1000 meshes, margin infinite"),
@@ -452,46 +419,4 @@ def draw(results):
         axis.set(xscale="log", yscale="log", title=title, xlabel="spheres", ylabel=unit)
         axis.grid(alpha=0.3)
     gains.legend(handles=handles, fontsize=8)
-    figure.savefig(PICTURE, dpi=60)
-
-
-def measure():
-    sys.path.insert(0, str(ROOT / "bench/peers"))
-    import bench_peers
-    coal = []
-    try:
-        bench_peers.set_up(("coal",))
-        coal = ["--coal", str(bench_peers.CONTENDERS["Coal"])]
-    except SystemExit as error:
-        print(f"{error}\nCoal cannot be had here: it is left out", file=sys.stderr)
-    (ROOT / "out").mkdir(exist_ok=True)
-    done = subprocess.run([ROOT / "build/bin/clearance-report", "--csv", CPU_FILE, "--scratch", "out", *coal], cwd=ROOT)
-    if done.returncode:
-        sys.exit(done.returncode)
-
-
-def main():
-    if sys.argv[1:] not in ([], ["--check"], ["--measure"]):
-        sys.exit(__doc__)
-    if sys.argv[1:] == ["--measure"]:
-        measure()
-    results = read()
-    text = PAGE.read_text()
-    new = filled(text, results)
-    broken = broken_claims(text, results)
-    if sys.argv[1:] == ["--check"]:
-        if new != text:
-            sys.exit(f"{PAGE} does not show docs/results/report*.csv: run bench/report/report.py")
-    else:
-        PAGE.write_text(new)
-        draw(results)
-    if broken:
-        sys.exit(
-            f"{PAGE}: the figures contradict what the page says (<!-- claim ... -->): {', '.join(broken)}. Write it "
-            "anew, and "
-            "CLAIMS in bench/report/report.py with it"
-        )
-
-
-if __name__ == "__main__":
-    main()
+    figure.savefig(path, dpi=60)

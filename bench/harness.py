@@ -1,0 +1,104 @@
+"""Shared by the benchmark programs: options, timing, result rows and their CSV files."""
+
+import argparse
+import csv
+import datetime
+import functools
+import os
+import platform
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "docs/results"
+
+
+def parser(doc, seed=None):
+    """Parser of a program's options, described by its docstring's first line, with --csv and, if given, --seed."""
+    made = argparse.ArgumentParser(description=doc.strip().splitlines()[0])
+    made.add_argument("--csv", type=Path, help="file to write")
+    if seed is not None:
+        made.add_argument("--seed", type=int, default=seed)
+    return made
+
+
+def timed(call, *args, clock=time.process_time, **more):
+    """Returns (seconds, result) of one call."""
+    begin = clock()
+    result = call(*args, **more)
+    return clock() - begin, result
+
+
+# ---- rows ------------------------------------------------------------------------------------------------------------
+
+
+def shown(rows):
+    """Prints rows as they come, and returns all."""
+    kept = []
+    for row in rows:
+        kept.append(row)
+        print("  ".join(f"{name} {value}" for name, value in row.items() if value != ""), flush=True)
+    return kept
+
+
+def write(rows, path, remark=None):
+    """Writes rows as CSV, the remark as a comment before them. Without a path nothing is written."""
+    if path is None:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", newline="") as file:
+        if remark:
+            file.write(f"# {remark}\n")
+        writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def read(path):
+    """Returns (remark, rows) of a CSV file. The remark is its first comment, or empty."""
+    lines = path.read_text().splitlines()
+    comments = [line.lstrip("# ").strip() for line in lines if line.startswith("#")]
+    return (comments or [""])[0], list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
+def grouped(rows, *keys):
+    """Rows by the value of one column, or by the values of several."""
+    groups = {}
+    for row in rows:
+        groups.setdefault(row[keys[0]] if len(keys) == 1 else tuple(row[key] for key in keys), []).append(row)
+    return groups
+
+
+# ---- where and when --------------------------------------------------------------------------------------------------
+
+
+def stamped(remark):
+    """The remark with machine, date and load."""
+    return f"{remark}; {machine()}, {datetime.date.today()}, one thread, load {os.getloadavg()[0]:.0f}"
+
+
+@functools.cache
+def machine():
+    """The processor's name, and how many of it there are."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    names = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    return f"{next(names, platform.machine())} x{os.cpu_count()}"
+
+
+@functools.cache
+def commit():
+    """HEAD, with a + if files differ from it other than those that benchmarks write."""
+    changed = run("git", "status", "--porcelain", "--", ".", ":!docs")
+    return run("git", "rev-parse", "--short=8", "HEAD").strip() + ("+" if changed else "")
+
+
+def run(*command):
+    """Runs a command in the repository and returns its output. Exits with that output if it fails."""
+    words = [str(word) for word in command]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=ROOT)
+    if done.returncode:
+        sys.exit(f"{' '.join(words)}\n{done.stdout[-3000:]}{done.stderr[-3000:]}")
+    return done.stdout

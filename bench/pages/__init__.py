@@ -1,0 +1,39 @@
+"""Tables, claims and pictures of the pages, made from docs/results by bench/write_pages.py.
+
+A module here has TABLES: by name, a function that makes the text between `<!-- table NAME -->` and `<!-- end -->`. It may
+have claims(): by name, whether the figures bear out what stands before `<!-- claim NAME -->`; and PICTURE, a file below
+docs, with draw(path).
+"""
+
+from harness import RESULTS, read
+
+
+def results(name):
+    """Returns (remark, rows) of docs/results/NAME.csv."""
+    return read(RESULTS / f"{name}.csv")
+
+
+def markdown(header, rows, words=1):
+    """A table. Its first columns hold words, the others numbers."""
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * words + "--:|" * (len(header) - words)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
+
+
+def all_of(conditions):
+    """Whether there are some and all hold."""
+    conditions = list(conditions)
+    return bool(conditions) and all(conditions)
+
+
+def times(ratio):
+    return f"{ratio:,.0f}x" if ratio >= 10 else f"{ratio:.2g}x"
+
+
+def plot():
+    """Matplotlib's pyplot, drawing into files."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot
+
+    return matplotlib.pyplot

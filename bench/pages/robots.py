@@ -1,0 +1,139 @@
+"""Tables and picture of docs/robots.md: microseconds a state, and where a plan's time goes."""
+
+from pages import markdown, plot, results
+
+PICTURE = "robots.png"
+WAYS = {
+    "Coal": ("#999999", "Pinocchio and Coal, the faster way"),
+    "Clearance over shared memory": ("#74a9cf", "Clearance, shared memory, batches"),
+    "Clearance in process": ("#045a8d", "Clearance in process, batches"),
+    "Clearance in process, prepared, one a call": ("#fdae61", "the same, one state a call"),
+}
+SHARES = {"kinematics": "#fdae61", "distances": "#045a8d", "transport": "#74a9cf", "planning": "#dddddd"}
+
+
+ROBOTS = {"panda": "Panda", "ur5": "UR5", "fetch": "Fetch", "baxter": "Baxter"}
+COAL = "Coal"  # in tables of robots: the faster of its ways
+
+
+def by_robot(ways):
+    """Microseconds a state beside Coal of the ways {(question, contender): header}."""
+    remark, rows = results("robots")
+    found = {}
+    for row in rows:
+        key = row["robot"], row["states"], row["question"]
+        found.setdefault(key, {})[row["contender"]] = float(row["us_a_state"])
+
+    def figure(contenders, name):
+        best = min(us for contender, us in contenders.items() if contender.startswith(COAL))
+        if name == COAL:
+            return f"{best:.3g}"
+        us = contenders.get(name)
+        return "" if us is None else f"{us:.3g}, **{best / us:.2g}x**"
+
+    lines = [
+        [ROBOTS[robot], states, *(figure(found[robot, states, question], name) for question, name in ways)]
+        for robot in ROBOTS
+        for states in ("free", "colliding")
+        if (robot, states, "valid") in found
+    ]
+    return f"{markdown(['', 'states', *ways.values()], lines, words=2)}\n\nFrom `docs/results/robots.csv` ({remark})."
+
+
+def robots():
+    """Many states a call."""
+    return by_robot({
+        ("valid", COAL): "Coal: valid",
+        ("valid", "Clearance in process"): "ours",
+        ("valid", "Clearance over shared memory"): "shared memory",
+        ("least", COAL): "Coal: least distance",
+        ("least", "Clearance in process"): "ours",
+        ("least", "Clearance over shared memory"): "shared memory",
+    })  # fmt: skip
+
+
+def robots_one_a_call():
+    """One state a call."""
+    return by_robot({
+        ("valid", COAL): "Coal: valid",
+        ("valid", "Clearance in process, one a call"): "`check()`",
+        ("valid", "Clearance in process, prepared, one a call"): "prepared",
+        ("valid", "Clearance over shared memory, prepared, one a call"): "prepared, shared memory",
+        ("least", COAL): "Coal: least distance",
+        ("least", "Clearance in process, one a call"): "`distances()`",
+        ("least", "Clearance in process, prepared, one a call"): "prepared",
+        ("least", "Clearance over shared memory, prepared, one a call"): "prepared, shared memory",
+    })  # fmt: skip
+
+
+def rrt():
+    """RRT-Connect end to end, and where its time goes."""
+    remark, rows = results("rrt")
+    keys = ("total_ms", "checking_ms", "kinematics_ms", "transport_ms", "planning_ms")
+
+    def line(row):
+        ours = row["contender"].startswith("Clearance")
+        figures = [f"{float(row[key]):.3g}" if ours or key != "transport_ms" else "" for key in keys]
+        return [ROBOTS[row["robot"]], row["contender"], row["problems"], f"{int(row['states']):,}", *figures]
+
+    header = ["", "edges asked of", "problems", "states", "whole plan [ms]", "checking", "kinematics", "transport",
+              "planner"]  # fmt: skip
+    return f"{markdown(header, [line(row) for row in rows], words=2)}\n\nFrom `docs/results/rrt.csv` ({remark})."
+
+
+TABLES = {"robots": robots, "robots_one_a_call": robots_one_a_call, "rrt": rrt}
+
+
+# ---- the picture -----------------------------------------------------------------------------------------------------
+
+
+def microseconds(rows, robot, question):
+    """Microseconds a free state, by way."""
+    found = {}
+    for row in rows:
+        if (row["robot"], row["question"], row["states"]) == (robot, question, "free"):
+            name = "Coal" if row["contender"].startswith("Coal") else row["contender"]
+            found[name] = min(found.get(name, float("inf")), float(row["us_a_state"]))
+    return found
+
+
+def draw_states(axis, rows, question, title):
+    robots = list(dict.fromkeys(row["robot"] for row in rows))
+    for i, (way, (colour, label)) in enumerate(WAYS.items()):
+        heights = [microseconds(rows, robot, question).get(way, 0) for robot in robots]
+        axis.bar([r + 0.2 * (i - 1.5) for r in range(len(robots))], heights, 0.2, color=colour, label=label)
+    axis.set_xticks(range(len(robots)), robots)
+    axis.set_ylabel("us a state")
+    axis.set_title(title, fontsize=10)
+
+
+def draw_plans(axis, rows):
+    labels = [f"{row['robot']}: {row['contender']}" for row in rows]
+    left = [0.0] * len(rows)
+    for share, colour in SHARES.items():
+        widths = [share_of(row, share) for row in rows]
+        axis.barh(labels, widths, left=left, color=colour, label=share)
+        left = [a + b for a, b in zip(left, widths)]
+    axis.invert_yaxis()
+    axis.tick_params(axis="y", labelsize=7)
+    axis.set_xlabel("ms a plan")
+    axis.set_title("RRT-Connect, end to end", fontsize=10)
+    axis.legend(fontsize=7)
+
+
+def share_of(row, share):
+    if share != "distances":
+        return float(row[f"{share}_ms"])
+    rest = float(row["checking_ms"]) - float(row["kinematics_ms"]) - float(row["transport_ms"])
+    return max(rest, 0.0)
+
+
+def draw(path):
+    plt = plot()
+    figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), width_ratios=(1, 1, 1.1), layout="constrained")
+    states = results("robots")[1]
+    draw_states(axes[0], states, "valid", "free states: is it valid?")
+    draw_states(axes[1], states, "least", "free states: least distance of all pairs")
+    axes[0].legend(fontsize=7)
+    draw_plans(axes[2], results("rrt")[1])
+    figure.savefig(path, dpi=80)

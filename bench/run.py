@@ -1,0 +1,173 @@
+#!/usr/bin/env python3
+"""Runs benchmarks: builds what a suite needs, installs its peers, measures, and rewrites results and pages.
+
+    bench/run.py list                         the suites, and the files that each rewrites
+    bench/run.py SUITE... [OPTION...]         options of the suites' programs, such as --rounds 5
+    bench/run.py all                          every suite
+    bench/run.py --quick SUITE...             a small run: results go to out/bench, pages stay
+"""
+
+import argparse
+import subprocess
+import sys
+from dataclasses import dataclass
+
+from environment import ROOT, python_of, variables
+
+ROBOTS = "bench/robots"
+
+
+@dataclass(frozen=True)
+class Suite:
+    what: str  # a sentence
+    program: str  # a Python program of bench, or a binary
+    rewrites: str  # names of CSV files, without .csv
+    quick: str  # options of a small run
+    options: str = "--csv {results}/{name}.csv"  # where the program writes
+    results: str = "docs/results"  # folder of the CSV files
+    targets: str = "product"  # what is built
+    packages: str = ""  # list of Debian packages
+    python: str = ""  # folder of the Python requirements; empty: .venv
+    pages: str = ""  # that show the results
+    draw: str = ""  # a picture of bench/write_pages.py
+
+    def files(self):
+        """What a run rewrites."""
+        return [*(f"{self.results}/{name}.csv" for name in self.rewrites.split()), *self.pages.split()]
+
+
+SUITES = {
+    "latency": Suite(
+        "Latency and throughput of every transport, beside their floors and bars.",
+        "bench/latency/bench.py", "latency latency_python latency_doorbell latency_throughput", "--seconds 0.2",
+        options="--out {results}", results="out"),
+    "peers": Suite(
+        "Pairs of hulls beside Coal, FCL and Bullet: times, and wrong answers in hard cases.",
+        "bench/peers/bench_peers.py", "peers_timing peers_accuracy",
+        "--workload gap_1mm_42 --rounds 1 --seconds 0.01", options="--results {results}",
+        targets="clearance-peers-export clearance-peers-ours", packages="tools/peers_packages.txt",
+        pages="docs/performance.md docs/performance.png docs/accuracy.md", draw="peers"),
+    "broad": Suite(
+        "Ways to find near pairs, alone and within queries.",
+        "build/bin/clearance-broad", "broad", "--bodies 120 --rounds 2", targets="clearance-broad",
+        pages="docs/performance.md"),
+    "sections": Suite(
+        "The longest that the daemon's loop is away from its transports, by kind of request.",
+        "bench/latency/bench_sections.py", "sections", "--seconds 0.5 --kinds nothing groups"),
+    "classes": Suite(
+        "Waiting times of a client of the class control beside the worst clients of the class planning.",
+        "bench/latency/bench_classes.py", "classes", "--seconds 0.5 --rounds 1 --kinds groups"),
+    "view": Suite(
+        "Waiting times of a control loop while a viewer reads its daemon.",
+        "bench/latency/bench_view.py", "view", "--seconds 0.5 --turns 1"),
+    "robots": Suite(
+        "MotionBenchMaker's states: validity and least distance, beside Pinocchio and Coal.",
+        "bench/robots/bench_robots.py", "robots", "--robots panda --problems 1 --states 5 --rounds 1",
+        python=ROBOTS, pages="docs/robots.md docs/robots.png", draw="robots"),
+    "rrt": Suite(
+        "The same problems planned by RRT-Connect, end to end, beside Pinocchio and Coal.",
+        "bench/robots/bench_rrt.py", "rrt", "--robots panda --problems 1 --rounds 1", python=ROBOTS,
+        pages="docs/robots.md docs/robots.png", draw="robots"),
+    "motions": Suite(
+        "Edges of these problems, proved free all along, beside sampling them.",
+        "bench/robots/bench_motions.py", "motions", "--robots panda --problems 1 --edges 5", python=ROBOTS),
+    "free_bodies": Suite(
+        "Motions of free bodies, beside FCL's continuous collision.",
+        "bench/robots/bench_free_bodies.py", "free_bodies", "--motions 20", python=ROBOTS),
+    "ompl": Suite(
+        "These problems planned by OMPL, with sampled and with proved edges.",
+        "bench/robots/bench_ompl.py", "ompl", "--robots panda --problems 1", python=ROBOTS),
+    "surfaces": Suite(
+        "Meshes that are not convex, beside Coal.",
+        "bench/surfaces/bench_surfaces.py", "surfaces", "--poses 8 --sizes 1000", python=ROBOTS),
+    "pieces": Suite(
+        "Meshes that are not convex, by their triangles and by convex parts.",
+        "bench/surfaces/bench_pieces.py", "pieces", "--poses 20"),
+    "link_meshes": Suite(
+        "A robot's links before a concave mesh, beside Pinocchio and Coal.",
+        "bench/robots/bench_link_meshes.py", "link_meshes", "--robots panda --states 10 --rounds 1", python=ROBOTS),
+    "clouds": Suite(
+        "Points against a robot, beside Coal's octree.",
+        "bench/surfaces/bench_clouds.py", "clouds", "--points 5000 --states 3", python=ROBOTS),
+    "sweep": Suite(
+        "A sweep on Ray, beside the engine alone.",
+        "bench/sweep/bench_sweep.py", "sweep", "--rounds 1 --parts 2 --part-rows 64", python="bench/sweep"),
+    "load": Suite(
+        "Loading 1000 meshes without a cache, with an empty one and with a full one.",
+        "bench/load/bench_load.py", "load", "--meshes 5 --runs 1"),
+    "tradeoff": Suite(
+        "Time against accuracy for every setting of a query.",
+        "build/bin/clearance-tradeoff", "tradeoff", "--brief --rounds 1 --steps 2", targets="clearance-tradeoff",
+        pages="docs/tradeoff.md docs/tradeoff.png", draw="tradeoff"),
+    "shapes": Suite(
+        "What robots' meshes are taken for: time, and free states rejected, by choice.",
+        "bench/robots/bench_shapes.py", "shapes", "--robots ur5 --problems 1 --states 5", python=ROBOTS,
+        pages="docs/tradeoff.md"),
+    "edges": Suite(
+        "Proved edges beside sampled ones, by margin and tolerance.",
+        "bench/tradeoff/bench_edges.py", "edges", "--edges 20 --rounds 1", pages="docs/tradeoff.md"),
+    "report": Suite(
+        "The experiments of the 2023 report with its systems, ours and Coal.",
+        "bench/report/bench_report.py", "report", "--brief", targets="clearance-report",
+        pages="docs/report.md docs/report.png", draw="report"),
+}  # fmt: skip
+
+
+def show_suites():
+    for name, suite in SUITES.items():
+        print(f"  {name:<12} {suite.what}\n  {'':<12} {' '.join(suite.files())}")
+    print(f"  {'pages':<12} The tables of docs/*.md from docs/results, without measuring.")
+
+
+def call(*command, **more):
+    """Runs a command in the repository. Raises CalledProcessError if it fails."""
+    subprocess.run([str(word) for word in command], cwd=ROOT, check=True, **more)
+
+
+def write_pages(*options):
+    call(python_of(), "bench/write_pages.py", *options)
+
+
+def run(name, options, quick):
+    suite = SUITES[name]
+    call("tools/setup.sh", *suite.packages.split())
+    call("tools/build.sh", "release", *suite.targets.split())
+    results = "out/bench" if quick else suite.results
+    (ROOT / results).mkdir(parents=True, exist_ok=True)
+    command = [python_of(suite.python)] if suite.program.endswith(".py") else []
+    where = suite.options.format(results=results, name=name).split()
+    call(*command, suite.program, *where, *suite.quick.split() * quick, *options, env=variables())
+    if not quick:
+        write_pages(*(["--draw", suite.draw] if suite.draw else []))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a small run, into out/bench")
+    parser.add_argument("words", nargs=argparse.REMAINDER, metavar="SUITE... [OPTION...]")
+    given = parser.parse_args()
+    first = next((i for i, word in enumerate(given.words) if word.startswith("-")), len(given.words))
+    names, options = given.words[:first], given.words[first:]
+    if names == ["all"]:
+        names = list(SUITES)
+    unknown = [name for name in names if name not in (*SUITES, "list", "pages")]
+    if unknown or not names:
+        parser.error(f"no suite {' '.join(unknown)!r}; there are all, list, pages, {', '.join(SUITES)}")
+    failed = []
+    for name in names:
+        try:
+            if name == "list":
+                show_suites()
+            elif name == "pages":
+                write_pages(*options)
+            else:
+                print(f"{name}: {SUITES[name].what}", flush=True)
+                run(name, options, given.quick)
+        except (OSError, subprocess.CalledProcessError) as error:
+            failed.append(name)
+            print(f"bench: {name}: {error}", file=sys.stderr)
+    return f"bench: failed: {' '.join(failed)}" if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
