@@ -13,6 +13,7 @@ import functools
 from pathlib import Path
 
 import numpy as np
+
 import problems
 from contenders import scene_of, shape_of
 

@@ -12,7 +12,6 @@ import sys
 from pathlib import Path
 
 from harness import ROOT, read, write
-
 from processes import DemoError, Stage
 from service import BIN, ROUTE, start_daemon
 
@@ -135,7 +134,9 @@ def python(machine, options, path):
             for kind in ("prepared", "distances"):
                 row[f"{kind}_added_us"] = round(row[f"{kind}_p50_us"] - floor - row["engine_p50_us"], 3)
             row.update(
-                bar_us=3, met="yes" if row["prepared_added_us"] <= 3 else "no", command="bench/run.py latency --parts python"
+                bar_us=3,
+                met="yes" if row["prepared_added_us"] <= 3 else "no",
+                command="bench/run.py latency --parts python",
             )
             rows.append(row)
             print(

@@ -16,8 +16,8 @@ import sys
 from pathlib import Path
 
 from bench_sections import KINDS, bench_one_pair, parser_of, quietest, start_aggressor, write_scene
-from harness import shown, write
 
+from harness import shown, write
 from processes import DemoError, Stage
 
 MOST_RATIO, MOST_MS_SHARED = 2, 10

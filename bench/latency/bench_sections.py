@@ -14,10 +14,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import harness
 import numpy as np
-from harness import shown, write
 
+import harness
+from harness import shown, write
 from processes import DemoError, Stage
 from service import BIN
 

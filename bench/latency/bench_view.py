@@ -17,6 +17,7 @@ import time
 
 from bench_classes import Cpus, Players, Priority
 from bench_sections import bench_one_pair, cpu_ms, parser_of, stolen_ms
+
 from harness import ROOT, shown, write
 
 SCENE = ROOT / "scenes/cell/robot.yaml"

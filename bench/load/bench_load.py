@@ -14,6 +14,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+
 from harness import parser, shown, write
 
 RESOLUTION = 71  # of make_uv_sphere: 2 r (r - 1) + 2 vertices

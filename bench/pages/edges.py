@@ -72,7 +72,9 @@ CLAIMS = {
     "cheap samples miss": lambda e: all(
         e.ratio(e.sampled(0.2, m)) < 1 and int(e.sampled(0.2, m)["missed"]) > 0 for m in e.sampled_margins
     ),
-    "seldom undecided": lambda e: all(1000 * int(e.proof(m)["undecided"]) < int(e.proof(m)["edges"]) for m in e.margins),
+    "seldom undecided": lambda e: all(
+        1000 * int(e.proof(m)["undecided"]) < int(e.proof(m)["edges"]) for m in e.margins
+    ),
     "margins are cheap": lambda e: all(
         float(e.proof(m)["us_an_edge"]) < 1.3 * float(e.proof()["us_an_edge"]) for m in e.margins
     ),

@@ -18,10 +18,10 @@ import sys
 from typing import Any
 
 import numpy as np
-from harness import parser, shown, timed, write
 
 import clearance
 from clearance import Status
+from harness import parser, shown, timed, write
 
 fcl: Any = importlib.import_module("fcl")  # bench/peers has a folder of that name, which type checkers find
 

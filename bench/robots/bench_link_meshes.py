@@ -15,6 +15,7 @@ links are apart, and how many verdicts differ.
 from dataclasses import dataclass
 
 import numpy as np
+
 import problems
 from bench_robots import limits_of, seconds_of
 from bench_surfaces import outside, ring, shelf

@@ -12,12 +12,12 @@ sample does not (`wrong`, which must be 0: exit code 1 otherwise).
 import sys
 
 import numpy as np
+
 import problems
+from clearance import Status
 from contenders import engine_of
 from harness import shown, timed, write
 from sampled import within_samples
-
-from clearance import Status
 
 STEP = 0.02  # radians between samples
 

@@ -14,17 +14,17 @@ import sys
 from typing import Any
 
 import numpy as np
-import problems
-from bench_motions import STEP
-from contenders import engine_of
-from harness import shown, timed, write
 from ompl import base as ob
 from ompl import geometric as og
 from ompl import util
-from sampled import within_samples
 
 import clearance.ompl
+import problems
+from bench_motions import STEP
 from clearance import Status
+from contenders import engine_of
+from harness import shown, timed, write
+from sampled import within_samples
 
 
 class SampledMotions(ob.MotionValidator):

@@ -14,10 +14,10 @@ import sys
 import time
 
 import numpy as np
+
 import problems
 from contenders import Clearance, PinocchioCoal
 from harness import shown, stamped, timed, write
-
 from processes import Stage
 from service import start_daemon
 

@@ -21,13 +21,13 @@ where all solve it within --states states.
 import time
 from typing import Any, Optional
 
-import contenders
 import numpy as np
+
+import contenders
 import problems
 from bench_robots import limits_of, scene_file_of
-from harness import shown, stamped, write
-
 from clearance import Status
+from harness import shown, stamped, write
 from processes import Stage
 from service import start_daemon
 

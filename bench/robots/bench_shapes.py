@@ -14,12 +14,12 @@ median of the free states and the most; `width` is what slack and tolerance leav
 import sys
 
 import numpy as np
-import problems
-from contenders import engine_of
-from harness import shown, timed, write
 
 import clearance
+import problems
 from clearance import Status
+from contenders import engine_of
+from harness import shown, timed, write
 
 CHOICES = ("hull", "submeshes", "auto", "exact")
 

@@ -8,6 +8,7 @@ where the contender knows no bounds.
 from typing import Any
 
 import numpy as np
+
 import problems
 
 _BOUNDS = ("lower", "upper")

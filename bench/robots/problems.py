@@ -13,9 +13,10 @@ import tarfile
 import warnings
 from dataclasses import dataclass
 
-import harness
 import numpy as np
 import yaml
+
+import harness
 
 FOLDER = harness.ROOT / "build/robots"
 PACKAGE = "vamp-planner==0.6.4"

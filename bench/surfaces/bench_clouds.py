@@ -13,10 +13,10 @@ us, makeOctree() with Coal.
 """
 
 import numpy as np
-from bench_surfaces import outside, place_of, requests_of
-from harness import ROOT, parser, shown, timed, write
 
 import clearance
+from bench_surfaces import outside, place_of, requests_of
+from harness import ROOT, parser, shown, timed, write
 
 EDGE = 0.02  # metres
 SCENE = """

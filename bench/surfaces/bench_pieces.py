@@ -15,11 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+import harness
 from bench_surfaces import block, poses, ring, shelf
-from harness import parser, shown, timed, write
+from harness import parser, shown, timed
 
 os.environ.setdefault("CLEARANCE_CACHE", "off")
-import clearance  # noqa: E402
+import clearance
 
 CUT_OFF = 0.05  # metres
 ROUNDS = 3
@@ -112,7 +114,7 @@ def main():
     made = parser(__doc__)
     made.add_argument("--poses", type=int, default=500)
     options = made.parse_args()
-    write(shown(measure(options.poses)), options.csv)
+    harness.write(shown(measure(options.poses)), options.csv)
 
 
 def measure(count):

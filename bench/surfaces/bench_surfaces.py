@@ -11,6 +11,7 @@ Coal's distance lies outside of our bounds at most, and poses in which it finds 
 """
 
 import numpy as np
+
 from contenders import tree_of_triangles
 from harness import parser, shown, timed, write
 
@@ -67,7 +68,7 @@ def place_of(coal, pose):
 
 
 def requests_of(coal):
-    """Coal's (distance request, its result, collision request, its result): distances of what is apart, first contacts."""
+    """Coal's (distance request, its result, collision request, its result), without depths and further contacts."""
     distance, collision = coal.DistanceRequest(), coal.CollisionRequest()
     distance.enable_signed_distance = False
     collision.num_max_contacts = 1

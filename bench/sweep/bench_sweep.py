@@ -17,7 +17,6 @@ import tempfile
 import time
 
 import ray
-from harness import ROOT, parser, shown, write
 from ray.cluster_utils import Cluster
 
 from clearance.ray import Actors
@@ -25,6 +24,7 @@ from clearance.sweep import Job, prepare
 from clearance.sweep._progress import Progress
 from clearance.sweep._run import drive
 from clearance.sweep._work import Done, Part, Worker
+from harness import ROOT, parser, shown, write
 
 SLEEP_S, SLEEPERS, SLEEPS = 1.0, 32, 320
 

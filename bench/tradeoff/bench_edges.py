@@ -17,11 +17,11 @@ import sys
 from typing import Any
 
 import numpy as np
-from harness import ROOT, parser, shown, timed, write
-from sampled import within_samples
 
 import clearance
 from clearance import Status
+from harness import ROOT, parser, shown, timed, write
+from sampled import within_samples
 
 SCENE = ROOT / "scenes" / "cell" / "robot.yaml"
 COLUMNS = ["question", "margin_m", "setting", "edges", "us_an_edge", "ratio", "configurations", "free", "hits",
