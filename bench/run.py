@@ -137,7 +137,7 @@ def run(name, options, quick):
     command = [python_of(suite.python)] if suite.program.endswith(".py") else []
     where = suite.options.format(results=results, name=name).split()
     call(*command, suite.program, *where, *suite.quick.split() * quick, *options, env=variables())
-    if not quick:
+    if suite.pages and not quick:
         write_pages(*(["--draw", suite.draw] if suite.draw else []))
 
 
@@ -159,6 +159,7 @@ def main():
             if name == "list":
                 show_suites()
             elif name == "pages":
+                call("tools/setup.sh")
                 write_pages(*options)
             else:
                 print(f"{name}: {SUITES[name].what}", flush=True)

@@ -43,13 +43,15 @@ results_file() {
   echo "$folder/$1_$(echo "$device" | tr 'A-Z' 'a-z' | tr -cs 'a-z0-9' '_' | sed 's/_*$//').csv"
 }
 
+# start_csv FILE COLUMNS: a file of results with its head.
+start_csv() { printf '# device: %s\n# command: make gpu-bench\n%s\n' "$("$bin/clearance-gpu-bench" --device)" "$2" >"$1"; }
+
 # The same rows in the device's memory, which the client maps, beside those in the host's: the processes take turns with the
 # device, or, where MPS can be started, share it.
 bench_daemon_plans() {
   local file folder daemon mps=""
   file=$(results_file gpu_daemon) && folder=$(mktemp -d) || return 1
-  printf '# device: %s\n# command: make gpu-bench\n%s%s\n' "$("$bin/clearance-gpu-bench" --device)" "columns,poses,how,pairs,echo_us,rows_there_us," \
-    "rows_there_p90_us,daemon_us,rows_read_us,reading_us,host_us,host_p90_us" >"$file"
+  start_csv "$file" columns,poses,how,pairs,echo_us,rows_there_us,rows_there_p90_us,daemon_us,rows_read_us,reading_us,host_us,host_p90_us
   for way in alone mps; do
     if [ $way = mps ]; then
       export CUDA_MPS_PIPE_DIRECTORY=$folder/mps CUDA_MPS_LOG_DIRECTORY=$folder/mps && mkdir "$folder/mps"
@@ -136,11 +138,11 @@ case $what in
       file=$(results_file gpu_motions) && "$bin/clearance-gpu-motions" "$scenes"/* --csv "$file" && echo "$file"
     fi
     if "$python" -c "import clearance" 2>/dev/null; then
-      file=$(results_file gpu_python) && printf '# device: %s\n# command: make gpu-bench\nway,python_us,engine_us,kernel_us\n' "$("$bin/clearance-gpu-bench" --device)" >"$file" &&
+      file=$(results_file gpu_python) && start_csv "$file" way,python_us,engine_us,kernel_us &&
         "$python" bench/gpu/bench_engine.py cuda --csv "$file" && echo "$file"
       # MuJoCo Warp on the same pairs, where that Python has it (pip install mujoco-warp).
       if "$python" -c "import mujoco_warp" 2>/dev/null; then
-        file=$(results_file gpu_mujoco_warp) && printf '# device: %s\n# command: make gpu-bench\nwhat,pairs,least_us,median_us,wrong_by_1e-6_m,wrong_by_1e-5_m,wrong_by_1e-4_m\n' "$("$bin/clearance-gpu-bench" --device)" >"$file" &&
+        file=$(results_file gpu_mujoco_warp) && start_csv "$file" what,pairs,least_us,median_us,wrong_by_1e-6_m,wrong_by_1e-5_m,wrong_by_1e-4_m &&
           PYTHONPATH="$PWD/build/python:${PYTHONPATH:-}" "$python" bench/gpu/bench_mujoco_warp.py --csv "$file" && echo "$file"
       fi
     fi

@@ -4,17 +4,16 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
-#include <functional>
 #include <iostream>
 #include <numeric>
 
 #include "bench/broad/broad_phase.h"
 #include "bench/report/close_pairs.h"
+#include "bench/timing.h"
 #include "cli/machine_name.h"
 #include "engine/engine.h"
 #include "engine/hull/shapes.h"
@@ -105,23 +104,12 @@ class Sweep final : public BroadPhase {
   mutable std::vector<std::uint32_t> order_;
 };
 
-double milliseconds(const std::function<void()>& work) {
-  const auto start = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-}
-
 struct Timing {
   std::string what, method;
   int threads;
   std::vector<double> ms;
   std::uint64_t pairs = 0;  // found in the last round
 };
-
-double median(std::vector<double> v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
 
 // One round warms up. Every method sees the same boxes; all must find the same pairs.
 std::vector<Timing> time_boxes(Motion& motion, int rounds) {
@@ -151,7 +139,7 @@ std::vector<Timing> time_boxes(Motion& motion, int rounds) {
     const std::vector<Aabb> boxes = motion.boxes();
     for (std::size_t m = 0; m < methods.size(); ++m) {
       found.clear();
-      const double ms = milliseconds([&] { methods[m].broad_phase->candidates(boxes, kMargin, found); });
+      const double ms = 1e-3 * bench::took_us([&] { methods[m].broad_phase->candidates(boxes, kMargin, found); });
       if (m == 0) expected = found;
       if (found != expected)
         throw std::runtime_error(methods[m].timing.method + " finds other pairs than the first method");
@@ -199,12 +187,12 @@ std::vector<Timing> time_queries(Motion& motion, int rounds) {
       ReplyView reply;
       reply.distance = distance.data(), reply.lower = lower.data(), reply.upper = upper.data(),
       reply.pair = pair.data();
-      const double ms = milliseconds([&] {
-        Job job = a.engine->start(query, reply);
-        while (!job.advance()) {
-        }
-        a.timing.pairs = job.info().pairs_evaluated;
-      });
+      const double ms = 1e-3 * bench::took_us([&] {
+                          Job job = a.engine->start(query, reply);
+                          while (!job.advance()) {
+                          }
+                          a.timing.pairs = job.info().pairs_evaluated;
+                        });
       if (round > 0) a.timing.ms.push_back(ms);
     }
   }
@@ -238,10 +226,10 @@ void run(const Options& o) {
         const Timing& best =
             *std::find_if(timings.rbegin(), timings.rend(), [&](const Timing& b) { return b.what == t.what; });
         std::printf("  %-8s %-18s %2d threads %12.4f ms  [%.4f, %.4f]  %10llu pairs  %8.2f x the tree\n",
-                    t.what.c_str(), t.method.c_str(), t.threads, median(t.ms), *least, *most,
-                    static_cast<unsigned long long>(t.pairs), median(t.ms) / median(best.ms));
+                    t.what.c_str(), t.method.c_str(), t.threads, bench::median(t.ms), *least, *most,
+                    static_cast<unsigned long long>(t.pairs), bench::median(t.ms) / bench::median(best.ms));
         out << setting.name << ',' << count << ',' << t.what << ',' << t.method << ',' << t.threads << ','
-            << median(t.ms) << ',' << *least << ',' << *most << ',' << t.pairs << ',' << rounds << '\n';
+            << bench::median(t.ms) << ',' << *least << ',' << *most << ',' << t.pairs << ',' << rounds << '\n';
       }
       std::fflush(stdout);
       out.flush();

@@ -10,13 +10,15 @@
 #include "bench/gpu/arm_workload.h"
 #include "bench/gpu/gpu_workloads.h"
 #include "bench/report/narrow.h"
+#include "bench/timing.h"
 #include "engine/device/device.h"
 #include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using bench::median;
+using bench::took_us;
 
 struct Timing {
   double wall_us = 0, kernel_us = 0, broad_phase_us = 0;
@@ -44,11 +46,11 @@ Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& rep
     if (!motion.placed[0].empty()) engine.set_poses(motion.placed[i % 2 ? 1 : 0]);
     const std::uint64_t before = counter(engine, "cuda.kernel_ns"),
                         broad_before = counter(engine, "cuda.broad_phase_ns");
-    const auto begin = Clock::now();
+    const auto begin = std::chrono::steady_clock::now();
     Job job = engine.start(q, reply);
     while (!job.advance()) {
     }
-    const double us = std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
+    const double us = std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begin).count();
     if (i < 0) continue;
     walls.push_back(us);
     kernels.push_back(1e-3 * static_cast<double>(counter(engine, "cuda.kernel_ns") - before));
@@ -65,10 +67,9 @@ void run_baseline(const std::string& name, const Scene& scene, std::ostream& csv
   std::vector<baselines::PairAnswer> answers(pairs.size());
   std::vector<double> walls, kernels;
   for (int i = -1; i < 5; ++i) {
-    const auto begin = Clock::now();
-    system->distances(world, pairs, answers);
+    const double us = took_us([&] { system->distances(world, pairs, answers); });
     if (i < 0) continue;
-    walls.push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count());
+    walls.push_back(us);
     kernels.push_back(system->kernel_us());
   }
   const double kernel_us = median(kernels), wall_us = median(walls);
@@ -210,11 +211,6 @@ void run_swap(const std::string& name, std::ostream& csv, std::vector<std::strin
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
   const cuda::PinnedMemory pinned(bytes);
   const ReplyView reply = reply_view_over(pinned.data(), size.rows, size.fields);
-  const auto us_of = [](const auto& work) {
-    const auto begin = Clock::now();
-    work();
-    return std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
-  };
   const auto query = [&](Engine& engine) {
     Job job = engine.start(asked.q, reply);
     while (!job.advance()) {
@@ -222,8 +218,8 @@ void run_swap(const std::string& name, std::ostream& csv, std::vector<std::strin
   };
   std::vector<double> set, first, later, set_cpu;
   for (int i = -2; i < 30; ++i) {
-    const double us[] = {us_of([&] { device.set_points(room, points[i & 1]); }), us_of([&] { query(device); }),
-                         us_of([&] { query(device); }), us_of([&] { cpu.set_points(room, points[i & 1]); })};
+    const double us[] = {took_us([&] { device.set_points(room, points[i & 1]); }), took_us([&] { query(device); }),
+                         took_us([&] { query(device); }), took_us([&] { cpu.set_points(room, points[i & 1]); })};
     if (i < 0) continue;
     set.push_back(us[0]), first.push_back(us[1]), later.push_back(us[2]), set_cpu.push_back(us[3]);
   }

@@ -7,13 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "bench/timing.h"
 #include "client/client.h"
 #include "device_memory.h"
 
 namespace clearance::test {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr int kTurns = 200, kWarmUp = 20;
 
@@ -23,9 +22,7 @@ class Turns {
   template <class Work>
   void take(std::size_t way, const Work& work) {
     if (took_.size() <= way) took_.resize(way + 1);
-    const auto begin = Clock::now();
-    work();
-    took_[way].push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count());
+    took_[way].push_back(bench::took_us(work));
   }
   double at(std::size_t way, double quantile) {
     std::vector<double> all(took_[way].begin() + kWarmUp, took_[way].end());

@@ -9,6 +9,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "bench/timing.h"
 #include "engine/device/device.h"
 #include "engine/motion/motion_step.h"
 #include "tests/engine/engine_test_util.h"
@@ -156,9 +157,7 @@ void run(const std::string& folder, const Scene& scene, const Edges& edges, cons
     kernels.push_back(1e-9 * static_cast<double>(counter(device, "cuda.kernel_ns") - kernel_before));
   }
   if (backend != "cuda") throw std::runtime_error(folder + ": answered by " + backend);
-  std::sort(walls.begin(), walls.end());
-  std::sort(kernels.begin(), kernels.end());
-  const double wall = walls[walls.size() / 2], kernel = kernels[kernels.size() / 2];
+  const double wall = bench::median(walls), kernel = bench::median(kernels);
   Sums own;
   own.wall_s = wall;
   own.kernel_s = kernel;

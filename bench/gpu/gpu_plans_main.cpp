@@ -1,12 +1,15 @@
 // Queries whose poses and answers stay on the device beside the same queries to the host: make gpu-bench.
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <memory>
+#include <utility>
+#include <vector>
 
 #include "bench/gpu/arm_workload.h"
 #include "bench/gpu/gpu_workloads.h"
+#include "bench/timing.h"
 #include "device_memory.h"
 #include "engine/device/device.h"
 #include "engine/device/device_plan.h"
@@ -14,17 +17,14 @@
 namespace clearance::test {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 template <class Work>
 double median_us(int repeats, const Work& work) {
   std::vector<double> took;
   for (int i = -3; i < repeats; ++i) {
-    const auto begin = Clock::now();
-    work();
-    if (i >= 0) took.push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count());
+    const double us = bench::took_us(work);
+    if (i >= 0) took.push_back(us);
   }
-  return median(took);
+  return bench::median(std::move(took));
 }
 
 ReplyView view_over(std::byte* memory, const QuerySize& size, std::uint64_t* bytes = nullptr) {
@@ -46,9 +46,8 @@ void run(const Workload& w, std::ostream& csv) {
   const ReplyView host = view_over(pinned.data(), size);
   const int repeats = size.rows > 4'000'000 ? 20 : 100;
 
-  const auto begin = Clock::now();
-  const std::unique_ptr<DevicePlan> plan = device.plan_on_device(asked.q);
-  const double made_us = std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
+  std::unique_ptr<DevicePlan> plan;
+  const double made_us = bench::took_us([&] { plan = device.plan_on_device(asked.q); });
   const std::span<const Pose> all_poses = asked.q.configurations;
   const std::span<const double> all_positions = asked.q.positions;
   DeviceMemory poses(all_poses.size_bytes()), positions(all_positions.size_bytes()), rows(bytes);

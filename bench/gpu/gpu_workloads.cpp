@@ -238,9 +238,4 @@ Asked::Asked(const Workload& w, const Engine& cpu) {
   }
 }
 
-double median(std::vector<double>& v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
-
 }  // namespace clearance::test

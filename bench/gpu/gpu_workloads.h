@@ -41,6 +41,4 @@ struct Asked {
   Asked(const Asked&) = delete;
 };
 
-double median(std::vector<double>& v);
-
 }  // namespace clearance::test

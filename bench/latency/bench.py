@@ -39,6 +39,12 @@ class Machine:
         return ["taskset", "-c", str(self.cores[min(core, len(self.cores) - 1)]), *self.priority]
 
 
+def bench_row(stage, prefix, url, **options):
+    """A row of `clearance bench`."""
+    words = [word for name, value in options.items() for word in (f"--{name.replace('_', '-')}", value)]
+    return json.loads(clearance(stage, prefix, "bench", "--connect", url, *words, "--json"))[0]
+
+
 def clearance(stage, prefix, *words):
     """Runs the command line client and returns what it printed. Raises DemoError with its complaint."""
     done = subprocess.run([*prefix, str(BIN / "clearance"), *map(str, words)], capture_output=True, text=True)
@@ -94,34 +100,11 @@ def python(machine, options, path):
             url = f"{urls['shm']}?spin_us={LONG_SPIN_US}"
             rounds = []
             for _ in range(5):
-                bench = json.loads(
-                    clearance(
-                        stage,
-                        machine.on(1),
-                        "bench",
-                        "--connect",
-                        url,
-                        "--pairs",
-                        pairs,
-                        "--seconds",
-                        options.seconds / 5,
-                        "--warmup",
-                        0.2,
-                        "--json",
-                    )
-                )[0]
-                done = subprocess.run(
-                    [
-                        *machine.on(1),
-                        sys.executable,
-                        str(ROOT / "bench/latency/bench_python.py"),
-                        url,
-                        str(pairs),
-                        str(options.seconds / 5),
-                    ],
-                    capture_output=True,
-                    text=True,
-                )
+                seconds = options.seconds / 5
+                bench = bench_row(stage, machine.on(1), url, pairs=pairs, seconds=seconds, warmup=0.2)
+                program = [sys.executable, str(ROOT / "bench/latency/bench_python.py")]
+                command = [*machine.on(1), *program, url, str(pairs), str(seconds)]
+                done = subprocess.run(command, capture_output=True, text=True)
                 if done.returncode:
                     raise DemoError(f"bench_python: {done.stderr.strip()}")
                 rounds.append((bench, json.loads(done.stdout)))
@@ -166,24 +149,10 @@ def doorbell(machine, options, path):
             _, urls, _ = start_daemon(stage, options.scene, server)
             for pairs in (1, 0):
                 for spin_us in (0, 20, LONG_SPIN_US):
-                    row = json.loads(
-                        clearance(
-                            stage,
-                            client,
-                            "bench",
-                            "--connect",
-                            urls["shm"],
-                            "--spin-us",
-                            spin_us,
-                            "--pairs",
-                            pairs,
-                            "--seconds",
-                            options.seconds / 2,
-                            "--warmup",
-                            0.3,
-                            "--json",
-                        )
-                    )[0]
+                    seconds = options.seconds / 2
+                    row = bench_row(
+                        stage, client, urls["shm"], spin_us=spin_us, pairs=pairs, seconds=seconds, warmup=0.3
+                    )
                     rows.append({"cores": cores, "client_spin_us": spin_us, **row})
                     print(
                         f"cores {cores:9} {row['pairs']:>4} pairs, client spins {spin_us:>4} us: p50 "
@@ -210,21 +179,8 @@ def throughput(machine, options, path):
             ):
                 if transport != "shm" and "--configs" in words:
                     continue
-                print(
-                    clearance(
-                        stage,
-                        machine.on(1),
-                        "bench-throughput",
-                        "--connect",
-                        url,
-                        "--seconds",
-                        options.seconds,
-                        "--csv",
-                        path,
-                        *words,
-                    ),
-                    flush=True,
-                )
+                words = ["--connect", url, "--seconds", options.seconds, "--csv", path, *words]
+                print(clearance(stage, machine.on(1), "bench-throughput", *words), flush=True)
 
 
 PARTS = {"latency": latency, "python": python, "doorbell": doorbell, "throughput": throughput}

@@ -15,7 +15,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from bench_sections import KINDS, bench_one_pair, parser_of, quietest, start_aggressor, write_scene
+from bench_sections import KINDS, bench_one_pair, parser_of, quietest, start_aggressor, start_clearanced, write_scene
 
 from harness import shown, write
 from processes import DemoError, Stage
@@ -74,15 +74,16 @@ class Players(Stage):
         return child
 
 
+def control_options(real_time):
+    """Options of a daemon for which this user's clients are of the class control."""
+    return ["--control-user", str(os.geteuid()), *(["--real-time"] if real_time else [])]
+
+
 def measure(kind, cpus, options, priority, real_time):
     """One row: the client beside one aggressor, or beside busy programs."""
     with Players(priority) as stage:
-        url = f"shm://{stage.folder}/c.sock"
-        daemon = [*cpus.run_on(cpus.daemon), options.binaries / "clearanced"]
-        daemon += ["--scene", write_scene(stage.folder), "--shm", stage.folder / "c.sock"]
-        daemon += ["--control-user", str(os.geteuid()), *(["--real-time"] if real_time else [])]
-        stage.start("clearanced", daemon)
-        stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
+        of_daemon = control_options(real_time), cpus.run_on(cpus.daemon)
+        _, url = start_clearanced(stage, options.binaries, write_scene(stage.folder), *of_daemon)
         others = [*cpus.run_on(cpus.others), sys.executable]
         if kind == "busy CPUs":  # as the daemon's threads would keep them, where they do
             for i in range(len(cpus.daemon)):

@@ -140,14 +140,18 @@ def bench_one_pair(binaries, url, seconds, beside, prefix=()):
     return json.loads(bench.stdout)[0]
 
 
+def start_clearanced(stage, binaries, scene, options=(), prefix=()):
+    """Starts a daemon with shared memory alone, and waits until it serves. Returns its process and its URL."""
+    socket = stage.folder / "c.sock"
+    command = [*prefix, binaries / "clearanced", "--scene", scene, "--shm", socket, *options]
+    daemon = stage.start("clearanced", command)
+    stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
+    return daemon, f"shm://{socket}"
+
+
 def measure(kind, binaries, seconds):
     with Stage() as stage:
-        url = f"shm://{stage.folder}/c.sock"
-        scene = write_scene(stage.folder)
-        daemon = stage.start(
-            "clearanced", [binaries / "clearanced", "--scene", scene, "--shm", stage.folder / "c.sock"]
-        )
-        stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
+        daemon, url = start_clearanced(stage, binaries, write_scene(stage.folder))
         start_aggressor(stage, [sys.executable, __file__], kind, url)
         before, stolen = cpu_ms(daemon.pid), stolen_ms()
         row = bench_one_pair(binaries, url, seconds, kind)

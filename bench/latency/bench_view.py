@@ -15,8 +15,8 @@ import subprocess
 import sys
 import time
 
-from bench_classes import Cpus, Players, Priority
-from bench_sections import bench_one_pair, cpu_ms, parser_of, stolen_ms
+from bench_classes import Cpus, Players, Priority, control_options
+from bench_sections import bench_one_pair, cpu_ms, parser_of, start_clearanced, stolen_ms
 
 from harness import ROOT, shown, write
 
@@ -53,12 +53,8 @@ def measure(binaries, seconds, turns, real_time):
     cpus, priority = Cpus(), Priority()
     rows = {"nothing": [], "viewer": []}
     with Players(priority) as stage:
-        url = f"shm://{stage.folder}/c.sock"
-        daemon = [*cpus.run_on(cpus.daemon), binaries / "clearanced", "--scene", SCENE]
-        daemon += ["--shm", stage.folder / "c.sock", "--control-user", str(os.geteuid())]
-        daemon += ["--real-time"] if real_time else []
-        process = stage.start("clearanced", daemon)
-        stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
+        of_daemon = control_options(real_time), cpus.run_on(cpus.daemon)
+        process, url = start_clearanced(stage, binaries, SCENE, *of_daemon)
         client = [*priority.of_client, *cpus.run_on(cpus.client)]
         asked = pictures(url)
         next(asked)

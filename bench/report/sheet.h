@@ -2,12 +2,13 @@
 #pragma once
 
 #include <algorithm>
-#include <chrono>
 #include <cstdint>
 #include <fstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "bench/timing.h"
 
 namespace clearance::report {
 
@@ -54,18 +55,12 @@ class Sheet {
 /// \param once in a hurry: the first call alone.
 template <class F>
 double least_us(const F& call, bool once = false) {
-  using Clock = std::chrono::steady_clock;
-  const auto time = [&] {
-    const auto begin = Clock::now();
-    call();
-    return std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
-  };
-  const double first = time();
+  const double first = bench::took_us(call);
   if (once) return first;
-  if (first > 2e6) return std::min(first, time());
-  double least = time();
+  if (first > 2e6) return std::min(first, bench::took_us(call));
+  double least = bench::took_us(call);
   for (double spent = least, count = 1; count < 3 || (spent < 5e5 && count < 50); ++count) {
-    const double us = time();
+    const double us = bench::took_us(call);
     least = std::min(least, us);
     spent += us;
   }

@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <ostream>
 
+#include "bench/timing.h"
+
 namespace clearance::tradeoff {
 
 namespace {
@@ -25,12 +27,6 @@ double now_ns(bool by_thread) {
   timespec t{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return 1e9 * static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec);
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Gathers what a setting's answers are worth.
@@ -208,10 +204,10 @@ std::vector<Point> sweep(const MovingScene& scene, const Truth& truth, const Swe
   for (std::size_t i = 0; i < settings.size(); ++i) {
     Point& p = points[i];
     p.setting = settings[i];
-    p.ns_per_pair = median(times[i]);
+    p.ns_per_pair = bench::median(times[i]);
     std::sort(times[i].begin(), times[i].end());
     p.ns_quartiles = times[i][times[i].size() * 3 / 4] - times[i][times[i].size() / 4];
-    p.ratio = median(ratios[i]);
+    p.ratio = bench::median(ratios[i]);
   }
   // Timed among the others the default query is seldom exactly as fast as between them: its own ratio is 1 by
   // definition.

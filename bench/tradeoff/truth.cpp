@@ -4,7 +4,9 @@
 #include <cstdio>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 
+#include "bench/timing.h"
 #include "tests/exact/exact_distance.h"
 
 namespace clearance::tradeoff {
@@ -85,9 +87,7 @@ Truth find_truth(const MovingScene& scene, std::size_t judged) {
         }
       }
   }
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  truth.median = *middle;
+  truth.median = bench::median(std::move(distances));
   return truth;
 }
 

@@ -19,7 +19,7 @@ from harness import ROOT
 @pytest.mark.parametrize("name", run.SUITES)
 def test_what_a_suite_names_is_there(name):
     suite = run.SUITES[name]
-    cmake = "".join(path.read_text() for path in ROOT.rglob("CMakeLists.txt") if "build" not in path.parts[-3:])
+    cmake = "".join(path.read_text() for path in [ROOT / "CMakeLists.txt", *(ROOT / "bench").glob("*/CMakeLists.txt")])
     targets = suite.targets.split()
     if suite.program.startswith("build/bin/"):
         assert Path(suite.program).name in targets
@@ -77,6 +77,16 @@ def test_a_suite_builds_measures_and_rewrites_pages(checkout):
         "tools/build.sh release product",
         "build/robots/venv/bin/python bench/robots/bench_rrt.py --csv docs/results/rrt.csv --rounds 5",
         ".venv/bin/python bench/write_pages.py --draw robots",
+    ]
+
+
+def test_pages_are_written_where_a_suite_has_some(checkout):
+    done, calls = bench(checkout, "pieces", "pages")
+    assert done.returncode == 0, done.stderr
+    assert calls[2:] == [
+        ".venv/bin/python bench/surfaces/bench_pieces.py --csv docs/results/pieces.csv",
+        "tools/setup.sh ",
+        ".venv/bin/python bench/write_pages.py",
     ]
 
 
