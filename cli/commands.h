@@ -76,12 +76,12 @@ void add_bench_loop(CLI::App& app);        // bench_loop.cpp
 void add_keygen(CLI::App& app);
 void add_record(CLI::App& app);  // record.cpp, as the one below
 void add_replay(CLI::App& app);
-void add_inspect(CLI::App& app);  // sibling.cpp, and the five below
+void add_inspect(CLI::App& app);  // these five where the engine is built
 void add_decompose(CLI::App& app);
 void add_robot(CLI::App& app);
 void add_selftest(CLI::App& app);
 void add_cache(CLI::App& app);
-void add_view(CLI::App& app);
+void add_view(CLI::App& app);  // sibling.cpp, as the one below
 void add_sweep(CLI::App& app);
 
 }  // namespace clearance::cli

@@ -1,6 +1,9 @@
-// What the daemon knows: bodies, poses, ping.
+// clearance inspect: what a scene's bodies are modelled by, at what cost, with what error, and what could be left out.
+#include "inspect/inspect.h"
+
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <iostream>
 #include <memory>
 
@@ -9,120 +12,195 @@
 namespace clearance::cli {
 namespace {
 
-struct PlainOptions {
-  Connection connection;
+struct InspectCommand {
+  std::string scene;
   Output output = Output::kTable;
+  InspectOptions options;
+  bool no_times = false, allow_outside = false;
 };
 
-Cell parent_cell(const SceneInfo& scene, std::uint32_t parent) {
-  return parent < scene.bodies.size() ? Cell(scene.bodies[parent].name) : Cell();
-}
-
-void print_bodies(const PlainOptions& o) {
-  Client client = o.connection.open();
-  const SceneInfo& scene = client.scene();
-  Table table({"id", "body", "kind", "parent", "pieces", "vertices", "extent_m", "model_error_m", "hull_excess_m",
-               "empty_share", "truth", "triangles"});
-  for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
-    const BodyInfo& b = scene.bodies[i];
-    table.add({i, b.name, b.is_static ? "static" : "movable", parent_cell(scene, b.parent), b.piece_count,
-               b.vertex_count, Cell::finite(b.extent, 6), Cell(b.model_error, 3), Cell(b.hull_excess, 3),
-               std::isnan(b.empty_share) ? Cell() : Cell(b.empty_share, 3),
-               b.triangle_count == 0 ? "pieces"
-               : b.is_solid          ? "solid"
-                                     : "surface",
-               b.triangle_count});
-  }
-  table.print(std::cout, o.output);
-  if (o.output != Output::kTable) return;
-  for (const GroupInfo& group : scene.groups) {
-    std::cout << "group " << group.name << ":";
-    for (const std::uint32_t body : group.bodies) std::cout << " " << name_of(scene, body);
-    std::cout << "\n";
-  }
-  std::printf("%zu bodies, %llu enabled pairs, backend %s, scene %016llx\n", scene.bodies.size(),
-              static_cast<unsigned long long>(scene.pair_count), scene.backend.c_str(),
-              static_cast<unsigned long long>(scene.revision));
-}
-
-const char* pose_status(Status status) {
-  switch (status) {
-    case Status::kOk:
-      return "ok";
-    case Status::kBadPose:
-      return "bad_pose";
-    default:
-      return "no_pose";
-  }
-}
-
-void print_poses(const PlainOptions& o) {
-  Client client = o.connection.open();
-  const SceneInfo& scene = client.scene();
-  const auto states = client.body_states();
-  Table table({"id", "body", "status", "x", "y", "z", "qw", "qx", "qy", "qz", "age_s", "parent"});
-  for (std::size_t i = 0; i < states.size(); ++i) {
-    std::vector<Cell> row{i, name_of(scene, static_cast<std::uint32_t>(i)), pose_status(states[i].status)};
-    for (const double value : states[i].pose) row.push_back(states[i].status == Status::kOk ? Cell(value, 6) : Cell());
-    row.push_back(states[i].age_ns < 0 ? Cell() : Cell(1e-9 * static_cast<double>(states[i].age_ns), 3));
-    row.push_back(parent_cell(scene, states[i].parent));
+Table bodies_of(const Scene& scene, const SceneReport& report, Output output) {
+  std::vector<std::string> columns{"body",          "form",        "kind",     "parent",   "pieces",     "loaded",
+                                   "inside",        "vertices",    "faces",    "radius_m", "extent_m",   "error_m",
+                                   "hull_excess_m", "empty_share", "partners", "ignored",  "ns_per_pair"};
+  const bool for_people = output == Output::kTable;
+  if (for_people)
+    columns.insert(columns.end(), {"KiB", "shared_by", "source"});
+  else
+    columns.insert(columns.end(), {"bytes", "display_bytes", "triangles", "inner_error_m", "uncertain_m",
+                                   "uncertain_rad", "padding_m", "max_speed_m_s", "shared_by", "source"});
+  Table table(columns);
+  for (std::size_t i = 0; i < report.bodies.size(); ++i) {
+    const Body& body = scene.bodies()[i];
+    const BodyReport& r = report.bodies[i];
+    std::vector<Cell> row{body.name,
+                          r.form,
+                          body.is_static ? "static" : "movable",
+                          body.parent == kNone ? Cell() : Cell(scene.bodies()[body.parent].name),
+                          r.pieces,
+                          r.loaded,
+                          r.inside ? Cell(*r.inside) : Cell(),
+                          r.vertices,
+                          r.faces,
+                          Cell(r.radius, 4),
+                          Cell::finite(r.extent, 4),
+                          Cell(r.model_error, 3),
+                          Cell(r.hull_excess, 3),
+                          r.empty_share ? Cell(*r.empty_share, 3) : Cell(),
+                          r.partners,
+                          r.ignored,
+                          r.ns_per_pair ? Cell(*r.ns_per_pair, 3) : Cell()};
+    if (for_people)
+      row.push_back(Cell(static_cast<double>(r.bytes) / 1024, 3));
+    else
+      row.insert(row.end(),
+                 {r.bytes, r.display_bytes, r.triangles, Cell(body.model_inner, 3), Cell(body.uncertainty.position, 6),
+                  Cell(body.uncertainty.angle, 6), Cell(body.padding, 6), Cell(body.max_speed, 6)});
+    row.insert(row.end(), {r.sharing, body.source});
     table.add(std::move(row));
   }
-  table.print(std::cout, o.output);
+  return table;
 }
 
-/// Like clearance::cli subcommands everywhere: options live as long as the callback that reads them.
-template <class Run>
-CLI::App& add_plain(CLI::App& app, const char* name, const char* description, Run run) {
-  auto& command = *app.add_subcommand(name, description);
-  auto options = std::make_shared<PlainOptions>();
-  add_connection_options(command, options->connection);
-  add_output_options(command, options->output);
-  command.callback([options, run] { run(*options); });
-  return command;
+Table findings_of(const Scene& scene, const SceneReport& report) {
+  Table table({"what", "body", "other", "error_m", "text"});
+  for (const Finding& f : report.findings)
+    table.add({name_of(f.kind), scene.bodies()[f.body].name,
+               f.other == kNone ? Cell() : Cell(scene.bodies()[f.other].name), f.error ? Cell(*f.error, 3) : Cell(),
+               f.text});
+  return table;
 }
 
-struct PingOptions {
-  Connection connection;
-  unsigned count = 100;
-  unsigned bytes = 64;
-};
+Table warnings_of(const Scene& scene, const SceneReport& report) {
+  Table table({"body", "text"});
+  for (std::size_t i = 0; i < report.bodies.size(); ++i)
+    if (!report.bodies[i].warning.empty()) table.add({scene.bodies()[i].name, report.bodies[i].warning});
+  return table;
+}
 
-void ping(const PingOptions& o) {
-  Client client = o.connection.open();
-  const std::vector<std::byte> payload(o.bytes);
-  std::vector<double> us;
-  for (unsigned i = 0; i < o.count; ++i) us.push_back(1e-3 * static_cast<double>(client.ping(payload).count()));
-  std::sort(us.begin(), us.end());
-  const auto at = [&us](double part) {
-    return us[std::min(us.size() - 1, static_cast<std::size_t>(part * static_cast<double>(us.size())))];
-  };
-  std::printf("%s: %u echoes of %u bytes, round trip min %.1f us, p50 %.1f us, p99 %.1f us, max %.1f us\n",
-              client.url().c_str(), o.count, o.bytes, us.front(), at(0.5), at(0.99), us.back());
+Table choices_of(const Scene& scene, const SceneReport& report) {
+  Table table({"body", "convexify", "now", "vertices", "triangles", "KiB", "hull_excess_m", "pieces", "inner_m",
+               "ns_per_pair"});
+  for (const Choice& c : report.choices)
+    table.add({scene.bodies()[c.body].name, std::string(word_of(c.what)), c.is_now, c.vertices, c.triangles,
+               Cell(static_cast<double>(c.bytes) / 1024, 3), Cell(c.hull_excess, 3), c.stand_ins, Cell(c.inner, 3),
+               c.ns_per_pair ? Cell(*c.ns_per_pair, 3) : Cell()});
+  return table;
+}
+
+// What is not known of a body, term by term; nothing where its bounds are those of its pieces.
+void print_doubts(const Body& body) {
+  if (!is_doubted(body) && body.padding == 0) return;
+  std::printf("%s: ", body.name.c_str());
+  const auto [position, angle] = body.uncertainty;
+  if (body.model_error > 0) std::printf("its shape is smaller than its pieces by up to %.3g m; ", body.model_error);
+  if (body.model_inner > 0) std::printf("larger by up to %.3g m; ", body.model_inner);
+  if (position > 0) std::printf("its position is known within %g m; ", position);
+  if (angle > 0)
+    std::printf("its turn within %g rad, which moves it by up to %.3g m; ", angle,
+                2 * std::sin(0.5 * std::min(angle, 3.2)) * body.reach);
+  if (body.padding > 0) std::printf("it is grown by %g m; ", body.padding);
+  if (body.max_speed > 0) std::printf("it moves by up to %g m in each second that its pose is old; ", body.max_speed);
+  std::printf("bounds hold all of this\n");
+}
+
+void print_report(const Scene& scene, const SceneReport& report) {
+  bodies_of(scene, report, Output::kTable).print(std::cout, Output::kTable);
+  std::cout << "\n";
+  for (std::size_t i = 0; i < report.bodies.size(); ++i)
+    if (!report.bodies[i].warning.empty())
+      std::cout << "Warning: " << scene.bodies()[i].name << ": " << report.bodies[i].warning << "\n";
+  std::cout.flush();
+  for (const Body& body : scene.bodies()) print_doubts(body);
+  std::fflush(stdout);
+  if (!report.choices.empty()) {
+    std::cout << "\nWhat meshes that are not convex could be\n";
+    choices_of(scene, report).print(std::cout, Output::kTable);
+    std::cout << "\n";
+  }
+  if (report.findings.empty()) std::cout << "Nothing was found that could be left out.\n";
+  for (const Finding& f : report.findings) std::cout << scene.bodies()[f.body].name << ": " << f.text << "\n";
+  std::printf("\n%zu bodies, %llu enabled pairs; pieces take %.4g KiB, meshes for pictures %.4g KiB\n",
+              report.bodies.size(), static_cast<unsigned long long>(report.pairs),
+              static_cast<double>(report.bytes) / 1024, static_cast<double>(report.display_bytes) / 1024);
+  if (report.ns_all_pairs)
+    std::printf("All pairs once, at the poses at load, to the default tolerance: about %.3g us on one thread\n",
+                1e-3 * *report.ns_all_pairs);
+}
+
+void print_report_json(const InspectCommand& o, const Scene& scene, const SceneReport& report) {
+  std::cout << "{\"scene\": " << json_string(o.scene) << ",\n\"bodies\": ";
+  bodies_of(scene, report, Output::kJson).print(std::cout, Output::kJson);
+  std::cout << ",\n\"could_be_left_out\": ";
+  findings_of(scene, report).print(std::cout, Output::kJson);
+  std::cout << ",\n\"warnings\": ";
+  warnings_of(scene, report).print(std::cout, Output::kJson);
+  std::cout << ",\n\"choices\": ";
+  choices_of(scene, report).print(std::cout, Output::kJson);
+  std::cout << ",\n\"pairs\": " << report.pairs << ", \"bytes\": " << report.bytes
+            << ", \"display_bytes\": " << report.display_bytes << ", \"ns_all_pairs\": ";
+  if (report.ns_all_pairs)
+    std::cout << *report.ns_all_pairs;
+  else
+    std::cout << "null";
+  std::cout << "}\n";
+}
+
+void run_inspect(const InspectCommand& o) {
+  const Scene scene = Scene::load(o.scene, o.allow_outside);
+  const auto warn = [](const std::string& text) { std::cerr << "clearance: warning: " << text << "\n"; };
+  for (const std::string& text : scene.warnings()) warn(text);
+  for (const auto& robot : scene.robots())
+    for (const std::string& text : robot->model.warnings) warn(text);
+  InspectOptions options = o.options;
+  options.measure = !o.no_times;
+  const SceneReport report = inspect(scene, options);
+  switch (o.output) {
+    case Output::kTable:
+      print_report(scene, report);
+      break;
+    case Output::kCsv:
+      bodies_of(scene, report, o.output).print(std::cout, o.output);
+      break;
+    case Output::kJson:
+      print_report_json(o, scene, report);
+      break;
+  }
 }
 
 }  // namespace
 
-void add_bodies(CLI::App& app) {
-  add_plain(app, "bodies", "the bodies of the scene", print_bodies);
-}
-void add_poses(CLI::App& app) {
-  add_plain(app, "poses", "where the bodies are", print_poses);
-}
+void add_inspect(CLI::App& app) {
+  auto& command =
+      *app.add_subcommand("inspect", "what a scene file's bodies are modelled by, its cost, what could be left out");
+  const auto o = std::make_shared<InspectCommand>();
+  command.add_option("scene", o->scene, "scene file (YAML), or a URDF: that robot alone")
+      ->required()
+      ->type_name("SCENE");
+  add_output_options(command, o->output);
+  command
+      .add_option("--within", o->options.within,
+                  "a sphere or box is named if it stands out by no more than this share of the\nbody's size")
+      ->check(quiet(CLI::Range(1e-9, 0.5)))
+      ->type_name("SHARE")
+      ->capture_default_str();
+  command.add_flag("--no-times", o->no_times, "do not measure: the same scene then gives the same report");
+  command.add_flag("--allow-outside", o->allow_outside, "let the scene name meshes outside its own folder");
+  command.footer(R"(
+Columns
+  form                       what answers are about; of a surface or solid it is the mesh itself, and its hull only
+                             says how near it may be
+  loaded, inside, vertices   as read; dropped because proved inside; what remains, which bounds are made from
+  error_m                    how far the pieces may stand out from the shape that was asked for
+  hull_excess_m, empty_share how far they stand out of a mesh that is not convex, at most, and how much of
+                             their volume is empty (unknown for a mesh with holes)
+  partners, ignored          bodies that it is asked about with, and those that the ignore list takes away
+  ns_per_pair                measured now: one thread, poses at load, default tolerance
+  KiB, shared_by             memory of its pieces, and how many bodies hold them together
 
-void add_ping(CLI::App& app) {
-  auto& command = *app.add_subcommand("ping", "time bare echoes through the daemon");
-  auto options = std::make_shared<PingOptions>();
-  add_connection_options(command, options->connection);
-  command.add_option("--count", options->count, "echoes")
-      ->check(quiet(CLI::Range(1u, 100000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  command.add_option("--bytes", options->bytes, "payload of each")
-      ->check(quiet(CLI::Range(0u, 64u << 20)))
-      ->type_name("N")
-      ->capture_default_str();
-  command.callback([options] { ping(*options); });
+Exit codes
+  0 done    1 the scene cannot be loaded    2 the command line is wrong)");
+  command.callback([o] { run_inspect(*o); });
 }
 
 }  // namespace clearance::cli

@@ -1,4 +1,4 @@
-// clearance: asks a running clearanced from the command line.
+// clearance: queries a running clearanced from the command line, and inspects scenes, robots and meshes.
 #include <iostream>
 
 #include "commands.h"
@@ -7,7 +7,7 @@ int main(int argc, char** argv) {
   using namespace clearance;
   constexpr int kRefused = 1, kCommandLine = 2, kNoConnection = 3;
 
-  CLI::App app("Asks a running clearanced: which bodies there are, where they are, how far apart.", "clearance");
+  CLI::App app("Queries a running clearanced, and inspects scenes, robots and meshes.", "clearance");
   app.set_version_flag("--version", std::string("clearance ") + CLEARANCE_VERSION);
   app.require_subcommand(1);
   cli::add_bodies(app);
@@ -36,11 +36,13 @@ int main(int argc, char** argv) {
   cli::add_bench_loop(app);
 #endif
 #endif
+#ifdef CLEARANCE_HAVE_ENGINE
   cli::add_inspect(app);
   cli::add_robot(app);
   cli::add_decompose(app);
   cli::add_selftest(app);
   cli::add_cache(app);
+#endif
   cli::add_view(app);
   cli::add_sweep(app);
   // Last: a subcommand would inherit it.
@@ -54,8 +56,14 @@ url (`clearance keygen --help`). `clearance COMMAND --help` lists a command's op
 
 Exit codes
   0 answered    1 the daemon refused, and nothing has changed    2 the command line or a file is wrong
-  3 no connection, or no answer in time. `clearance path --help` has its own)");
+  3 no connection, or no answer in time. A command's own --help has those that differ)");
 
+#ifdef CLEARANCE_HAVE_ENGINE
+  constexpr const char* kLeftOut = "";
+#else
+  constexpr const char* kLeftOut =
+      "; inspect, robot, decompose, selftest and cache are installed with the daemon, not with a client alone";
+#endif
   const auto fail = [](int code, const char* what) {
     std::cerr << "clearance: " << what << "\n";
     return code;
@@ -67,8 +75,9 @@ Exit codes
     return app.exit(help_or_version);
   } catch (const CLI::ParseError& error) {
     if (app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-')
-      return fail(kCommandLine,
-                  ("there is no command \"" + std::string(argv[1]) + "\"; clearance --help lists them").c_str());
+      return fail(
+          kCommandLine,
+          ("there is no command \"" + std::string(argv[1]) + "\"; clearance --help lists them" + kLeftOut).c_str());
     return fail(kCommandLine, error.what());
   } catch (const std::invalid_argument& error) {
     return fail(kCommandLine, error.what());

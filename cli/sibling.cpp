@@ -1,4 +1,4 @@
-// Commands that are programs of their own: what needs the engine is not linked into this client.
+// Commands that are Python: programs of their own.
 #include <unistd.h>
 
 #include <cstring>
@@ -32,53 +32,26 @@ std::string own_folder() {
                            ")");
 }
 
-const char* const kWithDaemon =
-    "; it is installed with the daemon (component server, or pip install without CLEARANCE_CLIENT_ONLY)";
-
-/// A command that is the program clearance-NAME. \param why it is one. \param remedy how it is installed.
-void add_program(CLI::App& app, const char* name, const char* description, const char* why,
-                 const char* remedy = kWithDaemon) {
+/// A command that is the program clearance-NAME, of the Python package's extra NAME.
+void add_program(CLI::App& app, const std::string& name, const char* description) {
   auto& command = *app.add_subcommand(name, description);
   command.prefix_command();  // every option is the program's own, --help too
   command.set_help_flag();
-  command.callback([&command, name, why, remedy] {
-    become(std::string("clearance-") + name, command.remaining(), std::string(why) + remedy);
+  command.callback([&command, name] {
+    become(
+        "clearance-" + name, command.remaining(),
+        "is part of the Python package; pip install \"WHEEL[" + name + "]\", where WHEEL is the file clearance-*.whl");
   });
 }
 
 }  // namespace
 
-void add_inspect(CLI::App& app) {
-  add_program(app, "inspect", "what a scene file's bodies are modelled by, its cost, what could be left out",
-              "reads scenes");
-}
-
-void add_robot(CLI::App& app) {
-  add_program(app, "robot", "what a URDF holds, and where joint positions put its links: inspect, fk", "reads robots");
-}
-
-void add_decompose(CLI::App& app) {
-  add_program(app, "decompose", "convex pieces for a mesh, and a proof of how far they miss it", "proves distances");
-}
-
-void add_selftest(CLI::App& app) {
-  add_program(app, "selftest", "whether each way to answer that this machine has computes rightly",
-              "computes distances");
-}
-
-void add_cache(CLI::App& app) {
-  add_program(app, "cache", "what is kept of meshes that were loaded before: list, clear", "knows the engine's cache");
-}
-
 void add_view(CLI::App& app) {
-  add_program(app, "view", "a browser page of a scene, its distances and a daemon", "is part of the Python package",
-              "; pip install \"WHEEL[view]\", where WHEEL is the file clearance-*.whl");
+  add_program(app, "view", "a browser page of a scene, its distances and a daemon");
 }
 
 void add_sweep(CLI::App& app) {
-  add_program(app, "sweep", "answers a job of many configurations or motions in parts, as Parquet",
-              "is part of the Python package",
-              "; pip install \"WHEEL[sweep]\", where WHEEL is the file clearance-*.whl");
+  add_program(app, "sweep", "answers a job of many configurations or motions in parts, as Parquet");
 }
 
 }  // namespace clearance::cli

@@ -22,11 +22,11 @@ PAGE = ROOT / "docs/errors.md"
 PROGRAMS = [
     "clearance",
     "clearanced",
-    "clearance-inspect",
-    "clearance-robot",
-    "clearance-decompose",
-    "clearance-cache",
-    "clearance-selftest",
+    "clearance inspect",
+    "clearance robot",
+    "clearance decompose",
+    "clearance cache",
+    "clearance selftest",
 ]
 
 HEAD = """\
@@ -94,7 +94,9 @@ def exceptions() -> "list[tuple[str, str, str]]":
 
 def exit_codes(program: str) -> "list[tuple[str, str]]":
     """(code, meaning) as a program's --help lists them, by code."""
-    text = subprocess.run([BUILD / "bin" / program, "--help"], capture_output=True, text=True, check=True).stdout
+    name, *command = program.split()
+    arguments = [BUILD / "bin" / name, *command, "--help"]
+    text = subprocess.run(arguments, capture_output=True, text=True, check=True).stdout
     listed = text.split("Exit codes", 1)[1]
     return sorted(re.findall(r"(\d) (\S.*?)(?= {3,}\d |$)", listed, re.MULTILINE))
 

@@ -22,7 +22,7 @@ extras=(
   "site             3  docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/embed wire/*.h"
   "ray              6  client/python/clearance client/examples/roadmap.py tests/python/test_sweep.py tests/python/test_sweep_jobs.py tests/python/test_sweep_ray.py tests/python/sweeps.py"
   "fuzz            12  wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
-  "robots           3  engine/robot engine/base engine/pose cli/robot_main.cpp tests/robot"
+  "robots           3  engine/robot engine/base engine/pose cli/robot.cpp tests/robot"
   "races           15  wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
   "kernels         20  engine/cuda engine/device engine/narrow engine/base engine/hull engine/pose bench/report CMakeLists.txt cmake"
 )
@@ -223,7 +223,7 @@ run_fuzz() {
 # The 69 URDFs and 38 SRDFs of a package that other tools are tested with (131 MB), against 60 digits and Pinocchio.
 run_robots() {
   local venv=out/extras/robots
-  tools/build.sh release clearance_robot
+  tools/build.sh release clearance_cli
   step extras-robots-venv "Make $venv" .venv/bin/python -m venv "$venv"
   step extras-robots-install "Install robots and their judges" "$venv/bin/python" -m pip install --disable-pip-version-check \
     --progress-bar off example-robot-data==6.0.0 pin==4.1.0 mpmath==1.3.0 numpy

@@ -1,7 +1,6 @@
-"""clearance inspect: the program behind it, found and run as a command of clearance."""
+"""clearance inspect: what a scene costs, and what it could do without."""
 
 import json
-import os
 import shutil
 import subprocess
 
@@ -76,19 +75,3 @@ def test_errors_name_their_cause(tmp_path):
     assert run("a.yaml", "--within", "2").returncode == 2
     assert run("--json", "--csv", "a.yaml").returncode == 2
     assert "clearance inspect [OPTIONS]" in run("--help").stdout
-
-
-def test_a_client_alone_says_what_to_install(tmp_path):
-    alone = shutil.copy(CLEARANCE, tmp_path / "clearance")
-    answer = run("scene.yaml", program=alone, env={**os.environ, "PATH": str(tmp_path)})
-    assert answer.returncode == 1
-    assert "clearance-inspect" in answer.stderr and "installed with the daemon" in answer.stderr
-    # ... and finds the program on PATH once it is there.
-    program = tmp_path / "bin" / "clearance-inspect"
-    program.parent.mkdir()
-    program.write_text('#!/bin/sh\necho "found: $*"\n')
-    program.chmod(0o755)
-    answer = run(
-        "scene.yaml", "--json", program=alone, env={**os.environ, "PATH": f"{program.parent}:{os.environ['PATH']}"}
-    )
-    assert answer.stdout == "found: scene.yaml --json\n"

@@ -1,4 +1,4 @@
-"""clearance selftest: the program behind it, found and run as a command of clearance."""
+"""clearance selftest: every way to answer computes rightly."""
 
 import json
 

@@ -346,3 +346,24 @@ def test_a_wheels_command_knows_it(root):
         cwd=root / "tests",
     )
     assert done.returncode == 0 and done.stdout.startswith("usage: clearance view"), done.stderr
+
+
+@pytest.mark.skipif(INSTALLED, reason="the wheel's command runs the package itself")
+def test_a_program_without_the_package_says_what_to_install(tmp_path):
+    def run(path):
+        command = [shutil.copy(PROGRAM, tmp_path / "clearance"), "view", "scene.yaml", "--port", "1"]
+        return subprocess.run(
+            command, capture_output=True, text=True, timeout=PATIENCE_S, env={**os.environ, "PATH": str(path)}
+        )
+
+    answer = run(tmp_path)
+    assert answer.returncode == 1
+    assert (
+        "clearance-view is part of the Python package" in answer.stderr and 'pip install "WHEEL[view]"' in answer.stderr
+    )
+    # ... and finds the program on PATH.
+    program = tmp_path / "bin" / "clearance-view"
+    program.parent.mkdir()
+    program.write_text('#!/bin/sh\necho "found: $*"\n')
+    program.chmod(0o755)
+    assert run(program.parent).stdout == "found: scene.yaml --port 1\n"

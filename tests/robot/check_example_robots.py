@@ -107,7 +107,7 @@ def norm(m):
 
 
 def run(build, *arguments):
-    return subprocess.run([f"{build}/bin/clearance-robot", *map(str, arguments)], capture_output=True, text=True)
+    return subprocess.run([f"{build}/bin/clearance", "robot", *map(str, arguments)], capture_output=True, text=True)
 
 
 def table(text):

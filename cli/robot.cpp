@@ -1,5 +1,4 @@
-// clearance-robot: what a URDF and its SRDF hold, and where joint positions put the links.
-#include <CLI/CLI.hpp>
+// clearance robot: what a URDF and its SRDF hold, and where joint positions put the links.
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -7,23 +6,19 @@
 #include <fstream>
 #include <iostream>
 #include <map>
+#include <memory>
 #include <optional>
 #include <sstream>
 
-#include "cli/table.h"
-#include "cli/text_lines.h"
+#include "commands.h"
 #include "engine/robot/kinematics.h"
 #include "inspect/robot_pairs.h"
+#include "text_lines.h"
 
-namespace clearance {
+namespace clearance::cli {
 namespace {
 
-using cli::Cell;
-using cli::for_each_line;
-using cli::Output;
-using cli::Table;
-
-struct Options {
+struct RobotCommand {
   std::string urdf, srdf, positions, state;
   std::vector<std::string> packages, joints;
   std::vector<double> base = {0, 0, 0, 1, 0, 0, 0};
@@ -34,10 +29,10 @@ struct Options {
   Output output = Output::kTable;
 };
 
-RobotModel load(const Options& o) {
+RobotModel load_robot(const RobotCommand& o) {
   RobotModel robot = read_urdf(o.urdf);
   if (!o.srdf.empty()) read_srdf(o.srdf, &robot);
-  for (const std::string& warning : robot.warnings) std::cerr << "clearance robot: warning: " << warning << "\n";
+  for (const std::string& warning : robot.warnings) std::cerr << "clearance: warning: " << warning << "\n";
   return robot;
 }
 
@@ -48,7 +43,7 @@ std::string words(JointKind kind) {
 
 // --- inspect
 
-std::map<std::string, std::string> packages_of(const Options& o) {
+std::map<std::string, std::string> packages_of(const RobotCommand& o) {
   std::map<std::string, std::string> packages;
   for (const std::string& package : o.packages) {
     const std::size_t equals = package.find('=');
@@ -59,8 +54,8 @@ std::map<std::string, std::string> packages_of(const Options& o) {
   return packages;
 }
 
-void inspect(const Options& o) {
-  const RobotModel robot = load(o);
+void inspect_robot(const RobotCommand& o) {
+  const RobotModel robot = load_robot(o);
   std::map<std::string, std::string> packages = packages_of(o);
   find_packages(robot, false, &packages);
   const std::string folder = o.urdf.find('/') == std::string::npos ? "." : o.urdf.substr(0, o.urdf.rfind('/'));
@@ -76,7 +71,7 @@ void inspect(const Options& o) {
         mesh_path(shape, folder, packages);
       } catch (const RobotError& error) {
         ++missing;
-        std::cerr << "clearance robot: " << error.what() << "\n";
+        std::cerr << "clearance: " << error.what() << "\n";
       }
     }
     std::vector<Cell> row = {link.name, {}, {}, "base", {}, {}, {}, link.collision.size(), meshes};
@@ -126,7 +121,7 @@ std::vector<std::string> split(const std::string& line) {
 }
 
 // Configurations, one after another: the state's positions and --set's in each, those of the file's rows on top.
-std::vector<double> configurations(const RobotModel& robot, const Options& o) {
+std::vector<double> configurations(const RobotModel& robot, const RobotCommand& o) {
   std::vector<double> first(robot.columns.size(), 0);
   if (!o.state.empty()) {
     const auto is_asked = [&](const GroupState& s) { return s.name == o.state || s.group + "/" + s.name == o.state; };
@@ -159,8 +154,8 @@ std::vector<double> configurations(const RobotModel& robot, const Options& o) {
   return all;
 }
 
-void fk(const Options& o) {
-  const RobotModel robot = load(o);
+void print_link_poses(const RobotCommand& o) {
+  const RobotModel robot = load_robot(o);
   const Kinematics kinematics(robot);
   const Pose base{{o.base[0], o.base[1], o.base[2]}, o.base[3], o.base[4], o.base[5], o.base[6]};
   if (check(base) == PoseQuality::kBad) throw RobotError("--base: expected a pose x y z qw qx qy qz");
@@ -193,8 +188,8 @@ const char* word_of(PairFinding finding) {
   return kWords[static_cast<int>(finding)];
 }
 
-void pairs(const Options& o) {
-  const RobotModel model = load(o);
+void print_robot_pairs(const RobotCommand& o) {
+  const RobotModel model = load_robot(o);
   RobotOptions robot;
   robot.urdf = o.urdf;
   robot.packages = packages_of(o);
@@ -220,15 +215,14 @@ void pairs(const Options& o) {
   if (!file.flush()) throw RobotError(o.srdf_to_write + ": cannot be written");
 }
 
-void add_common(CLI::App& command, Options& o) {
+void add_robot_options(CLI::App& command, RobotCommand& o) {
   command.add_option("urdf", o.urdf, "the robot")->required();
   command.add_option("--srdf", o.srdf, "its SRDF");
-  auto* json = command.add_flag_callback("--json", [&o] { o.output = Output::kJson; }, "print JSON");
-  command.add_flag_callback("--csv", [&o] { o.output = Output::kCsv; }, "print comma-separated values")->excludes(json);
+  add_output_options(command, o.output);
 }
 
 // --package is the name that it had first.
-void add_packages(CLI::App& command, Options& o) {
+void add_packages(CLI::App& command, RobotCommand& o) {
   command
       .add_option("--packages,--package", o.packages,
                   "NAME=FOLDER: where package://NAME/... leads to, if not where ROS' environment says; may be repeated")
@@ -236,55 +230,43 @@ void add_packages(CLI::App& command, Options& o) {
 }
 
 }  // namespace
-}  // namespace clearance
 
-int main(int argc, char** argv) {
-  using namespace clearance;
-  constexpr int kBadRobot = 1, kCommandLine = 2;
-  CLI::App app("What a robot's files hold, and where joint positions put its links.", "clearance robot");
-  app.require_subcommand(1);
-  Options o;
+void add_robot(CLI::App& app) {
+  auto& command =
+      *app.add_subcommand("robot", "what a URDF holds, and where joint positions put its links: inspect, fk, pairs");
+  command.require_subcommand(1);
+  const auto o = std::make_shared<RobotCommand>();
   auto& inspecting =
-      *app.add_subcommand("inspect", "links, joints, limits and shapes; warnings; meshes that are not there");
-  add_common(inspecting, o);
-  add_packages(inspecting, o);
-  inspecting.callback([&] { inspect(o); });
-  auto& placing = *app.add_subcommand("fk", "poses of all links, and how far each may be off");
-  add_common(placing, o);
-  placing.add_option("--set", o.joints, "JOINT=POSITION: radians or metres; others are 0")->take_all();
-  placing.add_option("--state", o.state, "positions of an SRDF's group state: NAME or GROUP/NAME");
-  placing.add_option("--positions", o.positions,
+      *command.add_subcommand("inspect", "links, joints, limits and shapes; warnings; meshes that are not there");
+  add_robot_options(inspecting, *o);
+  add_packages(inspecting, *o);
+  inspecting.callback([o] { inspect_robot(*o); });
+  auto& placing = *command.add_subcommand("fk", "poses of all links, and how far each may be off");
+  add_robot_options(placing, *o);
+  placing.add_option("--set", o->joints, "JOINT=POSITION: radians or metres; others are 0")->take_all();
+  placing.add_option("--state", o->state, "positions of an SRDF's group state: NAME or GROUP/NAME");
+  placing.add_option("--positions", o->positions,
                      "file of configurations: a line of names, then a line of numbers for each");
-  placing.add_option("--base", o.base, "pose of the base: x y z qw qx qy qz")->expected(7);
+  placing.add_option("--base", o->base, "pose of the base: x y z qw qx qy qz")->expected(7);
   placing
-      .add_option("--radius", o.radius, "metres: the error is that of points of a link up to this far from its origin")
+      .add_option("--radius", o->radius, "metres: the error is that of points of a link up to this far from its origin")
       ->check(CLI::NonNegativeNumber);
-  placing.callback([&] { fk(o); });
+  placing.callback([o] { print_link_poses(*o); });
   auto& finding =
-      *app.add_subcommand("pairs", "which links never or always touch: proved where possible, else sampled");
-  add_common(finding, o);
-  add_packages(finding, o);
-  finding.add_flag("--visual", o.visual, "links have their visual shapes, not those for collisions");
-  finding.add_option("--samples", o.finding.samples, "random configurations for each pair")->check(CLI::PositiveNumber);
-  finding.add_option("--steps", o.finding.most_steps, "configurations that the proof of a pair may look at");
-  finding.add_option("--seed", o.finding.seed, "of the samples");
-  finding.add_option("--write", o.srdf_to_write, "SRDF to write: disables adjacent pairs and what is proved");
-  finding.add_flag("--seen", o.seen, "there also disables pairs that only the samples speak for");
-  finding.callback([&] { pairs(o); });
-  app.footer(R"(
+      *command.add_subcommand("pairs", "which links never or always touch: proved where possible, else sampled");
+  add_robot_options(finding, *o);
+  add_packages(finding, *o);
+  finding.add_flag("--visual", o->visual, "links have their visual shapes, not those for collisions");
+  finding.add_option("--samples", o->finding.samples, "random configurations for each pair")
+      ->check(CLI::PositiveNumber);
+  finding.add_option("--steps", o->finding.most_steps, "configurations that the proof of a pair may look at");
+  finding.add_option("--seed", o->finding.seed, "of the samples");
+  finding.add_option("--write", o->srdf_to_write, "SRDF to write: disables adjacent pairs and what is proved");
+  finding.add_flag("--seen", o->seen, "there also disables pairs that only the samples speak for");
+  finding.callback([o] { print_robot_pairs(*o); });
+  command.footer(R"(
 Exit codes
   0 done    1 the robot, or what it is asked, is wrong    2 the command line is wrong)");
-  try {
-    app.parse(argc, argv);
-    if (!std::cout.flush()) throw RobotError("the table cannot be written");
-    return 0;
-  } catch (const CLI::Success& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
-    app.exit(error);
-    return kCommandLine;
-  } catch (const std::exception& error) {
-    std::cerr << "clearance robot: " << error.what() << "\n";
-    return kBadRobot;
-  }
 }
+
+}  // namespace clearance::cli

@@ -1,0 +1,67 @@
+// clearance decompose: convex pieces for a mesh, with a proof of how far they miss it.
+#include "inspect/decompose.h"
+
+#include <signal.h>
+
+#include <atomic>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+#include "commands.h"
+
+namespace clearance::cli {
+namespace {
+
+std::atomic<bool> stop_decomposing{false};
+
+struct DecomposeCommand {
+  DecomposeOptions options;
+  Output output = Output::kTable;
+};
+
+void print_decomposed(const DecomposedMesh& mesh, Output output) {
+  Table table({"file", "pieces", "vertices", "triangles", "size_m", "inner_m", "outer_m", "median_outer_m", "propose_s",
+               "prove_s"});
+  table.add({mesh.file, mesh.pieces, mesh.vertices, mesh.triangles, Cell(mesh.size, 4), Cell(mesh.inner, 3),
+             Cell(mesh.outer, 3), Cell(mesh.median_outer, 3), Cell(mesh.propose_s, 3), Cell(mesh.prove_s, 3)});
+  table.print(std::cout, output);
+  constexpr double kMuch = 0.01;  // of the size: then triangles have to answer for many pairs
+  if (mesh.inner > kMuch * mesh.size)
+    std::fprintf(stderr,
+                 "clearance: warning: the pieces leave parts of the mesh outside, up to %.3g m from them; "
+                 "they save little\n",
+                 mesh.inner);
+}
+
+void run_decompose(const DecomposeCommand& o) {
+  struct sigaction action{};
+  action.sa_handler = [](int) { stop_decomposing = true; };
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
+  print_decomposed(decompose(o.options, stop_decomposing), o.output);
+}
+
+}  // namespace
+
+void add_decompose(CLI::App& app) {
+  auto& command =
+      *app.add_subcommand("decompose", "convex pieces for a closed mesh, and a proof of how far they miss it");
+  const auto o = std::make_shared<DecomposeCommand>();
+  command.add_option("mesh", o->options.mesh, "the mesh file")->required();
+  command.add_option("--threshold", o->options.threshold, "how concave a piece may be, as CoACD has it: 0.01 to 1")
+      ->check(CLI::Range(0.01, 1.0));
+  command.add_option("--max-pieces", o->options.most_pieces, "most pieces; -1: as many as it takes");
+  command.add_option("--seconds", o->options.seconds, "that CoACD may take")->check(CLI::PositiveNumber);
+  command.add_option("--python", o->options.python, "a Python that has coacd");
+  command.add_flag("--keep", o->options.keep, "prove the pieces that are there, whoever made them");
+  command.add_flag("--quiet", o->options.quiet, "without what CoACD says of its progress");
+  add_output_options(command, o->output);
+  command.footer(R"(
+CoACD proposes the pieces. FILE.pieces.obj gets them, for scenes with `convexify: decompose`.
+
+Exit codes
+  0 done    1 no pieces: the mesh is open, or CoACD is missing, failed or was stopped    2 the command line is wrong)");
+  command.callback([o] { run_decompose(*o); });
+}
+
+}  // namespace clearance::cli
