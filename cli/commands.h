@@ -74,8 +74,6 @@ void add_bench(CLI::App& app);             // bench.cpp
 void add_bench_throughput(CLI::App& app);  // bench_throughput.cpp
 void add_bench_loop(CLI::App& app);        // bench_loop.cpp
 void add_keygen(CLI::App& app);
-void add_record(CLI::App& app);  // record.cpp, as the one below
-void add_replay(CLI::App& app);
 void add_inspect(CLI::App& app);  // these five where the engine is built
 void add_decompose(CLI::App& app);
 void add_robot(CLI::App& app);

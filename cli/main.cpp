@@ -25,10 +25,6 @@ int main(int argc, char** argv) {
   cli::add_stat(app);
   cli::add_ping(app);
   cli::add_keygen(app);
-#ifdef CLEARANCE_HAVE_LCM
-  cli::add_record(app);
-  cli::add_replay(app);
-#endif
 #ifdef CLEARANCE_HAVE_BENCH
   cli::add_bench(app);
   cli::add_bench_throughput(app);

@@ -188,14 +188,14 @@ std::int64_t draw_lcm_id() {
 
 struct LcmBus::Subscription {
   LcmBus* bus;
-  std::function<void(const std::string&, std::span<const std::byte>)> handler;
+  Handler handler;
 
-  static void receive(const lcm_recv_buf_t* buffer, const char* channel, void* user) {
+  static void receive(const lcm_recv_buf_t* buffer, const char*, void* user) {
     auto* self = static_cast<Subscription*>(user);
     // A packet with an unterminated channel name has a negative size.
     if (buffer->data_size > (1u << 30)) return;
     try {
-      self->handler(channel, {static_cast<const std::byte*>(buffer->data), buffer->data_size});
+      self->handler({static_cast<const std::byte*>(buffer->data), buffer->data_size});
     } catch (...) {
       self->bus->thrown_ = std::current_exception();
     }
@@ -222,22 +222,11 @@ LcmBus::~LcmBus() {
 }
 
 void LcmBus::subscribe(const std::string& name, int queue, Handler handler) {
-  const auto unnamed = [handler = std::move(handler)](const std::string&, std::span<const std::byte> message) {
-    handler(message);
-  };
-  add(address_.prefix + name, queue, std::make_unique<Subscription>(Subscription{this, unnamed}));
-}
-
-void LcmBus::subscribe_all(int queue, std::function<void(const std::string&, std::span<const std::byte>)> handler) {
-  add(address_.prefix + "CLEARANCE_.*", queue, std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
-}
-
-void LcmBus::add(const std::string& pattern, int queue, std::unique_ptr<Subscription> added) {
-  subscriptions_.push_back(std::move(added));
+  subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
   // liblcm treats a name as a regular expression; good_prefix() rejects special characters.
   lcm_subscription_t* subscription =
-      lcm_subscribe(lcm_, pattern.c_str(), &Subscription::receive, subscriptions_.back().get());
-  if (subscription == nullptr) throw std::runtime_error("LCM: cannot subscribe to " + pattern);
+      lcm_subscribe(lcm_, (address_.prefix + name).c_str(), &Subscription::receive, subscriptions_.back().get());
+  if (subscription == nullptr) throw std::runtime_error("LCM: cannot subscribe to " + address_.prefix + name);
   lcm_subscription_set_queue_capacity(subscription, queue);
 }
 

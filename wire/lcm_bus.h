@@ -62,8 +62,6 @@ class LcmBus {
   /// Calls `handler` with each message of the channel `prefix + name`.
   /// \param queue maximum number of messages between two calls of handle(); liblcm drops further ones silently
   void subscribe(const std::string& name, int queue, Handler handler);
-  /// Likewise with each message of every channel `prefix + CLEARANCE_...`, and the channel's whole name.
-  void subscribe_all(int queue, std::function<void(const std::string&, std::span<const std::byte>)> handler);
 
   /// Sends one message on `prefix + name`. Returns false on a system error. Never blocks for long.
   bool publish(const std::string& name, std::span<const std::byte> message);
@@ -86,8 +84,6 @@ class LcmBus {
 
  private:
   struct Subscription;
-  /// Adds a subscription to the channels that a regular expression matches.
-  void add(const std::string& pattern, int queue, std::unique_ptr<Subscription> subscription);
 
   LcmAddress address_;
   _lcm_t* lcm_ = nullptr;
