@@ -189,7 +189,7 @@ class LcmChannel final : public Channel {
     std::string ids;
     for (const std::int64_t id : greeted_) ids += (ids.empty() ? "" : ", ") + std::to_string(id);
     return ": " + std::to_string(greeted_.size()) + " daemons answer under the same channels (server ids " + ids +
-           "), and each has poses of its own; give each a prefix of its own (--lcm-prefix)";
+           "), and each has poses of its own; give each a prefix of its own (prefix= in the url)";
   }
 
   /// A part for us. What is malformed, late or of another request is dropped: anybody may send on this network.

@@ -37,11 +37,10 @@ std::unique_ptr<Transport> open_shm(const std::string& path, [[maybe_unused]] co
 #endif
 }
 
-std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] const std::string& prefix,
-                                    [[maybe_unused]] const LcmPoses& poses,
+std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] const LcmPoses& poses,
                                     [[maybe_unused]] std::uint64_t outside_bytes) {
 #ifdef CLEARANCE_HAVE_LCM
-  return make_lcm_transport(url, prefix, poses, outside_bytes);
+  return make_lcm_transport(url, poses, outside_bytes);
 #else
   throw std::runtime_error(url + ": this clearanced was built without LCM");
 #endif
@@ -86,7 +85,7 @@ void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, co
   add_default_endpoint(options);
   for (const std::string& path : options.shm) loop.add(open_shm(path, access, std::uint64_t{options.pinned_mib} << 20));
   for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint, access));
-  if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, options.lcm_prefix, lcm_poses, access.outside_bytes));
+  if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, lcm_poses, access.outside_bytes));
 }
 
 }  // namespace clearance

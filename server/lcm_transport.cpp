@@ -307,16 +307,15 @@ class LcmTransport final : public Transport {
 
 }  // namespace
 
-std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const std::string& channel_prefix,
-                                              const LcmPoses& poses, std::uint64_t outside_bytes) {
-  LcmAddress address = [&] {
+std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const LcmPoses& poses,
+                                              std::uint64_t outside_bytes) {
+  const LcmAddress address = [&] {
     try {
       return parse_lcm_address(lcm_url);
     } catch (const std::invalid_argument& error) {
       throw std::runtime_error(error.what());
     }
   }();
-  if (!channel_prefix.empty()) address.prefix = channel_prefix;
   return std::make_unique<LcmTransport>(address, poses, outside_bytes);
 }
 

@@ -86,10 +86,10 @@ void add_endpoints(CLI::App& app, DaemonOptions& o) {
 }
 
 void add_lcm(CLI::App& app, DaemonOptions& o) {
-  app.add_option("--lcm", o.lcm, "serve LCM and follow poses there, as in \"udpm://239.255.76.67:7667?ttl=0\"")
+  app.add_option("--lcm", o.lcm,
+                 "serve LCM and follow poses there, as in \"udpm://239.255.76.67:7667?ttl=0\"; &prefix=TEXT begins the\n"
+                 "names of all channels: several daemons on one network")
       ->type_name("URL");
-  app.add_option("--lcm-prefix", o.lcm_prefix, "begins the names of all LCM channels: several daemons on one bus")
-      ->type_name("TEXT");
   app.add_option("--lcm-poses", o.lcm_poses,
                  "whose poses are taken from LCM, where anybody who reaches it may send them: on (every body's), off,\n"
                  "allowlist (those of --lcm-allow)")

@@ -27,7 +27,6 @@ struct DaemonOptions {
   std::string group_rights = "query";
   std::vector<std::string> control_users;  ///< names or numbers
   std::string lcm;                         ///< url; empty: no LCM
-  std::string lcm_prefix;
   std::string lcm_poses = "on";        ///< on, off, allowlist
   std::vector<std::string> lcm_allow;  ///< bodies and groups
   std::string backend = "auto";

@@ -126,7 +126,7 @@ struct LcmPoses {
   bool any = true;                   ///< of every body
   std::vector<std::string> allowed;  ///< not any: of these bodies and groups
 };
-std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const std::string& channel_prefix = "",
-                                              const LcmPoses& poses = {}, std::uint64_t outside_bytes = kOutsideBytes);
+std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const LcmPoses& poses = {},
+                                              std::uint64_t outside_bytes = kOutsideBytes);
 
 }  // namespace clearance

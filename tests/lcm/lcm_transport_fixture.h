@@ -67,7 +67,7 @@ class LcmTransportTest : public LcmTest {
   void start(const std::string& options = "", const LcmPoses& poses = {}, Scene scene = make_scene()) {
     engine_.emplace(std::move(scene), Engine::Options{.threads = 1});
     loop_.emplace(*engine_);
-    loop_->add(make_lcm_transport(url(options), "", poses));
+    loop_->add(make_lcm_transport(url(options), poses));
     bus_.emplace(address_);
     bus_->subscribe("CLEARANCE_REPLY", 4096, [this](auto packet) { on_reply(packet); });
     bus_->subscribe("CLEARANCE_SCENE", 64, [this](auto packet) { keep(scenes_, packet); });

@@ -31,7 +31,7 @@ class LcmClientTest : public LcmTest {
     scene.add_group("pair", pair);
     engine_.emplace(std::move(scene), Engine::Options{.threads = 1});
     loop_.emplace(*engine_);
-    loop_->add(make_lcm_transport(url(), "test/"));
+    loop_->add(make_lcm_transport(url("&prefix=test/")));
     thread_ = std::thread([this] { loop_->run(); });
   }
   void TearDown() override { stop(); }

@@ -92,7 +92,7 @@ TEST_F(LcmDaemonTest, PlannerInPython) {
 }
 
 TEST_F(LcmDaemonTest, PlannerInCpp) {
-  Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--lcm-prefix", "cell/"});
+  Daemon daemon({"--scene", scene_file(), "--lcm", url("&prefix=cell/")});
   expect_circle(run({kPlannerCpp, url(), "cell/", "16"}), 16);
   const Finished nobody = run({kPlannerCpp, url(), "other/"});
   EXPECT_EQ(nobody.code, 1);

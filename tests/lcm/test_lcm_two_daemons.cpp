@@ -67,7 +67,7 @@ TEST_F(LcmTwoDaemonsTest, FromTheStartAreAnErrorThatNamesThem) {
   auto one = start("one"), two = start("two");
   const std::string error = error_of_connect();
   EXPECT_EQ(error.find(url() + ": 2 daemons answer under the same channels (server ids "), 0u) << error;
-  EXPECT_NE(error.find("give each a prefix of its own (--lcm-prefix)"), std::string::npos) << error;
+  EXPECT_NE(error.find("give each a prefix of its own (prefix= in the url)"), std::string::npos) << error;
   two->stop(SIGKILL);
   Client client = connect(url(), kPatience);
   EXPECT_EQ(client.epoch(), epoch_of("one"));

@@ -37,8 +37,8 @@ class Site {
     options_ = {"--scene", scene_, "--threads", "1", "--shm", folder_ / "s", "--zmq", "ipc://" + (folder_ / "z")};
 #ifdef CLEARANCE_HAVE_LCM
     if (const std::optional<LcmAddress> address = own_lcm_address("restarts")) {
-      options_.insert(options_.end(), {"--lcm", address->url(), "--lcm-prefix", address->prefix});
-      lcm_ = address->url() + "&prefix=" + address->prefix;
+      lcm_ = address->url();
+      options_.insert(options_.end(), {"--lcm", lcm_});
     }
 #endif
     start();
