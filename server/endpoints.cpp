@@ -69,14 +69,14 @@ Access access_of(const DaemonOptions& options) {
 }
 
 LcmPoses lcm_poses_of(const DaemonOptions& options, const Scene& scene) {
-  const bool list = options.lcm_poses == "allowlist";
-  if (list == options.lcm_allow.empty())
-    throw std::invalid_argument(list ? "--lcm-poses allowlist: name bodies or groups with --lcm-allow"
-                                     : "--lcm-allow: only with --lcm-poses allowlist");
-  for (const std::string& name : options.lcm_allow)
+  using Words = std::vector<std::string>;
+  const Words& names = options.lcm_poses;
+  if (names.empty() || names == Words{"on"}) return {true, {}};
+  if (names == Words{"off"}) return {false, {}};
+  for (const std::string& name : names)
     if (scene.find_body(name) == kNone && scene.find_group(name) == kNone)
-      throw std::invalid_argument("--lcm-allow: the scene has no body or group \"" + name + "\"");
-  return {options.lcm_poses == "on", options.lcm_allow};
+      throw std::invalid_argument("--lcm-poses: the scene has no body or group \"" + name + "\"");
+  return {false, names};
 }
 
 void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, const LcmPoses& lcm_poses) {

@@ -86,18 +86,16 @@ void add_endpoints(CLI::App& app, DaemonOptions& o) {
 }
 
 void add_lcm(CLI::App& app, DaemonOptions& o) {
-  app.add_option("--lcm", o.lcm,
-                 "serve LCM and follow poses there, as in \"udpm://239.255.76.67:7667?ttl=0\"; &prefix=TEXT begins the\n"
-                 "names of all channels: several daemons on one network")
+  app.add_option(
+         "--lcm", o.lcm,
+         "serve LCM and follow poses there, as in \"udpm://239.255.76.67:7667?ttl=0\"; &prefix=TEXT begins the\n"
+         "names of all channels: several daemons on one network")
       ->type_name("URL");
   app.add_option("--lcm-poses", o.lcm_poses,
                  "whose poses are taken from LCM, where anybody who reaches it may send them: on (every body's), off,\n"
-                 "allowlist (those of --lcm-allow)")
-      ->check(quiet(CLI::IsMember({"on", "off", "allowlist"})))
-      ->type_name("WHICH")
-      ->capture_default_str();
-  app.add_option("--lcm-allow", o.lcm_allow, "a body or group whose poses are taken from LCM; may be repeated")
-      ->type_name("NAME");
+                 "or a body or group; may be repeated")
+      ->type_name("WHOSE")
+      ->default_str("on");
 }
 
 void add_backend(CLI::App& app, DaemonOptions& o) {

@@ -27,8 +27,7 @@ struct DaemonOptions {
   std::string group_rights = "query";
   std::vector<std::string> control_users;  ///< names or numbers
   std::string lcm;                         ///< url; empty: no LCM
-  std::string lcm_poses = "on";        ///< on, off, allowlist
-  std::vector<std::string> lcm_allow;  ///< bodies and groups
+  std::vector<std::string> lcm_poses;      ///< "on" (as is none), "off", or bodies and groups
   std::string backend = "auto";
   int threads = 0;
   std::vector<int> devices;  ///< numbers; empty: the current one

@@ -221,11 +221,8 @@ TEST_F(LcmDaemonTest, WithoutAMulticastRouteItSaysSoAndEnds) {
 }
 
 TEST_F(LcmDaemonTest, WhereNotEveryPoseIsTakenClientsMayAskAlone) {
-  for (const std::vector<std::string>& how :
-       {std::vector<std::string>{"on"}, {"off"}, {"allowlist", "--lcm-allow", "arm"}}) {
-    std::vector<std::string> options{"--scene", scene_file(), "--lcm", url(), "--lcm-poses"};
-    options.insert(options.end(), how.begin(), how.end());
-    Daemon daemon(options);
+  for (const std::string how : {"on", "off", "arm"}) {
+    Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--lcm-poses", how});
     Client client = connect(url(), kPatience);
     EXPECT_EQ(patiently(client, [&] { return client.scene().bodies.size(); }), 4u);
     const auto refused = [&](auto call) -> std::string {
@@ -236,28 +233,23 @@ TEST_F(LcmDaemonTest, WhereNotEveryPoseIsTakenClientsMayAskAlone) {
         return error.what();
       }
     };
-    const std::string has = how[0] == "on" ? "query,poses" : "query";
+    const std::string has = how == "on" ? "query,poses" : "query";
     EXPECT_EQ(refused([&] { client.reload(); }), "kReload needs the right \"admin\"; this client has " + has);
     EXPECT_EQ(refused([&] { client.set_poses({{"cup", {0, 0, 0.5, 1, 0, 0, 0}}}); }),
-              how[0] == "on" ? "" : "kSetPoses needs the right \"poses\"; this client has query");
+              how == "on" ? "" : "kSetPoses needs the right \"poses\"; this client has query");
     EXPECT_EQ(refused([&] { client.attach(1, 2); }),
-              how[0] == "on" ? "" : "kAttach needs the right \"poses\"; this client has query");
+              how == "on" ? "" : "kAttach needs the right \"poses\"; this client has query");
   }
 }
 
-TEST_F(LcmDaemonTest, AllowListsThatMakeNoSenseEndWith2) {
-  const auto said = [&](std::vector<std::string> options) {
-    options.insert(options.begin(), {program("clearanced"), "--scene", scene_file(), "--lcm", url()});
+TEST_F(LcmDaemonTest, PosesOfWhatTheSceneHasNotEndWith2) {
+  for (const std::vector<std::string>& whose : {std::vector<std::string>{"cups"}, {"cup", "cups"}, {"cups", "off"}}) {
+    std::vector<std::string> options{program("clearanced"), "--scene", scene_file(), "--lcm", url()};
+    for (const std::string& name : whose) options.insert(options.end(), {"--lcm-poses", name});
     const Finished ended = run(options);
     EXPECT_EQ(ended.code, 2);
-    return ended.err;
-  };
-  const auto has = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
-  EXPECT_PRED2(has, said({"--lcm-poses", "allowlist"}), "allowlist: name bodies or groups with --lcm-allow");
-  EXPECT_PRED2(has, said({"--lcm-allow", "cup"}), "--lcm-allow: only with --lcm-poses allowlist");
-  EXPECT_PRED2(has, said({"--lcm-poses", "allowlist", "--lcm-allow", "cups"}),
-               "--lcm-allow: the scene has no body or group \"cups\"");
-  EXPECT_PRED2(has, said({"--lcm-poses", "some"}), "--lcm-poses: some not in {");
+    EXPECT_NE(ended.err.find("--lcm-poses: the scene has no body or group \"cups\""), std::string::npos) << ended.err;
+  }
 }
 
 TEST_F(LcmDaemonTest, AControlLoopCountsItsCycles) {
