@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <sstream>
+#include <stdexcept>
 
 namespace clearance {
 
@@ -35,12 +36,25 @@ std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& input) const 
   entries_ = entries_of(input);
   check(entries_);
   std::stringstream one_a_line;  // CLI11 reads no list that begins with "[" alone on its line
-  for (const Entry& entry : entries_) one_a_line << entry.name << " = " << entry.value << "\n";
+  for (const Entry& entry : entries_)
+    if (!entry.is_limit) one_a_line << entry.name << " = " << entry.value << "\n";
   return CLI::ConfigTOML::from_config(one_a_line);
+}
+
+void ConfigFile::for_each_limit(const std::function<void(const std::string&, const std::string&)>& set) const {
+  for (const Entry& entry : entries_) {
+    if (!entry.is_limit) continue;
+    try {
+      set(entry.name, without_quotes(entry.value));
+    } catch (const std::invalid_argument& error) {
+      fail(entry.line, error.what());
+    }
+  }
 }
 
 std::string ConfigFile::place_of(const std::string& error, std::span<const char* const> command_line) const {
   for (const Entry& entry : entries_) {
+    if (entry.is_limit) continue;
     const std::string name = "--" + entry.name;
     const auto is_it = [&](std::string_view word) { return word.substr(0, word.find('=')) == name; };
     if (std::any_of(command_line.begin(), command_line.end(), is_it)) continue;
@@ -59,16 +73,19 @@ void ConfigFile::fail(int line, const std::string& what) const {
 std::vector<ConfigFile::Entry> ConfigFile::entries_of(std::istream& text) const {
   std::vector<Entry> entries;
   int at = 0;
+  bool is_limit = false;
   for (std::string line; std::getline(text, line);) {
     ++at;
     if (at == 1 && line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
     line = trimmed(line);
     if (line.empty() || line[0] == '#' || line[0] == ';') continue;
     if (line.front() == '[' && line.back() == ']') {
-      if (CLI::detail::to_lower(line) == "[default]") continue;
-      fail(at, "a section, " + line.substr(0, 60) + "; options stand outside of sections");
+      is_limit = line == "[limits]";
+      if (is_limit || CLI::detail::to_lower(line) == "[default]") continue;
+      fail(at, "a section, " + line.substr(0, 60) + "; options stand outside of sections, limits in [limits]");
     }
     entries.push_back(read_entry(line, &at, text));
+    entries.back().is_limit = is_limit;
   }
   return entries;
 }
@@ -103,14 +120,21 @@ const CLI::Option* ConfigFile::option_of(const std::string& name) const {
 
 void ConfigFile::check(const std::vector<Entry>& entries) const {
   for (std::size_t i = 0; i < entries.size(); ++i) {
-    const auto& [name, value, line] = entries[i];
+    const auto& [name, value, line, is_limit] = entries[i];
+    if (is_limit) {
+      for (std::size_t before = 0; before < i; ++before)
+        if (entries[before].is_limit && entries[before].name == name)
+          fail(line, name + " is there already, in line " + std::to_string(entries[before].line));
+      continue;
+    }
     const CLI::Option* option = option_of(name);
     if (!option) fail(line, "there is no option \"" + name.substr(0, 60) + "\"");
     if (!option->get_configurable()) fail(line, name + " is for the command line alone");
     if (option->get_expected_min() == 0 && !is_flag_value(value))
       fail(line, name + ": expected true or false, got " + value.substr(0, 60));
     for (std::size_t before = 0; before < i; ++before)
-      if (option_of(entries[before].name) == option && (option->get_items_expected_max() < 2 || before + 1 < i))
+      if (!entries[before].is_limit && option_of(entries[before].name) == option &&
+          (option->get_items_expected_max() < 2 || before + 1 < i))
         fail(line, name + " is there already, in line " + std::to_string(entries[before].line));
   }
 }

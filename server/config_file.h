@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <functional>
 #include <istream>
 #include <span>
 #include <string>
@@ -15,8 +16,13 @@ class ConfigFile : public CLI::ConfigTOML {
   /// \param app whose options the file may have, by their long names
   explicit ConfigFile(const CLI::App& app) : app_(app) {}
 
-  /// Throws CLI::ConfigError for an unknown or repeated option, a section, and a value that is missing or without end.
+  /// Throws CLI::ConfigError for an unknown or repeated option, an unknown section, and a value that is missing or
+  /// without end.
   std::vector<CLI::ConfigItem> from_config(std::istream& input) const override;
+
+  /// Calls set(name, value) for each line of section [limits]; what it throws as std::invalid_argument is thrown on as
+  /// CLI::ConfigError with file and line.
+  void for_each_limit(const std::function<void(const std::string&, const std::string&)>& set) const;
 
   /// Where the file has the option that an error about a value names: "clearanced.toml:4: "; empty: it has none, or the
   /// command line has it as well, which counts.
@@ -26,6 +32,7 @@ class ConfigFile : public CLI::ConfigTOML {
   struct Entry {
     std::string name, value;
     int line = 0;
+    bool is_limit = false;
   };
   [[noreturn]] void fail(int line, const std::string& what) const;
   std::vector<Entry> entries_of(std::istream& text) const;

@@ -2,8 +2,10 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
 #include <iostream>
+#include <stdexcept>
 
 #include "config_file.h"
 #include "wire/default_socket.h"
@@ -25,6 +27,8 @@ Configuration file (--config): the same names, one on a line; the command line h
   scene = "scenes/nineteen/scene.yaml"
   zmq = ["ipc:///run/user/1000/clearance.ipc"]
   log-level = "warn"
+  [limits]
+  max-clients = 500
 
 Ready
   With Type=notify systemd is told (sd_notify). --ready-fd N gets the urls of the daemon, one on a line, and is
@@ -41,7 +45,9 @@ Who may do what
 Reload
   SIGHUP, or `clearance reload`, has the scene loaded anew, aside; queries go on. Poses and attachments that were received stay with the
   bodies of the same names. If the scene cannot be loaded the old one stays, and the log says event=reload_failed.
+)";
 
+constexpr const char* kExitCodes = R"(
 Exit codes
   0 ended by a signal, as it should be    3 the scene cannot be loaded
   1 an error that nobody foresaw          4 an endpoint cannot be opened
@@ -114,29 +120,11 @@ void add_backend(CLI::App& app, DaemonOptions& o) {
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("N,N");
-  app.add_option("--device-memory-mib", o.device_memory_mib,
-                 "MiB of each GPU's memory that the cuda backend may take; 0: what there is")
-      ->type_name("N")
-      ->capture_default_str();
   app.add_flag("!--no-device-fallback", o.device_fallback,
                "refuse what the device cannot answer; else the CPU answers it");
-  app.add_option("--pinned-mib", o.pinned_mib,
-                 "MiB of clients' shared memory that are pinned where the device has large replies for them, so that "
-                 "it writes\n"
-                 "them there itself; 0: they are copied")
-      ->type_name("N")
-      ->capture_default_str();
 }
 
-void add_times(CLI::App& app, DaemonOptions& o) {
-  app.add_option("--slice-us", o.slice_us, "microseconds that one query may take before the others get a turn")
-      ->check(quiet(CLI::Range(1u, 1000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option("--spin-us", o.spin_us, "microseconds to poll after the last work before going to sleep; 0: none")
-      ->check(quiet(CLI::Range(0u, 1000000u)))
-      ->type_name("N")
-      ->capture_default_str();
+void add_real_time(CLI::App& app, DaemonOptions& o) {
   CLI::Option* real_time = app.add_flag(
       "--real-time", o.real_time,
       "run the loop at real-time priority (SCHED_FIFO), without spinning, and keep memory from being paged out; what\n"
@@ -147,88 +135,91 @@ void add_times(CLI::App& app, DaemonOptions& o) {
       ->needs(real_time);
 }
 
-void add_limits(CLI::App& app, DaemonOptions& o) {
-  app.add_option("--max-waiting", o.max_waiting, "queries that one client may have under way; more are refused (busy)")
-      ->check(quiet(CLI::Range(1u, 1000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option(
-         "--max-clients", o.max_clients,
-         "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way); more are refused")
-      ->check(quiet(CLI::Range(1u, 1000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option("--outside-mib", o.outside_mib,
-                 "MiB of memory that each process has which stands before TCP and LCM beyond this machine; one that "
-                 "needs more\nends, and is started again. A request or reply may have an eighth of it")
-      ->check(quiet(CLI::Range(64u, 1000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option(
-         "--max-client-mib", o.max_client_mib,
-         "MiB that one client's requests and replies under way may take; more are refused (busy), though one always\n"
-         "may. Its warm state has what is left")
-      ->check(quiet(CLI::Range(1u, 1000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option("--max-warm-mib", o.max_warm_mib,
-                 "MiB of all clients' warm state; beyond it, who was silent for longest begins cold again")
-      ->check(quiet(CLI::Range(0u, 1000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option("--max-pairs", o.max_pairs,
-                 "pairs times configurations that one query may ask about; more are refused")
-      ->check(quiet(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 62)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option("--max-piece-pairs", o.max_piece_pairs,
-                 "the same, counted in pairs of the bodies' pieces, before any of them is looked at")
-      ->check(quiet(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 62)))
-      ->type_name("N")
-      ->capture_default_str();
-  const auto add_points = [&](const char* name, std::uint64_t& most, const char* what) {
-    app.add_option(name, most, what)
-        ->check(quiet(CLI::Range(std::uint64_t{0}, std::uint64_t{1} << 30)))
-        ->type_name("N")
-        ->capture_default_str();
-  };
-  add_points("--max-body-points", o.max_body_points, "points that one update of a body of points may have");
-  add_points("--max-client-points", o.max_client_points, "points that a client may have set, and under way");
-  add_points("--max-points", o.max_points, "points of all clients");
-  const auto add_plans = [&](const char* name, unsigned& most, const char* what) {
-    app.add_option(name, most, what)->check(quiet(CLI::Range(0u, 100'000'000u)))->type_name("N")->capture_default_str();
-  };
-  add_plans("--max-client-plans", o.max_client_plans,
-            "plans that one client may have open in a GPU's memory (docs/cuda.md); 0: none is opened");
-  add_plans("--max-plans", o.max_plans, "plans of all clients");
-  add_plans("--max-client-plan-mib", o.max_client_plan_mib, "MiB of a GPU's memory that one client's plans may take");
-  add_plans("--max-plan-mib", o.max_plan_mib, "MiB of all clients' plans");
-  app.add_option("--max-added-bodies", o.max_added_bodies, "bodies that clients may have added to the scene")
-      ->check(quiet(CLI::Range(0u, 100000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option("--max-added-vertices", o.max_added_vertices, "vertices that each of them may have")
-      ->check(quiet(CLI::Range(1u, 10000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option("--max-added-triangles", o.max_added_triangles, "triangles that each of them may have")
-      ->check(quiet(CLI::Range(1u, 20000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option("--max-added-points", o.max_added_points,
-                 "points that each of them may have when it is added; what replaces them may be more")
-      ->check(quiet(CLI::Range(1u, 80000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option(
-         "--max-stamp-lead-s", o.max_stamp_lead_s,
-         "seconds that the stamp of a pose may be ahead of this machine's clock; poses farther ahead are refused")
-      ->check(quiet(CLI::Range(0u, 1000000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_flag("--require-epoch", o.require_epoch,
-               "refuse requests that deal with poses and name no epoch (docs/wire.md): a client that would not notice "
-               "a\nrestart gets no answer");
+/// A number that few daemons change: in section [limits] of the configuration file, or by --limit.
+struct Limit {
+  const char* name;
+  std::uint64_t DaemonOptions::* value;
+  std::uint64_t least, most;
+  const char* text;
+};
+constexpr std::uint64_t kManyPairs = std::uint64_t{1} << 62, kManyPoints = std::uint64_t{1} << 30;
+constexpr Limit kLimits[] = {
+    {"max-waiting", &DaemonOptions::max_waiting, 1, 1'000'000,
+     "queries of one client under way; more are rejected (busy)"},
+    {"max-clients", &DaemonOptions::max_clients, 1, 1'000'000,
+     "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way)"},
+    {"max-client-mib", &DaemonOptions::max_client_mib, 1, 1'000'000,
+     "MiB of one client's requests and replies under way; more are rejected (busy), though one always\n"
+     "may. Its warm state has what is left"},
+    {"max-warm-mib", &DaemonOptions::max_warm_mib, 0, 1'000'000,
+     "MiB of all clients' warm state; beyond it the client that was silent for longest loses its own"},
+    {"max-pairs", &DaemonOptions::max_pairs, 1, kManyPairs, "pairs times configurations of one query"},
+    {"max-piece-pairs", &DaemonOptions::max_piece_pairs, 1, kManyPairs, "the same in pairs of the bodies' pieces"},
+    {"max-body-points", &DaemonOptions::max_body_points, 0, kManyPoints, "points of one update of a body of points"},
+    {"max-client-points", &DaemonOptions::max_client_points, 0, kManyPoints,
+     "points that a client may have set, and under way"},
+    {"max-points", &DaemonOptions::max_points, 0, kManyPoints, "points of all clients"},
+    {"max-client-plans", &DaemonOptions::max_client_plans, 0, 100'000'000,
+     "plans of one client in a GPU's memory (docs/cuda.md); 0: none"},
+    {"max-plans", &DaemonOptions::max_plans, 0, 100'000'000, "plans of all clients"},
+    {"max-client-plan-mib", &DaemonOptions::max_client_plan_mib, 0, 100'000'000, "MiB of one client's plans"},
+    {"max-plan-mib", &DaemonOptions::max_plan_mib, 0, 100'000'000, "MiB of all clients' plans"},
+    {"max-added-bodies", &DaemonOptions::max_added_bodies, 0, 100'000, "bodies that clients may have added"},
+    {"max-added-vertices", &DaemonOptions::max_added_vertices, 1, 10'000'000, "vertices of an added body"},
+    {"max-added-triangles", &DaemonOptions::max_added_triangles, 1, 20'000'000, "triangles of an added body"},
+    {"max-added-points", &DaemonOptions::max_added_points, 1, 80'000,
+     "points of an added body; what replaces them may be more"},
+    {"max-stamp-lead-s", &DaemonOptions::max_stamp_lead_s, 0, 1'000'000'000,
+     "seconds that a pose's stamp may be ahead of this machine's clock"},
+    {"outside-mib", &DaemonOptions::outside_mib, 64, 1'000'000,
+     "MiB of each process before TCP and LCM beyond this machine; one that needs more is\n"
+     "restarted. A request or reply may have an eighth of it"},
+    {"device-memory-mib", &DaemonOptions::device_memory_mib, 0, 0xFFFF'FFFF, "MiB of each GPU; 0: what there is"},
+    {"pinned-mib", &DaemonOptions::pinned_mib, 0, 0xFFFF'FFFF,
+     "MiB of clients' shared memory that a GPU writes large replies to; 0: they are copied"},
+    {"slice-us", &DaemonOptions::slice_us, 1, 1'000'000, "microseconds of one query before the others get a turn"},
+    {"spin-us", &DaemonOptions::spin_us, 0, 1'000'000, "microseconds to poll before going to sleep; 0: none"},
+};
+
+/// The limits with their defaults, for --help.
+std::string limits_text() {
+  constexpr std::size_t kTextAt = 38;
+  std::string all =
+      "\nLimits: section [limits] of the configuration file, as in max-points = 1000, or --limit max-points=1000\n";
+  for (const Limit& limit : kLimits) {
+    std::string line = "  " + std::string(limit.name);
+    line.resize(23, ' ');
+    line += std::to_string(DaemonOptions().*limit.value);
+    line.resize(kTextAt, ' ');
+    for (const char c : std::string_view(limit.text)) {
+      line += c;
+      if (c == '\n') line.append(kTextAt, ' ');
+    }
+    all += line + "\n";
+  }
+  return all;
+}
+
+/// Throws std::invalid_argument for an unknown name, and a value that is no number in its range.
+void set_limit(const std::string& name, const std::string& value, DaemonOptions& o) {
+  const auto* const limit = std::find_if(std::begin(kLimits), std::end(kLimits),
+                                         [&](const Limit& candidate) { return candidate.name == name; });
+  if (limit == std::end(kLimits)) throw std::invalid_argument("there is no limit \"" + name.substr(0, 60) + "\"");
+  std::uint64_t number = 0;
+  const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
+  if (error != std::errc() || end != value.data() + value.size() || number < limit->least || number > limit->most)
+    throw std::invalid_argument(name + ": expected a number from " + std::to_string(limit->least) + " to " +
+                                std::to_string(limit->most) + ", got " + value.substr(0, 60));
+  o.*limit->value = number;
+}
+
+/// Of the command line: "max-points=1000".
+void set_limit(const std::string& text, DaemonOptions& o) try {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos) throw std::invalid_argument("expected NAME=N, got " + text.substr(0, 60));
+  set_limit(text.substr(0, equals), text.substr(equals + 1), o);
+} catch (const std::invalid_argument& error) {
+  throw CLI::ValidationError("--limit", error.what());
 }
 
 void add_watching(CLI::App& app, DaemonOptions& o) {
@@ -265,7 +256,7 @@ bool is_socket_path(const std::string& endpoint) {
 
 bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exit_code) {
   CLI::App app(kDescription, "clearanced");
-  app.footer(kFooter);
+  app.footer(std::string(kFooter) + limits_text() + kExitCodes);
   app.set_version_flag("--version", std::string("clearanced ") + CLEARANCE_VERSION);
   app.set_config("--config", "", "read options from this file (TOML or INI)")->type_name("FILE");
   const auto config = std::make_shared<ConfigFile>(app);
@@ -275,12 +266,20 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
   add_endpoints(app, o);
   add_lcm(app, o);
   add_backend(app, o);
-  add_times(app, o);
-  add_limits(app, o);
+  add_real_time(app, o);
+  std::vector<std::string> limits;
+  app.add_option("--limit", limits, "one of the limits below; may be repeated")
+      ->type_name("NAME=N")
+      ->configurable(false);
+  app.add_flag("--require-epoch", o.require_epoch,
+               "refuse requests that deal with poses and name no epoch (docs/wire.md): a client that would not notice "
+               "a\nrestart gets no answer");
   add_watching(app, o);
 
   try {
     app.parse(argc, argv);
+    config->for_each_limit([&o](const std::string& name, const std::string& value) { set_limit(name, value, o); });
+    for (const std::string& limit : limits) set_limit(limit, o);
   } catch (const CLI::Success& help_or_version) {
     exit_code = app.exit(help_or_version);
     return false;

@@ -31,32 +31,23 @@ struct DaemonOptions {
   std::string backend = "auto";
   int threads = 0;
   std::vector<int> devices;  ///< numbers; empty: the current one
-  unsigned device_memory_mib = 0;
   bool device_fallback = true;
-  unsigned pinned_mib = 1024;
-  unsigned slice_us = 200;
-  unsigned spin_us = 50;
   bool real_time = false;
   int loop_cpu = -1;  ///< -1: whichever
-  unsigned max_waiting = 64;
-  unsigned max_clients = 256;
-  unsigned outside_mib = 2048;
-  unsigned max_client_mib = 2048;
-  unsigned max_warm_mib = 1024;
-  unsigned max_added_bodies = 64;
-  unsigned max_client_plans = 8, max_plans = 64;
-  unsigned max_client_plan_mib = 2048, max_plan_mib = 8192;
-  std::uint64_t max_body_points = 2'000'000, max_client_points = 8'000'000, max_points = 16'000'000;
-  unsigned max_added_vertices = 20'000;
-  unsigned max_added_triangles = 40'000;
-  unsigned max_added_points = 80'000;
-  std::uint64_t max_pairs = 10'000'000'000;
-  std::uint64_t max_piece_pairs = 10'000'000'000'000;
-  unsigned max_stamp_lead_s = 60;
   bool require_epoch = false;
   std::string log_level = "info";
   std::string metrics;  ///< endpoint; empty: none
   int ready_fd = -1;
+
+  // The limits, which --help lists with their defaults.
+  std::uint64_t max_waiting = 64, max_clients = 256, max_client_mib = 2048, max_warm_mib = 1024, outside_mib = 2048;
+  std::uint64_t max_pairs = 10'000'000'000, max_piece_pairs = 10'000'000'000'000;
+  std::uint64_t max_body_points = 2'000'000, max_client_points = 8'000'000, max_points = 16'000'000;
+  std::uint64_t max_client_plans = 8, max_plans = 64, max_client_plan_mib = 2048, max_plan_mib = 8192;
+  std::uint64_t max_added_bodies = 64, max_added_vertices = 20'000, max_added_triangles = 40'000,
+                max_added_points = 80'000;
+  std::uint64_t device_memory_mib = 0, pinned_mib = 1024;
+  std::uint64_t max_stamp_lead_s = 60, slice_us = 200, spin_us = 50;
 };
 
 /// Reads the command line. Returns true if the daemon is to run; else `exit_code` is what to end with (help or version

@@ -16,14 +16,15 @@ namespace {
 PlanLedger::Share PlanLedger::begin(std::uint64_t client) {
   const std::lock_guard lock(mutex_);
   if (limits_.max_plans_of_client == 0)
-    refuse_plan(wire::ErrorCode::kNotSupported, "this daemon opens none (--max-client-plans 0)");
+    refuse_plan(wire::ErrorCode::kNotSupported, "this daemon opens none (limit max-client-plans = 0)");
   const auto held = clients_.find(client);
   if (held != clients_.end() && held->second.plans >= limits_.max_plans_of_client)
-    refuse_plan(wire::ErrorCode::kBusy, std::to_string(held->second.plans) +
-                                            " plans of this client are open already; close one (--max-client-plans)");
+    refuse_plan(wire::ErrorCode::kBusy,
+                std::to_string(held->second.plans) +
+                    " plans of this client are open already; close one (limit max-client-plans)");
   if (all_.plans >= limits_.max_plans)
     refuse_plan(wire::ErrorCode::kBusy,
-                std::to_string(all_.plans) + " plans of all clients are open already (--max-plans)");
+                std::to_string(all_.plans) + " plans of all clients are open already (limit max-plans)");
   Share share;
   share.ledger_ = shared_from_this();
   share.client_ = client;
@@ -43,11 +44,11 @@ void PlanLedger::Share::take(std::uint64_t bytes) {
   if (too_many(limits.max_plan_bytes_of_client, own.bytes))
     refuse_plan(wire::ErrorCode::kTooLarge, needs + "of the " + std::to_string(limits.max_plan_bytes_of_client) +
                                                 " that this client may take, its plans have " +
-                                                std::to_string(own.bytes) + " already (--max-client-plan-mib)");
+                                                std::to_string(own.bytes) + " already (limit max-client-plan-mib)");
   if (too_many(limits.max_plan_bytes, ledger_->all_.bytes))
     refuse_plan(wire::ErrorCode::kBusy, needs + "of the " + std::to_string(limits.max_plan_bytes) +
                                             " of all clients, " + std::to_string(ledger_->all_.bytes) +
-                                            " are taken already (--max-plan-mib)");
+                                            " are taken already (limit max-plan-mib)");
   own.bytes += bytes;
   ledger_->all_.bytes += bytes;
   bytes_ += bytes;

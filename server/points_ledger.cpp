@@ -11,7 +11,7 @@ void PointsLedger::begin(std::uint64_t client, std::uint64_t count) {
                             std::to_string(most) + " that there may be (" + option + ")"};
   };
   if (count > limits_.max_points_of_body)
-    refuse(wire::ErrorCode::kTooLarge, count, "of one body", limits_.max_points_of_body, "--max-body-points");
+    refuse(wire::ErrorCode::kTooLarge, count, "of one body", limits_.max_points_of_body, "limit max-body-points");
   std::uint64_t own = count, all = count;
   for (const auto& [name, held] : bodies_) {
     all += held.count;
@@ -23,10 +23,10 @@ void PointsLedger::begin(std::uint64_t client, std::uint64_t count) {
   }
   if (own > limits_.max_points_of_client)
     refuse(wire::ErrorCode::kTooLarge, own, "of this client, with those that they replace",
-           limits_.max_points_of_client, "--max-client-points");
+           limits_.max_points_of_client, "limit max-client-points");
   if (all > limits_.max_points)
     refuse(wire::ErrorCode::kBusy, all, "of all clients, with those that they replace", limits_.max_points,
-           "--max-points");
+           "limit max-points");
   under_way_[client] += count;
 }
 

@@ -40,7 +40,7 @@ Quotas::Usage Quotas::of(std::uint64_t client) const {
 void Quotas::check_requests(std::uint64_t client) const {
   const std::uint32_t requests = of(client).requests;
   if (requests >= limits_.max_waiting_per_client)
-    refuse(std::to_string(requests) + " queries of this client are under way already; ask again (--max-waiting)");
+    refuse(std::to_string(requests) + " queries of this client are under way already; ask again (limit max-waiting)");
 }
 
 std::uint64_t Quotas::check_bytes(std::uint64_t client, ServiceClass service, std::uint64_t bytes,
@@ -48,7 +48,7 @@ std::uint64_t Quotas::check_bytes(std::uint64_t client, ServiceClass service, st
   const std::uint64_t taken = of(client).bytes + unsent;
   if (taken && taken + bytes > limits_.max_client_bytes)
     refuse("the requests and replies of this client under way take " + std::to_string(taken) +
-           " bytes already; ask again (--max-client-mib)");
+           " bytes already; ask again (limit max-client-mib)");
   check_all_bytes(service, bytes);
   return limits_.max_client_bytes - std::min(limits_.max_client_bytes, taken + bytes);
 }

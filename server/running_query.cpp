@@ -84,7 +84,7 @@ void RunningQuery::Limits::check(const Extent& extent) const {
   if (const std::uint64_t pieces = extent.piece_pairs; pieces > max_piece_pairs)
     throw Refusal{wire::ErrorCode::kTooLarge, "the pairs that this query names have " + std::to_string(pieces) +
                                                   " pairs of pieces, more than the " + std::to_string(max_piece_pairs) +
-                                                  " that one query may ask about (--max-piece-pairs): split it"};
+                                                  " that one query may ask about (limit max-piece-pairs): split it"};
 }
 
 void RunningQuery::Limits::check(const QuerySize& size) const {
@@ -92,7 +92,7 @@ void RunningQuery::Limits::check(const QuerySize& size) const {
     throw Refusal{wire::ErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations of " +
                                                   std::to_string(size.pairs) + " pairs are more than the " +
                                                   std::to_string(max_pairs) +
-                                                  " that one query may ask about (--max-pairs): split it"};
+                                                  " that one query may ask about (limit max-pairs): split it"};
 }
 
 void RunningQuery::take_options(const QueryOptions& options, const Extent& extent) {

@@ -94,7 +94,7 @@ Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std
           most](SceneParts& scene) {
     if (scene.added.size() >= most)
       throw SceneError("add_body: " + std::to_string(most) +
-                       " bodies were added already, and no more may be (--max-added-bodies)");
+                       " bodies were added already, and no more may be (limit max-added-bodies)");
     scene.added.push_back({body_of(record, doubts, geometry), parent});
   };
 }
@@ -175,7 +175,7 @@ void SceneChanges::check_size(const wire::NewBodyParts& parts) const {
   const auto check = [](std::uint64_t got, std::uint64_t most, const std::string& what) {
     if (got > most)
       throw Refusal{ErrorCode::kTooLarge, "add_body: " + std::to_string(got) + " " + what + " are more than the " +
-                                              std::to_string(most) + " that an added body may have (--max-added-" +
+                                              std::to_string(most) + " that an added body may have (limit max-added-" +
                                               what + ")"};
   };
   check(parts.vertices.size(), limits_.max_added_vertices, "vertices");

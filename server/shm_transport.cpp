@@ -168,7 +168,7 @@ class ShmTransport final : public Transport {
       if (rights && who) why = places_.why_not(*who, "shared-memory clients", class_of(*rights));
       if (!why.empty()) {
         if (rights) ++*counters_.over_quota;
-        refuse(socket.get(), rights ? why + " (--max-clients)" : why);
+        refuse(socket.get(), rights ? why + " (limit max-clients)" : why);
         continue;
       }
       auto session = std::make_shared<ShmSession>();

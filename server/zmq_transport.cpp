@@ -199,7 +199,7 @@ class ZmqTransport final : public Transport {
     stranger->identity = from.identity;
     ZmqSink sink(*this, std::move(stranger), 0);
     send_error(sink, from.header, inbox.engine().scene_revision(), wire::ErrorCode::kBusy,
-               why + "; ask again (--max-clients)");
+               why + "; ask again (limit max-clients)");
   }
 
   /// What the sender of a message may do.

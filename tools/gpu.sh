@@ -76,7 +76,7 @@ bench_service() {
   file=$(results_file gpu_service) && folder=$(mktemp -d) && rm -f "$file"
   for way in copied pinned; do
     [ $way = pinned ] && pinned=1024 || pinned=0
-    "$bin/clearanced" --scene scenes/random_1000/scene.yaml --backend cuda --shm "$folder/$way" --pinned-mib $pinned \
+    "$bin/clearanced" --scene scenes/random_1000/scene.yaml --backend cuda --shm "$folder/$way" --limit pinned-mib=$pinned \
       --log-level warn &
     daemon=$!
     until [ -S "$folder/$way" ] || ! kill -0 $daemon 2>/dev/null; do sleep 0.1; done

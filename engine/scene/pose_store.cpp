@@ -242,7 +242,7 @@ void PoseStore::check_stamp(std::int64_t stamp_ns) const {
       "stamp_ns: " + std::to_string(stamp_ns) +
           (stamp_ns < 0 ? " is below 0"
                         : " is " + seconds(nanoseconds(stamp_ns) - now) + " s ahead of this machine's clock; " +
-                              seconds(max_stamp_lead_) + " s may be (Options::max_stamp_lead, --max-stamp-lead-s)"));
+                              seconds(max_stamp_lead_) + " s may be (Options::max_stamp_lead, limit max-stamp-lead-s)"));
 }
 
 void PoseStore::check_not_late(const StampMarks& marks, std::uint32_t id, const std::string& name,

@@ -164,7 +164,7 @@ def test_a_cloud_is_added_and_replaced(start_daemon, tmp_path):
         for wrong, error in [
             ({"points": [[0, 0, np.nan]]}, "point 0 has the coordinate nan"),
             ({"points": points, "voxel": -1.0}, "voxel"),
-            ({"points": np.zeros((80_001, 3))}, "80001 points are more than the 80000 .*--max-added-points"),
+            ({"points": np.zeros((80_001, 3))}, "80001 points are more than the 80000 .*limit max-added-points"),
         ]:
             with pytest.raises(clearance.QueryError, match=error):
                 client.add_body("odd", **wrong)

@@ -93,15 +93,15 @@ def test_through_every_transport(scene_file, start_daemon, kind):
 
 
 def test_what_is_too_much_is_refused(scene_file, start_daemon):
-    daemon = start_daemon(scene_file, ["ipc"], "--max-body-points", "1000", "--max-client-points", "2500")
+    daemon = start_daemon(scene_file, ["ipc"], "--limit", "max-body-points=1000", "--limit", "max-client-points=2500")
     url = daemon.urls["ipc"]
     with clearance.connect(url, timeout_s=PATIENCE_S) as client:
         points = np.zeros((1001, 3), np.float32)
-        with pytest.raises(clearance.QueryError, match=r"1001 points of one body .*--max-body-points"):
+        with pytest.raises(clearance.QueryError, match=r"1001 points of one body .*limit max-body-points"):
             client.set_points("cloud", points)
         client.set_points("cloud", points[:1000])
         client.set_points("voxels", points[:1000])
-        with pytest.raises(clearance.QueryError, match=r"3000 points of this client.*--max-client-points"):
+        with pytest.raises(clearance.QueryError, match=r"3000 points of this client.*limit max-client-points"):
             client.set_points("cloud", points[:1000])
         client.set_points("cloud", [])
         client.set_points("cloud", points[:900])

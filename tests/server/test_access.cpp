@@ -241,7 +241,7 @@ TEST_F(SocketGroup, TheDoormanTellsWhoIsBehindAConnection) {
 }
 
 TEST_F(SocketGroup, AMemberWhoTakesAllPlacesShutsOutNobodyElse) {
-  const auto daemon = start({"--socket-group", std::to_string(kGroup), "--max-clients", "8"});
+  const auto daemon = start({"--socket-group", std::to_string(kGroup), "--limit", "max-clients=8"});
   const std::string shm = daemon->urls()[0] + "?user=root";
   int go[2], ready[2];
   ASSERT_EQ(pipe(go) + pipe(ready), 0);
@@ -258,7 +258,7 @@ TEST_F(SocketGroup, AMemberWhoTakesAllPlacesShutsOutNobodyElse) {
         }
       const bool said = why.find("already has " + std::to_string(idle.size()) + " shared-memory clients; the last ") !=
                             std::string::npos &&
-                        why.find("(--max-clients)") != std::string::npos;
+                        why.find("(limit max-clients)") != std::string::npos;
       if (!said) std::fprintf(stderr, "child: %s\n", why.c_str());
       char byte = said && idle.size() >= 2 ? 'y' : 'n';
       if (write(ready[1], &byte, 1) != 1) return 1;

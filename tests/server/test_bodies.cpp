@@ -158,11 +158,11 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
   EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is none of 0 to 8");
   EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are for a hull alone");
   EXPECT_EQ(refusal(odd([](auto&) {}, 9), ErrorCode::kTooLarge),
-            "add_body: 9 vertices are more than the 8 that an added body may have (--max-added-vertices)");
+            "add_body: 9 vertices are more than the 8 that an added body may have (limit max-added-vertices)");
   EXPECT_EQ(change(odd([](auto&) {}, 8)).body, 4u) << "eight times the origin: a point";
   change(box_frame("crate"));
   EXPECT_EQ(refusal(box_frame("one more")),
-            "add_body: 2 bodies were added already, and no more may be (--max-added-bodies)");
+            "add_body: 2 bodies were added already, and no more may be (limit max-added-bodies)");
   change(remove_frame("odd"));
   EXPECT_EQ(change(box_frame("one more")).body, 5u);
   EXPECT_EQ(a_.sinks, 0);
@@ -244,7 +244,7 @@ TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
   EXPECT_EQ(refusal(mesh_frame("m", open, 3, wire::BodyShape::kBox)), "new body: triangles are for vertices alone");
   const std::vector<wire::TriangleRecord> many(5, kTetrahedron[0]);
   EXPECT_EQ(refusal(mesh_frame("m", many, 3), ErrorCode::kTooLarge),
-            "add_body: 5 triangles are more than the 4 that an added body may have (--max-added-triangles)");
+            "add_body: 5 triangles are more than the 4 that an added body may have (limit max-added-triangles)");
   EXPECT_EQ(refusal(doubted_frame("crate", std::uint64_t{0}, 21), ErrorCode::kBadFrame),
             "new body: triangles (record 21) have 8 bytes, expected 12 for each, and one at least");
   EXPECT_EQ(refusal(doubted_frame("crate", std::uint16_t{0}, 22), ErrorCode::kBadFrame),
@@ -277,7 +277,7 @@ TEST_F(Bodies, ACloudThatMakesNoSenseIsRefused) {
             "new body: points (record 23) have 8 bytes, expected 12 for each");
   EXPECT_EQ(refusal(cloud(two, wire::BodyShape::kBox)), "new body: points are for a cloud alone");
   EXPECT_EQ(refusal(cloud(three), ErrorCode::kTooLarge),
-            "add_body: 3 points are more than the 2 that an added body may have (--max-added-points)");
+            "add_body: 3 points are more than the 2 that an added body may have (limit max-added-points)");
   EXPECT_NE(refusal(cloud(far)).find("body \"cloud\""), std::string::npos);
   EXPECT_NE(refusal(cloud(two, wire::BodyShape::kCloud, NAN)).find("voxel"), std::string::npos);
   const std::uint32_t body = change(cloud(two)).body;

@@ -232,7 +232,7 @@ TEST_F(BoundedLoop, TooManyPairsOfPiecesAreRefusedBeforeAnyIsLookedAt) {
   EXPECT_EQ(
       error.text,
       "the pairs that this query names have 3600 pairs of pieces, more than the 3599 that one query may ask about "
-      "(--max-piece-pairs): split it");
+      "(limit max-piece-pairs): split it");
 }
 
 TEST_F(BoundedLoop, OthersAreAnsweredWhileTheWorkerWorks) {

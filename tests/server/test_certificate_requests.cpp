@@ -146,7 +146,7 @@ TEST_F(CertificateRequests, CountAsWhatTheyMayTake) {
   while (a_.replies.empty()) loop_->turn();
   const auto error = error_of(take(a_));
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kBusy);
-  EXPECT_NE(error.text.find("--max-client-mib"), std::string::npos) << error.text;
+  EXPECT_NE(error.text.find("limit max-client-mib"), std::string::npos) << error.text;
   turn_until_idle();
   EXPECT_EQ(take(a_)->type(), FrameType::kCertificate);
 }

@@ -67,6 +67,10 @@ TEST_F(Clearanced, WrongCommandLinesEndWith2) {
       {{"--scene", scene_, "--threads", "-1"}, "clearanced: --threads: Value -1 not in range 0 to 4096"},
       {{"--scene", scene_, "--frobnicate"}, "clearanced: The following argument was not expected: --frobnicate"},
       {{"--scene", scene_, "--log-level", "loud"}, "clearanced: --log-level: loud not in {"},
+      {{"--scene", scene_, "--max-pairs", "5"}, "clearanced: The following arguments were not expected: "},
+      {{"--scene", scene_, "--limit", "max-pairs"}, "clearanced: --limit: expected NAME=N, got max-pairs"},
+      {{"--scene", scene_, "--limit", "pairs=5"}, "clearanced: --limit: there is no limit \"pairs\""},
+      {{"--scene", scene_, "--limit", "max-pairs=-5"}, "clearanced: --limit: max-pairs: expected a number from 1 to "},
       {{"--scene", scene_, "--ready-fd", "99"}, "clearanced: --ready-fd: descriptor 99 is not open"},
       {{"--scene", scene_, "--config", folder_ / "none.toml"},
        "clearanced: " + (folder_ / "none.toml") + " was not readable"},
@@ -93,7 +97,14 @@ TEST_F(Clearanced, WhatIsWrongInAConfigurationFileIsNamedWithItsLine) {
       {"threads = 1\nzmq = [\"a\",\n\"b\"\nscene = \"x\"\n", ":2: zmq: the list has no end; expected ]"},
       {"scene = \"x\"\nthreads =\n", ":2: threads: expected a value"},
       {"threads = 1\nscene = \"x\"\nthreads = 2\n", ":3: threads is there already, in line 1"},
-      {"[daemon]\nscene = \"x\"\n", ":1: a section, [daemon]; options stand outside of sections"},
+      {"[daemon]\nscene = \"x\"\n", ":1: a section, [daemon]; options stand outside of sections, limits in [limits]"},
+      {"scene = \"x\"\n[limits]\nmax-clients = 0\n", ":3: max-clients: expected a number from 1 to 1000000, got 0"},
+      {"scene = \"x\"\n[limits]\nmax-clients = 9x\n", ":3: max-clients: expected a number from 1 to 1000000, got 9x"},
+      {"scene = \"x\"\n[limits]\nmax-clients = 2\nthreads = 1\n", ":4: there is no limit \"threads\""},
+      {"scene = \"x\"\nmax-clients = 2\n", ":2: there is no option \"max-clients\""},
+      {"[limits]\nmax-pairs = 1\nmax-pairs = 2\n[default]\nscene = \"x\"\n",
+       ":3: max-pairs is there already, in line 2"},
+      {"scene = \"x\"\nlimit = \"max-pairs=1\"\n", ":2: limit is for the command line alone"},
       {"scene = \"x\"\nhelp = true\n", ":2: help is for the command line alone"},
   };
   for (const Case& c : cases) {
@@ -308,6 +319,26 @@ TEST_F(Clearanced, ReadsItsConfigurationFile) {
   EXPECT_EQ(daemon.urls()[0], ipc_);
   EXPECT_EQ(daemon.urls()[1].rfind("tcp://127.0.0.1:", 0), 0u) << "with the port that was free";
   EXPECT_EQ(patient(daemon.urls()[1]).scene().bodies.size(), 4u);
+}
+
+TEST_F(Clearanced, TakesLimitsFromItsFileAndThenFromItsCommandLine) {
+  const std::string config =
+      folder_.write("c.toml", "[limits]\nmax-added-bodies = 0\nmax-pairs = 11\n[default]\nscene = \"" + scene_ +
+                                  "\"\nzmq = [\"" + ipc_ + "\"]\n");
+  Daemon daemon({"--config", config, "--limit", "max-pairs=5"});
+  const auto refused = [](auto call) -> std::string {
+    try {
+      call();
+    } catch (const std::exception& error) {
+      return error.what();
+    }
+    return "";
+  };
+  Client client = patient(ipc_);
+  const std::string pairs = refused([&] { client.distances(Query{}); });
+  EXPECT_TRUE(contains(pairs, "the 5 that one query may ask about (limit max-pairs)")) << pairs;
+  const std::string added = refused([&] { client.add_body({.name = "ball", .sphere = 0.1}); });
+  EXPECT_TRUE(contains(added, "(limit max-added-bodies)")) << added;
 }
 
 TEST_F(Clearanced, TellsSystemd) {

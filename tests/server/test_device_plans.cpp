@@ -280,30 +280,30 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
   EXPECT_GE(bytes, 2 * kOne);
   EXPECT_LT(bytes, 2 * kOne + 4000) << "and the lists of their few pairs";
   expect_refused(ask_for(a_, plan_query()), ErrorCode::kBusy,
-                 "a plan on a device: 2 plans of this client are open already; close one (--max-client-plans)");
+                 "a plan on a device: 2 plans of this client are open already; close one (limit max-client-plans)");
   const TestQuery large = plan_query(100'000);  // 11 MB of poses
   const auto too_large = error_of(ask_for(b_, large));
   EXPECT_EQ(static_cast<ErrorCode>(too_large.header.code), ErrorCode::kTooLarge);
   EXPECT_EQ(too_large.text, "a plan on a device: it needs 11200000 bytes of the device's memory; of the " +
                                 std::to_string(3 * kOne) +
                                 " that this client may take, its plans have 0 already "
-                                "(--max-client-plan-mib)");
+                                "(limit max-client-plan-mib)");
   EXPECT_EQ(counter("plans.open"), 2u) << "what was refused takes nothing";
   EXPECT_EQ(counter("plans.bytes"), bytes);
   open(b_);
   expect_refused(ask_for(c_, plan_query()), ErrorCode::kBusy,
-                 "a plan on a device: 3 plans of all clients are open already (--max-plans)");
+                 "a plan on a device: 3 plans of all clients are open already (limit max-plans)");
   tell(a_, plan_frame(FrameType::kClosePlan, first.header.plan));
   turn_until_shared(2);
   const auto all_taken = error_of(ask_for(c_, plan_query(12'000)));  // three pieces of 2 MiB
   EXPECT_EQ(static_cast<ErrorCode>(all_taken.header.code), ErrorCode::kBusy);
-  EXPECT_NE(all_taken.text.find("are taken already (--max-plan-mib)"), std::string::npos) << all_taken.text;
+  EXPECT_NE(all_taken.text.find("are taken already (limit max-plan-mib)"), std::string::npos) << all_taken.text;
   open(c_);
 
   options.max_plans_of_client = 0;
   begin(options);
   expect_refused(ask_for(a_, plan_query()), ErrorCode::kNotSupported,
-                 "a plan on a device: this daemon opens none (--max-client-plans 0)");
+                 "a plan on a device: this daemon opens none (limit max-client-plans = 0)");
 }
 
 TEST_F(DevicePlansTest, AreRefusedByName) {
@@ -328,8 +328,9 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
   query.bodies = {3, 3};
   const auto twice = error_of(tell(a_, query.frame(1, FrameType::kOpenPlan)));
   EXPECT_EQ(static_cast<ErrorCode>(twice.header.code), ErrorCode::kBadQuery) << twice.text;
-  refuse(plan_query(48), ErrorCode::kTooLarge,
-         "48 configurations of 21 pairs are more than the 1000 that one query may ask about (--max-pairs): split it");
+  refuse(
+      plan_query(48), ErrorCode::kTooLarge,
+      "48 configurations of 21 pairs are more than the 1000 that one query may ask about (limit max-pairs): split it");
   query = plan_query(4'000'000'000u);
   query.joints = std::vector<std::uint32_t>(100'000);
   refuse(query, ErrorCode::kTooLarge,

@@ -134,7 +134,7 @@ TEST_F(LoopTest, TooManyQueriesOfOneClientAreRefused) {
   EXPECT_EQ(a_.replies[0]->header().request_id, 4u);
   const auto error = error_of(a_.replies[0]);
   EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kBusy));
-  EXPECT_EQ(error.text, "3 queries of this client are under way already; ask again (--max-waiting)");
+  EXPECT_EQ(error.text, "3 queries of this client are under way already; ask again (limit max-waiting)");
   turn_until_idle();
   EXPECT_EQ(a_.replies.size(), 5u);
   EXPECT_EQ(b_.replies.size(), 1u) << "another client is not concerned";

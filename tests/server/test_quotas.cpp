@@ -36,8 +36,9 @@ TEST_F(Quotas, PairsOfOneQuery) {
   EXPECT_EQ(ask_for(20)->type(), wire::FrameType::kReply);
   const auto error = error_of(ask_for(21));
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kTooLarge);
-  EXPECT_EQ(error.text,
-            "21 configurations of 6 pairs are more than the 120 that one query may ask about (--max-pairs): split it");
+  EXPECT_EQ(
+      error.text,
+      "21 configurations of 6 pairs are more than the 120 that one query may ask about (limit max-pairs): split it");
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);  // few rows, and as many pairs
   EXPECT_EQ(ask_for(21)->type(), wire::FrameType::kError);
   EXPECT_EQ(ask_for(20)->type(), wire::FrameType::kReply);
@@ -57,7 +58,7 @@ TEST_F(Quotas, BytesOfOneClientsReplies) {
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kBusy);
   EXPECT_NE(error.text.find("the requests and replies of this client under way take "), std::string::npos)
       << error.text;
-  EXPECT_NE(error.text.find("(--max-client-mib)"), std::string::npos) << error.text;
+  EXPECT_NE(error.text.find("(limit max-client-mib)"), std::string::npos) << error.text;
   send(b_, small_query(), 3);
   turn_until_idle();
   EXPECT_EQ(take(b_)->type(), wire::FrameType::kReply) << "others are not touched";
@@ -75,7 +76,7 @@ TEST_F(Quotas, BytesOfOneClientsRequests) {
   loop_->turn();
   const auto error = error_of(take(a_));
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kBusy);
-  EXPECT_NE(error.text.find("(--max-client-mib)"), std::string::npos) << error.text;
+  EXPECT_NE(error.text.find("(limit max-client-mib)"), std::string::npos) << error.text;
   turn_until_idle();
   EXPECT_EQ(a_.replies.size(), 2u);
   for (int i = 0; i < 2; ++i) EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
@@ -156,8 +157,8 @@ TEST_F(Quotas, OfAClientThatGoesAreGivenBack) {
 std::vector<std::string> for_two(const TestFolder& folder) {
   const std::string scene = folder.write(
       "scene.yaml", "random: {count: 400, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 60, seed: 1}\n");
-  return {"--scene", scene,       "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc"), "--max-clients",
-          "2",       "--threads", "1"};
+  return {"--scene",       scene,       "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc"), "--limit",
+          "max-clients=2", "--threads", "1"};
 }
 
 TEST(Places, AreKeptForTheClassControl) {
@@ -206,8 +207,8 @@ TEST(Places, AreKeptForThoseWhoHaveFew) {
 
 TEST(MaxClients, ConnectionsThatAProgramForgetsShutOutNoOtherProgram) {
   const TestFolder folder;
-  Daemon daemon(
-      {"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--max-clients", "16"});
+  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--limit",
+                 "max-clients=16"});
   std::vector<Client> idle;
   std::string why;
   while (why.empty()) try {
@@ -216,7 +217,7 @@ TEST(MaxClients, ConnectionsThatAProgramForgetsShutOutNoOtherProgram) {
       why = error.what();
     }
   EXPECT_EQ(idle.size(), 8u);
-  EXPECT_NE(why.find("already has 8 shared-memory clients; the last 8 places are for others (--max-clients)"),
+  EXPECT_NE(why.find("already has 8 shared-memory clients; the last 8 places are for others (limit max-clients)"),
             std::string::npos)
       << why;
   const Finished controller = run({program("clearance"), "ping", "--connect", daemon.url()});
@@ -233,7 +234,7 @@ TEST(MaxClients, OverSharedMemory) {
       patient(daemon.urls()[0]);
       FAIL();
     } catch (const ConnectionError& error) {
-      EXPECT_NE(std::string(error.what()).find("already has 2 shared-memory clients (--max-clients)"),
+      EXPECT_NE(std::string(error.what()).find("already has 2 shared-memory clients (limit max-clients)"),
                 std::string::npos)
           << error.what();
     }
@@ -270,7 +271,7 @@ TEST(MaxClients, OverZeroMq) {
     EXPECT_EQ(a.get().rows(), configurations);
     EXPECT_EQ(b.get().rows(), configurations);
   }
-  EXPECT_EQ(said, "requests of 2 ZeroMQ clients are under way already; ask again (--max-clients)");
+  EXPECT_EQ(said, "requests of 2 ZeroMQ clients are under way already; ask again (limit max-clients)");
   third.ping();
 }
 

@@ -215,7 +215,7 @@ TEST_F(ZmqTest, RepliesToAClientThatDoesNotReadAreDroppedAndCounted) {
 
 TEST_F(ZmqTest, RepliesThatAClientDoesNotReadAreCountedAmongItsOwn) {
   const Daemon daemon({"--scene", folder_.write("two.yaml", scattered_yaml(100)), "--zmq",
-                       "ipc://" + (folder_ / "d.ipc"), "--threads", "1", "--max-client-mib", "4"});
+                       "ipc://" + (folder_ / "d.ipc"), "--threads", "1", "--limit", "max-client-mib=4"});
   zmq::context_t context;
   zmq::socket_t lazy = lazy_client(context, daemon.url());
   Client witness = patient(daemon.url());

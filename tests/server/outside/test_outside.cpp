@@ -125,7 +125,7 @@ class Outside : public testing::Test {
 };
 
 TEST_F(Outside, PartsThatNeverEndAreAffairsOfItsMemoryAndNotOfTheCores) {
-  start({"--outside-mib", "128"});
+  start({"--limit", "outside-mib=128"});
   const Busy busy(shm());
   busy.expect_answers();
   const std::uint64_t before = high_water_kib();
@@ -196,7 +196,7 @@ TEST_F(Outside, ItEndsWithTheCore) {
 }
 
 TEST_F(Outside, ARequestOrReplyBeyondItsShareOfMemoryIsRefused) {
-  start({"--outside-mib", "64"});  // an eighth: 8 MiB
+  start({"--limit", "outside-mib=64"});  // an eighth: 8 MiB
   Client client = patient(tcp());
   Query query;
   query.fields = kDefaultFields | kFieldPoints | kFieldNormal;
@@ -244,12 +244,12 @@ class OutsideWithKeys : public Outside {
       write_key_pair(folder_ / name, {open, secret});
     }
     std::ofstream(folder_ / "keys/authorized") << read_public_key(folder_ / "own.key") << " query own\n";
-    start({"--keys", folder_ / "keys", "--outside-mib", "256"});
+    start({"--keys", folder_ / "keys", "--limit", "outside-mib=256"});
   }
   /// A daemon with a process outside that does this, once it is there.
   void start_hostile(const std::string& what) {
     daemon_.reset();
-    start({"--keys", folder_ / "keys", "--outside-mib", "64"},
+    start({"--keys", folder_ / "keys", "--limit", "outside-mib=64"},
           {"CLEARANCE_OUTSIDE=" + program("clearance-hostile-outside"), "CLEARANCE_HOSTILE=" + what,
            "CLEARANCE_KEY_TO_CLAIM=" + read_public_key(folder_ / "own.key")});
   }
