@@ -85,20 +85,19 @@ CLI::App& add_plain(CLI::App& app, const char* name, const char* description, Ru
 struct PingOptions {
   Connection connection;
   unsigned count = 100;
-  unsigned bytes = 64;
 };
 
 void ping(const PingOptions& o) {
   Client client = o.connection.open();
-  const std::vector<std::byte> payload(o.bytes);
+  const std::vector<std::byte> payload(64);
   std::vector<double> us;
   for (unsigned i = 0; i < o.count; ++i) us.push_back(1e-3 * static_cast<double>(client.ping(payload).count()));
   std::sort(us.begin(), us.end());
   const auto at = [&us](double part) {
     return us[std::min(us.size() - 1, static_cast<std::size_t>(part * static_cast<double>(us.size())))];
   };
-  std::printf("%s: %u echoes of %u bytes, round trip min %.1f us, p50 %.1f us, p99 %.1f us, max %.1f us\n",
-              client.url().c_str(), o.count, o.bytes, us.front(), at(0.5), at(0.99), us.back());
+  std::printf("%s: %u echoes of %zu bytes, round trip min %.1f us, p50 %.1f us, p99 %.1f us, max %.1f us\n",
+              client.url().c_str(), o.count, payload.size(), us.front(), at(0.5), at(0.99), us.back());
 }
 
 }  // namespace
@@ -116,10 +115,6 @@ void add_ping(CLI::App& app) {
   add_connection_options(command, options->connection);
   command.add_option("--count", options->count, "echoes")
       ->check(quiet(CLI::Range(1u, 100000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  command.add_option("--bytes", options->bytes, "payload of each")
-      ->check(quiet(CLI::Range(0u, 64u << 20)))
       ->type_name("N")
       ->capture_default_str();
   command.callback([options] { ping(*options); });

@@ -221,10 +221,9 @@ void add_robot_options(CLI::App& command, RobotCommand& o) {
   add_output_options(command, o.output);
 }
 
-// --package is the name that it had first.
 void add_packages(CLI::App& command, RobotCommand& o) {
   command
-      .add_option("--packages,--package", o.packages,
+      .add_option("--packages", o.packages,
                   "NAME=FOLDER: where package://NAME/... leads to, if not where ROS' environment says; may be repeated")
       ->take_all();
 }

@@ -314,7 +314,7 @@ def test_what_does_not_go_together_is_refused(cell, urdf, monkeypatch):
     with pytest.raises(ValueError, match="--srdf and --packages are of a URDF"):
         command.open_session(options(cell, "--packages", "a=b"))
     with pytest.raises(ValueError, match="--packages: expected NAME=FOLDER, got 'a'"):
-        command.open_session(options(urdf, "--package", "a"))
+        command.open_session(options(urdf, "--packages", "a"))
     with pytest.raises(SystemExit):
         options(cell, "--rate", "1000")
 

@@ -38,7 +38,6 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--srdf", type=Path, metavar="FILE", help="of the robot: groups, and pairs not asked about")
     options.add_argument(
         "--packages",
-        "--package",
         action="append",
         default=[],
         metavar="NAME=FOLDER",
