@@ -66,10 +66,7 @@ void add_attach(CLI::App& app);
 void add_joints(CLI::App& app);
 void add_points(CLI::App& app);
 void add_path(CLI::App& app);
-void add_allow(CLI::App& app);
-void add_reload(CLI::App& app);
-void add_add_body(CLI::App& app);
-void add_remove_body(CLI::App& app);
+void add_scene(CLI::App& app);
 void add_bench(CLI::App& app);             // bench.cpp
 void add_bench_throughput(CLI::App& app);  // bench_throughput.cpp
 void add_bench_loop(CLI::App& app);        // bench_loop.cpp

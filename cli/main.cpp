@@ -18,10 +18,7 @@ int main(int argc, char** argv) {
   cli::add_joints(app);
   cli::add_points(app);
   cli::add_path(app);
-  cli::add_allow(app);
-  cli::add_reload(app);
-  cli::add_add_body(app);
-  cli::add_remove_body(app);
+  cli::add_scene(app);
   cli::add_stat(app);
   cli::add_ping(app);
   cli::add_keygen(app);

@@ -48,13 +48,21 @@ def page(program: str, section: str) -> str:
     out = [f'.TH {name.upper()} {section} "" "clearance {version}"\n']
     out += [f".SH NAME\n{roff(name)} \\- {roff(summary[0].lower() + summary[1:])}\n", f".SH SYNOPSIS\n{roff(usage)}\n"]
     out += [f".SH DESCRIPTION\n{roff(what)}\n.PP\n", as_it_is(rest)]
+    return "".join(out) + sections(program, [], text)
+
+
+def sections(program: str, path: list, text: str) -> str:
+    """A section for each command below a path of commands, whose --help is `text`."""
+    out = ""
     for command in commands_of(text):
+        below = [*path, command]
         try:
-            text = help_of(program, command)
+            text = help_of(program, *below)
         except subprocess.CalledProcessError:  # a program of its own, which this build is without
             continue
-        out += [f".SH {roff(f'{name} {command}').upper()}\n", as_it_is(text)]
-    return "".join(out)
+        out += f".SH {roff(' '.join([Path(program).name, *below])).upper()}\n{as_it_is(text)}"
+        out += sections(program, below, text)
+    return out
 
 
 def main() -> None:

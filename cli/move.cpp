@@ -1,5 +1,4 @@
-// What changes where bodies are, and which pairs may touch: set-pose, attach, allow, forbid.
-#include <algorithm>
+// What changes where bodies are: set-pose, attach.
 #include <iostream>
 #include <memory>
 
@@ -32,14 +31,6 @@ struct AttachOptions {
   std::vector<std::string> allow;
 };
 
-/// The selector of a body or group. Throws std::invalid_argument.
-std::uint32_t selector_of(Client& client, const std::string& name) {
-  const auto& groups = client.scene().groups;
-  const bool is_group =
-      name == "*" || std::any_of(groups.begin(), groups.end(), [&](const GroupInfo& g) { return g.name == name; });
-  return is_group ? client.group(name) : body_of(client, name);
-}
-
 void attach(const AttachOptions& o) {
   const Pose7 pose = pose_of("--pose", o.pose);
   if (o.free == !o.parent.empty()) throw std::invalid_argument("attach: name a parent, or say --free");
@@ -49,18 +40,6 @@ void attach(const AttachOptions& o) {
   const PosesDone done = client.attach(body_of(client, o.child), o.free ? kNone : body_of(client, o.parent),
                                        o.pose.empty() ? nullptr : &pose, allowed);
   std::cout << "pose revision " << done.revision << "\n";
-}
-
-struct AllowOptions {
-  Connection connection;
-  std::string a, b;
-};
-
-void allow(const AllowOptions& o, bool allowed) {
-  Client client = o.connection.open();
-  const std::uint32_t a = selector_of(client, o.a), b = selector_of(client, o.b);
-  const PosesDone done = allowed ? client.allow(a, b) : client.forbid(a, b);
-  std::cout << done.applied << (done.applied == 1 ? " pair" : " pairs") << (allowed ? " allowed\n" : " forbidden\n");
 }
 
 }  // namespace
@@ -90,19 +69,6 @@ void add_attach(CLI::App& app) {
       ->type_name("NAME,...");
   add_connection_options(command, options->connection);
   command.callback([options] { attach(*options); });
-}
-
-void add_allow(CLI::App& app) {
-  for (const bool allowed : {true, false}) {
-    auto& command =
-        *app.add_subcommand(allowed ? "allow" : "forbid", allowed ? "let bodies touch: their pairs are left out"
-                                                                  : "have the pairs of bodies looked at again");
-    auto options = std::make_shared<AllowOptions>();
-    command.add_option("A", options->a, "body or group; * is every body")->required();
-    command.add_option("B", options->b, "the other")->required();
-    add_connection_options(command, options->connection);
-    command.callback([options, allowed] { allow(*options, allowed); });
-  }
 }
 
 }  // namespace clearance::cli

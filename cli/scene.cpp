@@ -1,4 +1,4 @@
-// What changes the scene: reload, add-body, remove-body.
+// clearance scene: changes to the daemon's scene.
 #include <algorithm>
 #include <cstdio>
 #include <iostream>
@@ -93,10 +93,20 @@ void remove_body(const Connection& connection, const std::string& name) {
   print(connection.open().remove_body(name), "removed");
 }
 
-}  // namespace
+struct AllowOptions {
+  Connection connection;
+  std::string a, b;
+};
 
-void add_add_body(CLI::App& app) {
-  auto& command = *app.add_subcommand("add-body", "add a body to the daemon's scene, as an object that is grasped");
+void allow(const AllowOptions& o, bool allowed) {
+  Client client = o.connection.open();
+  const std::uint32_t a = selector_of(client, o.a), b = selector_of(client, o.b);
+  const PosesDone done = allowed ? client.allow(a, b) : client.forbid(a, b);
+  std::cout << done.applied << (done.applied == 1 ? " pair" : " pairs") << (allowed ? " allowed\n" : " forbidden\n");
+}
+
+void add_add(CLI::App& scene) {
+  auto& command = *scene.add_subcommand("add", "add a body, as an object that is grasped");
   auto options = std::make_shared<AddBodyOptions>();
   command.add_option("NAME", options->name, "that no body has")->required();
   auto& shape = *command.add_option_group("Shape", "one of them; lengths in metres");
@@ -148,8 +158,8 @@ void add_add_body(CLI::App& app) {
   command.callback([&command, options] { add_body(command, *options); });
 }
 
-void add_remove_body(CLI::App& app) {
-  auto& command = *app.add_subcommand("remove-body", "remove a body that was added while the daemon ran");
+void add_remove(CLI::App& scene) {
+  auto& command = *scene.add_subcommand("remove", "remove a body that was added while the daemon ran");
   auto connection = std::make_shared<Connection>();
   auto name = std::make_shared<std::string>();
   command.add_option("NAME", *name, "of the body")->required();
@@ -157,13 +167,35 @@ void add_remove_body(CLI::App& app) {
   command.callback([connection, name] { remove_body(*connection, *name); });
 }
 
-void add_reload(CLI::App& app) {
+void add_allow(CLI::App& scene, bool allowed) {
   auto& command =
-      *app.add_subcommand("reload", "have the daemon load its scene file anew; the old scene stays if it cannot");
+      *scene.add_subcommand(allowed ? "allow" : "forbid",
+                            allowed ? "let bodies touch: their pairs are left out" : "query the pairs of bodies again");
+  auto options = std::make_shared<AllowOptions>();
+  command.add_option("A", options->a, "body or group; * is every body")->required();
+  command.add_option("B", options->b, "the other")->required();
+  add_connection_options(command, options->connection);
+  command.callback([options, allowed] { allow(*options, allowed); });
+}
+
+void add_reload(CLI::App& scene) {
+  auto& command = *scene.add_subcommand("reload", "load the scene file anew; the old scene stays if that fails");
   auto connection = std::make_shared<Connection>();
   connection->timeout_s = 600;
   add_connection_options(command, *connection);
   command.callback([connection] { reload(*connection); });
+}
+
+}  // namespace
+
+void add_scene(CLI::App& app) {
+  auto& scene = *app.add_subcommand("scene", "change the daemon's scene: add, remove, allow, forbid, reload");
+  scene.require_subcommand(1);
+  add_add(scene);
+  add_remove(scene);
+  add_allow(scene, true);
+  add_allow(scene, false);
+  add_reload(scene);
 }
 
 }  // namespace clearance::cli

@@ -43,7 +43,7 @@ Who may do what
     echo 'KEY query,poses planner' >> keys/authorized    read again within a second of a change
 
 Reload
-  SIGHUP, or `clearance reload`, has the scene loaded anew, aside; queries go on. Poses and attachments that were received stay with the
+  SIGHUP, or `clearance scene reload`, has the scene loaded anew, aside; queries go on. Poses and attachments that were received stay with the
   bodies of the same names. If the scene cannot be loaded the old one stays, and the log says event=reload_failed.
 )";
 

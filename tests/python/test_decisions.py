@@ -138,13 +138,13 @@ def test_the_command_line(start_daemon, scene):
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
         return done.returncode, done.stdout + done.stderr
 
-    assert run("allow", "ball", "rigid") == (0, "2 pairs allowed\n")
-    assert run("forbid", "ball", "wall") == (0, "1 pair forbidden\n")
+    assert run("scene", "allow", "ball", "rigid") == (0, "2 pairs allowed\n")
+    assert run("scene", "forbid", "ball", "wall") == (0, "1 pair forbidden\n")
     code, text = run("query", "--reduce", "any", "--margin", "0.9")
     assert code == 0 and "ok" in text and "cup" in text
     code, text = run("query", "--reduce", "any", "--margin", "0.1")
     assert code == 0 and "beyond" in text
-    code, text = run("allow", "ball", "nonesuch")
+    code, text = run("scene", "allow", "ball", "nonesuch")
     assert code != 0 and "nonesuch" in text
     code, text = run("attach", "ball", "cup", "--pose", "1.9", "0", "0", "--allow", "rigid")
     assert code == 0, text

@@ -22,11 +22,13 @@ def test_a_page_has_every_command_and_option(program, section):
     path = str(BUILD / "bin" / program)
     text = man_page.page(path, section)
     assert text.startswith(f".TH {program.upper()} {section} ")
-    commands = man_page.commands_of(man_page.help_of(path))
-    assert ("path" in commands) == (program == "clearance")
-    for command in commands:
-        assert f"\n.SH CLEARANCE {command.upper()}\n".replace("-", "\\-") in text, command
-    helps = [man_page.help_of(path)] + [man_page.help_of(path, command) for command in commands]
+    commands = [[command] for command in man_page.commands_of(man_page.help_of(path))]
+    assert (["path"] in commands) == (program == "clearance")
+    for command in commands:  # grows meanwhile
+        assert f"\n.SH CLEARANCE {' '.join(command).upper()}\n".replace("-", "\\-") in text, command
+        commands += [[*command, below] for below in man_page.commands_of(man_page.help_of(path, *command))]
+    assert (["scene", "add"] in commands) == (program == "clearance")
+    helps = [man_page.help_of(path)] + [man_page.help_of(path, *command) for command in commands]
     options = {option for each in helps for option in re.findall(r"^ +(?:-\w,)?(--[a-z-]+)", each, re.MULTILINE)}
     assert len(options) > 20
     assert not [option for option in options if man_page.roff(option) not in text]
@@ -56,7 +58,10 @@ def completed(*words):
 def test_the_shell_completes_commands_and_options():
     clearance = str(BUILD / "bin/clearance")
     assert completed("clearance", "") == set(man_page.commands_of(man_page.help_of(clearance)))
-    assert completed("clearance", "for") == {"forbid"}
+    assert completed("clearance", "set") == {"set-pose"}
+    assert completed("clearance", "scene", "for") == {"forbid"}
+    assert not completed("clearance", "scene", "forbid", "for")
+    assert "--cylinder" in completed("clearance", "scene", "add", "--")
     options = re.findall(r"^ +(?:-\w,)?(--[a-z-]+)", man_page.help_of(clearance, "query"), re.MULTILINE)
     assert len(options) > 10 and set(options) <= completed("clearance", "query", "--")
     assert completed("clearance", "query", "--max-d") == {"--max-distance"}

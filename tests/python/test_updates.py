@@ -239,9 +239,9 @@ def test_text_files_may_have_a_byte_order_mark_and_are_no_utf_16(daemon, tmp_pat
         code, said = run(daemon, "path", file, *pairs)
         assert code == 2 and str(file) in said and why in said
     (tmp_path / "hull").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n", "utf-8-sig")
-    assert run(daemon, "add-body", "wedge", "--vertices", tmp_path / "hull")[0] == 0
+    assert run(daemon, "scene", "add", "wedge", "--vertices", tmp_path / "hull")[0] == 0
     (tmp_path / "hull").write_text("0 0 0\n", "utf-16")
-    code, said = run(daemon, "add-body", "two", "--vertices", tmp_path / "hull")
+    code, said = run(daemon, "scene", "add", "two", "--vertices", tmp_path / "hull")
     assert code == 2 and f"--vertices {tmp_path / 'hull'}: the text is UTF-16" in said
 
 

@@ -463,20 +463,21 @@ TEST_F(CommandLine, PosesAndAttachments) {
 
 TEST_F(CommandLine, BodiesComeAndGo) {
   const Finished added =
-      ask({"add-body", "mug", "--cylinder", "0.04", "0.1", "--parent", "link1", "--pose", "0", "0", "0.3"});
+      ask({"scene", "add", "mug", "--cylinder", "0.04", "0.1", "--parent", "link1", "--pose", "0", "0", "0.3"});
   EXPECT_TRUE(contains(added.out, ", 5 bodies, added in ")) << added.out << added.err;
   EXPECT_TRUE(contains(ask({"poses", "--csv"}).out, "4,mug,ok,"));
-  EXPECT_EQ(ask({"add-body", "ball", "--sphere", "0.25", "--pose", "0", "0", "2"}).code, 0);
+  EXPECT_EQ(ask({"scene", "add", "ball", "--sphere", "0.25", "--pose", "0", "0", "2"}).code, 0);
   EXPECT_TRUE(contains(ask({"query", "--pairs", "table,ball", "--csv", "--fields", "distance"}).out, "table,ball,1.7"));
-  EXPECT_EQ(ask({"add-body", "plate", "--box", "0.1", "0.1", "0.01", "--radius", "0.005", "--static"}).code, 0);
-  EXPECT_EQ(ask({"add-body", "rod", "--capsule", "0.01", "0.5"}).code, 0);
+  EXPECT_EQ(ask({"scene", "add", "plate", "--box", "0.1", "0.1", "0.01", "--radius", "0.005", "--static"}).code, 0);
+  EXPECT_EQ(ask({"scene", "add", "rod", "--capsule", "0.01", "0.5"}).code, 0);
   const std::string wedge = folder_.write("wedge.txt", "0 0 0\n1, 0, 0\n\n0\t1 0\r\n0 0 1\n");
-  const Finished hull = ask({"add-body", "wedge", "--vertices", wedge, "--pose", "0", "0", "5", "0", "1", "0", "0"});
+  const Finished hull =
+      ask({"scene", "add", "wedge", "--vertices", wedge, "--pose", "0", "0", "5", "0", "1", "0", "0"});
   EXPECT_TRUE(contains(hull.out, ", 9 bodies, added in ")) << hull.out << hull.err;
   EXPECT_TRUE(
       contains(ask({"query", "--pairs", "table,wedge", "--csv", "--fields", "distance"}).out, "table,wedge,3.95"));
 
-  EXPECT_TRUE(contains(ask({"remove-body", "ball"}).out, ", 8 bodies, removed in "));
+  EXPECT_TRUE(contains(ask({"scene", "remove", "ball"}).out, ", 8 bodies, removed in "));
   const std::string bad = folder_.write("bad.txt", "0 0 0\n1 0\n"), empty = folder_.write("empty.txt", "\n");
   struct Case {
     std::vector<std::string> options;
@@ -484,28 +485,28 @@ TEST_F(CommandLine, BodiesComeAndGo) {
     std::string text;
   };
   const Case cases[] = {
-      {{"remove-body", "ball"}, 1, "clearance: remove_body: \"ball\" is not in the scene\n"},
-      {{"remove-body", "cup"},
+      {{"scene", "remove", "ball"}, 1, "clearance: remove_body: \"ball\" is not in the scene\n"},
+      {{"scene", "remove", "cup"},
        1,
        "clearance: remove_body: \"cup\" is the scene file's: change the file, and reload it\n"},
-      {{"add-body", "mug", "--sphere", "1"}, 1, "clearance: body name \"mug\" is already that of a body\n"},
-      {{"add-body", "x", "--sphere", "-1"},
+      {{"scene", "add", "mug", "--sphere", "1"}, 1, "clearance: body name \"mug\" is already that of a body\n"},
+      {{"scene", "add", "x", "--sphere", "-1"},
        1,
        "clearance: body \"x\": sphere radius: expected a number of metres > 0, got -1\n"},
-      {{"add-body", "x"}, 2, "clearance: "},
-      {{"add-body", "x", "--sphere", "1", "--box", "1", "1", "1"}, 2, "clearance: "},
-      {{"add-body", "x", "--box", "1", "1"}, 2, "clearance: --box: At least 3 required but received 2\n"},
-      {{"add-body", "x", "--sphere", "1", "--parent", "link9"},
+      {{"scene", "add", "x"}, 2, "clearance: "},
+      {{"scene", "add", "x", "--sphere", "1", "--box", "1", "1", "1"}, 2, "clearance: "},
+      {{"scene", "add", "x", "--box", "1", "1"}, 2, "clearance: --box: At least 3 required but received 2\n"},
+      {{"scene", "add", "x", "--sphere", "1", "--parent", "link9"},
        2,
        "clearance: no body \"link9\" in the scene; did you mean"},
-      {{"add-body", "x", "--sphere", "1", "--pose", "1", "2", "3", "4"},
+      {{"scene", "add", "x", "--sphere", "1", "--pose", "1", "2", "3", "4"},
        2,
        "clearance: --pose: expected x y z, or x y z qw qx qy qz; got 4 numbers\n"},
-      {{"add-body", "x", "--vertices", bad},
+      {{"scene", "add", "x", "--vertices", bad},
        2,
        "clearance: --vertices " + bad + ":2: expected three numbers, got \"1 0\"\n"},
-      {{"add-body", "x", "--vertices", empty}, 2, "clearance: --vertices " + empty + ": there are none\n"},
-      {{"add-body", "x", "--vertices", folder_ / "nowhere"},
+      {{"scene", "add", "x", "--vertices", empty}, 2, "clearance: --vertices " + empty + ": there are none\n"},
+      {{"scene", "add", "x", "--vertices", folder_ / "nowhere"},
        2,
        "clearance: --vertices " + (folder_ / "nowhere") + ": cannot be read\n"},
   };
@@ -579,8 +580,8 @@ TEST_F(CommandLine, FindsTheDaemonByTheEnvironment) {
 TEST_F(CommandLine, HelpHasAnExample) {
   const Finished help = clearance_cli({"--help"});
   EXPECT_EQ(help.code, 0);
-  for (const char* part : {"bodies", "poses", "query", "stat", "ping", "set-pose", "attach", "reload", "add-body",
-                           "remove-body", "Example\n  clearance query", "CLEARANCE_URL"})
+  for (const char* part : {"bodies", "poses", "query", "stat", "ping", "set-pose", "attach", "scene",
+                           "Example\n  clearance query", "CLEARANCE_URL"})
     EXPECT_TRUE(contains(help.out, part));
   EXPECT_FALSE(contains(clearance_cli({"query", "--help"}).out, "Exit codes"));
 }

@@ -301,7 +301,7 @@ TEST(ClearancedReload, ByACommand) {
   more.insert(more.find("groups:"), "  - {name: crate, box: [1, 1, 1], pose: [5,0,0, 1,0,0,0]}\n");
   folder.write("scene.yaml", more);
   for (const std::string& url : daemon.urls()) {
-    const Finished good = run({program("clearance"), "reload", "--connect", url});
+    const Finished good = run({program("clearance"), "scene", "reload", "--connect", url});
     EXPECT_EQ(good.code, 0) << good.err;
     EXPECT_NE(good.out.find(", 5 bodies, loaded in "), std::string::npos) << good.out;
   }
@@ -316,7 +316,7 @@ TEST(ClearancedReload, ByACommand) {
   EXPECT_NE(after, before);
 
   folder.write("scene.yaml", "bodies: [{name: x, box: [1, -1, 1]}]\n");
-  const Finished bad = run({program("clearance"), "reload", "--connect", daemon.url()});
+  const Finished bad = run({program("clearance"), "scene", "reload", "--connect", daemon.url()});
   EXPECT_EQ(bad.code, 1);
   EXPECT_EQ(bad.out, "");
   EXPECT_NE(bad.err.find("scene.yaml:1: bodies[0]"), std::string::npos) << bad.err;
