@@ -4,7 +4,7 @@
 #include <iostream>
 #include <memory>
 
-#include "commands.h"
+#include "cli/commands.h"
 
 namespace clearance::cli {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "cli/table.h"
 #include "client/client.h"
-#include "table.h"
 
 namespace clearance::cli {
 

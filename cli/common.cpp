@@ -7,7 +7,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "commands.h"
+#include "cli/commands.h"
 #include "wire/default_socket.h"
 
 namespace clearance::cli {

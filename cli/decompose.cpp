@@ -8,7 +8,7 @@
 #include <iostream>
 #include <memory>
 
-#include "commands.h"
+#include "cli/commands.h"
 
 namespace clearance::cli {
 namespace {

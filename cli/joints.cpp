@@ -4,7 +4,7 @@
 #include <set>
 #include <sstream>
 
-#include "commands.h"
+#include "cli/commands.h"
 
 namespace clearance::cli {
 namespace {

@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <zmq.hpp>
 
-#include "commands.h"
+#include "cli/commands.h"
 #include "wire/key_file.h"
 
 namespace clearance::cli {

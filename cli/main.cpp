@@ -1,7 +1,7 @@
 // clearance: queries a running clearanced from the command line, and inspects scenes, robots and meshes.
 #include <iostream>
 
-#include "commands.h"
+#include "cli/commands.h"
 
 int main(int argc, char** argv) {
   using namespace clearance;

@@ -5,8 +5,8 @@
 #include <memory>
 #include <sstream>
 
-#include "commands.h"
-#include "text_lines.h"
+#include "cli/commands.h"
+#include "cli/text_lines.h"
 
 namespace clearance::cli {
 namespace {

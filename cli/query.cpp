@@ -6,7 +6,7 @@
 #include <sstream>
 #include <type_traits>
 
-#include "commands.h"
+#include "cli/commands.h"
 
 namespace clearance::cli {
 namespace {

@@ -10,10 +10,10 @@
 #include <optional>
 #include <sstream>
 
-#include "commands.h"
+#include "cli/commands.h"
+#include "cli/text_lines.h"
 #include "engine/robot/kinematics.h"
 #include "inspect/robot_pairs.h"
-#include "text_lines.h"
 
 namespace clearance::cli {
 namespace {

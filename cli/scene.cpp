@@ -6,8 +6,8 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "commands.h"
-#include "text_lines.h"
+#include "cli/commands.h"
+#include "cli/text_lines.h"
 
 namespace clearance::cli {
 namespace {

@@ -2,7 +2,7 @@
 #include <iostream>
 #include <memory>
 
-#include "commands.h"
+#include "cli/commands.h"
 #include "engine/device/device.h"
 #include "engine/device/device_self_test.h"
 #include "engine/narrow/self_test.h"

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "commands.h"
+#include "cli/commands.h"
 
 namespace clearance::cli {
 namespace {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <thread>
 
-#include "commands.h"
+#include "cli/commands.h"
 #include "wire/prometheus.h"
 
 namespace clearance::cli {

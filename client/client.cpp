@@ -1,11 +1,11 @@
-#include "client.h"
+#include "client/client.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 
-#include "client_impl.h"
-#include "unknown_name.h"
+#include "client/client_impl.h"
+#include "client/unknown_name.h"
 
 namespace clearance {
 

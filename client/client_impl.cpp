@@ -1,4 +1,4 @@
-#include "client_impl.h"
+#include "client/client_impl.h"
 
 #include <algorithm>
 

@@ -11,9 +11,9 @@
 #include <utility>
 #include <vector>
 
-#include "client.h"
-#include "connection.h"
-#include "requests.h"
+#include "client/client.h"
+#include "client/connection.h"
+#include "client/requests.h"
 #include "wire/wire.h"
 
 namespace clearance {

@@ -1,4 +1,4 @@
-#include "connection.h"
+#include "client/connection.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "url.h"
+#include "client/url.h"
 #include "wire/wire.h"
 
 namespace clearance {

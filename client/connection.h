@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "channel.h"
-#include "client.h"
-#include "fork_guard.h"
-#include "hang_watch.h"
+#include "client/channel.h"
+#include "client/client.h"
+#include "client/fork_guard.h"
+#include "client/hang_watch.h"
 
 namespace clearance {
 

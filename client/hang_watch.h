@@ -5,7 +5,7 @@
 #include <chrono>
 #include <cstdint>
 
-#include "channel.h"
+#include "client/channel.h"
 
 namespace clearance {
 

@@ -13,8 +13,8 @@
 #include <unordered_map>
 #include <unordered_set>
 
-#include "channel.h"
-#include "client.h"
+#include "client/channel.h"
+#include "client/client.h"
 #include "wire/aligned_buffer.h"
 #include "wire/lcm_bus.h"
 #include "wire/lcm_check.h"

@@ -1,9 +1,9 @@
 #include <cstdlib>
 #include <stdexcept>
 
-#include "channel.h"
-#include "client.h"
-#include "url.h"
+#include "client/channel.h"
+#include "client/client.h"
+#include "client/url.h"
 
 namespace clearance {
 namespace {

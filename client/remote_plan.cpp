@@ -4,8 +4,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "client.h"
-#include "client_impl.h"
+#include "client/client.h"
+#include "client/client_impl.h"
 
 namespace clearance {
 

@@ -1,8 +1,8 @@
 #include <cstring>
 
-#include "channel.h"
-#include "client.h"
-#include "fork_guard.h"
+#include "client/channel.h"
+#include "client/client.h"
+#include "client/fork_guard.h"
 #include "wire/wire.h"
 
 namespace clearance {

@@ -1,4 +1,4 @@
-#include "requests.h"
+#include "client/requests.h"
 
 #include <algorithm>
 #include <stdexcept>

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "client.h"
+#include "client/client.h"
 #include "wire/wire.h"
 
 namespace clearance {

@@ -12,11 +12,11 @@
 #include <utility>
 #include <vector>
 
-#include "channel.h"
-#include "client.h"
-#include "fork_guard.h"
-#include "shm_client_segment.h"
-#include "shm_options.h"
+#include "client/channel.h"
+#include "client/client.h"
+#include "client/fork_guard.h"
+#include "client/shm_client_segment.h"
+#include "client/shm_options.h"
 #include "wire/shm_layout.h"
 #include "wire/shm_os.h"
 #include "wire/spin_gate.h"

@@ -1,4 +1,4 @@
-#include "shm_client_segment.h"
+#include "client/shm_client_segment.h"
 
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -7,7 +7,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "client.h"
+#include "client/client.h"
 #include "wire/protocol.h"
 
 namespace clearance {

@@ -1,4 +1,4 @@
-#include "shm_options.h"
+#include "client/shm_options.h"
 
 #include <pwd.h>
 

@@ -1,4 +1,4 @@
-#include "url.h"
+#include "client/url.h"
 
 #include <stdexcept>
 

@@ -11,8 +11,8 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "channel.h"
-#include "client.h"
+#include "client/channel.h"
+#include "client/client.h"
 #include "wire/aligned_buffer.h"
 #include "wire/wire.h"
 #include "wire/zmq_calls.h"

@@ -10,19 +10,19 @@
 #include <utility>
 
 #include "engine/base/fp_environment.h"
+#include "engine/certificate/motion_certificate.h"
 #include "engine/device/device_job.h"
-#include "engine/device/device_plan.h"
 #include "engine/device/device_self_test.h"
+#include "engine/device/query/device_plan.h"
 #include "engine/device/router.h"
 #include "engine/motion/free_scale.h"
-#include "engine/motion/motion_certificate.h"
 #include "engine/motion/motion_job.h"
 #include "engine/narrow/self_test.h"
 #include "engine/query/extent.h"
 #include "engine/query/job_state.h"
 #include "engine/query/kept_jobs.h"
-#include "engine/query/plan.h"
-#include "engine/scene/pose_store.h"
+#include "engine/selection/plan.h"
+#include "engine/state/pose_store.h"
 
 namespace clearance {
 

@@ -11,16 +11,16 @@
 #include <vector>
 
 #include "engine/base/counters.h"
+#include "engine/certificate/certificate.h"
 #include "engine/pose/body_pose.h"
-#include "engine/query/certificate.h"
 #include "engine/query/extent.h"
 #include "engine/query/job.h"
-#include "engine/query/query.h"
 #include "engine/scene/scene.h"
+#include "engine/selection/query.h"
 
 namespace clearance {
 
-class DevicePlan;  // engine/device/device_plan.h
+class DevicePlan;  // engine/device/query/device_plan.h
 
 /// Thread-safe: poses may be set while jobs run; each job sees one snapshot.
 class Engine {

@@ -5,10 +5,10 @@
 #include <set>
 #include <utility>
 
+#include "engine/bvh/enclosure.h"
+#include "engine/bvh/surface.h"
 #include "engine/hull/decomposition.h"
 #include "engine/scene/geometry.h"
-#include "engine/surface/enclosure.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

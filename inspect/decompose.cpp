@@ -7,9 +7,9 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "engine/bvh/surface.h"
 #include "engine/hull/decomposition.h"
 #include "engine/scene/mesh_geometry.h"
-#include "engine/surface/surface.h"
 #include "inspect/coacd_process.h"
 
 namespace clearance {

@@ -1,4 +1,4 @@
-#include "inspect.h"
+#include "inspect/inspect.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,10 +6,10 @@
 #include <set>
 
 #include "engine/base/fp_environment.h"
+#include "engine/bvh/surface.h"
 #include "engine/hull/primitive.h"
 #include "engine/scene/body_ball.h"
 #include "engine/scene/mesh_warning.h"
-#include "engine/surface/surface.h"
 #include "inspect/timing.h"
 
 namespace clearance {

@@ -12,7 +12,7 @@
 #include "engine/engine.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/qhull_guess.h"
-#include "inspect.h"
+#include "inspect/inspect.h"
 
 namespace clearance {
 

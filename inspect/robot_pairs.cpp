@@ -1,4 +1,4 @@
-#include "robot_pairs.h"
+#include "inspect/robot_pairs.h"
 
 #include <algorithm>
 #include <cmath>

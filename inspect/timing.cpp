@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "engine/scene/ignored_pairs.h"
+#include "engine/state/ignored_pairs.h"
 
 namespace clearance {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "engine/engine.h"
-#include "engine/scene/pair_table.h"
+#include "engine/state/pair_table.h"
 
 namespace clearance {
 

@@ -12,17 +12,17 @@ set -euo pipefail
 extras=(
   "client_install   3  pyproject.toml CMakeLists.txt cmake client wire cli lcmtypes"
   "wheels          60  pyproject.toml CMakeLists.txt cmake client lcmtypes tests/install tools/wheel.sh tools/root.sh"
-  "deb             15  CMakeLists.txt cmake cli/CMakeLists.txt cli/man_page.py server/CMakeLists.txt server/clearanced.service.in tests/install tools/root.sh"
-  "arm             60  CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/exact tests/install/try_arm.py tests/robot tools/root.sh"
+  "deb             15  CMakeLists.txt cmake cli/CMakeLists.txt cli/man_page.py server/CMakeLists.txt server/app/clearanced.service.in tests/install tools/root.sh"
+  "arm             60  CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/oracle tests/install/try_arm.py tests/engine/robot tools/root.sh"
   "coal             2  client/python/clearance tests/install/try_coal.py"
-  "ompl             2  client/python/clearance engine/motion tests/install/try_ompl.py"
+  "ompl             2  client/python/clearance engine/motion engine/certificate tests/install/try_ompl.py"
   "jax              2  client/python/clearance/jax.py client/python/clearance/_xla_ffi.py client/python/clearance/_device_plan.py client/python/clearance/_pose_gradient.py tests/python/test_jax.py"
   "viewer           5  client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
   "examples         3  client/examples client/python/clearance scenes/cell tools/examples_requirements.txt"
   "site             3  docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/embed wire/*.h"
   "ray              6  client/python/clearance client/examples/roadmap.py tests/python/test_sweep.py tests/python/test_sweep_jobs.py tests/python/test_sweep_ray.py tests/python/sweeps.py"
-  "fuzz            12  wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
-  "robots           3  engine/robot engine/base engine/pose cli/robot.cpp tests/robot"
+  "fuzz            12  wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/scene_io engine/state engine/cache tests/fuzz"
+  "robots           3  engine/robot engine/base engine/pose cli/robot.cpp tests/engine/robot"
   "races           15  wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
   "kernels         20  engine/cuda engine/device engine/narrow engine/base engine/hull engine/pose bench/report CMakeLists.txt cmake"
 )
@@ -227,7 +227,7 @@ run_robots() {
   step extras-robots-venv "Make $venv" .venv/bin/python -m venv "$venv"
   step extras-robots-install "Install robots and their judges" "$venv/bin/python" -m pip install --disable-pip-version-check \
     --progress-bar off example-robot-data==6.0.0 pin==4.1.0 mpmath==1.3.0 numpy
-  "$venv/bin/python" tests/robot/check_example_robots.py build
+  "$venv/bin/python" tests/engine/robot/check_example_robots.py build
 }
 
 # Transports and clients under ThreadSanitizer. It follows no fork of a process with threads: no client that is one.

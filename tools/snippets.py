@@ -42,9 +42,9 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     },
     "docs/accuracy.md": {
         "make ": LONG + "make test has a part of it",
-        "build/bin/clearance-certify": LONG + "tests/exact",
-        "build/bin/clearance-certificates": LONG + "tests/exact",
-        "build/bin/clearance-mine": LONG + "tests/exact",
+        "build/bin/clearance-certify": LONG + "tests/oracle",
+        "build/bin/clearance-certificates": LONG + "tests/oracle",
+        "build/bin/clearance-mine": LONG + "tests/oracle",
     },
     "docs/containers_and_ros.md": {
         "mkdir -p /run/clearance": NEEDS + "Docker",
@@ -63,7 +63,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     "docs/faults.md": {"make ": LONG + "make test has a part of it"},
     "docs/latency.md": {
         "clearanced --scene scenes/nineteen/scene.yaml --shm /run": NEEDS + "the right to real-time priorities",
-        "clearance stat --watch": "never ends; tests/server/test_stats.cpp has the counters",
+        "clearance stat --watch": "never ends; tests/server/base/test_stats.cpp has the counters",
     },
     "docs/lcm.md": {
         "ip ": "changes the machine's network",
@@ -73,7 +73,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     },
     "docs/python.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
     "docs/report.md": {"make ": LONG + "make test has a part of it"},
-    "docs/scenes.md": {"clearance decompose": NEEDS + "CoACD; tests/scene/test_decomposed_meshes.cpp"},
+    "docs/scenes.md": {"clearance decompose": NEEDS + "CoACD; tests/inspect/test_decomposed_meshes.cpp"},
     "docs/start.md": {
         "git clone": "the repository is there",
         "make build": "it is built",

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <limits>
 
-#include "wire.h"
+#include "wire/wire.h"
 
 namespace clearance::wire {
 

@@ -1,7 +1,7 @@
 // Frames and their records, independent of the contents.
 #include <utility>
 
-#include "checks.h"
+#include "wire/checks.h"
 
 namespace clearance::wire {
 

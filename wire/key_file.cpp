@@ -1,4 +1,4 @@
-#include "key_file.h"
+#include "wire/key_file.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

@@ -6,7 +6,7 @@
 #include <string>
 #include <type_traits>
 
-#include "protocol.h"
+#include "wire/protocol.h"
 
 namespace clearance::wire {
 

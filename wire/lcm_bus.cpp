@@ -1,4 +1,4 @@
-#include "lcm_bus.h"
+#include "wire/lcm_bus.h"
 
 #include <arpa/inet.h>
 #include <fcntl.h>

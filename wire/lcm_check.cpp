@@ -1,10 +1,10 @@
-#include "lcm_check.h"
+#include "wire/lcm_check.h"
 
 #include <algorithm>
 #include <cstdint>
 
-#include "lcm_bus.h"
-#include "types.h"
+#include "wire/lcm_bus.h"
+#include "wire/types.h"
 
 namespace clearance {
 namespace {

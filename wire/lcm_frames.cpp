@@ -1,8 +1,8 @@
-#include "lcm_frames.h"
+#include "wire/lcm_frames.h"
 
 #include <algorithm>
 
-#include "protocol.h"
+#include "wire/protocol.h"
 
 namespace clearance {
 namespace {

@@ -9,8 +9,8 @@
 #include <span>
 #include <vector>
 
-#include "aligned_buffer.h"
 #include "clearance_lcm/frame_t.hpp"
+#include "wire/aligned_buffer.h"
 
 namespace clearance {
 

@@ -1,5 +1,5 @@
 // Payloads of the other frames: replies, poses, scenes, bodies, counters, errors.
-#include "checks.h"
+#include "wire/checks.h"
 
 namespace clearance::wire {
 namespace {

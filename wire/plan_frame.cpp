@@ -1,5 +1,5 @@
 // Plans in device memory: layout of their poses and columns.
-#include "checks.h"
+#include "wire/checks.h"
 
 namespace clearance::wire {
 namespace {

@@ -1,4 +1,4 @@
-#include "prometheus.h"
+#include "wire/prometheus.h"
 
 #include <algorithm>
 #include <array>

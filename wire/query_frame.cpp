@@ -1,5 +1,5 @@
 // Writes and parses kQuery, kPairs, kCertify and kOpenPlan.
-#include "checks.h"
+#include "wire/checks.h"
 
 namespace clearance::wire {
 namespace {

@@ -18,7 +18,7 @@
 #include <span>
 #include <utility>
 
-#include "shm_layout.h"
+#include "wire/shm_layout.h"
 
 namespace clearance::shm {
 

@@ -13,9 +13,9 @@
 #include <string_view>
 #include <vector>
 
-#include "convexify.h"
-#include "protocol.h"
-#include "query_options.h"
+#include "wire/convexify.h"
+#include "wire/protocol.h"
+#include "wire/query_options.h"
 
 namespace clearance::wire {
 

@@ -17,7 +17,7 @@
 #include "cli/machine_name.h"
 #include "engine/engine.h"
 #include "engine/hull/shapes.h"
-#include "tests/exact/random_motion.h"
+#include "tests/oracle/cases/random_motion.h"
 
 namespace clearance {
 namespace {

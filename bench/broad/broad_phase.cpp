@@ -1,4 +1,4 @@
-#include "broad_phase.h"
+#include "bench/broad/broad_phase.h"
 
 #include <omp.h>
 

@@ -9,7 +9,7 @@
 #include <functional>
 #include <string>
 
-#include "tests/cuda/box_mesh.h"
+#include "tests/engine/cuda/box_mesh.h"
 #include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {

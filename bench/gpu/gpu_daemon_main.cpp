@@ -9,7 +9,7 @@
 
 #include "bench/timing.h"
 #include "client/client.h"
-#include "device_memory.h"
+#include "tests/gpu/device_memory.h"
 
 namespace clearance::test {
 namespace {

@@ -10,9 +10,9 @@
 #include "bench/gpu/arm_workload.h"
 #include "bench/gpu/gpu_workloads.h"
 #include "bench/timing.h"
-#include "device_memory.h"
 #include "engine/device/device.h"
-#include "engine/device/device_plan.h"
+#include "engine/device/query/device_plan.h"
+#include "tests/gpu/device_memory.h"
 
 namespace clearance::test {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "bench/gpu/arm_workload.h"
-#include "tests/cuda/arms_scene.h"
+#include "tests/engine/cuda/arms_scene.h"
 
 namespace clearance::test {
 

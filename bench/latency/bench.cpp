@@ -4,10 +4,10 @@
 #include <iostream>
 #include <memory>
 
-#include "bench_floor.h"
-#include "bench_query.h"
-#include "bench_report.h"
-#include "bench_samples.h"
+#include "bench/latency/bench_floor.h"
+#include "bench/latency/bench_query.h"
+#include "bench/latency/bench_report.h"
+#include "bench/latency/bench_samples.h"
 #include "cli/commands.h"
 #include "wire/default_socket.h"
 #include "wire/protocol.h"

@@ -1,4 +1,4 @@
-#include "bench_floor.h"
+#include "bench/latency/bench_floor.h"
 
 #include <fcntl.h>
 #include <sched.h>

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "bench_floor.h"
+#include "bench/latency/bench_floor.h"
 #include "wire/lcm_bus.h"
 
 namespace clearance::cli {

@@ -11,8 +11,8 @@
 #include <new>
 #include <stdexcept>
 
-#include "bench_floor.h"
-#include "bench_samples.h"
+#include "bench/latency/bench_floor.h"
+#include "bench/latency/bench_samples.h"
 #include "wire/shm_os.h"
 
 namespace clearance::cli {

@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <zmq.hpp>
 
-#include "bench_floor.h"
+#include "bench/latency/bench_floor.h"
 #include "wire/protocol.h"
 
 namespace clearance::cli {

@@ -9,9 +9,9 @@
 #include <memory>
 #include <thread>
 
-#include "bench_query.h"
-#include "bench_report.h"
-#include "bench_samples.h"
+#include "bench/latency/bench_query.h"
+#include "bench/latency/bench_report.h"
+#include "bench/latency/bench_samples.h"
 #include "cli/commands.h"
 #include "cli/machine_name.h"
 #include "wire/lcm_bus.h"

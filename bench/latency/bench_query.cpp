@@ -1,4 +1,4 @@
-#include "bench_query.h"
+#include "bench/latency/bench_query.h"
 
 #include <sched.h>
 #include <sys/resource.h>

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "bench_floor.h"
-#include "bench_samples.h"
+#include "bench/latency/bench_floor.h"
+#include "bench/latency/bench_samples.h"
 #include "cli/table.h"
 
 namespace clearance::cli {

@@ -1,4 +1,4 @@
-#include "bench_samples.h"
+#include "bench/latency/bench_samples.h"
 
 #include <time.h>
 

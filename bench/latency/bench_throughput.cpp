@@ -10,10 +10,10 @@
 #include <memory>
 #include <thread>
 
-#include "bench_floor.h"
-#include "bench_query.h"
-#include "bench_report.h"
-#include "bench_samples.h"
+#include "bench/latency/bench_floor.h"
+#include "bench/latency/bench_query.h"
+#include "bench/latency/bench_report.h"
+#include "bench/latency/bench_samples.h"
 #include "cli/commands.h"
 #include "cli/machine_name.h"
 #include "wire/protocol.h"

@@ -1,4 +1,4 @@
-#include "contender.h"
+#include "bench/peers/contender.h"
 
 #include "engine/hull/hull.h"
 

@@ -1,8 +1,8 @@
 // A problem as the engine takes it.
 #pragma once
 
+#include "bench/peers/problem.h"
 #include "engine/engine.h"
-#include "problem.h"
 
 namespace clearance {
 

@@ -24,7 +24,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "problem.h"
+#include "bench/peers/problem.h"
 
 namespace peers {
 

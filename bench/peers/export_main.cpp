@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <iostream>
 
-#include "workloads.h"
+#include "bench/peers/workloads.h"
 
 int main(int argc, char** argv) {
   using namespace clearance;

@@ -1,7 +1,7 @@
 // clearance-peers-ours: the engine as a contender: whole batches through its public interface, one thread, with bounds,
 // witness points and normals.
-#include "contender.h"
-#include "driver.h"
+#include "bench/peers/contender.h"
+#include "bench/peers/driver.h"
 
 namespace clearance {
 namespace {

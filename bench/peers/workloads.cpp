@@ -1,16 +1,16 @@
-#include "workloads.h"
+#include "bench/peers/workloads.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <stdexcept>
 
-#include "contender.h"
+#include "bench/peers/contender.h"
 #include "engine/base/digest.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/shapes.h"
 #include "engine/scene/geometry.h"
-#include "tests/exact/random_motion.h"
+#include "tests/oracle/cases/random_motion.h"
 
 namespace clearance {
 

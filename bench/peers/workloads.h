@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "problem.h"
-#include "tests/exact/cases.h"
+#include "bench/peers/problem.h"
+#include "tests/oracle/cases/cases.h"
 
 namespace clearance {
 

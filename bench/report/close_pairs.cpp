@@ -1,4 +1,4 @@
-#include "close_pairs.h"
+#include "bench/report/close_pairs.h"
 
 #include <omp.h>
 

@@ -1,4 +1,4 @@
-#include "contest.h"
+#include "bench/report/contest.h"
 
 #include <omp.h>
 

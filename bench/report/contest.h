@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "bench/report/sheet.h"
 #include "bench/report/world.h"
 #include "engine/engine.h"
-#include "sheet.h"
 
 namespace clearance::report {
 

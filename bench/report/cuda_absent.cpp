@@ -1,7 +1,7 @@
 // In place of cuda_gjk.cu where the build has no CUDA.
 #include <stdexcept>
 
-#include "cuda_gjk.h"
+#include "bench/report/cuda_gjk.h"
 
 namespace clearance::baselines {
 

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "cuda_gjk.h"
-#include "engine/cuda/memory.cuh"
+#include "bench/report/cuda_gjk.h"
+#include "engine/cuda/memory/memory.cuh"
 
 namespace clearance::baselines {
 

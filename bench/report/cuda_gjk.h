@@ -1,7 +1,7 @@
 // The baselines on a GPU, in words that need no CUDA. Without it cuda_absent.cpp stands in.
 #pragma once
 
-#include "narrow.h"
+#include "bench/report/narrow.h"
 
 namespace clearance::baselines {
 

@@ -1,9 +1,9 @@
-#include "naive.h"
+#include "bench/report/naive.h"
 
 #include <cmath>
 #include <limits>
 
-#include "triangles.h"
+#include "bench/report/triangles.h"
 
 namespace clearance::baselines {
 

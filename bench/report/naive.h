@@ -1,7 +1,7 @@
 // The naive baselines: every face of one mesh against every face of the other.
 #pragma once
 
-#include "narrow.h"
+#include "bench/report/narrow.h"
 
 namespace clearance::baselines {
 

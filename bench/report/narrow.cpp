@@ -1,12 +1,12 @@
-#include "narrow.h"
+#include "bench/report/narrow.h"
 
 #include <omp.h>
 
 #include <algorithm>
 #include <stdexcept>
 
-#include "cuda_gjk.h"
-#include "naive.h"
+#include "bench/report/cuda_gjk.h"
+#include "bench/report/naive.h"
 
 namespace clearance::baselines {
 

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/query/query.h"
-#include "sign_gjk.h"
-#include "world.h"
+#include "bench/report/sign_gjk.h"
+#include "bench/report/world.h"
+#include "engine/selection/query.h"
 
 namespace clearance::baselines {
 

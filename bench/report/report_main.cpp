@@ -11,9 +11,9 @@
 #include <iostream>
 
 #include "bench/report/close_pairs.h"
+#include "bench/report/contest.h"
 #include "bench/report/cuda_gjk.h"
 #include "cli/machine_name.h"
-#include "contest.h"
 #include "engine/device/device.h"
 #include "engine/hull/shapes.h"
 

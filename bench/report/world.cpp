@@ -1,4 +1,4 @@
-#include "world.h"
+#include "bench/report/world.h"
 
 #include <algorithm>
 #include <stdexcept>

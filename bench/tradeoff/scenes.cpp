@@ -1,4 +1,4 @@
-#include "scenes.h"
+#include "bench/tradeoff/scenes.h"
 
 #include <cmath>
 #include <stdexcept>
@@ -6,7 +6,7 @@
 #include "engine/base/digest.h"
 #include "engine/hull/shapes.h"
 #include "engine/scene/geometry.h"
-#include "tests/exact/random_motion.h"
+#include "tests/oracle/cases/random_motion.h"
 
 namespace clearance::tradeoff {
 

@@ -1,4 +1,4 @@
-#include "sweep.h"
+#include "bench/tradeoff/sweep.h"
 
 #include <time.h>
 

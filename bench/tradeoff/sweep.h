@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "truth.h"
+#include "bench/tradeoff/truth.h"
 
 namespace clearance::tradeoff {
 

@@ -7,8 +7,8 @@
 #include <fstream>
 #include <iostream>
 
+#include "bench/tradeoff/sweep.h"
 #include "cli/machine_name.h"
-#include "sweep.h"
 
 namespace clearance::tradeoff {
 namespace {

@@ -1,4 +1,4 @@
-#include "truth.h"
+#include "bench/tradeoff/truth.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "bench/timing.h"
-#include "tests/exact/exact_distance.h"
+#include "tests/oracle/exact/exact_distance.h"
 
 namespace clearance::tradeoff {
 

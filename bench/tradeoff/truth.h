@@ -3,8 +3,8 @@
 
 #include <vector>
 
+#include "bench/tradeoff/scenes.h"
 #include "engine/narrow/certify.h"
-#include "scenes.h"
 
 namespace clearance::tradeoff {
 
@@ -17,7 +17,7 @@ struct Truth {
   std::size_t judged = 0;  ///< pairs that went before the exact judge as well
 };
 
-/// Asks the reference backend about every step, and the exact judge (tests/exact) about up to `judged` pairs of the
+/// Asks the reference backend about every step, and the exact judge (tests/oracle) about up to `judged` pairs of the
 /// first one whose bodies are small enough for it. Throws std::logic_error where the two contradict each other.
 Truth find_truth(const MovingScene& scene, std::size_t judged);
 

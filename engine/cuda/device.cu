@@ -2,12 +2,12 @@
 #include <memory>
 #include <mutex>
 
-#include "engine/cuda/dense_workspace.cuh"
-#include "engine/cuda/elements.cuh"
-#include "engine/cuda/motions.cuh"
-#include "engine/cuda/reduced.cuh"
-#include "engine/cuda/shared_memory.cuh"
-#include "engine/cuda/standing_dense.cuh"
+#include "engine/cuda/dense/dense_workspace.cuh"
+#include "engine/cuda/dense/standing_dense.cuh"
+#include "engine/cuda/memory/shared_memory.cuh"
+#include "engine/cuda/mesh/elements.cuh"
+#include "engine/cuda/motion/motions.cuh"
+#include "engine/cuda/reduce/reduced.cuh"
 #include "engine/device/device_module.h"
 #include "engine/scene/scene.h"
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/bvh/leaves_in_box.h"
 #include "engine/narrow/narrow_phase.h"
-#include "engine/surface/leaves_in_box.h"
 
 namespace clearance {
 

@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
+#include "engine/bvh/surface.h"
 #include "engine/hull/piece.h"
 #include "engine/pose/placed.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "engine/bvh/surface.h"
 #include "engine/hull/decomposition.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

@@ -13,7 +13,7 @@
 #include "engine/device/device_error.h"
 #include "engine/device/layout.h"
 #include "engine/narrow/answer.h"
-#include "engine/query/query.h"
+#include "engine/selection/query.h"
 
 namespace clearance {
 class PairTable;

@@ -6,7 +6,7 @@
 
 #include "engine/base/fp_environment.h"
 #include "engine/device/device_job.h"
-#include "engine/scene/pose_store.h"
+#include "engine/state/pose_store.h"
 
 namespace clearance::cuda {
 

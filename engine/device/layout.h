@@ -4,13 +4,13 @@
 #include <cstdint>
 
 #include "engine/base/placement_error.h"
+#include "engine/evaluate/joint_gradient_step.h"
 #include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
 #include "engine/pose/placed.h"
-#include "engine/query/columns.h"
-#include "engine/query/doubt_step.h"
-#include "engine/query/joint_gradient_step.h"
 #include "engine/robot/kinematics_step.h"
+#include "engine/selection/columns.h"
+#include "engine/uncertainty/doubt_step.h"
 
 namespace clearance::cuda {
 
@@ -290,7 +290,7 @@ struct ChunkView {
   std::uint32_t number;  ///< not 0: the host waits for it in `finished`
 };
 
-/// engine/scene/pair_table.h in device memory: PairTable::Arrays.
+/// engine/state/pair_table.h in device memory: PairTable::Arrays.
 struct TableView {
   const std::uint8_t* is_static;
   const std::uint32_t* movable_before;
@@ -300,7 +300,7 @@ struct TableView {
 
 inline constexpr std::uint32_t kNoPair = ~0u;  ///< all bits set, as device memory is cleared
 
-/// One launch of a reduced query (engine/query/reduction.h): its groups are bodies in each configuration, or
+/// One launch of a reduced query (engine/reduce/reduction.h): its groups are bodies in each configuration, or
 /// configurations. Keys are what atomicMin() orders as their meaning; all bits set: there is none yet.
 struct ReducedView {
   ChunkView chunk;  ///< pairs in the query's order; `rest` holds items, `reply` is host memory

@@ -7,7 +7,7 @@
 #include <mutex>
 
 #include "engine/base/counters.h"
-#include "engine/query/query.h"
+#include "engine/selection/query.h"
 
 namespace clearance::cuda {
 

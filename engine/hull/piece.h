@@ -12,7 +12,7 @@ namespace clearance {
 
 struct DirectionTable;  // engine/hull/direction_table.h
 struct Primitive;       // engine/hull/primitive.h
-class Surface;          // engine/surface/surface.h
+class Surface;          // engine/bvh/surface.h
 
 /// What a hull says of itself without its vertices: metres, in the body's frame. Whoever holds a hull has it: a piece,
 /// lanes, a device.

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "engine/robot/sin_cos.h"
+#include "engine/pose/sin_cos.h"
 
 namespace clearance {
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "engine/pose/pose.h"
-#include "engine/robot/quaternion.h"
+#include "engine/pose/quaternion.h"
 
 namespace clearance {
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "engine/query/job_state.h"
-#include "engine/query/plan.h"
 #include "engine/robot/motion_path.h"
+#include "engine/selection/plan.h"
 
 namespace clearance {
 

@@ -9,10 +9,10 @@
 #include "engine/motion/body_motion.h"
 #include "engine/motion/motion_arrays.h"
 #include "engine/motion/motion_step.h"
-#include "engine/query/placement.h"
-#include "engine/query/plan.h"
 #include "engine/robot/link_twists.h"
 #include "engine/robot/motion_path.h"
+#include "engine/selection/placement.h"
+#include "engine/selection/plan.h"
 
 namespace clearance {
 

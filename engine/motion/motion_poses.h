@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "engine/motion/motion_bounds.h"
-#include "engine/query/configuration_poses.h"
 #include "engine/robot/link_twists.h"
+#include "engine/selection/configuration_poses.h"
 
 namespace clearance {
 

@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
+#include "engine/evaluate/evaluate.h"
 #include "engine/motion/half_spans.h"
 #include "engine/motion/motion_bounds.h"
-#include "engine/query/columns.h"
-#include "engine/query/evaluate.h"
+#include "engine/selection/columns.h"
 
 namespace clearance {
 

@@ -2,7 +2,7 @@
 //
 // All of it works in the frame of body a, on the pieces' stored vertices, so that a bound does not depend on how its
 // proposal was found. One rotation then takes b's vertices there and directions back; a's stay as they are stored.
-// docs/bounds.md derives the rounding terms; tests/exact measures them.
+// docs/bounds.md derives the rounding terms; tests/oracle measures them.
 #pragma once
 
 #include <array>

@@ -21,7 +21,7 @@ struct FanFace {
   T offset;
 };
 
-/// A polytope in lists that grow, and one thread that works on it. A device's (engine/cuda/depth_kernel.cuh) has lists
+/// A polytope in lists that grow, and one thread that works on it. A device's (engine/cuda/dense/depth_kernel.cuh) has lists
 /// of a length that stays, and a team.
 template <class T>
 struct GrowingPolytope {

@@ -1,4 +1,4 @@
-// Who works on something together: a thread alone, or on a device the threads of a warp (engine/cuda/warp_team.cuh).
+// Who works on something together: a thread alone, or on a device the threads of a warp (engine/cuda/pair/warp_team.cuh).
 // All of a team go the same way and hold the same values, but for what each looks at in a list that they share out.
 #pragma once
 

@@ -10,7 +10,7 @@
 
 #include "client/python/bindings/columns.h"
 #include "client/python/bindings/gil.h"
-#include "engine/device/device_plan.h"
+#include "engine/device/query/device_plan.h"
 #include "engine/engine.h"
 
 namespace clearance::python {

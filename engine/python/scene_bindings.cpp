@@ -15,10 +15,10 @@
 
 #include "client/python/bindings/columns.h"
 #include "client/python/bindings/gil.h"
+#include "engine/bvh/surface.h"
 #include "engine/scene/body_ball.h"
 #include "engine/scene/mesh_warning.h"
 #include "engine/scene/scene.h"
-#include "engine/surface/surface.h"
 
 namespace clearance::python {
 namespace {

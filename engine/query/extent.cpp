@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <set>
 
+#include "engine/bvh/surface.h"
 #include "engine/narrow/work_meter.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 namespace {

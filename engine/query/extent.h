@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "engine/query/query.h"
-#include "engine/scene/pose_store.h"
+#include "engine/selection/query.h"
+#include "engine/state/pose_store.h"
 
 namespace clearance {
 

@@ -4,12 +4,12 @@
 #include <utility>
 
 #include "engine/base/fp_environment.h"
-#include "engine/query/box_cull.h"
-#include "engine/query/configuration_block.h"
 #include "engine/query/job_state.h"
 #include "engine/query/kept_jobs.h"
 #include "engine/query/parallel_job.h"
-#include "engine/query/reduction.h"
+#include "engine/reduce/box_cull.h"
+#include "engine/reduce/configuration_block.h"
+#include "engine/reduce/reduction.h"
 
 namespace clearance {
 

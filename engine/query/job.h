@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "engine/narrow/work_meter.h"
-#include "engine/query/query.h"
+#include "engine/selection/query.h"
 
 namespace clearance {
 

@@ -6,13 +6,13 @@
 #include <functional>
 #include <memory>
 
+#include "engine/evaluate/evaluate.h"
 #include "engine/narrow/lanes.h"
 #include "engine/narrow/warm.h"
 #include "engine/narrow/work_meter.h"
-#include "engine/query/evaluate.h"
 #include "engine/query/job.h"
-#include "engine/query/near_pairs.h"
-#include "engine/query/plan.h"
+#include "engine/reduce/near_pairs.h"
+#include "engine/selection/plan.h"
 
 namespace clearance {
 

@@ -4,7 +4,7 @@
 // around it. Making ready for that takes longer than the answer: the query is checked, its pairs are listed, boxes of
 // all bodies are made, and memory for all of it is found. A job that is kept has done so. Asked again it answers other
 // configurations on the same snapshot, with the bits that a new one would give: nothing of an answer depends on what
-// was answered before (tests/engine/test_kept_jobs.cpp).
+// was answered before (tests/engine/query/test_kept_jobs.cpp).
 #pragma once
 
 #include <cstdint>

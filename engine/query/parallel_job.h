@@ -15,10 +15,10 @@
 #include <vector>
 
 #include "engine/base/fp_environment.h"
-#include "engine/query/columns.h"
+#include "engine/evaluate/joint_gradient.h"
 #include "engine/query/job_state.h"
-#include "engine/query/joint_gradient.h"
 #include "engine/query/team_cost.h"
+#include "engine/selection/columns.h"
 
 namespace clearance {
 

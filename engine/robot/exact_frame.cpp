@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "engine/robot/sin_cos.h"
+#include "engine/pose/sin_cos.h"
 
 namespace clearance {
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "engine/base/double_double.h"
-#include "engine/robot/quaternion.h"
+#include "engine/pose/quaternion.h"
 #include "engine/robot/robot.h"
 
 namespace clearance {

@@ -7,8 +7,8 @@
 
 #include "engine/base/placement_error.h"
 #include "engine/pose/pose.h"
-#include "engine/robot/quaternion.h"
-#include "engine/robot/sin_cos.h"
+#include "engine/pose/quaternion.h"
+#include "engine/pose/sin_cos.h"
 
 namespace clearance {
 

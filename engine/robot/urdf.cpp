@@ -5,8 +5,8 @@
 #include <unordered_map>
 
 #include "engine/base/fp_environment.h"
+#include "engine/pose/sin_cos.h"
 #include "engine/robot/robot.h"
-#include "engine/robot/sin_cos.h"
 
 namespace clearance {
 

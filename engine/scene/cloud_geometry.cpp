@@ -7,8 +7,8 @@
 
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
+#include "engine/bvh/surface.h"
 #include "engine/scene/scene.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

@@ -3,8 +3,8 @@
 
 #include <span>
 
+#include "engine/bvh/cloud_point.h"
 #include "engine/hull/piece.h"
-#include "engine/surface/cloud_point.h"
 
 namespace clearance {
 

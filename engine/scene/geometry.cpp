@@ -8,12 +8,12 @@
 
 #include "engine/base/dedupe.h"
 #include "engine/base/digest.h"
+#include "engine/bvh/enclosure.h"
+#include "engine/bvh/surface.h"
 #include "engine/decomposition/prove.h"
 #include "engine/hull/decomposition.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/hull_excess.h"
-#include "engine/surface/enclosure.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

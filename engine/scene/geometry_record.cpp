@@ -5,12 +5,12 @@
 #include <stdexcept>
 #include <type_traits>
 
+#include "engine/bvh/surface.h"
 #include "engine/hull/decomposition.h"
 #include "engine/hull/direction_table.h"
 #include "engine/hull/primitive.h"
 #include "engine/scene/cloud_geometry.h"
 #include "engine/scene/mesh_geometry.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

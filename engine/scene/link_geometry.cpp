@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "engine/base/slack.h"
+#include "engine/bvh/surface.h"
 #include "engine/hull/decomposition.h"
 #include "engine/hull/hull.h"
 #include "engine/robot/exact_frame.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

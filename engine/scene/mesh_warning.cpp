@@ -6,9 +6,9 @@
 #include <map>
 #include <utility>
 
+#include "engine/bvh/enclosure.h"
+#include "engine/bvh/surface.h"
 #include "engine/scene/geometry.h"
-#include "engine/surface/enclosure.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

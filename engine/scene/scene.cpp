@@ -9,12 +9,12 @@
 
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
+#include "engine/bvh/surface.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/shapes.h"
 #include "engine/mesh/mesh.h"
 #include "engine/scene/geometry.h"
 #include "engine/scene/mesh_geometry.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

@@ -14,10 +14,10 @@
 
 #include "engine/base/body_pair.h"
 #include "engine/base/triangle.h"
+#include "engine/bvh/cloud_point.h"
 #include "engine/hull/piece.h"
 #include "engine/pose/pose.h"
 #include "engine/scene/scene_robot.h"
-#include "engine/surface/cloud_point.h"
 #include "wire/types.h"
 
 namespace clearance {

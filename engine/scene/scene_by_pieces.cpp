@@ -3,10 +3,10 @@
 
 #include "engine/base/fp_environment.h"
 #include "engine/base/slack.h"
+#include "engine/bvh/surface.h"
 #include "engine/hull/decomposition.h"
 #include "engine/scene/geometry.h"
 #include "engine/scene/scene.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

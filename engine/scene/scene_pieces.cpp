@@ -2,11 +2,11 @@
 #include <algorithm>
 
 #include "engine/base/slack.h"
+#include "engine/bvh/surface.h"
 #include "engine/hull/decomposition.h"
 #include "engine/hull/primitive.h"
 #include "engine/scene/geometry.h"
 #include "engine/scene/scene.h"
-#include "engine/surface/surface.h"
 
 namespace clearance {
 

@@ -10,7 +10,7 @@
 
 #include "bench/broad/broad_phase.h"
 #include "engine/broad/box_tree.h"
-#include "engine/query/evaluate.h"
+#include "engine/evaluate/evaluate.h"
 #include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {

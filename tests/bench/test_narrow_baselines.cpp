@@ -9,7 +9,7 @@
 #include "bench/report/narrow.h"
 #include "bench/report/triangles.h"
 #include "engine/engine.h"
-#include "tests/exact/cases.h"
+#include "tests/oracle/cases/cases.h"
 #include "tests/source_file.h"
 
 namespace clearance::baselines {

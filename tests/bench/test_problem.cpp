@@ -6,7 +6,7 @@
 #include "bench/peers/contender.h"
 #include "bench/peers/driver.h"
 #include "bench/peers/workloads.h"
-#include "tests/scene/temporary_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace clearance {
 namespace {

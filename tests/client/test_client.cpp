@@ -7,7 +7,7 @@
 
 #include "client/client.h"
 #include "client/url.h"
-#include "scripted_server.h"
+#include "tests/client/scripted_server.h"
 #include "wire/wire.h"
 
 namespace clearance {

@@ -4,8 +4,8 @@
 #include <limits>
 #include <random>
 
+#include "tests/client/wire_payloads.h"
 #include "wire/wire.h"
-#include "wire_payloads.h"
 
 namespace clearance::wire {
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "plan_payload.h"
+#include "tests/client/plan_payload.h"
 #include "wire/wire.h"
 
 namespace clearance::wire {

@@ -1,4 +1,4 @@
-// The tests' arm (tests/robot/arm.urdf) in a small scene.
+// The tests' arm (tests/engine/robot/arm.urdf) in a small scene.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace clearance::test {
 
-inline const std::string kArm = source_file("tests/robot/arm.urdf");
+inline const std::string kArm = source_file("tests/engine/robot/arm.urdf");
 
 inline Scene arm_scene(const RobotOptions& options) {
   Scene scene;

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "engine_test_util.h"
+#include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "ask.h"
+#include "tests/engine/ask.h"
 
 namespace clearance::test {
 

@@ -10,7 +10,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "engine_test_util.h"
+#include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {
 

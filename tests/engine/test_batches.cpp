@@ -8,8 +8,8 @@
 
 #include "engine/narrow/lanes.h"
 #include "engine/query/team_cost.h"
-#include "engine_test_util.h"
-#include "same_rows.h"
+#include "tests/engine/engine_test_util.h"
+#include "tests/engine/same_rows.h"
 
 namespace clearance::test {
 namespace {

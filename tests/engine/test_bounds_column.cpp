@@ -4,7 +4,7 @@
 #include <cmath>
 #include <set>
 
-#include "engine_test_util.h"
+#include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {
 namespace {

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine_test.h"
+#include "tests/engine/engine_test.h"
 
 namespace clearance::test {
 namespace {

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <set>
 
-#include "engine_test.h"
+#include "tests/engine/engine_test.h"
 
 namespace clearance::test {
 namespace {

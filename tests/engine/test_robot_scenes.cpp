@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <limits>
 
-#include "arm_scene.h"
-#include "engine/surface/surface.h"
-#include "tests/scene/error_text.h"
-#include "tests/scene/temporary_folder.h"
+#include "engine/bvh/surface.h"
+#include "tests/engine/arm_scene.h"
+#include "tests/error_text.h"
+#include "tests/temporary_folder.h"
 
 namespace clearance {
 namespace {

@@ -9,12 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "arm_scene.h"
 #include "engine/engine.h"
-#include "engine_test_util.h"
-#include "tests/cuda/same_answer.h"
-#include "tests/scene/error_text.h"
-#include "tests/scene/temporary_folder.h"
+#include "tests/engine/arm_scene.h"
+#include "tests/engine/cuda/same_answer.h"
+#include "tests/engine/engine_test_util.h"
+#include "tests/error_text.h"
+#include "tests/temporary_folder.h"
 
 namespace clearance {
 namespace {

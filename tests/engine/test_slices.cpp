@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "engine/hull/shapes.h"
-#include "engine_test_util.h"
+#include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {
 namespace {

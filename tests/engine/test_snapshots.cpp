@@ -1,7 +1,7 @@
 // Poses as queries see them: attachments, the snapshot that a job began with, stamps and ages.
 #include <algorithm>
 
-#include "engine_test.h"
+#include "tests/engine/engine_test.h"
 
 namespace clearance::test {
 namespace {

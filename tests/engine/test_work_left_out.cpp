@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "engine_test_util.h"
+#include "tests/engine/engine_test_util.h"
 
 namespace clearance {
 namespace {

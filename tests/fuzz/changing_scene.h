@@ -4,7 +4,7 @@
 #include <memory>
 #include <utility>
 
-#include "server/loop.h"
+#include "server/core/loop.h"
 #include "tests/server/test_scene.h"
 
 namespace clearance::fuzz {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "fuzz_target.h"
+#include "tests/fuzz/fuzz_target.h"
 #include "wire/wire.h"
 
 namespace clearance::fuzz {

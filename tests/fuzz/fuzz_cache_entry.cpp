@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/bvh/surface.h"
 #include "engine/hull/direction_table.h"
 #include "engine/scene/mesh_geometry.h"
-#include "engine/surface/surface.h"
-#include "scratch_file.h"
+#include "tests/fuzz/scratch_file.h"
 
 namespace clearance::fuzz {
 namespace {

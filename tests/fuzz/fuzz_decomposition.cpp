@@ -6,7 +6,7 @@
 #include "engine/decomposition/measure.h"
 #include "engine/decomposition/prove.h"
 #include "engine/scene/mesh_geometry.h"
-#include "fuzz_target.h"
+#include "tests/fuzz/fuzz_target.h"
 
 namespace clearance::fuzz {
 namespace {

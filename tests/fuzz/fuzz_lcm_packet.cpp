@@ -2,8 +2,8 @@
 // the loop can be given.
 #include <vector>
 
-#include "fuzz_target.h"
-#include "server/lcm_translate.h"
+#include "server/lcm/lcm_translate.h"
+#include "tests/fuzz/fuzz_target.h"
 #include "wire/lcm_check.h"
 #include "wire/lcm_frames.h"
 #include "wire/wire.h"

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "clearance_lcm/pose_update_t.hpp"
-#include "frames.h"
-#include "server/loop.h"
+#include "server/core/loop.h"
+#include "tests/fuzz/frames.h"
 #include "tests/lcm/lcm_network.h"
 #include "tests/server/test_scene.h"
 

@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "engine/mesh/mesh.h"
-#include "mesh_extension.h"
-#include "scratch_file.h"
+#include "tests/fuzz/mesh_extension.h"
+#include "tests/fuzz/scratch_file.h"
 
 CLEARANCE_FUZZ_TARGET(mesh_child) {
   using namespace clearance;

@@ -7,10 +7,10 @@
 #include <assimp/Importer.hpp>
 #include <memory>
 
-#include "engine/mesh/mesh_import.h"
 #include "engine/mesh/mesh_result.h"
-#include "mesh_extension.h"
-#include "scratch_file.h"
+#include "engine/mesh/readers/mesh_import.h"
+#include "tests/fuzz/mesh_extension.h"
+#include "tests/fuzz/scratch_file.h"
 
 CLEARANCE_FUZZ_TARGET(mesh_import) {
   using namespace clearance;

@@ -2,12 +2,12 @@
 #include <cmath>
 #include <filesystem>
 
-#include "engine/mesh/mesh_dae.h"
-#include "engine/mesh/mesh_gltf.h"
 #include "engine/mesh/mesh_part.h"
 #include "engine/mesh/mesh_text.h"
-#include "mesh_extension.h"
-#include "scratch_file.h"
+#include "engine/mesh/readers/mesh_dae.h"
+#include "engine/mesh/readers/mesh_gltf.h"
+#include "tests/fuzz/mesh_extension.h"
+#include "tests/fuzz/scratch_file.h"
 
 CLEARANCE_FUZZ_TARGET(mesh_readers) {
   using namespace clearance;

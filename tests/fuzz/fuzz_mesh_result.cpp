@@ -7,7 +7,7 @@
 
 #include "engine/mesh/mesh_format.h"
 #include "engine/mesh/mesh_result.h"
-#include "fuzz_target.h"
+#include "tests/fuzz/fuzz_target.h"
 
 /// First byte: whether the header's magic and length are put right.
 CLEARANCE_FUZZ_TARGET(mesh_result) {

@@ -6,8 +6,8 @@
 #include <map>
 #include <string>
 
-#include "fuzz_target.h"
-#include "server/outside/link.h"
+#include "server/gateway/link.h"
+#include "tests/fuzz/fuzz_target.h"
 
 namespace clearance::fuzz {
 namespace {

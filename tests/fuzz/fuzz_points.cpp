@@ -6,8 +6,8 @@
 
 #include "engine/mesh/mesh_part.h"
 #include "engine/mesh/mesh_text.h"
-#include "fuzz_target.h"
-#include "server/lcm_points.h"
+#include "server/lcm/lcm_points.h"
+#include "tests/fuzz/fuzz_target.h"
 #include "wire/lcm_check.h"
 #include "wire/wire.h"
 

@@ -3,7 +3,7 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "frames.h"
+#include "tests/fuzz/frames.h"
 #include "wire/aligned_buffer.h"
 
 namespace clearance::fuzz {

@@ -1,8 +1,8 @@
 // Requests of any bytes to the daemon's loop: each is answered once, by a frame that a client takes, and a good query
 // after them is answered, too.
-#include "changing_scene.h"
-#include "frames.h"
-#include "tests/server/memory_transport.h"
+#include "tests/fuzz/changing_scene.h"
+#include "tests/fuzz/frames.h"
+#include "tests/server/core/memory_transport.h"
 
 namespace clearance::fuzz {
 namespace {

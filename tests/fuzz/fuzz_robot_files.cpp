@@ -2,7 +2,7 @@
 #include <vector>
 
 #include "engine/robot/kinematics.h"
-#include "fuzz_target.h"
+#include "tests/fuzz/fuzz_target.h"
 
 namespace clearance::fuzz {
 namespace {

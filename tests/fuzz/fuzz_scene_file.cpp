@@ -1,6 +1,6 @@
 // Scene files of any bytes: a scene, or an error that names file and line.
 #include "engine/scene/scene.h"
-#include "scratch_file.h"
+#include "tests/fuzz/scratch_file.h"
 
 CLEARANCE_FUZZ_TARGET(scene_file) {
   using namespace clearance;

@@ -9,8 +9,8 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "frames.h"
-#include "scratch_file.h"
+#include "tests/fuzz/frames.h"
+#include "tests/fuzz/scratch_file.h"
 #include "wire/shm_os.h"
 #include "wire/wire.h"
 

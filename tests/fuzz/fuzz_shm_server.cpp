@@ -5,11 +5,11 @@
 
 #include <array>
 
-#include "frames.h"
-#include "scratch_file.h"
-#include "server/loop.h"
-#include "server/shm_transport.h"
-#include "tests/server/memory_transport.h"
+#include "server/core/loop.h"
+#include "server/shm/shm_transport.h"
+#include "tests/fuzz/frames.h"
+#include "tests/fuzz/scratch_file.h"
+#include "tests/server/core/memory_transport.h"
 #include "tests/server/test_scene.h"
 #include "wire/shm_os.h"
 

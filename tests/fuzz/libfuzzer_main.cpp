@@ -1,6 +1,6 @@
 // libFuzzer's entry: the one target that is linked with it.
-#include "fuzz_target.h"
-#include "server/log.h"
+#include "server/base/log.h"
+#include "tests/fuzz/fuzz_target.h"
 
 extern "C" __attribute__((visibility("default"))) int LLVMFuzzerInitialize(int*, char***) {
   clearance::log::start("off");

@@ -3,7 +3,7 @@
 
 #include <iterator>
 
-#include "fuzz_target.h"
+#include "tests/fuzz/fuzz_target.h"
 
 namespace clearance::fuzz {
 

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "fuzz_target.h"
+#include "tests/fuzz/fuzz_target.h"
 
 namespace clearance::fuzz {
 

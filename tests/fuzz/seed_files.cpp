@@ -10,11 +10,11 @@
 #include <stdexcept>
 
 #include "engine/hull/hull.h"
-#include "engine/mesh/mesh_import.h"
+#include "engine/mesh/readers/mesh_import.h"
 #include "engine/scene/mesh_geometry.h"
-#include "mesh_extension.h"
-#include "seeds.h"
-#include "tests/scene/mesh_files.h"
+#include "tests/engine/mesh/mesh_files.h"
+#include "tests/fuzz/mesh_extension.h"
+#include "tests/fuzz/seeds.h"
 
 namespace clearance::fuzz {
 namespace {
@@ -81,7 +81,7 @@ void save_scenes() {
 
 void save_robots() {
   const auto text_of = [](const char* name) {
-    std::ifstream file(fs::path(CLEARANCE_SOURCE_DIR) / "tests" / "robot" / name);
+    std::ifstream file(fs::path(CLEARANCE_SOURCE_DIR) / "tests" / "engine" / "robot" / name);
     return std::string(std::istreambuf_iterator<char>(file), {});
   };
   const std::string urdf = text_of("every_joint.urdf");

@@ -5,17 +5,17 @@
 #include <filesystem>
 #include <memory>
 
-#include "changing_scene.h"
 #include "clearance_lcm/frame_t.hpp"
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query_t.hpp"
-#include "frames.h"
-#include "seeds.h"
-#include "server/loop.h"
-#include "server/outside/link.h"
+#include "server/core/loop.h"
+#include "server/gateway/link.h"
 #include "tests/client/plan_payload.h"
-#include "tests/server/memory_transport.h"
+#include "tests/fuzz/changing_scene.h"
+#include "tests/fuzz/frames.h"
+#include "tests/fuzz/seeds.h"
+#include "tests/server/core/memory_transport.h"
 #include "tests/server/sample_requests.h"
 #include "tests/server/test_scene.h"
 #include "wire/lcm_frames.h"

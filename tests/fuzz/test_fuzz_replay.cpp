@@ -8,8 +8,8 @@
 #include <fstream>
 #include <vector>
 
-#include "fuzz_target.h"
-#include "server/log.h"
+#include "server/base/log.h"
+#include "tests/fuzz/fuzz_target.h"
 #include "tests/source_file.h"
 
 namespace clearance::fuzz {

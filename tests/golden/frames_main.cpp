@@ -17,8 +17,8 @@
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/points_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
-#include "server/lcm_translate.h"
-#include "server/log.h"
+#include "server/base/log.h"
+#include "server/lcm/lcm_translate.h"
 #include "tests/client/plan_payload.h"
 #include "tests/fuzz/changing_scene.h"
 #include "tests/server/sample_requests.h"
@@ -241,7 +241,7 @@ void write_frames(std::ostream& out) {
   for (const auto& [name, request] : ordered_requests()) write_exchange(out, daemon, name, request);
 
   Scene scene;
-  scene.add_robot("arm", {.urdf = source_file("tests/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
+  scene.add_robot("arm", {.urdf = source_file("tests/engine/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   Conversation arm(std::move(scene));
   Bytes positions;
   wire::PosesHeader header;

@@ -9,9 +9,9 @@
 
 #include "engine/base/digest.h"
 #include "engine/engine.h"
-#include "engine/query/query.h"
-#include "golden_scenes.h"
+#include "engine/selection/query.h"
 #include "tests/engine/engine_test_util.h"
+#include "tests/golden/golden_scenes.h"
 
 namespace clearance::golden {
 namespace {

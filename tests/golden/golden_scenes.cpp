@@ -1,4 +1,4 @@
-#include "golden_scenes.h"
+#include "tests/golden/golden_scenes.h"
 
 #include <cmath>
 #include <limits>

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "lcm_network.h"
+#include "tests/lcm/lcm_network.h"
 #include "tests/patience.h"
 
 namespace clearance {

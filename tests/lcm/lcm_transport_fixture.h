@@ -21,9 +21,9 @@
 #include "clearance_lcm/states_t.hpp"
 #include "clearance_lcm/status_t.hpp"
 #include "engine/engine.h"
-#include "lcm_fixture.h"
-#include "server/loop.h"
-#include "server/transport.h"
+#include "server/core/loop.h"
+#include "server/requests/transport.h"
+#include "tests/lcm/lcm_fixture.h"
 
 namespace clearance {
 

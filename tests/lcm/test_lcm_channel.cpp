@@ -10,7 +10,7 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "lcm_fixture.h"
+#include "tests/lcm/lcm_fixture.h"
 #include "wire/lcm_check.h"
 #include "wire/lcm_frames.h"
 #include "wire/wire.h"

@@ -9,9 +9,9 @@
 
 #include "client/client.h"
 #include "engine/engine.h"
-#include "lcm_fixture.h"
-#include "server/loop.h"
-#include "server/transport.h"
+#include "server/core/loop.h"
+#include "server/requests/transport.h"
+#include "tests/lcm/lcm_fixture.h"
 #include "wire/protocol.h"
 
 namespace clearance {

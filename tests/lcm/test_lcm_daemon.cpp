@@ -13,7 +13,7 @@
 #include <thread>
 
 #include "client/client.h"
-#include "lcm_fixture.h"
+#include "tests/lcm/lcm_fixture.h"
 #include "tests/server/daemon_fixture.h"
 #include "tests/source_file.h"
 
@@ -110,7 +110,7 @@ TEST_F(LcmDaemonTest, PlannersTakeNoAnswerOfOtherPosesThanTheirs) {
 }
 
 TEST_F(LcmDaemonTest, PlannerInJointSpace) {
-  std::ifstream urdf(source_file("tests/robot/arm.urdf"));
+  std::ifstream urdf(source_file("tests/engine/robot/arm.urdf"));
   folder_.write("arm.urdf", {std::istreambuf_iterator<char>(urdf), {}});
   const std::string scene = folder_.write("arm.yaml",
                                           "bodies: [{name: table, box: [1, 1, 0.1], static: true}]\n"

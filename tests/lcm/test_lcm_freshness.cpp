@@ -2,9 +2,9 @@
 // and the newest that was sent after one repeat; publishers and daemons that begin anew agree within two repeats.
 #include <limits>
 
-#include "engine/scene/pose_store.h"
-#include "faulty_link.h"
-#include "lcm_transport_fixture.h"
+#include "engine/state/pose_store.h"
+#include "tests/lcm/faulty_link.h"
+#include "tests/lcm/lcm_transport_fixture.h"
 #include "wire/lcm_frames.h"
 #include "wire/wire.h"
 

@@ -1,5 +1,5 @@
 // Packets that nobody should send, and a good query after each.
-#include "lcm_transport_fixture.h"
+#include "tests/lcm/lcm_transport_fixture.h"
 
 namespace clearance {
 namespace {

@@ -2,7 +2,7 @@
 #include "clearance_lcm/joint_query_t.hpp"
 #include "clearance_lcm/joint_update_t.hpp"
 #include "clearance_lcm/named_joint_update_t.hpp"
-#include "lcm_transport_fixture.h"
+#include "tests/lcm/lcm_transport_fixture.h"
 #include "tests/source_file.h"
 
 namespace clearance {
@@ -14,7 +14,7 @@ using clearance_lcm::named_joint_update_t;
 
 Scene arm_scene() {
   Scene scene = make_scene();
-  scene.add_robot("arm0", {.urdf = source_file("tests/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
+  scene.add_robot("arm0", {.urdf = source_file("tests/engine/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   return scene;
 }
 

@@ -7,7 +7,7 @@
 #include <limits>
 #include <random>
 
-#include "lcm_fixture.h"
+#include "tests/lcm/lcm_fixture.h"
 #include "wire/lcm_check.h"
 #include "wire/lcm_frames.h"
 #include "wire/wire.h"

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "server/lcm_points.h"
+#include "server/lcm/lcm_points.h"
 #include "wire/wire.h"
 
 namespace clearance {

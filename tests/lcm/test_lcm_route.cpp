@@ -11,7 +11,7 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "lcm_fixture.h"
+#include "tests/lcm/lcm_fixture.h"
 #include "wire/lcm_bus.h"
 
 namespace clearance {

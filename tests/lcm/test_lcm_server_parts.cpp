@@ -6,10 +6,10 @@
 #include <random>
 #include <set>
 
-#include "lcm_fixture.h"
-#include "server/lcm_outbox.h"
-#include "server/lcm_publishers.h"
-#include "server/lcm_translate.h"
+#include "server/lcm/lcm_outbox.h"
+#include "server/lcm/lcm_publishers.h"
+#include "server/lcm/lcm_translate.h"
+#include "tests/lcm/lcm_fixture.h"
 #include "wire/wire.h"
 
 namespace clearance {

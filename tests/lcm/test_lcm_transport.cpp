@@ -1,5 +1,5 @@
 // What the LCM transport does with queries, and what it publishes by itself.
-#include "lcm_transport_fixture.h"
+#include "tests/lcm/lcm_transport_fixture.h"
 
 namespace clearance {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "clearance_lcm/pose_update_t.hpp"
 #include "client/client.h"
-#include "lcm_fixture.h"
+#include "tests/lcm/lcm_fixture.h"
 #include "tests/server/daemon_fixture.h"
 
 namespace clearance {

@@ -154,7 +154,7 @@ def front(request, scene, start_daemon, kinds):
 @pytest.fixture(scope="session")
 def urdf(root):
     """The arm of robots.py."""
-    return str(root / "tests" / "robot" / "arm.urdf")
+    return str(root / "tests" / "engine" / "robot" / "arm.urdf")
 
 
 @pytest.fixture

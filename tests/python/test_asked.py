@@ -10,7 +10,7 @@ from scenes import at, random_poses, same, same_bits
 
 
 def engine_of(root):
-    return clearance.Engine(arm_scene(str(root / "tests" / "robot" / "arm.urdf")), backend="cpu", threads=1)
+    return clearance.Engine(arm_scene(str(root / "tests" / "engine" / "robot" / "arm.urdf")), backend="cpu", threads=1)
 
 
 @pytest.fixture

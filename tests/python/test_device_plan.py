@@ -15,7 +15,7 @@ from clearance._device_plan import DeviceArray, DevicePlan
 from clearance._words import COLUMNS, Field
 from robots import arm_scene, rows_of
 
-ARM = Path(__file__).resolve().parents[1] / "robot" / "arm.urdf"
+ARM = Path(__file__).resolve().parents[1] / "engine" / "robot" / "arm.urdf"
 #: Those of its pairs that do not overlap wherever it is.
 ARM_PAIRS = [
     (f"arm/{link}", other)

@@ -77,7 +77,7 @@ def test_a_change_runs_what_depends_on_it(checkout):
 
 
 def test_what_is_run_before_a_release_is_named(checkout):
-    commit(checkout, "server/clearanced.service.in", "second")
+    commit(checkout, "server/app/clearanced.service.in", "second")
     commit(checkout, "tools/root.sh", "third")
     done, calls = extras(checkout, "--changed", "wheels", "deb")
     assert done.returncode == 0 and not calls, done.stdout + done.stderr

@@ -210,7 +210,7 @@ def arm_rows(engine: clearance.Engine, positions: np.ndarray, reduce: str) -> cl
 
 @pytest.mark.parametrize("reduce", ["none", "min"])
 def test_the_gradient_by_joints_is_the_slope(root: Path, reduce: str) -> None:
-    engine = clearance.Engine(arm_scene(str(root / "tests" / "robot" / "arm.urdf")), backend="cpu")
+    engine = clearance.Engine(arm_scene(str(root / "tests" / "engine" / "robot" / "arm.urdf")), backend="cpu")
     numbers = rows_of(engine.joints("arm"), K)
     rows = arm_rows(engine, numbers, reduce)
     pairs = np.zeros((rows.distance.shape[-1], 2), np.uint32)
@@ -242,7 +242,7 @@ needs_gpu = pytest.mark.skipif(not gpus(), reason="no CUDA device, or JAX has no
 @needs_gpu
 @pytest.mark.parametrize("reduce", ["none", "min"])
 def test_joints_on_a_gpu(root: Path, reduce: str) -> None:
-    scene = arm_scene(str(root / "tests" / "robot" / "arm.urdf"))
+    scene = arm_scene(str(root / "tests" / "engine" / "robot" / "arm.urdf"))
     engine, cpu = (clearance.Engine(scene, backend=backend) for backend in ("cuda", "cpu"))
     numbers = rows_of(cpu.joints("arm"), 64)
     rows = arm_rows(cpu, numbers, reduce)

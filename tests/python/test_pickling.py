@@ -83,7 +83,7 @@ def test_scenes_come_back_equal(root, way):
     assert len(again) == len(scene) + 1, "it is a scene of its own"
     assert len(WAYS[way](clearance.Scene())) == 0
     robot = clearance.Scene()
-    robot.add_robot("robot", root / "tests" / "robot" / "arm.urdf", home={"joint4": -1.5})
+    robot.add_robot("robot", root / "tests" / "engine" / "robot" / "arm.urdf", home={"joint4": -1.5})
     assert WAYS[way](robot).revision == robot.revision
 
 

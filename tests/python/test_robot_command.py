@@ -11,9 +11,9 @@ from conftest import ROOT
 from patience import PATIENCE_S
 from test_inspect import CLEARANCE, subprocess
 
-ARM = ROOT / "tests/robot/arm.urdf"
-OTHER_SRDF = ROOT / "tests/robot/every_joint.srdf"
-EVERY_JOINT = ROOT / "tests/robot/every_joint.urdf"
+ARM = ROOT / "tests/engine/robot/arm.urdf"
+OTHER_SRDF = ROOT / "tests/engine/robot/every_joint.srdf"
+EVERY_JOINT = ROOT / "tests/engine/robot/every_joint.urdf"
 
 
 def run(*arguments):

@@ -455,7 +455,7 @@ def test_links_may_be_less_well_known_than_their_joints_say(root):
     def gap(**doubts):
         scene = clearance.Scene()
         scene.add_box("table", [1, 1, 0.1], static=True, pose=at(0.5, 0, -0.1))
-        scene.add_robot("arm", root / "tests" / "robot" / "arm.urdf", home={"joint4": -1.5}, **doubts)
+        scene.add_robot("arm", root / "tests" / "engine" / "robot" / "arm.urdf", home={"joint4": -1.5}, **doubts)
         r = clearance.Engine(scene, threads=1).distances(pairs=[("arm/fore", "table"), ("arm/wrist", "table")])
         info = {body.name: body for body in scene.bodies}["arm/fore"]
         return r.lower[0], r.upper[0], info

@@ -1,9 +1,9 @@
-#include "bad_requests.h"
+#include "tests/server/bad_requests.h"
 
 #include <cmath>
 #include <limits>
 
-#include "memory_transport.h"
+#include "tests/server/core/memory_transport.h"
 
 namespace clearance {
 namespace {

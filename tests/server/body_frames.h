@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "memory_transport.h"
+#include "tests/server/core/memory_transport.h"
 #include "wire/wire.h"
 
 namespace clearance {

@@ -1,4 +1,4 @@
-#include "daemon_fixture.h"
+#include "tests/server/daemon_fixture.h"
 
 #include <fcntl.h>
 #include <signal.h>

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "memory_transport.h"
+#include "tests/server/core/memory_transport.h"
 #include "wire/convexify.h"
 #include "wire/wire.h"
 

@@ -3,13 +3,13 @@
 
 #include <zmq.hpp>
 
-#include "bad_requests.h"
 #include "client/client.h"
-#include "daemon_fixture.h"
-#include "memory_transport.h"
-#include "server/loop.h"
-#include "test_scene.h"
+#include "server/core/loop.h"
 #include "tests/patience.h"
+#include "tests/server/bad_requests.h"
+#include "tests/server/core/memory_transport.h"
+#include "tests/server/daemon_fixture.h"
+#include "tests/server/test_scene.h"
 
 namespace clearance {
 namespace {

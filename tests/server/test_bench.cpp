@@ -10,7 +10,7 @@
 #include <map>
 #include <sstream>
 
-#include "daemon_fixture.h"
+#include "tests/server/daemon_fixture.h"
 
 namespace clearance {
 namespace {

@@ -7,12 +7,12 @@
 #include <sstream>
 #include <thread>
 
-#include "body_frames.h"
 #include "client/client.h"
-#include "daemon_fixture.h"
-#include "engine/surface/surface.h"
-#include "loop_fixture.h"
+#include "engine/bvh/surface.h"
 #include "tests/patience.h"
+#include "tests/server/body_frames.h"
+#include "tests/server/core/loop_fixture.h"
+#include "tests/server/daemon_fixture.h"
 
 namespace clearance {
 namespace {

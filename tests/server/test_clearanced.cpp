@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "client/client.h"
-#include "daemon_fixture.h"
 #include "tests/patience.h"
+#include "tests/server/daemon_fixture.h"
 
 namespace clearance {
 namespace {
@@ -587,7 +587,7 @@ TEST_F(CommandLine, HelpHasAnExample) {
 }
 
 TEST_F(Clearanced, ACheckOfAClientSaysWhichJointsAreBeyondTheirLimits) {
-  std::filesystem::copy(CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf", folder_ / "arm.urdf");
+  std::filesystem::copy(CLEARANCE_SOURCE_DIR "/tests/engine/robot/arm.urdf", folder_ / "arm.urdf");
   const std::string scene = folder_.write("arm.yaml",
                                           "bodies: [{name: post, box: 0.1, static: true, pose: [9, 0, 0, 1, 0, 0, 0]}, "
                                           "{name: ball, sphere: 0.1, pose: [9, 3, 0, 1, 0, 0, 0]}]\n"

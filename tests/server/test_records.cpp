@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "loop_fixture.h"
+#include "tests/server/core/loop_fixture.h"
 
 namespace clearance {
 namespace {

@@ -6,9 +6,9 @@
 #include "client/channel.h"
 #include "client/client.h"
 #include "client/requests.h"
-#include "daemon_fixture.h"
 #include "tests/client/scripted_server.h"
 #include "tests/patience.h"
+#include "tests/server/daemon_fixture.h"
 #ifdef CLEARANCE_HAVE_LCM
 #include "tests/lcm/lcm_network.h"
 #endif

@@ -7,7 +7,7 @@
 #include <BulletCollision/NarrowPhaseCollision/btPointCollector.h>
 #include <BulletCollision/NarrowPhaseCollision/btVoronoiSimplexSolver.h>
 
-#include "../driver.h"
+#include "bench/peers/driver.h"
 
 namespace {
 

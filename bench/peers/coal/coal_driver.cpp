@@ -7,7 +7,7 @@
 #include <coal/shape/convex.h>
 #include <coal/shape/geometric_shapes.h>
 
-#include "../driver.h"
+#include "bench/peers/driver.h"
 
 namespace {
 

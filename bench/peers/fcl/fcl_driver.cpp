@@ -6,7 +6,7 @@
 #include <fcl/narrowphase/collision.h>
 #include <fcl/narrowphase/distance.h>
 
-#include "../driver.h"
+#include "bench/peers/driver.h"
 
 namespace {
 

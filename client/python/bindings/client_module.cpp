@@ -14,11 +14,11 @@
 #include <utility>
 
 #include "client/client.h"
-#include "columns.h"
-#include "connection.h"
-#include "gil.h"
-#include "matrices.h"
-#include "remote_plan.h"
+#include "client/python/bindings/columns.h"
+#include "client/python/bindings/connection.h"
+#include "client/python/bindings/gil.h"
+#include "client/python/bindings/matrices.h"
+#include "client/python/bindings/remote_plan.h"
 #include "wire/layout.h"
 
 namespace clearance::python {

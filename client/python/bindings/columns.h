@@ -23,8 +23,8 @@
 #include <string>
 #include <vector>
 
-#include "block_pool.h"
-#include "gil.h"
+#include "client/python/bindings/block_pool.h"
+#include "client/python/bindings/gil.h"
 #include "wire/query_options.h"
 #include "wire/types.h"
 

@@ -15,7 +15,7 @@
 
 #include "client/client.h"
 #include "client/fork_guard.h"
-#include "gil.h"
+#include "client/python/bindings/gil.h"
 
 namespace clearance::python {
 

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "client/client.h"
-#include "connection.h"
+#include "client/python/bindings/connection.h"
 
 namespace clearance::python {
 

@@ -1,0 +1,67 @@
+#include "engine/certificate/certificate_job.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr std::uint64_t kUnitsPerRow = 64;
+
+[[noreturn]] void refuse_kind(const std::string& what) {
+  throw QueryError(QueryErrorCode::kNotSupported, "certificate: " + what);
+}
+
+}  // namespace
+
+CertificateJob::CertificateJob(const JobContext& context, Plan&& plan, const CertificateRows& rows, bool boxes)
+    : ParallelJob(context, std::move(plan), {}, boxes),
+      rows_(rows),
+      count_(rows.numbers ? rows.numbers->size() : plan_.size.rows),
+      text_(scene(), plan_, rows.most_bytes) {
+  text_.begin(info);
+}
+
+bool CertificateJob::go_on(WorkMeter& slice) {
+  for (; next_ < count_; ++next_) {
+    if (!go_on_with(rows_.numbers ? (*rows_.numbers)[next_] : next_, slice)) return false;
+    slice.count(kUnitsPerRow);
+    if (slice.is_over()) {
+      ++next_;
+      return false;
+    }
+  }
+  return text_.end(slice);
+}
+
+const EvaluateOptions& CertificateJob::with_pieces() {
+  options_.want_points = true;  // which pieces are the nearest
+  return options_;
+}
+
+// Of the model pieces.
+void CertificateJob::refuse_stand_ins(BodyPair pair) const {
+  if (plan_.query.model != Model::kPieces) return;
+  if (const std::string why = no_convex_truth(scene(), pair); !why.empty())
+    refuse_kind(why + ", of whose pieces no row is certified: its triangles' are (model: truth)");
+}
+
+SpanPlace CertificateJob::span_at(const Placement& here, BodyPair pair) const {
+  SpanPlace place;
+  place.slack = pair_slack(here, pair);
+  place.between_a = here.beside_chains(pair.a).inner;
+  place.between_b = here.beside_chains(pair.b).inner;
+  if (!here.has_doubts()) return place;
+  const BodyDoubt &a = here.doubt(pair.a), &b = here.doubt(pair.b);
+  place.parts_a = a.parts;
+  place.parts_b = b.parts;
+  const double joints = joints_between(a, b);
+  if (joints == std::numeric_limits<double>::infinity()) return place;
+  place.joints = joints;
+  for (SlackParts* const parts : {&place.parts_a, &place.parts_b}) parts->parent = 0, parts->placed = parts->step;
+  return place;
+}
+
+WitnessProof CertificateJob::witness_at(const Placement& here, BodyPair pair, double time, PieceProof proof) const {
+  return {time, here[pair.a].pose.X_wb, here[pair.b].pose.X_wb, std::move(proof)};
+}
+
+}  // namespace clearance

@@ -1,0 +1,40 @@
+// What certificates of rows and of motions have in common.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "engine/certificate/certificate.h"
+#include "engine/certificate/certificate_text.h"
+#include "engine/query/parallel_job.h"
+
+namespace clearance {
+
+/// Answers rows anew and writes what proves each, row by row.
+class CertificateJob : public ParallelJob {
+ public:
+  std::vector<std::byte> take() { return text_.take(); }
+
+ protected:
+  /// \param rows must outlive this. \param boxes as ParallelJob has it
+  CertificateJob(const JobContext& context, Plan&& plan, const CertificateRows& rows, bool boxes);
+
+  bool go_on(WorkMeter& slice) final;
+  /// Writes a row. Returns true once it is written; false where the slice is over: then it goes on in the next one.
+  virtual bool go_on_with(std::uint64_t row, WorkMeter& slice) = 0;
+
+  const EvaluateOptions& with_pieces();
+  /// Throws QueryError for pairs of which nothing is certified.
+  void refuse_stand_ins(BodyPair pair) const;
+  /// Bodies with usable poses, as of the whole of a motion; its begin, end and time may be set then.
+  SpanPlace span_at(const Placement& here, BodyPair pair) const;
+  WitnessProof witness_at(const Placement& here, BodyPair pair, double time, PieceProof proof) const;
+
+  const CertificateRows& rows_;
+  std::uint64_t count_, next_ = 0;
+  CertificateText text_;
+};
+
+}  // namespace clearance

@@ -1,0 +1,402 @@
+#include "engine/certificate/certificate_text.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "engine/certificate/certificate_moves.h"
+#include "engine/hull/primitive.h"
+#include "engine/scene/body_ball.h"
+
+namespace clearance {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::uint64_t kVerticesAtOnce = 64, kUnitsPerItem = 8;
+constexpr std::size_t kStepsAtOnce = 512;  // of a SurfaceLister
+constexpr std::uint64_t kStepsPerUnit = 16;
+
+constexpr const char* kStatusNames[] = {"ok",       "overlap", "contact",      "beyond",    "unconverged",
+                                        "bad_pose", "no_pose", "unknown_body", "stale_pose"};
+
+// JSON has no infinity. The library writes other numbers so that they are read back as they are.
+Json number(double x) {
+  if (std::isfinite(x)) return x;
+  return std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf";
+}
+// The sum of both is the number.
+Json number(const DoubleDouble& x) {
+  return Json::array({number(x.hi), number(x.lo)});
+}
+template <class T>
+Json vector(const Vec3<T>& v) {
+  return Json::array({number(v.x), number(v.y), number(v.z)});
+}
+Json pose(const Pose& X) {
+  return Json::array({X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz});
+}
+// Numbers of 64 bits are text: many readers of JSON have float64 alone.
+std::string text(std::uint64_t x) {
+  char buffer[24];
+  std::snprintf(buffer, sizeof buffer, "%016llx", static_cast<unsigned long long>(x));
+  return buffer;
+}
+const char* arithmetic(bool in_double_double) {
+  return in_double_double ? "double-double" : "float64";
+}
+
+std::string text_of(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+// An object that goes on: without its last brace.
+std::string open_text(const Json& json) {
+  std::string text = text_of(json);
+  text.pop_back();
+  return text;
+}
+
+Json id_json(std::uint32_t body) {
+  if (body == kNone) return nullptr;
+  return body;
+}
+
+Json run_of(std::uint32_t first, std::uint32_t count) {
+  if (count == 1) return first;
+  return Json::array({first, first + count});
+}
+Json pieces_of(const PieceProof& proof) {
+  if (proof.piece_a == kNone) return nullptr;
+  return Json::array({run_of(proof.piece_a, proof.count_a), run_of(proof.piece_b, proof.count_b)});
+}
+Json lower_json(const PieceProof& p) {
+  return {{"pieces", pieces_of(p)},
+          {"order", p.order},
+          {"seer", id_json(p.seer)},
+          {"arithmetic", arithmetic(p.proof.lower_in_double_double)},
+          {"direction", p.proof.is_against_b ? Json(nullptr) : vector(p.proof.direction)}};
+}
+// Of a core in closed form; null: the other piece has vertices.
+Json points_json(const std::vector<Vec3<DoubleDouble>>& points) {
+  Json json;
+  for (const Vec3<DoubleDouble>& p : points) json.push_back(vector(p));
+  return json;
+}
+Json witness_json(const std::optional<WitnessProof>& witness) {
+  if (!witness) return nullptr;
+  const PieceProof& p = witness->proof;
+  Json vertices = Json::array(), weights = Json::array(), faces = Json::array(), normals = Json::array();
+  for (const ProofVertex& v : p.proof.vertices) {
+    vertices.push_back({v.a, v.b});
+    weights.push_back(number(v.share));
+  }
+  for (const ProofFace& f : p.proof.faces) {
+    faces.push_back({f.vertex[0], f.vertex[1], f.vertex[2]});
+    normals.push_back(vector(f.normal));
+  }
+  Json json{{"time", witness->time},
+            {"poses", {pose(witness->X_wa), pose(witness->X_wb)}},
+            {"pieces", pieces_of(p)},
+            {"arithmetic", arithmetic(p.proof.upper_in_double_double)},
+            {"vertices", vertices}};
+  if (!p.proof.points_a.empty() || !p.proof.points_b.empty())
+    json["points"] = {points_json(p.proof.points_a), points_json(p.proof.points_b)};
+  if (p.within != kNone) json["within"] = p.within;
+  if (faces.empty() && p.within == kNone) {
+    json["weights"] = weights;
+  } else {
+    json["faces"] = faces;
+    json["normals"] = normals;
+  }
+  return json;
+}
+
+Json contact_json(const FirstContactProof& contact) {
+  return {{"free_until", number(contact.free_until)},
+          {"hit_at", number(contact.hit_at)},
+          {"bodies", {id_json(contact.pair.a), id_json(contact.pair.b)}},
+          {"witness", witness_json(contact.witness)}};
+}
+
+// Those that there are, each with the name of what derives it.
+void add_terms(Json& terms, const char* side, const Body& body, const SlackParts& parts, double between) {
+  const auto add = [&](const char* name, double inner, double outer) {
+    if (!(inner > 0) && !(outer > 0)) return;
+    terms.push_back({{"of", side}, {"name", name}, {"inner", number(inner)}, {"outer", number(outer)}});
+  };
+  add("shape", body.model_inner, body.model_error);
+  add("turn", parts.turn, 0);
+  add("age", parts.age, 0);
+  add("parent", parts.parent, 0);
+  add("placement", parts.placed, parts.placed);
+  add("between", between, between);
+}
+
+Json slack_json(const SpanPlace& span, const Body& a, const Body& b) {
+  Json terms = Json::array();
+  add_terms(terms, "a", a, span.parts_a, span.between_a);
+  add_terms(terms, "b", b, span.parts_b, span.between_b);
+  if (span.joints > 0)
+    terms.push_back(
+        {{"of", "pair"}, {"name", "joints"}, {"inner", number(span.joints)}, {"outer", number(span.joints)}});
+  return {{"inner", number(span.slack.inner)}, {"outer", number(span.slack.outer)}, {"terms", terms}};
+}
+
+const char* name_of_reduce(Reduce reduce) {
+  return reduce == Reduce::kAny ? "any" : reduce == Reduce::kMin ? "min" : "none";
+}
+}  // namespace
+
+std::uint32_t piece_place(const Body& body, std::uint32_t piece) {
+  std::uint32_t place = 0;
+  for (std::uint32_t i = 0; i < piece; ++i) place += body.pieces[i]->surface ? body.pieces[i]->surface->size() : 1;
+  return place;
+}
+
+void CertificateText::add(const std::string& text) {
+  if (text.size() > most_ - std::min<std::uint64_t>(most_, text_.size()))
+    throw QueryError(QueryErrorCode::kTooLarge, "certificate: the document takes more than " + std::to_string(most_) +
+                                                    " bytes: ask for fewer rows at a time");
+  const std::size_t at = text_.size();
+  text_.resize(at + text.size());
+  std::memcpy(text_.data() + at, text.data(), text.size());
+}
+
+void CertificateText::add_item(const std::string& text, bool& is_first) {
+  add(is_first ? text : "," + text);
+  is_first = false;
+}
+
+void CertificateText::begin(const ReplyInfo& info) {
+  const QueryView& query = plan_.query;
+  const Json asked{{"reduce", name_of_reduce(query.reduce)},     {"motions", query.max_steps > 0},
+                   {"max_distance", number(query.max_distance)}, {"abs_tol", number(query.abs_tol)},
+                   {"rel_tol", number(query.rel_tol)},           {"signed", query.signed_distance}};
+  add(open_text({{"format", "clearance certificate"},
+                 {"version", 3},
+                 {"scene_revision", text(info.scene_revision)},
+                 {"snapshot_revision", info.snapshot_revision},
+                 {"snapshot_stamp_ns", std::to_string(info.snapshot_stamp_ns)},
+                 {"query", asked}}));
+  add(",\"rows\":[");
+}
+
+void CertificateText::begin_row(std::uint64_t row, std::uint64_t configuration, BodyPair pair,
+                                const PairAnswer& answer) {
+  configurations_.insert(configuration);
+  add_item(open_text({{"row", row},
+                      {"configuration", configuration},
+                      {"bodies", {id_json(pair.a), id_json(pair.b)}},
+                      {"status", kStatusNames[static_cast<std::size_t>(answer.status)]},
+                      {"lower", number(answer.lower)},
+                      {"upper", number(answer.upper)}}),
+           first_row_);
+  add(",\"pairs\":[");
+  first_pair_ = true;
+}
+
+void CertificateText::begin_pair(BodyPair pair, const Placement& here, double margin, double lower) {
+  for (const std::uint32_t body : {pair.a, pair.b}) {
+    name(body, here);
+    in_pairs_.insert(body);
+  }
+  here_ = &here;
+  add_item(open_text({{"bodies", {pair.a, pair.b}}, {"margin", number(margin)}, {"lower", number(lower)}}),
+           first_pair_);
+  add(",\"spans\":[");
+  first_span_ = true;
+  is_free_ = false;
+}
+
+void CertificateText::begin_span(BodyPair pair, const SpanPlace& span) {
+  add_item(open_text({{"begin", span.begin},
+                      {"end", span.end},
+                      {"at", span.at},
+                      {"slack", slack_json(span, scene_.bodies()[pair.a], scene_.bodies()[pair.b])}}),
+           first_span_);
+  add(",\"lower\":[");
+  first_lower_ = true;
+}
+
+void CertificateText::add_lower(const PieceProof& proof) {
+  if (proof.seer != kNone) name(proof.seer, *here_);
+  add_item(text_of(lower_json(proof)), first_lower_);
+}
+
+void CertificateText::end_span() {
+  add("]}");
+}
+
+void CertificateText::begin_free(double lower) {
+  add("],\"free\":" + open_text({{"lower", number(lower)}}) + ",\"spans\":[");
+  first_span_ = true;
+  is_free_ = true;
+}
+
+void CertificateText::end_pair() {
+  add(is_free_ ? "]}}" : "],\"free\":null}");
+}
+
+void CertificateText::end_row(const std::optional<WitnessProof>& witness,
+                              const std::optional<FirstContactProof>& contact, bool proved) {
+  add("],\"witness\":" + text_of(witness_json(witness)));
+  add(",\"first_contact\":" + text_of(contact ? contact_json(*contact) : Json(nullptr)));
+  add(proved ? ",\"proved\":true}" : ",\"proved\":false}");
+}
+
+// Each once, after what it is placed on.
+void CertificateText::name(std::uint32_t id, const Placement& here) {
+  if (known_.contains(id)) return;
+  known_[id] = here.has_doubts() ? here.doubt(id).parts.age_s : 0;
+  for (const std::uint32_t on : {carrier_of(id), plan_.snapshot->parent[id]})
+    if (on != kNone) name(on, here);
+  bodies_.push_back(id);
+}
+
+// That places a link, where one does.
+const RobotJoint* CertificateText::joint_of(std::uint32_t id) const {
+  const Body& body = scene_.bodies()[id];
+  if (body.robot == kNone) return nullptr;
+  const RobotModel& model = scene_.robots()[body.robot]->model;
+  const std::uint32_t joint = model.links[body.link].joint;
+  return joint == kNone || model.joints[joint].kind == JointKind::kFloating ? nullptr : &model.joints[joint];
+}
+
+// The body whose frame its pose, or its joint, is in.
+std::uint32_t CertificateText::carrier_of(std::uint32_t id) const {
+  const RobotJoint* const joint = joint_of(id);
+  if (!joint) return plan_.snapshot->parent[id];
+  const SceneRobot& robot = *scene_.robots()[scene_.bodies()[id].robot];
+  return joint->parent == robot.model.base ? robot.base : robot.bodies[joint->parent];  // which are in one place
+}
+
+bool CertificateText::end(WorkMeter& meter) {
+  if (part_ == Part::kRows) {
+    add("],\"bodies\":[");
+    part_ = Part::kBodies;
+  }
+  for (; next_body_ < bodies_.size(); ++next_body_) {
+    if (meter.is_over()) return false;
+    add_body(bodies_[next_body_]);
+    meter.count(kUnitsPerItem + scene_.bodies()[bodies_[next_body_]].pieces.size());
+  }
+  if (part_ == Part::kBodies) {
+    add("],\"pieces\":[");
+    part_ = Part::kPieces;
+  }
+  while (next_piece_ < pieces_.size()) {
+    if (meter.is_over()) return false;
+    add_piece(meter);
+  }
+  if (part_ == Part::kPieces) {
+    add("],\"configurations\":[");
+    part_ = Part::kConfigurations;
+  }
+  while (!configurations_.empty()) {
+    if (meter.is_over()) return false;
+    add_configuration(*configurations_.begin());
+    configurations_.erase(configurations_.begin());
+    meter.count(kUnitsPerItem + plan_.given_bodies + plan_.joints.size());
+  }
+  if (part_ == Part::kConfigurations) add("]}\n");
+  part_ = Part::kOver;
+  return true;
+}
+
+// What the query moves of all that is in the document.
+void CertificateText::add_configuration(std::uint64_t k) {
+  const std::uint64_t ends = plan_.query.max_steps > 0 ? 2 : 1, count = plan_.query.configuration_count > 0 ? ends : 0;
+  Json poses = Json::object(), positions = Json::object();
+  for (std::size_t i = 0; i < plan_.given_bodies; ++i)
+    for (std::uint64_t e = 0; e < count && known_.contains(plan_.bodies[i]); ++e)
+      poses[std::to_string(plan_.bodies[i])].push_back(
+          pose(plan_.configurations[(k * ends + e) * plan_.given_bodies + i]));
+  for (std::size_t j = 0; j < plan_.joints.size(); ++j)
+    for (std::uint64_t e = 0; e < count; ++e)
+      positions[std::to_string(plan_.joints[j])].push_back(
+          number(plan_.positions[(k * ends + e) * plan_.joints.size() + j]));
+  add_item(text_of({{"configuration", k}, {"poses", poses}, {"positions", positions}}), first_configuration_);
+}
+
+void CertificateText::add_body(std::uint32_t id) {
+  const Body& body = scene_.bodies()[id];
+  Json pieces = Json::array();
+  for (const PiecePtr& piece : body.pieces) {
+    if (!in_pairs_.contains(id)) break;
+    const auto [found, is_new] = places_.insert({piece.get(), pieces_.size()});
+    if (is_new) pieces_.push_back(piece.get());
+    pieces.push_back(found->second);
+  }
+  const RobotJoint* const joint = joint_of(id);
+  const Json moves =
+      joint ? moves_of(*joint, *scene_.robots()[body.robot], plan_.snapshot->joints.position) : Json::array();
+  const Pose stands = joint ? Pose{joint->X_pj.xyz, 1, 0, 0, 0} : plan_.snapshot->local[id];
+  bool is_first = next_body_ == 0;
+  add_item(text_of({{"id", id},
+                    {"name", body.name},
+                    {"source", body.source},
+                    {"pieces", pieces},
+                    {"centre", vector(ball_around(body).centre)},
+                    {"on", id_json(carrier_of(id))},
+                    {"joint", joint ? Json(joint->name) : Json(nullptr)},
+                    {"pose", pose(stands)},
+                    {"moves", moves},
+                    {"shape", {{"inner", number(body.model_inner)}, {"outer", number(body.model_error)}}},
+                    {"uncertainty",
+                     {{"position", number(body.uncertainty.position)}, {"angle", number(body.uncertainty.angle)}}},
+                    {"padding", number(body.padding)},
+                    {"max_speed", number(body.max_speed)},
+                    {"age_s", number(known_[id])}}),
+           is_first);
+}
+
+// Whether the elements of the piece whose turn it is are not all listed yet, and the slice is over.
+bool CertificateText::lists_elements(const Surface& surface, WorkMeter& meter) {
+  if (!elements_) elements_.emplace(surface);
+  while (!elements_->advance(kStepsAtOnce)) {
+    meter.count(kStepsAtOnce / kStepsPerUnit);
+    if (meter.is_over()) return true;
+  }
+  return false;
+}
+
+// Some vertices and elements of the piece whose turn it is.
+void CertificateText::add_piece(WorkMeter& meter) {
+  const Piece& piece = *pieces_[next_piece_];
+  if (piece.surface && lists_elements(*piece.surface, meter)) return;
+  const SurfaceRows* const rows = piece.surface ? &elements_->rows() : nullptr;
+  bool is_first = next_piece_ == 0;
+  if (next_vertex_ == 0) {
+    Json json{{"digest", text(piece.surface ? piece.surface->digest() : piece.digest)},
+              {"loaded_vertices", rows ? rows->loaded : piece.loaded_vertices},
+              {"radius", number(piece.radius)},
+              {"count", rows ? rows->vertices.size() : piece.count()}};
+    if (piece.primitive)
+      json["core"] = {{"kind", name_of(piece.primitive->kind)}, {"size", vector(piece.primitive->size)}};
+    if (piece.surface) json["solid"] = piece.surface->is_solid();
+    add_item(open_text(json), is_first);
+    add(",\"vertices\":[");
+  }
+  const std::vector<Vec3d>& vertices = rows ? rows->vertices : piece.vertices;
+  const std::size_t elements = piece.surface ? piece.surface->size() : 0;
+  // Elements come behind vertices.
+  for (std::size_t n = 0; n < kVerticesAtOnce && next_vertex_ < vertices.size() + elements; ++n, ++next_vertex_) {
+    bool is_first_row = next_vertex_ == 0 || next_vertex_ == vertices.size();
+    if (next_vertex_ == vertices.size()) add("],\"elements\":[");
+    if (next_vertex_ < vertices.size())
+      add_item(text_of(vector(vertices[next_vertex_])), is_first_row);
+    else
+      add_item(text_of(rows->element(next_vertex_ - vertices.size())), is_first_row);
+  }
+  meter.count(kUnitsPerItem + kVerticesAtOnce);
+  if (next_vertex_ < vertices.size() + elements) return;
+  add("]}");
+  ++next_piece_;
+  next_vertex_ = 0;
+  elements_.reset();
+}
+
+}  // namespace clearance

@@ -1,0 +1,14 @@
+// Certificates of motions: docs/certificates.md.
+#pragma once
+
+#include <memory>
+
+#include "engine/certificate/certificate_job.h"
+
+namespace clearance {
+
+/// Of a plan with max_steps > 0. Throws QueryError for more pairs than motions may have.
+std::unique_ptr<CertificateJob> make_motion_certificate(const JobContext& context, Plan&& plan,
+                                                        const CertificateRows& rows);
+
+}  // namespace clearance

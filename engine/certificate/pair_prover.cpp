@@ -1,0 +1,231 @@
+#include "engine/certificate/pair_prover.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "engine/hull/primitive.h"
+
+namespace clearance {
+
+namespace {
+
+// Of a span. A search ends at 2^-40 (motion_search.cpp), at times with no more left of a bound than the speed makes in
+// so short a time; spans that are cut otherwise than its own have to be shorter.
+constexpr double kLeastHalf = 0x1p-46;
+constexpr std::uint32_t kMostSpans = 1u << 14;
+constexpr std::uint64_t kUnitsPerMoment = 64, kUnitsPerSpanProof = 64;
+
+}  // namespace
+
+void MotionMoment::begin(MovingBodies& moving) {
+  poses_.look_at_ends(moving);
+  moving_ = &moving;
+  time_ = -1;
+}
+
+void MotionMoment::move_to(double time) {
+  if (time == time_) return;
+  time_ = time;
+  const Instant instant{moving_, time};
+  ConfigurationPoses::Block given = poses_.at({&instant, 1});
+  given.errors = moving_->errors;
+  rotations_.resize(plan_.bodies.size());
+  rotations_of(given.poses, rotations_);
+  placed_.configure(moments_++, given, rotations_);
+  twists_.resize(plan_.moved.size());
+  poses_.twists(0, placed_, twists_);
+}
+
+PairProver::PairProver(const Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options,
+                       MotionMoment& moment, std::uint64_t position, BodyPair pair, double lower, double until,
+                       CertificateText& text)
+    : scene_(scene),
+      bounds_(bounds),
+      moment_(moment),
+      position_(position),
+      pair_(pair),
+      a_(scene.bodies()[pair.a]),
+      b_(scene.bodies()[pair.b]),
+      lower_(lower),
+      text_(text),
+      limits_(options.limits),
+      left_{{0, until}} {
+  limits_.max_distance = std::numeric_limits<double>::infinity();
+  if (surface_of(a_) || surface_of(b_)) cover_.emplace(a_, b_);
+}
+
+// Begins with the span whose turn it is.
+void PairProver::look() {
+  const Span& span = left_.back();
+  moment_.move_to(span.middle());
+  rates_ = bounds_.rates(position_, pair_, moment_.moving(), moment_.placed());
+  slack_ = pair_slack(moment_.placed(), pair_);
+  way_ = way_of_pair(rates_, span.half());
+  i_ = j_ = 0;
+  halves_ = {};
+  claims_.clear();
+  is_looked_at_ = true;
+}
+
+// One pair of pieces more. Returns true once a span is proved, that is to be written.
+bool PairProver::step(WorkMeter& meter) {
+  if (!is_looked_at_) {
+    look();
+    meter.count(kUnitsPerMoment * (1 + a_.pieces.size() * b_.pieces.size() / 16));
+    if (try_boxes()) {
+      end_span({});
+      return true;
+    }
+    if (cover_) {
+      cover_->begin();
+      if (is_too_near_somewhere(meter)) {
+        end_span({false, false});
+        return false;
+      }
+    }
+  }
+  if (cover_) return step_cover(meter);
+  meter.count(kUnitsPerSpanProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
+  const Halves now = try_pieces(*a_.pieces[i_], *b_.pieces[j_], {i_, j_, {}}, true);
+  halves_.before &= now.before;
+  halves_.after &= now.after;
+  if (halves_.any()) {
+    if (++j_ == b_.pieces.size()) j_ = 0, ++i_;
+    if (i_ < a_.pieces.size()) return false;
+  }
+  const bool proved = halves_.any();
+  end_span(halves_);
+  return proved;
+}
+
+// Whether nothing is proved of two elements that are near: then nothing is of the span.
+bool PairProver::is_too_near_somewhere(WorkMeter& meter) {
+  const Placement& here = moment_.placed();
+  nearest_.begin(a_, here[pair_.a].pose, b_, here[pair_.b].pose);
+  ElementPair near;
+  nearest_.take_near(std::numeric_limits<double>::infinity(), near);
+  Piece room_a, room_b;
+  const Piece &p = piece_of(a_, near.a, room_a), &q = piece_of(b_, near.b, room_b);
+  meter.count(kUnitsPerSpanProof + WorkMeter::units_of(p, q));
+  const bool is_proved = try_pieces(p, q, {0, 0, {}}, true).any();
+  claims_.clear();
+  return !is_proved;
+}
+
+// Two parts of bodies that are not convex.
+bool PairProver::step_cover(WorkMeter& meter) {
+  const PairCover::Parts parts = cover_->parts();
+  meter.count(kUnitsPerSpanProof);
+  Halves now{false, false};
+  const std::size_t claims = claims_.size();
+  if (parts.are_pieces()) {
+    meter.count(WorkMeter::units_of(*parts.a, *parts.b));
+    now = try_pieces(*parts.a, *parts.b, parts.claim, parts.are_elements);
+  }
+  if (parts.are_elements || (now.before && now.after)) {
+    cover_->settle();
+    halves_.before &= now.before;
+    halves_.after &= now.after;
+  } else {  // for smaller ones it may be proved of both halves
+    claims_.resize(claims);
+    cover_->halve();
+  }
+  if (halves_.any() && !cover_->is_done()) return false;
+  const bool proved = halves_.any();
+  end_span(halves_);
+  return proved;
+}
+
+// What is not proved of it is looked at next.
+void PairProver::end_span(const Halves& proved) {
+  const Span span = left_.back();
+  const double middle = span.middle();
+  left_.pop_back();
+  is_looked_at_ = false;
+  if (!proved.after) left_.push_back({middle, span.end});
+  if (!proved.before) left_.push_back({span.begin, middle});
+  has_failed_ = !left_.empty() && (++spans_ > kMostSpans || span.half() <= kLeastHalf || way_ == 0);
+  proved_.begin = proved.before ? span.begin : middle;
+  proved_.end = proved.after ? span.end : middle;
+  proved_.at = middle;
+}
+
+void PairProver::write(SpanPlace place) {
+  place.begin = proved_.begin;
+  place.end = proved_.end;
+  place.at = proved_.at;
+  text_.begin_span(pair_, place);
+  for (const PieceProof& claim : claims_) text_.add_lower(claim);
+  text_.end_span();
+}
+
+// Between the bodies' boxes; along the normal of one that is a half-space. World axes.
+Vec3d PairProver::towards_b() const {
+  const Placement& here = moment_.placed();
+  const auto normal = [&](std::uint32_t body) { return here[body].pose.R_wb * Vec3d{0, 0, 1}; };
+  if (is_half_space(*a_.pieces[0])) return normal(pair_.a);
+  if (is_half_space(*b_.pieces[0])) return -normal(pair_.b);
+  return between(here.box(pair_.a), here.box(pair_.b));
+}
+
+// One such direction for all pieces.
+bool PairProver::try_boxes() {
+  const Placement& here = moment_.placed();
+  const Vec3d n = towards_b();
+  if (n.x == 0 && n.y == 0 && n.z == 0) return false;
+  PieceProof all{kNone, kNone, {}, 1, rates_.speed_seer};
+  const PlacedPose &pose_a = here[pair_.a].pose, &pose_b = here[pair_.b].pose;
+  double least = std::numeric_limits<double>::infinity();
+  for (const PiecePtr& p : a_.pieces)
+    for (const PiecePtr& q : b_.pieces) least = std::min(least, lower_along(*p, pose_a, *q, pose_b, n, all.proof));
+  if (!by_speed(least)) {
+    const Halves along = by_direction(n, nullptr, nullptr);
+    if (way_ == 0 || !along.before || !along.after) return false;
+    all.order = 2;
+    all.seer = rates_.seer;
+  }
+  claims_ = {all};
+  return true;
+}
+
+// \param claim of which pieces they are \param in_all_ways rather than in the first that may do
+PairProver::Halves PairProver::try_pieces(const Piece& p, const Piece& q, PieceProof claim, bool in_all_ways) {
+  const PlacedPose &pose_a = moment_.placed()[pair_.a].pose, &pose_b = moment_.placed()[pair_.b].pose;
+  claim.seer = rates_.speed_seer;
+  NarrowLimits limits = limits_;
+  limits.overlap_by = slack_.outer;
+  const std::array<NarrowLimits, 4> attempts = proof_attempts(limits);
+  // What moves is halved until nothing but the distance itself is left of a doubt: so near it is asked for at once.
+  for (std::size_t k = way_ > 0 ? 2 : 0; k < (in_all_ways ? attempts.size() : 3); ++k) {
+    const NarrowAnswer found = narrow_phase_proved(p, pose_a, q, pose_b, attempts[k], claim.proof);
+    if (by_speed(found.bounds.lower)) {
+      claims_.push_back(claim);
+      return {};
+    }
+    if (way_ == 0) continue;
+    const auto& n_a = claim.proof.direction;
+    Halves halves{false, false};
+    if (found.bounds.lower > 0) halves = by_direction(pose_a.R_wb * Vec3d{n_a.x.hi, n_a.y.hi, n_a.z.hi}, &p, &q);
+    claim.order = 2;
+    claim.seer = rates_.seer;
+    if (halves.any()) claims_.push_back(claim);
+    return halves;
+  }
+  return {false, false};
+}
+
+// How near the pair comes in either half along a direction, world axes. \param p, q null: all pieces
+PairProver::Halves PairProver::by_direction(const Vec3d& n, const Piece* p, const Piece* q) const {
+  const Placement& here = moment_.placed();
+  const double half = left_.back().half();
+  const auto moving_body = [&](std::uint32_t body, const Piece* piece) {
+    return MovingBody{scene_.bodies()[body], here[body].pose,
+                      bounds_.twist_before(rates_.seer, body, moment_.twists(), here), nullptr, piece};
+  };
+  const HalfSpans gaps =
+      gaps_along(n, moving_body(pair_.a, p), moving_body(pair_.b, q), half, bend_of_pair(rates_, half));
+  const double less = (slack_.inner + rates_.drift * half) * (1 + 0x1p-40);
+  return {difference_below(gaps.before, less) >= lower_, difference_below(gaps.after, less) >= lower_};
+}
+
+}  // namespace clearance

@@ -1,0 +1,171 @@
+#include "engine/certificate/surface_prover.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+
+#include "engine/bvh/surface.h"
+
+namespace clearance {
+
+namespace {
+
+// An element with one of the surface's vertices, and which of its corners that is.
+std::array<std::uint32_t, 2> element_with(const Surface& surface, std::uint32_t vertex) {
+  for (std::uint32_t t = 0; t < surface.size(); ++t)
+    for (std::uint32_t k = 0; k < 3; ++k)
+      if (surface.triangles()[t][k] == vertex) return {t, k};
+  assert(false);
+  return {0, 0};
+}
+
+// How many vertices stand for all parts of a piece: no other is within a solid whose triangles are apart from it.
+std::uint32_t candidates_of(const Piece& piece) {
+  const Surface* const surface = piece.surface.get();
+  if (!surface) return 1;
+  return surface->is_cloud() ? surface->size() : static_cast<std::uint32_t>(surface->parts().size());
+}
+
+}  // namespace
+
+SurfaceProver::SurfaceProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
+                             const PairAnswer& answer, CertificateText& text)
+    : RowProver(scene, options, here, pair, answer, text), cover_(a_, b_) {
+  if (wants_lower_) cover_.begin();
+  nearest_.begin(a_, pose_a_, b_, pose_b_);
+}
+
+bool SurfaceProver::step(WorkMeter& meter) {
+  if (has_plane()) {
+    try_plane(meter);
+    return true;
+  }
+  if (wants_upper_ && !upper_) {
+    if (!seeks_held_) return find_upper(meter);
+    held_ ? prove_held(meter) : seek_held(meter);
+    return true;
+  }
+  if (!wants_lower_ || cover_.is_done())
+    end(true);
+  else
+    cover(meter);
+  return true;
+}
+
+// One direction for the parts whose turn it is, or halves of them.
+void SurfaceProver::cover(WorkMeter& meter) {
+  PairCover::Parts parts = cover_.parts();
+  const bool are_elements = parts.are_elements, are_pieces = parts.are_pieces();
+  meter.count(kUnitsPerProof);
+  if (are_pieces) meter.count(WorkMeter::units_of(*parts.a, *parts.b));
+  // Directions of several parts say nothing of how deep an overlap is.
+  if (are_pieces && covers(std::move(parts)))
+    cover_.settle();
+  else if (are_elements || (are_pieces && answer_.lower <= 0))
+    end(false);
+  else
+    cover_.halve();
+}
+
+bool SurfaceProver::covers(PairCover::Parts parts) {
+  if (parts.are_elements || answer_.lower <= 0) return prove(*parts.a, *parts.b, std::move(parts.claim), true, false);
+  NarrowLimits limits = limits_;
+  limits.signed_distance = false;
+  limits.max_distance = std::min(limits_.max_distance, slack_.cut_off(answer_.lower));
+  PieceProof& found = parts.claim;
+  const NarrowAnswer answer = narrow_phase_proved(*parts.a, pose_a_, *parts.b, pose_b_, limits, found.proof);
+  if (!covers_lower(answer.bounds.lower)) return false;
+  text_.add_lower(found);
+  return true;
+}
+
+// The next two elements, the nearest first.
+bool SurfaceProver::find_upper(WorkMeter& meter) {
+  ElementPair pair;
+  switch (nearest_.next(std::max(answer_.upper, 0.0), meter, pair)) {
+    case NearestElements::Found::kPaused:
+      return false;
+    case NearestElements::Found::kNoMore:
+      seeks_held_ = true;
+      return true;
+    case NearestElements::Found::kPair:
+      break;
+  }
+  const auto place = [](const Body& body, const Element& element) {
+    return piece_place(body, element.piece) + (element.triangle == kNone ? 0 : element.triangle);
+  };
+  Piece room_a, room_b;
+  const Piece &p = piece_of(a_, pair.a, room_a), &q = piece_of(b_, pair.b, room_b);
+  meter.count(kUnitsPerProof + WorkMeter::units_of(p, q));
+  prove(p, q, {place(a_, pair.a), place(b_, pair.b), {}}, false, true);
+  return true;
+}
+
+// The next vertex of one body that may lie within a solid of the other: one of each part.
+void SurfaceProver::seek_held(WorkMeter& meter) {
+  Candidates& c = candidates_;
+  const Body &holder = c.outer == 0 ? a_ : b_, &held = c.outer == 0 ? b_ : a_;
+  const Surface* const solid = holder.pieces[c.solid]->surface.get();
+  const bool is_solid = solid && solid->is_solid();
+  if (const Piece& piece = *held.pieces[c.piece]; is_solid && c.next < candidates_of(piece))
+    try_held(*solid, piece, c.next++, meter);
+  else if (is_solid && c.piece + 1 < held.pieces.size())
+    c = {c.outer, c.solid, c.piece + 1, 0};
+  else if (c.solid + 1 < holder.pieces.size())
+    c = {c.outer, c.solid + 1, 0, 0};
+  else if (c.outer == 0)
+    c = {1, 0, 0, 0};
+  else
+    end(false);
+}
+
+void SurfaceProver::try_held(const Surface& solid, const Piece& piece, std::uint32_t candidate, WorkMeter& meter) {
+  meter.count(1);
+  const std::size_t outer = candidates_.outer;
+  const PlacedPose &X_wo = outer == 0 ? pose_a_ : pose_b_, &X_wi = outer == 0 ? pose_b_ : pose_a_;
+  const Surface* const surface = piece.surface.get();
+  const bool is_mesh = surface && !surface->is_cloud();
+  const Vec3d vertex = is_mesh   ? surface->vertices()[surface->parts()[candidate]]
+                       : surface ? surface->element(candidate).corner[0]
+                                 : piece.vertices[0];
+  if (winding_number(solid, X_wo.R_wb.transpose_times(X_wi.R_wb * vertex + (X_wi.t_w - X_wo.t_w))) == 0) return;
+  const auto [element, corner] =
+      is_mesh ? element_with(*surface, surface->parts()[candidate]) : std::array<std::uint32_t, 2>{candidate, 0};
+  PieceProof proof{piece_place(outer == 0 ? a_ : b_, candidates_.solid),
+                   piece_place(outer == 0 ? b_ : a_, candidates_.piece) + element,
+                   {}};
+  if (outer == 1) std::swap(proof.piece_a, proof.piece_b);
+  proof.within = static_cast<std::uint32_t>(outer);
+  proof.proof.vertices.push_back(outer == 0 ? ProofVertex{0, corner, {}} : ProofVertex{corner, 0, {}});
+  if (piece.primitive) (outer == 0 ? proof.proof.points_b : proof.proof.points_a).push_back(cast<DoubleDouble>(vertex));
+  held_ = {std::move(proof), vertex};
+}
+
+// A direction to the next triangle of the solid around the vertex: it has to be far enough along each.
+void SurfaceProver::prove_held(WorkMeter& meter) {
+  const std::size_t outer = candidates_.outer;
+  const Surface& around = *(outer == 0 ? a_ : b_).pieces[candidates_.solid]->surface;
+  if (held_->next == around.size()) {
+    held_->proof.proof.upper_in_double_double = true;
+    upper_ = std::move(held_->proof);
+    return held_.reset();
+  }
+  meter.count(kUnitsPerProof);
+  Piece point, triangle;
+  remake_piece(point, {&held_->vertex, 1}, 0);
+  remake_piece(triangle, around.element(held_->next++).span(), 0);
+  const Piece &p = outer == 0 ? triangle : point, &q = outer == 0 ? point : triangle;
+  NarrowProof found;
+  const auto is_far_enough = [&](NarrowLimits limits) {
+    limits.signed_distance = false;
+    const double apart = narrow_phase_proved(p, pose_a_, q, pose_b_, limits, found).bounds.lower;
+    return apart > 0 && covers_upper(-apart);
+  };
+  const std::array<NarrowLimits, 4> attempts = proof_attempts(limits_);
+  if (is_far_enough(attempts[2]) || is_far_enough(attempts[3]))
+    held_->proof.proof.faces.push_back({{0, 0, 0}, -found.direction});
+  else
+    held_.reset();  // others may do
+}
+
+}  // namespace clearance

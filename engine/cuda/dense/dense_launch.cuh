@@ -1,0 +1,107 @@
+// The kernels of a dense chunk, one after another in a stream.
+#pragma once
+
+#include <algorithm>
+
+#include "engine/cuda/dense/depths.cuh"
+#include "engine/cuda/dense/group_kernel.cuh"
+#include "engine/cuda/dense/lean_kernel.cuh"
+#include "engine/cuda/dense/overlap_rows.cuh"
+#include "engine/cuda/workspace/resident.cuh"
+
+namespace clearance::cuda {
+
+// What float32 leaves open, and what overlaps, takes long. How many pairs that are is not known when their kernels
+// start: all that these do not take, the next chunk's blocks do.
+inline constexpr std::uint32_t kLateBlocks = 66, kLateWarps = 64;
+
+inline bool f32_goes_first(const Question& question, const ChunkSetup& chunk, const CudaPairs& pairs) {
+  return question.f32 && chunk.group_tiles > 0 && pairs.most_shared_f32 > 0;
+}
+
+// What answers pairs of the same two hulls. \param points whether rows have any
+template <class T, bool kLean, bool kWarm>
+auto group_kernel(bool points) {
+  if constexpr (kLean && !kWarm)
+    return points ? answer_lean<T, true> : answer_lean<T, false>;
+  else
+    return answer_groups<T, kLean, kWarm>;
+}
+
+// The last kernel hands the counts over.
+template <bool kLean, bool kWarm>
+void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, cudaStream_t stream) {
+  view.group_of_tile = pairs.group_of_tile + chunk.first_tile;
+  const bool f32 = view.question.f32;
+  const bool f32_first = f32_goes_first(view.question, chunk, pairs), only_f32 = f32_first && pairs.all_fit_f32;
+  const bool proof_follows = view.enclosed && (chunk.stray_tiles > 0 || (chunk.group_tiles > 0 && !only_f32));
+  ChunkView before = view;  // of a kernel that another follows
+  before.host_counts = nullptr;
+  view.blocks = chunk.tiles();
+  const ChunkView& first = f32_first || proof_follows ? before : view;
+  const bool points = view.question.want_points;
+  if (f32_first) {
+    const auto kernel = group_kernel<float, kLean, kWarm>(points);
+    kernel<<<chunk.group_tiles, kTile, pairs.most_shared_f32, stream>>>(first);
+  }
+  if (chunk.group_tiles > 0 && !only_f32) {
+    const auto kernel = group_kernel<double, kLean, kWarm>(points);
+    kernel<<<chunk.group_tiles, kTile, pairs.most_shared, stream>>>(first);
+  }
+  if (chunk.stray_tiles > 0) {
+    const auto kernel = f32 ? answer_strays<true, kLean, kWarm> : answer_strays<false, kLean, kWarm>;
+    kernel<<<chunk.stray_tiles, kTile, 0, stream>>>(first, chunk.strays);
+  }
+  if (chunk.several_tiles > 0) {
+    const auto kernel = f32 ? answer_several<true> : answer_several<false>;
+    kernel<<<chunk.several_tiles, kTile, 0, stream>>>(first, chunk.several);
+  }
+  if (f32_first) {
+    ChunkView open = proof_follows ? before : view;
+    open.prove_at_once = view.question.prove_overlaps;
+    open.blocks = std::min(chunk.group_tiles, kLateBlocks);
+    answer_open<kLean, kWarm><<<open.blocks, kTile, 0, stream>>>(open, kLateWarps);
+  }
+  if (proof_follows && view.question.prove_depths) {
+    start_depths(view, chunk.rows(), stream);
+  } else if (proof_follows) {
+    view.blocks = std::min(blocks_of(chunk.rows(), kTile), kLateBlocks);
+    prove_overlaps<<<view.blocks, kTile, 0, stream>>>(view, kLateWarps);
+  }
+}
+
+// The same where something is doubted of a body: all pairs of single pieces in one list, whose hulls are read where the
+// scene has them, and whose overlaps are proved by who finds them.
+template <bool kWarm>
+void answer_doubted_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream_t stream) {
+  const Group singles{kNone, kNone, 0, chunk.strays.first + chunk.strays.count, 0};
+  const std::uint32_t tiles = blocks_of(std::uint64_t{singles.count} * chunk.configurations, kTile);
+  const bool f32 = view.question.f32;
+  view.prove_at_once = view.question.prove_overlaps;
+  view.blocks = tiles + chunk.several_tiles;
+  if (tiles > 0) {
+    const auto kernel = f32 ? answer_strays<true, false, kWarm, Slack> : answer_strays<false, false, kWarm, Slack>;
+    kernel<<<tiles, kTile, 0, stream>>>(view, singles);
+  }
+  if (chunk.several_tiles > 0) {
+    const auto kernel = f32 ? answer_several<true> : answer_several<false>;
+    kernel<<<chunk.several_tiles, kTile, 0, stream>>>(view, chunk.several);
+  }
+}
+
+// \param fields columns that are wanted, Field bits. \param warm whether the view has warm rows
+inline void answer_chunk(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, std::uint32_t fields,
+                         bool warm, cudaStream_t stream) {
+  const bool lean = (fields & ~kLeanFields) == 0;
+  if (view.bodies.doubts.fixed)
+    warm ? answer_doubted_chunk<true>(view, chunk, stream) : answer_doubted_chunk<false>(view, chunk, stream);
+  else if (warm)
+    lean ? answer_chunk_as<true, true>(view, chunk, pairs, stream)
+         : answer_chunk_as<false, true>(view, chunk, pairs, stream);
+  else
+    lean ? answer_chunk_as<true, false>(view, chunk, pairs, stream)
+         : answer_chunk_as<false, false>(view, chunk, pairs, stream);
+  check(cudaGetLastError(), "starting a kernel");
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,98 @@
+// Pairs of the same two hulls where no more is asked than their bounds, or compact rows: group_kernel.cuh's blocks,
+// which iterate and certify and nothing else. What overlaps or is not settled is listed for the kernels that follow.
+#pragma once
+
+#include "engine/cuda/dense/group_kernel.cuh"
+
+namespace clearance::cuda {
+
+// Blocks of kTile threads on a multiprocessor, as kBlocks: in float64 some poses are spilled for that, in float32
+// nothing in the loop is (docs/notes/cuda.md).
+inline constexpr int kLeanBlocks = 4;
+
+// Which item of a group's tile a thread has. Where it lies is looked up when it is needed, and again when its row is
+// written: registers are short in between.
+struct LeanItem {
+  std::uint32_t pair, k, row;
+
+  __device__ LeanItem(const ChunkView& c, const Group& group, std::uint32_t item) {
+    const std::uint32_t before = c.configurations == 1 ? item : item / c.configurations;
+    pair = group.first + before;
+    k = item - before * c.configurations;
+    row = k * c.pair_count + c.position[pair];
+  }
+};
+
+// The row of an answer, with its points if kPoints.
+template <bool kPoints>
+__device__ inline void write_lean(const ChunkView& c, const LeanItem& item, const PairAnswer& answer) {
+  write_interval(c.reply, item.row, answer);
+  if (c.reply.configuration)
+    c.reply.configuration[item.row] = static_cast<std::uint32_t>(c.first_configuration + item.k);
+  if (c.reply.pair) {
+    const PairRef ref = c.pairs[item.pair];
+    c.reply.pair[item.row] = {body_of(c.bodies, ref.a), body_of(c.bodies, ref.b)};
+  }
+  if (kPoints && c.reply.compact) write_compact(c.reply.compact + item.row, answer);
+}
+
+// \tparam Hull of the iteration, PointHull in float64
+template <bool kPoints, class Hull, class PointHull>
+__device__ inline Outcome answer_lean_item(const ChunkView& c, const LeanItem& item, const Hull& a, const Hull& b,
+                                           const PairHulls<PointHull>& hulls, const PairRef& ref, std::uint8_t states,
+                                           const PairFrame<typename Hull::T>& at, Enclosed& enclosed) {
+  using T = typename Hull::T;
+  PairAnswer answer;
+  answer.point_a = answer.point_b = no_point();
+  const Question& q = c.question;
+  Outcome outcome = Outcome::kWithoutPieces;
+  const bool looks = (states & kStateStatus) != static_cast<std::uint8_t>(Status::kOk) || q.cull;
+  if (!looks || !answer_without_pieces(q, Where(c.bodies, c.configurations, ref.a, item.k),
+                                       Where(c.bodies, c.configurations, ref.b, item.k), answer)) {
+    const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
+      decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
+      if (!kPoints || answer.status == Status::kBeyond) return;
+      const Mat3d R_wa = Where(c.bodies, c.configurations, ref.a, item.k).frame().R_wb,
+                  R_wb = Where(c.bodies, c.configurations, ref.b, item.k).frame().R_wb;
+      settled_points(hulls.a, R_wa, hulls.b, R_wb, witness_of(g, bounds, R_wa), answer.point_a, answer.point_b);
+    };
+    outcome = run_to_end<false>(q, a, b, at, enclosed, nullptr, take);
+  }
+  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) write_lean<kPoints>(c, item, answer);
+  return outcome;
+}
+
+template <class T, bool kPoints>
+__global__ void __launch_bounds__(kTile, kLeanBlocks) answer_lean(const __grid_constant__ ChunkView c) {
+  note_begin(c);
+  const Group group = c.group_of_tile[blockIdx.x];
+  const HullHead *head_a = c.hulls.heads + group.hull_a, *head_b = c.hulls.heads + group.hull_b;
+  if (!goes_first<T>(c, *head_a, *head_b)) return;  // the other kernel's
+  const std::uint32_t place = (blockIdx.x - group.first_tile) * kTile + threadIdx.x,
+                      count = group.count * c.configurations;
+  const LeanItem item(c, group, place < count ? place : count - 1);
+  const PairRef ref = c.pairs[item.pair];
+  const Where at_a(c.bodies, c.configurations, ref.a, item.k), at_b(c.bodies, c.configurations, ref.b, item.k);
+  // Poses are on their way while hulls are copied.
+  const PairFrame<T> at = place_pair<T>(at_a, *head_a, at_b, *head_b);
+  const auto [a, b] = share_pair<T>(c, group);
+  __syncthreads();
+
+  Enclosed enclosed;
+  enclosed.pair = item.pair;
+  enclosed.configuration = item.k;
+  Outcome outcome = Outcome::kNone;
+  if (place < count) {
+    const PairHulls<Hull<SharedVertices>> hulls{a.hull, b.hull};
+    const std::uint8_t states = at_a.state | at_b.state;
+    if constexpr (kIsF32<T>)
+      outcome = answer_lean_item<kPoints>(c, item, a.hull_f32, b.hull_f32, hulls, ref, states, at, enclosed);
+    else
+      outcome = answer_lean_item<kPoints>(c, item, a.hull, b.hull, hulls, ref, states, at, enclosed);
+    if (outcome == Outcome::kEnclosed && c.prove_at_once) outcome = prove_row(c, enclosed);
+  }
+  report<kIsF32<T>>(c, outcome, item.row, enclosed);
+  hand_over_counts(c);
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,22 @@
+// Rows of dense chunks that the device could not settle, where no CPU finishes them.
+#pragma once
+
+#include "engine/cuda/pair/open_pair.cuh"
+
+namespace clearance::cuda {
+
+// \param in_order the chunk's pairs in the order of its rows
+__global__ void __launch_bounds__(kTile)
+    answer_open_rows(const __grid_constant__ ChunkView c, const PairRef* in_order, std::uint32_t most_warps) {
+  const SpreadList list(c.counts[kRest], most_warps);
+  for (std::uint32_t first = 0; first < list.count; first += list.step) {
+    const std::uint32_t i = list.at(first);
+    if (i >= list.count) continue;
+    const std::uint32_t row = c.rest[i], k = row / c.pair_count;
+    const PairRef ref = in_order[row % c.pair_count];
+    const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+    write_answer(c, row, k, at_a, at_b, open_answer(c, c.question, ref, k, at_a, at_b));
+  }
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,80 @@
+// A set of elements and one convex piece before each other: lower bounds on how far parts of the set are from it.
+#pragma once
+
+#include "engine/cuda/mesh/element_set.cuh"
+
+namespace clearance::cuda {
+
+// Rounding units of a gap, and what is left of 1 over the length of a direction, or of a plane's normal: as the CPU has
+// them (engine/mesh_distance/nearest_elements.cpp, part_gaps.cpp; docs/bounds.md, "Surfaces").
+inline constexpr double kGapUnits = 256 * 0x1p-53, kShortUnit = 1 - 0x1p-45, kShortNormal = 1 - 0x1p-13;
+
+__device__ inline double above_zero(double x) {
+  return x > 0 ? x : 0;
+}
+
+// The other body's piece as the set sees it, and lower bounds on how far from it are parts of the set. Metres, the
+// set's axes.
+class PieceBefore {
+ public:
+  __device__ PieceBefore(const ElementSet& set, const PlacedFrame& elements, const HullHead& piece,
+                         const PlacedFrame& other)
+      : R_(elements.R_wb.transpose_times(other.R_wb)),
+        D_(elements.R_wb.transpose_times(other.t_w - elements.t_w)),
+        own_{piece.centre, piece.half},
+        box_{R_ * piece.centre + D_, {0, 0, 0}} {
+    for (int k = 0; k < 3; ++k) box_.half[k] = dot(absolute(R_.row[k]), piece.half);
+    const double radii = set.hull.radius + piece.radius;
+    margin_ =
+        radii + (kGapUnits * (norm(D_) + set.hull.rho + piece.rho + radii) + Arithmetic<double>::kUnderflowLength);
+  }
+
+  // Not below 0. \param cut_off no more is asked than whether it is greater
+  template <class Bulk>
+  __device__ double gap(const Bulk& x, double cut_off) const {
+    const Vec3d d = box_.centre - x.centre;
+    Vec3d apart;
+    for (int k = 0; k < 3; ++k) apart[k] = above_zero(fabs(d[k]) - (x.half[k] + box_.half[k]));
+    double gap = above_zero(norm(apart) - margin_);
+    if (gap > cut_off) return gap;
+    if (looks_) gap = fmax(gap, above_zero((from_ - x.reach(n_)) * kShortUnit - margin_));
+    if constexpr (requires { x.normal; })
+      if (!(gap > cut_off)) gap = fmax(gap, gap_across(x, d));
+    const double length = norm(d);
+    if (gap > cut_off || !(length > 1e-140 && length < __builtin_inf())) return gap;
+    const Vec3d n = d * (1 / length);
+    return fmax(gap, above_zero((before(n) - x.reach(n)) * kShortUnit - margin_));
+  }
+  __device__ double between_middles(const ElementBox& x) const { return squared_norm(box_.centre - x.centre); }
+
+  // From here on gaps along this direction count, too. \param n_c from the set towards the piece, of any length
+  __device__ void look_along(const Vec3d& n_c, const Part& piece) {
+    const double length = norm(n_c);
+    if (!(length > 1e-140 && length < __builtin_inf())) return;
+    n_ = n_c * (1 / length);
+    from_ = dot(n_, D_) - support(piece, R_.transpose_times(-n_)).value;
+    looks_ = true;
+  }
+  // Turns a direction of the piece's axes.
+  __device__ Vec3d turned(const Vec3d& v) const { return R_ * v; }
+
+ private:
+  // Where its box begins along n.
+  __device__ double before(const Vec3d& n) const { return dot(n, D_) - own_.reach(R_.transpose_times(-n)); }
+  // Across the planes of x, on the side that faces the piece. Without planes it is 0.
+  __device__ double gap_across(const TriangleBulk& x, const Vec3d& d) const {
+    const bool is_ahead = !(dot(x.normal, d) < 0);
+    const double end = is_ahead ? x.high : -x.low;
+    return above_zero((before(is_ahead ? x.normal : -x.normal) - end) * kShortNormal - margin_);
+  }
+
+  Mat3d R_;  // takes the piece's coordinates, with D_, to the set's
+  Vec3d D_;
+  ElementBox own_, box_;  // in its own axes, in the set's
+  double margin_;         // what of a gap between cores is none between the grown elements, as computed
+  bool looks_ = false;
+  Vec3d n_{0, 0, 0};
+  double from_ = 0;
+};
+
+}  // namespace clearance::cuda

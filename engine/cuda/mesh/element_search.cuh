@@ -1,0 +1,215 @@
+// The nearest elements of a cloud or mesh and of a body of convex pieces, looked for by a warp.
+//
+// Subtrees wait on a stack in shared memory, each with a lower bound on its distance to the other body's piece: by
+// boxes, along the line of their middles, and along the direction that the nearest point so far was proved by;
+// docs/bounds.md, "Surfaces". What is proved to be farther than an upper bound is left out, and its gap counts in the
+// lower bound. So the interval is one that contains the distance, as narrow as asked; which one of those may be another
+// than the CPU's, who goes another way. Which one it is depends on the pair alone, and on what its group's seed cuts
+// off. Where all triangles of a solid are apart from a piece, one of the piece's points says whether it lies within.
+#pragma once
+
+#include "engine/cuda/mesh/element_parts.cuh"
+#include "engine/cuda/mesh/element_winding.cuh"
+#include "engine/cuda/mesh/warp_search.cuh"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kStackEntries = 320, kWaitingEntries = 32 + 32 * 4;
+inline constexpr std::uint32_t kWayDown = 32;  // entries that one node's way down takes, of as many levels
+
+// A pair of elements (Points or Triangles) and of convex pieces, of which all of a warp's threads look for the nearest
+// element.
+template <class Elements>
+class HullSearch : public WarpSearch {
+ public:
+  // Where nodes and elements of one warp's search wait, each with its gap: in shared memory.
+  struct Room {
+    std::uint32_t node[kStackEntries], element[kWaitingEntries];
+    float node_gap[kStackEntries], element_gap[kWaitingEntries];
+  };
+
+  __device__ HullSearch(const ReducedView& r, const Question& q, const Where& at_a, const Where& at_b,
+                        const Slack& slack, double cut_off, double enough, Room& room)
+      : WarpSearch(r, q, at_a, at_b, slack, cut_off, enough),
+        room_{room.node, room.element, room.node_gap, room.element_gap},
+        elements_first_(r.elements.of_body[at_a.body] != kNone),
+        set_(r.elements.sets[r.elements.of_body[elements_first_ ? at_a.body : at_b.body]]) {
+    const std::uint32_t body = elements_first_ ? at_b.body : at_a.body;
+    first_piece_ = c_.hulls.piece_begin[body];
+    pieces_ = c_.hulls.piece_begin[body + 1] - first_piece_;
+  }
+
+  // kSettled: the thread that has_answer() holds the answer. \param answer has the pair's flags
+  __device__ Outcome run(PairAnswer& answer) {
+    for (std::uint32_t piece = 0; piece < pieces_ && !is_over(); ++piece) search(piece, answer);
+    if (is_open_) return Outcome::kUnsettled;
+    if (overlaps_) return Outcome::kSettled;
+    const double lower = least_of_warp(lower_);
+    if constexpr (Elements::kIsMesh)
+      if (lower > 0 && set_.is_solid) {
+        const Outcome held = look_within(lower, answer);
+        if (held != Outcome::kNone) return held;
+      }
+    return decide_by_bounds(lower, answer, [&](bool overlap) { add_points(overlap, answer); });
+  }
+
+ private:
+  __device__ void search(std::uint32_t piece, PairAnswer& answer) {
+    const HullHead* const head = c_.hulls.heads + c_.hulls.piece_hull[first_piece_ + piece];
+    PieceBefore before(set_, elements_first_ ? of_a_ : of_b_, *head, elements_first_ ? of_b_ : of_a_);
+    stacked_ = waiting_ = 0;
+    put_root(before);
+    while ((stacked_ > 0 || waiting_ > 0) && !is_over()) {
+      if (stacked_ > 0 && waiting_ < 32)
+        open(before);
+      else
+        look(piece, *head, before, answer);
+    }
+    leave_out_all(room_.node_gap, stacked_);
+    leave_out_all(room_.element_gap, waiting_);
+    __syncwarp();
+    if (is_over())  // of the other pieces nothing is known
+      for (std::uint32_t other = piece + 1 + lane(); other < pieces_; other += 32) {
+        const HullHead& of = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + other]];
+        const PieceBefore there(set_, elements_first_ ? of_a_ : of_b_, of, elements_first_ ? of_b_ : of_a_);
+        leave_out(there.gap(LoadedNode<Elements>(set_, 0).bulk, __builtin_inf()));
+      }
+  }
+
+  __device__ void put_root(const PieceBefore& before) {
+    const double limit = this->limit(), gap = before.gap(LoadedNode<Elements>(set_, 0).bulk, limit);
+    put(lane() == 0, 0u, gap, limit, room_.node, room_.node_gap, stacked_);
+  }
+  // Divides the nodes on top of the stack, a thread for each: as many as their children leave room for, and beside that
+  // for one node's way down. Where no more is left, that goes down alone.
+  __device__ void open(const PieceBefore& before) {
+    if (stacked_ == kStackEntries) {
+      is_open_ = true;
+      return;
+    }
+    const std::uint32_t room = kStackEntries - stacked_, wide = room > kWayDown ? room - kWayDown : 1,
+                        most = wide < 32 ? wide : 32, count = stacked_ < most ? stacked_ : most;
+    __syncwarp();
+    stacked_ -= count;
+    const double limit = this->limit();
+    bool there = lane() < count;
+    const std::uint32_t at = there ? room_.node[stacked_ + lane()] : 0;
+    const double known = there ? room_.node_gap[stacked_ + lane()] : 0;
+    __syncwarp();
+    if (there && known > limit) {
+      leave_out(known);
+      there = false;
+    }
+    std::uint32_t right = 0, first = 0, elements = 0;
+    if (there) {
+      const LoadedNode<Elements> node(set_, at);
+      right = node.right;
+      first = node.begin();
+      elements = node.is_leaf() ? node.count() : 0;
+    }
+    for (std::uint32_t i = 0; __any_sync(~0u, i < elements); ++i) {
+      const bool has = i < elements;
+      const std::uint32_t element = first + i;
+      const double gap = has ? before.gap(Elements::of_element(set_, element), limit) : 0;
+      put(has, element, gap, limit, room_.element, room_.element_gap, waiting_);
+    }
+    const bool divides = there && elements == 0;
+    std::uint32_t near = at + 1, far = right;
+    double near_gap = 0, far_gap = 0;
+    if (divides) {
+      const LoadedNode<Elements> one(set_, near), other(set_, far);
+      near_gap = before.gap(one.bulk, limit);
+      far_gap = before.gap(other.bulk, limit);
+      if (far_gap < near_gap ||
+          (far_gap == near_gap && before.between_middles(other.bulk) < before.between_middles(one.bulk))) {
+        const std::uint32_t node = near;
+        near = far;
+        far = node;
+        const double gap = near_gap;
+        near_gap = far_gap;
+        far_gap = gap;
+      }
+    }
+    put(divides, far, far_gap, limit, room_.node, room_.node_gap, stacked_);
+    put(divides, near, near_gap, limit, room_.node, room_.node_gap, stacked_);
+    __syncwarp();
+  }
+
+  // Answers the elements that wait, a thread for each.
+  __device__ void look(std::uint32_t piece, const HullHead& head, PieceBefore& before, PairAnswer& answer) {
+    __syncwarp();
+    const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
+    waiting_ -= count;
+    const double limit = this->limit();
+    bool there = lane() < count;
+    const std::uint32_t element = there ? room_.element[waiting_ + lane()] : 0;
+    if (there) {
+      // Along what was found since, too.
+      const double known = fmax(static_cast<double>(room_.element_gap[waiting_ + lane()]),
+                                before.gap(Elements::of_element(set_, element), limit));
+      if (known > limit) {
+        leave_out(known);
+        there = false;
+      }
+    }
+    __syncwarp();
+    if (!__any_sync(~0u, there)) return;
+    const ElementHull<Elements> hull(set_, element);
+    const Part x = piece_part(c_.hulls, &head), e = hull.part();
+    Vec3d along;
+    if (ask(there, limit, elements_first_ ? e : x, elements_first_ ? x : e, {piece, element}, answer, along))
+      before.look_along(elements_first_ ? along : before.turned(-along), x);
+    if (overlaps_ && is_writer_) set_pieces(piece, answer);
+  }
+
+  __device__ void set_pieces(std::uint32_t piece, PairAnswer& answer) const {
+    if (!q_.want_points) return;
+    answer.piece_a = elements_first_ ? 0 : piece;
+    answer.piece_b = elements_first_ ? piece : 0;
+  }
+
+  // Whether a piece lies within the solid, all of whose triangles are farther than `apart`: docs/bounds.md, "Surfaces".
+  // kNone: none does.
+  __device__ Outcome look_within(double apart, PairAnswer& answer) {
+    const PlacedFrame &outer = elements_first_ ? of_a_ : of_b_, &inner = elements_first_ ? of_b_ : of_a_;
+    const Vec3d shift = inner.t_w - outer.t_w;
+    for (std::uint32_t piece = 0; piece < pieces_; ++piece) {
+      const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + piece]];
+      if (PieceBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bulk, 0) > 0) continue;
+      if (!knows_side(apart, shift, set_.hull, head)) return Outcome::kUnsettled;
+      // All of the piece lies on one side: where float64 is not sure of one of its points, it may be of another.
+      Winding winding{0, false};
+      Vec3d turned{0, 0, 0};
+      for (std::uint32_t i = 0; i < kWindingPoints && i < head.count && !winding.is_sure; ++i) {
+        turned = inner.R_wb * piece_part(c_.hulls, &head).vertex(i * (head.count / kWindingPoints));
+        winding = count_winding(set_, outer.R_wb.transpose_times(turned + shift), room_.node, kStackEntries);
+      }
+      if (!winding.is_sure) return Outcome::kUnsettled;
+      if (winding.number == 0) continue;
+      add_held(elements_first_, turned + shift, turned, apart, answer);
+      set_pieces(piece, answer);
+      return Outcome::kSettled;
+    }
+    return Outcome::kNone;
+  }
+  __device__ void add_points(bool overlap, PairAnswer& answer) const {
+    const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + best_.one]];
+    const ElementHull<Elements> hull(set_, best_.other);
+    const Part x = piece_part(c_.hulls, &head), e = hull.part();
+    add_points_of_best(elements_first_ ? e : x, elements_first_ ? x : e, overlap, answer);
+    set_pieces(best_.one, answer);
+  }
+
+  // Of a Room. By these four the compiler spills fewer registers than by one reference.
+  struct Lists {
+    std::uint32_t *node, *element;
+    float *node_gap, *element_gap;
+  };
+  const Lists room_;
+  const bool elements_first_;
+  const ElementSet& set_;
+  std::uint32_t first_piece_, pieces_;
+  std::uint32_t stacked_ = 0, waiting_ = 0;
+};
+
+}  // namespace clearance::cuda

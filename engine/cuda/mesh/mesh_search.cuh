@@ -1,0 +1,318 @@
+// The nearest triangles of two meshes, looked for by a warp.
+//
+// As in element_search.cuh, but what waits on the stack is a part of one mesh and one of the other, each a subtree or a
+// triangle. The larger subtree of both is divided. Two triangles wait until there are 32 such pairs, and then a thread
+// asks GJK about one. Where no triangles touch, a corner of each part of a mesh that hangs together says whether that
+// part lies within the other mesh, if that is a solid.
+#pragma once
+
+#include "engine/cuda/mesh/element_parts.cuh"
+#include "engine/cuda/mesh/element_winding.cuh"
+#include "engine/cuda/mesh/warp_search.cuh"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kMeshStackEntries = 512, kWaitingTriangles = 32 + 32 * 4;
+// Two parts on their way down take an entry more for each level of both trees, and some for a leaf's triangles.
+inline constexpr std::uint32_t kMeshWayDown = 2 * 32 + 4;
+inline constexpr std::uint32_t kMostWindings = 64;  // of a pair; what asks for more is the CPU's
+
+// A part of a mesh: a node's number, or with this bit a triangle's.
+inline constexpr std::uint32_t kIsTriangle = 1u << 31;
+struct MeshParts {
+  std::uint32_t a, b;
+  __device__ bool are_triangles() const { return (a & b & kIsTriangle) != 0; }
+};
+__device__ inline TriangleBulk bulk_of_part(const ElementSet& set, std::uint32_t part) {
+  if (part & kIsTriangle) return Triangles::of_element(set, part & ~kIsTriangle);
+  return Triangles::of_node(set, part, LoadedBox(set, part));
+}
+
+// What two parts divide into: one of them into two nodes or up to four triangles, each of these with the other.
+class Division {
+ public:
+  Division() = default;  // into none
+  // The larger subtree is divided, a leaf only where there is no other.
+  __device__ Division(const ElementSet& a, const ElementSet& b, const MeshParts& whole) : whole_(whole) {
+    const bool has_triangle = ((whole.a | whole.b) & kIsTriangle) != 0;
+    const LoadedBox of_a(a, whole.a & kIsTriangle ? 0 : whole.a), of_b(b, whole.b & kIsTriangle ? 0 : whole.b);
+    if (has_triangle)
+      of_a_ = (whole.b & kIsTriangle) != 0;
+    else if (of_a.is_leaf() != of_b.is_leaf())
+      of_a_ = of_b.is_leaf();
+    else
+      of_a_ = !(squared_norm(of_a.high - of_a.low) < squared_norm(of_b.high - of_b.low));
+    const LoadedBox& node = of_a_ ? of_a : of_b;
+    first_ = node.is_leaf() ? kIsTriangle | node.begin() : (of_a_ ? whole.a : whole.b) + 1;
+    right_ = node.right;
+    count_ = node.is_leaf() ? node.count() : 2;
+  }
+  __device__ std::uint32_t count() const { return count_; }
+  __device__ bool is_into_nodes() const { return right_ != 0; }
+  __device__ MeshParts operator[](std::uint32_t i) const {
+    const std::uint32_t part = i > 0 && is_into_nodes() ? right_ : first_ + i;
+    return of_a_ ? MeshParts{part, whole_.b} : MeshParts{whole_.a, part};
+  }
+
+ private:
+  MeshParts whole_{0, 0};
+  bool of_a_ = false;
+  std::uint32_t first_ = 0, right_ = 0, count_ = 0;
+};
+
+// Lower bounds on how far parts of two meshes are apart: metres, in the axes of a.
+class MeshesBefore {
+ public:
+  __device__ MeshesBefore(const ElementSet& a, const ElementSet& b, const PairFrame<double>& at)
+      : a_(a), b_(b), at_(at) {
+    const double radii = a.hull.radius + b.hull.radius;
+    margin_ =
+        radii + (kGapUnits * (norm(at.D) + a.hull.rho + b.hull.rho + radii) + Arithmetic<double>::kUnderflowLength);
+  }
+
+  // Not below 0. \param cut_off no more is asked than whether it is greater \param middles gets the square of how far
+  // the middles are apart
+  __device__ double gap(const MeshParts& parts, double cut_off, double& middles) const {
+    const TriangleBulk a = bulk_of_part(a_, parts.a), b = bulk_of_part(b_, parts.b);
+    const Vec3d d = at_.R * b.centre + at_.D - a.centre;
+    middles = squared_norm(d);
+    Vec3d apart;
+    for (int k = 0; k < 3; ++k) apart[k] = above_zero(fabs(d[k]) - (a.half[k] + dot(absolute(at_.R.row[k]), b.half)));
+    double gap = above_zero(norm(apart) - margin_);
+    if (gap > cut_off) return gap;
+    if (looks_) gap = fmax(gap, along(n_, a, b));
+    if (!(gap > cut_off)) {  // across the planes of one, on the side that faces the other
+      const bool is_ahead = !(dot(a.normal, d) < 0);
+      const Vec3d n = is_ahead ? a.normal : -a.normal;
+      gap = fmax(gap, across(n, is_ahead ? a.high : -a.low, b.reach(at_.R.transpose_times(-n))));
+    }
+    if (!(gap > cut_off)) {
+      const Vec3d m = at_.R * b.normal;
+      const bool is_ahead = !(dot(m, d) < 0);
+      const Vec3d n = is_ahead ? m : -m;
+      gap = fmax(gap, across(n, a.reach(n), is_ahead ? -b.low : b.high));
+    }
+    const double length = norm(d);
+    if (gap > cut_off || !(length > 1e-140 && length < __builtin_inf())) return gap;
+    return fmax(gap, along(d * (1 / length), a, b));
+  }
+
+  __device__ double gap(const MeshParts& parts, double cut_off) const {
+    double middles;
+    return gap(parts, cut_off, middles);
+  }
+  __device__ Division divided(const MeshParts& whole) const { return {a_, b_, whole}; }
+
+  // The triangles at the end of one way down both trees, each time to the nearest.
+  __device__ MeshParts one_way_down() const {
+    MeshParts at{0, 0};
+    while (!at.are_triangles()) {
+      const Division division = divided(at);
+      double least = 0, least_middles = 0;
+      for (std::uint32_t i = 0; i < division.count(); ++i) {
+        double middles;
+        const double gap = this->gap(division[i], __builtin_inf(), middles);
+        if (i > 0 && !(gap < least || (gap == least && middles < least_middles))) continue;
+        at = division[i];
+        least = gap;
+        least_middles = middles;
+      }
+    }
+    return at;
+  }
+
+  // From here on gaps along this direction count, too. \param n from a towards b, of any length
+  __device__ void look_along(const Vec3d& n) {
+    const double length = norm(n);
+    if (!(length > 1e-140 && length < __builtin_inf())) return;
+    n_ = n * (1 / length);
+    looks_ = true;
+  }
+
+ private:
+  // \param n of length 1, from a towards b
+  __device__ double along(const Vec3d& n, const TriangleBulk& a, const TriangleBulk& b) const {
+    return above_zero((dot(n, at_.D) - b.reach(at_.R.transpose_times(-n)) - a.reach(n)) * kShortUnit - margin_);
+  }
+  // \param n a plane's normal, or 0 \param far_a, far_b how far either reaches towards the other
+  __device__ double across(const Vec3d& n, double far_a, double far_b) const {
+    return above_zero((dot(n, at_.D) - far_b - far_a) * kShortNormal - margin_);
+  }
+
+  const ElementSet &a_, &b_;
+  const PairFrame<double>& at_;
+  double margin_;  // what of a gap between cores is none between the grown triangles, as computed
+  bool looks_ = false;
+  Vec3d n_{0, 0, 0};
+};
+
+// A pair of meshes, of which all of a warp's threads look for the nearest triangles.
+class MeshSearch : public WarpSearch {
+ public:
+  // Where parts and triangles of one warp's search wait, each two with their gap: in shared memory.
+  struct Room {
+    union {
+      MeshParts parts[kMeshStackEntries];
+      std::uint32_t nodes[kMeshStackEntries];  // once no parts wait, where triangles are counted along a ray
+    };
+    MeshParts triangles[kWaitingTriangles];
+    float gap[kMeshStackEntries], triangle_gap[kWaitingTriangles];
+  };
+
+  __device__ MeshSearch(const ReducedView& r, const Question& q, const Where& at_a, const Where& at_b,
+                        const Slack& slack, double cut_off, double enough, Room& room)
+      : WarpSearch(r, q, at_a, at_b, slack, cut_off, enough),
+        room_(room),
+        a_(r.elements.sets[r.elements.of_body[at_a.body]]),
+        b_(r.elements.sets[r.elements.of_body[at_b.body]]),
+        before_(a_, b_, at_) {}
+
+  // kSettled: the thread that has_answer() holds the answer. \param answer has the pair's flags
+  __device__ Outcome run(PairAnswer& answer) {
+    const double limit = this->limit();
+    put(lane() == 0, MeshParts{0, 0}, before_.gap({0, 0}, limit), limit, room_.parts, room_.gap, stacked_);
+    while ((stacked_ > 0 || waiting_ > 0) && !is_over()) {
+      if (stacked_ > 0 && waiting_ < 32)
+        open();
+      else
+        look(answer);
+    }
+    leave_out_all(room_.gap, stacked_);
+    leave_out_all(room_.triangle_gap, waiting_);
+    __syncwarp();
+    if (is_open_) return Outcome::kUnsettled;
+    if (overlaps_) return Outcome::kSettled;
+    const double lower = least_of_warp(lower_);
+    if (lower > 0 && (a_.is_solid || b_.is_solid)) {
+      const Outcome held = look_within(lower, answer);
+      if (held != Outcome::kNone) return held;
+    }
+    return decide_by_bounds(lower, answer, [&](bool overlap) {
+      const ElementHull<Triangles> a(a_, best_.one), b(b_, best_.other);
+      add_points_of_best(a.part(), b.part(), overlap, answer);
+    });
+  }
+
+ private:
+  // Divides what is on top of the stack, a thread for each two parts: as many as what they divide into leaves room for,
+  // and beside that for the way down of one of them. Where no more is left, that goes down alone.
+  __device__ void open() {
+    const std::uint32_t room = kMeshStackEntries - stacked_;
+    if (room < 3) {  // a leaf's four triangles come in the place of it
+      is_open_ = true;
+      return;
+    }
+    const std::uint32_t wide = room > kMeshWayDown + 3 ? (room - kMeshWayDown) / 3 : 1, most = wide < 32 ? wide : 32,
+                        count = stacked_ < most ? stacked_ : most;
+    __syncwarp();
+    stacked_ -= count;
+    const double limit = this->limit();
+    bool there = lane() < count;
+    const MeshParts whole = there ? room_.parts[stacked_ + lane()] : MeshParts{0, 0};
+    const double known = there ? room_.gap[stacked_ + lane()] : 0;
+    __syncwarp();
+    if (there && known > limit) {
+      leave_out(known);
+      there = false;
+    }
+    Division division;
+    if (there) division = before_.divided(whole);
+    // The nearer one of two nodes comes on top of the other.
+    const bool are_nodes = division.is_into_nodes();
+    MeshParts near{0, 0};
+    double near_gap = 0, near_middles = 0;
+    for (std::uint32_t i = 0; __any_sync(~0u, i < division.count()); ++i) {
+      const bool has = i < division.count();
+      MeshParts parts = division[i];
+      double gap = 0, middles = 0;
+      if (has) gap = before_.gap(parts, limit, middles);
+      const bool is_kept = has && are_nodes && i == 0;
+      if (is_kept || (has && are_nodes && (gap < near_gap || (gap == near_gap && middles < near_middles)))) {
+        const MeshParts other = near;
+        const double other_gap = near_gap;
+        near = parts;
+        near_gap = gap;
+        near_middles = middles;
+        parts = other;
+        gap = other_gap;
+      }
+      const bool is_ready = has && !is_kept, are_triangles = parts.are_triangles();
+      put(is_ready && are_triangles, parts, gap, limit, room_.triangles, room_.triangle_gap, waiting_);
+      put(is_ready && !are_triangles, parts, gap, limit, room_.parts, room_.gap, stacked_);
+    }
+    put(are_nodes, near, near_gap, limit, room_.parts, room_.gap, stacked_);
+    __syncwarp();
+  }
+
+  // Answers the triangles that wait, a thread for each two.
+  __device__ void look(PairAnswer& answer) {
+    __syncwarp();
+    const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
+    waiting_ -= count;
+    const double limit = this->limit();
+    bool there = lane() < count;
+    const MeshParts parts = there ? room_.triangles[waiting_ + lane()] : MeshParts{kIsTriangle, kIsTriangle};
+    if (there) {
+      // Along what was found since, too.
+      const double known = fmax(static_cast<double>(room_.triangle_gap[waiting_ + lane()]), before_.gap(parts, limit));
+      if (known > limit) {
+        leave_out(known);
+        there = false;
+      }
+    }
+    __syncwarp();
+    if (!__any_sync(~0u, there)) return;
+    const std::uint32_t i = parts.a & ~kIsTriangle, j = parts.b & ~kIsTriangle;
+    const ElementHull<Triangles> a(a_, i), b(b_, j);
+    Vec3d along;
+    if (ask(there, limit, a.part(), b.part(), {i, j}, answer, along)) before_.look_along(along);
+  }
+
+  // Whether one mesh holds a part of the other, all of whose triangles are farther than `apart`. kNone: none does.
+  __device__ Outcome look_within(double apart, PairAnswer& answer) {
+    if (before_.gap({0, 0}, 0) > 0) return Outcome::kNone;
+    if (!knows_side(apart, of_b_.t_w - of_a_.t_w, a_.hull, b_.hull)) return Outcome::kUnsettled;
+    const Outcome by_a = a_.is_solid ? look_within(true, apart, answer) : Outcome::kNone;
+    if (by_a == Outcome::kSettled || !b_.is_solid) return by_a;
+    const Outcome by_b = look_within(false, apart, answer);
+    return by_b == Outcome::kNone ? by_a : by_b;
+  }
+  // \param a_holds whether a is asked for parts of b, else b for those of a
+  __device__ Outcome look_within(bool a_holds, double apart, PairAnswer& answer) {
+    const ElementSet &solid = a_holds ? a_ : b_, &other = a_holds ? b_ : a_;
+    const PlacedFrame &outer = a_holds ? of_a_ : of_b_, &inner = a_holds ? of_b_ : of_a_;
+    const Vec3d shift = inner.t_w - outer.t_w;
+    std::uint32_t asked = 0;
+    bool all_are_known = true;
+    for (std::uint32_t first = 0; first < other.part_count; first += 32) {
+      const std::uint32_t part = first + lane(), triangle = part < other.part_count ? other.parts[part] : 0;
+      // Of most parts their box says that they are outside.
+      const MeshParts parts = a_holds ? MeshParts{0, kIsTriangle | triangle} : MeshParts{kIsTriangle | triangle, 0};
+      const bool may_be_within = part < other.part_count && !(before_.gap(parts, 0) > 0);
+      for (std::uint32_t left = __ballot_sync(~0u, may_be_within); left != 0; left &= left - 1) {
+        if (++asked > kMostWindings) return Outcome::kUnsettled;
+        const std::uint32_t at = __shfl_sync(~0u, triangle, static_cast<int>(first_of(left)));
+        // All of the part lies on one side: where float64 is not sure of a corner, it may be of another.
+        const PartVertices corners = Triangles::corners(other, at);
+        Winding winding{0, false};
+        Vec3d turned{0, 0, 0};
+        for (std::uint32_t corner = 0; corner < 3 && !winding.is_sure; ++corner) {
+          turned = inner.R_wb * corners[corner];
+          winding = count_winding(solid, outer.R_wb.transpose_times(turned + shift), room_.nodes, kMeshStackEntries);
+        }
+        all_are_known = all_are_known && winding.is_sure;
+        if (!winding.is_sure || winding.number == 0) continue;
+        add_held(a_holds, turned + shift, turned, apart, answer);
+        return Outcome::kSettled;
+      }
+    }
+    return all_are_known ? Outcome::kNone : Outcome::kUnsettled;
+  }
+
+  Room& room_;
+  const ElementSet &a_, &b_;
+  MeshesBefore before_;
+  std::uint32_t stacked_ = 0, waiting_ = 0;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,390 @@
+// Motions of which it is asked whether all pairs stay farther apart than their margins: all of a chunk, level by level.
+// A level looks at spans in their middles; what is not proved of a pair until both ends goes on in a span of the next
+// one (engine/motion/motion_search.h's words, with bounds from engine/motion/motion_step.h). How many there are nobody
+// knows but the device: kernels read it there, and none waits for the host.
+//
+// Where first contact is sought, too, a pair that is within its margin ends what comes behind it, no more: what lies
+// before goes on until the time is as narrow as the CPU makes it. That is looked at between levels alone, so that a
+// motion's row does not depend on which thread comes first. A pair that is not settled goes on, too: mostly it is deep
+// inside another one, and so behind first contact. As long as no hit says so its motion is the CPU's.
+//
+// What a list has no room for, what the narrow phase does not settle and what the last level leaves makes a motion the
+// CPU's.
+#pragma once
+
+#include "engine/cuda/motion/motion_least.cuh"
+#include "engine/cuda/place/place_body.cuh"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kMostUnsettledSteps = 24;
+inline constexpr double kRoughMotion = 0.02;  // of a distance: what a first look at a pair asks for
+inline constexpr double kFineMotion = 1e-6;   // likewise: on which side of its margin it is
+
+// A thread for each motion: nothing is known of it yet, but for what its ends say.
+__global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_constant__ MotionsView m) {
+  const std::uint32_t i = thread_index();
+  if (i < kMotionCounts) m.counts[i] = i != kSpanCount ? 0 : m.finds_least ? 2 * m.motions : m.motions;
+  if (i >= m.motions) return;
+  m.hit[i] = kNoHit;
+  if (m.seeks_contact) m.free_until[i] = __builtin_inf();
+  m.steps[i] = 0;
+  m.open[i] = m.unsettled[i] = 0;
+  if (m.finds_least)
+    begin_at_ends(m, i);
+  else
+    m.spans[i] = {i, 0, 0, 1, -__builtin_inf()};
+  const FramesView& f = m.moves.frames;
+  bool is_bad = false;  // a position is none
+  for (std::uint32_t r = 0; r < f.robot_count; ++r) {
+    const JointRobot& robot = f.robots[r];
+    double travel = 0;
+    for (std::uint32_t end = 0; end < 2; ++end) {
+      const JointRow row{f.columns + robot.first_column, m.ends + (std::size_t{i} * 2 + end) * f.joints};
+      for (std::uint32_t s = 0; s < robot.steps; ++s) {
+        const KinematicStep& step = f.steps[robot.first_step + s];
+        is_bad |= (moving_fact_of_step(step, row) & kLinkBad) != 0;
+        const double out = travel_of(step, row);
+        if (travel < out) travel = out;
+      }
+    }
+    m.travels[std::size_t{i} * f.robot_count + r] = travel;
+  }
+  m.to_cpu[i] = is_bad;
+}
+
+// A thread for each joint in each span: the positions in its middle.
+__global__ void __launch_bounds__(kMotionThreads) place_spans(const __grid_constant__ MotionsView m) {
+  const std::uint32_t joints = m.moves.frames.joints;
+  const std::uint32_t s = thread_index() / joints, j = thread_index() % joints;
+  if (s >= span_count(m)) return;
+  const MotionSpan span = m.spans[s];
+  const double* const ends = m.ends + std::size_t{span.motion} * 2 * joints + j;
+  // The end is where it is said to be: rounded it might be beyond the joint's limits.
+  const bool is_end = span.begin == 1;
+  m.positions[std::size_t{s} * joints + j] = is_end ? ends[joints] : position_at(ends[0], ends[joints], span.middle());
+  if (j != 0) return;
+  m.shares[2 * s] = m.shares[2 * s + 1] = ~0u;
+  atomicAdd(m.steps + span.motion, 1);
+}
+
+// An end beyond a joint's limits is said of the links that it places all along: MotionPoses' words.
+__device__ inline void tell_ends(const MotionsView& m, const JointRobot& robot, std::uint32_t s) {
+  const FramesView& f = m.moves.frames;
+  const double* const ends = m.ends + std::size_t{m.spans[s].motion} * 2 * f.joints;
+  const JointColumn* const columns = f.columns + robot.first_column;
+  const auto facts = [&](std::uint32_t frame) -> std::uint8_t& {
+    return f.facts[std::size_t{robot.first_frame + frame} * m.span_capacity + s];
+  };
+  for (std::uint32_t i = 0; i < robot.steps; ++i) {
+    const KinematicStep& step = f.steps[robot.first_step + i];
+    const std::uint8_t of_ends =
+        fact_of_step(step, JointRow{columns, ends}) | fact_of_step(step, JointRow{columns, ends + f.joints});
+    facts(robot.roots + i) |= (facts(step.from) | of_ends) & kLinkBeyondLimits;
+  }
+}
+
+// A thread for each robot in each span: where its links are, and how fast they move.
+__global__ void __launch_bounds__(kMotionThreads) place_span_links(const __grid_constant__ MotionsView m) {
+  const FramesView& f = m.moves.frames;
+  const std::uint32_t which = thread_index() / m.span_capacity, s = thread_index() % m.span_capacity;
+  if (which >= f.robot_count || s >= span_count(m)) return;
+  const JointRobot robot = f.robots[which];
+  const MotionOf motion(m, m.spans[s].motion);
+  const JointColumn* const columns = f.columns + robot.first_column;
+  for (std::uint32_t r = 0; r < robot.roots; ++r) store_twist(m, robot.first_frame + r, s, {});
+  place_links_of(f, which, s, m.span_capacity,
+                 [&](std::uint32_t i, const KinematicFrame<double>& from, const KinematicFrame<double>& to) {
+                   const KinematicStep& step = f.steps[robot.first_step + i];
+                   const auto change = [&](std::uint32_t column) {
+                     const std::uint32_t at = columns[column].at;
+                     return at == kNone ? 0.0 : motion.joint(at).along;
+                   };
+                   const Twist carrier = load_twist(m, robot.first_frame + step.from, s);
+                   store_twist(m, robot.first_frame + robot.roots + i, s,
+                               twist_of_step(step, axis_of_step(step), from, carrier, to, change));
+                 });
+  if (m.chunk.question.want_nonsmooth) tell_ends(m, robot, s);
+}
+
+// A thread for each moved body in each span: where it is, what is not known of it there, and how fast it moves.
+__global__ void __launch_bounds__(kMotionThreads) place_span_bodies(const __grid_constant__ MotionsView m) {
+  const std::uint32_t slot = thread_index() / m.span_capacity, s = thread_index() % m.span_capacity;
+  if (slot >= m.chunk.bodies.moved_count || s >= span_count(m)) return;
+  const std::uint32_t chain = m.tables.chain_of_slot[slot];
+  const ChainMotion own = motion_of_chain(m, chain, m.spans[s].motion);
+  const PlacedDoubt doubt =
+      place_body<true>(m.chunk.hulls, m.chunk.bodies, m.moves, slot, s, m.span_capacity, own.error);
+  const double doubt_turn = doubt.known.turn + doubt.placed.turn + 4 * kMotionUnit;
+  const double drift = chain == kNone ? 0 : drift_of_chain(own.rates, own.error, own.turn_error, doubt_turn);
+  set_number(m, kOwnSpeed, slot, s, own.rates.speed);
+  set_number(m, kOwnAcceleration, slot, s, own.rates.acceleration);
+  set_number(m, kOwnDrift, slot, s, drift);
+  m.speeds[std::size_t{slot} * m.span_capacity + s] = __double2float_ru((own.rates.speed + drift) * kMotionSlack);
+}
+
+// Behind them: the twists of bodies in world axes, down the chain that carries each.
+__global__ void __launch_bounds__(kMotionThreads) move_span_bodies(const __grid_constant__ MotionsView m) {
+  const std::uint32_t slot = thread_index() / m.span_capacity, s = thread_index() % m.span_capacity;
+  if (slot >= m.chunk.bodies.moved_count || s >= span_count(m)) return;
+  Twist twist;
+  for (std::uint32_t i = m.moves.chain_begin[slot]; i < m.moves.chain_begin[slot + 1]; ++i) {
+    const bool is_first = i == m.moves.chain_begin[slot];
+    const std::uint32_t body = m.moves.chain[i], source = m.moves.source[body];
+    const PlacedFrame here = moved_frame(m, body, s);
+    Twist own;
+    if (source != kNone) {  // in the axes of what it follows
+      own = load_twist(m, source, s);
+      if (!is_first || m.moves.has_base[slot]) {
+        const Mat3d R_wp = is_first ? m.moves.base[slot].pose.R_wb : moved_frame(m, m.moves.chain[i - 1], s).R_wb;
+        own = {R_wp * own.turn, R_wp * own.shift};
+      }
+    }
+    if (!is_first) {
+      const Vec3d away = here.t_w - moved_frame(m, m.moves.chain[i - 1], s).t_w;
+      own.turn += twist.turn;
+      own.shift += twist.shift + cross(twist.turn, away);
+    }
+    twist = own;
+  }
+  for (int c = 0; c < 3; ++c) {
+    set_number(m, kOwnTurn + c, slot, s, twist.turn[c]);
+    set_number(m, kOwnShift + c, slot, s, twist.shift[c]);
+  }
+}
+
+// Whether a pair is so far apart by its bodies' boxes that it stays beyond its target, however they move.
+__device__ inline bool leaves_by_boxes(const MotionsView& m, PairRef ref, std::uint32_t pair, std::uint32_t s,
+                                       const MotionSpan& span) {
+  const OuterBox a = load_box(m.chunk.bodies, ref.a, s), b = load_box(m.chunk.bodies, ref.b, s);
+  if (is_empty(a) || is_empty(b)) {  // without a usable pose
+    m.to_cpu[span.motion] = 1;
+    return true;
+  }
+  const auto speed = [&](std::uint32_t body) -> double {
+    return body & kMovedBit ? m.speeds[std::size_t{body & ~kMovedBit} * m.span_capacity + s] : 0;
+  };
+  const double low =
+      difference_below(gap_below(a, b), sum_above(speed(ref.a), speed(ref.b)) * span.half() * (1 + 0x1p-50));
+  if (!is_past(low, target_of(m, span, pair, 0))) return false;
+  leave_out(m, span, low);
+  return true;
+}
+
+// Lists the pairs that boxes leave. Of the first level all pairs of all spans, those of one pair side by side; then
+// those that go on.
+template <bool kFirst>
+__global__ void __launch_bounds__(kMotionThreads) find_near_in_spans(const __grid_constant__ MotionsView m) {
+  const std::uint32_t spans = span_count(m);
+  const std::uint64_t count =
+      kFirst ? std::uint64_t{spans} * m.chunk.pair_count : listed(count_of(m, kOnCount, m.level - 1), m.pair_capacity);
+  for (std::uint64_t first = std::uint64_t{blockIdx.x} * kMotionThreads; first < count;
+       first += std::uint64_t{gridDim.x} * kMotionThreads) {
+    const std::uint64_t i = first + threadIdx.x;
+    bool wanted = i < count;
+    SpanPair item{0, 0};
+    MotionSpan span{};
+    if (wanted && kFirst) {
+      item = {static_cast<std::uint32_t>(i % spans), static_cast<std::uint32_t>(i / spans)};
+    } else if (wanted) {
+      const SpanPair on = m.on[i];
+      item = {m.children[2 * on.span + (on.pair & 1)], on.pair >> 1};
+      wanted = item.span != kNone;
+    }
+    if (wanted) {
+      span = m.spans[item.span];
+      wanted = !leaves_by_boxes(m, m.chunk.pairs[item.pair], item.pair, item.span, span);
+    }
+    const std::uint32_t at = take_place(&count_of(m, kNearCount, m.level), wanted);
+    if (!wanted) continue;
+    if (at < m.pair_capacity)
+      m.near[at] = item;
+    else
+      m.open[span.motion] = 1;
+  }
+}
+
+// Lists those of them that come near along the way from one box to the other, as they move there.
+__global__ void __launch_bounds__(kMotionThreads) look_along_boxes(const __grid_constant__ MotionsView m) {
+  const std::uint32_t count = listed(count_of(m, kNearCount, m.level), m.pair_capacity);
+  for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
+    bool wanted = first + threadIdx.x < count;
+    SpanPair item{0, 0};
+    MotionSpan span{};
+    if (wanted) {
+      item = m.near[first + threadIdx.x];
+      span = m.spans[item.span];
+      const MovingPair pair(m, item, span);
+      const double target = target_of(m, span, item.pair, 0), low = pair.low_along_boxes(target);
+      wanted = !(low > target);
+      if (!wanted) leave_out(m, span, low);
+    }
+    const std::uint32_t at = take_place(&count_of(m, kAskedCount, m.level), wanted);
+    if (!wanted) continue;
+    if (at < m.pair_capacity)
+      m.asked[at] = item;
+    else
+      m.open[span.motion] = 1;
+  }
+}
+
+// Takes note of a pair that is within its margin.
+__device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const MovingPair& pair,
+                               const PairAnswer& answer) {
+  const MotionSpan& span = pair.span;
+  const double time = pair.way > 0 ? span.middle() : span.begin;  // what does not move is there from the beginning on
+  const std::uint64_t key = hit_key(m, item.pair, time);
+  if (__ldcg(m.hit + span.motion) < key) return;
+  const std::uint32_t at = atomicAdd(&count_of(m, kHitCount, m.level), 1);
+  if (at >= m.hit_capacity) {
+    m.to_cpu[span.motion] = 1;
+    return;
+  }
+  m.hits[at] = {key, span.motion, item.pair, time, pair.at_a.translation(), pair.at_b.translation(), answer, 0, 0, 0};
+  take_least(m.hit + span.motion, key);
+}
+
+// Looks at the pairs that are left, a thread for each, and lists in which half of the span each goes on.
+template <bool kLeast>
+__global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __grid_constant__ MotionsView m) {
+  const ChunkView& c = m.chunk;
+  const std::uint32_t count = listed(count_of(m, kAskedCount, m.level), m.pair_capacity);
+  for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
+    const bool exists = first + threadIdx.x < count;
+    SpanPair item{0, 0};
+    std::uint32_t motion = 0;
+    bool settled = false, goes_on[2] = {false, false};
+    if (exists) {
+      item = m.asked[first + threadIdx.x];
+      const MotionSpan span = m.spans[item.span];
+      motion = span.motion;
+      if (!is_hit_before(m, motion, item.pair)) {
+        const MovingPair pair(m, item, span);
+        const double margin = margin_of(m, item.pair),
+                     target = kLeast ? target_of(m, span, item.pair, pair.inner()) : margin;
+        // Whether no more is asked than on which side of its margin it is.
+        const bool decides = !kLeast || span.enough == -__builtin_inf();
+        Question q = c.question;
+        q.max_distance = sum_above(target, pair.way);
+        PairAnswer answer = beyond_answer(0);
+        Outcome outcome = Outcome::kNone;
+        // A rough look mostly says on which side of its margin it is. Of the least distance tolerances are too wide for
+        // that: pairs that are nearly in contact would go on to the last level.
+        const double wanted = kLeast ? kFineMotion : q.rel_tol;
+        if (decides) q.rel_tol = wanted < kRoughMotion ? kRoughMotion : wanted;
+        if (kLeast && decides) q.abs_tol = 0;
+#pragma unroll 1
+        for (bool again = false;; again = true) {
+          outcome = look_at_margin<Slack>(c, q, decides ? margin : -__builtin_inf(), pair.ref, item.span, pair.at_a,
+                                          pair.at_b, answer);
+          const bool is_unsure = outcome == Outcome::kSettled && answer.lower <= margin && answer.upper > margin &&
+                                 !span.late && (kLeast || q.rel_tol > wanted);
+          if (again || !is_unsure) break;
+          q.rel_tol = wanted;
+          if (kLeast) q.abs_tol = 0;
+        }
+        settled = outcome == Outcome::kSettled;
+        if (outcome == Outcome::kUnsettled && kLeast && span.half() == 0) {
+          // spans with a length look at it again
+        } else if (outcome == Outcome::kUnsettled && m.seeks_contact) {
+          m.unsettled[motion] = 1;
+          pair.go_on_around(goes_on);
+        } else if (outcome == Outcome::kUnsettled) {
+          m.open[motion] = 1;
+        } else if (kLeast) {
+          look_for_least(m, pair, target, answer, goes_on);
+        } else if (answer.upper <= target) {
+          add_hit(m, item, pair, answer);
+          if (m.seeks_contact && pair.way > 0) pair.go_on_before(goes_on);
+        } else {
+          pair.divide(answer, target, {target, target}, goes_on);
+        }
+      }
+    }
+    add_count(m.counts + kSettledCount, settled);
+    for (std::uint32_t h = 0; h < 2; ++h) {
+      const std::uint32_t at = take_place(&count_of(m, kOnCount, m.level), goes_on[h]);
+      if (!goes_on[h]) continue;
+      if (at < m.pair_capacity)
+        m.next_on[at] = {item.span, 2 * item.pair + h};
+      else
+        m.open[motion] = 1;
+    }
+  }
+}
+
+// Of each motion the hit that stands for it stays, so that the next level's have room.
+__global__ void __launch_bounds__(kMotionThreads) keep_hits(const __grid_constant__ MotionsView m) {
+  const std::uint32_t count = listed(count_of(m, kHitCount, m.level), m.hit_capacity);
+  for (std::uint32_t i = blockIdx.x * kMotionThreads + threadIdx.x; i < count; i += gridDim.x * kMotionThreads) {
+    const MotionHitRow& hit = m.hits[i];
+    if (hit.key == m.hit[hit.motion]) m.best[hit.motion] = hit;
+  }
+}
+
+// Whether pairs that are not settled would multiply spans: none is behind a hit, or many are before it.
+__device__ inline bool is_hopeless(const MotionsView& m, std::uint32_t motion) {
+  return m.unsettled[motion] && (m.hit[motion] == kNoHit || m.steps[motion] > kMostUnsettledSteps);
+}
+
+// What is left of half a span. \param share of it, from the middle on, that is proved of all pairs
+__device__ inline MotionSpan rest_of_span(const MotionSpan& span, bool is_after, float share) {
+  const double middle = span.middle(), proved = static_cast<double>(share) * span.half();
+  const double rest = rest_of_half(middle, proved, 0.5 * span.half(), is_after);
+  return {span.motion, span.late, is_after ? rest : span.begin, is_after ? span.end : rest, span.enough};
+}
+
+// A thread for each half of each span: what is left of it becomes a span of the next level, behind what is proved of
+// all of its pairs.
+__global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_constant__ MotionsView m) {
+  const std::uint32_t i = thread_index(), s = i / 2;
+  bool wanted = s < span_count(m);
+  MotionSpan span{};
+  if (wanted) {
+    span = m.spans[s];
+    m.next_children[i] = kNone;
+    const bool is_decided = !m.seeks_contact && m.hit[span.motion] != kNoHit;
+    wanted = m.shares[i] != ~0u && !is_decided && !m.open[span.motion] && !m.to_cpu[span.motion];
+  }
+  if (wanted) {
+    span = rest_of_span(span, i % 2 == 1, __uint_as_float(m.shares[i]));
+    if (m.finds_least && !is_still_asked(m, span)) {
+      wanted = false;
+    } else if (!m.finds_least && m.seeks_contact && begins_late(span.begin, time_of_hit(m, span.motion))) {
+      free_no_longer(m, span.motion, span.begin);
+      wanted = false;
+    } else if (m.level + 1 == m.levels || is_hopeless(m, span.motion)) {
+      m.open[span.motion] = 1;
+      wanted = false;
+    }
+  }
+  const std::uint32_t at = take_place(&count_of(m, kSpanCount, m.level + 1), wanted);
+  if (!wanted) return;
+  if (at >= m.span_capacity) {
+    m.open[span.motion] = 1;
+    return;
+  }
+  m.next_spans[at] = span;
+  m.next_children[i] = at;
+}
+
+// What became of each motion, and the rows of those that hit.
+__global__ void __launch_bounds__(kMotionThreads) conclude_motions(const __grid_constant__ MotionsView m) {
+  const std::uint32_t i = thread_index();
+  bool has_row = false;
+  if (i < m.motions) {
+    const bool is_hit = m.hit[i] != kNoHit;
+    const bool matters = m.finds_least || m.seeks_contact || !is_hit;  // what is not proved elsewhere
+    const bool is_open = m.to_cpu[i] != 0 || (matters && m.open[i] != 0) || m.steps[i] > m.max_steps ||
+                         (m.finds_least && !has_least(m, i));
+    has_row = (is_hit || m.finds_least) && !is_open;
+    m.verdicts[i] = is_open ? MotionVerdict::kOpen : has_row ? MotionVerdict::kHit : MotionVerdict::kFree;
+    if (m.seeks_contact && is_hit) free_no_longer(m, i, time_of_hit(m, i));
+  }
+  const std::uint32_t at = take_place(m.counts + kHitRowCount, has_row);
+  if (!has_row) return;
+  m.hit_rows[at] = m.best[i];
+  if (m.finds_least) complete_least(m, i, m.hit_rows[at]);
+}
+
+}  // namespace clearance::cuda

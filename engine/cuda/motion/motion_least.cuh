@@ -1,0 +1,152 @@
+// The least distance of motions, beside when pairs first are within their margins: what motion_kernel.cuh's levels do
+// for it alone.
+//
+// The first level looks at both ends, since there the least distance mostly is, and halving spans would come near it
+// slowly. After each level what was found says how far pairs have to be in the next one (MotionSpan::enough), and spans
+// of which nothing more is asked are left out. Within a level nothing is asked of what other threads have found: rows
+// do not depend on which of them comes first.
+#pragma once
+
+#include "engine/cuda/motion/motion_marks.cuh"
+#include "engine/cuda/pair/items.cuh"
+#include "engine/cuda/pair/margin_pair.cuh"
+#include "engine/cuda/pair/outer_box.cuh"
+
+namespace clearance::cuda {
+
+__device__ inline bool has_least(const MotionsView& m, std::uint32_t motion) {
+  return m.best[motion].answer.upper < __builtin_inf();
+}
+
+// How far all pairs are to be where one has this upper bound; -inf: what is known is enough. inf: nothing is.
+__device__ inline double enough_beside(const MotionsView& m, double upper, double slack) {
+  if (!(upper < __builtin_inf())) return upper;
+  const double enough = enough_for(upper, m.abs_tol, m.rel_tol, slack, 0);
+  return upper > 0 && enough > 0 ? enough : -__builtin_inf();
+}
+
+// Nothing is known of a motion, whose ends are looked at first.
+__device__ inline void begin_at_ends(const MotionsView& m, std::uint32_t motion) {
+  m.best[motion].answer.upper = __builtin_inf();
+  m.low[motion] = static_cast<std::uint64_t>(__double_as_longlong(__builtin_inf()));
+  m.lock[motion] = 0;
+  for (std::uint32_t end = 0; end < 2; ++end) {
+    const double time = end;
+    m.seed[2 * motion + end] = ~std::uint64_t{0};
+    m.spans[2 * motion + end] = {motion, !m.seeks_contact, time, time, __builtin_inf()};
+  }
+}
+
+// Between levels: what is asked of a span. False: nothing is, and it is left out.
+__device__ inline bool is_still_asked(const MotionsView& m, MotionSpan& span) {
+  const MotionHitRow& best = m.best[span.motion];
+  span.enough = enough_beside(m, best.answer.upper, best.slack);
+  span.late = !m.seeks_contact || begins_late(span.begin, time_of_hit(m, span.motion));
+  if (m.seeks_contact && span.late) free_no_longer(m, span.motion, span.begin);
+  if (!span.late || span.enough > 0) return true;
+  leave_out(m, span, 0);
+  return false;
+}
+
+// The order in which rows stand for a motion.
+__device__ inline bool stands_before(const MotionHitRow& p, const MotionHitRow& q) {
+  if (p.answer.upper != q.answer.upper) return p.answer.upper < q.answer.upper;
+  return p.time != q.time ? p.time < q.time : p.pair < q.pair;
+}
+// Takes note of how near a pair is at a time. Whoever comes first, the same row is left in the end.
+__device__ inline void take_nearest(const MotionsView& m, const MotionHitRow& row) {
+  MotionHitRow& best = m.best[row.motion];
+  if (!(row.answer.upper < __builtin_inf()) || row.answer.upper > __ldcg(&best.answer.upper)) return;
+  for (bool done = false; !done;) {
+    if (atomicExch(m.lock + row.motion, 1u) != 0) continue;
+    __threadfence();
+    if (stands_before(row, best)) best = row;
+    __threadfence();
+    atomicExch(m.lock + row.motion, 0u);
+    done = true;
+  }
+}
+__device__ inline MotionHitRow row_of(const MotionsView& m, const MovingPair& pair, const PairAnswer& answer) {
+  const MotionSpan& span = pair.span;
+  const double time = pair.way > 0 ? span.middle() : span.begin;  // what does not move is there from the beginning on
+  return {hit_key(m, pair.item.pair, time),
+          span.motion,
+          pair.item.pair,
+          time,
+          pair.at_a.translation(),
+          pair.at_b.translation(),
+          answer,
+          slack_of_pair(m.chunk, pair.ref, pair.item.span).outer,
+          0,
+          0};
+}
+
+// What an answer says of the least distance, of first contact, and of both halves of a span. \param asked the target
+// that the pair was asked with
+__device__ inline void look_for_least(const MotionsView& m, const MovingPair& pair, double asked,
+                                      const PairAnswer& answer, bool (&goes_on)[2]) {
+  const MotionSpan& span = pair.span;
+  const double margin = margin_of(m, pair.item.pair);
+  const bool is_within = answer.upper <= margin;
+  const MotionHitRow row = row_of(m, pair, answer);
+  take_nearest(m, row);
+  if (!span.late && is_within) take_least(m.hit + span.motion, row.key);
+  if (span.half() == 0) return;
+  // What is proved of this pair need not be more than what it says itself.
+  const double own = enough_beside(m, answer.upper, row.slack), least = own < span.enough ? own : span.enough;
+  const double enough = least - pair.inner(), free = margin < enough ? enough : margin;
+  // Behind a pair that is within its margin nothing is sought of first contact; nor before, if it does not move.
+  const bool before = !span.late && !(is_within && pair.way == 0), behind = !span.late && !is_within;
+  pair.divide(answer, asked, {before ? free : enough, behind ? free : enough}, goes_on);
+}
+
+// Of each end the pair whose boxes are nearest: any would do. Pairs without usable poses are the CPU's.
+__global__ void __launch_bounds__(kMotionThreads) find_seeds_at_ends(const __grid_constant__ MotionsView m) {
+  const std::uint32_t spans = span_count(m);
+  const std::uint64_t count = std::uint64_t{spans} * m.chunk.pair_count;
+  for (std::uint64_t i = std::uint64_t{blockIdx.x} * kMotionThreads + threadIdx.x; i < count;
+       i += std::uint64_t{gridDim.x} * kMotionThreads) {
+    const auto s = static_cast<std::uint32_t>(i % spans), pair = static_cast<std::uint32_t>(i / spans);
+    const PairRef ref = m.chunk.pairs[pair];
+    const OuterBox a = load_box(m.chunk.bodies, ref.a, s), b = load_box(m.chunk.bodies, ref.b, s);
+    if (is_empty(a) || is_empty(b)) continue;
+    take_least(m.seed + s, std::uint64_t{order_key(gap_below(a, b))} << 32 | pair);
+  }
+}
+
+// Looks at them, a thread for each end, so that few other pairs need a look.
+__global__ void __launch_bounds__(kMotionThreads) look_at_seeds(const __grid_constant__ MotionsView m) {
+  const std::uint32_t s = thread_index();
+  if (s >= span_count(m) || m.seed[s] == ~std::uint64_t{0}) return;
+  const SpanPair item{s, static_cast<std::uint32_t>(m.seed[s])};
+  const MotionSpan span = m.spans[s];
+  const MovingPair pair(m, item, span);
+  PairAnswer answer = beyond_answer(0);
+  if (look_at_margin<Slack>(m.chunk, m.chunk.question, -__builtin_inf(), pair.ref, s, pair.at_a, pair.at_b, answer) ==
+      Outcome::kSettled)
+    take_nearest(m, row_of(m, pair, answer));
+}
+// Behind it: so far other pairs have to be there.
+__global__ void __launch_bounds__(kMotionThreads) aim_at_ends(const __grid_constant__ MotionsView m) {
+  const std::uint32_t s = thread_index();
+  if (s >= span_count(m)) return;
+  const MotionHitRow& best = m.best[m.spans[s].motion];
+  m.spans[s].enough = enough_beside(m, best.answer.upper, best.slack);
+}
+
+// Once both ends are looked at: whole motions are the next level's spans.
+__global__ void __launch_bounds__(kMotionThreads) begin_whole_motions(const __grid_constant__ MotionsView m) {
+  const std::uint32_t i = thread_index();
+  MotionSpan span{i, 0, 0, 1, 0};
+  const bool wanted = i < m.motions && !m.open[i] && !m.to_cpu[i] && is_still_asked(m, span);
+  const std::uint32_t at = take_place(&count_of(m, kSpanCount, m.level + 1), wanted);
+  if (wanted) m.next_spans[at] = span;
+}
+
+// What is known of a motion beside its nearest pair, once all levels are done.
+__device__ inline void complete_least(const MotionsView& m, std::uint32_t motion, MotionHitRow& row) {
+  row.low = __longlong_as_double(static_cast<long long>(m.low[motion]));
+  row.contact = time_of_hit(m, motion);
+}
+
+}  // namespace clearance::cuda

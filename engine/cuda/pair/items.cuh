@@ -1,0 +1,189 @@
+// Pairs of a reduced query that are looked at (its items), and what becomes of their answers: what the kernels of its
+// stages share, whichever looks at an item.
+#pragma once
+
+#include "engine/cuda/pair/least.cuh"
+#include "engine/cuda/pair/pair_kernel.cuh"
+#include "engine/cuda/pair/pair_table.cuh"
+#include "engine/narrow/group.h"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kItemThreads = 64;
+
+// A pair in a configuration.
+struct Item {
+  std::uint32_t k, p;
+  PairRef ref;
+
+  __device__ Item(const ReducedView& r, std::uint32_t row)
+      : k(row / r.chunk.pair_count), p(row - k * r.chunk.pair_count), ref(r.chunk.pairs[p]) {}
+  __device__ explicit Item(PairRef of_table) : k(0), p(0), ref(of_table) {}
+};
+
+// The pair at a place of the list of those that are looked at.
+__device__ inline Item listed_item(const ReducedView& r, std::uint32_t i) {
+  if (!r.keys) return Item(r, r.items[i]);
+  return Item(PairRef{static_cast<std::uint32_t>(r.keys[i] >> r.key_bits),
+                      static_cast<std::uint32_t>(r.keys[i]) & ((1u << r.key_bits) - 1)});
+}
+// What stands for it in Reduce::kWithin's words.
+__device__ inline std::uint32_t listed_bit(const ReducedView& r, std::uint32_t i) {
+  return r.keys ? i : r.items[i];
+}
+// Its row in a reply that holds all.
+__device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i) {
+  if (!r.keys) return r.items[i];
+  const PairRef ref = listed_item(r, i).ref;
+  return position_of(r.table, ref.a, ref.b);
+}
+
+// What a pair's bodies are made of, where one of them is a cloud or a mesh: element_kernel.cuh has a kernel for each
+// kind of pairs. kLeft: the CPU has to look at it.
+enum class PairKind : std::uint8_t { kHulls, kPointsAndHull, kMeshAndHull, kMeshes, kLeft };
+__device__ inline PairKind kind_of(const ReducedView& r, const Item& item) {
+  const std::uint32_t* const of_body = r.elements.of_body;
+  if (!of_body) return PairKind::kHulls;
+  const std::uint32_t a = of_body[body_of(r.chunk.bodies, item.ref.a)],
+                      b = of_body[body_of(r.chunk.bodies, item.ref.b)];
+  if (a == kNone && b == kNone) return PairKind::kHulls;
+  const ElementSet& one = r.elements.sets[a != kNone ? a : b];
+  if (a != kNone && b != kNone)
+    return one.is_mesh() && r.elements.sets[b].is_mesh() ? PairKind::kMeshes : PairKind::kLeft;
+  return !one.is_there() ? PairKind::kLeft : one.is_mesh() ? PairKind::kMeshAndHull : PairKind::kPointsAndHull;
+}
+
+// Where a row's last run has ended; null: it begins cold.
+__device__ inline WarmRow* warm_row(const ReducedView& r, std::uint32_t row) {
+  return r.chunk.warm ? r.chunk.warm + row : nullptr;
+}
+
+template <class Visit>
+__device__ inline void for_groups(const ReducedView& r, const Item& item, Visit visit) {
+  if (r.reduce != Reduce::kNearest) return visit(std::size_t{item.k});
+  visit(std::size_t{item.k} * r.groups + body_of(r.chunk.bodies, item.ref.a));
+  visit(std::size_t{item.k} * r.groups + body_of(r.chunk.bodies, item.ref.b));
+}
+
+// take_least() for a warp, whose keys are often of one group. All its threads call it; ~0: no key.
+__device__ inline void take_least_of_warp(std::uint64_t* where, std::size_t group, std::uint64_t key) {
+  const std::size_t first = __shfl_sync(~0u, group, 0);
+  if (__all_sync(~0u, group == first || key == ~std::uint64_t{0})) {
+    for (int step = 16; step > 0; step /= 2) {
+      const std::uint64_t other = __shfl_xor_sync(~0u, key, step);
+      if (other < key) key = other;
+    }
+    if (threadIdx.x % 32 == 0 && key != ~std::uint64_t{0}) take_least(where + first, key);
+  } else if (key != ~std::uint64_t{0}) {
+    take_least(where + group, key);
+  }
+}
+
+// Numbers in the order of their keys. -0 counts as 0.
+__device__ inline std::uint64_t order_key(double x) {
+  const auto bits = static_cast<std::uint64_t>(__double_as_longlong(x + 0.0));
+  return bits >> 63 ? ~bits : bits | std::uint64_t{1} << 63;
+}
+__device__ inline std::uint32_t order_key(float x) {
+  const std::uint32_t bits = __float_as_uint(x);
+  return bits >> 31 ? ~bits : bits | 1u << 31;
+}
+inline constexpr std::uint32_t kUnusable = ~0u;  // more than any number's key
+__device__ inline double from_order_key(std::uint64_t key) {
+  return __longlong_as_double(static_cast<long long>(key >> 63 ? key & ~(std::uint64_t{1} << 63) : ~key));
+}
+__device__ inline float from_order_key(std::uint32_t key) {
+  return __uint_as_float(key >> 31 ? key & ~(1u << 31) : ~key);
+}
+
+__device__ inline bool has_usable_pair(std::uint64_t seed) {
+  return static_cast<std::uint32_t>(seed >> 32) != kUnusable;
+}
+
+// An upper bound on the distance, wherever a run is, and not below 0; infinite: none is proved. What has not ended has
+// a simplex all the same.
+template <class Hull>
+__device__ inline double upper_so_far(const Run<Hull>& run) {
+  const Simplex<double>& s = run.g.simplex;
+  const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then its weights are of no use
+  const double length = norm(encloses ? s.vertex[0].w : SimplexPoint<double>(s).w);
+  const double upper =
+      upper_from_point(length, run.radius, rounding_error(double(RoundingUnits<double>::kUpper), run.scale));
+  return upper <= 0 ? 0 : upper < __builtin_inf() ? upper : __builtin_inf();
+}
+
+// What the seeds cut off, a thread for each group. \param asks of a seed whether it is this kernel's. \param cutoff of
+// one; gets its row in the chunk, too
+template <class Asks, class Cutoff>
+__device__ inline void cut_off_by_seed(const ReducedView& r, const Asks& asks, const Cutoff& cutoff) {
+  const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
+  if (at >= std::uint64_t{r.chunk.configurations} * r.groups) return;
+  const std::uint64_t seed = r.seed[at];
+  if (!has_usable_pair(seed)) return;
+  const auto k = static_cast<std::uint32_t>(at / r.groups);
+  const std::uint32_t row = k * r.chunk.pair_count + static_cast<std::uint32_t>(seed);
+  const Item item(r, row);
+  if (!asks(item)) return;
+  bool taken = false;  // by the thread of the pair's other group
+  for_groups(r, item, [&](std::size_t g) { taken |= g < at && r.seed[g] == seed; });
+  if (taken) return;
+  const auto key = static_cast<std::uint64_t>(__double_as_longlong(cutoff(item, row)));
+  for_groups(r, item, [&](std::size_t g) { take_least(r.cutoff + g, key); });
+}
+__device__ inline std::uint32_t item_count(const ReducedView& r) {
+  const std::uint32_t count = r.chunk.counts[kCandidates];
+  return count < r.capacity ? count : r.capacity;
+}
+
+// Brings an answer before its groups.
+__device__ inline double group_lower(const PairAnswer& answer, const Where& at_a, const Where& at_b) {
+  return lower_with_box(answer.lower, certify_box_gap(at_a.box(), at_b.box()));
+}
+__device__ inline void offer(const ReducedView& r, const Item& item, std::uint32_t i, const PairAnswer& answer,
+                             const Where& at_a, const Where& at_b) {
+  if (r.reduce == Reduce::kWithin) {
+    const std::uint32_t bit = listed_bit(r, i);
+    if (answer.status == Status::kBeyond) atomicAnd(r.hit_words + bit / 32, ~(1u << bit % 32));
+    return;
+  }
+  if (isnan(answer.distance)) return;
+  const std::uint64_t upper = order_key(answer.upper), lower = order_key(group_lower(answer, at_a, at_b));
+  for_groups(r, item, [&](std::size_t g) {
+    take_least(r.upper + g, upper);
+    take_least(r.lower + g, lower);
+  });
+}
+
+// What became of an item. All threads of a warp call it.
+__device__ inline void report_item(const ReducedView& r, Outcome outcome, std::uint32_t i) {
+  const std::uint32_t rest = take_place(r.chunk.counts + kRest, outcome == Outcome::kUnsettled);
+  if (outcome == Outcome::kUnsettled) {
+    r.chunk.rest[rest] = i;
+    r.rest_rows[rest] = listed_row(r, i);
+    r.answers[i] = no_answer(Status::kOk);  // the CPU's comes later
+  }
+  add_count(r.chunk.counts + kSettledRows, outcome == Outcome::kSettled);
+}
+
+// Of Reduce::kAny.
+__device__ inline double margin_of(const ReducedView& r, std::uint32_t p) {
+  return r.margins ? r.margins[p] : r.margin;
+}
+__device__ inline std::uint64_t place_key(const Item& item, std::uint32_t i) {
+  return std::uint64_t{item.p} << 32 | i;
+}
+// Whether a pair within its margin comes before an item.
+__device__ inline bool is_decided_before(const ReducedView& r, const Item& item) {
+  return __ldcg(r.winner + item.k) < place_key(item, 0);
+}
+
+// Brings an answer before its configuration.
+__device__ inline void offer_to_decision(const ReducedView& r, const Item& item, std::uint32_t i,
+                                         const PairAnswer& answer) {
+  if (answer.upper <= margin_of(r, item.p))
+    take_least(r.winner + item.k, place_key(item, i));
+  else if (!isnan(answer.distance) && answer.status != Status::kBeyond)
+    take_least(r.lowest + item.k, place_key(item, i));
+}
+
+}  // namespace clearance::cuda

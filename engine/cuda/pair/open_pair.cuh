@@ -1,0 +1,89 @@
+// Pairs that the device could not settle, where no CPU finishes them: they get what their run proves, with the status
+// that this deserves.
+#pragma once
+
+#include "engine/cuda/pair/overlap_kernel.cuh"
+#include "engine/cuda/pair/piece_kernel.cuh"
+
+namespace clearance::cuda {
+
+// The part of a simplex that is nearest to the origin, with the weights of that point: a run that ended on the origin
+// has none.
+__device__ __noinline__ inline Simplex<double> weighed(const Simplex<double>& s) {
+  Simplex<double> best;
+  double least = __builtin_inf();
+  for (int i = 0; i < s.size; ++i) {
+    Simplex<double> others;
+    for (int k = 1; k < s.size; ++k) others.vertex[others.size++] = s.vertex[(i + k) % s.size];
+    const Nearest<double> nearest = reduce_carefully(others, s.vertex[i]);
+    if (nearest.encloses) {
+      best = s;
+      weigh_origin(best);
+      return best;
+    }
+    if (nearest.simplex.size > 0 && nearest.squared_distance < least) {
+      least = nearest.squared_distance;
+      best = nearest.simplex;
+    }
+  }
+  return best.size > 0 ? best : s;
+}
+
+// Bounds of a pair of hulls by one more run in float64. The nearest point of its last simplex is one of the CSO,
+// however the run ended; the planes of the run prove a lower bound, or nothing does and it is 0.
+// \param q what is asked of it. \param whole whether the hulls are the bodies: else other pieces may be nearer than
+// these. \param slack of the pair
+__device__ __noinline__ inline void answer_open_pair(const ChunkView& c, const Question& q, const PairHeads& heads,
+                                                     bool whole, const Where& at_a, const Where& at_b,
+                                                     const Slack& slack, PairAnswer& answer) {
+  const Hull<SceneVertices> a = scene_hull(c.hulls, heads.a), b = scene_hull(c.hulls, heads.b);
+  const PairFrame<double> at = place_pair<double>(at_a, *heads.a, at_b, *heads.b);
+  Question of_pieces = q;
+  of_pieces.max_distance = slack.cut_off(q.max_distance);
+  Run<Hull<SceneVertices>> run(of_pieces, a, b, at);
+  run.go();
+  const RunBounds<double> bounds = run.bounds();
+  const Simplex<double> last = weighed(run.g.simplex);
+  const auto vertex_a = [&](std::uint32_t i) { return a.vertex(i); };
+  const auto vertex_b = [&](std::uint32_t i) { return b.vertex(i); };
+  const CsoPoint<double> point(last, at_a.rotation(), vertex_a, at_b.rotation(), vertex_b);
+  const double radius = run.radius, length = norm(point.w);
+  const double upper =
+      upper_from_point(length, radius, rounding_error(double(RoundingUnits<double>::kUpper), run.scale) + at.extra);
+  const double lower = whole ? bounds.lower : -__builtin_inf();
+  if (!(lower <= upper)) {  // no number, or bounds that contradict each other
+    const std::uint16_t flags = answer.flags;
+    answer = unproved_answer();
+    answer.flags = flags;
+    return;
+  }
+  decide(
+      {q.max_distance, q.abs_tol, q.rel_tol}, lower, upper, [&] { return rounding_width(run.scale); }, answer, slack);
+  answer.piece_a = answer.piece_b = whole ? 0 : kNone;
+  const double share = radius > 0 ? heads.a->radius / radius : 0.5;
+  const bool apart = length > 0 && upper > 0;
+  // Of rounded cores the points are on their surfaces; where the pieces overlap both are halfway.
+  const Vec3d n = length > 0 ? point.separation * (1 / length) : Vec3d{1, 0, 0};
+  const double from_a = apart ? heads.a->radius : length * share,
+               from_b = apart ? heads.b->radius : length * (1 - share);
+  answer.point_a = point.core_a + n * from_a;
+  answer.point_b = point.core_b - n * from_b;
+  answer.normal = n;
+  if (answer.status == Status::kBeyond) answer.point_a = answer.point_b = no_point();
+  if (q.want_nonsmooth) answer.flags |= kFlagNonsmooth;
+}
+
+// The same of a pair in a configuration, whatever its bodies are made of. \returns its answer
+__device__ inline PairAnswer open_answer(const ChunkView& c, const Question& q, PairRef ref, std::uint32_t k,
+                                         const Where& at_a, const Where& at_b) {
+  const bool several = has_several(c.hulls, at_a.body, at_b.body);
+  const PairHeads heads =
+      several ? nearest_heads(c, ref, k, at_a.body, at_b.body)
+              : PairHeads{c.hulls.heads + c.hulls.of_body[at_a.body], c.hulls.heads + c.hulls.of_body[at_b.body]};
+  PairAnswer answer;
+  answer.flags = flags_of(at_a, at_b);
+  answer_open_pair(c, q, heads, !several, at_a, at_b, slack_of_pair(c, ref, k), answer);
+  return answer;
+}
+
+}  // namespace clearance::cuda

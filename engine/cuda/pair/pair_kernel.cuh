@@ -1,0 +1,414 @@
+// One pair in one thread: gjk.h's iteration, bounds by certify.h's, columns by columns.h's.
+//
+// Every operation is rounded as on the CPU (--fmad=false, IEEE division and roots), so that an answer has the bits of
+// the CPU's lanes (lanes_kernel.h), in float64 and in float32, whose kernel this is with a thread for a lane.
+#pragma once
+
+#include <type_traits>
+
+#include "engine/cuda/pair/hull.cuh"
+#include "engine/cuda/pair/slack.cuh"
+#include "engine/narrow/pair_run.h"
+#include "engine/narrow/witness.h"
+
+namespace clearance::cuda {
+
+// Blocks of kTile threads on a multiprocessor, among which its registers are shared out: with more, they spill.
+inline constexpr int kBlocks = 3, kBlocksF32 = 5;
+
+template <class T>
+inline constexpr bool kIsF32 = std::is_same_v<T, float>;
+
+template <class T>
+__device__ inline PairFrame<T> place_pair(const Where& at_a, const HullHead& a, const Where& at_b, const HullHead& b) {
+  const PlacedFrame of_a = at_a.frame(), of_b = at_b.frame();
+  return pair_frame<T>(a, of_a.R_wb, of_a.t_w, b, of_b.R_wb, of_b.t_w);
+}
+
+// The points and flags of a settled pair. Not inlined: what it needs should not take registers from the iteration.
+template <class Hull>
+__device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
+                                        const LaneWitness& witness, bool want_nonsmooth, PairAnswer& answer) {
+  const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
+  answer.piece_a = answer.piece_b = 0;
+  settled_points(a, R_wa, b, R_wb, witness, answer.point_a, answer.point_b);
+  answer.normal = settled_normal(witness);
+  if (answer.status == Status::kBeyond)
+    answer.point_a = answer.point_b = no_point();
+  else if (want_nonsmooth && is_nonsmooth(answer.lower, a, R_wa, b, R_wb, answer.normal))
+    answer.flags |= kFlagNonsmooth;
+}
+
+// The columns of queries that need no more than a pair's bounds, and of compact ones. Kernels for these alone take
+// fewer registers and fewer instructions.
+inline constexpr std::uint32_t kLeanFields =
+    kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact | kFieldBounds;
+
+enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
+
+// One pair's run of GJK, and what its bounds need.
+template <class Hull>
+struct Run {
+  using T = typename Hull::T;
+  using Setup = RunSetup<T>;
+  Gjk<T> g;
+  T radius, scale;
+
+  __device__ Run(const Question& q, const Hull& a, const Hull& b, const PairFrame<T>& at)
+      : radius(static_cast<T>(a.head->radius + b.head->radius)), q_(q), a_(a), b_(b), at_(at) {
+    const Vec3<T>& D = at.D;
+    scale = pair_scale(D, reach_of<T>(*a.head), reach_of<T>(*b.head), radius);
+    limits_ = run_limits<T>(q.abs_tol, q.rel_tol, radius > 0, q.max_distance < Setup::kUnbounded);
+    limits_.radius = radius;
+    if (limits_.bounded) limits_.max_distance = core_cut_off_at(cut_off(), radius, scale);
+    if constexpr (Setup::kFromCentres)
+      g.v = first_direction(Vec3<T>{0, 0, 0} - D);
+    else
+      g.v = first_direction(at.cso_vertex(a.head->centre, b.head->centre));
+  }
+  // Begins where an earlier run ended.
+  __device__ void begin_at(const WarmRow& warm) {
+    const int size = warm.size < 3 ? warm.size : 3;
+    if (size == 0) return;
+    Simplex<T> simplex;
+    CLEARANCE_UNROLL
+    for (int i = 0; i < 3; ++i) {
+      const std::uint32_t ia = i < size ? warm.a[i] : warm.a[0], ib = i < size ? warm.b[i] : warm.b[0];
+      if (ia >= a_.count() || ib >= b_.count()) return;
+      simplex.vertex[i] = cso_vertex(ia, ib);
+    }
+    simplex.size = size;
+    g.begin(simplex, true);
+  }
+  __device__ WarmRow end() const {
+    WarmRow row{};
+    row.size = static_cast<std::uint16_t>(g.simplex.size < 3 ? g.simplex.size : 3);
+    CLEARANCE_UNROLL
+    for (int i = 0; i < 3; ++i) {
+      row.a[i] = static_cast<std::uint16_t>(i < g.simplex.size ? g.simplex.vertex[i].a : 0);
+      row.b[i] = static_cast<std::uint16_t>(i < g.simplex.size ? g.simplex.vertex[i].b : 0);
+    }
+    return row;
+  }
+  __device__ __forceinline__ void step() {
+    Nearest<T> next;
+    if (const GjkEnd end = look(next); end == GjkEnd::kRunning)
+      g.go_on(next);
+    else
+      g.close(end);
+  }
+  // To its end.
+  __device__ __forceinline__ void go() {
+    GjkEnd end;
+    for (int steps = 0;;) {
+      Nearest<T> next;
+      end = look(next);
+      if (end != GjkEnd::kRunning) break;
+      g.go_on(next);
+      if (++steps < q_.max_iterations) continue;
+      end = GjkEnd::kLimit;
+      break;
+    }
+    g.close(end);
+  }
+  /// \param enough if it is there: an upper bound so low is all that is asked
+  template <class... Enough>
+  __device__ RunBounds<T> bounds(const Enough&... enough) const {
+    return {g,
+            radius,
+            scale,
+            cut_off(),
+            static_cast<T>(q_.abs_tol * Setup::kStrict),
+            static_cast<T>(q_.rel_tol * Setup::kStrict),
+            at_.extra,
+            static_cast<T>(enough * Setup::kStrict)...};
+  }
+
+ private:
+  // \param next what the run goes on with, if it does
+  __device__ __forceinline__ GjkEnd look(Nearest<T>& next) {
+    SupportPoint<T> fa, fb;
+    find_farthest(a_, -g.v, fa, b_, at_.R.transpose_times(g.v), fb);
+    return g.look(cso_vertex(fa.index, fb.index), -dot(g.v, at_.D) - (fa.value + fb.value), limits_, next);
+  }
+  __device__ T cut_off() const { return static_cast<T>(q_.max_distance * Setup::kMore); }
+  __device__ CsoVertex<T> cso_vertex(std::uint32_t a, std::uint32_t b) const {
+    return {at_.cso_vertex(a_.vertex(a), b_.vertex(b)), a, b};
+  }
+
+  const Question& q_;
+  const Hull &a_, &b_;
+  const PairFrame<T>& at_;
+  GjkLimits<T> limits_;
+};
+
+// Whether the simplex holds the origin, so that its vertices may prove an overlap.
+__device__ inline bool take_enclosed(const Gjk<double>& g, Enclosed& enclosed) {
+  if (g.end != Gjk<double>::code(GjkEnd::kEncloses) || g.simplex.size != 4) return false;
+  CLEARANCE_UNROLL
+  for (int i = 0; i < 4; ++i) {
+    enclosed.a[i] = static_cast<std::uint16_t>(g.simplex.vertex[i].a);
+    enclosed.b[i] = static_cast<std::uint16_t>(g.simplex.vertex[i].b);
+  }
+  return true;
+}
+
+// What copy_witness() of the lanes makes of a settled run.
+template <class T>
+__device__ inline LaneWitness witness_of(const Gjk<T>& g, const RunBounds<T>& bounds, const Mat3d& R_wa) {
+  LaneWitness w;
+  w.size = static_cast<std::uint32_t>(g.simplex.size);
+  CLEARANCE_UNROLL
+  for (int i = 0; i < 3; ++i) {
+    w.a[i] = g.simplex.vertex[i].a;
+    w.b[i] = g.simplex.vertex[i].b;
+    w.share[i] = bounds.nearest.share[i];
+  }
+  take_run<T>(w, R_wa, cast<double>(g.v), bounds.v_length, cast<double>(bounds.nearest.w), bounds.length);
+  return w;
+}
+
+// A pair's two hulls for points, in float64.
+template <class Hull>
+struct PairHulls {
+  const Hull &a, &b;
+};
+
+// The answer of a run whose bounds are settled. \tparam kLean only kLeanFields are wanted: no flags, no normal, and
+// points for compact rows alone. \param slack of the pair: a Slack, or NoSlack
+template <bool kLean, class T, class Hull, class S = NoSlack>
+__device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hulls, const Where& at_a,
+                                    const Where& at_b, const Gjk<T>& g, const RunBounds<T>& bounds, PairAnswer& answer,
+                                    const S& slack = S()) {
+  bool decided = false;
+  if constexpr (kHasSlack<S>) {
+    decided = slack.any();
+    if (decided) decide(limits_of(q), bounds.lower, bounds.upper, [] { return 0.0; }, answer, slack);
+  }
+  if (!decided) decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
+  if (!q.want_points) return;
+  const LaneWitness w = witness_of(g, bounds, at_a.rotation());
+  if (!kLean) {
+    add_points(hulls.a, at_a, hulls.b, at_b, w, q.want_nonsmooth, answer);
+  } else {
+    settled_points(hulls.a, at_a.rotation(), hulls.b, at_b.rotation(), w, answer.point_a, answer.point_b);
+    if (answer.status == Status::kBeyond) answer.point_a = answer.point_b = no_point();
+  }
+}
+
+// Runs GJK on a pair that has poses, to its end. \param enclosed the simplex is left here if that holds the origin.
+// \param warm with kWarm: where the run begins and what it leaves. \param take is called with what settles the pair.
+// \param enough of Run::bounds()
+template <bool kWarm, class Hull, class Take, class... Enough>
+__device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hull& b,
+                                     const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
+                                     const Take& take, const Enough&... enough) {
+  using T = typename Hull::T;
+  if (kIsF32<T> && !at.fits) return Outcome::kUnsettled;
+  Run<Hull> run(q, a, b, at);
+  if (kWarm) run.begin_at(*warm);
+  run.go();
+  if (kWarm) *warm = run.end();
+  if (run.g.end == Gjk<T>::code(GjkEnd::kEncloses)) {  // which bounds never settle
+    if constexpr (!kIsF32<T>)
+      if ((q.prove_overlaps || q.prove_depths) && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
+    return Outcome::kUnsettled;
+  }
+  const RunBounds<T> bounds = run.bounds(enough...);
+  if (!bounds.settled) return Outcome::kUnsettled;
+  take(run.g, bounds);
+  return Outcome::kSettled;
+}
+
+// Answers one pair that has poses, if it can be settled.
+template <bool kLean, bool kWarm, class Hull, class PointHull, class S>
+__device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
+                                 const Where& at_a, const Where& at_b, const PairFrame<typename Hull::T>& at,
+                                 PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
+  using T = typename Hull::T;
+  const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
+    take_settled<kLean>(q, hulls, at_a, at_b, g, bounds, answer, slack);
+  };
+  if constexpr (kHasSlack<S>) {
+    Question of_pieces = q;
+    of_pieces.max_distance = slack.cut_off(q.max_distance);
+    return run_to_end<kWarm>(of_pieces, a, b, at, enclosed, warm, take);
+  } else {
+    return run_to_end<kWarm>(q, a, b, at, enclosed, warm, take);
+  }
+}
+
+// How a grid's threads take a list of pairs that each take long. The threads of one warp wait for each other: only so
+// many of each take a pair that few pairs have a warp to themselves, and more of them share `most_warps` as long as
+// that can be.
+struct SpreadList {
+  std::uint32_t count, lanes, step, place;
+
+  __device__ SpreadList(std::uint32_t pairs, std::uint32_t most_warps) : count(pairs) {
+    const std::uint32_t warps = gridDim.x * blockDim.x / 32, warp = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
+    const std::uint32_t wanted = (count + most_warps - 1) / most_warps;
+    lanes = wanted < 1 ? 1 : wanted < 32 ? wanted : 32;
+    step = warps * lanes;
+    place = threadIdx.x % 32 < lanes ? warp * lanes + threadIdx.x % 32 : count;
+  }
+  // Of the pairs from `first` on this thread's; `count` or more: none.
+  __device__ std::uint32_t at(std::uint32_t first) const { return place < count ? first + place : count; }
+};
+
+__device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {
+  const std::uint8_t states = a.state | b.state;
+  return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0) |
+         (states & kStateBeyondLimits ? kFlagBeyondLimits : 0);
+}
+// In two pieces of 16 bytes.
+__device__ inline void write_compact(CompactAnswer* row, const PairAnswer& answer) {
+  const CompactAnswer r = detail::compact(answer);
+  auto* halves = reinterpret_cast<float4*>(row);
+  halves[0] = {r.lower, r.upper, r.point_a[0], r.point_a[1]};
+  halves[1] = {r.point_a[2], r.point_b[0], r.point_b[1], r.point_b[2]};
+}
+// A row of the column gradient_joints. Not inlined: what it needs should not take registers from other columns.
+__device__ __noinline__ inline void write_gradient_joints(const ChunkView& c, std::uint64_t row, std::uint32_t k,
+                                                          const Where& at_a, const Where& at_b,
+                                                          const PairAnswer& answer) {
+  const auto pose_of = [&](std::uint32_t ref) {
+    const Where at(c.bodies, c.configurations, ref, k);
+    return PlacedFrame{at.rotation(), at.translation()};
+  };
+  write_joint_gradient(c.movers.movers, c.movers.of_body[at_a.body], c.movers.of_body[at_b.body], answer,
+                       at_a.translation(), at_b.translation(), pose_of, c.reply.joints,
+                       c.reply.gradient_joints + row * c.reply.joints);
+}
+// The row of no pair.
+__device__ inline void write_no_pair(const ChunkView& c, std::uint64_t row, std::uint32_t k, BodyPair pair,
+                                     const PairAnswer& answer) {
+  write_row(c.reply, row, pair, static_cast<std::uint32_t>(c.first_configuration + k), answer, {0, 0, 0}, {0, 0, 0});
+  for (std::uint32_t j = 0; c.reply.gradient_joints && j < c.reply.joints; ++j)
+    c.reply.gradient_joints[row * c.reply.joints + j] = __builtin_nan("");
+}
+template <bool kLean = false>
+__device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const Where& at_a,
+                                    const Where& at_b, const PairAnswer& answer) {
+  if (kLean) {
+    write_interval(c.reply, row, answer);
+    if (c.reply.pair) c.reply.pair[row] = {at_a.body, at_b.body};
+    if (c.reply.configuration) c.reply.configuration[row] = static_cast<std::uint32_t>(c.first_configuration + k);
+    if (c.reply.compact) write_compact(c.reply.compact + row, answer);
+    return;
+  }
+  write_row(c.reply, row, {at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer,
+            at_a.translation(), at_b.translation());
+  if (c.reply.gradient_joints) write_gradient_joints(c, row, k, at_a, at_b, answer);
+}
+
+// An item of a group: a pair in a configuration, and where its bodies are.
+struct GroupItem {
+  std::uint32_t pair, k;
+  PairRef ref;
+  std::uint64_t row;
+  Where at_a, at_b;
+
+  __device__ GroupItem(const ChunkView& c, std::uint32_t p, std::uint32_t configuration)
+      : pair(p),
+        k(configuration),
+        ref(c.pairs[pair]),
+        row(std::uint64_t{k} * c.pair_count + c.position[pair]),
+        at_a(c.bodies, c.configurations, ref.a, k),
+        at_b(c.bodies, c.configurations, ref.b, k) {}
+  __device__ GroupItem(const ChunkView& c, const Group& group, std::uint32_t item)
+      : GroupItem(c, group.first + (c.configurations == 1 ? item : item / c.configurations),
+                  c.configurations == 1 ? 0 : item % c.configurations) {}
+};
+
+// The answer of an item of a chunk that needs no look at the hulls, if it has one, and the flags of its bodies.
+__device__ inline bool answer_without_pieces(const Question& q, const Where& at_a, const Where& at_b,
+                                             PairAnswer& answer) {
+  return answer_without_pieces(
+      at_a.status(), at_b.status(), flags_of(at_a, at_b), q.cull, q.max_distance,
+      [&] { return certify_box_gap(at_a.box(), at_b.box()); }, answer);
+}
+
+// Answers one item of a chunk, unless it is not settled.
+template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
+__device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
+                                     const PairHulls<PointHull>& hulls, const Where& at_a, const Where& at_b,
+                                     const PairFrame<typename Hull::T>& at, PairAnswer& answer, Enclosed& enclosed,
+                                     WarmRow* warm = nullptr, const S& slack = S()) {
+  if (answer_without_pieces(c.question, at_a, at_b, answer)) return Outcome::kWithoutPieces;
+  return narrow<kLean, kWarm>(c.question, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
+}
+
+// Counts a warp's outcomes and lists the rows that are not settled. All its threads call these.
+__device__ inline std::uint32_t take_place(std::uint32_t* count, bool wanted) {
+  const unsigned all = __ballot_sync(~0u, wanted), lane = threadIdx.x % 32;
+  if (all == 0) return 0;
+  std::uint32_t first = 0;
+  if (lane == 0) first = atomicAdd(count, __popc(all));
+  return __shfl_sync(~0u, first, 0) + __popc(all & ((1u << lane) - 1));
+}
+__device__ inline void add_count(std::uint32_t* count, bool wanted) {
+  const unsigned all = __ballot_sync(~0u, wanted);
+  if (all != 0 && threadIdx.x % 32 == 0) atomicAdd(count, __popc(all));
+}
+// \tparam kIsFirst float32 went first: what it left open is listed for float64.
+template <bool kIsFirst = false>
+__device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t row, const Enclosed& enclosed) {
+  if (__all_sync(~0u, outcome == Outcome::kSettled)) {
+    if (threadIdx.x % 32 == 0) atomicAdd(c.counts + kSettledRows, 32);
+    return;
+  }
+  if (kIsFirst) {
+    const std::uint32_t open = take_place(c.counts + kLeftOpen, outcome == Outcome::kUnsettled);
+    if (outcome == Outcome::kUnsettled) c.left_open[open] = {enclosed.pair, enclosed.configuration};
+  } else {
+    const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
+    if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
+    const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == Outcome::kEnclosed);
+    if (outcome == Outcome::kEnclosed) c.enclosed[at] = enclosed;
+  }
+  add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
+}
+
+// The device's clock, in nanoseconds.
+__device__ inline std::uint64_t clock_ns() {
+#ifdef __CUDA_ARCH__
+  std::uint64_t ns;
+  asm volatile("mov.u64 %0, %%globaltimer;" : "=l"(ns));
+  return ns;
+#else
+  return 1;
+#endif
+}
+// With this begins what may be the first kernel of a dense chunk.
+__device__ inline void note_begin(const ChunkView& c) {
+  if (blockIdx.x == 0 && threadIdx.x == 0 && c.begun && *c.begun == 0) *c.begun = clock_ns();
+}
+
+// The last block hands the counts over, each by a thread of its own, and leaves them cleared for the next chunk. All
+// threads of a block call it.
+__device__ inline void hand_over_counts(const ChunkView& c) {
+  if (!c.host_counts) return;
+  __shared__ bool is_last;
+  __syncthreads();
+  if (threadIdx.x == 0) {
+    if (c.number != 0)
+      __threadfence_system();  // the block's rows are in host memory before it counts as done
+    else
+      __threadfence();
+    is_last = atomicAdd(c.counts + kBlocksDone, 1) == c.blocks - 1;
+  }
+  __syncthreads();
+  if (!is_last || threadIdx.x >= 32) return;
+  __threadfence();
+  if (threadIdx.x < kCounts) c.host_counts[threadIdx.x] = atomicExch(c.counts + threadIdx.x, 0);
+  __syncwarp();
+  if (threadIdx.x > 0 || !c.begun) return;
+  c.finished->begun = *c.begun;
+  c.finished->ended = clock_ns();
+  *c.begun = 0;
+  if (c.number == 0) return;
+  __threadfence_system();
+  *static_cast<volatile std::uint32_t*>(&c.finished->number) = c.number;
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,113 @@
+// Pairs of bodies of which one has several pieces: engine/narrow/piece_search.h's words, a thread for each, which
+// answers the piece pairs that it asks one after another.
+#pragma once
+
+#include "engine/cuda/pair/overlap_kernel.cuh"
+#include "engine/narrow/piece_search.h"
+
+namespace clearance::cuda {
+
+// Piece pairs of a pair that are put in order at a time: most pairs need no more than three rounds.
+inline constexpr int kOrderedPieces = 8;
+
+// A body's pieces where this thread finds them, with their boxes.
+struct Pieces {
+  const double* boxes;
+  std::size_t stride;
+  const std::uint32_t* hulls;
+  std::uint32_t count;
+
+  __device__ Pieces(const ChunkView& c, std::uint32_t ref, std::uint32_t k, std::uint32_t body) {
+    const std::uint32_t first = c.hulls.piece_begin[body];
+    hulls = c.hulls.piece_hull + first;
+    count = c.hulls.piece_begin[body + 1] - first;
+    if (ref & kMovedBit) {
+      boxes = c.bodies.moved_piece_box +
+              std::size_t{c.bodies.moved_piece_begin[ref & ~kMovedBit]} * 6 * c.configurations + k;
+      stride = c.configurations;
+    } else {
+      boxes = c.bodies.fixed_piece_box + std::size_t{first} * 6;
+      stride = 1;
+    }
+  }
+  __device__ Aabb operator()(std::uint32_t i) const {
+    const double* p = boxes + std::size_t{i} * 6 * stride;
+    return {{p[0], p[stride], p[2 * stride]}, {p[3 * stride], p[4 * stride], p[5 * stride]}};
+  }
+};
+
+// The hulls of a pair's pieces with the nearest boxes.
+struct PairHeads {
+  const HullHead *a, *b;
+};
+__device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairRef ref, std::uint32_t k,
+                                                       std::uint32_t body_a, std::uint32_t body_b) {
+  const Pieces a(c, ref.a, k, body_a), b(c, ref.b, k, body_b);
+  NearestPieces<1, Pieces, Pieces> nearest(a, a.count, b, b.count);
+  PiecePair p;
+  nearest.next(p);
+  return {c.hulls.heads + a.hulls[p.a], c.hulls.heads + b.hulls[p.b]};
+}
+
+// Answers a pair, unless it is not settled. \tparam kBoth float32 goes first where it is asked for and fits. \param
+// margin if it is there: an upper bound so low is all that is asked
+template <bool kBoth, class... Margin>
+__device__ inline Outcome solve_pieces(const ChunkView& c, const Question& question, PairRef ref, std::uint32_t k,
+                                       const Where& at_a, const Where& at_b, PairAnswer& answer,
+                                       const Margin&... margin) {
+  if (answer_without_pieces(question, at_a, at_b, answer)) return Outcome::kWithoutPieces;
+  const Pieces a(c, ref.a, k, at_a.body), b(c, ref.b, k, at_b.body);
+  const auto head_a = [&](std::uint32_t i) { return c.hulls.heads + a.hulls[i]; };
+  const auto head_b = [&](std::uint32_t i) { return c.hulls.heads + b.hulls[i]; };
+  NearestPieces<kOrderedPieces, Pieces, Pieces> nearest(a, a.count, b, b.count);
+  PieceSearch search;
+  PiecePair best{};
+  LaneWitness witness;
+  const auto look = [&](const PiecePair& p, double cut_off) {
+    const HullHead *of_a = head_a(p.a), *of_b = head_b(p.b);
+    Question q = question;
+    q.max_distance = cut_off;
+    q.prove_depths = false;  // of several pieces the deepest decides
+    Enclosed enclosed;
+    const auto take = [&](const auto& g, const auto& bounds) {
+      if (!search.take(p.gap, bounds.lower, bounds.upper)) return;
+      best = p;
+      if (q.want_points) witness = witness_of(g, bounds, at_a.rotation());
+    };
+    if (kBoth && question.f32 && fit_f32(*of_a, *of_b)) {
+      const PairFrame<float> at = place_pair<float>(at_a, *of_a, at_b, *of_b);
+      if (run_to_end<false>(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, nullptr,
+                            take, slack_of_pair(c, ref, k).near_enough(margin)...) == Outcome::kSettled)
+        return PieceEnd::kApart;
+    }
+    const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
+    const Outcome outcome = run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed,
+                                              nullptr, take, slack_of_pair(c, ref, k).near_enough(margin)...);
+    if (outcome == Outcome::kSettled) return PieceEnd::kApart;
+    if (outcome != Outcome::kEnclosed) return PieceEnd::kOpen;
+    const double outer = slack_of_pair(c, ref, k).outer;
+    if (!prove_overlap(c, *of_a, *of_b, enclosed, at_a, at_b, outer, answer)) return PieceEnd::kOpen;
+    best = p;
+    return PieceEnd::kOverlap;
+  };
+  const double cut_off = slack_of_pair(c, ref, k).cut_off(question.max_distance);
+  const PieceEnd end = search_pieces(search, cut_off, nearest, look, slack_of_pair(c, ref, k).near_enough(margin)...);
+  if (end == PieceEnd::kOpen || (end == PieceEnd::kApart && !(search.upper < __builtin_inf())))
+    return Outcome::kUnsettled;
+  if (end == PieceEnd::kApart) {
+    const HullHead *of_a = head_a(best.a), *of_b = head_b(best.b);
+    const auto rounding = [&] {
+      const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
+      return rounding_width(pair_scale(at.D, of_a->rho, of_b->rho, of_a->radius + of_b->radius));
+    };
+    decide(limits_of(question), search.lower, search.upper, rounding, answer, slack_of_pair(c, ref, k));
+    if (question.want_points)
+      add_points(scene_hull(c.hulls, of_a), at_a, scene_hull(c.hulls, of_b), at_b, witness, question.want_nonsmooth,
+                 answer);
+  }
+  answer.piece_a = best.a;
+  answer.piece_b = best.b;
+  return Outcome::kSettled;
+}
+
+}  // namespace clearance::cuda

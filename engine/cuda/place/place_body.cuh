@@ -1,0 +1,144 @@
+// Poses of configurations to placed bodies.
+#pragma once
+
+#include "engine/cuda/place/link_frames.cuh"
+#include "engine/hull/box.h"
+#include "engine/narrow/certify.h"
+
+namespace clearance::cuda {
+
+__device__ inline OuterBox outer_box(const Aabb& box) {
+  return {__double2float_rd(box.low.x),
+          __double2float_rd(box.low.y),
+          __double2float_rd(box.low.z),
+          __double2float_ru(box.high.x),
+          __double2float_ru(box.high.y),
+          __double2float_ru(box.high.z),
+          {0, 0}};
+}
+__device__ inline OuterBox no_outer_box() {
+  constexpr float kInf = __builtin_inff();
+  return {kInf, kInf, kInf, -kInf, -kInf, -kInf, {0, 0}};
+}
+__device__ inline Aabb box_of(const HullHead& h, const Mat3d& R_wb, const Vec3d& t_w) {
+  return certify_box(h.centre, h.half, h.spread, h.rho, h.radius, R_wb, t_w);
+}
+
+// Whether a body is on the device and has a piece. Frames have none: a box of theirs would be written where the next
+// body's is.
+__device__ inline bool has_box(const HullsView& hulls, std::uint32_t body) {
+  return hulls.of_body[body] != kNone && hulls.piece_begin[body] < hulls.piece_begin[body + 1];
+}
+
+// The box of a placed body that is on the device: body_box()'s words. `put(i, box)` takes those of its pieces.
+// \param inner of its slack
+template <class Put>
+__device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, const Mat3d& R_wb, const Vec3d& t_w,
+                                   double inner, const Put& put) {
+  const std::uint32_t first = hulls.piece_begin[body], count = hulls.piece_begin[body + 1] - first;
+  Aabb all = box_of(hulls.heads[hulls.piece_hull[first]], R_wb, t_w);
+  put(0, all);
+  for (std::uint32_t i = 1; i < count; ++i) {
+    const Aabb box = box_of(hulls.heads[hulls.piece_hull[first + i]], R_wb, t_w);
+    put(i, box);
+    all = joined(all, box);
+  }
+  return grown(all, inner);
+}
+
+// What is doubted of a moved body in configuration k: doubt_of()'s words. \param parent of what it follows; null:
+// nothing
+__device__ inline PlacedDoubt doubt_of_moved(const MovesView& moves, std::uint32_t link, std::uint32_t k,
+                                             const Pose& local, const BodyPlacement& here, const PlacedDoubt* parent,
+                                             bool composed, double& travel) {
+  const DoubtMove& m = moves.doubts[link];
+  const bool slides = m.robot != kNone && m.joint_per_travel > 0;
+  travel = slides ? travel_to(moves.frames, m.robot, moves.source[link] - moves.given_count, k) : m.travel;
+  const FrameDoubt joints{placement_error(m.joint_fixed, m.joint_per_travel, travel), m.joint_turn};
+  return doubt_below(m.source, local.translation, here.pose.t_w, m.age_s, parent, composed, joints);
+}
+
+// Where a moved body is told to be, in the frame of what it follows, and what LinkFact bits say of that.
+struct LocalPose {
+  Pose pose;
+  std::uint8_t facts = 0;
+};
+__device__ inline LocalPose local_pose(const MovesView& moves, std::uint32_t slot, std::uint32_t k,
+                                       std::uint32_t configurations) {
+  const std::uint32_t source = moves.source[slot];
+  if (source == kNone) return {moves.own[slot]};
+  if (source < moves.given_count) return {moves.given[std::uint64_t{k} * moves.given_count + source]};
+  const std::uint32_t frame = source - moves.given_count;
+  const std::uint8_t facts = moves.frames.facts[std::size_t{frame} * configurations + k];
+  const auto [q, t] = load_frame(moves.frames, frame, k, configurations);
+  const double bad = __builtin_nan("");
+  return {facts & kLinkBad ? Pose{{bad, bad, bad}, bad, bad, bad, bad} : Pose{t, q.w, q.x, q.y, q.z}, facts};
+}
+
+// Places a moved body in configuration k, with its boxes. \param beside metres: it may be off by so much besides what
+// is doubted of its frames. \returns what is doubted of it, without that. \tparam kDoubted something is
+template <bool kDoubted>
+__device__ inline PlacedDoubt place_body(const HullsView& hulls, const BodiesView& bodies, const MovesView& moves,
+                                         std::uint32_t slot, std::uint32_t k, std::uint32_t configurations,
+                                         double beside = 0) {
+  // What a body follows is placed again for each follower: chains are short, and threads need not wait for each other.
+  BodyPlacement parent, here;
+  bool follows = moves.has_base[slot] != 0;
+  if (follows) parent = moves.base[slot];
+  PlacedDoubt doubt;
+  double travel = 0;
+  if (kDoubted && follows) doubt = moves.base_doubt[slot];
+  for (std::uint32_t i = moves.chain_begin[slot]; i < moves.chain_begin[slot + 1]; ++i) {
+    const std::uint32_t link = moves.chain[i];
+    const auto [local, facts] = local_pose(moves, link, k, configurations);
+    const std::uint8_t state = moves.slot_state[link];
+    here = place((state & kSlotUnplaced) || (facts & kLinkUnplaced) ? nullptr : &local, follows ? &parent : nullptr);
+    if ((state & kSlotBeyondLimits) || (facts & kLinkBeyondLimits)) here.beyond_limits = true;
+    if ((state & kSlotStale) && here.status == Status::kOk) here.status = Status::kStalePose;
+    if (kDoubted && here.status == Status::kOk)
+      doubt = doubt_of_moved(moves, link, k, local, here, follows ? &doubt : nullptr, follows && is_composed(parent),
+                             travel);
+    parent = here;
+    follows = true;
+  }
+  bodies.moved_state[std::size_t{slot} * configurations + k] =
+      static_cast<std::uint8_t>(here.status) | (here.renormalised ? kStateRenormalised : 0) |
+      (here.beyond_limits ? kStateBeyondLimits : 0) | (moves.slot_state[slot] & kSlotOld ? kStateStale : 0);
+  double* out = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;
+  const auto put = [&](std::uint32_t c, const Vec3d& v) {
+    out[std::size_t{c} * configurations] = v.x;
+    out[std::size_t{c + 1} * configurations] = v.y;
+    out[std::size_t{c + 2} * configurations] = v.z;
+  };
+  const bool placed = here.status == Status::kOk;
+  const Vec3d zero{0, 0, 0};
+  for (int r = 0; r < 3; ++r) put(3 * r, placed ? here.pose.R_wb.row[r] : zero);
+  put(9, placed ? here.pose.t_w : zero);
+  if (kDoubted) {
+    const Slack more{beside, beside};
+    bodies.doubts.moved[std::size_t{slot} * configurations + k] = {doubt.slack + more, doubt.beside + more, travel};
+  }
+  const bool want_box = bodies.components > kPoseComponents;
+  if (!want_box && !bodies.moved_piece_box) return doubt;
+  const std::uint32_t body = bodies.moved_body[slot];
+  OuterBox* const outer = bodies.moved_box + std::size_t{k} * bodies.moved_count + slot;
+  if (want_box) *outer = no_outer_box();
+  if (!has_box(hulls, body) || !placed) return doubt;
+  const auto put_piece = [&](std::uint32_t i, const Aabb& of_piece) {
+    if (!bodies.moved_piece_box) return;
+    double* p = bodies.moved_piece_box + std::size_t{bodies.moved_piece_begin[slot] + i} * 6 * configurations + k;
+    for (int c = 0; c < 3; ++c) {
+      p[std::size_t(c) * configurations] = of_piece.low[c];
+      p[std::size_t(3 + c) * configurations] = of_piece.high[c];
+    }
+  };
+  const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w,
+                               kDoubted ? sum_above(doubt.slack.inner, beside) : 0, put_piece);
+  if (!want_box) return doubt;
+  put(12, box.low);
+  put(15, box.high);
+  *outer = outer_box(box);
+  return doubt;
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,50 @@
+// Poses of configurations to placed bodies: one thread for each moved body in each configuration.
+#pragma once
+
+#include "engine/cuda/place/link_kernel.cuh"
+#include "engine/cuda/place/place_body.cuh"
+
+namespace clearance::cuda {
+
+// Boxes of the bodies that stay where the snapshot has them, and of their pieces; of those that are not on the device,
+// none.
+// \param boxes, outer_boxes null: only those of the pieces are wanted.
+__global__ void __launch_bounds__(128)
+    box_fixed_bodies(HullsView hulls, BodiesView bodies, double* boxes, OuterBox* outer_boxes) {
+  const std::uint32_t body = blockIdx.x * blockDim.x + threadIdx.x, n = bodies.bodies;
+  if (body >= n) return;
+  if (outer_boxes) outer_boxes[body] = no_outer_box();
+  if (!has_box(hulls, body) || static_cast<Status>(bodies.fixed_state[body] & kStateStatus) != Status::kOk) return;
+  const auto at = [&](std::uint32_t c) {
+    const double* p = bodies.fixed + std::size_t{c} * n + body;
+    return Vec3d{p[0], p[n], p[2 * std::size_t{n}]};
+  };
+  const double inner = bodies.doubts.fixed ? bodies.doubts.fixed[body].all.inner : 0;
+  const auto put = [&](std::uint32_t i, const Aabb& of_piece) {
+    if (!bodies.fixed_piece_box) return;
+    double* p = bodies.fixed_piece_box + std::size_t{hulls.piece_begin[body] + i} * 6;
+    for (int k = 0; k < 3; ++k) {
+      p[k] = of_piece.low[k];
+      p[3 + k] = of_piece.high[k];
+    }
+  };
+  const Aabb box = box_of_body(hulls, body, {{at(0), at(3), at(6)}}, at(9), inner, put);
+  if (!outer_boxes) return;
+  for (int i = 0; i < 3; ++i) {
+    boxes[static_cast<std::size_t>(i) * n + body] = box.low[i];
+    boxes[static_cast<std::size_t>(3 + i) * n + body] = box.high[i];
+  }
+  outer_boxes[body] = outer_box(box);
+}
+
+// \tparam kDoubted something is doubted
+template <bool kDoubted>
+__global__ void __launch_bounds__(128)
+    place_bodies(HullsView hulls, BodiesView bodies, MovesView moves, std::uint32_t configurations) {
+  const std::uint64_t item = std::uint64_t{blockIdx.x} * blockDim.x + threadIdx.x;
+  const auto slot = static_cast<std::uint32_t>(item / configurations),
+             k = static_cast<std::uint32_t>(item % configurations);
+  if (slot < bodies.moved_count) place_body<kDoubted>(hulls, bodies, moves, slot, k, configurations);
+}
+
+}  // namespace clearance::cuda

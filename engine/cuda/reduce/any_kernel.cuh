@@ -1,0 +1,113 @@
+// Reduce::kAny: whether every pair is farther apart than its margin. What decides a configuration is what decides it in
+// Reduction::decision(): the first pair within its margin; else the first that is proved neither farther nor within;
+// else the first without usable poses; else all pairs together. Rows have the bits that they have there.
+//
+// Boxes leave out what is farther than its margin. The others are looked at in no order, and which of them is the first
+// is found by atomicMin(), which knows none: ReducedView::winner, `lowest` and `unusable` are those three firsts. A
+// pair behind one that is within its margin changes nothing and is passed over where that is known in time.
+#pragma once
+
+#include "engine/cuda/pair/margin_pair.cuh"
+#include "engine/cuda/reduce/reduce_kernel.cuh"
+
+namespace clearance::cuda {
+
+// Lists the pairs whose boxes are within their margins, in no order, and finds those without usable poses.
+__global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_constant__ ReducedView r) {
+  const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
+  bool wanted = false;
+  if (row < r.rows) {
+    const Item item(r, static_cast<std::uint32_t>(row));
+    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+    if (is_empty(a) || is_empty(b)) {
+      take_least(r.unusable + item.k, item.p);
+    } else {
+      wanted = !(gap_below(a, b) > margin_of(r, item.p));
+    }
+  }
+  const std::uint32_t at = take_place(r.chunk.counts + kCandidates, wanted);
+  if (wanted && at < r.capacity) r.items[at] = static_cast<std::uint32_t>(row);
+}
+
+template <class S>
+__global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_constant__ ReducedView r) {
+  const ChunkView& c = r.chunk;
+  const std::uint32_t count = item_count(r);
+  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
+    const std::uint32_t i = first + threadIdx.x;
+    Outcome outcome = Outcome::kNone;
+    const PairKind kind = i < count ? kind_of(r, Item(r, r.items[i])) : PairKind::kMeshes;
+    if (kind == PairKind::kHulls || kind == PairKind::kLeft) {
+      const Item item(r, r.items[i]);
+      PairAnswer answer = beyond_answer(0);  // of what is passed over
+      if (!is_decided_before(r, item)) {
+        const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+            at_b(c.bodies, c.configurations, item.ref.b, item.k);
+        Question q = c.question;
+        q.max_distance = margin_of(r, item.p);
+        outcome = kind == PairKind::kLeft
+                      ? Outcome::kUnsettled
+                      : look_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
+        if (outcome == Outcome::kUnsettled)
+          answer = no_answer(Status::kOk);  // list_open_pairs() knows it by this
+        else
+          offer_to_decision(r, item, i, answer);
+      }
+      r.answers[i] = answer;
+    }
+    add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
+  }
+}
+
+// Those that are not settled go to the CPU, unless a pair before them has decided.
+__global__ void __launch_bounds__(kItemThreads) list_open_pairs(const __grid_constant__ ReducedView r) {
+  const std::uint32_t count = item_count(r);
+  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
+    const std::uint32_t i = first + threadIdx.x;
+    bool is_open = false;
+    if (i < count) {
+      const PairAnswer& answer = r.answers[i];
+      is_open = isnan(answer.distance) && answer.status == Status::kOk && !is_decided_before(r, Item(r, r.items[i]));
+    }
+    const std::uint32_t rest = take_place(r.chunk.counts + kRest, is_open);
+    if (!is_open) continue;
+    r.chunk.rest[rest] = i;
+    r.rest_rows[rest] = r.items[i];
+  }
+}
+
+// The CPU's answers to these, in the order of chunk.rest.
+__global__ void __launch_bounds__(kItemThreads)
+    take_open_answers(const __grid_constant__ ReducedView r, const PairAnswer* answers, std::uint32_t count) {
+  const std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x;
+  if (i >= count) return;
+  const std::uint32_t at = r.chunk.rest[i];
+  const PairAnswer answer = answers[i];
+  r.answers[at] = answer;
+  offer_to_decision(r, Item(r, r.items[at]), at, answer);
+}
+
+// The row of a pair that stands for its configuration.
+__device__ inline void write_decision(const ReducedView& r, std::uint32_t k, std::uint64_t key, bool within) {
+  const ChunkView& c = r.chunk;
+  const PairRef ref = c.pairs[key >> 32];
+  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  PairAnswer answer = r.answers[static_cast<std::uint32_t>(key)];
+  answer.status = within ? decided_status(answer.lower, answer.upper) : Status::kUnconverged;
+  if (r.unusable[k] != kNoPair) answer.flags |= kFlagIncomplete;
+  write_answer(c, k, k, at_a, at_b, answer);
+}
+
+// A row for each configuration.
+__global__ void __launch_bounds__(kItemThreads) write_decisions(const __grid_constant__ ReducedView r) {
+  pass_counts(r);
+  const std::uint32_t k = blockIdx.x * kItemThreads + threadIdx.x;
+  constexpr std::uint64_t kNone64 = ~std::uint64_t{0};
+  if (k >= r.chunk.configurations) return;
+  if (r.winner[k] != kNone64) return write_decision(r, k, r.winner[k], true);
+  if (r.lowest[k] != kNone64) return write_decision(r, k, r.lowest[k], false);
+  if (r.unusable[k] != kNoPair) return write_unusable(r, k, r.chunk.pairs[r.unusable[k]]);
+  write_no_pair(r.chunk, k, k, {kNone, kNone}, r.beyond);
+}
+
+}  // namespace clearance::cuda

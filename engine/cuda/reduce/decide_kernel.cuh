@@ -1,0 +1,371 @@
+// Reduce::kMin in one launch, where a configuration's pairs are few enough for some threads of a warp to go through
+// them.
+//
+// A team of threads compares the boxes of its configuration's pairs, then looks at those that may be nearest, a thread
+// for each, side by side and in their order: without depths the first pair that overlaps wins whatever comes after it,
+// so the team stops as soon as each pair before that one is proved to be apart. What a thread cannot settle leaves the
+// configuration open: its pairs are listed, and answered as reduce_kernel.cuh does. Rows have the bits that they have
+// there. Not where something is doubted of a body, nor where pair_lower is asked for.
+#pragma once
+
+#include "engine/cuda/reduce/reduce_kernel.cuh"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kDecideThreads = 64;
+inline constexpr int kDecideBlocks = 4;  // on a multiprocessor, among which its registers are shared out
+
+// Threads of a warp that share a configuration. All the warp's threads call what asks others.
+template <std::uint32_t kLanes>
+struct Team {
+  std::uint32_t lane = threadIdx.x % kLanes, first = threadIdx.x % 32 / kLanes * kLanes;
+
+  __device__ std::uint32_t ballot(bool x) const { return __ballot_sync(~0u, x) >> first & (~0u >> (32 - kLanes)); }
+  __device__ static std::uint32_t all(std::uint32_t bits) {
+    for (int step = kLanes / 2; step > 0; step /= 2) bits |= __shfl_xor_sync(~0u, bits, step);
+    return bits;
+  }
+  template <class T>
+  __device__ static T least(T x) {
+    for (int step = kLanes / 2; step > 0; step /= 2) {
+      const T other = __shfl_xor_sync(~0u, x, step);
+      if (other < x) x = other;
+    }
+    return x;
+  }
+};
+__device__ inline std::uint32_t bits_before(std::uint32_t lane) {
+  return (1u << lane) - 1;
+}
+__device__ inline std::uint32_t first_bit(std::uint32_t bits) {
+  return static_cast<std::uint32_t>(__ffs(static_cast<int>(bits))) - 1;
+}
+
+// How far two bodies may well be whose boxes are so far: balls in boxes of these sizes that face each other by a
+// corner. Squared.
+__device__ inline float likely_reach(const OuterBox& a, const OuterBox& b, float squared) {
+  const auto size = [](const OuterBox& x) {
+    return (x.high_x - x.low_x) + (x.high_y - x.low_y) + (x.high_z - x.low_z);
+  };
+  const float reach = sqrtf(squared) + (size(a) + size(b)) * 0.125f;
+  return squared > 0 ? fminf(fmaxf(reach * reach, squared), 3.4028234e38f) : 0.0f;
+}
+
+// A configuration's pairs, in the query's order.
+struct ConfigurationPairs {
+  const ReducedView& r;
+  std::uint32_t k;
+
+  __device__ std::uint32_t count() const { return r.chunk.pair_count; }
+  __device__ PairRef ref(std::uint32_t i) const { return r.chunk.pairs[i]; }
+  __device__ OuterBox box_a(std::uint32_t i) const { return load_box(r.chunk.bodies, ref(i).a, k); }
+  __device__ OuterBox box_b(std::uint32_t i) const { return load_box(r.chunk.bodies, ref(i).b, k); }
+  __device__ bool has_poses(std::uint32_t i) const { return !is_empty(box_a(i)) && !is_empty(box_b(i)); }
+  __device__ std::uint32_t row(std::uint32_t i) const {
+    return k * r.chunk.pair_count + i;
+  }  // of all pairs in the chunk
+};
+
+// What a team's comparison of all boxes finds.
+struct FirstLook {
+  float reach = __builtin_inff();    // how far the nearest pair may well be, squared; infinite: no pair has poses
+  std::uint32_t unusable = kNoPair;  // first pair without usable poses
+};
+template <std::uint32_t kLanes>
+__device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, const Team<kLanes>& team) {
+  constexpr float kInf = __builtin_inff();
+  FirstLook look;
+  float least = kInf;
+  std::uint32_t nearest = kNone;
+  bool all_placed = true;
+#pragma unroll 4
+  for (std::uint32_t i = team.lane; i < members.count(); i += kLanes) {  // no branches: loads go side by side
+    const float squared = squared_gap(members.box_a(i), members.box_b(i));
+    const bool is_nearer = squared < least;
+    least = is_nearer ? squared : least;
+    nearest = is_nearer ? i : nearest;
+    all_placed = all_placed && squared < kInf;
+  }
+  if (nearest != kNone) look.reach = likely_reach(members.box_a(nearest), members.box_b(nearest), least);
+  look.reach = team.least(look.reach);
+  // Some may have no poses, or be farther than a float's square.
+  if (__any_sync(~0u, !all_placed)) {
+    const bool any = look.reach == kInf;
+    for (std::uint32_t i = team.lane; i < members.count() && !all_placed; i += kLanes) {
+      if (!members.has_poses(i)) {
+        if (look.unusable == kNoPair) look.unusable = i;
+      } else if (any) {
+        look.reach = 3.4028234e38f;
+      }
+    }
+    look.reach = team.least(look.reach);
+    look.unusable = team.least(look.unusable);
+  }
+  return look;
+}
+
+// One configuration's search for its winner, as each thread of its team sees it.
+template <std::uint32_t kLanes, bool kWarm>
+class Decision {
+ public:
+  __device__ Decision(const ReducedView& r, std::uint32_t k, bool exists, std::uint32_t* queue)
+      : r_(r), c_(r.chunk), members_{r, exists ? k : 0}, at_(k), exists_(exists), queue_(queue) {
+    first_ = look_at_boxes(members_, team_);
+    reach_ = first_.reach;
+    decided_ = !exists || !is_usable();
+  }
+
+  __device__ void run() {
+    while (__any_sync(~0u, !decided_)) {
+      gather();
+      look();
+      go_on();
+    }
+    __syncwarp();
+    if (exists_ && team_.lane == 0) end();
+  }
+
+ private:
+  __device__ bool is_usable() const { return first_.reach < __builtin_inff(); }
+
+  // A pair for each thread, if there are as many: boxes of 32 pairs a thread at a time, whose hits are then queued in
+  // order.
+  __device__ void gather() {
+    for (;;) {
+      std::uint32_t hits = team_.all(hits_);
+      if (__any_sync(~0u, is_short() && hits == 0 && next_ < members_.count())) {
+        if (is_short() && hits == 0 && next_ < members_.count()) find_hits();
+        hits = team_.all(hits_);
+      }
+      const bool goes_on = is_short() && hits != 0;
+      is_left_ = hits != 0;
+      if (!__any_sync(~0u, goes_on || (is_short() && next_ < members_.count()))) break;
+      const std::uint32_t row = hits != 0 ? first_bit(hits) : 0, bit = 1u << row;
+      const bool wanted = goes_on && (hits_ & bit) != 0;
+      const std::uint32_t all = team_.ballot(wanted);
+      if (wanted) queue_[queued_ + __popc(all & bits_before(team_.lane))] = first_hit_ + row * kLanes + team_.lane;
+      queued_ += __popc(all);
+      if (goes_on) hits_ &= ~bit;
+    }
+    __syncwarp();
+  }
+  __device__ bool is_short() const { return !decided_ && queued_ < kLanes; }
+  __device__ void find_hits() {
+    first_hit_ = next_;
+    const std::uint32_t rows = (members_.count() - next_ + kLanes - 1) / kLanes, last = members_.count() - 1;
+#pragma unroll 4
+    for (std::uint32_t row = 0; row < (rows < 32 ? rows : 32); ++row) {
+      const std::uint32_t i = next_ + row * kLanes + team_.lane, there = i < last ? i : last;
+      const float squared = squared_gap(members_.box_a(there), members_.box_b(there));
+      const bool hit = i <= last && squared > done_ && squared <= reach_;
+      hits_ |= static_cast<std::uint32_t>(hit) << row;
+    }
+    next_ += 32 * kLanes;
+  }
+
+  // The pair that a thread looks at. It lives in registers, as long as nobody keeps the address of a part of it: its
+  // run, which does, is none of its members, and functions that are not inlined get copies.
+  using Scene = Hull<SceneVertices>;
+  struct Look {
+    const bool there;  // else it goes along with another thread's pair, and adds nothing
+    const std::uint32_t member;
+    const Where at_a, at_b;
+    const HullHead *head_a, *head_b;
+    const Scene a, b;
+    const PairFrame<double> place;
+    PairAnswer answer;
+    const bool runs;  // its poses and boxes do not answer it
+    bool apart;       // is proved, so far
+
+    __device__ __forceinline__ Look(const ChunkView& c, bool is_there, std::uint32_t i, PairRef ref, std::uint32_t k)
+        : there(is_there),
+          member(i),
+          at_a(c.bodies, c.configurations, ref.a, k),
+          at_b(c.bodies, c.configurations, ref.b, k),
+          head_a(head_of(c, ref.a)),
+          head_b(head_of(c, ref.b)),
+          a(scene_hull(c.hulls, head_a)),
+          b(scene_hull(c.hulls, head_b)),
+          place(place_pair<double>(at_a, *head_a, at_b, *head_b)),
+          runs(!answer_without_pieces(c.question, at_a, at_b, answer) && is_there),
+          apart(is_there && !runs) {}
+  };
+
+  // Looks at the pairs that are queued, a thread for each.
+  __device__ void look() {
+    const bool there = !decided_ && team_.lane < queued_ && members_.has_poses(queue_[team_.lane]);
+    const std::uint32_t all_there = __ballot_sync(~0u, there);
+    if (all_there == 0) return;
+    const int source = static_cast<int>(there ? threadIdx.x % 32 : first_bit(all_there));
+    const std::uint32_t member = there ? queue_[team_.lane] : 0;
+    const PairRef ref = members_.ref(member);
+    Look pair(c_, there, member, {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)},
+              __shfl_sync(~0u, members_.k, source));
+    Run<Scene> run(c_.question, pair.a, pair.b, pair.place);
+    if (kWarm && pair.runs) run.begin_at(*warm_row(r_, members_.row(member)));
+    const std::uint32_t enclosing = race(pair, run);
+    if (kWarm && pair.runs) *warm_row(r_, members_.row(member)) = run.end();
+    add_count(c_.counts + kSettledRows, pair.runs);
+
+    const bool overlaps = proves_overlap(pair, run, enclosing);
+    bool unsure = is_unsure_of_overlap(pair, enclosing, overlaps);
+    if (__any_sync(~0u, unsure || (there && enclosing == 0)))
+      unsure = !take_bounds(pair, run, there && enclosing == 0) || unsure;
+    const bool opens = team_.ballot(unsure) != 0, overlap = team_.ballot(overlaps) != 0;
+    if (opens) {
+      is_open_ = decided_ = true;
+    } else if (overlap) {
+      decided_ = true;
+      best_.place = queue_[first_bit(enclosing)];
+      lower_ = 0;
+      if (overlaps) r_.answers[at_] = pair.answer;
+    }
+    if (__any_sync(~0u, opens)) list(opens);
+  }
+
+  // Runs GJK on the team's pairs, side by side. Without depths the first pair that overlaps has won: what comes after
+  // it waits, and before it all that is asked is whether a pair is proved to be apart. Returns a bit for each pair
+  // whose simplex holds the origin.
+  __device__ __forceinline__ std::uint32_t race(Look& pair, Run<Scene>& run) const {
+    const double margin = run.radius + rounding_error(double(RoundingUnits<double>::kLower), run.scale);
+    const double apart_from = margin * margin * (1 + 0x1p-30);
+    for (int steps = 0;;) {
+      const std::uint32_t enclosing =
+          team_.ballot(pair.runs && run.g.end == Gjk<double>::code(GjkEnd::kEncloses) && run.g.simplex.size == 4);
+      const bool goes_on =
+          pair.runs && run.g.end == 0 && (enclosing & bits_before(team_.lane)) == 0 && !(enclosing != 0 && pair.apart);
+      if (!__any_sync(~0u, goes_on)) return enclosing;
+      if (!goes_on) continue;
+      const double vv = squared_norm(run.g.v);
+      run.step();
+      pair.apart = pair.apart || (run.g.gap > 0 && run.g.gap * run.g.gap > apart_from * vv);
+      if (run.g.end == 0 && ++steps >= c_.question.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
+    }
+  }
+
+  // Whether this thread's pair is the first that encloses, and is proved to overlap.
+  __device__ __forceinline__ bool proves_overlap(Look& pair, const Run<Scene>& run, std::uint32_t enclosing) const {
+    if (enclosing == 0 || !pair.there || team_.lane != first_bit(enclosing)) return false;
+    Enclosed enclosed;
+    take_enclosed(run.g, enclosed);
+    const Where at_a = pair.at_a, at_b = pair.at_b;
+    PairAnswer answer = pair.answer;
+    const bool overlaps = proved(c_, enclosed, at_a, at_b, 0, answer) == Outcome::kSettled;
+    pair.answer = answer;
+    return overlaps;
+  }
+  // Whether it leaves open which pair overlaps first.
+  __device__ __forceinline__ bool is_unsure_of_overlap(const Look& pair, std::uint32_t enclosing, bool overlaps) const {
+    if (enclosing == 0 || !pair.there) return false;
+    const std::uint32_t first = first_bit(enclosing);
+    return team_.lane == first ? !overlaps : pair.runs && team_.lane < first && !pair.apart;
+  }
+
+  // Takes the team's bounds, where no pair encloses, before the configuration. All the warp's threads call it.
+  // \param ends this thread's pair has come to its end. False: its bounds are not settled.
+  __device__ __forceinline__ bool take_bounds(Look& pair, const Run<Scene>& run, bool ends) {
+    constexpr double kInf = __builtin_inf();
+    const RunBounds<double> bounds = run.bounds();
+    const bool settles = ends && (!pair.runs || bounds.settled);
+    const double lower = pair.runs ? bounds.lower : pair.answer.lower,
+                 upper = pair.runs ? bounds.upper : pair.answer.upper;
+    const Standing mine = settles ? standing_of(lower, upper, pair.member) : Standing{};
+    const double least_upper = team_.least(mine.upper),
+                 least_gap = team_.least(mine.upper == least_upper ? mine.gap : kInf);
+    // The queue is in order: of those that are alike the first thread's has the first place.
+    const std::uint32_t nearest = team_.ballot(settles && mine.upper == least_upper && mine.gap == least_gap);
+    const double least_lower =
+        team_.least(settles ? lower_with_box(lower, certify_box_gap(pair.at_a.box(), pair.at_b.box())) : kInf);
+    const double least_limit = team_.least(pair.there ? (pair.runs ? upper_so_far(run) : lower) : kInf);
+    if (nearest != 0) {
+      const Standing found{least_upper, least_gap, queue_[first_bit(nearest)]};
+      if (found < best_) {
+        best_ = found;
+        if (team_.lane == first_bit(nearest)) keep(pair, run, bounds);
+      }
+    }
+    if (least_lower < lower_) lower_ = least_lower;
+    if (least_limit < cutoff_) cutoff_ = least_limit;
+    reach_ = fminf(reach_, square_from_above(cutoff_));
+    return !ends || settles;
+  }
+  __device__ __forceinline__ void keep(const Look& pair, const Run<Scene>& run, const RunBounds<double>& bounds) const {
+    const Scene a = pair.a, b = pair.b;
+    const Where at_a = pair.at_a, at_b = pair.at_b;
+    PairAnswer answer = pair.answer;
+    if (pair.runs) take_settled<false>(c_.question, PairHulls<Scene>{a, b}, at_a, at_b, run.g, bounds, answer);
+    r_.answers[at_] = answer;
+  }
+
+  // Lists all that may be the nearest.
+  __device__ void list(bool opens) const {
+    const float cutoff = square_from_above(cutoff_);
+    for (std::uint32_t first = 0; first < members_.count(); first += kLanes) {
+      const std::uint32_t i = first + team_.lane;
+      bool wanted = opens && i < members_.count();
+      if (wanted) wanted = squared_gap(members_.box_a(i), members_.box_b(i)) <= cutoff && members_.has_poses(i);
+      const std::uint32_t at = take_place(c_.counts + kCandidates, wanted);
+      if (wanted && at < r_.capacity) r_.items[at] = members_.row(i);
+    }
+  }
+
+  // To the pairs that come next: of the queue, or those farther away, if they may be nearer than what was found.
+  __device__ void go_on() {
+    const bool is_left = team_.lane + kLanes < queued_;
+    const std::uint32_t left = is_left ? queue_[team_.lane + kLanes] : 0;
+    __syncwarp();
+    if (is_left) queue_[team_.lane] = left;
+    queued_ = queued_ > kLanes ? queued_ - kLanes : 0;
+    if (decided_ || queued_ > 0 || is_left_ || next_ < members_.count()) return;
+    const float cutoff = square_from_above(cutoff_);
+    decided_ = cutoff <= reach_;
+    done_ = reach_;
+    reach_ = cutoff;
+    next_ = 0;
+  }
+
+  // The configuration's row, or what the kernels that answer it instead must know.
+  __device__ void end() const {
+    r_.answered[at_] = !is_open_;
+    if (is_open_) {
+      r_.seed[at_] = 0;
+      r_.unusable[at_] = first_.unusable;
+    } else if (is_usable()) {
+      const PairRef winner = members_.ref(static_cast<std::uint32_t>(best_.place));
+      write_group(r_, at_, winner, r_.answers[at_], lower_, first_.unusable, winner);
+    } else if (first_.unusable != kNoPair) {
+      write_unusable(r_, at_, members_.ref(first_.unusable));
+    } else {
+      write_empty(r_, at_);
+    }
+  }
+
+  const ReducedView& r_;
+  const ChunkView& c_;
+  const ConfigurationPairs members_;
+  const Team<kLanes> team_;
+  const std::uint32_t at_;  // the configuration: its group, its row
+  const bool exists_;
+  std::uint32_t* const queue_;  // (2 * kLanes,) members, in their order
+  FirstLook first_;
+  bool decided_, is_open_ = false;
+  float done_ = -1, reach_;  // now: pairs with the squares of their boxes' gaps above the one and up to the other
+  double cutoff_ = __builtin_inf();  // no pair farther than this can be the nearest
+  std::uint32_t next_ = 0, queued_ = 0;
+  std::uint32_t hits_ = 0, first_hit_ = 0;  // of the boxes compared last: a bit for each that is still to be queued
+  bool is_left_ = false;                    // such a bit, of any thread
+  Standing best_;                           // the winner so far
+  double lower_ = __builtin_inf();          // the group's
+};
+
+// A team for each configuration.
+template <std::uint32_t kLanes, bool kWarm>
+__global__ void __launch_bounds__(kDecideThreads, kDecideBlocks)
+    decide_configurations(const __grid_constant__ ReducedView r) {
+  __shared__ std::uint32_t queues[kDecideThreads / kLanes][2 * kLanes];
+  const std::uint32_t k = (blockIdx.x * kDecideThreads + threadIdx.x) / kLanes;
+  Decision<kLanes, kWarm>(r, k, k < r.chunk.configurations, queues[threadIdx.x / kLanes]).run();
+  hand_over_counts(r.chunk);
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,34 @@
+// Pairs of reduced chunks that the device could not settle, where no CPU answers them: take_answers() and
+// take_open_answers() with what the device itself can prove of them.
+#pragma once
+
+#include "engine/cuda/pair/open_pair.cuh"
+#include "engine/cuda/reduce/any_kernel.cuh"
+
+namespace clearance::cuda {
+
+// \tparam kAny of Reduce::kAny, where each pair is asked for no more than its margin
+template <bool kAny>
+__global__ void __launch_bounds__(kItemThreads)
+    answer_open_items(const __grid_constant__ ReducedView r, std::uint32_t most_warps) {
+  const ChunkView& c = r.chunk;
+  const SpreadList list(c.counts[kRest], most_warps);
+  for (std::uint32_t first = 0; first < list.count; first += list.step) {
+    const std::uint32_t i = list.at(first);
+    if (i >= list.count) continue;
+    const std::uint32_t at = c.rest[i];
+    const Item item = listed_item(r, at);
+    const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+        at_b(c.bodies, c.configurations, item.ref.b, item.k);
+    Question q = c.question;
+    if (kAny) q.max_distance = margin_of(r, item.p);
+    const PairAnswer answer = open_answer(c, q, item.ref, item.k, at_a, at_b);
+    r.answers[at] = answer;
+    if (kAny)
+      offer_to_decision(r, item, at, answer);
+    else
+      offer(r, item, at, answer, at_a, at_b);
+  }
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,353 @@
+// Reduced queries on the device, in the stages of engine/reduce/reduction.h: boxes find a seed for each group, the
+// seeds' upper bounds say which pairs must be looked at, the narrow phase looks, and the groups' winners are written as
+// rows.
+//
+// Boxes are compared in float32, rounded outward and with a margin, so that at least those pairs are looked at that the
+// CPU looks at; more of them change nothing (lower_with_box()). Keys are brought together by atomicMin(), which knows
+// no order.
+#pragma once
+
+#include "engine/cuda/pair/items.cuh"
+#include "engine/cuda/pair/outer_box.cuh"
+#include "engine/cuda/pair/overlap_kernel.cuh"
+#include "engine/cuda/pair/pair_kernel.cuh"
+#include "engine/cuda/pair/pair_table.cuh"
+#include "engine/cuda/pair/piece_kernel.cuh"
+#include "engine/narrow/group.h"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kScanThreads = 256;  // rows of a block, where boxes are compared
+inline constexpr std::uint32_t kSeedBlocks = 528;
+inline constexpr std::uint32_t kSolveBlocks = 528,
+                               kItemBlocks = 132;  // how many items there are is not known at launch
+inline constexpr std::int32_t kSeedSteps = 2;      // of GJK, for a bound that leaves pairs out
+
+__device__ inline void clear_counts(const ReducedView& r) {
+  if (blockIdx.x == 0 && threadIdx.x < kCounts) r.chunk.counts[threadIdx.x] = 0;
+}
+
+// Of every group the pair whose boxes are nearest, or overlap most, and the first without usable poses. A
+// seed is a guess, and any would do. Blocks go on to further rows, whose keys then rarely are the least.
+__global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant__ ReducedView r) {
+  clear_counts(r);
+  for (std::uint64_t first = std::uint64_t{blockIdx.x} * kScanThreads; first < r.rows;
+       first += gridDim.x * kScanThreads) {
+    const std::uint64_t row = first + threadIdx.x;
+    std::uint64_t key = ~std::uint64_t{0};
+    std::size_t group[2] = {0, 0};
+    if (row < r.rows) {
+      const Item item(r, static_cast<std::uint32_t>(row));
+      const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+      int n = 0;
+      for_groups(r, item, [&](std::size_t g) { group[n++] = g; });
+      const bool usable = !is_empty(a) && !is_empty(b);
+      key = std::uint64_t{usable ? order_key(gap_below(a, b)) : kUnusable} << 32 | item.p;
+      if (!usable) for_groups(r, item, [&](std::size_t g) { take_least(r.unusable + g, item.p); });
+    }
+    take_least_of_warp(r.seed, group[0], key);
+    if (r.reduce == Reduce::kNearest && key != ~std::uint64_t{0}) take_least(r.seed + group[1], key);
+  }
+}
+
+// A distance beyond which no pair of this one's groups needs a look: its upper bound, or, where its boxes alone are
+// farther than max_distance, their gap. Not below 0: boxes that touch say nothing about depths.
+// \param warm where its last run has ended; null: not known
+__device__ inline double cutoff_of(const ChunkView& c, const Item& item, const WarmRow* warm) {
+  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+      at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  const double gap = certify_box_gap(at_a.box(), at_b.box());
+  if (gap > c.question.max_distance) return gap;
+  PairHeads heads;  // of two pieces, which are no farther apart than the bodies
+  if (has_several(c.hulls, at_a.body, at_b.body))
+    heads = nearest_heads(c, item.ref, item.k, at_a.body, at_b.body);
+  else
+    heads = {head_of(c, item.ref.a), head_of(c, item.ref.b)};
+  const Hull<SceneVertices> a = scene_hull(c.hulls, heads.a), b = scene_hull(c.hulls, heads.b);
+  const auto at = place_pair<double>(at_a, *a.head, at_b, *b.head);
+  Run<Hull<SceneVertices>> run(c.question, a, b, at);
+  if (warm) run.begin_at(*warm);
+  for (int steps = 0; run.g.end == 0 && steps < kSeedSteps; ++steps) run.step();
+  return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
+}
+
+// The same of a pair that the CPU looks at: the balls around both origins hold all of either.
+__device__ inline double cutoff_of_left(const ReducedView& r, const Item& item) {
+  const ChunkView& c = r.chunk;
+  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+      at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  const auto rho = [&](std::uint32_t body) {
+    const std::uint32_t set = r.elements.of_body[body];
+    if (set != kNone) return r.elements.sets[set].is_empty ? __builtin_inf() : r.elements.sets[set].hull.rho;
+    double most = 0;
+    for (std::uint32_t i = c.hulls.piece_begin[body]; i < c.hulls.piece_begin[body + 1]; ++i)
+      most = fmax(most, c.hulls.heads[c.hulls.piece_hull[i]].rho);
+    return most;
+  };
+  const double upper =
+      (norm(at_b.translation() - at_a.translation()) + rho(at_a.body) + rho(at_b.body)) * (1 + 0x1p-40);
+  return slack_of_pair(c, item.ref, item.k).true_upper(upper);
+}
+
+__global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constant__ ReducedView r) {
+  cut_off_by_seed(
+      r,
+      [&](const Item& item) {
+        const PairKind kind = kind_of(r, item);
+        return kind == PairKind::kHulls || kind == PairKind::kLeft;
+      },
+      [&](const Item& item, std::uint32_t row) {
+        return kind_of(r, item) == PairKind::kLeft ? cutoff_of_left(r, item)
+                                                   : cutoff_of(r.chunk, item, warm_row(r, row));
+      });
+}
+
+// Lists the pairs that must be looked at, in no order.
+__global__ void __launch_bounds__(kScanThreads) find_candidates(const __grid_constant__ ReducedView r) {
+  const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
+  bool wanted = false;
+  if (row < r.rows) {
+    const Item item(r, static_cast<std::uint32_t>(row));
+    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+    if (!is_empty(a) && !is_empty(b)) {
+      const double gap = gap_below(a, b);
+      for_groups(r, item,
+                 [&](std::size_t g) { wanted |= !(gap > __longlong_as_double(static_cast<long long>(r.cutoff[g]))); });
+    }
+  }
+  const std::uint32_t at = take_place(r.chunk.counts + kCandidates, wanted);
+  if (wanted && at < r.capacity) r.items[at] = static_cast<std::uint32_t>(row);
+}
+
+// Reduce::kWithin marks them, so that rows can come in order. Pairs without usable poses are among them.
+__global__ void __launch_bounds__(kScanThreads) mark_candidates(const __grid_constant__ ReducedView r) {
+  clear_counts(r);
+  const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
+  bool wanted = false;
+  if (row < r.rows) {
+    const Item item(r, static_cast<std::uint32_t>(row));
+    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+    wanted = is_empty(a) || is_empty(b) || !(gap_below(a, b) > r.chunk.question.max_distance);
+  }
+  const unsigned word = __ballot_sync(~0u, wanted);
+  if (threadIdx.x % 32 == 0 && row < r.rows) r.candidate_words[row / 32] = word;
+}
+__global__ void __launch_bounds__(kScanThreads) list_candidates(const __grid_constant__ ReducedView r) {
+  const std::uint32_t words = (r.rows + 31) / 32, at = blockIdx.x * kScanThreads + threadIdx.x;
+  if (at >= words) return;
+  std::uint32_t item = r.candidate_ranks[at];
+  const std::uint32_t word = r.candidate_words[at];
+  r.hit_words[at] = word;
+  if (at == words - 1) r.chunk.counts[kCandidates] = item + __popc(word);
+  for (std::uint32_t left = word; left != 0; left &= left - 1, ++item)
+    if (item < r.capacity) r.items[item] = at * 32 + static_cast<std::uint32_t>(__ffs(static_cast<int>(left))) - 1;
+}
+
+// Of Reduce::kWithin: a bit for each row, or of a table for each place in the list.
+__host__ __device__ inline std::uint32_t hit_word_count(const ReducedView& r) {
+  return ((r.keys ? r.capacity : r.rows) + 31) / 32;
+}
+
+template <bool kWarm, class S>
+__device__ inline Outcome solve_candidate(const ChunkView& c, const Item& item, const Where& at_a, const Where& at_b,
+                                          PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
+  const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
+  const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
+  const PairHulls<Hull<SceneVertices>> hulls{a, b};
+  const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
+  return solve_item<false, kWarm>(c, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
+}
+
+// \tparam S a Slack where something is doubted, else NoSlack
+template <bool kWarm, class S>
+__global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_constant__ ReducedView r) {
+  const ChunkView& c = r.chunk;
+  const std::uint32_t count = item_count(r);
+  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
+    const std::uint32_t i = first + threadIdx.x;
+    Outcome outcome = Outcome::kNone;
+    Enclosed enclosed;
+    bool several = false;
+    if (i < count) {
+      const Item item = listed_item(r, i);
+      const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+          at_b(c.bodies, c.configurations, item.ref.b, item.k);
+      enclosed.pair = item.p;
+      enclosed.configuration = item.k;
+      const PairKind kind = kind_of(r, item);
+      const bool hulls = kind == PairKind::kHulls;
+      several = hulls && has_several(c.hulls, at_a.body, at_b.body);
+      PairAnswer answer;
+      WarmRow* const warm = kWarm ? warm_row(r, listed_row(r, i)) : nullptr;
+      const S slack = known_slack<S>(c, item.ref, item.k);
+      if (!several && hulls) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
+      if (kind == PairKind::kLeft) outcome = Outcome::kUnsettled;
+      if (outcome == Outcome::kEnclosed)
+        outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
+      if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
+        r.answers[i] = answer;
+        offer(r, item, i, answer, at_a, at_b);
+      }
+    }
+    const std::uint32_t place = take_place(r.chunk.counts + kSeveralPairs, several);
+    if (several) r.several[place] = i;
+    report_item(r, outcome, i);
+  }
+}
+
+// Those of them of which a body has several pieces, which solve_candidates() has listed.
+__global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_constant__ ReducedView r) {
+  const ChunkView& c = r.chunk;
+  const std::uint32_t count = c.counts[kSeveralPairs];
+  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
+    Outcome outcome = Outcome::kNone;
+    std::uint32_t i = 0;
+    if (first + threadIdx.x < count) {
+      i = r.several[first + threadIdx.x];
+      const Item item = listed_item(r, i);
+      const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+          at_b(c.bodies, c.configurations, item.ref.b, item.k);
+      PairAnswer answer;
+      outcome = solve_pieces<false>(c, c.question, item.ref, item.k, at_a, at_b, answer);
+      if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
+        r.answers[i] = answer;
+        offer(r, item, i, answer, at_a, at_b);
+      }
+    }
+    report_item(r, outcome, i);
+  }
+}
+
+// The CPU's answers to what was left open, in the order of chunk.rest.
+__global__ void __launch_bounds__(kItemThreads)
+    take_answers(const __grid_constant__ ReducedView r, const PairAnswer* answers, std::uint32_t count) {
+  const std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x;
+  if (i >= count) return;
+  const std::uint32_t at = r.chunk.rest[i];
+  const Item item = listed_item(r, at);
+  const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
+      at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
+  const PairAnswer answer = answers[i];
+  r.answers[at] = answer;
+  offer(r, item, at, answer, at_a, at_b);
+}
+
+// Whether it is asked which pair has the least lower bound of its group: for what slack adds to that, or by the query.
+__device__ inline bool wants_lowest(const ReducedView& r) {
+  return has_doubts(r.chunk) || r.chunk.reply.pair_lower;
+}
+
+// The winner, as Standing has it: by keys, since threads of many blocks bring their candidates.
+__global__ void __launch_bounds__(kItemThreads) choose_winners(const __grid_constant__ ReducedView r) {
+  const std::uint32_t count = item_count(r);
+  for (std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x; i < count; i += gridDim.x * kItemThreads) {
+    const PairAnswer& answer = r.answers[i];
+    if (isnan(answer.distance)) continue;
+    const Item item(r, r.items[i]);
+    const std::uint64_t upper = order_key(answer.upper), lower = order_key(answer.lower);
+    for_groups(r, item, [&](std::size_t g) {
+      // Where the least upper bound is infinite, so are all of the group, and each lower bound is a gap.
+      if (upper == r.upper[g] && (answer.upper < __builtin_inf() || lower == r.lower[g]))
+        take_least(r.winner + g, std::uint64_t{item.p} << 32 | i);
+    });
+    if (!wants_lowest(r)) continue;
+    const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
+        at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
+    const std::uint64_t of_group = order_key(group_lower(answer, at_a, at_b));
+    for_groups(r, item, [&](std::size_t g) {
+      if (of_group == r.lower[g]) take_least(r.lowest + g, std::uint64_t{item.p} << 32 | i);
+    });
+  }
+}
+
+__device__ inline void pass_counts(const ReducedView& r) {
+  if (blockIdx.x == 0 && threadIdx.x < kCounts && threadIdx.x != kHits)
+    r.chunk.host_counts[threadIdx.x] = r.chunk.counts[threadIdx.x];
+}
+
+// Rows of groups. \param at of the group, in the chunk
+__device__ inline void write_empty(const ReducedView& r, std::uint64_t at) {
+  const auto k = static_cast<std::uint32_t>(at / r.groups), group = static_cast<std::uint32_t>(at % r.groups);
+  const BodyPair pair{r.reduce == Reduce::kNearest ? group : kNone, kNone};
+  write_no_pair(r.chunk, at, k, pair, empty_answer());
+}
+// \param ref the first of its pairs without usable poses
+__device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, PairRef ref) {
+  const ChunkView& c = r.chunk;
+  const auto k = static_cast<std::uint32_t>(at / r.groups);
+  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  PairAnswer answer = no_answer(pair_status(at_a.status(), at_b.status()));
+  answer.flags = flags_of(at_a, at_b) | kFlagIncomplete;
+  write_answer(c, at, k, at_a, at_b, answer);
+}
+// Reduction::rows() in the same order: a pair without usable poses may be nearer than all others, so that only a proved
+// overlap is the least distance nevertheless.
+// \param lower the least of the group. \param unusable its first pair without usable poses, or kNoPair. \param lowest
+// the pair with that bound, where it is asked for
+__device__ inline void write_group(const ReducedView& r, std::uint64_t at, PairRef ref, PairAnswer answer, double lower,
+                                   std::uint32_t unusable, PairRef lowest) {
+  if (unusable != kNoPair && !(answer.upper <= 0)) return write_unusable(r, at, r.chunk.pairs[unusable]);
+  const ChunkView& c = r.chunk;
+  const auto k = static_cast<std::uint32_t>(at / r.groups);
+  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  const Question& q = c.question;
+  if (has_doubts(c))
+    widen_to_group(answer, lower, q.max_distance, q.abs_tol, q.rel_tol, pair_slack(c, ref, k),
+                   pair_slack(c, lowest, k));
+  else
+    widen_to_group(answer, lower, q.max_distance, q.abs_tol, q.rel_tol);
+  if (unusable != kNoPair) {
+    answer.flags |= kFlagIncomplete;
+    if (!q.prove_overlaps) answer.lower = -__builtin_inf(), lowest = c.pairs[unusable];  // the depth may be greater
+  }
+  write_answer(c, at, k, at_a, at_b, answer);
+  if (c.reply.pair_lower) c.reply.pair_lower[at] = {body_of(c.bodies, lowest.a), body_of(c.bodies, lowest.b)};
+}
+
+// A row for each group.
+__global__ void __launch_bounds__(kItemThreads) write_groups(const __grid_constant__ ReducedView r) {
+  pass_counts(r);
+  const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
+  if (at >= std::uint64_t{r.chunk.configurations} * r.groups || (r.answered && r.answered[at])) return;
+  const std::uint64_t seed = r.seed[at], winner = r.winner[at];
+  if (r.answered && winner == ~std::uint64_t{0}) return;  // all is up to the CPU
+  if (seed == ~std::uint64_t{0}) return write_empty(r, at);
+  const std::uint32_t unusable = r.unusable[at];
+  if (winner == ~std::uint64_t{0})  // without an unusable pair the CPU's answer follows
+    return write_unusable(r, at, r.chunk.pairs[unusable != kNoPair ? unusable : static_cast<std::uint32_t>(seed)]);
+  const auto i = static_cast<std::uint32_t>(winner);
+  const PairRef ref = r.chunk.pairs[winner >> 32];
+  write_group(r, at, ref, r.answers[i], from_order_key(r.lower[at]), unusable,
+              wants_lowest(r) ? r.chunk.pairs[r.lowest[at] >> 32] : ref);
+}
+
+__device__ inline std::uint32_t hits_before(const ReducedView& r, std::uint32_t word) {
+  if (r.hit_ranks) return r.hit_ranks[word];
+  std::uint32_t sum = 0;
+#pragma unroll 8
+  for (std::uint32_t i = 0; i < word; ++i) sum += __popc(r.hit_words[i]);
+  return sum;
+}
+
+// A row for each pair that is not beyond, in order.
+__global__ void __launch_bounds__(kItemThreads) write_hits(const __grid_constant__ ReducedView r) {
+  pass_counts(r);
+  const ChunkView& c = r.chunk;
+  if (blockIdx.x == 0 && threadIdx.x == 0) {
+    const std::uint32_t last = hit_word_count(r) - 1;
+    r.chunk.host_counts[kHits] = hits_before(r, last) + __popc(r.hit_words[last]);
+  }
+  const std::uint32_t count = item_count(r);
+  for (std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x; i < count; i += gridDim.x * kItemThreads) {
+    const std::uint32_t place = listed_bit(r, i), word = r.hit_words[place / 32], bit = 1u << place % 32;
+    if (!(word & bit)) continue;
+    const std::uint64_t at = hits_before(r, place / 32) + __popc(word & (bit - 1));
+    if (at >= r.reply_rows) continue;
+    const Item item = listed_item(r, i);
+    const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+        at_b(c.bodies, c.configurations, item.ref.b, item.k);
+    write_answer(c, at, item.k, at_a, at_b, r.answers[i]);
+  }
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,15 @@
+#include "engine/cuda/reduce/reduced.cuh"
+#include "engine/cuda/reduce/reduced_workspace.cuh"
+#include "engine/cuda/reduce/standing_reduced.cuh"
+
+namespace clearance::cuda {
+
+std::unique_ptr<LentReduced> make_reduced(const ResidentHulls& hulls, WorkCounters& counters) {
+  return std::make_unique<ReducedCudaWorkspace>(hulls, counters);
+}
+
+std::unique_ptr<StandingWorkspace> make_standing_reduced(const ResidentHulls& hulls, WorkCounters& counters) {
+  return std::make_unique<StandingReduced>(hulls, counters);
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,325 @@
+// Reduced queries on the device: rows for groups, or for the pairs within a distance.
+#pragma once
+
+#include <thrust/iterator/transform_iterator.h>
+
+#include <cub/device/device_scan.cuh>
+
+#include "engine/cuda/memory/chunk_clock.cuh"
+#include "engine/cuda/reduce/reduced.cuh"
+#include "engine/cuda/reduce/reduced_launch.cuh"
+#include "engine/cuda/reduce/table_search.cuh"
+#include "engine/device/query/reply_columns.h"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kFirstCapacity = 1u << 17;  // pairs that may be looked at before memory has to grow
+inline constexpr std::uint64_t kFirstHits = 1u << 14;      // rows of Reduce::kWithin, likewise
+inline constexpr std::uint32_t kFirstOpen = 1u << 12;      // pairs of configurations that teams leave open, likewise
+
+struct ReducedSlot : QuerySlot {
+  ReducedSlot(MemoryCounters& c, int priority)
+      : QuerySlot(c, priority),
+        device_groups(c),
+        device_words(c),
+        device_scan(c),
+        device_items(c),
+        device_counts(c),
+        device_answers(c),
+        host_reply(c),
+        host_counts(c),
+        host_rest(c),
+        host_answers(c),
+        table(c) {}
+
+  DeviceBuffer device_groups, device_words, device_scan, device_items, device_counts, device_answers;
+  PinnedBuffer host_reply, host_counts, host_rest, host_answers;
+  TableSearch table;
+  ChunkTime time;
+  std::uint32_t listed = 0;  // rows that there was room for so far, where pairs are listed
+  bool counts_are_clear = false;
+  std::size_t scan_bytes = 0;
+  std::uint64_t most_rows = 0;  // that may come back
+  ReducedView view;
+  ReplyView direct;
+};
+
+struct CountBits {
+  __host__ __device__ std::uint32_t operator()(std::uint32_t word) const {
+#ifdef __CUDA_ARCH__
+    return static_cast<std::uint32_t>(__popc(word));
+#else
+    return static_cast<std::uint32_t>(__builtin_popcount(word));
+#endif
+  }
+};
+
+class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
+ public:
+  using QuerySide::QuerySide;
+
+  void begin(const QuerySetup& s) override {
+    table_ = static_cast<const CudaTable*>(s.table);
+    if (table_) clear_counts(*slots_[0]);  // now, so that it does not stand between boxes and near pairs
+    QuerySide::begin(s);
+    begin_elements(s);
+    asked_ = ReducedQuestion(s, hulls_);
+    warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
+    most_rows_ = s.most_rows;
+    clock_.restart();
+  }
+
+  // Memory that grows, grows before anything is started.
+  void launch(int index, const ChunkSetup& chunk, const ReplyView& direct) override {
+    const OnDevice here = on_device();
+    ReducedSlot& slot = *slots_[index];
+    ReducedView& r = slot.view;
+    r.chunk = view_of(slot, chunk);
+    asked_.tell(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
+    r.elements = elements_.view();
+    if (r.elements.count > 0) start_moved_element_boxes(r.chunk, r.elements, slot.stream);
+    r.chunk.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(kCounts * sizeof(std::uint32_t)));
+    r.chunk.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_counts.reserve(kCounts * sizeof(std::uint32_t)));
+    slot.direct = direct;
+    slot.most_rows = within() ? std::min<std::uint64_t>(r.rows, most_rows_) : groups_of(r);
+    r.chunk.warm = warm_ ? warm_ + chunk.first_row : nullptr;
+    if (asked_.by_teams) return launch_teams(slot);
+    slot.counts_are_clear = false;
+    if (!table_) slot.listed = std::max(slot.listed, std::min(r.rows, kFirstCapacity));
+    make_room_for_items(slot, table_ ? std::min(r.rows, slot.table.expected(r.chunk.bodies.bodies)) : slot.listed);
+    make_room_for_rows(slot, within() ? std::min(slot.most_rows, kFirstHits) : slot.most_rows);
+
+    clock_.begin(slot.time, slot.stream);
+    if (table_)
+      slot.table.prepare(slot.stream);
+    else if (within())
+      mark(slot);
+    else if (any())
+      begin_decisions(slot);
+    else
+      seed(slot);
+    solve(slot);
+    write(slot);
+    kernels_end(slot);
+  }
+
+  ReducedResult finish(int index) override {
+    const OnDevice here = on_device();
+    ReducedSlot& slot = *slots_[index];
+    const ReducedView& r = slot.view;
+    check(cudaStreamSynchronize(slot.stream), "answering a query");
+    if (asked_.by_teams) {
+      answer_open(slot);
+    } else if (const std::uint32_t candidates = r.chunk.host_counts[kCandidates]; candidates > r.capacity) {
+      if (!table_) slot.listed = candidates;
+      make_room_for_items(slot, candidates);
+      clear(slot);
+      solve(slot);
+      write(slot);
+      check(cudaStreamSynchronize(slot.stream), "answering a query");
+    }
+    counters_.kernel_ns += clock_.nanoseconds(slot.time);
+    if (table_) {
+      slot.table.found(r.chunk.host_counts[kCandidates]);
+      counters_.broad_phase_ns += slot.table.nanoseconds_since(boxes_begun_);
+    }
+    const std::uint32_t rest = r.chunk.host_counts[kRest];
+    if (rest == 0) return result(slot);
+    auto* rows = reinterpret_cast<std::uint32_t*>(slot.host_rest.reserve(rest * sizeof(std::uint32_t)));
+    check(cudaMemcpyAsync(rows, r.rest_rows, rest * sizeof(std::uint32_t), cudaMemcpyDeviceToHost, slot.stream),
+          "copying rows");
+    check(cudaStreamSynchronize(slot.stream), "copying rows");
+    ReducedResult open;
+    open.rest = {rows, rest};
+    return open;
+  }
+
+  ReducedResult settle(int index, std::span<const PairAnswer> answers) override {
+    const OnDevice here = on_device();
+    ReducedSlot& slot = *slots_[index];
+    const std::size_t bytes = answers.size_bytes();
+    std::byte* host = slot.host_answers.reserve(bytes);
+    std::memcpy(host, answers.data(), bytes);
+    std::byte* device = slot.device_answers.reserve(bytes);
+    check(cudaMemcpyAsync(device, host, bytes, cudaMemcpyHostToDevice, slot.stream), "copying answers");
+    const auto count = static_cast<std::uint32_t>(answers.size());
+    const auto take = any() ? take_open_answers : take_answers;
+    take<<<blocks_of(count, kItemThreads), kItemThreads, 0, slot.stream>>>(
+        slot.view, reinterpret_cast<const PairAnswer*>(device), count);
+    if (!any() && !within()) clear_winners(slot.view, slot.stream);
+    write(slot);
+    check(cudaStreamSynchronize(slot.stream), "answering a query");
+    return result(slot);
+  }
+
+ private:
+  bool within() const { return asked_.reduce == Reduce::kWithin; }
+  bool any() const { return asked_.reduce == Reduce::kAny; }
+
+  // Clouds and meshes among the bodies, with the boxes of those that stay.
+  void begin_elements(const QuerySetup& s) {
+    const OnDevice here = on_device();
+    elements_.begin(s, bodies_.bodies, slots_[0]->stream);
+    if (s.elements.empty()) return;
+    start_element_boxes(elements_.view(), bodies_, slots_[0]->stream);
+    check(cudaEventRecord(ready_.event, slots_[0]->stream), "recording an event");
+    for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
+      check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
+  }
+
+  void kernels_end(ReducedSlot& slot) {
+    clock_.end(slot.time, slot.stream);
+    ++counters_.launches;
+  }
+
+  // Where a team of threads decides each configuration. What they leave open is listed; as a rule that is nothing.
+  void launch_teams(ReducedSlot& slot) {
+    ReducedView& r = slot.view;
+    make_room_for_items(slot, std::max({r.chunk.configurations, kFirstOpen, slot.listed}));
+    make_room_for_rows(slot, slot.most_rows);
+    make_room_for_groups(slot);
+    if (!slot.counts_are_clear) clear_counts(slot);
+    slot.counts_are_clear = true;  // they are left so
+    clock_.begin(slot.time, slot.stream);
+    start_teams(r, slot.stream);
+    kernels_end(slot);
+  }
+  void answer_open(ReducedSlot& slot) {
+    ReducedView& r = slot.view;
+    if (const std::uint32_t open = r.chunk.host_counts[kCandidates]; open > r.capacity) {
+      slot.listed = open;
+      make_room_for_items(slot, open);
+      start_teams(r, slot.stream);
+      check(cudaStreamSynchronize(slot.stream), "answering a query");
+    }
+    if (r.chunk.host_counts[kCandidates] == 0) return;
+    slot.counts_are_clear = false;
+    check(cudaMemcpyAsync(r.chunk.counts, r.chunk.host_counts, kCounts * sizeof(std::uint32_t), cudaMemcpyHostToDevice,
+                          slot.stream),
+          "copying counts");
+    clear_candidates(r, slot.stream);
+    r.chunk.warm = nullptr;
+    start_items(r, hulls_.has_several(), slot.stream);
+    write(slot);
+    check(cudaStreamSynchronize(slot.stream), "answering a query");
+  }
+
+  void make_room_for_items(ReducedSlot& slot, std::uint32_t capacity) {
+    ReducedView& r = slot.view;
+    take_item_memory(r, slot.device_items.reserve(item_bytes(capacity, hulls_.has_several())), capacity);
+    if (!table_) return;
+    slot.table.make_room(r, *table_, slot.stream);
+    if (r.hit_ranks) make_room_for_ranks(slot);
+  }
+
+  // Rows are written by the kernel straight to host memory: the caller's where that is pinned.
+  void make_room_for_rows(ReducedSlot& slot, std::uint64_t rows) {
+    ReducedView& r = slot.view;
+    std::uint64_t bytes = 0;
+    reply_view_over(nullptr, rows, fields_, &bytes, joints_);
+    r.reply_rows = rows;
+    const ReplyView own = reply_view_over(slot.host_reply.reserve(bytes), rows, fields_, nullptr, joints_);
+    r.chunk.reply = preferring(own, slot.direct);
+  }
+
+  void make_room_for_groups(ReducedSlot& slot) {
+    take_group_memory(slot.view, slot.device_groups.reserve(group_bytes(slot.view)), asked_.by_teams);
+  }
+
+  void seed(ReducedSlot& slot) {
+    make_room_for_groups(slot);
+    clear_all_groups(slot.view, slot.stream);
+    start_seeds(slot.view, slot.stream);
+  }
+
+  void begin_decisions(ReducedSlot& slot) {
+    make_room_for_groups(slot);
+    clear_all_groups(slot.view, slot.stream);
+    clear_counts(slot);
+  }
+
+  // The pairs whose boxes are within max_distance.
+  void mark(ReducedSlot& slot) {
+    ReducedView& r = slot.view;
+    const std::size_t words = (std::size_t{r.rows} + 31) / 32;
+    r.candidate_words = reinterpret_cast<std::uint32_t*>(slot.device_words.reserve(4 * words * sizeof(std::uint32_t)));
+    r.hit_words = r.candidate_words + words;
+    r.candidate_ranks = r.hit_words + words;
+    r.hit_ranks = r.candidate_ranks + words;
+    make_room_for_ranks(slot);
+    mark_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
+    rank(slot, r.candidate_words, r.candidate_ranks);
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
+  void make_room_for_ranks(ReducedSlot& slot) {
+    slot.scan_bytes = 0;
+    rank(slot, slot.view.hit_words, slot.view.hit_ranks);  // asks for the size
+    slot.device_scan.reserve(slot.scan_bytes);
+  }
+
+  // Bits set before each word; the first call for a slot finds how much memory that takes.
+  void rank(ReducedSlot& slot, const std::uint32_t* words, std::uint32_t* ranks) {
+    const auto counts = thrust::make_transform_iterator(words, CountBits());
+    void* memory = slot.scan_bytes == 0 ? nullptr : slot.device_scan.data();
+    check(cub::DeviceScan::ExclusiveSum(memory, slot.scan_bytes, counts, ranks, hit_word_count(slot.view), slot.stream),
+          "ranking rows");
+  }
+
+  void clear_counts(ReducedSlot& slot) {
+    const OnDevice here = on_device();
+    constexpr std::size_t bytes = kCounts * sizeof(std::uint32_t);
+    cuda::clear_counts(reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(bytes)), slot.stream);
+  }
+  // Before solve() and write() are repeated.
+  void clear(ReducedSlot& slot) {
+    clear_counts(slot);
+    if (!within()) clear_candidates(slot.view, slot.stream);
+  }
+
+  void solve(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
+    if (any()) return start_decisions(r, slot.stream);
+    if (table_)
+      slot.table.run(r, slot.stream);
+    else if (within())
+      list_candidates<<<blocks_of((std::uint64_t{r.rows} + 31) / 32, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
+    else
+      start_candidates(r, slot.stream);
+    start_items(r, hulls_.has_several(), slot.stream);
+  }
+
+  void write(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
+    if (!within()) return start_group_rows(r, slot.stream);
+    if (r.hit_ranks) rank(slot, r.hit_words, r.hit_ranks);
+    write_hits<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
+  // The rows of a chunk that leaves nothing open.
+  ReducedResult result(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
+    ReducedResult done;
+    done.total = within() ? r.chunk.host_counts[kHits] : slot.most_rows;
+    done.row_count = std::min(done.total, slot.most_rows);
+    if (done.row_count > r.reply_rows) {
+      make_room_for_rows(slot, done.row_count);
+      write(slot);
+      check(cudaStreamSynchronize(slot.stream), "answering a query");
+    }
+    slot.is_under_way = false;
+    done.rows = r.chunk.reply;
+    done.settled = r.chunk.host_counts[kSettledRows];
+    return done;
+  }
+
+  ReducedQuestion asked_;
+  std::uint64_t most_rows_ = 0;
+  const CudaTable* table_ = nullptr;  // null: the query's pairs are listed
+  QueryElements elements_{counters_.memory};
+  WarmRow* warm_ = nullptr;  // of the query's rows; null: cold
+  ChunkClock clock_;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,98 @@
+// Plans of a row for each configuration: its least distance, or whether all its pairs are farther than their margins.
+#pragma once
+
+#include "engine/cuda/reduce/open_items.cuh"
+#include "engine/cuda/reduce/reduced_launch.cuh"
+#include "engine/cuda/workspace/standing_workspace.cuh"
+
+namespace clearance::cuda {
+
+struct StandingReducedSlot : StandingSlot {
+  StandingReducedSlot(MemoryCounters& c, int priority) : StandingSlot(c, priority), groups(c), items(c) {}
+
+  DeviceBuffer groups, items;
+};
+
+class StandingReduced final : public StandingSide<StandingReducedSlot> {
+ public:
+  using StandingSide::StandingSide;
+
+  void begin(const QuerySetup& s) override {
+    StandingSide::begin(s);
+    asked_ = ReducedQuestion(s, hulls_);
+  }
+
+  void launch(const ChunkSetup& chunk, const ReplyView& rows, const ResidentPairs&, std::uint64_t,
+              void* stream) override {
+    const OnDevice here = on_device();
+    const Lent lent(slot(), stream);
+    const cudaStream_t in = slot().stream;
+    ReducedView r{};
+    r.chunk = view_of(slot(), chunk);
+    asked_.tell(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
+    r.chunk.reply = rows;
+    r.reply_rows = groups_of(r);
+    r.chunk.counts = counts();
+    r.chunk.host_counts = spare_counts();
+    take_item_memory(r, slot().items.data(), capacity_of(chunk.rows(), chunk.configurations));
+    take_group_memory(r, slot().groups.data(), asked_.by_teams);
+    if (asked_.by_teams)
+      by_teams(r, in);
+    else if (asked_.reduce == Reduce::kAny)
+      decide(r, in);
+    else
+      by_stages(r, in);
+    start_group_rows(r, in);
+    ++counters_.launches;
+  }
+
+ private:
+  // No host makes room for more: there is some for all pairs, and for an answer of each configuration.
+  static std::uint32_t capacity_of(std::uint64_t rows, std::uint32_t configurations) {
+    return static_cast<std::uint32_t>(std::max<std::uint64_t>(rows, configurations));
+  }
+  void make_room_for_rows(std::uint64_t rows, std::uint32_t configurations) override {
+    slot().items.reserve(item_bytes(capacity_of(rows, configurations), hulls_.has_several()));
+    ReducedView r{};
+    r.chunk.configurations = configurations;
+    r.groups = asked_.groups;
+    slot().groups.reserve(group_bytes(r));
+  }
+  std::uint64_t bytes_for_rows() const override { return slot().items.size() + slot().groups.size(); }
+
+  void by_stages(const ReducedView& r, cudaStream_t stream) {
+    clear_all_groups(r, stream);
+    start_seeds(r, stream);  // which clears the counts
+    start_candidates(r, stream);
+    look_at_items(r, stream);
+  }
+  void decide(const ReducedView& r, cudaStream_t stream) {
+    clear_all_groups(r, stream);
+    clear_counts(r.chunk.counts, stream);
+    start_decisions(r, stream);
+    answer_open<true>(r, stream);
+  }
+  // What teams leave open is listed, as a rule nothing.
+  void by_teams(ReducedView& r, cudaStream_t stream) {
+    clear_counts(r.chunk.counts, stream);
+    clear_candidates(r, stream);
+    r.chunk.host_counts = nullptr;  // the counts stay, for the kernels that follow
+    start_teams(r, stream);
+    r.chunk.host_counts = spare_counts();
+    look_at_items(r, stream);
+  }
+  void look_at_items(const ReducedView& r, cudaStream_t stream) {
+    start_items(r, hulls_.has_several(), stream);
+    answer_open<false>(r, stream);
+  }
+  template <bool kAny>
+  static void answer_open(const ReducedView& r, cudaStream_t stream) {
+    constexpr std::uint32_t kBlocks = 132, kWarps = 128;  // few pairs, which take long
+    answer_open_items<kAny><<<item_blocks(r, kBlocks), kItemThreads, 0, stream>>>(r, kWarps);
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
+  ReducedQuestion asked_;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,132 @@
+// What stays in device memory between queries: the scene's hulls, and lists of pairs.
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "engine/cuda/memory/memory.cuh"
+#include "engine/cuda/pair/pair_kernel.cuh"
+#include "engine/device/device.h"
+#include "engine/device/hull_arrays.h"
+#include "engine/state/pair_table.h"
+
+namespace clearance::cuda {
+
+// The scene's hulls in device memory.
+class ResidentHulls {
+ public:
+  /// On the calling thread's device. \param most_shared bytes that two hulls may take of a block's shared memory.
+  ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters) : memory_(counters) {
+    check(cudaGetDevice(&device_), "asking for the device");
+    HullArrays arrays(scene, static_cast<std::uint32_t>(most_shared));
+    Upload& m = memory_;
+    const std::size_t at_heads = m.add<HullHead>(arrays.heads), at_x = m.add<double>(arrays.x),
+                      at_y = m.add<double>(arrays.y), at_z = m.add<double>(arrays.z), at_f32 = m.add<float>(arrays.f32),
+                      at_words = m.add<std::uint16_t>(arrays.words), at_of = m.add<std::uint32_t>(arrays.of_body),
+                      at_begin = m.add<std::uint32_t>(arrays.piece_begin),
+                      at_pieces = m.add<std::uint32_t>(arrays.piece_hull);
+    m.send(nullptr);
+    check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
+    m.forget_host();
+    view_ = {m.at<HullHead>(at_heads),
+             m.at<double>(at_x),
+             m.at<double>(at_y),
+             m.at<double>(at_z),
+             m.at<float>(at_f32),
+             m.at<std::uint16_t>(at_words),
+             m.at<std::uint32_t>(at_of),
+             m.at<std::uint32_t>(at_begin),
+             m.at<std::uint32_t>(at_pieces)};
+    heads_ = std::move(arrays.heads);
+    of_body_ = std::move(arrays.of_body);
+    piece_begin_ = std::move(arrays.piece_begin);
+    has_several_ = std::ranges::find(of_body_, kSeveral) != of_body_.end();
+  }
+  const HullsView& view() const { return view_; }
+  int device() const { return device_; }  ///< its number
+  std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
+  const HullHead& head(std::uint32_t hull) const { return heads_[hull]; }
+  bool is_shared(std::uint32_t hull) const { return heads_[hull].count <= kMostSharedVertices; }
+  bool has_several() const { return has_several_; }           ///< whether a body here has several pieces
+  std::size_t pieces() const { return piece_begin_.back(); }  ///< of all bodies here
+  std::uint32_t pieces_of(std::uint32_t body) const { return piece_begin_[body + 1] - piece_begin_[body]; }
+
+ private:
+  int device_ = 0;
+  Upload memory_;
+  std::vector<std::uint32_t> of_body_, piece_begin_;
+  std::vector<HullHead> heads_;
+  bool has_several_ = false;
+  HullsView view_;
+};
+
+class CudaPairs final : public ResidentPairs {
+ public:
+  CudaPairs(const ResidentHulls& hulls, MemoryCounters& counters, std::span<const PairRef> p,
+            std::span<const std::uint32_t> at, std::span<const Group> tiles)
+      : memory_(counters) {
+    const std::size_t at_pairs = memory_.add(p), at_position = memory_.add(at), at_tiles = memory_.add(tiles);
+    memory_.send(nullptr);
+    check(cudaStreamSynchronize(nullptr), "copying pairs to the device");
+    memory_.forget_host();
+    pairs = memory_.at<PairRef>(at_pairs);
+    position = memory_.at<std::uint32_t>(at_position);
+    group_of_tile = memory_.at<Group>(at_tiles);
+    for (const Group& group : tiles) {
+      const HullHead &a = hulls.head(group.hull_a), &b = hulls.head(group.hull_b);
+      const bool same = group.hull_a == group.hull_b;
+      most_shared = std::max<std::size_t>(most_shared, shared_bytes(a) + (same ? 0 : shared_bytes(b)));
+      if (fit_f32(a, b))
+        most_shared_f32 =
+            std::max<std::size_t>(most_shared_f32, shared_bytes_f32(a) + (same ? 0 : shared_bytes_f32(b)));
+      else
+        all_fit_f32 = false;
+    }
+  }
+
+  const PairRef* pairs;
+  const std::uint32_t* position;
+  const Group* group_of_tile;
+  std::size_t most_shared = 0;      ///< bytes for the hulls of any group
+  std::size_t most_shared_f32 = 0;  ///< for those of any that float32 fits; 0: there is none
+  bool all_fit_f32 = true;
+
+ private:
+  Upload memory_;
+};
+
+class CudaTable final : public ResidentTable {
+ public:
+  CudaTable(MemoryCounters& counters, const PairTable& table) : memory_(counters) {
+    const PairTable::Arrays a = table.arrays();
+    const std::size_t at_static = memory_.add(a.is_static), at_movable = memory_.add(a.movable_before),
+                      at_rows = memory_.add(a.row_begin), at_begin = memory_.add(a.excluded_begin),
+                      at_excluded = memory_.add(a.excluded);
+    memory_.send(nullptr);
+    check(cudaStreamSynchronize(nullptr), "copying a table of pairs to the device");
+    memory_.forget_host();
+    view = {memory_.at<std::uint8_t>(at_static), memory_.at<std::uint32_t>(at_movable),
+            memory_.at<std::uint64_t>(at_rows), memory_.at<std::uint32_t>(at_begin),
+            memory_.at<std::uint32_t>(at_excluded)};
+  }
+
+  TableView view;
+
+ private:
+  Upload memory_;
+};
+
+class CudaWarm final : public ResidentWarm {
+ public:
+  CudaWarm(MemoryCounters& counters, std::uint64_t rows) : memory_(counters) {
+    const std::size_t bytes = rows * sizeof(WarmRow);
+    check(cudaMemset(memory_.reserve(bytes), 0, bytes), "clearing warm state");
+    check(cudaDeviceSynchronize(), "clearing warm state");  // queries run in streams that do not wait for others
+  }
+  WarmRow* rows() { return reinterpret_cast<WarmRow*>(memory_.data()); }
+
+ private:
+  DeviceBuffer memory_;
+};
+
+}  // namespace clearance::cuda

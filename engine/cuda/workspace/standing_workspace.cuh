@@ -1,0 +1,74 @@
+// What plans of all kinds have in common: a query between a caller's device memory and a caller's device memory, in the
+// caller's stream.
+#pragma once
+
+#include <utility>
+
+#include "engine/cuda/workspace/workspace.cuh"
+
+namespace clearance::cuda {
+
+struct StandingSlot : QuerySlot {
+  StandingSlot(MemoryCounters& c, int priority) : QuerySlot(c, priority), counts(c), rows(c) {}
+
+  DeviceBuffer counts, rows;
+};
+
+/// \tparam Slot a StandingSlot; the first of the workspace's is used
+template <class Slot>
+class StandingSide : public QuerySide<StandingWorkspace, Slot> {
+  using Side = QuerySide<StandingWorkspace, Slot>;
+
+ public:
+  using Side::Side;
+
+  int device() const override { return this->hulls_.device(); }
+
+  std::uint64_t bytes() const override {
+    const Slot& s = slot();
+    return this->setup_.device_size() + this->device_bodies_.size() + s.device_bodies.size() + s.device_frames.size() +
+           s.counts.size() + s.rows.size() + bytes_for_rows();
+  }
+
+  std::byte* room_for_rows(std::size_t bytes) override {
+    const OnDevice here = this->on_device();
+    return slot().rows.reserve(bytes);
+  }
+
+  void make_room(std::uint64_t rows, std::uint32_t configurations) override {
+    const OnDevice here = this->on_device();
+    slot().device_bodies.reserve(this->moved_room(configurations).bytes());
+    slot().device_frames.reserve(this->frames_room(configurations));
+    slot().counts.reserve(2 * kCounts * sizeof(std::uint32_t));
+    make_room_for_rows(rows, configurations);
+    check(cudaStreamSynchronize(slot().stream), "preparing a query");
+    slot().is_under_way = false;
+  }
+
+ protected:
+  virtual void make_room_for_rows(std::uint64_t rows, std::uint32_t configurations) = 0;
+  virtual std::uint64_t bytes_for_rows() const = 0;
+
+  const Slot& slot() const { return *this->slots_[0]; }
+  Slot& slot() { return *this->slots_[0]; }
+  std::uint32_t* counts() { return reinterpret_cast<std::uint32_t*>(slot().counts.data()); }
+  /// Where nobody reads them: no host waits for counts.
+  std::uint32_t* spare_counts() { return counts() + kCounts; }
+
+  // The caller's stream in place of the slot's own.
+  class Lent {
+   public:
+    Lent(Slot& slot, void* stream) : slot_(slot), own_(std::exchange(slot.stream, static_cast<cudaStream_t>(stream))) {}
+    ~Lent() {
+      slot_.stream = own_;
+      slot_.is_under_way = false;  // the caller's stream is the caller's to wait for
+    }
+    Lent(const Lent&) = delete;
+
+   private:
+    Slot& slot_;
+    cudaStream_t own_;
+  };
+};
+
+}  // namespace clearance::cuda

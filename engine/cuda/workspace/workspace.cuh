@@ -1,0 +1,286 @@
+// A query on the device: its bodies' poses, and a few chunks under way, each in a stream of its own.
+#pragma once
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "engine/cuda/memory/memory.cuh"
+#include "engine/cuda/place/place.cuh"
+#include "engine/cuda/workspace/resident.cuh"
+#include "engine/device/device.h"
+
+namespace clearance::cuda {
+
+/// What all workspaces of a device count together.
+struct WorkCounters {
+  explicit WorkCounters(MemoryBudget& budget) : memory(budget) {}
+
+  MemoryCounters memory;
+  std::atomic<std::uint64_t> kernel_ns{0}, broad_phase_ns{0}, launches{0};
+};
+
+/// What every chunk has.
+struct QuerySlot {
+  QuerySlot(MemoryCounters& c, int priority)
+      : device_given{DeviceBuffer(c), DeviceBuffer(c)},
+        host_given{PinnedBuffer(c), PinnedBuffer(c)},
+        device_frames(c),
+        device_bodies(c) {
+    check(cudaStreamCreateWithPriority(&stream, cudaStreamNonBlocking, priority), "making a stream");
+  }
+  ~QuerySlot() { cudaStreamDestroy(stream); }
+  QuerySlot(const QuerySlot&) = delete;
+
+  cudaStream_t stream{};
+  bool is_under_way = false;     // something may still run in the stream that reads or writes host memory
+  DeviceBuffer device_given[2];  // by what is given
+  PinnedBuffer host_given[2];
+  DeviceBuffer device_frames, device_bodies;
+};
+
+inline constexpr std::size_t kPieceBoxBytes = 6 * sizeof(double);
+inline constexpr std::size_t kGivenPart = 1u << 21;  // bytes that are copied at a time
+
+/// The part that workspaces of dense and of reduced queries share. \param Interface of device.h. \param Slot a
+/// QuerySlot.
+template <class Interface, class Slot>
+class QuerySide : public Interface {
+ public:
+  static constexpr int kSlots = kChunksUnderWay;
+
+  QuerySide(const ResidentHulls& hulls, WorkCounters& counters)
+      : hulls_(hulls),
+        counters_(counters),
+        setup_(counters.memory),
+        host_bodies_(counters.memory),
+        all_given_{PinnedBuffer(counters.memory), PinnedBuffer(counters.memory)},
+        device_bodies_(counters.memory) {
+    // Blocks of the chunk that was started first go first, so that its answers are on their way while the next are
+    // computed.
+    int least = 0, greatest = 0;
+    check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "asking for priorities");
+    for (int i = 0; i < kSlots; ++i)
+      slots_[i] = std::make_unique<Slot>(counters.memory, std::max(greatest, least - (kSlots - 1 - i)));
+  }
+
+  // Nothing may run on after a job that was given up.
+  ~QuerySide() override {
+    for (const auto& slot : slots_)
+      if (slot) cudaStreamSynchronize(slot->stream);
+  }
+  void wait_for_all() {
+    for (const auto& slot : slots_)
+      if (std::exchange(slot->is_under_way, false)) cudaStreamSynchronize(slot->stream);
+  }
+
+  FixedBodies room_for_bodies(std::size_t bodies) override {
+    const OnDevice here = on_device();
+    fixed_count_ = static_cast<std::uint32_t>(bodies);
+    std::byte* memory = host_bodies_.reserve(fixed_bytes());
+    return {reinterpret_cast<double*>(memory + components_offset()), reinterpret_cast<std::uint8_t*>(memory)};
+  }
+
+  void begin(const QuerySetup& s) override {  // nothing is under way: whoever had this before waited when letting it go
+    const OnDevice here = on_device();
+    slots_[0]->is_under_way = true;
+    all_chunks_ = s.chunks;
+    question_ = s.question;
+    fields_ = s.fields;
+    joints_ = s.joints;
+    given_count_ = s.given_count;
+    setup_.clear();
+    find_moved_pieces(s.moved_body);
+    const std::size_t moved_body = setup_.add(s.moved_body),
+                      pieces = setup_.add(std::span<const std::uint32_t>(moved_piece_begin_)),
+                      source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
+                      own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base),
+                      slot_state = setup_.add(s.slot_state), margins = setup_.add(s.margins),
+                      steps = setup_.add(s.steps), columns = setup_.add(s.columns), robots = setup_.add(s.robots),
+                      fixed_slack = setup_.add(s.fixed_slack), links = setup_.add(s.links),
+                      link_pairs = setup_.add(s.link_pairs), doubt_moves = setup_.add(s.doubt_moves),
+                      base_doubt = setup_.add(s.base_doubt), movers = setup_.add(s.movers),
+                      mover_of_body = setup_.add(s.mover_of_body);
+    const cudaStream_t stream = slots_[0]->stream;
+    setup_.send(stream);
+    DoubtsView doubts{};
+    if (!s.fixed_slack.empty())
+      doubts = {setup_.at<BodySlack>(fixed_slack), nullptr, setup_.at<LinkPlace>(links),
+                setup_.at<LinkPairError>(link_pairs)};
+    send_bodies(s, doubts, stream);
+    if (s.chunks > 1) check(cudaEventRecord(ready_.event, stream), "recording an event");
+    for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
+      check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
+    bodies_.moved_body = setup_.at<std::uint32_t>(moved_body);
+    bodies_.moved_piece_begin = setup_.at<std::uint32_t>(pieces);
+    bodies_.moved_count = static_cast<std::uint32_t>(s.moved_body.size());
+    moves_ = {nullptr,
+              s.given_count,
+              setup_.at<std::uint32_t>(source),
+              setup_.at<Pose>(own),
+              setup_.at<std::uint32_t>(begin),
+              setup_.at<std::uint32_t>(chain),
+              setup_.at<BodyPlacement>(base),
+              setup_.at<std::uint8_t>(has_base),
+              setup_.at<std::uint8_t>(slot_state),
+              {setup_.at<KinematicStep>(steps), setup_.at<JointColumn>(columns), setup_.at<JointRobot>(robots),
+               static_cast<std::uint32_t>(s.robots.size()), s.joints, nullptr, nullptr, nullptr, nullptr},
+              setup_.at<DoubtMove>(doubt_moves),
+              setup_.at<PlacedDoubt>(base_doubt)};
+    frames_ = s.frames;
+    movers_ = {setup_.at<JointMover>(movers), setup_.at<std::uint32_t>(mover_of_body)};
+    margins_ = s.margins.empty() ? nullptr : setup_.at<double>(margins);
+    pairs_ = static_cast<const CudaPairs*>(s.pairs);
+  }
+
+  std::byte* room_for(Given given, int slot, std::size_t bytes) override {
+    const OnDevice here = on_device();
+    return slots_[slot]->host_given[static_cast<int>(given)].reserve(bytes);
+  }
+  std::byte* room_for_all(Given given, std::size_t bytes) override {
+    const OnDevice here = on_device();
+    return all_given_[static_cast<int>(given)].reserve(bytes);
+  }
+
+ protected:
+  // Whatever starts a kernel, records an event or makes room does so on the scene's device.
+  OnDevice on_device() const { return OnDevice(hulls_.device()); }
+
+  // The view of a chunk, with its moved bodies on their way to where they are.
+  ChunkView view_of(Slot& slot, const ChunkSetup& chunk) {
+    slot.is_under_way = true;
+    ChunkView view{};
+    view.hulls = hulls_.view();
+    view.bodies = bodies_;
+    view.question = question_;
+    view.movers = movers_;
+    if (pairs_) {
+      view.pairs = pairs_->pairs + chunk.first_pair;
+      view.position = pairs_->position + chunk.first_pair;
+    }
+    view.pair_count = chunk.pair_count;
+    view.configurations = chunk.configurations;
+    view.first_configuration = chunk.first_configuration;
+    if (bodies_.moved_count > 0) place(slot, chunk, view.bodies);
+    return view;
+  }
+
+  // In one block: state, components, boxes, outer boxes, boxes of pieces. Only state and components come from the host.
+  std::size_t components_offset() const { return (std::size_t{fixed_count_} + 15) / 16 * 16; }
+  std::size_t fixed_bytes() const {
+    return components_offset() + std::size_t{fixed_count_} * kPoseComponents * sizeof(double);
+  }
+  void send_bodies(const QuerySetup& s, const DoubtsView& doubts, cudaStream_t stream) {
+    const std::size_t n = fixed_count_, boxes = s.boxes ? n * kBoxComponents * sizeof(double) : 0;
+    const std::size_t outer_at = (fixed_bytes() + boxes + 15) / 16 * 16;
+    const std::size_t pieces_at = outer_at + (s.boxes ? n * sizeof(OuterBox) : 0);
+    std::byte* memory =
+        device_bodies_.reserve(pieces_at + (hulls_.has_several() ? hulls_.pieces() * kPieceBoxBytes : 0));
+    auto* outer = s.boxes ? reinterpret_cast<OuterBox*>(memory + outer_at) : nullptr;
+    bodies_ = {};
+    bodies_.doubts = doubts;
+    bodies_.fixed = reinterpret_cast<const double*>(memory + components_offset());
+    bodies_.fixed_state = reinterpret_cast<const std::uint8_t*>(memory);
+    bodies_.fixed_box = outer;
+    if (hulls_.has_several()) bodies_.fixed_piece_box = reinterpret_cast<double*>(memory + pieces_at);
+    bodies_.bodies = fixed_count_;
+    bodies_.components = kPoseComponents + (s.boxes ? kBoxComponents : 0);
+    if (n == 0) return;
+    check(cudaMemcpyAsync(memory, host_bodies_.data(), fixed_bytes(), cudaMemcpyHostToDevice, stream), "copying poses");
+    if (!s.boxes && !hulls_.has_several()) return;
+    check(cudaEventRecord(boxes_begun_.event, stream), "recording an event");
+    start_fixed_boxes(hulls_.view(), bodies_, reinterpret_cast<double*>(memory + fixed_bytes()), outer, stream);
+  }
+
+  // Where each moved body's pieces begin among those of all, where a body of the scene has several.
+  void find_moved_pieces(std::span<const std::uint32_t> moved) {
+    moved_piece_begin_.clear();
+    moved_pieces_ = 0;
+    if (!hulls_.has_several()) return;
+    for (const std::uint32_t body : moved) {
+      moved_piece_begin_.push_back(moved_pieces_);
+      moved_pieces_ += hulls_.pieces_of(body);
+    }
+  }
+
+  // Copies what a chunk's configurations give, as it comes. \param each numbers of a configuration
+  template <class T>
+  const T* send_given(Slot& slot, const ChunkSetup& chunk, Given given, const T* from, std::size_t each) {
+    const std::size_t bytes = each * chunk.configurations * sizeof(T);
+    if (chunk.given_on_device || bytes == 0) return from;
+    const auto* begin = reinterpret_cast<const std::byte*>(from);
+    std::byte* const to = slot.device_given[static_cast<int>(given)].reserve(bytes);
+    for (std::size_t i = 0; i < bytes; i += kGivenPart) {
+      const std::size_t part = std::min(kGivenPart, bytes - i);
+      if (chunk.wait_for) chunk.wait_for(given, begin + i + part);
+      check(cudaMemcpyAsync(to + i, begin + i, part, cudaMemcpyHostToDevice, slot.stream), "copying configurations");
+    }
+    return reinterpret_cast<const T*>(to);
+  }
+
+  // Room for the moved bodies of a chunk: outer boxes, boxes of pieces, components, what is doubted, states.
+  struct MovedRoom {
+    std::size_t states, boxes, pieces, numbers, slacks;
+    std::size_t bytes() const { return boxes + pieces + numbers + slacks + states; }
+  };
+  MovedRoom moved_room(std::uint32_t configurations) const {
+    const std::size_t states = std::size_t{bodies_.moved_count} * configurations;
+    return {states, bodies_.fixed_box ? states * sizeof(OuterBox) : 0,
+            std::size_t{moved_pieces_} * configurations * kPieceBoxBytes, states * bodies_.components * sizeof(double),
+            bodies_.doubts.fixed ? states * sizeof(BodySlack) : 0};
+  }
+
+  // The frames of robots of which joints move: numbers, travels, facts.
+  std::size_t frames_room(std::uint32_t configurations) const {
+    return (std::size_t{frames_} * (7 * sizeof(double) + 1) + moves_.frames.robot_count * sizeof(double)) *
+           configurations;
+  }
+  FramesView place_frames(Slot& slot, const ChunkSetup& chunk) {
+    FramesView frames = moves_.frames;
+    if (frames.robot_count == 0) return frames;
+    const std::size_t K = chunk.configurations;
+    frames.positions = send_given(slot, chunk, Given::kPositions, chunk.positions, frames.joints);
+    frames.numbers = reinterpret_cast<double*>(slot.device_frames.reserve(frames_room(chunk.configurations)));
+    frames.travels = frames.numbers + std::size_t{frames_} * 7 * K;
+    frames.facts = reinterpret_cast<std::uint8_t*>(frames.travels + frames.robot_count * K);
+    start_links(frames, chunk.configurations, slot.stream);
+    return frames;
+  }
+
+  void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
+    const Pose* given = send_given(slot, chunk, Given::kPoses, chunk.poses, given_count_);
+    const MovedRoom room = moved_room(chunk.configurations);
+    const auto [states, boxes, pieces, numbers, slacks] = room;
+    std::byte* memory = slot.device_bodies.reserve(room.bytes());
+    bodies.moved_box = bodies.fixed_box ? reinterpret_cast<OuterBox*>(memory) : nullptr;
+    bodies.moved_piece_box = pieces > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;
+    bodies.moved = reinterpret_cast<double*>(memory + boxes + pieces);
+    bodies.doubts.moved = reinterpret_cast<BodySlack*>(memory + boxes + pieces + numbers);
+    bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + pieces + numbers + slacks);
+    MovesView moves = moves_;
+    moves.given = given;
+    moves.frames = place_frames(slot, chunk);
+    start_bodies(hulls_.view(), bodies, moves, chunk.configurations, slot.stream);
+  }
+
+  const ResidentHulls& hulls_;
+  WorkCounters& counters_;
+  Question question_;
+  std::uint32_t fields_ = 0, joints_ = 0, given_count_ = 0;
+  std::uint64_t all_chunks_ = 1;
+  Upload setup_;
+  PinnedBuffer host_bodies_, all_given_[2];
+  DeviceBuffer device_bodies_;
+  std::uint32_t fixed_count_ = 0;
+  std::vector<std::uint32_t> moved_piece_begin_;
+  std::uint32_t moved_pieces_ = 0, frames_ = 0;
+  BodiesView bodies_;
+  MovesView moves_;
+  MoversView movers_{};
+  const double* margins_ = nullptr;  // of the query's pairs; null: they are all the same
+  const CudaPairs* pairs_ = nullptr;
+  Event ready_, boxes_begun_;
+  std::unique_ptr<Slot> slots_[kSlots];
+};
+
+}  // namespace clearance::cuda

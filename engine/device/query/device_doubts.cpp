@@ -1,0 +1,107 @@
+#include "engine/device/query/device_doubts.h"
+
+#include <algorithm>
+#include <cassert>
+
+namespace clearance::cuda {
+
+namespace {
+
+// The first body of the query's pairs that is so.
+template <class IsSo>
+std::uint32_t first_body(const Scene& scene, const Plan& plan, const IsSo& is_so) {
+  std::uint32_t found = kNone;
+  const auto look = [&](std::uint32_t body) {
+    if (body < scene.bodies().size() && body < found && is_so(body)) found = body;
+  };
+  if (plan.pairs.is_whole_table())
+    for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) look(b);
+  else
+    for (const auto [a, b] : plan.pairs.list()) look(a), look(b);
+  return found;
+}
+
+}  // namespace
+
+std::uint32_t doubted_body(const Scene& scene, const Plan& plan) {
+  const PoseSnapshot& snapshot = *plan.snapshot;
+  if (!scene.has_doubts() && !snapshot.has_followers) return kNone;
+  return first_body(scene, plan, [&](std::uint32_t body) {
+    return is_doubted(scene.bodies()[body]) || snapshot.parent[body] != kNone;
+  });
+}
+
+std::uint32_t ageing_body(const Scene& scene, const Plan& plan) {
+  if (!scene.has_doubts()) return kNone;
+  return first_body(scene, plan, [&](std::uint32_t body) {
+    for (; body != kNone; body = plan.snapshot->parent[body])
+      if (!scene.bodies()[body].is_static && scene.bodies()[body].max_speed > 0) return true;
+    return false;
+  });
+}
+
+DeviceDoubts::DeviceDoubts(const Scene& scene, const Plan& plan) {
+  assert(plan.doubts.size() == scene.bodies().size());
+  for (const BodyDoubt& doubt : plan.doubts) fixed_.push_back({doubt.slack, doubt.beside, doubt.link.travel});
+  take_links(scene);
+  if (plan.query.configuration_count > 0) take_moved(scene, plan);
+}
+
+void DeviceDoubts::take_links(const Scene& scene) {
+  std::vector<std::uint64_t> first;
+  for (const auto& robot : scene.robots()) {
+    const auto pairs = robot->errors.pairs();
+    first.push_back(link_pairs_.size());
+    link_pairs_.insert(link_pairs_.end(), pairs.begin(), pairs.end());
+  }
+  for (const Body& body : scene.bodies()) {
+    LinkPlace place;
+    const LinkErrors* const errors = body.robot == kNone ? nullptr : &scene.robots()[body.robot]->errors;
+    if (errors && !errors->pairs().empty() && errors->slot(body.link) != kNone)
+      place = {body.robot, errors->slot(body.link), first[body.robot]};
+    links_.push_back(place);
+  }
+}
+
+void DeviceDoubts::take_moved(const Scene& scene, const Plan& plan) {
+  const PoseSnapshot& snapshot = *plan.snapshot;
+  constexpr std::uint32_t kGiven = kNone - 1;                          // the query places it, and no joint
+  std::vector<std::uint32_t> placed_by(scene.bodies().size(), kNone);  // kGiven, or which motion
+  for (std::size_t i = 0; i < plan.given_bodies; ++i) placed_by[plan.bodies[i]] = kGiven;
+  std::size_t at = plan.given_bodies;
+  for (std::uint32_t m = 0; m < plan.motions.size(); ++m)
+    for (std::size_t i = 0; i < plan.motions[m].links().size(); ++i) placed_by[plan.bodies[at++]] = m;
+  assert(at == plan.bodies.size());
+  std::vector<std::uint8_t> is_moved(scene.bodies().size(), 0);
+  for (const std::uint32_t body : plan.moved) is_moved[body] = 1;
+  for (const std::uint32_t body : plan.moved) {
+    DoubtMove move;
+    move.source = doubt_source(scene.bodies()[body]);
+    // What the query itself places is there now.
+    move.age_s = placed_by[body] == kNone ? pose_age_s(snapshot, body, plan.begun_ns)
+                                          : points_age_s(snapshot, body, plan.begun_ns);
+    const PlacedLink& link = plan.doubts[body].link;
+    if (link.errors) {
+      const PlacementError& error = link.errors->origin(link.link);
+      move.joint_fixed = error.fixed;
+      move.joint_per_travel = error.per_travel;
+      move.joint_turn = error.turn;
+    }
+    move.travel = link.travel;
+    if (placed_by[body] != kGiven) move.robot = placed_by[body];
+    moves_.push_back(move);
+    std::uint32_t on = body;
+    while (on != kNone && is_moved[on]) on = snapshot.parent[on];
+    base_.push_back(on == kNone ? PlacedDoubt() : PlacedDoubt(plan.doubts[on]));
+  }
+}
+
+void DeviceDoubts::tell(QuerySetup& setup) const {
+  setup.fixed_slack = fixed_;
+  setup.links = links_;
+  setup.link_pairs = link_pairs_;
+  setup.doubt_moves = moves_;
+  setup.base_doubt = base_;
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,24 @@
+// What moves a query's bodies by its joints, as kernels know it.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/device/device.h"
+#include "engine/evaluate/joint_gradient.h"
+
+namespace clearance::cuda {
+
+/// Its arrays live as long as this.
+class DeviceMovers {
+ public:
+  DeviceMovers(const JointGradient& gradient, const Plan& plan);
+  /// Points a setup to the arrays.
+  void tell(QuerySetup& setup) const;
+
+ private:
+  std::vector<JointMover> movers_;
+  std::vector<std::uint32_t> of_body_;
+};
+
+}  // namespace clearance::cuda

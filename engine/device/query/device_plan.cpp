@@ -1,0 +1,242 @@
+#include "engine/device/query/device_plan.h"
+
+#include <algorithm>
+#include <cassert>
+#include <string>
+
+#include "engine/device/query/device_query.h"
+#include "engine/device/query/reply_columns.h"
+#include "engine/reduce/reduction.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+// Pair-configurations of a chunk: what its lists take is bounded. Of a reduction it is 130 bytes each.
+constexpr std::uint64_t kMostPlanRows = 1u << 22;
+
+[[noreturn]] void refuse(const std::string& why) {
+  throw QueryError(QueryErrorCode::kNotSupported, "a plan on a device: " + why);
+}
+
+// What plans do not answer; empty: nothing.
+std::string beyond_plans(const Scene& scene, const Plan& plan) {
+  const QueryView& q = plan.query;
+  if (q.reduce == Reduce::kNearest || q.reduce == Reduce::kWithin) return "reduce: expected none, min or any";
+  if (q.max_steps > 0) return "max_steps: motions are not for plans yet";
+  if (q.fields & kFieldFreeScale) return "the column free_scale";
+  if (q.signed_distance) return "signed_distance: depths are the CPU's";
+  // Its poses come later than the plan, which knows no time.
+  if (q.max_pose_age_ns > 0) return "max_pose_age_ns: a plan does not know how old poses are when it runs";
+  if (const std::uint32_t body = ageing_body(scene, plan); body != kNone)
+    return "'" + scene.bodies()[body].name + "' has slack that grows as time goes by (max_speed)";
+  return {};
+}
+
+// The device's part of a query, begun once and launched as often as it is asked.
+class StandingQuery : public DevicePlan, protected DeviceQuery {
+ public:
+  StandingQuery(const JobContext& context, Plan&& plan) : DeviceQuery(context, std::move(plan), {}) {}
+
+  void begin() override {
+    workspace_ = backend_.device().make_standing(plan_.query.reduce);
+    if (!workspace_) refuse("the engine has several devices: make one of a single device");
+    in_order_ = backend_.list(plan_);
+    QuerySetup s = setup(*workspace_);
+    s.fields = plan_.size.fields;
+    deal(s);
+    workspace_->begin(s);
+    workspace_->make_room(most_rows_, static_cast<std::uint32_t>(configurations_));
+  }
+
+  const QuerySize& size() const override { return plan_.size; }
+  int device() const override { return workspace_->device(); }
+  std::uint64_t scene_revision() const override { return plan_.snapshot->scene_revision; }
+  std::uint64_t snapshot_revision() const override { return plan_.snapshot->revision; }
+
+  ReplyView own_rows() override {
+    if (own_.rows == plan_.size.rows) return own_;
+    const QuerySize& size = plan_.size;
+    std::uint64_t bytes = 0;
+    reply_view_over(nullptr, size.rows, size.fields, &bytes, size.joints);
+    try {
+      own_ = reply_view_over(workspace_->room_for_rows(bytes), size.rows, size.fields, nullptr, size.joints);
+    } catch (const DeviceError& error) {
+      refuse(error.what());
+    }
+    return own_;
+  }
+
+  std::uint64_t bytes() const override {
+    const std::uint64_t lists = plan_.query.reduce == Reduce::kNone ? 2 : 1;
+    return workspace_->bytes() + lists * plan_.size.pairs * (sizeof(PairRef) + sizeof(std::uint32_t));
+  }
+
+  void run(const GivenOnDevice& given, const ReplyView& rows, void* stream) override {
+    for (std::uint64_t first = 0; first < plan_.size.configurations;) first = run_from(first, given, rows, stream);
+  }
+
+  std::uint64_t run_from(std::uint64_t first, const GivenOnDevice& given, const ReplyView& rows,
+                         void* stream) override {
+    assert(first < plan_.size.configurations);
+    if (plan_.query.configuration_count > 0) {
+      if (!given.poses && plan_.given_bodies > 0) refuse("poses: expected some");
+      if (!given.positions && !plan_.joints.empty()) refuse("positions: expected some");
+    }
+    check_columns(rows);
+    try {
+      launch_configurations(first, given, rows, stream);
+    } catch (const DeviceError& error) {
+      backend_.note(error);
+      refuse(error.what());
+    }
+    return std::min<std::uint64_t>(first + configurations_, plan_.size.configurations);
+  }
+
+ protected:
+  /// Says which pairs there are, and sets how many configurations and rows chunks have.
+  virtual void deal(QuerySetup& setup) = 0;
+  /// Launches those of some configurations. \param chunk what is the same for all
+  virtual void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) = 0;
+
+  [[noreturn]] void refuse_pair(std::uint64_t index) {
+    BodyPair pair{};
+    plan_.pairs.copy(index, 1, &pair);
+    const std::uint32_t body = backend_.device().hull_of(pair.a) == kNone ? pair.a : pair.b;
+    refuse("the device does not hold '" + scene().bodies()[body].name + "'");
+  }
+
+  std::shared_ptr<const PairListOnDevice> in_order_;
+  std::shared_ptr<const PairDeal> deal_;              // of Reduce::kNone
+  std::uint64_t configurations_ = 1, most_rows_ = 0;  // of a chunk
+  ReplyView own_;
+  std::shared_ptr<StandingWorkspace> workspace_;  // the last member: the first to go, and to wait for the device
+
+ private:
+  void check_columns(const ReplyView& rows) const {
+    int bit = 0;
+    const auto column = [&](const auto* at, int) {
+      const bool known = (plan_.size.fields >> bit++ & 1) != 0;
+      if (!at) return;
+      if (!known) refuse("rows: a column that the plan was not made for");
+      if (reinterpret_cast<std::uintptr_t>(at) % std::min<std::size_t>(alignof_rows(*at), 16) != 0)
+        refuse("rows: a column that is not aligned");
+    };
+    for_each_column(column, rows);
+    if (rows.gradient_joints && rows.joints != plan_.size.joints)
+      refuse("rows: gradient_joints of " + std::to_string(rows.joints) + " joints, and the plan has " +
+             std::to_string(plan_.size.joints));
+  }
+  static std::size_t alignof_rows(const CompactAnswer&) { return 16; }  // written in pieces of 16 bytes
+  template <class T>
+  static std::size_t alignof_rows(const T&) {
+    return alignof(T);
+  }
+
+  void launch_configurations(std::uint64_t first, const GivenOnDevice& given, const ReplyView& rows, void* stream) {
+    ChunkSetup s;
+    s.configurations =
+        static_cast<std::uint32_t>(std::min<std::uint64_t>(configurations_, plan_.size.configurations - first));
+    s.first_configuration = first;
+    if (given.poses) s.poses = given.poses + first * plan_.given_bodies;
+    if (given.positions) s.positions = given.positions + first * plan_.joints.size();
+    s.given_on_device = true;
+    launch_chunks(s, rows, stream);
+  }
+
+  // A DeviceQuery's, which a plan has no use for.
+  void launch(std::uint64_t) override { assert(false); }
+  void finish(std::uint64_t) override { assert(false); }
+  void end() override { assert(false); }
+};
+
+// A row for each configuration and pair.
+class StandingRows final : public StandingQuery {
+ public:
+  using StandingQuery::StandingQuery;
+
+ private:
+  void deal(QuerySetup& setup) override {
+    deal_ = backend_.deal_anew(plan_, kMostPlanRows);
+    for (const PairDeal::Part& part : deal_->parts)
+      if (!part.on_cpu.empty()) refuse_pair(part.first + part.on_cpu.front());
+    assert(in_order_->resident || plan_.size.pairs == 0);
+    setup.pairs = deal_->resident.get();
+    configurations_ = deal_->configurations;
+    for (const PairDeal::Part& part : deal_->parts)
+      most_rows_ = std::max(most_rows_, std::uint64_t{part.count} * deal_->configurations);
+  }
+
+  void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) override {
+    for (const PairDeal::Part& part : deal_->parts) {
+      ChunkSetup s = chunk_of(part, chunk.configurations == deal_->configurations ? part.whole : part.last);
+      s.configurations = chunk.configurations;
+      s.first_configuration = chunk.first_configuration;
+      s.poses = chunk.poses;
+      s.positions = chunk.positions;
+      s.given_on_device = true;
+      s.first_row = chunk.first_configuration * plan_.size.pairs + part.first;
+      workspace_->launch(s, rows_from(s.first_row, rows), *in_order_->resident, part.first, stream);
+    }
+  }
+};
+
+// A row for each configuration.
+class StandingReduction final : public StandingQuery {
+ public:
+  using StandingQuery::StandingQuery;
+
+ private:
+  void deal(QuerySetup& setup) override {
+    const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
+    if (P == 0) refuse("no pairs");
+    if (P >= std::uint64_t{1} << 32) refuse("too many pairs");
+    if (!in_order_->resident || !in_order_->of_elements.empty()) refuse_pair(first_unknown());
+    configurations_ = std::clamp<std::uint64_t>(kMostPlanRows / P, 1, K);
+    most_rows_ = configurations_ * P;
+    setup.pairs = in_order_->resident.get();
+    setup.reduce = plan_.query.reduce;
+    setup.by_teams = is_for_teams(scene(), plan_);
+    if (plan_.query.reduce != Reduce::kAny) return;
+    setup.margins = plan_.margins.each();
+    setup.margin = plan_.margins.most();
+    setup.beyond = beyond_all_margins(plan_, options_);
+  }
+  std::uint64_t first_unknown() const {
+    for (std::uint64_t index = 0; index + 1 < plan_.size.pairs; ++index) {
+      const BodyPair pair = plan_.pairs.at(index);
+      if (backend_.device().hull_of(pair.a) == kNone || backend_.device().hull_of(pair.b) == kNone) return index;
+    }
+    return plan_.size.pairs - 1;
+  }
+
+  void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) override {
+    ChunkSetup s = chunk;
+    s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
+    s.first_row = chunk.first_configuration;
+    workspace_->launch(s, rows_from(s.first_row, rows), *in_order_->resident, 0, stream);
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<DevicePlan> make_device_plan(const JobContext& context, Plan&& plan) {
+  if (!context.device || !context.device->usable())
+    refuse(context.device ? context.device->error() : "the engine has no device (backend cuda or auto)");
+  const std::string beyond = beyond_plans(*context.scene, plan);
+  if (!beyond.empty()) refuse(beyond);
+  try {
+    std::unique_ptr<StandingQuery> query;
+    if (plan.query.reduce == Reduce::kNone)
+      query = std::make_unique<StandingRows>(context, std::move(plan));
+    else
+      query = std::make_unique<StandingReduction>(context, std::move(plan));
+    query->begin();
+    return query;
+  } catch (const DeviceError& error) {
+    context.device->note(error);
+    refuse(error.what());
+  }
+}
+
+}  // namespace clearance::cuda

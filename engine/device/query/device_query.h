@@ -1,0 +1,146 @@
+// What dense and reduced queries on a device have in common: poses on their way there, chunks that follow each other,
+// and rows that the CPU answers.
+#pragma once
+
+#include <atomic>
+#include <optional>
+#include <vector>
+
+#include "engine/device/device_job.h"
+#include "engine/device/query/device_doubts.h"
+#include "engine/device/query/device_movers.h"
+#include "engine/device/query/moved_chains.h"
+#include "engine/device/query/ordered_copy.h"
+#include "engine/query/parallel_job.h"
+
+namespace clearance::cuda {
+
+/// What a deal says of a chunk of a part, in so many configurations as `groups` are for.
+inline ChunkSetup chunk_of(const PairDeal::Part& part, const PairDeal::Part::Groups& groups) {
+  ChunkSetup s;
+  s.first_pair = part.first_pair;
+  s.pair_count = part.count;
+  s.first_tile = groups.first_tile;
+  s.group_tiles = groups.tiles;
+  s.strays = groups.strays;
+  s.stray_tiles = groups.stray_tiles;
+  s.several = groups.several;
+  s.several_tiles = groups.several_tiles;
+  return s;
+}
+
+class DeviceQuery : public ParallelJob {
+ public:
+  DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply);
+  ~DeviceQuery() override;
+
+  /// Sends what the query needs to the device. Throws DeviceError, as advance() does.
+  virtual void begin() = 0;
+  bool go_on(WorkMeter& slice) final;
+  /// The plan, for the CPU to answer it from the beginning.
+  Plan give_up();
+
+ protected:
+  /// A row of some chunk: which configuration and pair of the query.
+  struct OpenRow {
+    std::uint64_t configuration, pair;
+  };
+
+  /// Copies poses of bodies, and says what is asked. What the setup points to lives as long as this.
+  QuerySetup setup(QueryWorkspace& workspace);
+  /// The client's warm state of so many rows, if it keeps one. The workspace must be let go before this is.
+  ResidentWarm* take_warm(std::uint64_t rows);
+  /// Begins chunks_ chunks: the first ones at once, while other threads copy the poses of configurations, so that the
+  /// caller's memory is free once the query has begun.
+  void begin_chunks(QueryWorkspace& workspace, const QuerySetup& setup);
+  /// Starts a chunk on the device, and takes what it has made of one. Both come in order.
+  virtual void launch(std::uint64_t chunk) = 0;
+  virtual void finish(std::uint64_t chunk) = 0;
+  /// Says in `info` how many rows there are, once all chunks are finished.
+  virtual void end() = 0;
+  /// The poses and positions of a slot's next chunk, pinned. Chunks come in order.
+  void give_configurations(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
+  /// Copies rows of a column that the device could not write itself.
+  void copy_column(const void* from, void* to, std::size_t bytes);
+
+  /// Answers rows on the CPU. `open`: of each index the row, ascending; `take(index, asked, answer)`.
+  template <class Open, class Take>
+  void answer_on_cpu(std::size_t count, Open open, Take take) {
+    if (count == 0) return;
+    std::uint64_t next = 0;
+    WorkMeter unlimited;
+    run_units(next, (count + kRestUnit - 1) / kRestUnit, unlimited, [&](std::uint64_t unit, int worker, WorkMeter&) {
+      const auto w = static_cast<std::size_t>(worker);
+      Room& room = rooms_[w];
+      const std::size_t begin = unit * kRestUnit, end = std::min<std::size_t>(begin + kRestUnit, count);
+      std::uint64_t evaluated = 0;
+      for (std::size_t i = begin, j; i < end; i = j) {
+        const std::uint64_t k = open(i).configuration;
+        const Placement& here = placement(worker, k);
+        room.asked.clear();
+        for (j = i; j < end && open(j).configuration == k; ++j) room.asked.push_back(asked(open(j).pair, here));
+        room.answers.resize(std::max(room.answers.size(), room.asked.size()));
+        evaluators_[w].run(room.asked, room.answers);
+        for (std::size_t n = 0; n < room.asked.size(); ++n) {
+          take(i + n, room.asked[n], room.answers[n]);
+          evaluated += reached_narrow_phase(room.answers[n]);
+        }
+      }
+      evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
+      return true;
+    });
+    backend_.finished_on_cpu.fetch_add(count, std::memory_order_relaxed);
+  }
+
+  DeviceBackend& backend_;
+  std::uint32_t fields_ = 0;  ///< columns that are wanted, Field bits
+  ReplyView direct_;          ///< those of them in pinned memory
+  std::atomic<std::uint64_t> evaluated_{0};
+  std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0;  ///< chunks take the workspace's slots in turn
+
+ private:
+  static constexpr std::uint64_t kUnitsPerChunk = 1024;  // what waiting for one counts
+  static constexpr std::uint64_t kRestUnit = 16;         // rows that a thread finishes at a time
+  struct Room {
+    std::vector<PlacedBodies> asked;
+    std::vector<PairAnswer> answers;
+  };
+  PlacedBodies asked(std::uint64_t pair, const Placement& placement) const {
+    if (plan_.query.reduce != Reduce::kAny) return {plan_.pairs.at(pair), &placement, plan_.query.max_distance};
+    const double margin = plan_.margins.of(pair);
+    return {plan_.pairs.at(pair), &placement, margin, nullptr, margin};
+  }
+  void launch_ahead();
+  void find_direct_columns();
+  void copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader);
+  void place_fixed(const FixedBodies& fixed);
+  // Numbers that configurations give, on their way to the device.
+  struct Incoming {
+    std::byte* pinned = nullptr;      // of all configurations; null: too many, or none
+    std::optional<OrderedCopy> copy;  // on their way there
+  };
+  template <class T>
+  void take_in(QueryWorkspace& workspace, Given given, std::span<const T> all);
+  template <class T>
+  const T* give(QueryWorkspace& workspace, int slot, Given given, std::span<const T> all, std::uint64_t first,
+                std::uint64_t count);
+
+  std::unique_ptr<DeviceWarmTable> warm_;
+  Incoming incoming_[2];                // by what is given
+  std::optional<MovedChains> moved_;    // none: the query moves nothing
+  std::optional<DeviceDoubts> doubts_;  // none: nothing is doubted of any body that is asked for
+  std::optional<DeviceMovers> movers_;  // none: no gradient by joints is
+  std::vector<Room> rooms_;
+  std::vector<Evaluator> evaluators_;
+};
+
+/// Whether teams of threads decide a query's configurations (decide_kernel.cuh).
+bool is_for_teams(const Scene& scene, const Plan& plan);
+
+std::unique_ptr<DeviceQuery> make_dense_device_query(const JobContext& context, Plan&& plan, const ReplyView& reply);
+/// Null, and the plan untouched, where the device does not know all bodies.
+std::unique_ptr<DeviceQuery> make_motion_device_query(const JobContext& context, Plan& plan, const ReplyView& reply);
+/// Likewise.
+std::unique_ptr<DeviceQuery> make_reduced_device_query(const JobContext& context, Plan& plan, const ReplyView& reply);
+
+}  // namespace clearance::cuda

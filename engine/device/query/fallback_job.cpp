@@ -1,0 +1,114 @@
+// A query on the device that the CPU takes over where the device fails.
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <string>
+
+#include "engine/device/query/device_query.h"
+#include "engine/motion/motion_job.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+[[noreturn]] void refuse(const std::string& error) {
+  throw QueryError(QueryErrorCode::kNotSupported, "the device cannot answer, and the CPU may not take over: " + error);
+}
+
+std::unique_ptr<DeviceQuery> make_device_query(const JobContext& context, Plan& plan, const ReplyView& reply) {
+  if (plan.query.max_steps > 0) return make_motion_device_query(context, plan, reply);
+  return plan.query.reduce == Reduce::kNone ? make_dense_device_query(context, std::move(plan), reply)
+                                            : make_reduced_device_query(context, plan, reply);
+}
+
+// Null, and the plan as it was, where the CPU has to answer it. Throws QueryError where the CPU may not take over.
+std::unique_ptr<DeviceQuery> begin_on_device(const JobContext& context, Plan& plan, const ReplyView& reply) {
+  DeviceBackend& backend = *context.device;
+  while (backend.usable()) {
+    std::unique_ptr<DeviceQuery> query;
+    try {
+      query = make_device_query(context, plan, reply);
+      if (query) query->begin();
+      return query;
+    } catch (const DeviceError& error) {
+      if (query) plan = query->give_up();
+      backend.note(error);
+      if (error.kind == DeviceError::kOneLost) continue;  // the others are asked
+      if (!backend.fallback()) refuse(error.what());
+      return nullptr;
+    }
+  }
+  if (!backend.fallback()) refuse(backend.error());
+  return nullptr;
+}
+
+class FallbackJob final : public Job::State {
+ public:
+  FallbackJob(const JobContext& context, std::unique_ptr<DeviceQuery> query, const ReplyView& reply)
+      : context_(context), reply_(reply), query_(std::move(query)), size_(query_->size()) {}
+
+  bool advance(const WorkBudget& budget) override {
+    while (query_) {
+      try {
+        const bool done = query_->advance(budget);
+        info = query_->info;
+        units = query_->units;
+        return done;
+      } catch (const DeviceError& error) {
+        begin_elsewhere(error);
+      }
+    }
+    assert(!query_);
+    if (!on_cpu_) refuse(context_.device->error());  // again
+    const bool done = on_cpu_->advance(budget);
+    info = on_cpu_->info;
+    units = on_cpu_->units;
+    return done;
+  }
+
+  const QuerySize& size() const override { return size_; }
+
+ private:
+  // On the devices that are left, or on the CPU. Rows that came are written again.
+  void begin_elsewhere(const DeviceError& error) {
+    DeviceBackend& backend = *context_.device;
+    backend.note(error);
+    const bool others_are_left = error.kind == DeviceError::kOneLost;
+    if (!others_are_left && !backend.fallback()) refuse(error.what());
+    Plan plan = query_->give_up();
+    query_.reset();
+    if (others_are_left) query_ = begin_on_device(context_, plan, reply_);
+    if (query_) return;
+    backend.queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
+    on_cpu_ = (plan.query.max_steps > 0 ? make_motion_job : make_cpu_job)(context_, std::move(plan), reply_);
+  }
+
+  JobContext context_;
+  ReplyView reply_;
+  std::unique_ptr<DeviceQuery> query_;
+  std::unique_ptr<Job::State> on_cpu_;
+  QuerySize size_;
+};
+
+}  // namespace
+
+std::string beyond_the_device(const Plan& plan) {
+  if (plan.query.fields & kFieldFreeScale) return "the column free_scale";
+  if (plan.query.max_steps == 0) return "";
+  if (plan.query.reduce != Reduce::kAny && plan.query.reduce != Reduce::kMin) return "max_steps with reduce: none";
+  if (plan.query.reduce == Reduce::kMin && (plan.query.fields & kFieldPairLower))
+    return "the column pair_lower of motions";
+  if (plan.query.reduce == Reduce::kMin && plan.query.max_distance < INFINITY) return "a max_distance of motions";
+  return plan.given_bodies > 0 || plan.joints.empty() ? "motions of bodies by their poses" : "";
+}
+
+std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
+  const std::string beyond = beyond_the_device(plan);
+  if (!beyond.empty() && !context.device->fallback()) refuse(beyond + " is not for a device yet");
+  auto query = beyond.empty() ? begin_on_device(context, plan, reply) : nullptr;
+  if (query) return std::make_unique<FallbackJob>(context, std::move(query), reply);
+  context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
+  return nullptr;
+}
+
+}  // namespace clearance::cuda

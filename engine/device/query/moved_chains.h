@@ -1,0 +1,34 @@
+// The bodies that a query moves, each with the chain of bodies that it follows, as kernels know them.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/device/query/moved_links.h"
+#include "engine/selection/plan.h"
+
+namespace clearance::cuda {
+
+/// Its arrays live as long as this.
+class MovedChains {
+ public:
+  /// \param stale of each body; empty: no pose is too old.
+  MovedChains(const Scene& scene, const Plan& plan, std::span<const std::uint8_t> stale);
+  /// Points a setup to the arrays.
+  void tell(QuerySetup& setup) const;
+
+ private:
+  std::uint8_t state_of(const Scene& scene, const Plan& plan, std::uint32_t slot,
+                        std::span<const std::uint8_t> stale) const;
+
+  const std::vector<std::uint32_t>& moved_;
+  MovedLinks links_;
+  std::uint32_t given_count_;
+  std::vector<std::uint8_t> has_base_, slot_state_;
+  std::vector<std::uint32_t> source_, chain_begin_, chain_;
+  std::vector<Pose> own_;
+  std::vector<BodyPlacement> base_;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,304 @@
+// Dealing a query's pairs to chunks, and within a chunk to groups of the same two hulls.
+#include <algorithm>
+#include <cassert>
+#include <numeric>
+
+#include "engine/device/device_job.h"
+#include "engine/device/query/extents_around.h"
+#include "engine/selection/plan.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+// Rows of a chunk: enough to fill a large device several times over, and a few chunks of a query that is no larger than
+// that, so that the first answers are on their way while the last are computed.
+constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 19;
+constexpr std::uint64_t kCompany = kTile / 2;  // pair-configurations below which a group of its own would waste a block
+
+std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
+  return static_cast<std::uint32_t>((pairs * configurations + kTile - 1) / kTile);
+}
+
+class Dealer {
+ public:
+  Dealer(const Scene& scene, const Device& device, const Plan& plan, PairDeal& deal)
+      : scene_(scene),
+        device_(device),
+        plan_(plan),
+        deal_(deal),
+        ref_(scene.bodies().size()),
+        hull_(scene.bodies().size()) {
+    for (std::uint32_t b = 0; b < ref_.size(); ++b) {
+      ref_[b] = b;
+      hull_[b] = device.hull_of(b);
+    }
+    if (plan.query.configuration_count > 0)
+      for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) ref_[plan.moved[slot]] = slot | kMovedBit;
+  }
+
+  /// \param growing whether the first of few chunks are small, as rows are waited for
+  void run(std::uint64_t chunk_rows, bool growing) {
+    const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
+    const std::uint64_t parts = K == 1 || P >= chunk_rows ? (P + chunk_rows - 1) / chunk_rows : 1;
+    const std::uint64_t per_part = parts == 0 ? 0 : (P + parts - 1) / parts;
+    const std::uint64_t chunks = parts > 1 ? K : (K * P + chunk_rows - 1) / chunk_rows;
+    deal_.configurations = chunks == 0 ? 1 : static_cast<std::uint32_t>((K + chunks - 1) / chunks);
+    deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
+    // The first of few parts is small, so that rows are soon on their way; each of the next is made while those before
+    // it are.
+    const std::uint64_t shares = growing && K == 1 && parts <= kChunksUnderWay ? parts * (parts + 1) / 2 : 0;
+    for (std::uint64_t first = 0, i = 1; first < P; ++i) {
+      const std::uint64_t size = shares > 0 ? (i * P / shares + kTile - 1) / kTile * kTile : per_part;
+      add_part(first, static_cast<std::uint32_t>(std::min(size, P - first)));
+      first += size;
+    }
+    deal_.resident = const_cast<Device&>(device_).upload(refs_, position_, group_of_tile_);
+  }
+
+ private:
+  void add_part(std::uint64_t first, std::uint32_t count) {
+    assert(count > 0 && first + count <= plan_.size.pairs);
+    PairDeal::Part part;
+    part.first = first;
+    part.count = count;
+    part.first_pair = static_cast<std::uint32_t>(refs_.size());
+    const std::span<const BodyPair> pairs = plan_.pairs.slice(first, count, room_);
+    order_.clear();
+    std::vector<Entry> several;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const auto [a, b] = pairs[i];
+      if (a >= hull_.size() || b >= hull_.size() || hull_[a] == kNone || hull_[b] == kNone)
+        part.on_cpu.push_back(i);
+      else if (hull_[a] == kSeveral || hull_[b] == kSeveral)
+        several.push_back({std::uint64_t{pieces_of(a)} * pieces_of(b), i});
+      else
+        order_.push_back({std::uint64_t{hull_[a]} << 32 | hull_[b], i});
+    }
+    if (!std::is_sorted(order_.begin(), order_.end())) std::sort(order_.begin(), order_.end());
+    std::sort(several.begin(), several.end());  // threads side by side have as many piece pairs
+    // Groups first, then the pairs without company, then those of several pieces.
+    std::vector<Entry> strays;
+    std::vector<Group> groups;
+    for (std::size_t begin = 0, end; begin < order_.size(); begin = end) {
+      for (end = begin; end < order_.size() && order_[end].hulls == order_[begin].hulls;) ++end;
+      const auto one = static_cast<std::uint32_t>(order_[begin].hulls >> 32),
+                 other = static_cast<std::uint32_t>(order_[begin].hulls);
+      if ((end - begin) * deal_.configurations < kCompany || !device_.shares(one) || !device_.shares(other)) {
+        strays.insert(strays.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin),
+                      order_.begin() + static_cast<std::ptrdiff_t>(end));
+        continue;
+      }
+      groups.push_back({one, other, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
+                        static_cast<std::uint32_t>(end - begin), 0});
+      for (std::size_t i = begin; i < end; ++i) add_pair(pairs, order_[i]);
+    }
+    const Group stray_group = add_apart(part, pairs, strays), several_group = add_apart(part, pairs, several);
+    part.whole = add_groups(groups, stray_group, several_group, deal_.configurations);
+    part.last = add_groups(groups, stray_group, several_group, deal_.last_configurations);
+    deal_.parts.push_back(std::move(part));
+  }
+
+  struct Entry {
+    std::uint64_t hulls;  // what is dealt side by side
+    std::uint32_t position;
+    auto operator<=>(const Entry&) const = default;
+  };
+
+  void add_pair(std::span<const BodyPair> pairs, const Entry& e) {
+    const auto [a, b] = pairs[e.position];
+    refs_.push_back({ref_[a], ref_[b]});
+    position_.push_back(e.position);
+  }
+
+  // A group of pairs that have no hulls in common.
+  Group add_apart(const PairDeal::Part& part, std::span<const BodyPair> pairs, std::span<const Entry> entries) {
+    const Group group{kNone, kNone, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
+                      static_cast<std::uint32_t>(entries.size()), 0};
+    for (const Entry& e : entries) add_pair(pairs, e);
+    return group;
+  }
+
+  std::size_t pieces_of(std::uint32_t body) const { return scene_.bodies()[body].pieces.size(); }
+
+  PairDeal::Part::Groups add_groups(std::span<const Group> groups, const Group& strays, const Group& several,
+                                    std::uint32_t configurations) {
+    PairDeal::Part::Groups g;
+    g.first_tile = static_cast<std::uint32_t>(group_of_tile_.size());
+    for (Group group : groups) {
+      group.first_tile = g.tiles;
+      g.tiles += tiles(group.count, configurations);
+      group_of_tile_.insert(group_of_tile_.end(), g.tiles - group.first_tile, group);
+    }
+    g.strays = strays;
+    g.stray_tiles = tiles(strays.count, configurations);
+    g.several = several;
+    g.several_tiles = tiles(several.count, configurations);
+    return g;
+  }
+
+  const Scene& scene_;
+  const Device& device_;
+  const Plan& plan_;
+  PairDeal& deal_;
+  std::vector<std::uint32_t> ref_, hull_;
+  std::vector<BodyPair> room_;
+  std::vector<Entry> order_;
+  std::vector<PairRef> refs_;
+  std::vector<std::uint32_t> position_;
+  std::vector<Group> group_of_tile_;
+};
+
+// What a body is to a device, in reductions. kLeft: of clouds and meshes, but none that it can look at. kUnknown: it
+// has no box there either.
+enum class BodyKind : std::uint8_t { kHull, kPoints, kMesh, kLeft, kUnknown };
+BodyKind kind_of(const Scene& scene, const Device& device, std::uint32_t body) {
+  if (body >= scene.bodies().size()) return BodyKind::kUnknown;
+  if (device.hull_of(body) != kNone) return BodyKind::kHull;
+  const Body& of = scene.bodies()[body];
+  if (is_cloud(of)) return BodyKind::kPoints;
+  if (!has_surface(of)) return BodyKind::kUnknown;
+  return of.pieces.size() == 1 ? BodyKind::kMesh : BodyKind::kLeft;
+}
+
+// Which kernel looks at pairs of two such bodies, of which one is no hull; null: none, and they are left to the CPU.
+bool ElementKinds::* kernel_for(BodyKind a, BodyKind b) {
+  if (a == BodyKind::kMesh && b == BodyKind::kMesh) return &ElementKinds::meshes;
+  if (a != BodyKind::kHull && b != BodyKind::kHull) return nullptr;
+  switch (a == BodyKind::kHull ? b : a) {
+    case BodyKind::kPoints:
+      return &ElementKinds::points_and_hull;
+    case BodyKind::kMesh:
+      return &ElementKinds::mesh_and_hull;
+    default:
+      return nullptr;
+  }
+}
+
+// Puts the pairs into the list in their order, or none where the device can look at none of them, or does not know of
+// a body where it is.
+void list_in_order(const Scene& scene, const Device& device, const Plan& plan, std::vector<PairRef>& refs,
+                   PairListOnDevice& list) {
+  std::vector<std::uint32_t> ref(scene.bodies().size());
+  std::iota(ref.begin(), ref.end(), 0u);
+  if (plan.query.configuration_count > 0)
+    for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) ref[plan.moved[slot]] = slot | kMovedBit;
+  refs.reserve(plan.pairs.size());
+  std::vector<std::uint8_t> is_asked(ref.size(), 0);
+  std::vector<BodyPair> room;
+  std::uint64_t left = 0;
+  constexpr std::uint64_t kSlice = 1u << 16;
+  for (std::uint64_t first = 0; first < plan.pairs.size(); first += kSlice)
+    for (const auto [a, b] : plan.pairs.slice(first, std::min(kSlice, plan.pairs.size() - first), room)) {
+      const BodyKind of_a = kind_of(scene, device, a), of_b = kind_of(scene, device, b);
+      if (of_a == BodyKind::kUnknown || of_b == BodyKind::kUnknown) return refs.clear();
+      refs.push_back({ref[a], ref[b]});
+      if (of_a == BodyKind::kHull && of_b == BodyKind::kHull) continue;
+      is_asked[a] = is_asked[b] = 1;
+      if (bool ElementKinds::* const kernel = kernel_for(of_a, of_b))
+        list.kinds.*kernel = true;
+      else
+        ++left;
+    }
+  if (left == plan.pairs.size()) return refs.clear();
+  for (std::uint32_t body = 0; body < ref.size(); ++body)
+    if (is_asked[body] && device.hull_of(body) == kNone) list.of_elements.push_back(body);
+}
+
+}  // namespace
+
+AskedPairs::AskedPairs(const Plan& plan) {
+  if (plan.query.configuration_count > 0) moved = plan.moved;
+  if (plan.pairs.is_whole_table())
+    table = plan.snapshot->pairs;
+  else
+    pairs.assign(plan.pairs.list().begin(), plan.pairs.list().end());
+}
+
+bool AskedPairs::fit(const Plan& plan) const {
+  const bool moves = plan.query.configuration_count > 0;
+  if (moves ? moved != plan.moved : !moved.empty()) return false;
+  if (plan.pairs.is_whole_table()) return table.get() == plan.pairs.table();
+  const std::span<const BodyPair> list = plan.pairs.list();
+  return !table && std::equal(pairs.begin(), pairs.end(), list.begin(), list.end());
+}
+
+std::shared_ptr<const PairDeal> DeviceBackend::deal(const Plan& plan) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (last_ && last_->all_configurations == plan.size.configurations && last_->asked.fit(plan)) return last_;
+  }
+  auto next = std::make_shared<PairDeal>();
+  next->all_configurations = plan.size.configurations;
+  next->asked = AskedPairs(plan);
+  const std::uint64_t rows = plan.size.configurations * plan.size.pairs;
+  Dealer(scene_, *device_, plan, *next)
+      .run(std::clamp(rows / static_cast<std::uint64_t>(device_->chunks_wanted()), kFewestRows, kMostRows), true);
+  const std::lock_guard lock(mutex_);
+  last_ = next;
+  return next;
+}
+
+std::shared_ptr<const PairDeal> DeviceBackend::deal_anew(const Plan& plan, std::uint64_t chunk_rows) const {
+  auto deal = std::make_shared<PairDeal>();
+  Dealer(scene_, *device_, plan, *deal).run(chunk_rows, false);
+  return deal;
+}
+
+std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (last_list_ && last_list_->asked.fit(plan)) return last_list_;
+  }
+  auto next = std::make_shared<PairListOnDevice>();
+  next->asked = AskedPairs(plan);
+  std::vector<PairRef> refs;
+  list_in_order(scene_, *device_, plan, refs, *next);
+  if (!refs.empty()) next->resident = device_->upload(refs, {}, {});
+  const std::lock_guard lock(mutex_);
+  last_list_ = next;
+  return next;
+}
+
+std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const Scene& scene,
+                                                                std::span<const std::uint32_t> bodies) {
+  auto all = std::make_shared<ElementsOnDevice>();
+  const std::lock_guard lock(elements_mutex_);
+  for (const std::uint32_t body : bodies) {
+    const Body& of = scene.bodies()[body];
+    const bool is_empty = is_cloud(of) && of.cloud != CloudState::kPoints;
+    all->bodies.push_back({body, extents_around(of), is_empty, nullptr});
+    if (is_empty || of.pieces.size() != 1) continue;
+    KnownElements& known = elements_[body];
+    if (known.surface != of.pieces[0]->surface) {
+      // A query that still asks for the points before these keeps them where they are.
+      std::shared_ptr<ResidentElements> room = std::exchange(known.resident, nullptr);
+      known.surface = nullptr;
+      if (room.use_count() > 1) room = nullptr;
+      known.resident = device_->upload(*of.pieces[0]->surface, std::move(room));
+      if (!known.resident) return nullptr;
+      known.surface = of.pieces[0]->surface;
+    }
+    all->bodies.back().resident = known.resident.get();
+    all->resident.push_back(known.resident);
+  }
+  return all;
+}
+
+std::shared_ptr<const TableOnDevice> DeviceBackend::table(const Plan& plan) {
+  const std::shared_ptr<const PairTable>& wanted = plan.snapshot->pairs;
+  {
+    const std::lock_guard lock(mutex_);
+    if (last_table_ && last_table_->table == wanted) return last_table_;
+  }
+  auto next = std::make_shared<TableOnDevice>();
+  next->table = wanted;
+  bool all_known = true;
+  for (std::uint32_t b = 0; b < scene_.bodies().size(); ++b) all_known = all_known && device_->hull_of(b) != kNone;
+  if (all_known) next->resident = device_->upload(*wanted);
+  const std::lock_guard lock(mutex_);
+  last_table_ = next;
+  return next;
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,27 @@
+// The columns of a reply, one after another.
+#pragma once
+
+#include "engine/selection/query.h"
+
+namespace clearance::cuda {
+
+/// The view, with the columns of `direct` in place of its own where there are such.
+inline ReplyView preferring(ReplyView view, const ReplyView& direct) {
+  const auto prefer = [](auto*& column, auto* other, int) {
+    if (other) column = other;
+  };
+  for_each_column(prefer, view, direct);
+  return view;
+}
+
+/// The view's columns from a row on.
+inline ReplyView rows_from(std::uint64_t row, const ReplyView& view) {
+  ReplyView from = view;
+  const auto shift = [&](auto*& column, int width) {
+    if (column) column += row * static_cast<std::uint64_t>(width);
+  };
+  for_each_column(shift, from);
+  return from;
+}
+
+}  // namespace clearance::cuda

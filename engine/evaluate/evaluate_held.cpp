@@ -1,0 +1,74 @@
+// Bodies of which one lies within the other, as the evaluator finds them, and pieces that stand for meshes.
+#include <algorithm>
+
+#include "engine/evaluate/evaluate.h"
+#include "engine/hull/primitive.h"
+#include "engine/mesh_distance/held.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+// What a body is, whatever stands for it.
+const Body& truth_of(const Body& body) {
+  return body.stands_for ? *body.stands_for : body;
+}
+
+// Metres: a shift by so much takes two boxes apart, and what they hold.
+double depth_of(const Aabb& a, const Aabb& b) {
+  double least = kInf;
+  for (int k = 0; k < 3; ++k) least = std::min({least, a.high[k] - b.low[k], b.high[k] - a.low[k]});
+  return std::max(least, 0.0) * (1 + 0x1p-50);
+}
+
+}  // namespace
+
+bool Evaluator::is_by_pieces(BodyPair pair) const {
+  if (!scene_.has_stand_ins()) return false;
+  const Body &a = scene_.bodies()[pair.a], &b = scene_.bodies()[pair.b];
+  return (a.stands_for || b.stands_for) && !is_half_space(*a.pieces[0]) && !is_half_space(*b.pieces[0]);
+}
+
+// Whether one body lies within the other, though all elements that were taken are apart. That is asked of meshes, also
+// where pieces stand for them, which may be hollow.
+bool Evaluator::is_held(Search& search, WorkMeter& meter) {
+  const PlacedBodies& bodies = pairs_[search.index];
+  const bool by_pieces = is_by_pieces(bodies.pair);
+  BodiesAnswer& found = search.found;
+  const double apart = by_pieces ? search.slack.true_lower(found.lower) : found.lower;
+  if (!(apart > 0) || (by_pieces && box_gap(scene_, *bodies.placement, bodies.pair) > 0)) return false;
+  const Body &a = truth_of(scene_.bodies()[bodies.pair.a]), &b = truth_of(scene_.bodies()[bodies.pair.b]);
+  Vec3d shared[2];
+  switch (one_holds_the_other(a, (*bodies.placement)[bodies.pair.a].pose, b, (*bodies.placement)[bodies.pair.b].pose,
+                              apart, meter, shared)) {
+    case Held::kNo:
+      return false;
+    case Held::kUnknown:
+      found.lower = 0;
+      return false;
+    case Held::kYes:
+      take_held(search, apart, shared);
+      return true;
+  }
+  return false;
+}
+
+// \param apart what is held is as far from the surface around it
+void Evaluator::take_held(Search& search, double apart, const Vec3d (&shared)[2]) {
+  const PlacedBodies& bodies = pairs_[search.index];
+  BodiesAnswer& found = search.found;
+  const Vec3d normal = found.best.bounds.upper < kInf ? found.best.normal : Vec3d{1, 0, 0};  // none was asked
+  found.best = NarrowAnswer{};
+  found.best.bounds.upper = -apart;
+  found.best.point_a = shared[0];
+  found.best.point_b = shared[1];
+  found.best.normal = normal;
+  found.lower = -kInf;
+  if (!is_by_pieces(bodies.pair)) return;
+  const Placement& placement = *bodies.placement;
+  found.lower = -std::max(apart, depth_of(placement.box(bodies.pair.a), placement.box(bodies.pair.b)));
+}
+
+}  // namespace clearance

@@ -1,0 +1,101 @@
+#include "engine/mesh_distance/decomposed_pair.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "engine/base/slack.h"
+#include "engine/bvh/surface.h"
+#include "engine/hull/decomposition.h"
+#include "engine/hull/primitive.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr std::size_t kMostAsked = 4096;  // beyond which triangles are as good
+
+const Decomposition* decomposition_of(const Piece& piece) {
+  return piece.surface ? piece.surface->decomposition() : nullptr;
+}
+
+}  // namespace
+
+bool has_decomposition(const Body& body) {
+  return std::ranges::any_of(body.pieces, [](const PiecePtr& piece) { return decomposition_of(*piece) != nullptr; });
+}
+
+void DecomposedPair::hold(const Body& body, const PlacedPose& pose, std::vector<Holder>& holders, Aabb& around) {
+  holders.clear();
+  around = kEmptyBox;
+  const auto add = [&](const Piece& piece, double inner) {
+    holders.push_back({&piece, inner, certify_box(piece, pose.R_wb, pose.t_w)});
+    around = joined(around, grown(holders.back().box, inner));
+  };
+  for (const PiecePtr& piece : body.pieces) {
+    const Decomposition* decomposition = decomposition_of(*piece);
+    if (!decomposition) {
+      add(*piece, 0);  // what it is the hull of is within it
+      continue;
+    }
+    const double inner = sum_above(decomposition->inner, piece->radius);  // pieces are cores
+    for (const PiecePtr& core : decomposition->pieces) add(*core, inner);
+  }
+}
+
+bool DecomposedPair::begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b,
+                           double cut_off) {
+  if (!(cut_off < std::numeric_limits<double>::infinity()) || is_half_space(*a.pieces[0]) ||
+      is_half_space(*b.pieces[0]) || !(has_decomposition(a) || has_decomposition(b)))
+    return false;
+  asked_.clear();
+  next_ = 0;
+  round_ = 4;
+  cut_off_ = cut_off;
+  lower_ = std::numeric_limits<double>::infinity();
+  has_failed_ = false;
+  Aabb around_a, around_b;
+  hold(a, pose_a, a_, around_a);
+  hold(b, pose_b, b_, around_b);
+  const auto is_far = [&](const Aabb& box, double inner, const Aabb& around) {
+    const double gap = difference_below(certify_box_gap(box, around), inner);
+    if (!(gap > cut_off_)) return false;
+    lower_ = std::min(lower_, gap);
+    return true;
+  };
+  std::erase_if(a_, [&](const Holder& h) { return is_far(h.box, h.inner, around_b); });
+  std::erase_if(b_, [&](const Holder& h) { return is_far(h.box, h.inner, around_a); });
+  for (const Holder& h : a_)
+    for (const Holder& other : b_) {
+      const double inner = sum_above(h.inner, other.inner), gap = certify_box_gap(h.box, other.box);
+      if (const double apart = difference_below(gap, inner); apart > cut_off_) {
+        lower_ = std::min(lower_, apart);
+        continue;
+      }
+      if (asked_.size() == kMostAsked) return false;
+      asked_.push_back({h.piece, other.piece, gap, inner, Slack{inner, 0}.cut_off(cut_off_)});
+    }
+  std::stable_sort(asked_.begin(), asked_.end(), [](const Asked& p, const Asked& q) { return p.gap < q.gap; });
+  return true;
+}
+
+std::span<const DecomposedPair::Asked> DecomposedPair::round() const {
+  const std::size_t end = has_failed_ ? next_ : std::min(asked_.size(), next_ + round_);
+  return std::span(asked_).subspan(next_, end - next_);
+}
+
+void DecomposedPair::take(std::size_t i, double lower) {
+  assert(next_ + i < asked_.size());
+  const double apart = difference_below(lower, asked_[next_ + i].inner);
+  if (apart > cut_off_)
+    lower_ = std::min(lower_, apart);
+  else
+    has_failed_ = true;
+}
+
+void DecomposedPair::end_round() {
+  next_ = std::min(asked_.size(), next_ + round_);
+  round_ = std::min(2 * round_, kMostOfRound);
+}
+
+}  // namespace clearance

@@ -1,0 +1,116 @@
+// What the evaluator keeps of two bodies of which one is not convex: where its rounds come from, and room for
+// triangles.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <span>
+#include <vector>
+
+#include "engine/mesh_distance/decomposed_pair.h"
+#include "engine/mesh_distance/nearest_elements.h"
+
+namespace clearance {
+
+class ElementSearch {
+ public:
+  static constexpr std::size_t kMostOfRound = 256;
+
+  /// All must outlive the search.
+  void begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b) {
+    a_ = &a;
+    b_ = &b;
+    nearest_.begin(a, pose_a, b, pose_b);
+    end_round();
+    known_ = {};
+  }
+  /// Adds to the round until it has so many pairs or no other is within the cut-off. False: the slice is over; it goes
+  /// on with the same numbers.
+  bool gather(std::size_t count, double cut_off, WorkMeter& meter) {
+    while (round_.size() < count && !nearest_.is_full()) {
+      ElementPair pair;
+      const NearestElements::Found found = nearest_.next(cut_off, meter, pair);
+      if (found == NearestElements::Found::kPaused) return false;
+      if (found == NearestElements::Found::kNoMore) break;
+      round_.push_back(pair);
+    }
+    return true;
+  }
+  /// The round is the hulls of the nearest two pieces, which are not the truth. \param all of all that may overlap
+  void begin_hulls(bool all) {
+    round_.assign(1, nearest_.pieces());
+    if (all) nearest_.touching_pieces(round_);
+    known_.in_hulls = true;
+  }
+  /// What the round of hulls said of how far they are apart or, signed, have to move to be.
+  struct HullsGap {
+    double lower = 0;  // not above 0
+    Vec3d normal{1, 0, 0};
+  };
+  void see_hulls(double lower, const Vec3d& n_w) {
+    if (lower < known_.hulls_gap.lower) known_.hulls_gap = {lower, n_w};
+  }
+  const HullsGap& hulls_gap() const { return known_.hulls_gap; }
+  bool in_hulls() const { return known_.in_hulls; }
+  void take_hulls(double lower, const Vec3d& n_w) {
+    nearest_.take_pieces(lower);
+    known_.are_apart = lower > 0;
+    nearest_.look_along(n_w);
+    end_round();
+    known_.in_hulls = false;
+    known_.are_hulls_taken = true;
+  }
+  bool are_hulls_taken() const { return known_.are_hulls_taken; }
+  /// Nothing is asked of hulls that are not apart, most likely.
+  bool leave_hulls() { return known_.are_hulls_taken = nearest_.is_one_within(); }
+  bool hulls_are_apart() const { return known_.are_apart; }
+  /// What comes between hulls and triangles: the pieces that stand for these. kGoesOn: they are asked, or are all
+  /// proved beyond the cut-off (DecomposedPair::round() is empty); kOver: triangles have to be.
+  enum class ByPieces : std::uint8_t { kNotYet, kGoesOn, kOver };
+  ByPieces go_on_by_pieces(const PlacedPose& pose_a, const PlacedPose& pose_b, double cut_off) {
+    if (known_.by_pieces == ByPieces::kNotYet)
+      known_.by_pieces = pieces_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByPieces::kGoesOn : ByPieces::kOver;
+    if (pieces_.has_failed()) known_.by_pieces = ByPieces::kOver;
+    return known_.by_pieces;
+  }
+  bool is_by_pieces() const { return known_.by_pieces == ByPieces::kGoesOn; }
+  DecomposedPair& pieces() { return pieces_; }
+  /// The round is one pair that is near. False: what was looked at for it is beyond the cut-off.
+  bool begin_near(double cut_off) {
+    if (!round_.empty()) return true;  // before the slice was over
+    ElementPair pair;
+    if (!nearest_.take_near(cut_off, pair)) return false;
+    round_.assign(1, pair);
+    return true;
+  }
+  std::span<const ElementPair> round() const { return round_; }
+  void end_round() { round_.clear(); }
+  /// The elements of a pair of the round, as pieces that stay until another round has begun.
+  const Piece& piece_a(std::size_t i) { return piece_of(*a_, round_[i].a, room(2 * i)); }
+  const Piece& piece_b(std::size_t i) { return piece_of(*b_, round_[i].b, room(2 * i + 1)); }
+  /// No pair that is in no round yet is nearer, metres.
+  double left() const { return nearest_.left(); }
+  void look_along(const Vec3d& n_w) { nearest_.look_along(n_w); }
+
+ private:
+  Piece& room(std::size_t i) {
+    while (rooms_.size() <= i) rooms_.emplace_back();
+    return rooms_[i];
+  }
+
+  const Body *a_ = nullptr, *b_ = nullptr;
+  NearestElements nearest_;
+  std::vector<ElementPair> round_;
+  DecomposedPair pieces_;
+  // What is known of these bodies so far. A search is used for many pairs: begin() forgets all of it at once, so that
+  // an answer depends on its bodies alone.
+  struct Known {
+    bool in_hulls = false, are_hulls_taken = false, are_apart = false;  // the hulls: asked now, done with, apart
+    ByPieces by_pieces = ByPieces::kNotYet;
+    HullsGap hulls_gap;
+  } known_;
+  std::deque<Piece> rooms_;
+};
+
+}  // namespace clearance

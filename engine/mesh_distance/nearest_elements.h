@@ -1,0 +1,149 @@
+// Two bodies of which one is not convex: their convex elements, nearest first, found by its tree of boxes.
+//
+// An element is a piece that is the truth, or a triangle of a piece's surface. Each pair of elements comes once, in the
+// order of a lower bound on their distance (its gap), so that an answer depends on the two bodies alone; what is
+// farther than the least upper bound known by then is never opened.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+#include "engine/base/best_first.h"
+#include "engine/mesh_distance/part_gaps.h"
+#include "engine/narrow/piece_search.h"
+#include "engine/narrow/work_meter.h"
+#include "engine/pose/placed.h"
+#include "engine/scene/scene.h"
+
+namespace clearance {
+
+/// A piece that is the truth, or a triangle of a piece's surface.
+struct Element {
+  std::uint32_t piece = kNone;
+  std::uint32_t triangle = kNone;  ///< of the surface; kNone: the piece itself
+};
+/// The element as a piece that can be answered: the piece itself, or `room`, which becomes its triangle.
+const Piece& piece_of(const Body& body, const Element& element, Piece& room);
+
+struct ElementPair {
+  double gap;  ///< metres: no nearer are they
+  Element a, b;
+};
+
+class NearestElements {
+ public:
+  enum class Found { kPair, kNoMore, kPaused };
+
+  /// All must outlive the search.
+  void begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b);
+  /// The nearest two pieces by their boxes. Where they are not the truth, a lower bound on the distance of the hulls
+  /// and the direction that proves it hold for all that they are around.
+  ElementPair pieces() const;
+  /// Whether the box around one of these holds that of the other: then their hulls will hardly be apart.
+  bool is_one_within() const;
+  /// Before any is taken: all others whose boxes may overlap.
+  void touching_pieces(std::vector<ElementPair>& others) const;
+  void take_pieces(double lower);
+  /// Takes a pair that is near, and may not be the nearest. False: what was looked at for it is beyond the cut-off.
+  bool take_near(double cut_off, ElementPair& pair);
+  /// The next pair in their order, unless its gap is greater than the cut-off (kNoMore), or the slice is over
+  /// (kPaused).
+  Found next(double cut_off, WorkMeter& meter, ElementPair& pair);
+  /// No pair that is left is nearer, metres; +inf: there is none.
+  double left() const { return open_.empty() || left_out_ < open_.front().gap ? left_out_ : open_.front().gap; }
+  /// Whether what is left has grown beyond what is kept of a pair of bodies: then nothing more is to be asked.
+  bool is_full() const { return open_.size() > kMostEntries; }
+  /// From here on gaps along this direction count, too: one that has separated a pair separates its neighbours.
+  /// \param n_w from a towards b, world axes, of length 1 up to rounding
+  void look_along(const Vec3d& n_w);
+
+ private:
+  static constexpr std::size_t kMostEntries = std::size_t{1} << 20;
+  static constexpr std::uint32_t kTriangle = 1u << 31;  // of `at`: a triangle, no node
+  // A pair of subtrees; `at` is a node, a triangle, or kNone: a piece that is the truth.
+  struct Entry {
+    double gap;
+    std::uint32_t piece_a, at_a, piece_b, at_b;
+    std::uint32_t looked;  // how many directions were known when its gap was made
+  };
+  // The nearest first; of the same gap those farther down, which end sooner. Gaps are not below 0, so that their bits
+  // are in their order.
+  struct RankOf {
+    unsigned __int128 operator()(const Entry& e) const {
+      return static_cast<unsigned __int128>(std::bit_cast<std::uint64_t>(e.gap)) << 64 | std::uint64_t{~e.at_a} << 32 |
+             ~e.at_b;
+    }
+  };
+  // Around a subtree, in the axes of its body, or of a.
+  struct Bulk {
+    Vec3d centre{0, 0, 0}, half{0, 0, 0};
+  };
+  // What a node is divided into: the nodes two levels below it, or leaves before; the elements of a leaf.
+  struct NodesBelow {
+    std::uint32_t at[kParts], count = 0;
+    NodeColumns columns;
+
+    NodesBelow(const Surface& surface, std::uint32_t node);
+  };
+  struct ElementsBelow {
+    std::uint32_t at[kParts], count;
+    ElementColumns columns;
+
+    ElementsBelow(const Surface& surface, std::uint32_t leaf);
+  };
+  static bool is_element(std::uint32_t at) { return (at & kTriangle) != 0; }  // kNone, too
+  static Element element(std::uint32_t piece, std::uint32_t at) {
+    return {piece, at == kNone ? kNone : at & ~kTriangle};
+  }
+  static Bulk bulk(const Body& body, std::uint32_t piece, std::uint32_t at);
+  Bulk bulk_a(const Entry& e) const { return bulk(*a_, e.piece_a, e.at_a); }
+  Bulk bulk_b(const Entry& e) const { return bulk(*b_, e.piece_b, e.at_b); }
+  Bulk before_a(const Bulk& of_b) const;
+  double gap_of(const Entry& e, const Bulk& a, const Bulk& b) const;
+  double gap_along(const Entry& e, const Bulk& a, const Bulk& b, const Vec3d& n_a, const Vec3d& n_b) const;
+  double gap_known(const Entry& e, double far_a, double far_b) const;
+  double gap_known(const Entry& e, const Bulk& a, const Bulk& b) const;
+  double margin(const Entry& e) const;
+
+  static double reach(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box, const Vec3d& n);
+  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bulk, int levels) const;
+  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box) const;
+  int levels(const Body& body, std::uint32_t piece) const;
+  void put(const Entry& entry, double cut_off);
+  template <class Each>
+  void open(const Entry& entry, double cut_off, const Each& each) const;
+  template <class Below, class Each>
+  void divide(const Entry& entry, bool opens_a, double cut_off, const Each& each) const;
+  template <class Each>
+  void pair_triangles(const Entry& entry, const Surface::Node* leaf_a, const Surface::Node* leaf_b,
+                      const Each& each) const;
+  static PartBulk part_bulk(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& bulk,
+                            std::array<Vec3d, 3>& room);
+
+  const Body *a_ = nullptr, *b_ = nullptr;
+  Mat3d R_wa_, R_, R_ba_;                                                         // R_: R_wa^T R_wb; its transpose
+  Vec3d D_{0, 0, 0}, D_ba_{0, 0, 0};                                              // R_wa^T (t_b - t_a); -R_^T D_
+  double error_ = 0;                                                              // of a gap, metres
+  enum class Plane : std::uint8_t { kNeither, kA, kB } plane_ = Plane::kNeither;  // which is a half-space
+  double left_out_ = 0;      // the least gap of what was beyond a cut-off
+  std::uint32_t looks_ = 0;  // how many directions were known so far: the last one counts
+  Vec3d n_a_{0, 0, 0}, n_b_{0, 0, 0};
+  BestFirst<Entry, RankOf> open_;
+
+  // What subtrees were found to reach along the direction that is known: many partners ask the same of each.
+  struct Reach {
+    std::uint64_t direction = 0;  // of directions_
+    std::uint32_t piece = 0, at = 0;
+    bool of_a = false;
+    double reach = 0;
+  };
+  static constexpr std::size_t kReaches = 2048;
+  std::uint64_t directions_ = 0;       // of all searches
+  bool looks_deep_ = false;            // known_reach() does
+  mutable std::uint64_t reached_ = 0;  // nodes that it has looked into since the meter was told
+  mutable std::vector<Reach> reaches_ = std::vector<Reach>(kReaches);
+};
+
+}  // namespace clearance

@@ -1,0 +1,110 @@
+#include "engine/reduce/configuration_block.h"
+
+#include <algorithm>
+#include <cassert>
+
+namespace clearance {
+
+namespace {
+
+constexpr std::uint64_t kMostConfigurations = 256;
+constexpr std::uint64_t kMostPairs = 1u << 16;     // pair-configurations of a block: some 10 MB if all are near
+constexpr std::uint64_t kMostWithoutBoxes = 1024;  // ... where each makes its own boxes
+constexpr std::uint64_t kBlocksPerWorker = 4;      // at least, if there are several workers
+constexpr std::uint64_t kBoxesPerUnit = 64;        // of work, side by side
+
+}  // namespace
+
+std::uint64_t ConfigurationBlock::most(const Scene& scene, const Plan& plan, bool by_tree, bool with_boxes,
+                                       int workers) {
+  // Each configuration would have a tree of its own, and walks through it find what is near soon enough.
+  if (by_tree) return 1;
+  const std::uint64_t most_pairs = with_boxes ? kMostPairs : kMostWithoutBoxes;
+  const std::uint64_t count = plan.size.configurations, pairs = std::max<std::uint64_t>(plan.size.pairs, 1);
+  const std::uint64_t shares = workers > 1 ? kBlocksPerWorker * static_cast<std::uint64_t>(workers) : 1;
+  return std::clamp<std::uint64_t>(
+      std::min({kMostConfigurations, most_pairs / pairs, Placement::most(scene, plan), count / shares}), 1,
+      std::max<std::uint64_t>(count, 1));
+}
+
+ConfigurationBlock::ConfigurationBlock(const Scene& scene, const Plan& plan, const EvaluateOptions& options,
+                                       const Reduction::Boxes& boxes, std::uint64_t most)
+    : plan_(plan),
+      compares_boxes_(!boxes.all.empty() && !boxes.near_pairs.by_tree()),
+      cull_(scene, boxes.all, boxes.columns),
+      evaluator_(scene, options) {
+  reductions_.reserve(most);
+  for (std::uint64_t i = 0; i < most; ++i) reductions_.emplace_back(scene, plan, options, boxes, 1);
+}
+
+void ConfigurationBlock::begin(std::span<const Placement> placed, std::uint64_t first) {
+  assert(!placed.empty() && placed.size() <= reductions_.size());
+  placed_ = placed;
+  first_ = first;
+  gaps_ = {};
+  is_asked_ = false;
+  for (std::size_t i = 0; i < placed.size(); ++i) reductions_[i].begin();
+}
+
+bool ConfigurationBlock::advance(WorkMeter& meter) {
+  while (true) {
+    if (!is_asked_) {
+      if (!ask(meter)) return true;
+      answers_.resize(std::max(answers_.size(), asked_.size()));
+      evaluator_.begin(asked_, answers_);
+      is_asked_ = true;
+    }
+    if (!evaluator_.advance(meter)) return false;
+    is_asked_ = false;
+    take();
+    if (meter.is_over()) return false;
+  }
+}
+
+// What all configurations want to know next, in asked_. False: nothing.
+bool ConfigurationBlock::ask(WorkMeter& meter) {
+  if (compares_boxes_ && gaps_.empty()) {
+    gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed_);
+    meter.count(gaps_.size() / kBoxesPerUnit);
+  }
+  asked_.clear();
+  asked_end_.clear();
+  for (std::size_t i = 0; i < placed_.size(); ++i) {
+    while (reductions_[i].stage() != Reduction::kDone && !ask(i, meter)) reductions_[i].end_stage();
+    asked_end_.push_back(asked_.size());
+  }
+  return !asked_.empty();
+}
+
+// What the current stage of a configuration wants to know next; false: the stage is over.
+bool ConfigurationBlock::ask(std::size_t i, WorkMeter& meter) {
+  Reduction& r = reductions_[i];
+  if (r.stage() == Reduction::kSeeds || r.stage() == Reduction::kCandidates) return r.ask(placed_[i], asked_);
+  const std::uint64_t pairs = plan_.pairs.size();
+  if (compares_boxes_)
+    r.scan(gaps_.subspan(i * pairs, pairs), placed_[i]);
+  else
+    for (std::uint64_t unit = 0; unit < r.units(); ++unit) r.run(unit, 0, placed_[i], meter);
+  return false;
+}
+
+void ConfigurationBlock::take() {
+  std::size_t begin = 0;
+  for (std::size_t i = 0; i < placed_.size(); ++i) {
+    if (asked_end_[i] > begin) reductions_[i].take(std::span(answers_).subspan(begin, asked_end_[i] - begin));
+    begin = asked_end_[i];
+  }
+}
+
+std::uint64_t ConfigurationBlock::end(std::span<std::vector<Row>> rows) {
+  assert(rows.size() == placed_.size());
+  std::uint64_t evaluated = 0;
+  for (std::size_t i = 0; i < placed_.size(); ++i) {
+    rows[i] = reductions_[i].rows(static_cast<std::uint32_t>(first_ + i), placed_[i]);
+    evaluated += reductions_[i].evaluated();
+  }
+  placed_ = {};
+  return evaluated;
+}
+
+}  // namespace clearance

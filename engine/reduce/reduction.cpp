@@ -1,0 +1,400 @@
+#include "engine/reduce/reduction.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cassert>
+#include <cmath>
+
+#include "engine/narrow/group.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
+constexpr std::uint64_t kProbes = 64;     // bodies whose pairs one unit looks for in a tree
+constexpr std::uint64_t kTreeBlocks = 8;  // ... or blocks of such
+constexpr std::uint64_t kEvaluate = 256;  // pairs that one unit answers
+// Of them, where the first that overlaps ends it; then twice as many, and so on.
+constexpr std::uint64_t kAtFirst = 8, kAtFirstOfMany = 2;  // the latter of each of many configurations
+
+// What takes one thread a tenth of a millisecond or more.
+constexpr std::uint64_t kManyProbes = 512, kManyPairs = 65536, kManyAnswers = 1024;
+
+constexpr std::uint64_t kUnitsPerScan = kBlock / 128;  // boxes are compared eight at a time
+
+std::uint64_t blocks(std::uint64_t count, std::uint64_t size) {
+  return (count + size - 1) / size;
+}
+
+}  // namespace
+
+Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes,
+                     int workers)
+    : scene_(scene),
+      plan_(plan),
+      options_(options),
+      groups_(plan.query.reduce == Reduce::kNearest ? scene.bodies().size() : 1),
+      near_pairs_(boxes.near_pairs),
+      have_boxes_(!boxes.all.empty()),
+      by_tree_(boxes.near_pairs.by_tree()) {
+  for (int i = 0; i < workers; ++i) workers_.emplace_back(scene, plan, options, boxes);
+}
+
+void Reduction::begin() {
+  for (WorkerState& w : workers_) {
+    w.seed.assign(groups_, Seed{kInf, ~std::uint64_t{0}});
+    w.unusable.assign(groups_, kNobody);
+    w.candidates.clear();
+    w.evaluated = 0;
+  }
+  unusable_.assign(groups_, kNobody);
+  // The oracle leaves nothing out.
+  cutoff_.assign(groups_, options_.reference ? kInf : any() ? plan_.margins.most() : plan_.query.max_distance);
+  gaps_ = {};
+  candidate_gaps_.clear();
+  seeds_.clear();
+  seed_answers_.clear();
+  candidates_.clear();
+  candidate_pairs_.clear();
+  decided_by_ = kNobody;
+  stage_ = stands_alone() ? kScan : kSeedScan;
+}
+
+std::uint64_t Reduction::evaluated() const {
+  std::uint64_t sum = 0;
+  for (const WorkerState& w : workers_) sum += w.evaluated;
+  return sum;
+}
+
+std::uint64_t Reduction::units() const {
+  switch (stage_) {
+    case kScan:
+      if (by_tree_ && near_pairs_.whole_table() && !per_body()) return blocks(near_pairs_.tree().blocks(), kTreeBlocks);
+      [[fallthrough]];
+    case kSeedScan:
+      return by_tree_ ? blocks(near_pairs_.probes().size(), kProbes) : blocks(plan_.pairs.size(), kBlock);
+    case kSeeds:
+      return blocks(seeds_.size(), kEvaluate);
+    case kCandidates:
+      return blocks(candidates_.size(), kEvaluate);
+    case kDone:
+      break;
+  }
+  return 0;
+}
+
+bool Reduction::worth_threads(bool light) const {
+  const std::uint64_t many_answers = light ? kManyAnswers : kManyAnswers / 16;
+  switch (stage_) {
+    case kSeedScan:
+    case kScan:
+      return by_tree_ ? near_pairs_.probes().size() >= kManyProbes : plan_.pairs.size() >= kManyPairs;
+    case kSeeds:
+      return seeds_.size() >= many_answers;
+    case kCandidates:
+      return candidates_.size() >= many_answers;
+    case kDone:
+      break;
+  }
+  return false;
+}
+
+bool Reduction::run(std::uint64_t unit, int worker, const Placement& placement, WorkMeter& meter) {
+  assert(unit < units() && static_cast<std::size_t>(worker) < workers_.size());
+  WorkerState& w = workers_[static_cast<std::size_t>(worker)];
+  switch (stage_) {
+    case kSeedScan:
+      meter.count(kUnitsPerScan);
+      by_tree_ ? seed_scan_by_tree(unit, w, placement) : scan_block(unit, w, placement);
+      return true;
+    case kScan:
+      meter.count(kUnitsPerScan);
+      by_tree_ ? scan_by_tree(unit, w, placement) : scan_block(unit, w, placement);
+      return true;
+    case kSeeds:
+    case kCandidates:
+      return answer(unit, w, placement, meter);
+    case kDone:
+      break;
+  }
+  return true;
+}
+
+// The exact answers of a unit's pairs.
+bool Reduction::answer(std::uint64_t unit, WorkerState& w, const Placement& placement, WorkMeter& meter) {
+  const auto begin_next = [&] {
+    w.asked.clear();
+    ask(w, placement, w.asked);
+    w.evaluator.begin(w.asked, std::span(answers()).subspan(w.first, w.asked.size()));
+  };
+  const std::atomic_ref<std::uint64_t> decided_by(decided_by_);
+  if (w.step == 0) {
+    if (decided_by.load(std::memory_order_relaxed) < unit) return true;
+    begin_answers(unit * kEvaluate, (unit + 1) * kEvaluate, kAtFirst, w);
+    begin_next();
+  }
+  while (true) {
+    if (!w.evaluator.advance(meter)) return false;
+    if (take(w) && any())  // of a minimum units behind may hold seeds' rivals, and each stops for itself
+      for (std::uint64_t first = decided_by.load(std::memory_order_relaxed);
+           unit < first && !decided_by.compare_exchange_weak(first, unit, std::memory_order_relaxed);) {
+      }
+    if (w.first == w.end) break;
+    begin_next();
+    if (meter.is_over()) return false;
+  }
+  w.step = 0;
+  return true;
+}
+
+void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint64_t at_first, WorkerState& w) const {
+  w.first = begin;
+  w.end = std::min<std::uint64_t>(end, stage_ == kSeeds ? seeds_.size() : candidates_.size());
+  w.step = stops_early() ? at_first : kEvaluate;
+  w.cut_off = stage_ == kCandidates && stops_at_overlap() ? cutoff_[0] : kInf;
+}
+
+// What comes next: as many as a step has.
+void Reduction::ask(WorkerState& w, const Placement& placement, std::vector<PlacedBodies>& asked) {
+  const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
+  auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
+  const double far = loser_beyond(w.cut_off, options_.limits);
+  if (!candidate_gaps_.empty()) leave_out_far(w, far);
+  for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
+    pairs[i] = plan_.pairs.at(positions[i]);
+    const double cut = std::min(cut_off(positions[i]), far);
+    asked.push_back({pairs[i], &placement, cut, nullptr, any() ? cut : -kInf});
+  }
+}
+
+// The nearest first: the sooner others can be left out. Pairs that overlap keep their order, and those behind the first
+// of them have boxes that are apart, or come later in the query.
+void Reduction::sort_candidates(const Placement& placement) {
+  std::vector<Seed>& order = workers_[0].order;
+  order.clear();
+  for (const std::uint64_t p : candidates_)
+    order.push_back({gaps_.empty() ? box_gap(scene_, placement, plan_.pairs.at(p)) : gaps_[p], p});
+  std::sort(order.begin(), order.end());
+  for (std::size_t i = 0; i < order.size(); ++i) candidates_[i] = order[i].position;
+  candidate_gaps_.clear();
+  for (const Seed& s : order) candidate_gaps_.push_back(s.gap);
+}
+
+// Candidates whose boxes are farther apart can neither win nor lower the interval. They come last.
+void Reduction::leave_out_far(WorkerState& w, double far) {
+  assert(stage_ == kCandidates && w.end == candidates_.size());
+  while (w.end > w.first && candidate_gaps_[w.end - 1] > far) --w.end;
+  candidates_.resize(w.end);
+  candidate_pairs_.resize(w.end);
+  candidate_answers_.resize(w.end);
+}
+
+// The answers to what was asked last are there. True: one of them decides.
+bool Reduction::take(WorkerState& w) {
+  const std::uint64_t next = std::min(w.end, w.first + w.step);
+  w.evaluated += next - w.first;
+  const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
+  bool decided = false;
+  for (; w.first < next; ++w.first) {
+    const PairAnswer& answer = answers()[w.first];
+    decided |= stops_early() && decides(positions[w.first], answer);
+    if (stops_at_overlap()) w.cut_off = std::min(w.cut_off, answer.upper);
+  }
+  for (; decided && w.first < w.end; ++w.first) {
+    (stage_ == kSeeds ? seed_pairs_ : candidate_pairs_)[w.first] = plan_.pairs.at(positions[w.first]);
+    answers()[w.first] = beyond_answer(0);  // no nearer than the one found, and behind it
+  }
+  w.step *= 2;
+  return decided;
+}
+
+bool Reduction::ask(const Placement& placement, std::vector<PlacedBodies>& asked) {
+  assert(stage_ == kSeeds || stage_ == kCandidates);
+  WorkerState& w = workers_[0];
+  if (w.step == 0) {
+    if (stage_ == kCandidates && stops_at_overlap()) sort_candidates(placement);
+    begin_answers(0, ~std::uint64_t{0}, kAtFirstOfMany, w);
+  }
+  const std::size_t before = asked.size();
+  ask(w, placement, asked);
+  if (asked.size() > before) return true;
+  w.step = 0;
+  return false;
+}
+
+void Reduction::take(std::span<const PairAnswer> found) {
+  WorkerState& w = workers_[0];
+  std::copy(found.begin(), found.end(), answers().begin() + static_cast<std::ptrdiff_t>(w.first));
+  take(w);
+}
+
+// box_gap() of each.
+std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerState& worker,
+                                        const Placement& placement) const {
+  if (have_boxes_) return worker.cull.gaps(pairs, {&placement, 1});
+  worker.gaps.resize(pairs.size());
+  for (std::size_t i = 0; i < pairs.size(); ++i) worker.gaps[i] = box_gap(scene_, placement, pairs[i]);
+  return worker.gaps;
+}
+
+void Reduction::scan_block(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+  const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
+  const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
+  offer(begin, pairs, gaps(pairs, worker, placement), worker, placement);
+}
+
+void Reduction::scan(std::span<const double> gaps, const Placement& placement) {
+  assert(gaps.size() == plan_.pairs.size());
+  WorkerState& w = workers_[0];
+  gaps_ = gaps;
+  if (per_body()) return offer(0, plan_.pairs.slice(0, gaps.size(), w.room), gaps, w, placement);
+  if (stage_ == kSeedScan) {
+    const auto least = std::min_element(gaps.begin(), gaps.end());
+    if (least != gaps.end()) w.seed[0] = {*least, static_cast<std::uint64_t>(least - gaps.begin())};
+    return;
+  }
+  w.near.resize(gaps.size());
+  const std::size_t count = gaps_within(gaps.data(), gaps.size(), cutoff_[0], w.near.data());
+  for (std::size_t i = 0; i < count; ++i) offer(w.near[i], plan_.pairs.at(w.near[i]), gaps[w.near[i]], w, placement);
+}
+
+void Reduction::offer(std::uint64_t begin, std::span<const BodyPair> pairs, std::span<const double> gap,
+                      WorkerState& worker, const Placement& placement) const {
+  if (stage_ == kSeedScan) {
+    for (std::uint64_t i = 0; i < pairs.size(); ++i)
+      for_groups(pairs[i],
+                 [&](std::uint32_t g) { worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i}); });
+  } else {
+    for (std::uint64_t i = 0; i < pairs.size(); ++i) offer(begin + i, pairs[i], gap[i], worker, placement);
+  }
+}
+
+void Reduction::offer(std::uint64_t position, BodyPair pair, double gap, WorkerState& worker,
+                      const Placement& placement) const {
+  bool wanted = false;
+  if (gap == kInf && is_unusable(scene_, placement, pair)) {
+    wanted = stands_alone();
+    for_groups(pair, [&](std::uint32_t g) { worker.unusable[g] = std::min(worker.unusable[g], position); });
+  } else {
+    for_groups(pair, [&](std::uint32_t g) { wanted |= gap <= cutoff_[g]; });
+    if (any() && !options_.reference) wanted = wanted && gap <= plan_.margins.of(position);
+  }
+  if (wanted) worker.candidates.push_back(position);
+}
+
+void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+  worker.search.stand(placement);
+  const std::span<const std::uint32_t> probes = near_pairs_.probes();
+  for (std::uint64_t i = block * kProbes; i < std::min<std::uint64_t>(probes.size(), (block + 1) * kProbes); ++i) {
+    Seed& seed = worker.seed[per_body() ? probes[i] : 0];
+    seed = worker.search.nearest(probes[i], seed);
+    // Where no pair has boxes, the first stands for all.
+    if (per_body() && seed.gap == kInf) seed.position = near_pairs_.first_position(probes[i]);
+  }
+  if (!per_body() && block == 0) worker.seed[0] = std::min(worker.seed[0], Seed{kInf, 0});
+}
+
+void Reduction::scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+  worker.search.stand(placement);
+  if (block == 0) scan_unplaced(worker, placement);
+  if (near_pairs_.whole_table() && !per_body()) {
+    const auto first = static_cast<std::uint32_t>(block * kTreeBlocks);
+    const auto last = std::min<std::uint32_t>(near_pairs_.tree().blocks(), first + kTreeBlocks);
+    return worker.search.pairs(first, last, cutoff_[0], worker.candidates);
+  }
+  const std::span<const std::uint32_t> probes = near_pairs_.probes();
+  for (std::uint64_t i = block * kProbes; i < std::min<std::uint64_t>(probes.size(), (block + 1) * kProbes); ++i)
+    worker.search.around(probes[i], cutoff_[per_body() ? probes[i] : 0], per_body(), worker.candidates);
+}
+
+// Finds each group's first pair without usable poses. Where every pair within a distance is wanted, these pairs are
+// candidates: nothing is proved about them.
+void Reduction::scan_unplaced(WorkerState& worker, const Placement& placement) const {
+  if (worker.search.unplaced().empty()) return;
+  const auto add = [&](std::uint32_t g, std::uint64_t position) {
+    worker.unusable[g] = std::min(worker.unusable[g], position);
+  };
+  if (!near_pairs_.whole_table()) {
+    for (std::uint64_t i = 0; i < plan_.pairs.size(); ++i) {
+      const BodyPair pair = plan_.pairs.list()[i];
+      if (!is_unusable(scene_, placement, pair)) continue;
+      for_groups(pair, [&](std::uint32_t g) { add(g, i); });
+      if (stands_alone()) worker.candidates.push_back(i);
+    }
+    return;
+  }
+  std::vector<std::uint32_t> unplaced(worker.search.unplaced().begin(), worker.search.unplaced().end());
+  std::sort(unplaced.begin(), unplaced.end());
+  const auto n = static_cast<std::uint32_t>(scene_.bodies().size());
+  const auto has_pair = [&](std::uint32_t a, std::uint32_t b) {
+    return near_pairs_.position(a, b) != NearPairs::kNowhere;
+  };
+  for (const std::uint32_t bad : unplaced) {
+    add(per_body() ? bad : 0, near_pairs_.first_position(bad));
+    if (!stands_alone()) continue;
+    for (std::uint32_t b = 0; b < n; ++b)
+      if (has_pair(bad, b) && (b > bad || placement[b].status == Status::kOk))
+        worker.candidates.push_back(near_pairs_.position(bad, b));
+  }
+  if (!per_body()) return;
+  for (std::uint32_t b = 0; b < n; ++b) {  // a table lists a body's pairs in the order of its partners
+    const auto first =
+        std::find_if(unplaced.begin(), unplaced.end(), [&](std::uint32_t bad) { return has_pair(bad, b); });
+    if (first != unplaced.end()) add(b, near_pairs_.position(*first, b));
+  }
+}
+
+void Reduction::end_stage() {
+  switch (stage_) {
+    case kSeedScan: {
+      for (std::size_t g = 0; g < groups_; ++g) {
+        Seed least = workers_[0].seed[g];
+        for (const WorkerState& w : workers_) least = std::min(least, w.seed[g]);
+        if (least.position != ~std::uint64_t{0}) seeds_.push_back(least.position);
+      }
+      std::sort(seeds_.begin(), seeds_.end());
+      seeds_.erase(std::unique(seeds_.begin(), seeds_.end()), seeds_.end());
+      assert(seeds_.empty() || seeds_.back() < plan_.pairs.size());
+      seed_pairs_.resize(seeds_.size());
+      seed_answers_.resize(seeds_.size());
+      stage_ = kSeeds;
+      break;
+    }
+    case kSeeds:
+      cutoff_.assign(groups_, kInf);
+      for (std::size_t i = 0; i < seeds_.size(); ++i)
+        for_groups(seed_pairs_[i], [&](std::uint32_t g) {
+          // A seed whose boxes alone are beyond max_distance: none with boxes farther apart lowers the interval or
+          // wins. Boxes that touch do not say how deep an overlap is: its depth cuts nothing off.
+          const PairAnswer& seed = seed_answers_[i];
+          const bool beyond_by_boxes = seed.status == Status::kBeyond && seed.upper == kInf;
+          cutoff_[g] = std::min(cutoff_[g], beyond_by_boxes ? seed.lower : std::max(seed.upper, 0.0));
+        });
+      stage_ = kScan;
+      break;
+    case kScan:
+      for (const WorkerState& w : workers_) {
+        candidates_.insert(candidates_.end(), w.candidates.begin(), w.candidates.end());
+        for (std::size_t g = 0; g < groups_; ++g) unusable_[g] = std::min(unusable_[g], w.unusable[g]);
+      }
+      std::sort(candidates_.begin(), candidates_.end());
+      candidates_.erase(std::unique(candidates_.begin(), candidates_.end()), candidates_.end());
+      assert(candidates_.empty() || candidates_.back() < plan_.pairs.size());
+      candidates_.erase(
+          std::remove_if(candidates_.begin(), candidates_.end(),
+                         [&](std::uint64_t p) { return std::binary_search(seeds_.begin(), seeds_.end(), p); }),
+          candidates_.end());
+      candidate_pairs_.resize(candidates_.size());
+      candidate_answers_.resize(candidates_.size());
+      stage_ = kCandidates;
+      break;
+    case kCandidates:
+    case kDone:
+      stage_ = kDone;
+      break;
+  }
+}
+
+}  // namespace clearance

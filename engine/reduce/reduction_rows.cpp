@@ -1,0 +1,158 @@
+// What a configuration's answers come to: rows, once all stages are done.
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+#include "engine/evaluate/joint_gradient.h"
+#include "engine/narrow/group.h"
+#include "engine/reduce/reduction.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+// Whether a pose that a pair rests on may be too old: of all pairs one with any old pose will do.
+bool is_any_stale(const Plan& plan, const EvaluateOptions& options) {
+  const std::span<const std::uint8_t> stale = options.stale;
+  if (!options.want_flags || std::find(stale.begin(), stale.end(), 1) == stale.end()) return false;
+  if (plan.pairs.is_whole_table()) return true;
+  const auto is_stale = [&](BodyPair p) { return stale[p.a] || stale[p.b]; };
+  return std::any_of(plan.pairs.list().begin(), plan.pairs.list().end(), is_stale);
+}
+
+}  // namespace
+
+// Pairs that boxes alone answer leave no bound behind, but for that they are farther than their margins.
+PairAnswer beyond_all_margins(const Plan& plan, const EvaluateOptions& options) {
+  PairAnswer beyond =
+      plan.pairs.size() == 0 ? empty_answer() : beyond_answer(std::nextafter(plan.margins.least(), kInf));
+  if (is_any_stale(plan, options)) beyond.flags |= kFlagStale;
+  return beyond;
+}
+
+Row Reduction::row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration,
+                      const Placement& placement) const {
+  Row row{pair, configuration, answer, {}, {}, pair, {}};
+  if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
+  if (pair.b < scene_.bodies().size()) row.origin_b = placement[pair.b].pose.t_w;
+  if (options_.joint_gradient) {
+    row.gradient_joints.resize(plan_.joints.size());
+    options_.joint_gradient->write(placement, pair, answer, row.gradient_joints.data());
+  }
+  return row;
+}
+
+// What Reduce::kAny says: of the first pair within its margin; else of the first that is proved neither farther nor
+// within; else of the first without usable poses, of which nothing is proved; else of all pairs together.
+Row Reduction::decision(std::uint32_t configuration, const Placement& placement) const {
+  const std::size_t none = candidates_.size();
+  std::size_t open = none, unusable = none;
+  for (std::size_t i = 0; i < none; ++i) {
+    const PairAnswer& answer = candidate_answers_[i];
+    if (decides(candidates_[i], answer)) {
+      Row row = row_of(candidate_pairs_[i], answer, configuration, placement);
+      row.answer.status = decided_status(answer.lower, answer.upper);
+      row.answer.flags |= unusable_[0] != kNobody ? kFlagIncomplete : 0;
+      return row;
+    }
+    if (std::isnan(answer.distance))
+      unusable = std::min(unusable, i);
+    else if (answer.status != Status::kBeyond)
+      open = std::min(open, i);
+  }
+  if (const std::size_t i = std::min(open == none ? unusable : open, none); i < none) {
+    Row row = row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement);
+    if (i == open) row.answer.status = Status::kUnconverged;
+    row.answer.flags |= unusable_[0] != kNobody ? kFlagIncomplete : 0;
+    return row;
+  }
+  return row_of({kNone, kNone}, beyond_all_margins(plan_, options_), configuration, placement);
+}
+
+void Reduction::widen(Row& row, double lower, const Placement& placement) const {
+  const NarrowLimits& asked = options_.limits;
+  const auto slack_of = [&](BodyPair p) {
+    const bool is_placed = p.a < scene_.bodies().size() && p.b < scene_.bodies().size();
+    return is_placed ? pair_slack(placement, p) : Slack();
+  };
+  widen_to_group(row.answer, lower, asked.max_distance, asked.abs_tol, asked.rel_tol, slack_of(row.pair),
+                 slack_of(row.pair_lower));
+}
+
+// The row of a group that holds a pair without usable poses, which may be nearer than all others.
+Row Reduction::unusable_row(std::uint64_t position, std::uint32_t configuration, const Placement& placement) const {
+  const BodyPair pair = plan_.pairs.at(position);
+  Row row = row_of(pair, unusable_answer(scene_, placement, pair, options_), configuration, placement);
+  row.answer.flags |= kFlagIncomplete;
+  return row;
+}
+
+std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {
+  assert(stage_ == kDone);
+  if (any()) return {decision(configuration, placement)};
+  std::vector<Row> rows;
+  if (within()) {
+    for (std::size_t i = 0; i < candidates_.size(); ++i)
+      if (candidate_answers_[i].status != Status::kBeyond)
+        rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement));
+    return rows;
+  }
+  struct Candidates {
+    Standing best;
+    const PairAnswer* winner = nullptr;
+    double lower = kInf;                             // the least of all
+    std::uint64_t lower_place = Standing::kNowhere;  // of the first that has it
+  };
+  std::vector<Candidates> groups(groups_);
+  const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
+    if (std::isnan(answer.distance)) return;  // scans have noted pairs without usable poses
+    const double lower =
+        options_.reference ? answer.lower : lower_with_box(answer.lower, box_gap(scene_, placement, pair));
+    const Standing standing = standing_of(answer.lower, answer.upper, position);
+    for_groups(pair, [&](std::uint32_t g) {
+      Candidates& group = groups[g];
+      if (lower < group.lower || (lower == group.lower && position < group.lower_place)) {
+        group.lower = lower;
+        group.lower_place = position;
+      }
+      if (!(standing < group.best)) return;
+      group.best = standing;
+      group.winner = &answer;
+    });
+  };
+  for (std::size_t i = 0; i < seeds_.size(); ++i) offer(seeds_[i], seed_pairs_[i], seed_answers_[i]);
+  for (std::size_t i = 0; i < candidates_.size(); ++i)
+    offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
+  for (std::size_t g = 0; g < groups_; ++g) {
+    const Candidates& group = groups[g];
+    const std::uint64_t unusable = unusable_[g];
+    // Only a proved overlap is the least distance whatever the pairs without usable poses are.
+    if (unusable != kNobody && !(group.winner && group.winner->upper <= 0)) {
+      rows.push_back(unusable_row(unusable, configuration, placement));
+      continue;
+    }
+    if (!group.winner) {
+      const auto body = static_cast<std::uint32_t>(g);
+      rows.push_back(row_of({per_body() ? body : kNone, kNone}, empty_answer(), configuration, placement));
+      continue;
+    }
+    Row row = row_of(plan_.pairs.at(group.best.place), *group.winner, configuration, placement);
+    if (group.lower_place != Standing::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
+    widen(row, group.lower, placement);
+    if (unusable != kNobody) {
+      row.answer.flags |= kFlagIncomplete;
+      if (options_.limits.signed_distance) {  // of which the depth may be greater
+        row.answer.lower = -kInf;
+        row.pair_lower = plan_.pairs.at(unusable);
+      }
+    }
+    assert(row.answer.lower <= row.answer.upper);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+}  // namespace clearance

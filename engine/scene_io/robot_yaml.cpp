@@ -1,0 +1,124 @@
+#include "engine/scene_io/robot_yaml.h"
+
+#include <filesystem>
+#include <fstream>
+
+namespace clearance {
+
+namespace {
+
+void read_home(const YamlValue& value, RobotOptions& options) {
+  if (value.is_text()) {
+    options.home_state = value.text("the name of a group state");
+    return;
+  }
+  options.home.emplace();
+  for (const auto& [joint, position] : value.map("positions by joint, or the name of a group state of the SRDF"))
+    (*options.home)[joint] = position.number("radians or metres");
+}
+
+void read_padding(const YamlValue& value, RobotOptions& options) {
+  if (!value.is_map()) {
+    options.padding = value.not_negative();
+    return;
+  }
+  for (const auto& [link, metres] : value.map("")) options.link_padding[link] = metres.not_negative();
+}
+
+void read_geometry(const YamlValue& value, RobotOptions& options, const ResolvePath& resolve) {
+  if (value.is_map()) {
+    options.geometry_files.emplace();
+    for (const auto& [link, file] : value.map("")) (*options.geometry_files)[link] = resolve(file);
+    return;
+  }
+  const std::string which = value.text("collision or visual");
+  if (which != "collision" && which != "visual") value.fail_expected("collision or visual");
+  options.visual = which == "visual";
+}
+
+void read_robot_convexify(const YamlValue& value, RobotOptions& options) {
+  if (!value.is_map()) {
+    options.convexify = read_convexify(value);
+    return;
+  }
+  for (const auto& [link, how] : value.map("")) options.link_convexify[link] = read_convexify(how);
+}
+
+}  // namespace
+
+Convexify read_convexify(const YamlValue& value) {
+  constexpr const char* kExpected = "auto, hull, submeshes, surface, solid or decompose";
+  const std::optional<Convexify> convexify = convexify_of(value.text(kExpected));
+  if (!convexify) value.fail_expected(kExpected);
+  return *convexify;
+}
+
+Uncertainty read_uncertainty(const YamlValue& value) {
+  value.map("a map, such as {position: 0.002, angle: 0.01}");
+  value.check_keys({"position", "angle"});
+  Uncertainty uncertainty;
+  if (const auto position = value.find("position")) uncertainty.position = position->not_negative();
+  if (const auto angle = value.find("angle")) uncertainty.angle = angle->not_negative();
+  return uncertainty;
+}
+
+bool is_robot_file(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return false;
+  std::ifstream file(path, std::ios::binary);
+  char begin[3] = {};
+  file.read(begin, 3);
+  file.clear();
+  file.seekg(std::string_view(begin, 3) == "\xEF\xBB\xBF" ? 3 : 0);
+  char first = 0;
+  return (file >> first) && first == '<';
+}
+
+Scene scene_of_robot(const std::string& path, bool allow_outside) {
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  const RobotOptions options{.urdf = path, .allow_outside = allow_outside, .folder = folder.empty() ? "." : folder};
+  try {
+    Scene scene;
+    scene.add_robot(read_urdf(path).name, options);
+    return scene;
+  } catch (const std::runtime_error& e) {  // RobotError or SceneError, which may name the robot alone
+    const std::string what = e.what();
+    throw SceneError(what.starts_with(path) ? what : path + ": " + what);
+  }
+}
+
+RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {
+  value.map("a robot, such as {name: panda, urdf: panda.urdf}");
+  value.check_keys({"name", "urdf", "srdf", "packages", "base", "parent", "static", "live", "geometry", "home",
+                    "padding", "uncertainty", "convexify"});
+  const auto name = value.find("name"), urdf = value.find("urdf");
+  if (!name) value.fail("expected the key \"name\"");
+  if (!urdf) value.fail("expected the key \"urdf\"");
+  RobotPlan plan{value, name->text("a name"), {}, {}};
+  RobotOptions& options = plan.options;
+  options.urdf = resolve(*urdf);
+  if (const auto srdf = value.find("srdf")) options.srdf = resolve(*srdf);
+  if (const auto packages = value.find("packages"))
+    for (const auto& [package, folder] : packages->map("a map of packages to their folders"))
+      options.packages[package] = resolve(folder);
+  if (const auto base = value.find("base")) options.base = base->pose();
+  if (const auto parent = value.find("parent")) {
+    parent->text("the name of a body");
+    plan.parent = *parent;
+  }
+  if (const auto is_static = value.find("static")) options.is_static = is_static->boolean();
+  if (const auto is_live = value.find("live")) plan.is_live = is_live->boolean();
+  if (const auto geometry = value.find("geometry")) read_geometry(*geometry, options, resolve);
+  if (const auto convexify = value.find("convexify")) {
+    if (options.geometry_files) convexify->fail("files of a saved scene are what they were");
+    read_robot_convexify(*convexify, options);
+  }
+  if (const auto home = value.find("home")) read_home(*home, options);
+  if (const auto padding = value.find("padding")) read_padding(*padding, options);
+  if (const auto uncertainty = value.find("uncertainty"))
+    for (const auto& [link, doubt] : uncertainty->map("a map of links to what is not known of them"))
+      options.link_uncertainty[link] = read_uncertainty(doubt);
+  return plan;
+}
+
+}  // namespace clearance

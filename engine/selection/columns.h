@@ -1,0 +1,122 @@
+// From answers to the caller's columns. For host and device.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "engine/narrow/answer.h"
+#include "engine/selection/query.h"
+
+namespace clearance {
+
+/// An answer with its place: which pair, which configuration, and where the bodies' origins are.
+struct Row {
+  BodyPair pair;
+  std::uint32_t configuration = 0;
+  PairAnswer answer;
+  Vec3d origin_a{0, 0, 0}, origin_b{0, 0, 0};  ///< world frame
+  BodyPair pair_lower{kNone, kNone};           ///< whose lower bound is the answer's
+  std::vector<double> gradient_joints{};       ///< (J,); empty: not asked for
+};
+
+namespace detail {
+
+// Coordinate by coordinate: a loop over them would take a sum through memory, and wait for it there.
+CLEARANCE_HD inline void write(double* column, std::uint64_t index, const Vec3d& v) {
+  column[3 * index] = v.x;
+  column[3 * index + 1] = v.y;
+  column[3 * index + 2] = v.z;
+}
+
+// The float nearest to x on the outer side, so that the interval only grows.
+CLEARANCE_HD inline float float_below(double x) {
+#ifdef __CUDA_ARCH__
+  return __double2float_rd(x);
+#endif
+  const float f = static_cast<float>(x);
+  return f > x ? nextafterf(f, -__builtin_inff()) : f;
+}
+CLEARANCE_HD inline float float_above(double x) {
+#ifdef __CUDA_ARCH__
+  return __double2float_ru(x);
+#endif
+  const float f = static_cast<float>(x);
+  return f < x ? nextafterf(f, __builtin_inff()) : f;
+}
+
+/// The answer's interval in float32, which holds it.
+struct OuterBounds {
+  float lower, upper;
+
+  CLEARANCE_HD explicit OuterBounds(const PairAnswer& a) : lower(float_below(a.lower)), upper(float_above(a.upper)) {
+    if (!(lower <= a.lower)) lower = -__builtin_inff();  // where rounding is broken
+    if (!(upper >= a.upper)) upper = __builtin_inff();
+  }
+};
+
+CLEARANCE_HD inline CompactAnswer compact(const PairAnswer& a) {
+  const OuterBounds bounds(a);
+  CompactAnswer c{bounds.lower, bounds.upper, {}, {}};
+  for (int k = 0; k < 3; ++k) {
+    c.point_a[k] = static_cast<float>(a.point_a[k]);
+    c.point_b[k] = static_cast<float>(a.point_b[k]);
+  }
+  return c;
+}
+
+// d distance / d twist (angular in world axes; linear of the body's origin): the distance is n . (p_b - p_a), and each
+// point moves with its body. Where bodies overlap and no depth was asked for, the distance stays 0.
+CLEARANCE_HD inline void write_gradient(double* g, const PairAnswer& a) {
+  const bool flat = a.status == Status::kOverlap && a.distance == 0;
+  const Vec3d turn_a = -cross(a.point_a, a.normal), turn_b = cross(a.point_b, a.normal);
+  for (int k = 0; k < 3; ++k) {
+    g[k] = flat ? 0 : turn_a[k];
+    g[3 + k] = flat ? 0 : -a.normal[k];
+    g[6 + k] = flat ? 0 : turn_b[k];
+    g[9 + k] = flat ? 0 : a.normal[k];
+  }
+}
+
+}  // namespace detail
+
+/// Writes one row of the columns that kDefaultFields and kFieldBounds name, where they are there.
+CLEARANCE_HD inline void write_interval(const ReplyView& reply, std::uint64_t index, const PairAnswer& a) {
+  if (reply.distance) reply.distance[index] = a.distance;
+  if (reply.lower) reply.lower[index] = a.lower;
+  if (reply.upper) reply.upper[index] = a.upper;
+  if (reply.status) reply.status[index] = static_cast<std::uint8_t>(a.status);
+  if (!reply.bounds) return;
+  const detail::OuterBounds bounds(a);
+  reply.bounds[2 * index] = bounds.lower;
+  reply.bounds[2 * index + 1] = bounds.upper;
+}
+
+/// Writes one row of every column there is, but gradient_joints.
+/// \param origin_a, origin_b of the bodies, world frame
+CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, BodyPair pair,
+                                   std::uint32_t configuration, const PairAnswer& a, const Vec3d& origin_a,
+                                   const Vec3d& origin_b) {
+  write_interval(reply, index, a);
+  if (reply.flags) reply.flags[index] = a.flags;
+  if (reply.point_a) detail::write(reply.point_a, index, origin_a + a.point_a);
+  if (reply.point_b) detail::write(reply.point_b, index, origin_b + a.point_b);
+  if (reply.normal) detail::write(reply.normal, index, a.normal);
+  if (reply.pieces) {
+    reply.pieces[2 * index] = a.piece_a;
+    reply.pieces[2 * index + 1] = a.piece_b;
+  }
+  if (reply.gradient) detail::write_gradient(reply.gradient + 12 * index, a);
+  if (reply.pair) reply.pair[index] = pair;
+  if (reply.pair_lower) reply.pair_lower[index] = pair;
+  if (reply.configuration) reply.configuration[index] = configuration;
+  if (reply.compact) reply.compact[index] = detail::compact(a);
+}
+inline void write_row(const ReplyView& reply, std::uint64_t index, const Row& row) {
+  write_row(reply, index, row.pair, row.configuration, row.answer, row.origin_a, row.origin_b);
+  if (reply.pair_lower) reply.pair_lower[index] = row.pair_lower;
+  if (reply.gradient_joints)
+    std::copy(row.gradient_joints.begin(), row.gradient_joints.end(), reply.gradient_joints + index * reply.joints);
+}
+
+}  // namespace clearance

@@ -1,0 +1,121 @@
+#include "engine/selection/placement.h"
+
+#include <algorithm>
+#include <cassert>
+#include <limits>
+
+#include "engine/hull/box.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::uint64_t kMostPieces = 8192;  // placed at a time, of moved bodies
+
+// \param each gets the box of each piece of a body that has a usable pose
+template <class Each>
+Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack, const Each& each) {
+  Aabb box = kEmptyBox;
+  if (placement.status != Status::kOk || body.cloud == CloudState::kEmpty) return box;
+  for (std::size_t i = 0; i < body.pieces.size(); ++i) {
+    const Aabb piece = certify_box(*body.pieces[i], placement.pose.R_wb, placement.pose.t_w);
+    box = joined(box, piece);
+    each(i, piece);
+  }
+  return grown(box, slack.inner);
+}
+
+}  // namespace
+
+Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack) {
+  return body_box(body, placement, slack, [](std::size_t, const Aabb&) {});
+}
+
+double joints_between(const BodyDoubt& a, const BodyDoubt& b) {
+  const LinkErrors* const robot = a.link.errors == b.link.errors ? a.link.errors : nullptr;
+  return robot ? robot->between(a.link.link, b.link.link, std::max(a.link.travel, b.link.travel)) : kInf;
+}
+
+Slack pair_slack(const Placement& placement, BodyPair pair) {
+  if (placement.has_doubts()) {
+    const BodyDoubt &a = placement.doubt(pair.a), &b = placement.doubt(pair.b);
+    if (const double joints = joints_between(a, b); joints < kInf)
+      return slack_beside(a.beside + placement.beside_chains(pair.a), b.beside + placement.beside_chains(pair.b),
+                          joints);
+  }
+  return placement.slack(pair.a) + placement.slack(pair.b);
+}
+
+std::uint64_t Placement::most(const Scene& scene, const Plan& plan) {
+  std::uint64_t pieces = 1;
+  for (const std::uint32_t b : plan.moved) pieces += scene.bodies()[b].pieces.size();
+  return std::max<std::uint64_t>(kMostPieces / pieces, 1);
+}
+
+Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
+    : scene_(scene), plan_(plan), boxes_(boxes) {
+  if (plan.query.configuration_count == 0) return;
+  moved_slot_.assign(scene.bodies().size(), kNone);
+  std::size_t pieces = 0;
+  for (const std::uint32_t b : plan.moved) {
+    moved_slot_[b] = static_cast<std::uint32_t>(local_.size());
+    local_.push_back(plan.snapshot->local[b]);
+    facts_.push_back((plan.snapshot->given[b] ? 0 : kLinkUnplaced) |
+                     (plan.snapshot->beyond_limits[b] ? kLinkBeyondLimits : 0));
+    first_piece_.push_back(static_cast<std::uint32_t>(pieces));
+    pieces += scene.bodies()[b].pieces.size();
+  }
+  for (const std::uint32_t b : plan.moved) travels_.push_back(plan.doubts.empty() ? 0 : plan.doubts[b].link.travel);
+  moved_.resize(local_.size());
+  rotation_of_.resize(local_.size(), nullptr);
+  moved_boxes_.resize(local_.size());
+  if (!plan.doubts.empty()) moved_doubts_.resize(local_.size());
+  if (!boxes.empty()) piece_boxes_.resize(pieces);
+}
+
+void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations) {
+  if (stands_at(k)) return;
+  const std::size_t count = plan_.bodies.size();
+  assert(rotations.size() == count && given.poses.size() == count &&
+         (given.facts.empty() || given.facts.size() == count));
+  number_ = plan_.number(k);
+  errors_ = given.errors;
+  const PoseSnapshot& snapshot = *plan_.snapshot;
+  for (std::size_t m = 0; m < count; ++m) {
+    const std::uint32_t slot = moved_slot_[plan_.bodies[m]];
+    local_[slot] = given.poses[m];
+    facts_[slot] = given.facts.empty() ? 0 : given.facts[m];
+    rotation_of_[slot] = &rotations[m];
+    if (!given.travels.empty()) travels_[slot] = given.travels[m];
+  }
+  for (std::size_t i = 0; i < plan_.moved.size(); ++i) {
+    const std::uint32_t body = plan_.moved[i], parent = snapshot.parent[body];
+    const BodyPlacement* const on = parent == kNone ? nullptr : &(*this)[parent];
+    const bool is_unplaced = (facts_[i] & kLinkUnplaced) || scene_.bodies()[body].cloud == CloudState::kAwaited;
+    moved_[i] = place(is_unplaced ? nullptr : &local_[i], on, rotation_of_[i]);
+    moved_[i].beyond_limits |= (facts_[i] & kLinkBeyondLimits) != 0;
+    if (moved_[i].status == Status::kOk && snapshot.placed[body].status == Status::kStalePose)
+      moved_[i].status = Status::kStalePose;  // through a joint that the query leaves as it is
+    if (!moved_doubts_.empty() && moved_[i].status == Status::kOk) {
+      // What the query itself places is there now.
+      const double age_s =
+          rotation_of_[i] ? points_age_s(snapshot, body, plan_.begun_ns) : pose_age_s(snapshot, body, plan_.begun_ns);
+      PlacedLink link = plan_.doubts[body].link;
+      link.travel = travels_[i];
+      moved_doubts_[i] = doubt_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
+                                  parent == kNone ? nullptr : &doubt(parent), on && is_composed(*on), link);
+    }
+    if (boxes_.empty()) continue;
+    Aabb* const pieces = piece_boxes_.data() + first_piece_[i];
+    moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i], slack(body),
+                               [&](std::size_t p, const Aabb& box) { pieces[p] = box; });
+  }
+}
+
+Aabb Placement::box(std::uint32_t body) const {
+  if (boxes_.empty()) return body_box(scene_.bodies()[body], (*this)[body], slack(body));
+  return moved_slot_.empty() || moved_slot_[body] == kNone ? boxes_[body] : moved_boxes_[moved_slot_[body]];
+}
+
+}  // namespace clearance

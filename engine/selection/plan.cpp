@@ -1,0 +1,272 @@
+#include "engine/selection/plan.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <iterator>
+#include <string>
+
+#include "engine/base/digest.h"
+#include "engine/narrow/work_meter.h"
+
+namespace clearance {
+
+namespace {
+
+[[noreturn]] void refuse(const std::string& what) {
+  throw QueryError(QueryErrorCode::kBadQuery, what);
+}
+
+void check_motions(const QueryView& q) {
+  if (q.max_steps == 0) {
+    if (q.fields & kMotionFields)
+      refuse("fields: time, first_contact and steps are of motions, which a query has with max_steps");
+    return;
+  }
+  const auto unsupported = [](const char* what) { throw QueryError(QueryErrorCode::kNotSupported, what); };
+  if (q.reduce == Reduce::kWithin || q.reduce == Reduce::kNearest)
+    unsupported("reduce: motions are reduced by none, min and any");
+  if (q.signed_distance) unsupported("signed_distance: motions have no depths");
+  if (q.fields & (kFieldGradient | kFieldGradientJoints)) unsupported("fields: motions have no gradient");
+  if (q.configuration_count == 0 || q.configuration_count % 2 != 0)
+    refuse("configurations: motions have two each, got " + std::to_string(q.configuration_count));
+}
+
+void check_free_scale(const QueryView& q) {
+  if (!(q.fields & kFieldFreeScale)) {
+    if (!q.weights.empty()) refuse("weights: are for the column free_scale");
+    return;
+  }
+  if (q.reduce != Reduce::kAny) refuse("fields: free_scale is a column of reduce any, whose margins it is about");
+  if (q.max_steps > 0) throw QueryError(QueryErrorCode::kNotSupported, "fields: motions have no free_scale");
+  if ((q.fields & ~(kFieldFreeScale | kFieldPair)) || q.format != Format::kFull)
+    refuse("fields: free_scale comes with no other column but pair, in the format full");
+}
+
+void check_numbers(const QueryView& q) {
+  if (!(q.max_distance >= 0)) refuse("max_distance: expected metres >= 0, got " + std::to_string(q.max_distance));
+  if (!(q.abs_tol >= 0) || std::isinf(q.abs_tol))
+    refuse("abs_tol: expected metres >= 0, got " + std::to_string(q.abs_tol));
+  if (std::isnan(q.rel_tol) || q.rel_tol >= 1)
+    refuse("rel_tol: expected a ratio below 1, got " + std::to_string(q.rel_tol));
+  if (q.precision > Precision::kF32) refuse("precision: unknown value " + std::to_string(int(q.precision)));
+  if (q.model > Model::kPieces) refuse("model: unknown value " + std::to_string(int(q.model)));
+  if (q.reduce > Reduce::kAny) refuse("reduce: unknown value " + std::to_string(int(q.reduce)));
+  if (q.format > Format::kCompact) refuse("format: unknown value " + std::to_string(int(q.format)));
+  if (q.fields & ~kKnownFields) refuse("fields: unknown bits in " + std::to_string(q.fields));
+  if (q.max_pose_age_ns < 0)
+    refuse("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
+  const bool any = q.reduce == Reduce::kAny;
+  const bool has_margins = q.margin != 0 || !q.margins.empty() || !q.pair_margins.empty();
+  if (has_margins && !any && q.max_steps == 0)
+    refuse("margin: is for reduce any, and for motions; other queries have max_distance");
+  if (any && q.max_distance < std::numeric_limits<double>::infinity())
+    refuse("max_distance: reduce any decides by its margins, and has no other cut-off");
+  if (any && q.signed_distance) refuse("signed_distance: reduce any asks for no depth");
+  if ((q.fields & kFieldGradientJoints) && q.joints.empty())
+    refuse("fields: gradient_joints is for a query with joints");
+  if (q.stale_status && q.max_pose_age_ns == 0) refuse("stale_status: is for a query with max_pose_age_ns");
+  check_motions(q);
+  check_free_scale(q);
+}
+
+// A depth is how far things have to move apart: points have no inside, and who asks for it means something else.
+void refuse_depths_of_clouds(const PairList& pairs, const Scene& scene) {
+  constexpr std::uint64_t kAtATime = 1024;
+  std::vector<BodyPair> room;
+  for (std::uint64_t begin = 0; begin < pairs.size(); begin += kAtATime)
+    for (const BodyPair pair : pairs.slice(begin, std::min(kAtATime, pairs.size() - begin), room))
+      for (const std::uint32_t body : {pair.a, pair.b})
+        if (body < scene.bodies().size() && is_cloud(scene.bodies()[body]))
+          throw QueryError(QueryErrorCode::kNotSupported, "signed_distance: '" + scene.bodies()[body].name +
+                                                              "' is a cloud of points, of which there is no depth");
+  units_of_this_thread += pairs.size() / kAtATime;
+}
+
+std::uint32_t written_fields(const QueryView& q) {
+  constexpr std::uint32_t kPacked =
+      kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal | kFieldGradient | kFieldGradientJoints;
+  std::uint32_t fields =
+      q.format == Format::kCompact ? (q.fields & ~kPacked) | kFieldCompact : q.fields & ~kFieldCompact;
+  if (q.reduce != Reduce::kNone) fields |= kFieldPair;
+  if (q.reduce == Reduce::kWithin) fields |= kFieldConfiguration;
+  return fields;
+}
+
+// All pairs have changed whatever has, and with a body more or less there is a row more or less for the nearest of
+// each.
+/// \param bodies that the query moves
+bool still_means(const QueryView& query, std::span<const std::uint32_t> bodies, const PoseSnapshot& snapshot,
+                 const Scene& scene) {
+  return !query.all_pairs && snapshot.history->still_means({query.scene_revision, bodies, query.pairs, query.margins,
+                                                            query.reduce == Reduce::kNearest},
+                                                           snapshot.scene_changes, scene);
+}
+
+[[noreturn]] void refuse_scene(const QueryView& query, const PoseSnapshot& snapshot) {
+  throw QueryError(QueryErrorCode::kWrongScene, "the scene is revision " + std::to_string(snapshot.scene_revision) +
+                                                    ", the query is for " + std::to_string(query.scene_revision));
+}
+
+void take_bodies(const QueryView& query, const Scene& scene, Plan& plan) {
+  std::vector<std::uint8_t> seen(scene.bodies().size(), 0);
+  for (std::size_t i = 0; i < query.bodies.size(); ++i) {
+    const std::uint32_t b = query.bodies[i];
+    const std::string place = "bodies[" + std::to_string(i) + "]: ";
+    if (b >= scene.bodies().size()) refuse(place + "unknown body " + std::to_string(b));
+    const Body& body = scene.bodies()[b];
+    if (body.is_static) refuse(place + "'" + body.name + "' is static and cannot be moved");
+    if (body.robot != kNone) refuse(place + placed_by_joints(body));
+    if (seen[b]++) refuse(place + "'" + body.name + "' is named twice");
+  }
+  plan.bodies.assign(query.bodies.begin(), query.bodies.end());
+  plan.given_bodies = plan.bodies.size();
+  units_of_this_thread += seen.size() / 1024;
+}
+
+constexpr std::uint64_t kLinksPerUnit = 64;  // of work: links that are looked through for those that joints move
+
+void take_joints(const QueryView& query, const Scene& scene, Plan& plan) {
+  if (query.joints.empty()) return;
+  const PoseSnapshot& snapshot = *plan.snapshot;
+  std::vector<std::uint8_t> seen(scene.joints().size(), 0);
+  std::vector<std::vector<LinkMotion::Moving>> of_robots(scene.robots().size());
+  for (std::uint32_t i = 0; i < query.joints.size(); ++i) {
+    const std::uint32_t j = query.joints[i];
+    const std::string place = "joints[" + std::to_string(i) + "]: ";
+    if (j >= scene.joints().size())
+      refuse(place + "unknown joint " + std::to_string(j) + "; the scene has " + std::to_string(seen.size()));
+    const SceneJoint& joint = scene.joints()[j];
+    if (seen[j]++) refuse(place + "'" + joint.name + "' is named twice");
+    of_robots[joint.robot].push_back({joint.column, i});
+  }
+  for (std::size_t r = 0; r < of_robots.size(); ++r) {
+    if (of_robots[r].empty()) continue;
+    const SceneRobot& robot = *scene.robots()[r];
+    const std::size_t count = robot.model.columns.size();
+    plan.motions.emplace_back(robot, std::span(snapshot.joints.position).subspan(robot.first_joint, count),
+                              std::span(snapshot.joints.given).subspan(robot.first_joint, count),
+                              std::move(of_robots[r]));
+    for (const std::uint32_t link : plan.motions.back().links()) plan.bodies.push_back(robot.bodies[link]);
+    units_of_this_thread += robot.bodies.size() / kLinksPerUnit;
+  }
+  plan.joints.assign(query.joints.begin(), query.joints.end());
+}
+
+void check_count(const char* what, const char* of, std::size_t got, std::uint64_t configurations, std::size_t each) {
+  const std::uint64_t wanted = configurations * each;
+  if (got != wanted)
+    refuse(std::string(what) + ": expected " + std::to_string(wanted) + " " + of + " (" +
+           std::to_string(configurations) + " x " + std::to_string(each) + "), got " + std::to_string(got));
+}
+
+}  // namespace
+
+Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
+                 std::uint64_t max_rows, bool with_configurations, bool with_question)
+    : scene_(scene), max_rows_(max_rows) {
+  check_numbers(query);
+  const bool is_older = query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision;
+  if (is_older && !still_means(query, query.bodies, *snapshot, scene)) refuse_scene(query, *snapshot);
+  Plan& plan = plan_;
+  plan.query = query;
+  if (plan.query.rel_tol < 0) plan.query.rel_tol = default_rel_tol(query.precision);
+  plan.snapshot = std::move(snapshot);
+  take_bodies(query, scene, plan);
+  if (is_older && std::any_of(query.joints.begin(), query.joints.end(),
+                              [&](std::uint32_t j) { return j >= scene.joints().size(); }))
+    refuse_scene(query, *plan.snapshot);
+  take_joints(query, scene, plan);
+  if (is_older && !still_means(query, plan.bodies, *plan.snapshot, scene)) refuse_scene(query, *plan.snapshot);
+  if (query.configuration_count > 0 && query.bodies.empty() && query.joints.empty())
+    refuse("configurations without bodies or joints that they move");
+  plan.query.bodies = plan.bodies;
+  plan.query.joints = plan.joints;
+  plan.weights.assign(query.weights.begin(), query.weights.end());
+  plan.query.weights = plan.weights;
+  plan.query.configurations = {};
+  plan.query.positions = {};
+  if (with_configurations) plan.take_configurations(query);
+  if (with_question) plan.question.emplace(query);
+
+  plan.moved = plan.snapshot->with_followers(plan.bodies);
+  lister_.emplace(query, scene, plan.snapshot->pairs, plan.moved);
+  plan.query.pairs = {};
+  units_of_this_thread += query.bodies.size() / 16;
+}
+
+bool Planner::advance(WorkMeter& meter) {
+  if (!lister_) return true;
+  if (!lister_->advance(meter)) return false;
+  plan_.pairs = lister_->take();
+  lister_.reset();
+  if (plan_.query.signed_distance && scene_.has_surfaces()) refuse_depths_of_clouds(plan_.pairs, scene_);
+  if (plan_.query.reduce == Reduce::kAny || plan_.query.max_steps > 0)
+    plan_.margins = Margins(plan_.query, scene_, plan_.pairs);
+  plan_.query.margins = {};
+  plan_.query.pair_margins = {};
+  settle_size();
+  return true;
+}
+
+void Planner::settle_size() {
+  const QueryView& query = plan_.query;
+  QuerySize& size = plan_.size;
+  size.configurations = std::max<std::uint64_t>(query.configuration_count, 1);
+  if (query.max_steps > 0) size.configurations = query.configuration_count / 2;
+  size.pairs = plan_.pairs.size();
+  size.fields = written_fields(query);
+  size.joints = static_cast<std::uint32_t>(query.joints.size());
+  // K and P are below 2^32 and 2^64 / 2^32 rows would never pass max_rows_: compare by division.
+  const bool one_row = query.reduce == Reduce::kMin || query.reduce == Reduce::kAny;
+  const std::uint64_t per_configuration = one_row                            ? 1
+                                          : query.reduce == Reduce::kNearest ? scene_.bodies().size()
+                                                                             : size.pairs;
+  const bool too_many = per_configuration > 0 && size.configurations > max_rows_ / per_configuration;
+  size.rows = too_many ? max_rows_ + 1 : size.configurations * per_configuration;
+  if (query.reduce == Reduce::kWithin) size.rows = std::min(size.rows, query.max_results);
+  if (size.rows > max_rows_)
+    throw QueryError(QueryErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations x " +
+                                                    std::to_string(per_configuration) +
+                                                    " rows are more than the limit of " + std::to_string(max_rows_));
+}
+
+Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
+               std::uint64_t max_rows, bool with_configurations) {
+  Planner planner(query, scene, std::move(snapshot), max_rows, with_configurations);
+  WorkMeter unlimited;
+  planner.advance(unlimited);
+  units_of_this_thread += unlimited.spent();
+  return std::move(planner.plan());
+}
+
+void Plan::take_configurations(const QueryView& asked) {
+  const std::uint32_t count = asked.configuration_count;
+  check_count("configurations", "poses", asked.configurations.size(), count, asked.bodies.size());
+  check_count("positions", "numbers", asked.positions.size(), count, asked.joints.size());
+  configurations = asked.configurations;
+  positions = asked.positions;
+}
+
+void Plan::keep_configurations() {
+  const auto keep = [](auto& view, auto& kept) {
+    if (view.data() == kept.data()) return;
+    count_copied(view.size_bytes());
+    kept.assign(view.begin(), view.end());
+    view = kept;
+  };
+  keep(configurations, kept_configurations);
+  keep(positions, kept_positions);
+}
+
+std::uint64_t warm_question(const Plan& plan) {
+  Digest d;
+  d.add(plan.snapshot->scene_revision);
+  d.add(plan.size.configurations);
+  d.add(plan.size.pairs);
+  d.add(static_cast<std::uint64_t>(plan.query.model));
+  for (const BodyPair pair : plan.pairs.list()) d.add(std::uint64_t{pair.a} << 32 | pair.b);
+  return d.value();
+}
+
+}  // namespace clearance

@@ -1,0 +1,79 @@
+// How points of bodies are replaced: the tree is made first, then a snapshot with another scene is published.
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "engine/bvh/surface.h"
+#include "engine/scene/cloud_geometry.h"
+#include "engine/state/pose_store.h"
+
+namespace clearance {
+
+const ReceivedPoints* PoseSnapshot::points_of(std::uint32_t body) const {
+  if (!points) return nullptr;
+  const auto found = std::ranges::find(*points, body, &ReceivedPoints::body);
+  return found == points->end() ? nullptr : &*found;
+}
+
+void PoseStore::note_points(PoseSnapshot& next, ReceivedPoints received) {
+  auto all = next.points ? std::make_shared<std::vector<ReceivedPoints>>(*next.points)
+                         : std::make_shared<std::vector<ReceivedPoints>>();
+  std::erase_if(*all, [&](const ReceivedPoints& of) { return of.body == received.body; });
+  all->push_back(std::move(received));
+  next.points = std::move(all);
+}
+
+PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const CloudPoint> points,
+                                       std::optional<double> radius, std::int64_t stamp_ns, std::int64_t sequence,
+                                       std::uint64_t publisher) {
+  const auto refuse = [](const std::string& why) { throw QueryError(QueryErrorCode::kBadQuery, "points: " + why); };
+  check_stamp(stamp_ns);
+  if (body >= scene_.bodies().size()) refuse("unknown body " + std::to_string(body));
+  const Body& of = scene_.bodies()[body];
+  if (!is_cloud(of)) refuse("'" + of.name + "' is no body of points");
+  PiecePtr cloud;
+  try {
+    if (!points.empty()) cloud = make_cloud_piece(points, of.voxel, radius.value_or(of.cloud_radius));
+  } catch (const std::invalid_argument& e) {
+    refuse("'" + of.name + "': " + e.what());
+  }
+
+  const std::lock_guard one_at_a_time(points_writers_);
+  // Nobody else makes another scene meanwhile; poses may be set.
+  auto scene = std::make_shared<const Scene>(snapshot()->scene->with_points(body, cloud));
+  std::erase_if(scenes_, [](const std::shared_ptr<const Scene>& old) { return old.use_count() == 1; });
+  scenes_.push_back(scene);
+
+  const std::lock_guard lock(writers_);
+  check_not_late(points_marks_, body, of.name, stamp_ns, publisher);
+  points_marks_.note(body, publisher, stamp_ns);
+  const std::shared_ptr<PoseSnapshot> next = copy();
+  next->scene = std::move(scene);
+  note_points(*next, {body, std::move(cloud), points.size(), stamp_ns, monotonic_ns(), sequence});
+  const std::uint32_t changed[] = {body};
+  std::vector<std::uint32_t> placed = next->with_followers(changed);
+  next->place_again(placed);
+  ++next->revision;
+  remember(std::move(placed));
+  publish(next);
+  PoseUpdateResult result;
+  result.revision = next->revision;
+  result.applied = static_cast<std::uint32_t>(points.size());
+  result.copied_bytes = std::exchange(copied_bytes_, 0) + points.size_bytes();
+  return result;
+}
+
+void PoseStore::take_over_points(const PoseStore& old_store, PoseSnapshot& next) {
+  const PoseSnapshot& old = *old_store.current_;
+  if (!old.points) return;
+  for (ReceivedPoints received : *old.points) {
+    const std::uint32_t now = scene_.find_body(old_store.scene_.bodies()[received.body].name);
+    if (now == kNone || !is_cloud(scene_.bodies()[now])) continue;
+    if (received.cloud && received.cloud->surface->edge() != scene_.bodies()[now].voxel) continue;
+    received.body = now;
+    next.scene = std::make_shared<const Scene>(next.scene->with_points(now, received.cloud));
+    note_points(next, std::move(received));
+  }
+}
+
+}  // namespace clearance

@@ -1,0 +1,416 @@
+#include "engine/state/pose_store.h"
+
+#include <algorithm>
+#include <cassert>
+#include <chrono>
+#include <string>
+#include <tuple>
+#include <utility>
+
+namespace clearance {
+
+std::int64_t monotonic_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
+  constexpr std::size_t kAtATime = 64;
+  Pose poses[kAtATime];
+  Mat3d rotations[kAtATime];
+  assert(placed.size() == local.size() && parent.size() == local.size());
+  const auto is_given = [&](std::uint32_t b) { return given[b] && scene->bodies()[b].cloud != CloudState::kAwaited; };
+  for (std::size_t begin = 0; begin < bodies.size(); begin += kAtATime) {
+    const auto part = bodies.subspan(begin, std::min(kAtATime, bodies.size() - begin));
+    for (std::size_t i = 0; i < part.size(); ++i) poses[i] = local[part[i]];
+    rotations_of(std::span(poses, part.size()), std::span(rotations, part.size()));
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      const std::uint32_t b = part[i];
+      placed[b] =
+          place(is_given(b) ? &local[b] : nullptr, parent[b] == kNone ? nullptr : &placed[parent[b]], &rotations[i]);
+      placed[b].beyond_limits |= beyond_limits[b] != 0;
+    }
+  }
+}
+
+std::int64_t PoseSnapshot::receipt_of_chain(std::uint32_t body) const {
+  std::int64_t oldest = 0;
+  const auto look = [&](std::int64_t receipt) {
+    if (receipt != 0 && (oldest == 0 || receipt < oldest)) oldest = receipt;
+  };
+  for (std::uint32_t b = body; b != kNone; b = parent[b]) look(receipt_ns[b]);
+  if (const ReceivedPoints* own = points_of(body)) look(own->receipt_ns);
+  return oldest;
+}
+
+std::vector<std::uint32_t> PoseSnapshot::with_followers(std::span<const std::uint32_t> bodies) const {
+  std::vector<std::uint8_t> moved(local.size(), 0);
+  for (const std::uint32_t b : bodies) moved[b] = 1;
+  std::vector<std::uint32_t> all;
+  for (const std::uint32_t b : *order) {
+    if (parent[b] != kNone && moved[parent[b]]) moved[b] = 1;
+    if (moved[b]) all.push_back(b);
+  }
+  return all;
+}
+
+namespace {
+
+// Parents before children. The parents must be free of cycles.
+std::shared_ptr<const std::vector<std::uint32_t>> order_of(const std::vector<std::uint32_t>& parent) {
+  auto order = std::make_shared<std::vector<std::uint32_t>>();
+  order->reserve(parent.size());
+  std::vector<std::uint8_t> done(parent.size(), 0);
+  std::vector<std::uint32_t> chain;
+  for (std::uint32_t b = 0; b < parent.size(); ++b) {
+    for (std::uint32_t p = b; p != kNone && !done[p]; p = parent[p]) chain.push_back(p);
+    for (; !chain.empty(); chain.pop_back()) {
+      done[chain.back()] = 1;
+      order->push_back(chain.back());
+    }
+  }
+  assert(order->size() == parent.size());
+  return order;
+}
+
+// Another attachment is another scene: other pairs are enabled. So are other ignored pairs.
+std::uint64_t revision_with(const Scene& scene, const std::vector<std::uint32_t>& parent,
+                            std::span<const BodyPair> ignored) {
+  std::uint64_t h = scene.revision();
+  bool as_loaded = true;
+  for (std::uint32_t b = 0; b < parent.size(); ++b) {
+    as_loaded &= parent[b] == scene.bodies()[b].parent;
+    h = (h ^ (parent[b] + 0x9E3779B97F4A7C15ull * (b + 1))) * 0xFF51AFD7ED558CCDull;
+    h ^= h >> 32;
+  }
+  const std::vector<BodyPair> loaded = IgnoredPairs(scene).all();
+  for (const BodyPair pair : changed_pairs(loaded, ignored)) {
+    as_loaded = false;
+    h = (h ^ (std::uint64_t{pair.a} << 32 | pair.b)) * 0xC4CEB9FE1A85EC53ull;
+    h ^= h >> 29;
+  }
+  return as_loaded ? scene.revision() : (h ? h : 1);
+}
+
+}  // namespace
+
+void PoseStore::enable_pairs(PoseSnapshot& snapshot) const {
+  snapshot.order = order_of(snapshot.parent);
+  snapshot.has_followers =
+      std::any_of(snapshot.parent.begin(), snapshot.parent.end(), [](std::uint32_t parent) { return parent != kNone; });
+  snapshot.scene_revision = revision_with(scene_, snapshot.parent, snapshot.ignored->all());
+  snapshot.pairs = std::make_shared<const PairTable>(scene_, snapshot.parent, snapshot.ignored->all());
+  snapshot.scene_changes = history_->changes();
+  snapshot.history = history_;
+}
+
+PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead)
+    : scene_(scene),
+      max_stamp_lead_(max_stamp_lead),
+      marks_(scene.bodies().size()),
+      joint_marks_(scene.joints().size()),
+      points_marks_(scene.bodies().size()) {
+  auto first = std::make_shared<PoseSnapshot>();
+  first->scene = std::shared_ptr<const Scene>(std::shared_ptr<const Scene>(), &scene);  // which outlives it
+  const std::size_t n = scene.bodies().size();
+  first->loaded_ns = monotonic_ns();
+  first->local.resize(n);
+  first->given.resize(n);
+  first->placed.resize(n);
+  first->stamp_ns.resize(n);
+  first->receipt_ns.resize(n);
+  first->sequence.resize(n);
+  first->beyond_limits.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Body& body = scene.bodies()[i];
+    first->parent.push_back(body.parent);
+    first->local[i] = body.pose.value_or(Pose{});
+    first->given[i] = body.pose.has_value() && !body.is_live;
+  }
+  const std::size_t joints = scene.joints().size();
+  for (const SceneJoint& joint : scene.joints()) {
+    first->joints.position.push_back(joint.home.value_or(0));
+    first->joints.given.push_back(joint.home.has_value());
+  }
+  first->joints.stamp_ns.resize(joints);
+  first->joints.receipt_ns.resize(joints);
+  first->joints.sequence.resize(joints);
+  for (const auto& robot : scene.robots()) first->move_links(*robot, {});
+  first->ignored = std::make_shared<const IgnoredPairs>(scene);
+  enable_pairs(*first);
+  first->place_again(*first->order);
+  publish(std::move(first));
+}
+
+std::shared_ptr<const PoseSnapshot> PoseStore::snapshot() const {
+  const std::lock_guard lock(current_mutex_);
+  return current_;
+}
+
+// A copy of the current snapshot, in the memory of one that nobody reads any more if there is such a one.
+std::shared_ptr<PoseSnapshot> PoseStore::copy() {
+  std::unique_ptr<PoseSnapshot> next;
+  {
+    const std::lock_guard lock(spares_->mutex);
+    if (!spares_->snapshots.empty()) {
+      next = std::move(spares_->snapshots.back());
+      spares_->snapshots.pop_back();
+    }
+  }
+  const std::shared_ptr<const PoseSnapshot> current = snapshot();
+  if (!next || !catch_up(*next, *current)) {
+    if (!next) next = std::make_unique<PoseSnapshot>();
+    *next = *current;
+    PoseSnapshot::for_each_column([&](auto column) { copied_bytes_ += std::span(*current.*column).size_bytes(); });
+  }
+  next->is_published = false;
+  return {next.release(), [spares = spares_](PoseSnapshot* done) {
+            std::unique_ptr<PoseSnapshot> snapshot(done);
+            snapshot->scene = nullptr;  // whose points may be many
+            snapshot->points = nullptr;
+            const std::lock_guard lock(spares->mutex);
+            if (spares->snapshots.size() < kSpares) spares->snapshots.push_back(std::move(snapshot));
+          }};
+}
+
+// Makes an older snapshot the current one, where it is known which bodies differ: in a large scene most are as they
+// were.
+bool PoseStore::catch_up(PoseSnapshot& old, const PoseSnapshot& current) {
+  const std::uint64_t behind = current.revision - old.revision;
+  if (!old.is_published || behind > changes_.size()) return false;
+  for (auto changed = changes_.end() - static_cast<std::ptrdiff_t>(behind); changed != changes_.end(); ++changed)
+    for (const std::uint32_t b : *changed)
+      PoseSnapshot::for_each_column([&](auto column) {
+        (old.*column)[b] = (current.*column)[b];
+        copied_bytes_ += sizeof(old.*column)[b];
+      });
+  old.joints = current.joints;
+  old.scene = current.scene;
+  old.points = current.points;
+  old.revision = current.revision;
+  return true;
+}
+
+// Of the revision that is published next.
+void PoseStore::remember(std::vector<std::uint32_t> changed) {
+  if (changed.size() > scene_.bodies().size() / kWorthRemembering) return changes_.clear();
+  changes_.push_back(std::move(changed));
+  if (changes_.size() > kRemembered) changes_.pop_front();
+}
+
+namespace {
+
+void note_receipts_of_points(PoseSnapshot& next) {
+  for (const ReceivedPoints& of : *next.points) {
+    if (next.oldest_receipt_ns == 0 || of.receipt_ns < next.oldest_receipt_ns) next.oldest_receipt_ns = of.receipt_ns;
+    if (const std::pair stamped(of.stamp_ns, of.sequence);
+        stamped > std::pair(next.newest_stamp_ns, next.newest_sequence))
+      std::tie(next.newest_stamp_ns, next.newest_sequence) = stamped;
+  }
+}
+
+}  // namespace
+
+void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
+  next->is_published = true;
+  next->oldest_receipt_ns = next->newest_stamp_ns = next->newest_sequence = 0;
+  for (std::size_t b = 0; b < next->receipt_ns.size(); ++b) {
+    const std::int64_t receipt = next->receipt_ns[b];
+    if (receipt == 0) continue;
+    if (next->oldest_receipt_ns == 0 || receipt < next->oldest_receipt_ns) next->oldest_receipt_ns = receipt;
+    const std::pair stamped(next->stamp_ns[b], next->sequence[b]);
+    if (stamped > std::pair(next->newest_stamp_ns, next->newest_sequence))
+      std::tie(next->newest_stamp_ns, next->newest_sequence) = stamped;
+  }
+  if (next->points) note_receipts_of_points(*next);
+  assert(next->pairs && next->order && next->local.size() == scene_.bodies().size());
+  std::shared_ptr<const PoseSnapshot> old = std::move(next);  // freed outside the lock
+  const std::lock_guard lock(current_mutex_);
+  current_.swap(old);
+}
+
+void PoseStore::check_stamp(std::int64_t stamp_ns) const {
+  using std::chrono::nanoseconds;
+  const nanoseconds now = std::chrono::system_clock::now().time_since_epoch();
+  if (stamp_ns >= 0 && (nanoseconds(stamp_ns) <= now || nanoseconds(stamp_ns) - now <= max_stamp_lead_)) return;
+  ++out_of_range_;
+  const auto seconds = [](nanoseconds span) {
+    return std::to_string(std::chrono::duration_cast<std::chrono::seconds>(span).count());
+  };
+  throw QueryError(QueryErrorCode::kBadQuery,
+                   "stamp_ns: " + std::to_string(stamp_ns) +
+                       (stamp_ns < 0 ? " is below 0"
+                                     : " is " + seconds(nanoseconds(stamp_ns) - now) +
+                                           " s ahead of this machine's clock; " + seconds(max_stamp_lead_) +
+                                           " s may be (Options::max_stamp_lead, limit max-stamp-lead-s)"));
+}
+
+void PoseStore::check_not_late(const StampMarks& marks, std::uint32_t id, const std::string& name,
+                               std::int64_t stamp_ns, std::uint64_t publisher) {
+  const std::int64_t last = marks.last(id, publisher);
+  if (stamp_ns == 0 || stamp_ns >= last) return;
+  ++late_;
+  throw QueryError(QueryErrorCode::kBadQuery, "stamp_ns: " + std::to_string(stamp_ns) + " is older than " +
+                                                  std::to_string(last) + ", the last from this publisher for '" + name +
+                                                  "'");
+}
+
+PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
+                                std::uint64_t publisher) {
+  check_stamp(stamp_ns);
+  const std::lock_guard lock(writers_);
+  for (const BodyPose& p : poses) {
+    if (p.body >= scene_.bodies().size()) continue;
+    const Body& body = scene_.bodies()[p.body];
+    if (body.robot != kNone) throw QueryError(QueryErrorCode::kBadQuery, "poses: " + placed_by_joints(body));
+    check_not_late(marks_, p.body, body.name, stamp_ns, publisher);
+  }
+  const std::shared_ptr<PoseSnapshot> next = copy();
+  const std::int64_t now = monotonic_ns();
+  PoseUpdateResult result;
+  std::vector<std::uint32_t> moved;
+  for (const BodyPose& p : poses) {
+    if (p.body >= next->local.size()) {
+      ++result.unknown;
+      continue;
+    }
+    if (scene_.bodies()[p.body].is_static) {
+      ++result.fixed;
+      continue;
+    }
+    next->local[p.body] = p.pose;
+    next->given[p.body] = 1;
+    next->stamp_ns[p.body] = stamp_ns;
+    next->receipt_ns[p.body] = now;
+    next->sequence[p.body] = sequence;
+    marks_.note(p.body, publisher, stamp_ns);
+    moved.push_back(p.body);
+    ++(check(p.pose) == PoseQuality::kBad ? result.bad : result.applied);
+  }
+  if (!moved.empty()) {
+    std::vector<std::uint32_t> changed = next->with_followers(moved);
+    next->place_again(changed);
+    ++next->revision;
+    remember(std::move(changed));
+    publish(next);
+  }
+  result.revision = next->revision;
+  result.copied_bytes = std::exchange(copied_bytes_, 0);
+  return result;
+}
+
+void PoseStore::take_over(const PoseStore& old_store) {
+  const std::scoped_lock lock(writers_, old_store.writers_);
+  const PoseSnapshot& old = *old_store.current_;  // stays: its writers wait
+  out_of_range_ += old_store.out_of_range_;
+  late_ += old_store.late_;
+  const std::shared_ptr<PoseSnapshot> next = copy();
+  const std::vector<Body>&bodies = scene_.bodies(), &old_bodies = old_store.scene_.bodies();
+  std::vector<std::uint32_t> ids(old_bodies.size(), kNone);
+  std::vector<std::uint8_t> keeps(bodies.size(), 0);
+  const auto follows = [&](std::uint32_t body, std::uint32_t leader) {
+    for (std::uint32_t b = body; b != kNone; b = next->parent[b])
+      if (b == leader) return true;
+    return false;
+  };
+  for (std::uint32_t was = 0; was < old_bodies.size(); ++was) {
+    const std::uint32_t now = scene_.find_body(old_bodies[was].name);
+    if (now == kNone) continue;
+    ids[was] = now;
+    marks_.take_over(now, old_store.marks_, was);
+    points_marks_.take_over(now, old_store.points_marks_, was);
+    if (bodies[now].is_static || bodies[now].robot != kNone || old.receipt_ns[was] == 0) continue;
+    const std::uint32_t leader = old.parent[was] == kNone ? kNone : scene_.find_body(old_bodies[old.parent[was]].name);
+    if (old.parent[was] != kNone && leader == kNone) continue;  // its pose would be relative to nothing
+    if (leader != next->parent[now]) {
+      if (leader != kNone && follows(leader, now)) continue;
+      next->parent[now] = leader;
+    }
+    keeps[now] = leader != kNone;
+    next->local[now] = old.local[was];
+    next->given[now] = old.given[was];
+    next->stamp_ns[now] = old.stamp_ns[was];
+    next->receipt_ns[now] = old.receipt_ns[was];
+    next->sequence[now] = old.sequence[was];
+  }
+  changes_.clear();
+  take_over_joints(old_store, *next);
+  take_over_points(old_store, *next);
+  IgnoredPairs ignored(scene_);
+  ignored.take_over(*old.ignored, old_store.scene_, ids, keeps, scene_);
+  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));
+  history_->replaced(*old_store.history_, old.scene_revision, {old_store.scene_, old.parent, old.ignored->all()},
+                     {scene_, next->parent, next->ignored->all()});
+  enable_pairs(*next);
+  next->place_again(*next->order);
+  next->revision = old.revision + 1;
+  publish(next);
+}
+
+PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc,
+                                   std::span<const std::uint32_t> allow) {
+  const std::lock_guard lock(writers_);
+  const std::shared_ptr<PoseSnapshot> next = copy();
+  const auto& bodies = scene_.bodies();
+  const auto refuse = [](const std::string& why) { throw QueryError(QueryErrorCode::kBadQuery, "attach: " + why); };
+  if (child >= bodies.size()) refuse("unknown child, body " + std::to_string(child));
+  if (parent != kNone && parent >= bodies.size()) refuse("unknown parent, body " + std::to_string(parent));
+  if (bodies[child].is_static) refuse("'" + bodies[child].name + "' is static");
+  if (bodies[child].robot != kNone) refuse(placed_by_joints(bodies[child]));
+  for (std::uint32_t b = parent; b != kNone; b = next->parent[b])
+    if (b == child) refuse("'" + bodies[child].name + "' would follow itself through '" + bodies[parent].name + "'");
+  if (X_pc && check(*X_pc) == PoseQuality::kBad) refuse("the pose of '" + bodies[child].name + "' is not usable");
+  if (parent == kNone && !allow.empty()) refuse("a body that is set free is allowed nothing");
+  IgnoredPairs ignored = *next->ignored;
+  ignored.release(child);
+  ignored.allow_attached(child, allow, scene_);
+  if (!X_pc) {
+    for (const std::uint32_t b : {child, parent})
+      if (b != kNone && next->placed[b].status != Status::kOk) refuse("'" + bodies[b].name + "' has no usable pose");
+    const Pose X_wc = next->placed[child].pose.X_wb;
+    next->local[child] = parent == kNone ? X_wc : compose(inverse(next->placed[parent].pose.X_wb), X_wc);
+  } else {
+    next->local[child] = *X_pc;
+  }
+  next->given[child] = 1;
+  changes_.clear();  // others follow, and other pairs are enabled
+  const std::vector<BodyPair> changed = changed_pairs(next->ignored->all(), ignored.all());
+  if (parent != next->parent[child])
+    history_->attached(next->scene_revision, child, next->parent[child], parent, changed);
+  else if (!changed.empty())
+    history_->ignored(next->scene_revision, changed);
+  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));
+  next->parent[child] = parent;
+  next->receipt_ns[child] = monotonic_ns();
+  enable_pairs(*next);
+  const std::uint32_t moved[] = {child};
+  next->place_again(next->with_followers(moved));
+  ++next->revision;
+  PoseUpdateResult result;
+  result.revision = next->revision;
+  result.applied = 1;
+  publish(next);
+  return result;
+}
+
+PoseUpdateResult PoseStore::allow(std::uint32_t a, std::uint32_t b, bool allow) {
+  const std::lock_guard lock(writers_);
+  IgnoredPairs ignored = *snapshot()->ignored;
+  allow ? ignored.allow(a, b, scene_) : ignored.forbid(a, b, scene_);
+  const std::shared_ptr<PoseSnapshot> next = copy();
+  const std::vector<BodyPair> changed = changed_pairs(next->ignored->all(), ignored.all());
+  changes_.clear();                                                          // other pairs are enabled
+  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));  // who holds a pair may have changed, too
+  if (!changed.empty()) {
+    history_->ignored(next->scene_revision, changed);
+    enable_pairs(*next);
+  }
+  ++next->revision;
+  PoseUpdateResult result;
+  result.revision = next->revision;
+  result.applied = static_cast<std::uint32_t>(changed.size());
+  publish(next);
+  return result;
+}
+
+}  // namespace clearance

@@ -1,0 +1,285 @@
+#include "server/access/doorman.h"
+
+#include <poll.h>
+#include <pthread.h>
+#include <signal.h>
+#include <sys/stat.h>
+
+#include <cstdlib>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <stdexcept>
+#include <string>
+#include <unordered_map>
+
+#include "server/limits/places.h"
+
+#ifndef SO_PASSRIGHTS  // of Linux 6.16; the C libraries of Debian 12 and Ubuntu 24.04 do not know it
+#define SO_PASSRIGHTS 83
+#endif
+
+namespace clearance {
+namespace {
+
+using shm::UniqueFd;
+
+/// Doors at a time, of all endpoints, those included whose threads still close what a stranger has sent.
+constexpr std::uint64_t kMostDoors = 1024;
+constexpr std::size_t kStackBytes = 256 << 10;
+constexpr std::size_t kBufferBytes = 16 << 10;
+
+bool set_passrights(int socket, int value) {
+  return ::setsockopt(socket, SOL_SOCKET, SO_PASSRIGHTS, &value, sizeof value) == 0;
+}
+
+/// What the doors have in common; lives as long as the process, whose threads may end after everything else.
+struct House {
+  std::mutex mutex;
+  Places doors{kMostDoors};
+  std::unordered_map<ino_t, ucred> behind;  // by the daemon's end
+  struct Leaving {
+    UniqueFd stranger;
+    void (*close)(UniqueFd);
+  };
+  std::deque<Leaving> leaving;
+  bool is_seeing_out = false;  // a thread does
+};
+House& house() {
+  static House* one = new House;
+  return *one;
+}
+
+ino_t inode_of(int socket) {
+  struct stat info{};
+  return ::fstat(socket, &info) == 0 ? info.st_ino : 0;
+}
+
+/// A thread without signals and with a small stack, that nobody joins.
+bool run_detached(void* (*work)(void*), void* with) {
+  pthread_attr_t attributes;
+  pthread_attr_init(&attributes);
+  pthread_attr_setstacksize(&attributes, kStackBytes);
+  pthread_attr_setdetachstate(&attributes, PTHREAD_CREATE_DETACHED);
+  sigset_t all, before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  pthread_t thread;
+  const bool runs = pthread_create(&thread, &attributes, work, with) == 0;
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  pthread_attr_destroy(&attributes);
+  return runs;
+}
+
+/// Bytes or one message on their way from one end to the other.
+struct Way {
+  Way(int from_end, int to_end, bool descriptors) : from(from_end), to(to_end), with_descriptors(descriptors) {}
+
+  int from, to;
+  bool with_descriptors;  ///< the daemon's are passed on; a stranger's never become ours, the kernel drops them
+  std::size_t size = 0, sent = 0;
+  bool ended = false, deaf = false;  ///< nothing more comes; nobody is there to hear it
+  std::array<UniqueFd, shm::kMaxPassedFds> fds;
+  std::byte data[kBufferBytes];
+
+  bool is_full() const { return sent < size; }
+  bool has_room() const { return !is_full() && !ended; }
+  void take();
+  void pass();
+};
+
+/// Takes what is there. Of messages the first; what does not fit into the buffer is longer than any of ours and cut
+/// off.
+void Way::take() {
+  iovec room{data, sizeof data};
+  alignas(cmsghdr) std::byte control[CMSG_SPACE(sizeof(int) * shm::kMaxPassedFds)];
+  msghdr header{};
+  header.msg_iov = &room;
+  header.msg_iovlen = 1;
+  if (with_descriptors) {
+    header.msg_control = control;
+    header.msg_controllen = sizeof control;
+  }
+  const ssize_t got = ::recvmsg(from, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+  // ECONNRESET comes once, and before the last messages: of whoever closed without having read all.
+  if (got < 0 && (errno == EAGAIN || errno == EINTR || errno == ECONNRESET)) return;
+  ended = got <= 0;
+  sent = 0;
+  size = ended ? 0 : static_cast<std::size_t>(got);
+  if (ended || !with_descriptors) return;
+  std::size_t next = 0;
+  for (cmsghdr* c = CMSG_FIRSTHDR(&header); c; c = CMSG_NXTHDR(&header, c)) {
+    if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_RIGHTS) continue;
+    const std::size_t count = (c->cmsg_len - CMSG_LEN(0)) / sizeof(int);
+    for (std::size_t i = 0; i < count && next < fds.size(); ++i) {
+      int fd;
+      std::memcpy(&fd, CMSG_DATA(c) + i * sizeof fd, sizeof fd);
+      fds[next++].reset(fd);
+    }
+  }
+}
+
+/// Passes on what can be.
+void Way::pass() {
+  while (is_full() && !deaf) {
+    iovec rest{data + sent, size - sent};
+    alignas(cmsghdr) std::byte control[CMSG_SPACE(sizeof(int) * shm::kMaxPassedFds)] = {};
+    msghdr header{};
+    header.msg_iov = &rest;
+    header.msg_iovlen = 1;
+    std::size_t count = 0;
+    int numbers[shm::kMaxPassedFds];
+    for (const UniqueFd& fd : fds)
+      if (fd) numbers[count++] = fd.get();
+    if (count > 0) {
+      header.msg_control = control;
+      header.msg_controllen = CMSG_SPACE(count * sizeof(int));
+      cmsghdr* c = CMSG_FIRSTHDR(&header);
+      c->cmsg_level = SOL_SOCKET;
+      c->cmsg_type = SCM_RIGHTS;
+      c->cmsg_len = CMSG_LEN(count * sizeof(int));
+      std::memcpy(CMSG_DATA(c), numbers, count * sizeof(int));
+    }
+    const ssize_t now = ::sendmsg(to, &header, MSG_DONTWAIT | MSG_NOSIGNAL);
+    if (now < 0 && errno == EINTR) continue;
+    if (now < 0 && errno == EAGAIN) return;
+    deaf = now < 0;
+    for (UniqueFd& fd : fds) fd.reset();
+    sent += deaf ? 0 : static_cast<std::size_t>(now);
+  }
+  if (deaf) sent = size;
+  if (ended) ::shutdown(to, SHUT_WR);
+}
+
+/// One stranger's way in and out.
+struct Door {
+  UniqueFd stranger, inner;
+  ucred who;
+  ino_t inode;
+
+  void serve() const;
+  static void* run(void* self);
+};
+
+/// Until the daemon has closed its end, though the stranger may have gone before: so long it must be known who he was.
+void Door::serve() const {
+  Way in{stranger.get(), inner.get(), false}, out{inner.get(), stranger.get(), true};
+  for (;;) {
+    // An end that nothing is asked of is left out, but for the daemon's: that it has hung up ends all.
+    const auto asked = [](const Way& from_here, const Way& to_here) {
+      return static_cast<short>((from_here.has_room() ? POLLIN : 0) | (to_here.is_full() ? POLLOUT : 0));
+    };
+    const short of_stranger = asked(in, out);
+    pollfd ends[] = {{of_stranger ? stranger.get() : -1, of_stranger, 0}, {inner.get(), asked(out, in), 0}};
+    if (::poll(ends, 2, -1) < 0) continue;
+    const bool hung_up = ends[1].revents & (POLLHUP | POLLERR);
+    if (in.has_room() && ends[0].revents) in.take();
+    if (out.has_room() && ends[1].revents) out.take();
+    in.pass();
+    out.pass();
+    if (out.ended || (hung_up && out.is_full())) return;
+  }
+}
+
+void* Door::run(void* self) {
+  const std::unique_ptr<Door> door(static_cast<Door*>(self));
+  door->serve();
+  House& h = house();
+  {
+    const std::lock_guard lock(h.mutex);
+    h.behind.erase(door->inode);
+  }
+  door->inner.reset();
+  door->stranger.reset();  // for as long as the stranger likes
+  const std::lock_guard lock(h.mutex);
+  h.doors.leave(door->who);
+  return nullptr;
+}
+
+void* see_out(void*) {
+  House& h = house();
+  std::unique_lock lock(h.mutex);
+  while (!h.leaving.empty()) {
+    House::Leaving first = std::move(h.leaving.front());
+    h.leaving.pop_front();
+    lock.unlock();
+    first.close(std::move(first.stranger));
+    lock.lock();
+  }
+  h.is_seeing_out = false;
+  return nullptr;
+}
+
+}  // namespace
+
+bool kernel_refuses_descriptors() {
+  static const bool refuses = [] {
+    const char* doorman = std::getenv("CLEARANCE_DOORMAN");
+    if (doorman && std::string(doorman) == "on") return false;
+    const UniqueFd probe(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    return probe && set_passrights(probe.get(), 0);
+  }();
+  return refuses;
+}
+
+void refuse_descriptors(int listener) {
+  if (kernel_refuses_descriptors() && !set_passrights(listener, 0))
+    throw std::runtime_error(std::string("SO_PASSRIGHTS: ") + std::strerror(errno));
+}
+
+UniqueFd let_in(UniqueFd stranger) {
+  if (!stranger || kernel_refuses_descriptors()) return stranger;
+  ucred who{};
+  int domain = 0, type = 0, ends[2];
+  socklen_t who_bytes = sizeof who, domain_bytes = sizeof domain, type_bytes = sizeof type;
+  if (::getsockopt(stranger.get(), SOL_SOCKET, SO_DOMAIN, &domain, &domain_bytes) == 0 && domain != AF_UNIX)
+    return stranger;
+  if (::getsockopt(stranger.get(), SOL_SOCKET, SO_PEERCRED, &who, &who_bytes) != 0 ||
+      ::getsockopt(stranger.get(), SOL_SOCKET, SO_TYPE, &type, &type_bytes) != 0 ||
+      ::socketpair(AF_UNIX, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends) != 0) {
+    turn_away(std::move(stranger));
+    return {};
+  }
+  UniqueFd outer(ends[0]);
+  const ino_t inode = inode_of(outer.get());
+  auto door = std::make_unique<Door>(Door{std::move(stranger), UniqueFd(ends[1]), who, inode});
+  House& h = house();
+  std::unique_lock lock(h.mutex);
+  if (h.doors.why_not(who, "doors").empty()) {
+    h.doors.take(who);
+    h.behind[inode] = who;
+    if (run_detached(&Door::run, door.get())) {
+      door.release();  // the thread's
+      return outer;
+    }
+    h.doors.leave(who);
+    h.behind.erase(inode);
+  }
+  lock.unlock();
+  turn_away(std::move(door->stranger));
+  return {};
+}
+
+void turn_away(UniqueFd stranger, void (*close)(UniqueFd)) {
+  if (kernel_refuses_descriptors()) {
+    close(std::move(stranger));
+    return;
+  }
+  House& h = house();
+  const std::lock_guard lock(h.mutex);
+  h.leaving.push_back({std::move(stranger), close});
+  // Without a thread it stays open until the next one is turned away.
+  if (!h.is_seeing_out) h.is_seeing_out = run_detached(&see_out, nullptr);
+}
+
+bool credentials_behind(int socket, ucred& who) {
+  if (kernel_refuses_descriptors()) return false;
+  House& h = house();
+  const ino_t inode = inode_of(socket);
+  const std::lock_guard lock(h.mutex);
+  const auto found = h.behind.find(inode);
+  if (found != h.behind.end()) who = found->second;
+  return found != h.behind.end();
+}
+
+}  // namespace clearance

@@ -1,0 +1,297 @@
+#include "server/app/options.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <iostream>
+#include <stdexcept>
+
+#include "server/app/config_file.h"
+#include "wire/default_socket.h"
+
+namespace clearance {
+namespace {
+
+constexpr const char* kDescription =
+    "Loads a scene of bodies, follows their poses, and answers how far apart they are.\n"
+    "Clients (the program clearance, the C++ and Python libraries, or anything that speaks LCM) connect\n"
+    "to one of its endpoints; all of them give the same answers.";
+
+constexpr const char* kFooter = R"(
+Example
+  clearanced --scene scenes/nineteen/scene.yaml --zmq ipc:///tmp/clearance.ipc &
+  clearance query --connect ipc:///tmp/clearance.ipc --reduce nearest
+
+Configuration file (--config): the same names, one on a line; the command line has the last word.
+  scene = "scenes/nineteen/scene.yaml"
+  zmq = ["ipc:///run/user/1000/clearance.ipc"]
+  log-level = "warn"
+  [limits]
+  max-clients = 500
+
+Ready
+  With Type=notify systemd is told (sd_notify). --ready-fd N gets the urls of the daemon, one on a line, and is
+  then closed; the log says event=ready. SIGTERM or SIGINT end the daemon and remove its sockets.
+
+Who may do what
+  The daemon's own user may do everything through the Unix sockets, a group what --group-rights says. Rights are
+  query (ask), poses (move, attach and add bodies) and admin (reload). TCP without keys and LCM know nobody: query, poses.
+  The word control among rights gives the class of that name, as --control-user does; all others have the class planning.
+    clearance keygen keys/server.key              for the daemon; clients get keys/server.key.pub
+    clearance keygen planner.key                  for a client; prints its public key
+    echo 'KEY query,poses planner' >> keys/authorized    read again within a second of a change
+
+Reload
+  SIGHUP, or `clearance scene reload`, has the scene loaded anew, aside; queries go on. Poses and attachments that were received stay with the
+  bodies of the same names. If the scene cannot be loaded the old one stays, and the log says event=reload_failed.
+)";
+
+constexpr const char* kExitCodes = R"(
+Exit codes
+  0 ended by a signal, as it should be    3 the scene cannot be loaded
+  1 an error that nobody foresaw          4 an endpoint cannot be opened
+  2 the command line is wrong             5 the backend is unknown or absent)";
+
+/// A check without the words that CLI11 has for it: what a number may be is said in the option's own.
+CLI::Validator quiet(CLI::Validator check) {
+  return check.description("");
+}
+
+void add_endpoints(CLI::App& app, DaemonOptions& o) {
+  app.add_option(
+         "--scene", o.scene,
+         "scene file (YAML), or a URDF: a scene of that robot, by the URDF's name; paths in it are relative to it")
+      ->type_name("FILE")
+      ->required();
+  app.add_flag("--allow-outside", o.allow_outside, "let the scene name meshes outside its own folder");
+  app.add_option(
+         "--shm", o.shm,
+         "serve shared memory, met at this Unix socket; where no endpoint is given, at\n" + default_socket_path())
+      ->type_name("PATH");
+  app.add_option(
+         "--zmq", o.zmq,
+         "serve ZeroMQ at ipc:///path, tcp://127.0.0.1:PORT, or with --keys tcp://ADDRESS:PORT;\nmay be repeated")
+      ->type_name("ENDPOINT");
+  app.add_option(
+         "--keys", o.keys,
+         "TCP for those alone whose keys are known (CURVE): a folder with server.key and the list `authorized`,\n"
+         "a line for each client: KEY RIGHTS NAME (see Who may do what)")
+      ->type_name("DIR");
+  app.add_option("--socket-group", o.socket_group, "let this group's members connect to the Unix sockets (mode 0660)")
+      ->type_name("GROUP");
+  app.add_option("--group-rights", o.group_rights,
+                 "what they may do: query, poses, admin, control, separated by commas")
+      ->type_name("RIGHTS")
+      ->capture_default_str();
+  app.add_option(
+         "--control-user", o.control_users,
+         "a user whose clients at the Unix sockets have the class control: they are answered before the others,\n"
+         "who cannot take the places and the memory kept for them; may be repeated")
+      ->type_name("USER");
+}
+
+void add_lcm(CLI::App& app, DaemonOptions& o) {
+  app.add_option(
+         "--lcm", o.lcm,
+         "serve LCM and follow poses there, as in \"udpm://239.255.76.67:7667?ttl=0\"; &prefix=TEXT begins the\n"
+         "names of all channels: several daemons on one network")
+      ->type_name("URL");
+  app.add_option("--lcm-poses", o.lcm_poses,
+                 "whose poses are taken from LCM, where anybody who reaches it may send them: on (every body's), off,\n"
+                 "or a body or group; may be repeated")
+      ->type_name("WHOSE")
+      ->default_str("on");
+}
+
+void add_backend(CLI::App& app, DaemonOptions& o) {
+  app.add_option("--backend", o.backend,
+                 "what computes: auto, cpu, cuda, reference (slow: brute force, to compare with)")
+      ->type_name("NAME")
+      ->capture_default_str();
+  app.add_option("--threads", o.threads, "threads of the cpu backend; 0: one for each core")
+      ->check(quiet(CLI::Range(0, 4096)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option(
+         "--devices", o.devices,
+         "GPUs of the cuda backend by number, as in 0,1: each holds the scene, and queries are shared out among\n"
+         "them; where none is named, the first")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("N,N");
+  app.add_flag("!--no-device-fallback", o.device_fallback,
+               "refuse what the device cannot answer; else the CPU answers it");
+}
+
+void add_real_time(CLI::App& app, DaemonOptions& o) {
+  CLI::Option* real_time = app.add_flag(
+      "--real-time", o.real_time,
+      "run the loop at real-time priority (SCHED_FIFO), without spinning, and keep memory from being paged out; what\n"
+      "the kernel refuses is said in the log, and done without");
+  app.add_option("--loop-cpu", o.loop_cpu, "with --real-time: the CPU that the loop runs on")
+      ->check(quiet(CLI::Range(0, 1023)))
+      ->type_name("N")
+      ->needs(real_time);
+}
+
+/// A number that few daemons change: in section [limits] of the configuration file, or by --limit.
+struct Limit {
+  const char* name;
+  std::uint64_t DaemonOptions::* value;
+  std::uint64_t least, most;
+  const char* text;
+};
+constexpr std::uint64_t kManyPairs = std::uint64_t{1} << 62, kManyPoints = std::uint64_t{1} << 30;
+constexpr Limit kLimits[] = {
+    {"max-waiting", &DaemonOptions::max_waiting, 1, 1'000'000,
+     "queries of one client under way; more are rejected (busy)"},
+    {"max-clients", &DaemonOptions::max_clients, 1, 1'000'000,
+     "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way)"},
+    {"max-client-mib", &DaemonOptions::max_client_mib, 1, 1'000'000,
+     "MiB of one client's requests and replies under way; more are rejected (busy), though one always\n"
+     "may. Its warm state has what is left"},
+    {"max-warm-mib", &DaemonOptions::max_warm_mib, 0, 1'000'000,
+     "MiB of all clients' warm state; beyond it the client that was silent for longest loses its own"},
+    {"max-pairs", &DaemonOptions::max_pairs, 1, kManyPairs, "pairs times configurations of one query"},
+    {"max-piece-pairs", &DaemonOptions::max_piece_pairs, 1, kManyPairs, "the same in pairs of the bodies' pieces"},
+    {"max-body-points", &DaemonOptions::max_body_points, 0, kManyPoints, "points of one update of a body of points"},
+    {"max-client-points", &DaemonOptions::max_client_points, 0, kManyPoints,
+     "points that a client may have set, and under way"},
+    {"max-points", &DaemonOptions::max_points, 0, kManyPoints, "points of all clients"},
+    {"max-client-plans", &DaemonOptions::max_client_plans, 0, 100'000'000,
+     "plans of one client in a GPU's memory (docs/cuda.md); 0: none"},
+    {"max-plans", &DaemonOptions::max_plans, 0, 100'000'000, "plans of all clients"},
+    {"max-client-plan-mib", &DaemonOptions::max_client_plan_mib, 0, 100'000'000, "MiB of one client's plans"},
+    {"max-plan-mib", &DaemonOptions::max_plan_mib, 0, 100'000'000, "MiB of all clients' plans"},
+    {"max-added-bodies", &DaemonOptions::max_added_bodies, 0, 100'000, "bodies that clients may have added"},
+    {"max-added-vertices", &DaemonOptions::max_added_vertices, 1, 10'000'000, "vertices of an added body"},
+    {"max-added-triangles", &DaemonOptions::max_added_triangles, 1, 20'000'000, "triangles of an added body"},
+    {"max-added-points", &DaemonOptions::max_added_points, 1, 80'000,
+     "points of an added body; what replaces them may be more"},
+    {"max-stamp-lead-s", &DaemonOptions::max_stamp_lead_s, 0, 1'000'000'000,
+     "seconds that a pose's stamp may be ahead of this machine's clock"},
+    {"outside-mib", &DaemonOptions::outside_mib, 64, 1'000'000,
+     "MiB of each process before TCP and LCM beyond this machine; one that needs more is\n"
+     "restarted. A request or reply may have an eighth of it"},
+    {"device-memory-mib", &DaemonOptions::device_memory_mib, 0, 0xFFFF'FFFF, "MiB of each GPU; 0: what there is"},
+    {"pinned-mib", &DaemonOptions::pinned_mib, 0, 0xFFFF'FFFF,
+     "MiB of clients' shared memory that a GPU writes large replies to; 0: they are copied"},
+    {"slice-us", &DaemonOptions::slice_us, 1, 1'000'000, "microseconds of one query before the others get a turn"},
+    {"spin-us", &DaemonOptions::spin_us, 0, 1'000'000, "microseconds to poll before going to sleep; 0: none"},
+};
+
+/// The limits with their defaults, for --help.
+std::string limits_text() {
+  constexpr std::size_t kTextAt = 38;
+  std::string all =
+      "\nLimits: section [limits] of the configuration file, as in max-points = 1000, or --limit max-points=1000\n";
+  for (const Limit& limit : kLimits) {
+    std::string line = "  " + std::string(limit.name);
+    line.resize(23, ' ');
+    line += std::to_string(DaemonOptions().*limit.value);
+    line.resize(kTextAt, ' ');
+    for (const char c : std::string_view(limit.text)) {
+      line += c;
+      if (c == '\n') line.append(kTextAt, ' ');
+    }
+    all += line + "\n";
+  }
+  return all;
+}
+
+/// Throws std::invalid_argument for an unknown name, and a value that is no number in its range.
+void set_limit(const std::string& name, const std::string& value, DaemonOptions& o) {
+  const auto* const limit = std::find_if(std::begin(kLimits), std::end(kLimits),
+                                         [&](const Limit& candidate) { return candidate.name == name; });
+  if (limit == std::end(kLimits)) throw std::invalid_argument("there is no limit \"" + name.substr(0, 60) + "\"");
+  std::uint64_t number = 0;
+  const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
+  if (error != std::errc() || end != value.data() + value.size() || number < limit->least || number > limit->most)
+    throw std::invalid_argument(name + ": expected a number from " + std::to_string(limit->least) + " to " +
+                                std::to_string(limit->most) + ", got " + value.substr(0, 60));
+  o.*limit->value = number;
+}
+
+/// Of the command line: "max-points=1000".
+void set_limit(const std::string& text, DaemonOptions& o) try {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos) throw std::invalid_argument("expected NAME=N, got " + text.substr(0, 60));
+  set_limit(text.substr(0, equals), text.substr(equals + 1), o);
+} catch (const std::invalid_argument& error) {
+  throw CLI::ValidationError("--limit", error.what());
+}
+
+void add_watching(CLI::App& app, DaemonOptions& o) {
+  app.add_option(
+         "--metrics", o.metrics,
+         "counters in Prometheus' text format by HTTP, at 127.0.0.1:PORT/metrics or on a Unix socket (its path);\n"
+         "the distinct errors at /errors")
+      ->type_name("ENDPOINT");
+  app.add_option("--log-level", o.log_level, "what goes to standard error: debug, info, warn, error")
+      ->check(quiet(CLI::IsMember({"trace", "debug", "info", "warn", "error"})))
+      ->type_name("LEVEL")
+      ->capture_default_str();
+  app.add_option("--ready-fd", o.ready_fd, "open descriptor that is told when the daemon is ready")
+      ->check(quiet(CLI::Range(0, 1 << 20)))
+      ->type_name("N");
+}
+
+/// Clients may run in another folder: what they connect to is an absolute path.
+std::string absolute_path(const std::string& path) {
+  if (path.empty()) return path;
+  const std::filesystem::path absolute = std::filesystem::absolute(path);
+  const bool leads_up = std::find(absolute.begin(), absolute.end(), "..") != absolute.end();
+  return (leads_up ? absolute : absolute.lexically_normal()).string();  // ".." behind a link leads elsewhere
+}
+
+/// Whether --metrics names a Unix socket: not HOST:PORT, nor one of the two alone.
+bool is_socket_path(const std::string& endpoint) {
+  if (endpoint.find('/') != std::string::npos) return true;
+  return endpoint.find(':') == std::string::npos && endpoint != "localhost" &&
+         endpoint.find_first_not_of("0123456789.") != std::string::npos;
+}
+
+}  // namespace
+
+bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exit_code) {
+  CLI::App app(kDescription, "clearanced");
+  app.footer(std::string(kFooter) + limits_text() + kExitCodes);
+  app.set_version_flag("--version", std::string("clearanced ") + CLEARANCE_VERSION);
+  app.set_config("--config", "", "read options from this file (TOML or INI)")->type_name("FILE");
+  const auto config = std::make_shared<ConfigFile>(app);
+  app.config_formatter(config);
+  app.allow_config_extras(CLI::config_extras_mode::error);
+  app.get_formatter()->column_width(26);
+  add_endpoints(app, o);
+  add_lcm(app, o);
+  add_backend(app, o);
+  add_real_time(app, o);
+  std::vector<std::string> limits;
+  app.add_option("--limit", limits, "one of the limits below; may be repeated")
+      ->type_name("NAME=N")
+      ->configurable(false);
+  app.add_flag("--require-epoch", o.require_epoch,
+               "refuse requests that deal with poses and name no epoch (docs/wire.md): a client that would not notice "
+               "a\nrestart gets no answer");
+  add_watching(app, o);
+
+  try {
+    app.parse(argc, argv);
+    config->for_each_limit([&o](const std::string& name, const std::string& value) { set_limit(name, value, o); });
+    for (const std::string& limit : limits) set_limit(limit, o);
+  } catch (const CLI::Success& help_or_version) {
+    exit_code = app.exit(help_or_version);
+    return false;
+  } catch (const CLI::ParseError& error) {
+    std::cerr << "clearanced: " << config->place_of(error.what(), {argv, static_cast<std::size_t>(argc)})
+              << error.what() << "\nclearanced --help lists the options.\n";
+    exit_code = kExitCommandLine;
+    return false;
+  }
+  for (std::string& path : o.shm) path = absolute_path(path);
+  if (is_socket_path(o.metrics)) o.metrics = absolute_path(o.metrics);
+  return true;
+}
+
+}  // namespace clearance

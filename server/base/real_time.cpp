@@ -1,0 +1,110 @@
+#include "server/base/real_time.h"
+
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <vector>
+
+#include "server/base/log.h"
+#include "server/base/log_text.h"
+
+namespace clearance {
+namespace {
+
+/// Of the stack below the loop's own frame, and of the heap.
+constexpr std::size_t kStackBytes = 256 << 10, kHeapBytes = std::size_t{32} << 20, kBlockBytes = 64 << 10;
+constexpr std::size_t kPage = 4096;
+constexpr int kCapIpcLock = 14;  // linux/capability.h
+
+/// Whether this process has a capability, as the kernel tells it.
+bool has_capability(int number) {
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;)
+    if (std::uint64_t bits = 0; word == "CapEff:" && status >> std::hex >> bits) return bits >> number & 1;
+  return false;
+}
+
+void touch(volatile std::byte* begin, std::size_t bytes) {
+  for (std::size_t at = 0; at < bytes; at += kPage) begin[at] = std::byte{1};
+}
+
+[[gnu::noinline]] void prefault_stack() {
+  volatile std::byte room[kStackBytes];
+  touch(room, sizeof room);
+}
+
+void say(const char* step, const std::string& what, const std::string& refused) {
+  if (refused.empty())
+    log::info("event=real_time step={} text=\"{}\"", step, what);
+  else
+    log::warn("event=real_time_refused step={} cause=\"{}\"", step, log_text(refused));
+}
+
+}  // namespace
+
+std::string lock_memory() {
+  rlimit limit{};
+  getrlimit(RLIMIT_MEMLOCK, &limit);
+  if (limit.rlim_cur != RLIM_INFINITY && !has_capability(kCapIpcLock))
+    return "RLIMIT_MEMLOCK is " + std::to_string(limit.rlim_cur) +
+           " bytes, and beyond it allocations would fail; LimitMEMLOCK=infinity in the unit, or ulimit -l unlimited";
+  // On touch, since much is reserved that is never used: clients' segments, threads' stacks.
+  if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0) return "";
+  return std::string("mlockall: ") + std::strerror(errno);
+}
+
+void prefault() {
+  prefault_stack();
+  // In blocks that the C library takes from the heap, which keeps them.
+  std::vector<std::unique_ptr<std::byte[]>> blocks(kHeapBytes / kBlockBytes);
+  for (auto& block : blocks) {
+    block.reset(new std::byte[kBlockBytes]);
+    touch(block.get(), kBlockBytes);
+  }
+}
+
+std::string pin_to(int cpu) {
+  cpu_set_t one;
+  CPU_ZERO(&one);
+  if (cpu < 0 || cpu >= CPU_SETSIZE) return "there is no CPU " + std::to_string(cpu);
+  CPU_SET(static_cast<std::size_t>(cpu), &one);
+  if (sched_setaffinity(0, sizeof one, &one) == 0) return "";
+  return "CPU " + std::to_string(cpu) + ": " + std::strerror(errno) +
+         (errno == EINVAL ? "; it is none of those that this process may run on" : "");
+}
+
+std::string run_first() {
+  const sched_param param{kRealTimePriority};
+  if (sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &param) == 0) return "";
+  std::string why = std::string("SCHED_FIFO: ") + std::strerror(errno);
+  if (errno == EPERM)
+    why += "; it needs LimitRTPRIO=" + std::to_string(kRealTimePriority) +
+           " and no RestrictRealtime= in the unit, ulimit -r, or the capability CAP_SYS_NICE; in a container also "
+           "cpu.rt_runtime_us";
+  return why;
+}
+
+void run_behind() {
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), 10);
+}
+
+void become_real_time(std::optional<int> cpu) {
+  say("lock_memory", "pages stay in memory once they were touched", lock_memory());
+  prefault();
+  say("prefault",
+      std::to_string(kStackBytes >> 10) + " KiB of stack and " + std::to_string(kHeapBytes >> 20) +
+          " MiB of heap are in memory",
+      "");
+  if (cpu) say("pin", "the loop runs on CPU " + std::to_string(*cpu), pin_to(*cpu));
+  say("priority", "the loop runs at SCHED_FIFO " + std::to_string(kRealTimePriority) + ", and does not spin",
+      run_first());
+}
+
+}  // namespace clearance

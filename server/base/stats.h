@@ -1,0 +1,77 @@
+// What the daemon counts about itself: named counters, how long queries took, the distinct errors. All of it is the
+// loop's thread's own, so that counting costs no lock; another thread asks for a copy and waits for it.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/base/error_log.h"
+#include "wire/prometheus.h"
+
+namespace clearance {
+
+class Stats {
+ public:
+  using Named = std::vector<std::pair<std::string, std::uint64_t>>;
+  /// What the daemon counts, and what it refused.
+  struct Figures {
+    Named counters;
+    std::vector<ErrorLog::Entry> errors;
+  };
+
+  Stats();
+  Stats(const Stats&) = delete;
+  Stats& operator=(const Stats&) = delete;
+
+  /// The counter of that name, made on first use. The reference stays valid.
+  std::uint64_t& operator[](const std::string& name) { return named_[name]; }
+  /// Counts a query by its time from arrival to reply: "latency_us.N" has those that took more than N/2 and at most N
+  /// microseconds, "latency_us.more" those that took longer.
+  void count_latency(std::uint64_t ns);
+  /// Counts a refused request, and remembers what was said.
+  void count_error(const std::string& code, const std::string& text);
+  /// Adds all counters to a list.
+  void append_to(Named& list) const { list.insert(list.end(), named_.begin(), named_.end()); }
+
+  /// Whether a thread waits in read().
+  bool are_wanted() const { return wanted_.load(std::memory_order_relaxed); }
+  /// Gives the figures to whoever waits in read(). \param counters all that are to be shown.
+  void hand_out(Named counters);
+  /// The figures as of the next hand_out(); none if that takes longer than `patience`. From any thread but the loop's.
+  /// \param wake wakes the loop, which then calls hand_out().
+  std::optional<Figures> read(std::chrono::nanoseconds patience, const std::function<void()>& wake);
+
+ private:
+  std::map<std::string, std::uint64_t> named_;  // a map: references stay valid
+
+ public:
+  // What every request counts, without looking for its name.
+  // frames = replies + errors + requests.dropped (their client is gone) + requests.waiting
+  std::uint64_t &frames = named_["frames"], &replies = named_["replies"], &dropped = named_["requests.dropped"],
+                &queries = named_["queries"], &answered = named_["queries.answered"], &rows = named_["rows"],
+                &records_ignored = named_["records.ignored"], &latency_sum_ns = named_[kLatencySum];
+  // The most between two looks of the loop at its transports: time, and units of work (engine/narrow/work_meter.h).
+  std::uint64_t &longest_section_ns = named_["loop.longest_section_ns"],
+                &longest_section_units = named_["loop.longest_section_units"];
+
+ private:
+  static constexpr int kLatencyBuckets = 24;
+  std::array<std::uint64_t*, kLatencyBuckets> latency_;
+  ErrorLog errors_;
+  std::atomic<bool> wanted_{false};
+  std::mutex mutex_;
+  std::condition_variable there_;
+  std::optional<Figures> figures_;  // with the mutex
+};
+
+}  // namespace clearance

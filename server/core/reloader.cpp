@@ -1,0 +1,109 @@
+#include "server/core/reloader.h"
+
+#include <cassert>
+#include <chrono>
+
+#include "server/base/real_time.h"
+
+namespace clearance {
+
+namespace {
+
+void append(Scene& scene, const AddedBody& added) {
+  Body body = added.body;
+  if (!added.parent.empty()) {
+    body.parent = scene.find_body(added.parent);
+    if (body.parent == kNone)
+      throw SceneError("body \"" + body.name + "\": parent: there is no body \"" + added.parent + "\"");
+  }
+  scene.add_body(std::move(body));
+}
+
+}  // namespace
+
+Scene SceneParts::whole() const {
+  Scene scene = *file;  // pieces are shared, not copied
+  for (const AddedBody& body : added) append(scene, body);
+  return scene;
+}
+
+Reloader::~Reloader() {
+  if (thread_.joinable()) thread_.join();
+}
+
+std::uint64_t Reloader::push(Edit edit) {
+  edits_.push_back(std::move(edit));
+  return ++edits_pushed_;
+}
+
+std::optional<Reloader::Outcome> Reloader::take() {
+  std::optional<Outcome> outcome;
+  if (thread_.joinable() && ended_) {
+    thread_.join();
+    outcome = std::move(outcome_);
+    outcome_ = {};
+    ended_ = false;
+  }
+  return outcome;
+}
+
+void Reloader::begin(const std::shared_ptr<Engine>& current, const SceneParts& parts) {
+  if (thread_.joinable()) return;
+  assert(!ended_ && !outcome_.engine);
+  if (asked_.exchange(false)) {
+    outcome_.load = ++loads_;
+    start([this, parts] {
+      load(parts);
+      outcome_.warnings = mesh_warnings(outcome_.engine->scene());
+    });
+  } else if (!edits_.empty()) {
+    outcome_.edit = ++edits_begun_;
+    start([this, current = current, parts = parts, edit = std::move(edits_.front())]() mutable {
+      if (!parts.file) parts.file = std::make_shared<const Scene>(current->scene());
+      current.reset();  // its memory may be given back while the new one is made
+      const std::size_t before = parts.added.size();
+      edit(parts);
+      outcome_.engine = build_(parts.whole());
+      const Scene& scene = outcome_.engine->scene();
+      if (parts.added.size() > before)
+        outcome_.warnings = mesh_warnings(scene, static_cast<std::uint32_t>(scene.bodies().size() - 1));
+      outcome_.parts = std::move(parts);
+    });
+    edits_.pop_front();
+  }
+}
+
+void Reloader::load(SceneParts parts) {
+  outcome_.engine = make_();
+  if (parts.added.empty()) return;
+  SceneParts fresh{std::make_shared<const Scene>(outcome_.engine->scene()), {}};
+  Scene scene = *fresh.file;
+  for (const AddedBody& body : parts.added) try {
+      append(scene, body);
+      fresh.added.push_back(body);
+    } catch (const SceneError& error) {
+      outcome_.left_out += (outcome_.left_out.empty() ? "" : "; ") + std::string(error.what());
+    }
+  outcome_.engine = build_(std::move(scene));
+  outcome_.parts = std::move(fresh);
+}
+
+template <class Work>
+void Reloader::start(Work work) {
+  thread_ = std::thread([this, work = std::move(work)]() mutable {
+    const auto begin = std::chrono::steady_clock::now();
+    run_behind();
+    try {
+      work();
+    } catch (const std::exception& error) {
+      outcome_.engine = nullptr;
+      outcome_.error = error.what();
+      outcome_.bad_input = dynamic_cast<const SceneError*>(&error) != nullptr;
+    }
+    outcome_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    ended_ = true;
+    done_();
+  });
+}
+
+}  // namespace clearance

@@ -1,0 +1,282 @@
+#include "server/core/scene_changes.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <iterator>
+
+#include "server/base/log.h"
+#include "server/base/log_text.h"
+#include "server/core/scene_log.h"
+#include "server/requests/scene_check.h"
+
+namespace clearance {
+namespace {
+
+using wire::ErrorCode;
+using wire::FrameHeader;
+
+/// What a client has sent of a body's shape: copies.
+struct NewGeometry {
+  std::vector<Vec3d> vertices;
+  std::vector<Triangle> triangles;
+  std::vector<CloudPoint> points;
+  Convexify convexify;
+
+  explicit NewGeometry(const wire::NewBodyParts& parts)
+      : vertices(parts.vertices.size()),
+        triangles(parts.triangles.size()),
+        points(parts.points.size()),
+        convexify(parts.convexify) {
+    static_assert(sizeof(Vec3d) == sizeof(wire::VertexRecord) && sizeof(Triangle) == sizeof(wire::TriangleRecord));
+    if (!vertices.empty()) std::memcpy(vertices.data(), parts.vertices.data(), parts.vertices.size_bytes());
+    if (!triangles.empty()) std::memcpy(triangles.data(), parts.triangles.data(), parts.triangles.size_bytes());
+    if (!points.empty()) std::memcpy(points.data(), parts.points.data(), parts.points.size_bytes());
+  }
+};
+
+/// The body that a client describes. Throws SceneError.
+/// \param geometry vertices and triangles, of a hull or a mesh, or points of a cloud
+Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, const NewGeometry& geometry) {
+  const std::string name = wire::name_of(record.name);
+  Scene::BodyOptions options;
+  options.uncertainty = {doubts.uncertainty_position, doubts.uncertainty_angle};
+  options.padding = doubts.padding;
+  options.max_speed = doubts.max_speed;
+  options.radius = record.radius;
+  options.is_static = record.is_static;
+  if (record.has_pose) {
+    options.pose.emplace();
+    static_assert(sizeof record.pose == sizeof(Pose));
+    std::memcpy(&*options.pose, record.pose, sizeof record.pose);
+  }
+  Scene alone;
+  switch (static_cast<wire::BodyShape>(record.shape)) {
+    case wire::BodyShape::kHull:
+      if (geometry.triangles.empty())
+        alone.add_hull(name, geometry.vertices, options);
+      else
+        alone.add_mesh(name, geometry.vertices, geometry.triangles, geometry.convexify, options);
+      break;
+    case wire::BodyShape::kBox:
+      alone.add_box(name, {record.size[0], record.size[1], record.size[2]}, options);
+      break;
+    case wire::BodyShape::kSphere:
+      alone.add_sphere(name, record.size[0], options);
+      break;
+    case wire::BodyShape::kCapsule:
+      alone.add_capsule(name, record.size[0], record.size[1], options);
+      break;
+    case wire::BodyShape::kCylinder:
+      alone.add_cylinder(name, record.size[0], record.size[1], options);
+      break;
+    case wire::BodyShape::kCone:
+      alone.add_cone(name, record.size[0], record.size[1], options);
+      break;
+    case wire::BodyShape::kEllipsoid:
+      alone.add_ellipsoid(name, {record.size[0], record.size[1], record.size[2]}, options);
+      break;
+    case wire::BodyShape::kHalfSpace:
+      alone.add_half_space(name, options);
+      break;
+    case wire::BodyShape::kCloud:
+      alone.add_points(name, geometry.points, record.size[0], options);
+      break;
+  }
+  Body body = alone.bodies()[0];
+  if (!record.has_pose) body.pose.reset();
+  return body;
+}
+
+/// Adds a body, unless there are as many as may be. Throws SceneError.
+Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std::uint32_t most) {
+  return [record = parts.record, doubts = parts.doubts, geometry = NewGeometry(parts), parent = std::move(parent),
+          most](SceneParts& scene) {
+    if (scene.added.size() >= most)
+      throw SceneError("add_body: " + std::to_string(most) +
+                       " bodies were added already, and no more may be (limit max-added-bodies)");
+    scene.added.push_back({body_of(record, doubts, geometry), parent});
+  };
+}
+
+/// Removes a body that was added. Throws SceneError.
+Reloader::Edit removal(const std::string& name) {
+  return [name](SceneParts& scene) {
+    const auto found = std::find_if(scene.added.begin(), scene.added.end(),
+                                    [&](const AddedBody& added) { return added.body.name == name; });
+    if (found == scene.added.end())
+      throw SceneError("remove_body: \"" + name + "\" " +
+                       (scene.file->find_body(name) == kNone ? "is not in the scene"
+                                                             : "is the scene file's: change the file, and reload it"));
+    scene.added.erase(found);
+    for (AddedBody& other : scene.added)  // it followed at first, and has been set free since: see why_not()
+      if (other.parent == name) {
+        other.parent.clear();
+        other.body.pose.reset();
+      }
+  };
+}
+
+}  // namespace
+
+void SceneChanges::allow(Reloader::Make make, Reloader::Build build, std::function<void()> wake) {
+  reloader_ = std::make_unique<Reloader>(std::move(make), std::move(build), std::move(wake));
+}
+
+bool SceneChanges::reload() noexcept {
+  if (reloader_) reloader_->ask();
+  return reloader_ != nullptr;
+}
+
+// --- requests
+
+void SceneChanges::let_wait(const FrameHeader& request, std::unique_ptr<ReplySink>& sink, Waiter waiter) {
+  waiter.asked.header = request;
+  waiter.asked.share = quotas_.take(sink->client(), sink->service_class(), 0);
+  waiters_.push_back(std::move(waiter));
+  waiters_.back().asked.sink = std::move(sink);  // now that nothing can fail any more
+}
+
+void SceneChanges::ask_reload(const FrameHeader& request, std::unique_ptr<ReplySink>& sink) {
+  if (!reloader_) throw Refusal{ErrorCode::kNotSupported, "there is no scene file to load anew"};
+  quotas_.check_requests(sink->client());
+  log::info("event=reload_asked client={}", sink->client());
+  let_wait(request, sink, {.asked = {}, .load = reloader_->next_load(), .name = ""});
+  reloader_->ask();
+}
+
+void SceneChanges::begin_edit(const FrameHeader& request, std::unique_ptr<ReplySink>& sink, const std::string& name,
+                              bool removes, Reloader::Edit edit) {
+  if (!reloader_ || !reloader_->can_edit())
+    throw Refusal{ErrorCode::kNotSupported, "bodies can be neither added nor removed here"};
+  quotas_.check_requests(sink->client());
+  const std::uint64_t number = reloader_->push(std::move(edit));
+  let_wait(request, sink, {.asked = {}, .edit = number, .name = name, .removes = removes});
+}
+
+void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byte> payload,
+                            std::unique_ptr<ReplySink>& sink) {
+  const wire::PayloadParts split = wire::split_payload(request, payload);
+  const wire::NewBodyParts parts = wire::parse_new_body(split.body, split.records);
+  answers_.check_epoch(request, parts.epoch);
+  stats_.records_ignored += parts.passed_over.size();
+  const std::uint32_t parent = parts.record.parent;
+  if (parent != kNone) check_scene(*engine_, request, std::array{parent});
+  const auto& bodies = engine_->scene().bodies();
+  if (parent != kNone && parent >= bodies.size())
+    throw Refusal{ErrorCode::kBadQuery,
+                  "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
+  check_size(parts);
+  begin_edit(request, sink, wire::name_of(parts.record.name), false,
+             addition(parts, parent == kNone ? "" : bodies[parent].name, limits_.max_added_bodies));
+}
+
+void SceneChanges::check_size(const wire::NewBodyParts& parts) const {
+  const auto check = [](std::uint64_t got, std::uint64_t most, const std::string& what) {
+    if (got > most)
+      throw Refusal{ErrorCode::kTooLarge, "add_body: " + std::to_string(got) + " " + what + " are more than the " +
+                                              std::to_string(most) + " that an added body may have (limit max-added-" +
+                                              what + ")"};
+  };
+  check(parts.vertices.size(), limits_.max_added_vertices, "vertices");
+  check(parts.triangles.size(), limits_.max_added_triangles, "triangles");
+  check(parts.points.size(), limits_.max_added_points, "points");
+}
+
+void SceneChanges::remove_body(const FrameHeader& request, std::span<const std::byte> payload,
+                               std::unique_ptr<ReplySink>& sink) {
+  const std::string name = wire::name_of(wire::parse_remove_body(payload).name);
+  check_scene(*engine_, request, std::array{engine_->scene().find_body(name)});
+  begin_edit(request, sink, name, true, removal(name));
+}
+
+// --- ends of changes
+
+bool SceneChanges::turn() {
+  if (!reloader_) return false;
+  bool is_new = false;
+  if (std::optional<Reloader::Outcome> outcome = reloader_->take()) is_new = end(*outcome);
+  reloader_->begin(engine_, parts_);
+  return is_new;
+}
+
+bool SceneChanges::end(Reloader::Outcome& outcome) {
+  std::vector<Waiter> waiters = take_waiters(outcome);
+  if (outcome.edit && outcome.engine)
+    for (const Waiter& waiter : waiters)
+      if (std::string why = why_not(waiter); !why.empty()) {
+        outcome.engine = nullptr;
+        outcome.bad_input = true;
+        outcome.error = std::move(why);
+      }
+  const bool is_new = install(outcome);
+  for (Waiter& waiter : waiters) answer(waiter, outcome);
+  return is_new;
+}
+
+/// Those who waited for this. Who asked for a reload while one was under way waits for the next: this one may have read
+/// the files before they changed.
+std::vector<SceneChanges::Waiter> SceneChanges::take_waiters(const Reloader::Outcome& outcome) {
+  const auto first = std::stable_partition(waiters_.begin(), waiters_.end(), [&](const Waiter& waiter) {
+    return outcome.edit ? waiter.edit != outcome.edit : waiter.load == 0 || waiter.load > outcome.load;
+  });
+  std::vector<Waiter> waiters(std::make_move_iterator(first), std::make_move_iterator(waiters_.end()));
+  waiters_.erase(first, waiters_.end());
+  return waiters;
+}
+
+/// Why a body cannot go now; empty: it can, or is not to go.
+std::string SceneChanges::why_not(const Waiter& waiter) const {
+  if (!waiter.removes) return "";
+  const auto& bodies = engine_->scene().bodies();
+  const std::uint32_t gone = engine_->scene().find_body(waiter.name);
+  for (std::uint32_t i = 0; i < bodies.size(); ++i)
+    if (engine_->body_state(i).parent == gone)
+      return "remove_body: \"" + bodies[i].name + "\" follows \"" + waiter.name + "\": set it free before";
+  return "";
+}
+
+bool SceneChanges::install(Reloader::Outcome& outcome) {
+  const char* what = outcome.edit ? "scene_edit" : "reload";
+  if (!outcome.engine) {
+    ++stats_[std::string(what) + "s.failed"];
+    if (outcome.edit)
+      log::info("event=scene_edit_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
+    else
+      log::error("event=reload_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
+    return false;
+  }
+  outcome.engine->take_poses(*engine_);
+  engine_ = std::move(outcome.engine);
+  parts_ = std::move(outcome.parts);
+  ++stats_[std::string(what) + "s"];
+  log::info("event={} bodies={} revision={:016x} seconds={:.3f}", outcome.edit ? "scene_edited" : "reloaded",
+            engine_->scene().bodies().size(), engine_->scene_revision(), outcome.seconds);
+  if (!outcome.left_out.empty()) log::warn("event=added_bodies_left_out error=\"{}\"", log_text(outcome.left_out));
+  log_mesh_warnings(engine_->scene(), outcome.warnings);
+  if (!outcome.edit) log_file_warnings(engine_->scene());
+  return true;
+}
+
+void SceneChanges::answer(Waiter& waiter, const Reloader::Outcome& outcome) {
+  waiter.asked.share.give_back();
+  ReplySink& sink = *waiter.asked.sink;
+  answers_.guard(sink, waiter.asked.header, [&] {
+    if (!outcome.error.empty())
+      throw Refusal{outcome.edit && outcome.bad_input ? ErrorCode::kBadQuery : ErrorCode::kReloadFailed, outcome.error};
+    wire::SceneChange change;
+    change.scene_revision = engine_->scene_revision();
+    change.body_count = static_cast<std::uint32_t>(engine_->scene().bodies().size());
+    change.body = engine_->scene().find_body(waiter.name);
+    change.seconds = outcome.seconds;
+    answers_.reply(sink, waiter.asked.header, wire::FrameType::kSceneChanged, std::as_bytes(std::span(&change, 1)));
+  });
+}
+
+std::size_t SceneChanges::drop_gone() {
+  return std::erase_if(waiters_, [](const Waiter& waiter) {
+    return !waiter.asked.sink->alive() && !waiter.removes;  // a removal is looked at once more: why_not()
+  });
+}
+
+}  // namespace clearance

@@ -1,0 +1,155 @@
+// What is said between the core and a process outside of it (process.h), and one end of the way.
+//
+// Messages go through a pair of SOCK_SEQPACKET sockets, whose buffers bound what is under way. A long one goes in
+// chunks, and those of several clients take turns. Each end checks every byte that comes: a process outside may have
+// been taken over. What does not follow these rules breaks the link, and with it that process.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "server/base/fair_queue.h"
+#include "wire/shm_os.h"
+
+namespace clearance::outside {
+
+enum class Kind : std::uint32_t {
+  // To the core.
+  kReady = 1,        ///< body: why there is no filter of system calls, or nothing
+  kFailed,           ///< body: why it cannot begin
+  kAlive,            ///< answers kPing
+  kFrame,            ///< name: identity, extra: a frame's header and the client's key or none, body: its payload
+  kNoFrame,          ///< name: identity, number: parts and bytes of the first (pack_parts())
+  kHandedOver,       ///< number: of a reply that its process holds no longer
+  kGone,             ///< name: an identity that no connection has
+  kNotDelivered,     ///< name: an identity whose queue is full
+  kKnock,            ///< name: address, extra: key: may it come in?
+  kHandshakeFailed,  ///< name: endpoint
+  // To the process outside.
+  kStart,  ///< name: url, number: bytes of a message that may come in, extra: secret key or none, body: channels
+  kPing,
+  kReply,    ///< name: identity, extra: a frame's header, body: its payload; number: for kHandedOver, 0: not wanted
+  kVerdict,  ///< number: 1: come in
+  // Both ways.
+  kPacket,  ///< name: LCM channel, body: a message
+};
+
+/// Bytes that are read and never written again.
+struct Bytes {
+  std::shared_ptr<const std::byte> begin;
+  std::uint64_t bytes = 0;
+
+  Bytes() = default;
+  Bytes(std::shared_ptr<const std::byte> memory, std::uint64_t size) : begin(std::move(memory)), bytes(size) {}
+  /// A copy, on a 64-byte boundary.
+  explicit Bytes(std::span<const std::byte> of);
+  explicit Bytes(std::string_view text) : Bytes(std::as_bytes(std::span(text))) {}
+  std::span<const std::byte> span() const { return {begin.get(), static_cast<std::size_t>(bytes)}; }
+  std::string text() const { return {reinterpret_cast<const char*>(begin.get()), static_cast<std::size_t>(bytes)}; }
+};
+
+struct Message {
+  Kind kind{};
+  std::uint64_t number = 0;
+  std::string name, extra;
+  Bytes body;
+};
+
+inline constexpr std::size_t kMaxNameBytes = 255, kMaxExtraBytes = 104;
+
+/// The link is of no more use: the other end is gone, or does not keep to the rules.
+struct Broken : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Begins each datagram. Name, extra and a part of the body follow.
+struct Head {
+  std::uint32_t kind;
+  std::uint16_t name_bytes, extra_bytes;
+  std::uint64_t number, body_bytes, offset;  // of the whole body, and where the part begins
+};
+static_assert(sizeof(Head) == 32);
+
+/// Sends kFailed, where nothing else may be done any more: takes no memory.
+void send_failed(int socket, std::string_view text);
+
+class Link {
+ public:
+  struct Limits {
+    std::uint64_t message_bytes;  ///< of a body that comes in
+    std::uint64_t coming_bytes;   ///< of all bodies of which a part has come
+    std::uint64_t waiting_bytes;  ///< that may wait to go out: beyond it, who does not read breaks the link
+  };
+  /// \param socket one end of a pair of SOCK_SEQPACKET sockets that do not block.
+  Link(shm::UniqueFd socket, const Limits& limits);
+
+  /// Readable when turn() or receive() has something to do.
+  int descriptor() const { return epoll_.get(); }
+
+  /// Sends a message, or what the socket takes of it, and keeps the rest. Those of one name arrive in their order.
+  /// Throws Broken.
+  void send(Message message);
+  /// Bytes that wait to go out.
+  std::uint64_t waiting_bytes() const { return waiting_bytes_; }
+  /// Begins a turn, in which a bounded number of bytes come and go, and sends what waits. Throws Broken.
+  void turn();
+  /// The next message; none: nothing is there, or the turn is over. Throws Broken; std::bad_alloc.
+  std::optional<Message> receive();
+  /// Whether the turn ended before there was nothing left to do.
+  bool has_more() const { return allowance_ == 0; }
+  /// Bytes that came and went in this turn.
+  std::uint64_t turn_bytes() const { return kBytesPerTurn - allowance_; }
+  /// Called with memory that is needed no longer and that takes long to free.
+  void drop_by(std::function<void(std::shared_ptr<void>)> drop) { drop_ = std::move(drop); }
+
+ private:
+  static constexpr std::size_t kChunkBytes = 64 << 10;
+  static constexpr std::uint64_t kBytesPerTurn = 512 << 10;
+  struct Leaving {
+    Message message;
+    std::uint64_t sequence, sent = 0;
+  };
+  struct InOrder {
+    bool operator()(const Leaving& a, const Leaving& b) const { return a.sequence < b.sequence; }
+  };
+  struct Coming {
+    Message message;
+    std::shared_ptr<std::byte> memory;
+    std::uint64_t got = 0;
+  };
+
+  bool send_chunk(Leaving& leaving);
+  void keep(Leaving leaving);
+  std::optional<Message> take(std::span<const std::byte> datagram);
+  std::optional<Message> take_part(Message message, std::uint64_t offset, std::span<const std::byte> part);
+  void spend(std::uint64_t bytes) { allowance_ -= std::min(allowance_, bytes + sizeof(Head)); }
+  void listen_for_room(bool wanted);
+
+  shm::UniqueFd socket_, epoll_;
+  Limits limits_;
+  std::vector<std::byte> buffer_;  // a datagram that comes or goes
+  FairQueue<Leaving, InOrder> leaving_;
+  std::unordered_map<std::string, Coming> coming_;
+  std::uint64_t sequence_ = 0, waiting_bytes_ = 0, coming_bytes_ = 0, allowance_ = kBytesPerTurn;
+  bool listens_for_room_ = false;
+  std::function<void(std::shared_ptr<void>)> drop_;
+};
+
+/// What a message of other parts than a frame's was made of.
+inline std::uint64_t pack_parts(std::uint64_t parts, std::uint64_t first_bytes) {
+  constexpr std::uint64_t kMost = ~std::uint32_t{0};
+  return std::min(parts, kMost) << 32 | std::min(first_bytes, kMost);
+}
+
+}  // namespace clearance::outside

@@ -1,0 +1,200 @@
+#include "server/gateway/zmq_outside.h"
+
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <zmq.hpp>
+
+#include "server/gateway/confine.h"
+#include "server/gateway/zap_handler.h"
+#include "server/gateway/zmq_router.h"
+#include "server/gateway/zmtp_gate.h"
+#include "wire/protocol.h"
+#include "wire/zmq_calls.h"
+
+namespace clearance::outside {
+namespace {
+
+constexpr int kFramesPerTurn = 32;
+/// A handshake takes two round trips.
+constexpr int kHandshakeMs = 3000;
+/// A frame has two parts. Of a message of more the rest is thrown away, which takes time: one of so many ends this
+/// process, which is sooner there again.
+constexpr int kMostParts = 65536;
+
+/// Numbers of replies that libzmq holds no longer, whose I/O thread says so.
+class HandedOver {
+ public:
+  HandedOver() : wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+    if (!wake_) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
+  }
+  int descriptor() const { return wake_.get(); }
+  void add(std::uint64_t number) {
+    const std::lock_guard lock(mutex_);
+    numbers_.push_back(number);
+    const std::uint64_t one = 1;
+    [[maybe_unused]] const auto written = ::write(wake_.get(), &one, sizeof one);
+  }
+  std::vector<std::uint64_t> take() {
+    std::uint64_t count;
+    [[maybe_unused]] const auto got = ::read(wake_.get(), &count, sizeof count);
+    const std::lock_guard lock(mutex_);
+    return std::exchange(numbers_, {});
+  }
+
+ private:
+  shm::UniqueFd wake_;
+  std::mutex mutex_;
+  std::vector<std::uint64_t> numbers_;
+};
+
+/// A reply's payload, as long as libzmq needs it.
+struct Held {
+  Bytes bytes;
+  std::uint64_t number;
+  HandedOver& handed_over;
+
+  static void give_back(void*, void* hint) {
+    const std::unique_ptr<Held> self(static_cast<Held*>(hint));
+    self->handed_over.add(self->number);
+  }
+};
+
+class ZmqOutside {
+ public:
+  ZmqOutside(Link& link, const Message& start)
+      : link_(link), room_(start.number), router_(context_, zmq::socket_type::router) {
+    set_router_options(router_, start.number);
+    router_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
+    if (!start.extra.empty()) {
+      guard_connections();
+      zap_.emplace(context_, ZapHandler::Core{[this](const std::string& address, const std::string& key) {
+                                                tell(Kind::kKnock, address, key);
+                                              },
+                                              [this](const std::string& endpoint) {
+                                                if (has_room()) tell(Kind::kHandshakeFailed, endpoint);
+                                              }});
+      zap_->guard(router_, start.extra);
+    }
+    const std::string unfiltered = confine_to_connections();
+    // Only now is anything read of what strangers send.
+    router_.set(zmq::sockopt::use_fd, kListenerFd);
+    router_.bind(start.name);
+    link_.send({Kind::kReady, 0, {}, {}, Bytes(unfiltered)});
+  }
+
+  [[noreturn]] void run() {
+    for (;;) {
+      wait();
+      link_.turn();
+      while (std::optional<Message> message = link_.receive()) obey(std::move(*message));
+      for (const std::uint64_t number : handed_over_.take()) tell(Kind::kHandedOver, {}, {}, number);
+      if (zap_) zap_->serve();
+      for (int i = 0; i < kFramesPerTurn && has_room() && take_frame(); ++i) {
+      }
+    }
+  }
+
+ private:
+  bool has_room() const { return link_.waiting_bytes() <= room_; }
+
+  void tell(Kind kind, std::string name, std::string extra = {}, std::uint64_t number = 0) {
+    name.resize(std::min(name.size(), kMaxNameBytes));
+    link_.send({kind, number, std::move(name), std::move(extra), {}});
+  }
+
+  void wait() {
+    std::vector<zmq::pollitem_t> items{{nullptr, link_.descriptor(), ZMQ_POLLIN, 0},
+                                       {nullptr, handed_over_.descriptor(), ZMQ_POLLIN, 0}};
+    if (has_room()) items.push_back({router_.handle(), 0, ZMQ_POLLIN, 0});
+    if (zap_) {
+      items.push_back({zap_->knocks().handle(), 0, ZMQ_POLLIN, 0});
+      items.push_back({zap_->events().handle(), 0, ZMQ_POLLIN, 0});
+    }
+    const auto timeout = link_.has_more() ? std::chrono::milliseconds(0) : std::chrono::milliseconds(-1);
+    uninterrupted([&] { return zmq::poll(items, timeout); });
+  }
+
+  bool take_frame() {
+    zmq::message_t part;
+    if (!receive(router_, part, zmq::recv_flags::dontwait)) return false;
+    int parts = 0;
+    zmq::message_t identity = std::move(part), head, payload;
+    for (bool more = identity.more(); more;) {
+      receive(router_, part, zmq::recv_flags::none);
+      more = part.more();
+      if (++parts == 1) head = std::move(part);
+      if (parts == 2) payload = std::move(part);
+      if (parts > kMostParts) throw std::runtime_error("a message of too many parts");
+    }
+    if (parts == 0) return true;  // nobody's
+    if (parts != 2 || head.size() != sizeof(wire::FrameHeader)) {
+      tell(Kind::kNoFrame, identity.to_string(), key_of(head),
+           pack_parts(static_cast<std::uint64_t>(parts), head.size()));
+      return true;
+    }
+    const auto own = std::make_shared<zmq::message_t>(std::move(payload));
+    link_.send({Kind::kFrame, 0, identity.to_string(), head.to_string() + key_of(head),
+                Bytes({own, own->data<std::byte>()}, own->size())});
+    return true;
+  }
+
+  void obey(Message message) {
+    switch (message.kind) {
+      case Kind::kPing:
+        return tell(Kind::kAlive, {});
+      case Kind::kVerdict:
+        if (zap_) zap_->verdict(message.number == 1);
+        return;
+      case Kind::kReply:
+        return reply(std::move(message));
+      default:
+        throw Broken("the core says what nobody says to ZeroMQ");
+    }
+  }
+
+  void reply(Message message) {
+    zmq::message_t identity(message.name.data(), message.name.size());
+    zmq::message_t head(message.extra.data(), message.extra.size()), payload;
+    const std::uint64_t bytes = message.body.bytes;
+    if (message.number) {
+      auto* const data = const_cast<std::byte*>(message.body.begin.get());
+      auto* hint = new Held{std::move(message.body), message.number, handed_over_};
+      payload.rebuild(data, bytes, &Held::give_back, hint);
+    } else {
+      payload.rebuild(message.body.begin.get(), bytes);
+    }
+    // With ROUTER_MANDATORY the first part tells whether the client is there (EHOSTUNREACH) and its queue has room.
+    try {
+      if (!clearance::send(router_, identity, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
+        return tell(Kind::kNotDelivered, message.name);
+      clearance::send(router_, head, zmq::send_flags::sndmore);
+      clearance::send(router_, payload, zmq::send_flags::none);
+    } catch (const zmq::error_t& error) {
+      if (error.num() != EHOSTUNREACH) throw;
+      tell(Kind::kGone, message.name);
+    }
+  }
+
+  Link& link_;
+  std::uint64_t room_;  // bytes that may wait for the core before no more is taken of clients
+  HandedOver handed_over_;
+  zmq::context_t context_;
+  std::optional<ZapHandler> zap_;
+  zmq::socket_t router_;
+};
+
+}  // namespace
+
+void serve_zmq(Link& link, const Message& start) {
+  // Not destroyed: the process ends with it, and libzmq's end would wait for its threads.
+  auto* const outside = new ZmqOutside(link, start);
+  outside->run();
+}
+
+}  // namespace clearance::outside

@@ -1,0 +1,53 @@
+// What the daemon publishes on LCM by itself: the scene, where bodies are, its state, nearest distances. It asks the
+// loop for each in the way that clients ask, so that there is one source for each number.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "server/lcm/lcm_figures.h"
+#include "server/lcm/lcm_link.h"
+#include "server/requests/transport.h"
+
+namespace clearance {
+
+class LcmAnnouncer {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// What is passed by reference must outlive this. \param distances_hz at most; 0: no distances.
+  LcmAnnouncer(Inbox& inbox, LcmFigures& figures, std::shared_ptr<LcmLink> link, double distances_hz)
+      : inbox_(inbox), figures_(figures), link_(std::move(link)), distances_hz_(distances_hz) {}
+
+  /// Asks the loop for all that is due. Returns how many frames it handed in.
+  int serve();
+  /// When distances may be asked for that were held back by their rate; none: nothing is held back.
+  std::optional<Clock::time_point> due() const;
+
+ private:
+  void hand_in(std::span<const std::byte> frame, LcmOwnSink::Take take);
+  void ask(wire::FrameType type, LcmOwnSink::Take take);
+  LcmOwnSink::Take guarded(LcmOwnSink::Take take);
+  void ask_scene();
+  void ask_states();
+  void ask_status();
+  void ask_distances();
+  bool distances_wanted() const;
+
+  Inbox& inbox_;
+  LcmFigures& figures_;
+  std::shared_ptr<LcmLink> link_;
+  double distances_hz_;
+  int handed_in_ = 0;
+  std::uint64_t own_client_ = next_client_id();
+  std::uint64_t scene_revision_ = 0, pose_revision_ = 0;
+  bool asked_distances_ = false;
+  std::int64_t states_sequence_ = 0, status_sequence_ = 0, distances_sequence_ = 0;
+  std::string backend_;
+  Clock::time_point opened_ = Clock::now();
+  Clock::time_point next_period_{}, next_distances_{}, asked_at_{};
+};
+
+}  // namespace clearance

@@ -1,0 +1,43 @@
+// What the LCM transport counts, in the daemon's own table, and what it complains of in the log.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <unordered_map>
+
+#include "server/requests/transport.h"
+
+namespace clearance {
+
+/// How often the same is said again.
+inline constexpr std::chrono::seconds kLcmSayAgain{5};
+
+class LcmFigures {
+ public:
+  explicit LcmFigures(Inbox& inbox);
+
+  /// Writes a log line, at most every few seconds for each kind of trouble; `more` counts those not said since the
+  /// last.
+  void complain(const char* kind, const std::string& what);
+  /// Whether a message is good; what is wrong with it is counted and said.
+  bool accept(const std::string& problem) {
+    if (problem.empty()) return true;
+    ++bad;
+    complain("bad", "message refused: " + problem);
+    return false;
+  }
+
+  std::uint64_t &messages, &bad, &poses, &wrong_scene, &unknown, &gaps, &reordered, &repeated, &restarts, &contested,
+      &bad_stamps, &not_allowed, &publishers, &queries, &frames, &clouds, &given_up, &replies, &dropped, &sent, &failed,
+      &other_daemons;
+
+ private:
+  struct Complaint {
+    std::uint64_t times = 0, said = 0;
+    std::chrono::steady_clock::time_point last;
+  };
+  std::unordered_map<std::string, Complaint> complaints_;
+};
+
+}  // namespace clearance

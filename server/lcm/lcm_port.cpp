@@ -1,0 +1,86 @@
+#include "server/lcm/lcm_port.h"
+
+#include <utility>
+
+#include "server/gateway/process.h"
+
+namespace clearance {
+namespace {
+
+using outside::Bytes;
+using outside::Kind;
+using outside::Message;
+
+class LcmBusPort final : public LcmPort {
+ public:
+  explicit LcmBusPort(const LcmAddress& address) : bus_(address) {}
+
+  void subscribe(const std::string& name, int queue, Handler handler) override {
+    bus_.subscribe(name, queue, std::move(handler));
+  }
+  std::vector<int> descriptors() const override { return {bus_.descriptor()}; }
+  bool handle() override { return bus_.handle(); }
+  bool publish(const std::string& name, std::span<const std::byte> message) override {
+    return bus_.publish(name, message);
+  }
+
+ private:
+  LcmBus bus_;
+};
+
+outside::Plan plan_of(const LcmAddress& address, std::uint64_t memory_bytes) {
+  outside::Plan plan;
+  plan.url = address.url();
+  plan.what = "lcm";
+  plan.memory_bytes = memory_bytes;
+  std::string channels;
+  for (const char* channel : kLcmChannelsIn) channels += std::string(channel) + "\n";
+  const std::string with_buffer = plan.url + "&recv_buf_size=" + std::to_string(address.recv_buf_size);
+  plan.start = {Kind::kStart, 0, with_buffer, {}, Bytes(std::string_view(channels))};
+  return plan;
+}
+
+class LcmOutsidePort final : public LcmPort {
+ public:
+  LcmOutsidePort(const LcmAddress& address, std::uint64_t memory_bytes) : process_(plan_of(address, memory_bytes)) {}
+
+  void subscribe(const std::string& name, int, Handler handler) override { handlers_[name] = std::move(handler); }
+  std::vector<int> descriptors() const override {
+    return process_.descriptor() < 0 ? std::vector<int>() : std::vector<int>{process_.descriptor()};
+  }
+  void begin_turn(Inbox& inbox) override { process_.turn(inbox); }
+  bool has_work() const override { return process_.has_more(); }
+  void tick(Inbox& inbox) override { process_.tick(inbox); }
+
+  bool handle() override {
+    const std::optional<Message> message = process_.receive();
+    if (!message) return false;
+    const auto handler = handlers_.find(message->name);
+    if (message->kind == Kind::kPacket && message->body.bytes <= kLcmDatagramBytes && handler != handlers_.end())
+      handler->second(message->body.span());
+    else
+      process_.lose("it says what is no packet of LCM's");
+    return true;
+  }
+
+  bool publish(const std::string& name, std::span<const std::byte> message) override {
+    constexpr std::uint64_t kMostWaiting = 16 << 20;
+    if (!process_.link() || process_.link()->waiting_bytes() > kMostWaiting) return false;
+    process_.send({Kind::kPacket, 0, name, {}, Bytes(message)});
+    return true;
+  }
+
+ private:
+  std::map<std::string, Handler> handlers_;
+  outside::Process process_;
+};
+
+}  // namespace
+
+std::unique_ptr<LcmPort> open_lcm_port(const LcmAddress& address, std::uint64_t outside_bytes) {
+  if (address.ttl == 0) return std::make_unique<LcmBusPort>(address);
+  check_multicast(address);  // where there is somebody to tell what is wrong
+  return std::make_unique<LcmOutsidePort>(address, outside_bytes);
+}
+
+}  // namespace clearance

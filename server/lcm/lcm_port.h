@@ -1,0 +1,58 @@
+// How the LCM transport gets and sends packets: by sockets of its own, or by way of a process outside.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "server/requests/transport.h"
+#include "wire/lcm_bus.h"
+
+namespace clearance {
+
+/// What the daemon listens to, without the prefix.
+inline constexpr const char* kLcmChannelsIn[] = {"CLEARANCE_POSES", "CLEARANCE_POSES_NAMED", "CLEARANCE_QUERY",
+                                                 "CLEARANCE_FRAME_IN", "CLEARANCE_STATUS"};
+
+class LcmPort {
+ public:
+  using Handler = LcmBus::Handler;
+
+  virtual ~LcmPort() = default;
+
+  /// Has messages of one of kLcmChannelsIn handled. Once for each, before the first turn.
+  /// \param queue messages kept between two turns.
+  virtual void subscribe(const std::string& name, int queue, Handler handler) = 0;
+  virtual std::vector<int> descriptors() const = 0;
+  /// Called before handle(), once a turn.
+  virtual void begin_turn(Inbox&) {}
+  /// Hands one message to its handler; false if none waits.
+  virtual bool handle() = 0;
+  /// Whether there is work that no descriptor tells of.
+  virtual bool has_work() const { return false; }
+  /// False if it was refused. Never blocks for long.
+  virtual bool publish(const std::string& name, std::span<const std::byte> message) = 0;
+  virtual void tick(Inbox&) {}
+
+  /// Encodes and sends a message of a generated type.
+  template <class Message>
+  bool publish_message(const std::string& name, const Message& message) {
+    buffer_.resize(static_cast<std::size_t>(message.getEncodedSize()));
+    const int size = message.encode(buffer_.data(), 0, static_cast<int>(buffer_.size()));
+    return size >= 0 && publish(name, {buffer_.data(), static_cast<std::size_t>(size)});
+  }
+
+ private:
+  std::vector<std::byte> buffer_;
+};
+
+/// Sockets of its own where no packet leaves this machine (ttl 0), else a process outside. Throws std::runtime_error
+/// with cause and remedy.
+std::unique_ptr<LcmPort> open_lcm_port(const LcmAddress& address, std::uint64_t outside_bytes);
+
+}  // namespace clearance

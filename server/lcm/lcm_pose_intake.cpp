@@ -1,0 +1,210 @@
+#include "server/lcm/lcm_pose_intake.h"
+
+#include "server/base/log.h"
+#include "server/base/log_text.h"
+
+namespace clearance {
+
+void LcmPoseIntake::meet(const Scene& scene) {
+  owners_.emplace(scene.bodies().size());
+  allowed_.assign(scene.bodies().size(), allowed_poses_.any);
+  joint_owners_.emplace(scene.joints().size());
+  allowed_joints_.assign(scene.joints().size(), allowed_poses_.any);
+  for (const std::string& name : allowed_poses_.allowed) {
+    for (const JointGroup& joints : scene.joint_groups())
+      if (joints.name == name)
+        for (const std::uint32_t joint : joints.joints) allowed_joints_[joint] = true;
+    const std::uint32_t body = scene.find_body(name), group = scene.find_group(name);
+    if (body != kNone) allowed_[body] = true;
+    if (group != kNone)
+      for (const std::uint32_t member : scene.groups()[group].bodies) allowed_[member] = true;
+    if (body == kNone && group == kNone) log::warn("event=lcm_allow_unknown name=\"{}\"", log_text(name));
+  }
+}
+
+bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
+  const Engine& engine = inbox_.engine();
+  static_assert(sizeof update.bodies[0] == sizeof(std::uint32_t));
+  const std::span ids(reinterpret_cast<const std::uint32_t*>(update.bodies.data()), update.bodies.size());
+  if (update.scene_revision != 0 && !engine.still_means(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
+    refuse_scene(update.scene_revision);
+    return false;
+  }
+  poses_.clear();
+  for (std::int32_t i = 0; i < update.count; ++i)
+    add_pose(static_cast<std::uint32_t>(update.bodies[i]), update.poses[i]);
+  return apply_poses({"CLEARANCE_POSES", 0, update.publisher_id, update.sequence, update.stamp_ns});
+}
+
+bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
+  const Scene& scene = inbox_.engine().scene();
+  poses_.clear();
+  for (std::int32_t i = 0; i < update.count; ++i) {
+    const std::uint32_t body = scene.find_body(update.names[i]);
+    if (body == kNone)
+      refuse_name(update.names[i], "a pose for '%', which is no body of this scene");
+    else
+      add_pose(body, update.poses[i]);
+  }
+  return apply_poses({"CLEARANCE_POSES_NAMED", 1, update.publisher_id, update.sequence, update.stamp_ns});
+}
+
+bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
+  const Engine& engine = inbox_.engine();
+  static_assert(sizeof update.joints[0] == sizeof(std::uint32_t));
+  const std::span ids(reinterpret_cast<const std::uint32_t*>(update.joints.data()), update.joints.size());
+  if (update.scene_revision != 0 && !engine.joints_still_mean(static_cast<std::uint64_t>(update.scene_revision), ids)) {
+    refuse_scene(update.scene_revision);
+    return false;
+  }
+  positions_.clear();
+  for (std::int32_t i = 0; i < update.count; ++i)
+    add_position(static_cast<std::uint32_t>(update.joints[i]), update.positions[i]);
+  return apply_positions({"CLEARANCE_JOINTS", 2, update.publisher_id, update.sequence, update.stamp_ns});
+}
+
+bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
+  const Scene& scene = inbox_.engine().scene();
+  positions_.clear();
+  for (std::int32_t i = 0; i < update.count; ++i) {
+    const std::uint32_t joint = scene.find_joint(update.names[i]);
+    if (joint == kNone)
+      refuse_name(update.names[i], "a position of '%', which is no joint of this scene");
+    else
+      add_position(joint, update.positions[i]);
+  }
+  return apply_positions({"CLEARANCE_JOINTS_NAMED", 3, update.publisher_id, update.sequence, update.stamp_ns});
+}
+
+std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_t& points) {
+  const std::uint32_t body = inbox_.engine().scene().find_body(points.body);
+  if (points.publisher_id == 0) {
+    figures_.accept("CLEARANCE_POINTS: publisher_id is 0; draw one at random");
+  } else if (body == kNone) {
+    refuse_name(points.body, "points of '%', which is no body of this scene");
+  } else if (!allowed_[body]) {
+    refuse_right(points.body, "points of '%', which are not taken from LCM (--lcm-poses)");
+  } else if (with_good_stamp(message_of(points), [&] { inbox_.engine().check_stamp(points.stamp_ns); })) {
+    return body;
+  }
+  return std::nullopt;
+}
+
+void LcmPoseIntake::refuse_scene(std::int64_t revision) {
+  ++figures_.wrong_scene;
+  figures_.complain("scene", "poses for scene " + std::to_string(revision) + " refused, this is " +
+                                 std::to_string(static_cast<std::int64_t>(inbox_.engine().scene_revision())));
+}
+
+/// \param what with '%' for the name
+void LcmPoseIntake::refuse_name(const std::string& name, const char* what) {
+  ++figures_.unknown;
+  figures_.complain("name", std::string(what).replace(std::string_view(what).find('%'), 1, name));
+}
+
+void LcmPoseIntake::refuse_right(const std::string& name, const char* what) {
+  ++figures_.not_allowed;
+  figures_.complain("not_allowed", std::string(what).replace(std::string_view(what).find('%'), 1, name));
+}
+
+void LcmPoseIntake::add_pose(std::uint32_t body, const std::vector<double>& pose) {
+  if (body < allowed_.size() && !allowed_[body])
+    return refuse_right(inbox_.engine().scene().bodies()[body].name,
+                        "a pose for '%', whose poses are not taken from LCM (--lcm-poses)");
+  poses_.push_back({body, {{pose[0], pose[1], pose[2]}, pose[3], pose[4], pose[5], pose[6]}});
+}
+
+void LcmPoseIntake::add_position(std::uint32_t joint, double position) {
+  if (joint < allowed_joints_.size() && !allowed_joints_[joint])
+    return refuse_right(inbox_.engine().scene().joints()[joint].name,
+                        "a position of '%', which is not taken from LCM (--lcm-poses)");
+  positions_.push_back({joint, position});
+}
+
+template <class Use>
+bool LcmPoseIntake::with_good_stamp(const Message& message, Use use) {
+  try {
+    use();
+    return true;
+  } catch (const QueryError& error) {
+    ++figures_.bad_stamps;
+    figures_.complain("stamp", message.who() + ": left out: " + error.what());
+    return false;
+  }
+}
+
+/// \param ids of what the message moves. \param apply hands it in
+template <class Apply>
+bool LcmPoseIntake::apply(const Message& message, std::span<const std::uint32_t> ids, std::optional<OwnerLog>& owners,
+                          Apply apply) {
+  if (message.publisher == 0)
+    return figures_.accept(std::string(message.channel) + ": publisher_id is 0; draw one at random");
+  // First: a publisher is not known by what is no time.
+  if (!with_good_stamp(message, [&] { inbox_.engine().check_stamp(message.stamp_ns); })) return false;
+  if (!is_in_order(message)) return false;
+  if (const auto contested = owners->note(message.publisher, ids, OwnerLog::Clock::now()); !contested.empty()) {
+    figures_.contested += contested.size();
+    const Scene& scene = inbox_.engine().scene();
+    const bool is_joint = &owners == &joint_owners_;
+    const std::uint32_t first = contested.front();
+    figures_.complain("contested", std::string("two publishers move ") + (is_joint ? "joint '" : "body '") +
+                                       (is_joint ? scene.joints()[first].name : scene.bodies()[first].name) +
+                                       "' in turns; one is " + std::to_string(message.publisher));
+  }
+  if (ids.empty() && !allowed_poses_.any) return false;  // nothing that would be taken
+  ++figures_.poses;
+  with_good_stamp(message, [&] { figures_.unknown += apply(clients_.number_of(message.publisher)).unknown; });
+  return true;
+}
+
+bool LcmPoseIntake::apply_poses(const Message& message) {
+  ids_.clear();
+  for (const BodyPose& pose : poses_) ids_.push_back(pose.body);
+  return apply(message, ids_, owners_, [&](std::uint64_t client) {
+    return inbox_.on_poses(poses_, message.stamp_ns, message.sequence, client);
+  });
+}
+
+bool LcmPoseIntake::apply_positions(const Message& message) {
+  ids_.clear();
+  for (const JointPosition& position : positions_) ids_.push_back(position.joint);
+  return apply(message, ids_, joint_owners_, [&](std::uint64_t client) {
+    return inbox_.on_joints(positions_, message.stamp_ns, message.sequence, client);
+  });
+}
+
+/// Whether a message is newer than its publisher's last one.
+bool LcmPoseIntake::is_in_order(const Message& message) {
+  const auto& [channel, channel_number, publisher, sequence, stamp_ns] = message;
+  const PublisherLog::Note note =
+      publishers_.note(channel_number, publisher, sequence, stamp_ns, PublisherLog::Clock::now());
+  const auto complain = [&](const char* kind, const std::string& what) {
+    figures_.complain(kind, message.who() + what);
+  };
+  switch (note.verdict) {
+    case PublisherLog::Verdict::kNew:
+      log::info("event=lcm_publisher channel={} id={}", channel, publisher);
+      break;
+    case PublisherLog::Verdict::kNext:
+      break;
+    case PublisherLog::Verdict::kGap:
+      figures_.gaps += note.missing;
+      complain("gap", ": " + std::to_string(note.missing) + " messages missing before " + std::to_string(sequence));
+      break;
+    case PublisherLog::Verdict::kRestart:
+      ++figures_.restarts;
+      complain("restart", " counts anew, from " + std::to_string(sequence));
+      break;
+    case PublisherLog::Verdict::kRepeated:
+      ++figures_.repeated;
+      complain("repeated", ": sequence " + std::to_string(sequence) + " came again, left out");
+      break;
+    case PublisherLog::Verdict::kOld:
+      ++figures_.reordered;
+      complain("old", ": sequence " + std::to_string(sequence) + " is older than the last, left out");
+      break;
+  }
+  return note.use();
+}
+
+}  // namespace clearance

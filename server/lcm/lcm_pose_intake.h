@@ -1,0 +1,76 @@
+// Poses and joint positions from LCM: which are taken, in what order, and who sent them.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "clearance_lcm/joint_update_t.hpp"
+#include "clearance_lcm/named_joint_update_t.hpp"
+#include "clearance_lcm/named_pose_update_t.hpp"
+#include "clearance_lcm/points_t.hpp"
+#include "clearance_lcm/pose_update_t.hpp"
+#include "server/lcm/lcm_figures.h"
+#include "server/lcm/lcm_publishers.h"
+#include "server/requests/transport.h"
+
+namespace clearance {
+
+class LcmPoseIntake {
+ public:
+  /// What is passed must outlive this.
+  LcmPoseIntake(Inbox& inbox, LcmFigures& figures, LcmClients& clients, const LcmPoses& allowed)
+      : inbox_(inbox), figures_(figures), clients_(clients), allowed_poses_(allowed) {}
+
+  /// Takes note of the scene that is served now, which may have other bodies.
+  void meet(const Scene& scene);
+  /// Hands poses in. Returns whether it did.
+  bool take(const clearance_lcm::pose_update_t& update);
+  bool take(const clearance_lcm::named_pose_update_t& update);
+  bool take(const clearance_lcm::joint_update_t& update);
+  bool take(const clearance_lcm::named_joint_update_t& update);
+  /// The body whose points these are; none: they are not taken, which is counted and said.
+  std::optional<std::uint32_t> body_of(const clearance_lcm::points_t& points);
+  /// Whether a cloud is newer than its publisher's last one.
+  bool is_in_order(const clearance_lcm::points_t& points) { return is_in_order(message_of(points)); }
+  std::size_t publishers() const { return publishers_.size(); }
+
+ private:
+  /// A message as its publisher numbered it.
+  struct Message {
+    const char* channel;
+    int channel_number;
+    std::int64_t publisher, sequence, stamp_ns;
+    std::string who() const { return "publisher " + std::to_string(publisher) + " on " + channel; }
+  };
+  static Message message_of(const clearance_lcm::points_t& points) {
+    return {"CLEARANCE_POINTS", 4, points.publisher_id, points.sequence, points.stamp_ns};
+  }
+  void refuse_scene(std::int64_t revision);
+  void refuse_name(const std::string& name, const char* what);
+  void refuse_right(const std::string& name, const char* what);
+  void add_pose(std::uint32_t body, const std::vector<double>& pose);
+  void add_position(std::uint32_t joint, double position);
+  template <class Apply>
+  bool apply(const Message& message, std::span<const std::uint32_t> ids, std::optional<OwnerLog>& owners, Apply apply);
+  bool apply_poses(const Message& message);
+  bool apply_positions(const Message& message);
+  bool is_in_order(const Message& message);
+  template <class Use>
+  bool with_good_stamp(const Message& message, Use use);
+
+  Inbox& inbox_;
+  LcmFigures& figures_;
+  LcmClients& clients_;
+  LcmPoses allowed_poses_;
+  std::vector<bool> allowed_, allowed_joints_;  // by id
+  PublisherLog publishers_;
+  std::optional<OwnerLog> owners_, joint_owners_;
+  // Of the message.
+  std::vector<std::uint32_t> ids_;
+  std::vector<BodyPose> poses_;
+  std::vector<JointPosition> positions_;
+};
+
+}  // namespace clearance

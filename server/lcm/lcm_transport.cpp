@@ -1,0 +1,322 @@
+// The daemon on an LCM network: poses and queries in; answers, the scene, distances and counters out (lcmtypes/).
+//
+// liblcm's thread reads the socket and queues; all of this runs on the loop's thread. Requests become frames for the
+// loop and its answers become messages again. Poses have lcm_pose_intake.h, what is published unasked lcm_announcer.h.
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+
+#include "server/lcm/lcm_announcer.h"
+#include "server/lcm/lcm_figures.h"
+#include "server/lcm/lcm_link.h"
+#include "server/lcm/lcm_points.h"
+#include "server/lcm/lcm_pose_intake.h"
+#include "server/lcm/lcm_publishers.h"
+#include "server/lcm/lcm_translate.h"
+#include "server/requests/error_frame.h"
+#include "server/requests/transport.h"
+#include "wire/lcm_bus.h"
+#include "wire/lcm_check.h"
+#include "wire/lcm_frames.h"
+#include "wire/wire.h"
+
+namespace clearance {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using clearance_lcm::frame_t;
+using clearance_lcm::joint_query_t;
+using clearance_lcm::joint_update_t;
+using clearance_lcm::named_joint_update_t;
+using clearance_lcm::named_pose_update_t;
+using clearance_lcm::points_t;
+using clearance_lcm::pose_update_t;
+using clearance_lcm::query_t;
+
+constexpr int kMessagesPerPoll = 64;
+/// Messages that liblcm keeps between two polls, per channel.
+constexpr int kQueue = 512;
+constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{16} << 20;
+
+class LcmTransport final : public Transport {
+ public:
+  LcmTransport(const LcmAddress& address, const LcmPoses& allowed_poses, std::uint64_t outside_bytes)
+      : url_(address.url()),
+        allowed_poses_(allowed_poses),
+        link_(std::make_shared<LcmLink>(open_lcm_port(address, outside_bytes))),
+        timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)),
+        assembler_({.frame_bytes = kMaxRequestBytes, .total_bytes = 4 * kMaxRequestBytes, .frames = 256}),
+        distances_hz_(std::max(0.0, address.distances_hz)) {
+    if (timer_ < 0) throw std::runtime_error(std::string("LCM: no timer: ") + std::strerror(errno));
+    if (!allowed_poses.any) link_->rights &= ~kMayPose;  // by frames, too, which name no body before they are read
+    const auto listen = [this](const char* name, auto method) {
+      link_->port->subscribe(name, kQueue,
+                             [this, method](std::span<const std::byte> packet) { (this->*method)(packet); });
+    };
+    listen("CLEARANCE_POSES", &LcmTransport::on_poses<pose_update_t>);
+    listen("CLEARANCE_POSES_NAMED", &LcmTransport::on_poses<named_pose_update_t>);
+    listen("CLEARANCE_JOINTS", &LcmTransport::on_poses<joint_update_t>);
+    listen("CLEARANCE_JOINTS_NAMED", &LcmTransport::on_poses<named_joint_update_t>);
+    listen("CLEARANCE_POINTS", &LcmTransport::on_points);
+    listen("CLEARANCE_QUERY", &LcmTransport::on_query);
+    listen("CLEARANCE_JOINT_QUERY", &LcmTransport::on_joint_query);
+    listen("CLEARANCE_FRAME_IN", &LcmTransport::on_frame);
+    listen("CLEARANCE_STATUS", &LcmTransport::on_status);
+  }
+  ~LcmTransport() override { ::close(timer_); }
+
+  std::string url() const override { return url_; }
+
+  std::vector<int> descriptors() const override {
+    std::vector<int> all = link_->port->descriptors();
+    all.push_back(timer_);
+    return all;
+  }
+
+  bool polls_by_system_call() const override { return true; }
+  bool prepare_sleep() override { return link_->port->has_work(); }
+
+  int poll(Inbox& inbox) override {
+    meet(inbox);
+    if (armed_) {
+      std::uint64_t expirations = 0;
+      [[maybe_unused]] const auto ignored = ::read(timer_, &expirations, sizeof expirations);
+    }
+    handed_in_ = 0;
+    link_->port->begin_turn(inbox);
+    for (int i = 0; i < kMessagesPerPoll && link_->port->handle(); ++i) ++figures_->messages;
+    serve();
+    return handed_in_;
+  }
+
+  void tick(Inbox& inbox) override {
+    meet(inbox);
+    link_->port->tick(inbox);
+    assembler_.expire(Clock::now());
+    points_.expire(Clock::now());
+    serve();
+  }
+
+ private:
+  /// The loop may only be known from its first call on.
+  void meet(Inbox& inbox) {
+    if (!inbox_) {
+      inbox_ = &inbox;
+      figures_.emplace(inbox);
+      intake_.emplace(inbox, *figures_, clients_, allowed_poses_);
+      announcer_.emplace(inbox, *figures_, link_, distances_hz_);
+    }
+    const Scene* scene = &inbox.engine().scene();
+    if (scene != scene_) intake_->meet(*scene);
+    scene_ = scene;
+  }
+
+  template <class Message>
+  bool decode(std::span<const std::byte> packet, Message& message) {
+    return figures_->accept(decode_checked(packet, message));
+  }
+
+  template <class Update>
+  void on_poses(std::span<const std::byte> packet) {
+    Update update;
+    if (decode(packet, update)) handed_in_ += intake_->take(update);
+  }
+
+  void on_points(std::span<const std::byte> packet) {
+    points_t part;
+    if (!decode(packet, part)) return;
+    const std::optional<std::uint32_t> body = intake_->body_of(part);
+    if (!body) return;
+    const std::uint64_t bad = points_.counts().bad;
+    std::optional<FrameBytes> whole = points_.add(part, *body, Clock::now());
+    if (points_.counts().bad != bad) figures_->accept("points_t: its part and sizes do not fit together");
+    if (!whole || !intake_->is_in_order(part)) return;
+    ++figures_->clouds;
+    auto sink = std::make_unique<LcmSilentSink>(
+        link_, clients_.number_of(part.publisher_id), [this, name = part.body](std::span<const std::byte> frame) {
+          wire::FrameHeader header;
+          std::memcpy(&header, frame.data(), sizeof header);
+          if (header.type != static_cast<std::uint16_t>(wire::FrameType::kError)) return;
+          const std::span<const std::byte> payload = wire::split_payload(header, frame.subspan(sizeof header)).body;
+          figures_->complain("points", "points of '" + name + "' refused: " + wire::parse_error(payload).text);
+        });
+    const auto frame = std::make_shared<FrameBytes>(std::move(*whole));
+    hand_in(frame->span(), frame, std::move(sink));
+  }
+
+  // --- requests
+
+  void on_query(std::span<const std::byte> packet) {
+    query_t query;
+    if (decode(packet, query) && is_named("query_t", query)) hand_in(query, [&] { return query_frame_of(query); });
+  }
+
+  void on_joint_query(std::span<const std::byte> packet) {
+    joint_query_t asked;
+    if (!decode(packet, asked) || !is_named("joint_query_t", asked.query)) return;
+    const query_t& query = asked.query;
+    if (query.body_count != 0 && query.configuration_count != asked.row_count)  // poses are read for each row
+      return refuse(query, wire::ErrorCode::kBadQuery,
+                    std::to_string(query.configuration_count) + " configurations of bodies and " +
+                        std::to_string(asked.row_count) + " of joints: expected as many, or no bodies");
+    std::vector<std::uint32_t> joints;
+    for (const std::string& name : asked.joints) {
+      joints.push_back(inbox_->engine().scene().find_joint(name));
+      if (joints.back() == kNone)
+        return refuse(query, wire::ErrorCode::kBadQuery,
+                      "joints[" + std::to_string(joints.size() - 1) + "]: there is no joint '" + name + "'");
+    }
+    hand_in(query, [&] { return query_frame_of(asked, joints); });
+  }
+
+  bool is_named(const std::string& type, const query_t& query) {
+    return query.client_id != 0 || figures_->accept(type + ": client_id is 0; draw one at random");
+  }
+
+  std::unique_ptr<LcmReplySink> sink_of(const query_t& query) {
+    ++figures_->queries;
+    return std::make_unique<LcmReplySink>(link_, clients_.number_of(query.client_id), query.client_id);
+  }
+
+  /// \param make makes the frame; throws WireError for what has no place in reply_t.
+  template <class Make>
+  void hand_in(const query_t& query, Make make) {
+    std::shared_ptr<std::vector<std::byte>> frame;
+    try {
+      frame = std::make_shared<std::vector<std::byte>>(make());
+    } catch (const wire::WireError& error) {
+      return refuse(query, error.code, error.what());
+    }
+    hand_in(*frame, frame, sink_of(query));
+  }
+
+  void refuse(const query_t& query, wire::ErrorCode code, const std::string& why) {
+    const wire::FrameHeader header =
+        wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), 0, 0,
+                          static_cast<std::uint64_t>(query.client_id));
+    send_error(*sink_of(query), header, inbox_->engine().scene_revision(), code, why);
+  }
+
+  void on_frame(std::span<const std::byte> packet) {
+    frame_t part;
+    if (!decode(packet, part)) return;
+    if (part.client_id == 0) {
+      figures_->accept("frame_t: client_id is 0; draw one at random");
+      return;
+    }
+    const std::uint64_t bad = assembler_.counts().bad;
+    auto whole = assembler_.add(part, Clock::now());
+    if (assembler_.counts().bad != bad) figures_->accept("frame_t: its part and sizes do not fit together");
+    if (!whole || !is_in_order(*whole, part.sequence)) return;
+    ++figures_->frames;
+    auto sink = std::make_unique<LcmFrameSink>(link_, clients_.number_of(whole->client_id), whole->client_id,
+                                               whole->request_id);
+    const auto frame = std::make_shared<FrameBytes>(std::move(whole->frame));
+    hand_in(frame->span(), frame, std::move(sink));
+  }
+
+  /// Whether a frame that changes something is newer than its client's last such frame. One that came late or once more
+  /// would put bodies back to where they were.
+  bool is_in_order(const FrameAssembler::Whole& whole, std::int64_t sequence) {
+    wire::FrameHeader header;
+    std::memcpy(&header, whole.frame.bytes.get(), sizeof header);
+    if ((right_for(static_cast<wire::FrameType>(header.type)) & ~kMayQuery) == 0) return true;
+    const auto note = changes_.note(0, whole.client_id, sequence, 0, Clock::now());
+    if (note.use()) return true;
+    ++(note.verdict == PublisherLog::Verdict::kRepeated ? figures_->repeated : figures_->reordered);
+    figures_->complain("old", "client " + std::to_string(whole.client_id) + ": frame " + std::to_string(sequence) +
+                                  " is not newer than its last that changed something, left out");
+    return false;
+  }
+
+  /// \param owner of the frame's memory
+  void hand_in(std::span<const std::byte> frame, const std::shared_ptr<void>& owner, std::unique_ptr<ReplySink> sink) {
+    wire::FrameHeader header;
+    std::memcpy(&header, frame.data(), sizeof header);
+    ++handed_in_;
+    const std::span<const std::byte> payload = frame.subspan(sizeof header);
+    if (payload.size() <= kLargePayload) return inbox_->on_frame(header, payload, std::move(sink));
+    const OwnPayload fetched{{owner, payload.data()}, payload.size()};
+    inbox_->on_large_frame(header, payload.size(), [fetched] { return fetched; }, std::move(sink));
+  }
+
+  void on_status(std::span<const std::byte> packet) {
+    // The type's hash, then server_id, big-endian: enough to know our own.
+    if (packet.size() < 16) return;
+    std::uint64_t id = 0;
+    for (int i = 8; i < 16; ++i) id = id << 8 | std::to_integer<std::uint64_t>(packet[i]);
+    if (static_cast<std::int64_t>(id) == link_->server_id) return;
+    ++figures_->other_daemons;
+    figures_->complain("other", "another clearanced publishes under the same channels; give one of them a prefix");
+  }
+
+  void serve() {
+    handed_in_ += announcer_->serve();
+    link_->outbox.flush(Clock::now());
+    link_->announcements.flush(Clock::now());
+    figures_->publishers = intake_->publishers();
+    figures_->given_up = assembler_.counts().given_up + points_.counts().given_up;
+    figures_->replies = link_->replies;
+    figures_->dropped = link_->dropped;
+    figures_->sent = link_->outbox.sent() + link_->announcements.sent();
+    figures_->failed = link_->outbox.failed() + link_->announcements.failed();
+    arm_timer();
+  }
+
+  /// Wakes the loop when the pacer lets more out, or when distances were held back by their rate.
+  void arm_timer() {
+    const auto now = Clock::now();
+    auto due = link_->outbox.due();
+    if (const auto other = link_->announcements.due()) due = due ? std::min(*due, *other) : *other;
+    if (const auto other = announcer_->due()) due = due ? std::min(*due, *other) : *other;
+    if (!due && !armed_) return;
+    armed_ = due.has_value();
+    itimerspec spec{};
+    if (due) {
+      const auto wait = std::max(*due - now, Clock::duration(std::chrono::microseconds(50)));
+      spec.it_value.tv_sec = std::chrono::duration_cast<std::chrono::seconds>(wait).count();
+      spec.it_value.tv_nsec = (wait % std::chrono::seconds(1)).count();
+    }
+    ::timerfd_settime(timer_, 0, &spec, nullptr);
+  }
+
+  std::string url_;
+  LcmPoses allowed_poses_;
+  std::shared_ptr<LcmLink> link_;
+  int timer_;
+  FrameAssembler assembler_;
+  LcmPoints points_;
+  double distances_hz_;
+  LcmClients clients_;
+  PublisherLog changes_;  // frames that change something, of each client
+  int handed_in_ = 0;
+  bool armed_ = false;
+  const Scene* scene_ = nullptr;
+  // From the loop's first call on.
+  Inbox* inbox_ = nullptr;
+  std::optional<LcmFigures> figures_;
+  std::optional<LcmPoseIntake> intake_;
+  std::optional<LcmAnnouncer> announcer_;
+};
+
+}  // namespace
+
+std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const LcmPoses& poses,
+                                              std::uint64_t outside_bytes) {
+  const LcmAddress address = [&] {
+    try {
+      return parse_lcm_address(lcm_url);
+    } catch (const std::invalid_argument& error) {
+      throw std::runtime_error(error.what());
+    }
+  }();
+  return std::make_unique<LcmTransport>(address, poses, outside_bytes);
+}
+
+}  // namespace clearance

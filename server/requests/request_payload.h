@@ -1,0 +1,34 @@
+// What a request's payload is without its records, and what a reply's record is as bytes.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "server/requests/answers.h"
+#include "wire/wire.h"
+
+namespace clearance {
+
+template <class Record>
+std::span<const std::byte> bytes_of(const Record& record) {
+  return std::as_bytes(std::span(&record, 1));
+}
+
+/// The payload of a request of which no record but the epoch is known. Throws WireError if one of them is required, a
+/// Refusal if it is for another epoch. \param ignored counts the others.
+inline std::span<const std::byte> without_records(const Answers& answers, const wire::FrameHeader& header,
+                                                  std::span<const std::byte> payload, std::uint64_t& ignored) {
+  if (header.records_bytes == 0) {
+    answers.check_epoch(header, 0);
+    return payload;
+  }
+  const wire::PayloadParts parts = wire::split_payload(header, payload);
+  wire::PassedOver passed_over;
+  const std::uint64_t epoch = wire::read_records(wire::type_name(header.type).c_str(), parts.records, passed_over,
+                                                 [](const wire::RecordView&) { return false; });
+  ignored += passed_over.size();
+  answers.check_epoch(header, epoch);
+  return parts.body;
+}
+
+}  // namespace clearance

@@ -1,0 +1,39 @@
+// Whether the ids of a request mean what its client thinks.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "engine/engine.h"
+#include "server/base/refusal.h"
+#include "wire/protocol.h"
+
+namespace clearance {
+
+/// False if these ids mean something else in the engine's scene than in the one that the request names. Of a request
+/// that names none, they mean what they mean.
+inline bool knows_scene(const Engine& engine, const wire::FrameHeader& request, std::span<const std::uint32_t> ids,
+                        bool with_parents = false) {
+  return !request.scene_revision || engine.still_means(request.scene_revision, ids, with_parents);
+}
+
+[[noreturn]] inline void refuse_scene(const Engine& engine, const wire::FrameHeader& request) {
+  throw Refusal{wire::ErrorCode::kWrongScene, "the request is for scene revision " +
+                                                  std::to_string(request.scene_revision) + ", the daemon's is " +
+                                                  std::to_string(engine.scene_revision()) + ": fetch the scene again"};
+}
+
+/// Throws a Refusal (kWrongScene) unless joint ids mean what their client thinks.
+inline void check_joint_scene(const Engine& engine, const wire::FrameHeader& request,
+                              std::span<const std::uint32_t> joints) {
+  if (request.scene_revision && !engine.joints_still_mean(request.scene_revision, joints))
+    refuse_scene(engine, request);
+}
+
+/// Throws a Refusal (kWrongScene) then.
+inline void check_scene(const Engine& engine, const wire::FrameHeader& request, std::span<const std::uint32_t> ids,
+                        bool with_parents = false) {
+  if (!knows_scene(engine, request, ids, with_parents)) refuse_scene(engine, request);
+}
+
+}  // namespace clearance

@@ -1,0 +1,117 @@
+// The daemon's side of shared segments: their memory, their budget, and the rings in them.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "server/shm/segment_pinner.h"
+#include "server/shm/shm_transport.h"
+#include "wire/aligned_buffer.h"
+#include "wire/shm_layout.h"
+#include "wire/shm_os.h"
+
+namespace clearance {
+
+/// Bytes of address space that all segments may take together. Shared by the transport and every living segment.
+struct SegmentBudget {
+  std::uint64_t limit = 0;
+  std::uint64_t kept_for_control = 0;  ///< of it, for clients of that class alone
+  std::atomic<std::uint64_t> used{0};
+  /// Lets go of a segment's memory where that holds up nobody; empty: at once.
+  std::function<void(std::shared_ptr<void>)> drop;
+};
+
+/// Private memory on a 64-byte boundary that is reused from request to request.
+class ScratchBuffer {
+ public:
+  /// Room for at least `bytes`; what was there is lost. Throws std::bad_alloc.
+  std::byte* reserve(std::size_t bytes);
+  /// Gives memory beyond `bytes` back.
+  void trim(std::size_t bytes);
+
+ private:
+  AlignedBytes data_;
+  std::size_t capacity_ = 0;
+};
+
+/// One segment. It is made fresh for one client and never given to another. It lives as long as the client or any
+/// request in it that is still being worked on.
+class Segment {
+ public:
+  /// A request taken from the ring: its frame in private memory, or of a large one the header alone.
+  struct Request {
+    std::uint32_t slot = 0;
+    std::uint32_t generation = 0;
+    std::span<const std::byte> frame;
+    std::uint64_t frame_bytes = 0;
+  };
+  enum class Take { kNothing, kRequest, kViolation };
+
+  /// Makes and maps a segment whose slots hold at least the capacities given, with as many slots as the limits allow.
+  /// Null with `why` filled if the limits or the machine forbid it.
+  /// \param pinner null: the segment is never pinned.
+  static std::shared_ptr<Segment> make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
+                                       const ShmLimits& limits, ServiceClass service, std::uint32_t id,
+                                       std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why);
+  ~Segment();
+  Segment(const Segment&) = delete;
+  Segment& operator=(const Segment&) = delete;
+
+  /// Takes the next request, if there is one. kViolation: the client broke the rules (why() says how) and must go.
+  Take take(ScratchBuffer& scratch, Request& request);
+  /// Copies the payload of a request that has not been answered yet. From any thread. Throws std::bad_alloc.
+  OwnPayload copy_payload(std::uint32_t slot, std::uint64_t payload_bytes) const;
+  /// Whether a request waits. Sequentially consistent, for the look after set_sleeping(true).
+  bool has_request() const;
+  void set_sleeping(bool sleeping);
+  /// Shows the client how often the loop has gone round.
+  void show_turns(std::uint64_t turns) { header_->turns.store(turns, std::memory_order_relaxed); }
+
+  /// The room of a slot's reply.
+  std::byte* reply_area(std::uint32_t slot);
+  /// A device's replies are to come here without a copy, from some later one on.
+  void pin();
+  /// Posts a reply and wakes the client; 0 bytes gives the slot back unanswered.
+  void post_reply(std::uint32_t slot, std::uint32_t generation, std::uint64_t frame_bytes);
+
+  std::uint32_t id() const { return id_; }
+  int memfd() const { return memfd_.get(); }
+  std::uint64_t request_capacity() const { return request_capacity_; }
+  std::uint64_t reply_capacity() const { return reply_capacity_; }
+  const char* why() const { return why_; }
+
+ private:
+  struct Slot {
+    std::uint32_t generation = 0;  ///< of the last request taken
+    bool busy = false;             ///< a request was taken and not yet answered
+  };
+
+  Segment() = default;
+  void write_header();
+  Take violation(const char* why);
+
+  // Everything the daemon decides by is here, in private memory.
+  std::shared_ptr<SegmentBudget> budget_;
+  std::shared_ptr<SegmentPinner> pinner_;
+  shm::UniqueFd memfd_;
+  std::shared_ptr<Mapping> mapping_;
+  std::byte* base_ = nullptr;
+  shm::SegmentHeader* header_ = nullptr;
+  std::uint64_t request_capacity_ = 0, reply_capacity_ = 0, request_offset_ = 0, reply_offset_ = 0;
+  std::uint32_t id_ = 0;
+  std::uint32_t request_tail_ = 0;  ///< requests taken
+  std::uint32_t reply_head_ = 0;    ///< replies posted
+  std::uint32_t last_slot_ = 0;     ///< of the last request taken
+  std::vector<Slot> slots_;
+  bool pin_asked_ = false;
+  SegmentPinner::Ticket* pin_ = nullptr;
+  const char* why_ = "";
+};
+
+}  // namespace clearance

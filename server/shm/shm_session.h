@@ -1,0 +1,75 @@
+// Clients of the shared-memory transport: where they come in, what each has, and how a request of theirs is answered.
+#pragma once
+
+#include <sys/socket.h>
+
+#include <chrono>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/access/access.h"
+#include "server/base/unix_socket.h"
+#include "server/requests/transport.h"
+#include "server/shm/shm_segment.h"
+#include "wire/shm_os.h"
+
+namespace clearance {
+
+/// Throws std::runtime_error. \param error an errno; 0: none.
+[[noreturn]] void fail_shm(const std::string& path, const std::string& what, int error = 0);
+
+/// One connected client.
+struct ShmSession {
+  std::uint64_t id = 0;
+  Rights rights = 0;
+  ucred who{};
+  shm::UniqueFd socket;  ///< what the doorman gave for the client's
+  shm::UniqueFd wake;    ///< eventfd that the client writes to when the daemon sleeps
+  std::vector<std::shared_ptr<Segment>> segments;
+  std::uint32_t next_segment = 0;
+  std::chrono::steady_clock::time_point connected;
+  bool gone = false;
+};
+
+/// One request's way back: the slot that it came in.
+class ShmSink final : public ReplySink {
+ public:
+  ShmSink(std::shared_ptr<ShmSession> session, std::shared_ptr<Segment> segment, std::uint32_t slot,
+          std::uint32_t generation)
+      : session_(std::move(session)), segment_(std::move(segment)), slot_(slot), generation_(generation) {}
+  ~ShmSink() override {
+    if (!published_) segment_->post_reply(slot_, generation_, 0);
+  }
+
+  std::byte* reserve(std::uint64_t frame_bytes) override;
+  void publish(std::uint64_t frame_bytes) override;
+  void written_by_device() override { segment_->pin(); }
+  bool alive() const override { return !session_->gone; }
+  std::uint64_t client() const override { return session_->id; }
+  std::function<bool()> watch() const override {
+    return [session = session_] { return !session->gone; };
+  }
+  Rights rights() const override { return session_->rights; }
+
+ private:
+  std::shared_ptr<ShmSession> session_;
+  std::shared_ptr<Segment> segment_;  ///< stays mapped while the reply is being written, even if the client goes
+  std::uint32_t slot_, generation_;
+  std::uint64_t reserved_ = 0;
+  bool published_ = false;
+};
+
+/// The listening socket, for this user alone or for a group too. A dead daemon's is replaced, a living one's refused.
+class ShmListener {
+ public:
+  /// Throws std::runtime_error with cause and place.
+  ShmListener(const std::string& path, const Access& access);
+  int get() const { return socket_.get(); }
+
+ private:
+  shm::UniqueFd socket_;
+  SocketFile file_;
+};
+
+}  // namespace clearance

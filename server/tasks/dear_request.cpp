@@ -1,0 +1,91 @@
+#include "server/tasks/dear_request.h"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "engine/narrow/work_meter.h"
+
+namespace clearance {
+namespace {
+
+constexpr std::uint64_t kBytesAtOnce = 256 << 10;
+
+}  // namespace
+
+bool DearRequest::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
+  if (step_ == Step::kMake) {
+    bool is_made = true;
+    failure_ = Answers::refusal_of(asked_.header, [&] {
+      std::optional<std::vector<std::byte>> made = make_(budget);
+      is_made = made.has_value();
+      if (is_made) payload_ = std::move(*made);
+    });
+    if (!is_made) {
+      now = Clock::now();
+      return false;
+    }
+    payload_bytes_ = payload_.size();
+    step_ = Step::kRoom;
+  } else if (step_ == Step::kCopy) {
+    if (!copy(now + budget)) {
+      now = Clock::now();
+      return false;
+    }
+    step_ = Step::kPublish;
+  }
+  if (failure_ || step_ != Step::kRoom) let_go();
+  now = Clock::now();
+  return true;
+}
+
+bool DearRequest::copy(Clock::time_point end) {
+  while (copied_ < payload_.size()) {
+    const std::uint64_t some = std::min(kBytesAtOnce, payload_.size() - copied_);
+    std::memcpy(frame_ + sizeof(wire::FrameHeader) + copied_, payload_.data() + copied_, some);
+    copied_ += some;
+    count_copied(some);
+    if (copied_ < payload_.size() && Clock::now() >= end) return false;
+  }
+  return true;
+}
+
+void DearRequest::let_go() {
+  make_ = nullptr;
+  payload_ = {};
+}
+
+void DearRequest::look() {
+  // Poses that were sent are taken, whether or not anybody waits for the reply.
+  gone_.store(type_ != wire::FrameType::kPosesDone && !asked_.sink->alive(), std::memory_order_relaxed);
+}
+
+bool DearRequest::settle() {
+  if (step_ == Step::kOver) return true;
+  if (step_ == Step::kRoom && done_ && !done_(!failure_)) {
+    step_ = Step::kMake;
+    return false;
+  }
+  if (failure_) {
+    answers_.refuse(*asked_.sink, asked_.header, *failure_);
+    return true;
+  }
+  if (!asked_.sink->alive()) {
+    answers_.count_dropped();
+    step_ = Step::kOver;
+    return false;
+  }
+  const bool went_well = answers_.guard(*asked_.sink, asked_.header, [&] {
+    if (weight_ == Weight::kLight)
+      answers_.reply(*asked_.sink, asked_.header, type_, payload_);
+    else if (step_ == Step::kPublish)
+      answers_.publish(*asked_.sink, asked_.header, type_, frame_, payload_bytes_);
+    else
+      frame_ = answers_.reserve(*asked_.sink, payload_bytes_);
+  });
+  if (step_ == Step::kPublish || weight_ == Weight::kLight) return true;
+  step_ = went_well ? Step::kCopy : Step::kOver;
+  return false;
+}
+
+}  // namespace clearance

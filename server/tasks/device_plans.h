@@ -1,0 +1,84 @@
+// Plans that clients have open, by their numbers: whose they are, whether one runs, and whether its client is still
+// there.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "server/limits/plan_ledger.h"
+#include "server/requests/answers.h"
+#include "server/requests/transport.h"
+#include "server/tasks/shared_plan.h"
+
+namespace clearance {
+
+/// Of the loop's thread.
+class DevicePlans {
+ public:
+  struct Open {
+    std::uint64_t client = 0;
+    std::function<bool()> is_there;  ///< ReplySink::watch()
+    std::shared_ptr<SharedPlan> plan;
+    bool is_running = false;
+  };
+
+  explicit DevicePlans(const PlanLedger::Limits& limits) : ledger_(std::make_shared<PlanLedger>(limits)) {}
+
+  /// A number that no other plan has had.
+  std::uint64_t next_number() { return ++last_; }
+  void add(std::uint64_t number, Open open) { plans_.emplace(number, std::move(open)); }
+  /// Throws a Refusal (kBadQuery) unless the client has it open.
+  Open& find(std::uint64_t client, std::uint64_t number);
+  /// Says that a run is over; the plan may be gone.
+  void end_run(std::uint64_t number);
+  /// Throws as find(). What runs goes on to its end, and the memory with it.
+  void close(std::uint64_t client, std::uint64_t number);
+  /// Closes those whose clients are gone. Returns how many these were.
+  std::size_t drop_gone();
+  void clear() { plans_.clear(); }
+  PlanLedger& ledger() { return *ledger_; }
+  const PlanLedger& ledger() const { return *ledger_; }
+
+ private:
+  std::map<std::uint64_t, Open> plans_;
+  std::uint64_t last_ = 0;
+  std::shared_ptr<PlanLedger> ledger_;
+};
+
+/// Reads a kOpenPlan and makes the plan. On the thread that works.
+class PlanOpening {
+ public:
+  /// \param answers, limits must outlive this. \param fetch brings the request's payload. \param free has a plan freed
+  /// where that holds up nobody; from any thread
+  PlanOpening(const Answers& answers, const RunningQuery::Limits& limits, std::shared_ptr<const Engine> engine,
+              const wire::FrameHeader& request, std::function<OwnPayload()> fetch, PlanLedger::Share share,
+              std::function<void(std::shared_ptr<void>)> free)
+      : answers_(answers),
+        limits_(limits),
+        engine_(std::move(engine)),
+        request_(request),
+        fetch_(std::move(fetch)),
+        share_(std::move(share)),
+        free_(std::move(free)) {}
+
+  /// The payload of kPlan. Throws what the request is refused for. \param number the plan's. \param ignored counts
+  /// records of the request that nobody here knows.
+  std::vector<std::byte> make(std::uint64_t number, std::uint64_t& ignored);
+  std::shared_ptr<SharedPlan> take() { return std::move(plan_); }
+
+ private:
+  const Answers& answers_;
+  const RunningQuery::Limits& limits_;
+  std::shared_ptr<const Engine> engine_;
+  wire::FrameHeader request_;
+  std::function<OwnPayload()> fetch_;
+  PlanLedger::Share share_;
+  std::function<void(std::shared_ptr<void>)> free_;
+  std::shared_ptr<SharedPlan> plan_;
+};
+
+}  // namespace clearance

@@ -1,0 +1,106 @@
+#include "server/tasks/held_queries.h"
+
+#include <algorithm>
+#include <array>
+#include <iterator>
+#include <unordered_map>
+
+#include "server/limits/forecast.h"
+#include "server/requests/scene_check.h"
+
+namespace clearance {
+namespace {
+
+/// The stamps that poses have reached, each looked for once however many wait for it.
+class Reached {
+ public:
+  explicit Reached(const Engine& engine) : engine_(engine) {}
+  std::int64_t stamp(std::uint32_t bodies) {
+    const auto [known, is_new] = known_.try_emplace(bodies, 0);
+    if (is_new) known->second = engine_.oldest_stamp(bodies);
+    return known->second;
+  }
+
+ private:
+  const Engine& engine_;
+  std::unordered_map<std::uint32_t, std::int64_t> known_;
+};
+
+bool is_reached(Reached& reached, const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query) {
+  if (query.wait_for != kEveryBody) check_scene(engine, request, std::array{query.wait_for});
+  const std::int64_t stamp = reached.stamp(query.wait_for);
+  return stamp != 0 && stamp >= query.min_pose_stamp_ns;
+}
+
+/// How long a query waits at most, in ns.
+std::int64_t wait_of(const QueryOptions& query) {
+  return query.deadline_ns ? std::min(query.pose_wait_ns, query.deadline_ns) : query.pose_wait_ns;
+}
+
+/// Whether a query need not wait any longer.
+bool is_over(const HeldQuery& held, const Engine& engine, Reached& reached, HeldQueries::Clock::time_point now) {
+  if (now >= held.deadline) return true;
+  try {
+    return is_reached(reached, engine, held.asked.header, held.query);
+  } catch (const QueryError&) {  // another scene: said where the query begins
+    return true;
+  } catch (const Refusal&) {  // likewise
+    return true;
+  }
+}
+
+}  // namespace
+
+Refusal poses_late(const QueryOptions& query, bool waited) {
+  const std::string poses = "no poses with stamp " + std::to_string(query.min_pose_stamp_ns) + " or newer ";
+  if (!waited) return {wire::ErrorCode::kPosesLate, poses + "are there"};
+  if (wait_of(query) < query.pose_wait_ns) return deadline_passed(std::chrono::nanoseconds(query.deadline_ns), {});
+  const double ms = 1e-6 * static_cast<double>(query.pose_wait_ns);
+  return {wire::ErrorCode::kPosesLate, poses + "came within " + std::to_string(ms) + " ms"};
+}
+
+bool HeldQueries::poses_are_there(const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query) {
+  Reached reached(engine);
+  return is_reached(reached, engine, request, query);
+}
+
+void HeldQueries::hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query,
+                       OwnPayload payload, std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine,
+                       Clock::time_point received) {
+  if (query.pose_wait_ns == 0) throw poses_late(query, false);
+  const std::uint64_t client = sink->client();
+  quotas.check_bytes(client, service, payload.bytes, sink->unsent_bytes());
+  HeldQuery held{{nullptr, request, quotas.take(client, service, payload.bytes)},
+                 service,
+                 query,
+                 std::move(payload),
+                 received,
+                 received + std::chrono::nanoseconds(wait_of(query))};
+  if (held_.empty()) looked_at_revision_ = engine.pose_revision();  // the others have not been looked at yet
+  deadline_ = std::min(deadline_, held.deadline);
+  held_.push_back(std::move(held));
+  held_.back().asked.sink = std::move(sink);  // now that nothing can fail any more
+}
+
+/// Takes those that are over from the others.
+void HeldQueries::part(const Engine& engine, Clock::time_point now) {
+  const std::uint64_t revision = engine.pose_revision();
+  if (revision == looked_at_revision_ && now < deadline_) return;
+  looked_at_revision_ = revision;
+  Reached reached(engine);
+  const auto first = std::stable_partition(held_.begin(), held_.end(),
+                                           [&](const HeldQuery& held) { return !is_over(held, engine, reached, now); });
+  over_.insert(over_.end(), std::make_move_iterator(first), std::make_move_iterator(held_.end()));
+  held_.erase(first, held_.end());
+  deadline_ = Clock::time_point::max();
+  for (const HeldQuery& held : held_) deadline_ = std::min(deadline_, held.deadline);
+}
+
+std::size_t HeldQueries::drop_gone() {
+  const auto is_gone = [](const HeldQuery& held) { return !held.asked.sink->alive(); };
+  const auto dropped = std::erase_if(held_, is_gone) + std::erase_if(over_, is_gone);
+  if (held_.empty()) deadline_ = Clock::time_point::max();
+  return dropped;
+}
+
+}  // namespace clearance

@@ -1,0 +1,46 @@
+#include "server/tasks/scheduler.h"
+
+namespace clearance {
+namespace {
+
+/// First slices given out before one of the long queries gets its turn.
+constexpr int kFreshBeforeLong = 4;
+/// Slices of the class control given out before one of the others gets its turn.
+constexpr int kControlBeforePlanning = 64;
+
+}  // namespace
+
+void Scheduler::add(QueryPtr query) {
+  const std::uint64_t client = query->client();
+  of(query->service_class()).fresh.push(client, std::move(query));
+}
+
+Scheduler::QueryPtr Scheduler::Queues::next() {
+  const bool take_begun = fresh.empty() || (!begun.empty() && fresh_in_a_row >= kFreshBeforeLong);
+  fresh_in_a_row = take_begun ? 0 : fresh_in_a_row + 1;
+  return take_begun ? begun.pop() : fresh.pop();
+}
+
+Scheduler::QueryPtr Scheduler::next() {
+  const bool take_planning = control_.empty() || (!planning_.empty() && control_in_a_row_ >= kControlBeforePlanning);
+  control_in_a_row_ = take_planning ? 0 : control_in_a_row_ + 1;
+  return take_planning ? planning_.next() : control_.next();
+}
+
+void Scheduler::work(Clock::time_point now, const Over& over) {
+  const auto begin = now;
+  while (!empty()) {
+    QueryPtr query = next();
+    const bool is_wanted = query->is_wanted();
+    if (!is_wanted) query->let_go();
+    if (!is_wanted || query->advance(slice_, now)) {
+      over(std::move(query));
+    } else {
+      const std::uint64_t client = query->client();
+      of(query->service_class()).begun.push(client, std::move(query));
+    }
+    if (now - begin >= slice_) break;
+  }
+}
+
+}  // namespace clearance

@@ -1,0 +1,135 @@
+#include "server/tasks/shared_plan.h"
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "engine/device/device_error.h"
+
+namespace clearance {
+namespace {
+
+/// Chunks in the stream at a time: few, so that what others ask of the device finds its turn, and a launch never waits
+/// for room in the driver's queue.
+constexpr int kChunksAhead = 4;
+/// Others' runs get their turn after so long.
+constexpr auto kLook = std::chrono::microseconds(20);
+/// A run that takes longer is looked at between naps.
+constexpr auto kSoonOver = std::chrono::milliseconds(1);
+constexpr auto kNap = std::chrono::microseconds(50);
+
+constexpr std::uint64_t aligned_up(std::uint64_t bytes) {
+  return (bytes + wire::kColumnAlignment - 1) / wire::kColumnAlignment * wire::kColumnAlignment;
+}
+
+/// Runs `work`, which asks the device for something.
+template <class Work>
+auto on_device(Work work) {
+  try {
+    return work();
+  } catch (const cuda::DeviceError& error) {
+    const bool no_room = error.kind == cuda::DeviceError::kNoRoom;
+    throw Refusal{no_room ? wire::ErrorCode::kTooLarge : wire::ErrorCode::kNotSupported,
+                  std::string("a plan on a device: ") + error.what()};
+  }
+}
+
+}  // namespace
+
+SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const RunningQuery::Limits& limits,
+                       PlanLedger::Share share)
+    : engine_(std::move(engine)),
+      share_(std::move(share)),
+      bodies_(static_cast<std::uint32_t>(query.bodies.size())),
+      joints_(static_cast<std::uint32_t>(query.joints.size())) {
+  limits.check(engine_->extent(query));
+  using Wide = unsigned __int128;
+  const Wide poses = Wide(query.configuration_count) * bodies_ * sizeof(Pose),
+             positions = Wide(query.configuration_count) * joints_ * sizeof(double);
+  constexpr std::uint64_t kMost = std::uint64_t{1} << 48;  // more than any device has; sums of such are no overflow
+  if (poses > kMost || positions > kMost)
+    throw Refusal{wire::ErrorCode::kTooLarge, "a plan on a device: " + std::to_string(query.configuration_count) +
+                                                  " configurations of " + std::to_string(bodies_) + " bodies and " +
+                                                  std::to_string(joints_) + " joints are more than one has room for"};
+  positions_offset_ = aligned_up(static_cast<std::uint64_t>(poses));
+  columns_offset_ = positions_offset_ + aligned_up(static_cast<std::uint64_t>(positions));
+  share_.take(columns_offset_);  // before anything is made
+  plan_ = engine_->plan_on_device(query);
+  const QuerySize& size = plan_->size();
+  limits.check(size);
+  std::uint64_t columns = 0;
+  reply_view_over(nullptr, size.rows, size.fields, &columns, size.joints);
+  const std::uint64_t bytes = std::max<std::uint64_t>(columns_offset_ + columns, 1);
+  constexpr std::uint64_t kPiece = cuda::SharedMemory::kPiece;
+  share_.take((bytes + kPiece - 1) / kPiece * kPiece - columns_offset_ + plan_->bytes());
+  memory_ = on_device([&] { return std::make_unique<cuda::SharedMemory>(plan_->device(), bytes); });
+  next_ = size.configurations;
+}
+
+std::vector<std::byte> SharedPlan::description(std::uint64_t number) const {
+  const QuerySize& size = plan_->size();
+  wire::PlanHeader header;
+  header.plan = number;
+  header.memory_bytes = memory_->size();
+  const cuda::MemoryHandle& handle = memory_->handle();
+  static_assert(sizeof header.memory_handle == sizeof handle.ipc && sizeof header.device_uuid == sizeof handle.uuid);
+  std::memcpy(header.memory_handle, handle.ipc.data(), sizeof header.memory_handle);
+  std::memcpy(header.device_uuid, handle.uuid.data(), sizeof header.device_uuid);
+  header.positions_offset = joints_ ? positions_offset_ : 0;
+  header.rows = size.rows;
+  header.configurations = size.configurations;
+  header.pairs = size.pairs;
+  header.body_count = bodies_;
+  header.joint_count = joints_;
+  header.fields = size.fields;
+  header.scene_revision = plan_->scene_revision();
+  header.snapshot_revision = plan_->snapshot_revision();
+  std::vector<wire::PlanColumnRecord> columns;
+  std::uint64_t offset = columns_offset_;
+  for (int f = 0; f < kFieldCount; ++f) {
+    if (!(size.fields >> f & 1)) continue;
+    const std::uint64_t row = field_bytes(f, joints_);
+    columns.push_back({1u << f, static_cast<std::uint32_t>(row), offset});
+    offset = aligned_up(offset + size.rows * row);
+  }
+  header.column_count = static_cast<std::uint32_t>(columns.size());
+  std::vector<std::byte> payload;
+  wire::append(payload, header);
+  wire::append_bytes(payload, columns.data(), columns.size() * sizeof columns[0]);
+  return payload;
+}
+
+void SharedPlan::begin_run() {
+  begun_ = Clock::now();
+  next_ = 0;
+  launch_some();
+}
+
+void SharedPlan::launch_some() {
+  const QuerySize& size = plan_->size();
+  GivenOnDevice given;
+  if (bodies_) given.poses = reinterpret_cast<const Pose*>(at(0));
+  if (joints_) given.positions = reinterpret_cast<const double*>(at(positions_offset_));
+  const ReplyView rows = reply_view_over(at(columns_offset_), size.rows, size.fields, nullptr, size.joints);
+  for (int i = 0; i < kChunksAhead && next_ < size.configurations; ++i)
+    next_ = plan_->run_from(next_, given, rows, memory_->stream());
+}
+
+bool SharedPlan::advance(std::chrono::nanoseconds budget) {
+  const auto begin = Clock::now(), end = begin + std::min<std::chrono::nanoseconds>(budget, kLook);
+  auto now = begin;
+  for (; now < end || now == begin; now = Clock::now()) {
+    if (!on_device([&] { return memory_->is_done(); })) continue;
+    if (next_ == plan_->size().configurations) {
+      took_ = Clock::now() - begun_;
+      return true;
+    }
+    launch_some();
+  }
+  if (now - begun_ > kSoonOver) std::this_thread::sleep_for(kNap);
+  return false;
+}
+
+}  // namespace clearance

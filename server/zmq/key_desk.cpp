@@ -1,0 +1,56 @@
+#include "server/zmq/key_desk.h"
+
+#include <stdexcept>
+#include <utility>
+
+#include "server/base/log.h"
+#include "server/base/log_text.h"
+
+namespace clearance {
+namespace {
+
+constexpr auto kReadKeysEvery = std::chrono::seconds(1);
+
+}  // namespace
+
+bool KeyDesk::admits(Inbox& inbox, const std::string& address, const std::string& key) {
+  refresh();
+  const KeyRing::Entry* entry = keys_->find(key);
+  if (!entry) {
+    refused(inbox,
+            "reason=\"this key is not authorized\" address=" + log_text(address) + " key=\"" + log_text(key) + "\"");
+    return false;
+  }
+  ++inbox.counter("zmq.keys_accepted");
+  log::info("event=key_accepted address={} key=\"{}\" name=\"{}\" rights={}", log_text(address), log_text(key),
+            log_text(entry->name), rights_text(entry->rights));
+  return true;
+}
+
+void KeyDesk::refused(Inbox& inbox, const std::string& what) {
+  ++inbox.counter("zmq.refused");
+  const auto now = std::chrono::steady_clock::now();
+  if (now < next_line_) {
+    ++unsaid_;  // whoever knocks all the time does not fill the log
+    return;
+  }
+  next_line_ = now + std::chrono::seconds(1);
+  log::warn("event=zmq_refused more={} {}", std::exchange(unsaid_, 0), what);
+}
+
+void KeyDesk::tick() {
+  const auto now = std::chrono::steady_clock::now();
+  if (now < next_look_) return;
+  next_look_ = now + kReadKeysEvery;
+  refresh();
+}
+
+void KeyDesk::refresh() {
+  try {
+    if (keys_->refresh()) log::info("event=keys_read keys={}", keys_->size());
+  } catch (const std::runtime_error& error) {
+    log::error("event=keys_not_read error=\"{}\"", log_text(error.what()));
+  }
+}
+
+}  // namespace clearance

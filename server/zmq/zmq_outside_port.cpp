@@ -1,0 +1,181 @@
+// ZeroMQ over TCP as the core sees it: a process outside has the connections. Whatever it says is checked; it can claim
+// to be any client of any key on the list, and no more than that.
+#include <cstring>
+#include <stdexcept>
+#include <unordered_map>
+
+#include "server/base/log_text.h"
+#include "server/gateway/process.h"
+#include "server/gateway/zmq_router.h"
+#include "server/zmq/key_desk.h"
+#include "server/zmq/tcp_listener.h"
+#include "server/zmq/zmq_port.h"
+
+namespace clearance {
+namespace {
+
+using outside::Bytes;
+using outside::Kind;
+using outside::Message;
+
+/// Replies whose end the process outside has yet to tell of.
+constexpr std::size_t kMostNumbered = 65536;
+/// Connections beside those of clients with requests under way: of clients that are silent, and in a handshake.
+constexpr std::uint32_t kSpareConnections = 64;
+
+outside::Plan plan_of(TcpListener listener, const Access& access) {
+  outside::Plan plan;
+  plan.url = std::move(listener.url);
+  plan.what = "zmq";
+  plan.memory_bytes = access.outside_bytes;
+  plan.connections = std::min(4 * access.max_clients + kSpareConnections, 60'000u);
+  plan.start = {Kind::kStart,
+                std::min(outside::Process::message_bytes(access.outside_bytes), wire::kMaxRequestBytes),
+                plan.url,
+                access.keys ? access.keys->own().secret_key : "",
+                {}};
+  plan.listener = std::move(listener.socket);
+  return plan;
+}
+
+class ZmqOutsidePort final : public ZmqPort {
+ public:
+  ZmqOutsidePort(const std::string& endpoint, const Access& access) {
+    if (access.keys) keys_.emplace(access.keys);
+    TcpListener listener = listen_tcp(endpoint, access.keys != nullptr);
+    url_ = listener.url;
+    process_.emplace(plan_of(std::move(listener), access));
+  }
+
+  std::string url() const override { return url_; }
+  std::vector<int> descriptors() const override {
+    return process_->descriptor() < 0 ? std::vector<int>() : std::vector<int>{process_->descriptor()};
+  }
+  bool has_work() override { return process_->has_more(); }
+  std::uint64_t max_reply_bytes() const override { return process_->message_bytes(); }
+
+  void begin_turn(Inbox& inbox) override {
+    inbox_ = &inbox;
+    all_gone_ |= process_->turn(inbox);
+  }
+
+  bool receive(ZmqArrival& arrival) override {
+    arrival = {};
+    if (std::exchange(all_gone_, false)) {
+      for (const auto& [number, reply] : numbered_) *reply.unsent -= reply.bytes;
+      numbered_.clear();
+      unsent_ = 0;
+      arrival.what = ZmqArrival::What::kAllGone;
+      return true;
+    }
+    while (std::optional<Message> message = process_->receive())
+      if (take(std::move(*message), arrival)) return true;
+    return false;
+  }
+
+  Sent send(const std::string& identity, AlignedBytes frame, std::uint64_t frame_bytes,
+            const UnsentBytes& unsent) override {
+    Message message{Kind::kReply, 0, identity, {}, {}};
+    message.extra.assign(reinterpret_cast<const char*>(frame.get()), sizeof(wire::FrameHeader));
+    const std::uint64_t bytes = frame_bytes - sizeof(wire::FrameHeader);
+    const std::shared_ptr<std::byte> whole(frame.release(), FreeDeleter());
+    message.body = Bytes({whole, whole.get() + sizeof(wire::FrameHeader)}, bytes);
+    if (bytes > kZmqCopyBytes) {
+      // What all clients together do not read must leave the process outside its memory.
+      const bool fits = unsent_ == 0 || unsent_ + bytes <= 2 * process_->message_bytes();
+      if (!fits || numbered_.size() >= kMostNumbered) return Sent::kNoRoom;
+      message.number = ++last_number_;
+      numbered_.emplace(message.number, Numbered{unsent, bytes});
+      *unsent += bytes;
+      unsent_ += bytes;
+    }
+    process_->send(std::move(message));
+    return Sent::kYes;
+  }
+
+  void tick(Inbox& inbox) override {
+    if (keys_) keys_->tick();
+    process_->tick(inbox);
+  }
+
+ private:
+  struct Numbered {
+    UnsentBytes unsent;
+    std::uint64_t bytes;
+  };
+
+  /// Whether the message is one for the transport.
+  bool take(Message message, ZmqArrival& arrival) {
+    using What = ZmqArrival::What;
+    arrival.identity = std::move(message.name);
+    switch (message.kind) {
+      case Kind::kFrame:
+        if (message.extra.size() < sizeof arrival.header || message.body.bytes > wire::kMaxRequestBytes) break;
+        std::memcpy(&arrival.header, message.extra.data(), sizeof arrival.header);
+        arrival.key = message.extra.substr(sizeof arrival.header);
+        arrival.payload = {std::move(message.body.begin), message.body.bytes};
+        return is_client(arrival);
+      case Kind::kNoFrame:
+        arrival.what = What::kNoFrame;
+        arrival.key = std::move(message.extra);
+        arrival.parts = message.number >> 32;
+        arrival.first_part_bytes = message.number & ~std::uint32_t{0};
+        return is_client(arrival);
+      case Kind::kGone:
+        arrival.what = What::kClientGone;
+        return true;
+      case Kind::kNotDelivered:
+        arrival.what = What::kNotDelivered;
+        return true;
+      case Kind::kHandedOver:
+        return hand_over(message.number), false;
+      case Kind::kKnock:
+        return knock(arrival.identity, message.extra), false;
+      case Kind::kHandshakeFailed:
+        if (keys_)
+          keys_->refused(*inbox_, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" +
+                                      log_text(arrival.identity));
+        return false;
+      default:
+        break;
+    }
+    process_->lose("it says what is no message of ZeroMQ's");
+    return false;
+  }
+
+  bool is_client(const ZmqArrival& arrival) {
+    const bool is = !arrival.identity.empty() && (arrival.key.empty() || is_key(arrival.key)) &&
+                    (keys_.has_value() == !arrival.key.empty());
+    if (!is) process_->lose("it names a client that is none");
+    return is;
+  }
+
+  void hand_over(std::uint64_t number) {
+    const auto found = numbered_.find(number);
+    if (found == numbered_.end()) return process_->lose("it hands over what it was not sent");
+    *found->second.unsent -= found->second.bytes;
+    unsent_ -= found->second.bytes;
+    numbered_.erase(found);
+  }
+
+  void knock(const std::string& address, const std::string& key) {
+    if (!keys_ || !is_key(key)) return process_->lose("it knocks without a key");
+    process_->send({Kind::kVerdict, keys_->admits(*inbox_, address, key) ? 1u : 0u, {}, {}, {}});
+  }
+
+  std::string url_;
+  std::optional<KeyDesk> keys_;
+  std::optional<outside::Process> process_;
+  Inbox* inbox_ = nullptr;
+  bool all_gone_ = false;
+  std::unordered_map<std::uint64_t, Numbered> numbered_;
+  std::uint64_t last_number_ = 0, unsent_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<ZmqPort> open_zmq_outside(const std::string& endpoint, const Access& access) {
+  return std::make_unique<ZmqOutsidePort>(endpoint, access);
+}
+
+}  // namespace clearance

@@ -1,0 +1,324 @@
+// Reduced queries in host memory, for kernels that run without a GPU (emulated_scene.h).
+#pragma once
+
+#include <bit>
+#include <deque>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "engine/cuda/mesh/element_arrays.h"
+#include "engine/device/query/extents_around.h"
+#include "engine/evaluate/evaluate.h"
+#include "engine/narrow/lanes.h"
+#include "engine/reduce/reduction.h"
+// Behind all that is included elsewhere.
+#include "tests/engine/cuda/emulated_scene.h"
+
+#define cuda emulated
+#include "engine/cuda/mesh/element_kernel.cuh"
+#include "engine/cuda/reduce/any_kernel.cuh"
+#include "engine/cuda/reduce/open_items.cuh"
+#undef cuda
+
+namespace clearance::test {
+
+inline constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
+
+/// The clouds and meshes of a scene as kernels see them.
+class HostElements {
+ public:
+  explicit HostElements(const Scene& scene) : of_body_(scene.bodies().size(), kNone) {
+    for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
+      const Body& body = scene.bodies()[b];
+      if (!is_cloud(body) && !has_surface(body)) continue;
+      of_body_[b] = static_cast<std::uint32_t>(sets_.size());
+      ElementSet& set = sets_.emplace_back();
+      set.hull = extents_around(body);
+      set.body = b;
+      set.is_empty = is_cloud(body) && body.cloud != CloudState::kPoints;
+      if (set.is_empty || body.pieces.size() != 1) continue;
+      const ElementArrays& of = arrays_.emplace_back(*body.pieces[0]->surface);
+      set.centre = of.set.centre;
+      set.half = of.set.half;
+      set.reach = of.set.reach;
+      set.is_solid = of.set.is_solid;
+      set.part_count = of.set.part_count;
+      set.parts = of.parts.data();
+      set.nodes = copied<ElementNode>(of.nodes);
+      set.points = of.points.empty() ? nullptr : of.points[0].data();
+      set.slabs = copied<ElementSlab>(of.slabs);
+      set.corners = of.corners.empty() ? nullptr : of.corners.data();
+    }
+  }
+  ElementsView view() const {
+    if (sets_.empty()) return {};
+    return {sets_.data(), of_body_.data(), static_cast<std::uint32_t>(sets_.size()), {true, true, true}};
+  }
+
+ private:
+  // As kernels know them, and aligned as they ask.
+  template <class To, class From>
+  const To* copied(std::span<const From> from) {
+    static_assert(sizeof(To) == sizeof(From));
+    const auto to = std::make_shared<std::vector<To>>(from.size());
+    std::memcpy(static_cast<void*>(to->data()), from.data(), from.size_bytes());
+    copies_.push_back(to);
+    return to->data();
+  }
+
+  std::deque<ElementArrays> arrays_;
+  std::vector<std::shared_ptr<void>> copies_;
+  std::vector<ElementSet> sets_;
+  std::vector<std::uint32_t> of_body_;
+};
+
+/// A reduced query in host memory: one chunk.
+class HostReduction {
+ public:
+  HostReduction(const Engine& cpu, const QueryView& q)
+      : cpu_(cpu),
+        q_(q),
+        hulls_(cpu.scene(), kMostShared),
+        bodies_(cpu.scene(), hulls_.view(), q),
+        elements_(cpu.scene()),
+        pairs_(bodies_.refs()),
+        rows_(room_for(cpu, q)) {
+    const auto K = static_cast<std::uint32_t>(bodies_.plan.size.configurations),
+               P = static_cast<std::uint32_t>(bodies_.plan.size.pairs);
+    r_.reduce = q.reduce;
+    r_.groups = q.reduce == Reduce::kNearest ? static_cast<std::uint32_t>(cpu.scene().bodies().size()) : 1;
+    r_.rows = r_.capacity = K * P;
+    r_.reply_rows = rows_.size.rows;
+    ask_question(K, P);
+    const std::size_t groups = std::size_t{K} * r_.groups, words = r_.rows / 32 + 1;
+    keys_.assign(6 * groups, kNoKey);
+    unusable_.assign(groups, kNoPair);
+    words_.assign(4 * words, 0);
+    items_.resize(4 * r_.rows);
+    answers_.resize(r_.rows);
+    std::uint64_t** const keys[] = {&r_.upper, &r_.lower, &r_.winner, &r_.lowest, &r_.seed, &r_.cutoff};
+    for (std::size_t i = 0; i < 6; ++i) *keys[i] = keys_.data() + i * groups;
+    r_.unusable = unusable_.data();
+    std::uint32_t** const bits[] = {&r_.candidate_words, &r_.hit_words, &r_.candidate_ranks, &r_.hit_ranks};
+    for (std::size_t i = 0; i < 4; ++i) *bits[i] = words_.data() + i * words;
+    r_.items = items_.data();
+    r_.chunk.rest = items_.data() + r_.rows;
+    r_.rest_rows = items_.data() + 2 * r_.rows;
+    r_.several = items_.data() + 3 * r_.rows;
+    r_.answers = answers_.data();
+    r_.elements = elements_.view();
+    const std::size_t n = cpu.scene().bodies().size();
+    for_each_thread(r_.elements.count, [&] {
+      box_elements(r_.elements, bodies_.view, bodies_.fixed.data() + kPoseComponents * n, bodies_.fixed_box.data());
+    });
+    if (r_.elements.count > 0)
+      for_each_thread(std::size_t{K} * bodies_.view.moved_count,
+                      [&] { box_moved_elements(r_.elements, bodies_.view, K); });
+  }
+  HostReduction(const HostReduction&) = delete;
+
+  /// Expects the rows of the CPU. \returns how many pairs were left to it
+  std::uint32_t compare(const std::string& what) {
+    return compare(what, [&] { q_.reduce == Reduce::kWithin ? mark() : seed(); });
+  }
+  /// \param list says which pairs are looked at
+  template <class List>
+  std::uint32_t compare(const std::string& what, const List& list) {
+    const bool within = q_.reduce == Reduce::kWithin;
+    const std::uint32_t left = look_at_pairs(list);
+    settle();
+    write();
+    rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
+    rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
+    Answer expected = ask(cpu_, q_);
+    expect_same(rows_, expected, what, true);
+    return left;
+  }
+  /// The same where no CPU answers what is left: the device does. Expects the CPU's rows, or others that are sound.
+  /// \returns how many pairs were left
+  std::uint32_t compare_alone(const std::string& what) {
+    const std::uint32_t left = look_at_pairs([&] { seed(); });
+    launch(500, kItemThreads, [&] { any() ? answer_open_items<true>(r_, 5) : answer_open_items<false>(r_, 5); });
+    write();
+    rows_.info.rows = rows_.info.total = rows_.size.rows;
+    const Answer expected = ask(cpu_, q_);
+    for (std::uint64_t row = 0; row < rows_.size.rows; ++row) compare_row(expected.view, row, what);
+    return left;
+  }
+  /// Answers the query, the CPU what is left. \returns how many pairs that were
+  std::uint32_t answer() {
+    const bool within = q_.reduce == Reduce::kWithin;
+    const std::uint32_t left = look_at_pairs([&] { within ? mark() : seed(); });
+    settle();
+    write();
+    rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
+    rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
+    return left;
+  }
+  /// The rows, of all that there are, of the pairs that were left to the CPU.
+  std::vector<std::uint32_t> left_rows() const { return {r_.rest_rows, r_.rest_rows + counts_[kRest]}; }
+  /// The same, and expects rows that hold what the CPU's hold, of which each may be another interval.
+  std::uint32_t compare_bounds(const std::string& what) {
+    const std::uint32_t left = answer();
+    const Answer expected = ask(cpu_, q_);
+    EXPECT_EQ(rows_.info.rows, expected.info.rows) << what;
+    for (std::uint64_t row = 0; row < std::min(rows_.info.rows, expected.info.rows); ++row)
+      compare_row(expected.view, row, what);
+    return left;
+  }
+  std::uint64_t others() const { return others_; }  ///< rows of compare_alone() that are not the CPU's
+  const ReplyView& rows() const { return rows_.view; }
+  std::uint64_t row_count() const { return rows_.info.rows; }
+
+ protected:
+  template <class Kernel>
+  static void launch(std::size_t threads, std::uint32_t block, const Kernel& kernel) {
+    EmulatedGrid::one().launch(static_cast<unsigned>(threads / block + 1), block, kernel);
+  }
+
+  const Engine& cpu_;
+  const QueryView& q_;
+  HullArrays hulls_;
+  HostBodies bodies_;
+  HostElements elements_;
+  std::uint32_t counts_[kCounts] = {}, host_counts_[kCounts] = {};
+  ReducedView r_{};
+
+ private:
+  void ask_question(std::uint32_t K, std::uint32_t P) {
+    ChunkView& c = r_.chunk;
+    c.hulls = hulls_.view();
+    c.bodies = bodies_.view;
+    c.question = {q_.max_distance, q_.abs_tol, default_rel_tol(q_.precision), 256, true, true, true, true,
+                  false,           false};
+    c.pairs = pairs_.data();
+    c.pair_count = P;
+    c.configurations = K;
+    c.reply = rows_.view;
+    c.counts = counts_;
+    c.host_counts = host_counts_;
+  }
+  std::size_t groups() const { return unusable_.size(); }
+  bool any() const { return q_.reduce == Reduce::kAny; }
+
+  template <class List>
+  std::uint32_t look_at_pairs(const List& list) {
+    if (any()) {
+      look();
+    } else {
+      list();
+      bodies_.doubted ? solve<Slack>() : solve<NoSlack>();
+    }
+    return counts_[kRest];
+  }
+  void compare_row(const ReplyView& cpu, std::uint64_t row, const std::string& what) {
+    const ReplyView& got = rows_.view;
+    const auto mine = static_cast<Status>(got.status[row]), theirs = static_cast<Status>(cpu.status[row]);
+    others_ +=
+        mine != theirs || !same_bits(got.lower[row], cpu.lower[row]) || !same_bits(got.upper[row], cpu.upper[row]);
+    const auto is_hit = [](Status s) { return s == Status::kOk || s == Status::kOverlap || s == Status::kContact; };
+    if (!any()) {
+      EXPECT_TRUE(std::isnan(cpu.distance[row]) ||
+                  (got.lower[row] <= cpu.upper[row] && cpu.lower[row] <= got.upper[row]))
+          << what << ", row " << row << ": [" << got.lower[row] << ", " << got.upper[row] << "] and [" << cpu.lower[row]
+          << ", " << cpu.upper[row] << "]";
+    } else {  // what one has proved the other does not deny
+      EXPECT_FALSE(mine == Status::kBeyond && theirs != Status::kBeyond) << what << ", row " << row;
+      EXPECT_FALSE(theirs == Status::kBeyond && is_hit(mine)) << what << ", row " << row;
+    }
+    EXPECT_EQ(std::isnan(got.distance[row]), std::isnan(cpu.distance[row])) << what << ", row " << row;
+  }
+
+  void look() {
+    const Plan& plan = bodies_.plan;
+    r_.margins = plan.margins.each().empty() ? nullptr : plan.margins.each().data();
+    r_.margin = plan.margins.most();
+    r_.beyond = beyond_all_margins(plan, {});
+    launch(r_.rows, kScanThreads, [&] { find_near_pairs(r_); });
+    launch(r_.rows / 4, kItemThreads,
+           [&] { bodies_.doubted ? look_at_near_pairs<Slack>(r_) : look_at_near_pairs<NoSlack>(r_); });
+    look_at_elements_of<true>();
+    launch(r_.rows / 4, kItemThreads, [&] { list_open_pairs(r_); });
+  }
+
+  void seed() {
+    launch(r_.rows / 2, kScanThreads, [&] { find_seeds(r_); });
+    launch(groups(), kItemThreads, [&] { solve_seeds(r_); });
+    if (r_.elements.count > 0) {
+      launch(groups(), kItemThreads, [&] { seed_elements<ElementsAndHull<Points>>(r_); });
+      launch(groups(), kItemThreads, [&] { seed_elements<ElementsAndHull<Triangles>>(r_); });
+      launch(groups(), kItemThreads, [&] { seed_elements<Meshes>(r_); });
+    }
+    launch(r_.rows, kScanThreads, [&] { find_candidates(r_); });
+  }
+  void mark() {
+    launch(r_.rows, kScanThreads, [&] { mark_candidates(r_); });
+    rank(r_.candidate_words, r_.candidate_ranks, (r_.rows + 31) / 32);
+    launch((r_.rows + 31) / 32, kScanThreads, [&] { list_candidates(r_); });
+  }
+  static void rank(const std::uint32_t* words, std::uint32_t* ranks, std::uint32_t count) {
+    for (std::uint32_t i = 0, sum = 0; i < count; sum += std::popcount(words[i++])) ranks[i] = sum;
+  }
+  template <class S>
+  void solve() {
+    launch(r_.rows / 4, kItemThreads, [&] { solve_candidates<false, S>(r_); });
+    launch(r_.rows / 4, kItemThreads, [&] { solve_several(r_); });
+    look_at_elements_of<false>();
+  }
+  template <bool kAny>
+  void look_at_elements_of() {
+    if (r_.elements.count == 0) return;
+    launch(100, kElementThreads, [&] { look_at_elements<kAny, ElementsAndHull<Points>>(r_); });
+    launch(100, kElementThreads, [&] { look_at_elements<kAny, ElementsAndHull<Triangles>>(r_); });
+    launch(100, kElementThreads, [&] { look_at_elements<kAny, Meshes>(r_); });
+  }
+  // The CPU's answers to what is left.
+  void settle() {
+    const Plan& plan = bodies_.plan;
+    EvaluateOptions options;
+    options.limits.max_distance = q_.max_distance;
+    options.limits.abs_tol = q_.abs_tol;
+    options.limits.rel_tol = plan.query.rel_tol;
+    options.cull = options.want_flags = options.want_points = true;
+    options.drops_beyond = q_.reduce == Reduce::kWithin;
+    options.lanes = &lane_kernel("baseline");
+    Evaluator evaluator(cpu_.scene(), options);
+    ConfigurationPoses poses(plan);
+    Placement placement(cpu_.scene(), plan, {});
+    std::vector<Mat3d> rotations(plan.bodies.size());
+    std::vector<PairAnswer> answers(counts_[kRest]);
+    for (std::uint32_t i = 0; i < answers.size(); ++i) {
+      const std::uint32_t k = r_.rest_rows[i] / r_.chunk.pair_count;
+      const ConfigurationPoses::Block given = poses.at(k, 1);
+      rotations_of(given.poses, rotations);
+      placement.configure(k, given, rotations);
+      const std::uint64_t p = r_.rest_rows[i] % r_.chunk.pair_count;
+      PlacedBodies asked{plan.pairs.at(p), &placement, q_.max_distance};
+      if (any()) asked.max_distance = asked.enough = plan.margins.of(p);
+      evaluator.run({&asked, 1}, {&answers[i], 1});
+    }
+    launch(answers.size() + 1, kItemThreads,
+           [&] { (any() ? take_open_answers : take_answers)(r_, answers.data(), counts_[kRest]); });
+  }
+  void write() {
+    if (any()) return launch(groups(), kItemThreads, [&] { write_decisions(r_); });
+    if (q_.reduce == Reduce::kWithin) {
+      if (r_.hit_ranks) rank(r_.hit_words, r_.hit_ranks, hit_word_count(r_));
+      launch(r_.rows, kItemThreads, [&] { write_hits(r_); });
+      return;
+    }
+    launch(r_.rows / 3, kItemThreads, [&] { choose_winners(r_); });
+    launch(groups(), kItemThreads, [&] { write_groups(r_); });
+  }
+
+  std::vector<PairRef> pairs_;
+  Answer rows_;
+  std::vector<std::uint64_t> keys_;
+  std::vector<std::uint32_t> unusable_;
+  std::vector<std::uint32_t> words_, items_;
+  std::vector<PairAnswer> answers_;
+  std::uint64_t others_ = 0;
+};
+
+}  // namespace clearance::test

@@ -1,0 +1,216 @@
+// Scenes as kernels see them that run without a GPU (emulated_cuda.h). Kernels are in a namespace of their own: a build
+// with CUDA has them in clearance::cuda, too. Include further ones behind this, with `cuda` defined as `emulated`.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+
+#include "engine/device/device.h"
+#include "engine/device/hull_arrays.h"
+#include "engine/device/query/device_doubts.h"
+#include "engine/device/query/moved_chains.h"
+#include "engine/narrow/overlap.h"
+#include "engine/narrow/piece_search.h"
+#include "engine/narrow/witness.h"
+#include "tests/engine/cuda/same_answer.h"
+// Behind all that is included elsewhere.
+#include "tests/engine/cuda/emulated_cuda.h"
+namespace clearance::emulated {
+using namespace clearance::cuda;
+using clearance::cuda::Group;     // not the scene's
+using clearance::cuda::Question;  // not a plan's
+}  // namespace clearance::emulated
+#define cuda emulated
+#include "engine/cuda/place/place_kernel.cuh"
+#undef cuda
+
+namespace clearance::test {
+
+using namespace clearance::emulated;
+
+inline constexpr std::uint32_t kMostShared = 96 * 1024;  // bytes of a block's two hulls
+
+// Calls a kernel whose threads do not wait for each other.
+template <class Kernel>
+void for_each_thread(std::size_t threads, const Kernel& kernel) {
+  blockDim = {1, 1, 1};
+  threadIdx = {0, 0, 0};
+  for (std::size_t t = threads; t-- > 0;) {  // not in the order of bodies: on a device there is none
+    blockIdx = {static_cast<unsigned>(t), 0, 0};
+    kernel();
+  }
+}
+
+// What a query asks where the scene's bodies stand, resolved as the engine does.
+inline Plan plan_of(const Scene& scene, const QueryView& q) {
+  const PoseStore poses(scene, std::chrono::nanoseconds(0));
+  Plan plan = make_plan(q, scene, poses.snapshot(), ~std::uint64_t{0}, true);
+  plan.begun_ns = monotonic_ns();
+  plan.doubts = doubts_of(scene, *plan.snapshot, plan.begun_ns);
+  return plan;
+}
+
+// Bodies of a plan where they stand, some of them moved.
+struct HostBodies {
+  static constexpr std::size_t kComponents = kPoseComponents + kBoxComponents;
+  Plan plan;
+  MovedChains chains;
+  DeviceDoubts doubts;
+  bool doubted;
+  std::vector<double> fixed, moved, fixed_piece_box, moved_piece_box;
+  std::vector<std::uint8_t> fixed_state, moved_state;
+  std::vector<OuterBox> fixed_box, moved_box;
+  std::vector<std::uint32_t> moved_piece_begin;
+  std::vector<BodySlack> moved_slack;
+  std::vector<double> frame_numbers, travels;
+  std::vector<std::uint8_t> frame_facts;
+  BodiesView view{};
+  MovesView moves{};
+
+  HostBodies(const Scene& scene, const HullsView& hulls, const QueryView& q)
+      : plan(plan_of(scene, q)),
+        chains(scene, plan, {}),
+        doubts(doubts_for(scene)),
+        doubted(doubted_body(scene, plan) != kNone) {
+    QuerySetup s;
+    chains.tell(s);
+    if (doubted) doubts.tell(s);
+    const std::size_t n = scene.bodies().size(), M = plan.moved.size(), K = plan.size.configurations;
+    take_fixed(hulls, n);
+    view.doubts = {s.fixed_slack.data(), nullptr, s.links.data(), s.link_pairs.data()};
+    for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
+    make_room_for_moved(hulls, K, M);
+    moves = {plan.configurations.data(), s.given_count,      s.source.data(),      s.own.data(),
+             s.chain_begin.data(),       s.chain.data(),     s.base.data(),        s.has_base.data(),
+             s.slot_state.data(),        place_frames(s, K), s.doubt_moves.data(), s.base_doubt.data()};
+    const auto configurations = static_cast<std::uint32_t>(K);
+    for_each_thread(K * M, [&] {
+      doubted ? place_bodies<true>(hulls, view, moves, configurations)
+              : place_bodies<false>(hulls, view, moves, configurations);
+    });
+  }
+  HostBodies(const HostBodies&) = delete;
+
+  /// The query's pairs as the kernels know them.
+  std::vector<PairRef> refs() const {
+    std::vector<PairRef> refs;
+    const auto ref = [&](std::uint32_t body) {
+      const auto slot =
+          static_cast<std::uint32_t>(std::find(plan.moved.begin(), plan.moved.end(), body) - plan.moved.begin());
+      return slot < plan.moved.size() ? slot | kMovedBit : body;
+    };
+    for (const BodyPair pair : plan.pairs.list()) refs.push_back({ref(pair.a), ref(pair.b)});
+    return refs;
+  }
+
+ private:
+  DeviceDoubts doubts_for(const Scene& scene) {
+    if (plan.doubts.empty()) plan.doubts.resize(scene.bodies().size());
+    return {scene, plan};
+  }
+  void take_fixed(const HullsView& hulls, std::size_t n) {
+    fixed.assign(n * kComponents, 1e300);  // of bodies without a pose nobody reads
+    for (std::size_t b = 0; b < n; ++b) {
+      const BodyPlacement& at = plan.snapshot->placed[b];
+      fixed_state.push_back(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
+                            (at.beyond_limits ? kStateBeyondLimits : 0));
+      if (at.status != Status::kOk) continue;
+      for (std::size_t c = 0; c < 3; ++c) {
+        for (std::size_t r = 0; r < 3; ++r) fixed[(3 * r + c) * n + b] = at.pose.R_wb.row[r][static_cast<int>(c)];
+        fixed[(9 + c) * n + b] = at.pose.t_w[static_cast<int>(c)];
+      }
+    }
+    fixed_box.resize(n);
+    fixed_piece_box.resize(std::size_t{hulls.piece_begin[n]} * kBoxComponents);
+    view.fixed = fixed.data();
+    view.fixed_state = fixed_state.data();
+    view.fixed_box = fixed_box.data();
+    view.fixed_piece_box = fixed_piece_box.data();
+    view.bodies = static_cast<std::uint32_t>(n);
+    view.components = kComponents;
+  }
+  FramesView place_frames(const QuerySetup& s, std::size_t K) {
+    frame_numbers.assign(s.frames * 7 * K, 1e300);
+    frame_facts.assign(s.frames * K, 0xff);
+    travels.resize(s.robots.size() * K);
+    const FramesView frames{
+        s.steps.data(), s.columns.data(),      s.robots.data(),      static_cast<std::uint32_t>(s.robots.size()),
+        s.joints,       plan.positions.data(), frame_numbers.data(), frame_facts.data(),
+        travels.data()};
+    for_each_thread(s.robots.size() * K, [&] { place_links(frames, static_cast<std::uint32_t>(K)); });
+    return frames;
+  }
+  void make_room_for_moved(const HullsView& hulls, std::size_t K, std::size_t M) {
+    std::uint32_t pieces = 0;
+    for (const std::uint32_t body : plan.moved) {
+      moved_piece_begin.push_back(pieces);
+      pieces += hulls.piece_begin[body + 1] - hulls.piece_begin[body];
+    }
+    moved.resize(K * M * kComponents);
+    moved_state.resize(K * M);
+    moved_box.resize(K * M);
+    moved_piece_box.resize(K * pieces * kBoxComponents);
+    moved_slack.resize(K * M);
+    view.moved_box = moved_box.data();
+    view.moved = moved.data();
+    view.moved_state = moved_state.data();
+    view.moved_body = plan.moved.data();
+    view.moved_count = static_cast<std::uint32_t>(M);
+    view.moved_piece_box = moved_piece_box.data();
+    view.moved_piece_begin = moved_piece_begin.data();
+    view.doubts.moved = moved_slack.data();
+  }
+};
+
+/// Bodies of four shapes, some of which stay, configurations of the others, and pairs of all but those that both stay.
+struct EmulatedCase {
+  /// \param first_shape adds the first of the shapes. \param room bodies are up to so far from the origin along each
+  /// axis
+  template <class AddFirst>
+  EmulatedCase(std::uint32_t count, std::uint32_t configurations, double room, std::uint64_t seed,
+               const AddFirst& first_shape) {
+    Random random(seed);
+    const auto stays = [](std::uint32_t b) { return b % 5 == 3; };
+    for (std::uint32_t b = 0; b < count; ++b) {
+      const Scene::BodyOptions options{.is_static = stays(b), .pose = random.pose(room)};
+      const std::string name = "b" + std::to_string(b);
+      switch (b % 4) {
+        case 0:
+          first_shape(scene, name, options);
+          break;
+        case 1:
+          scene.add_hull(name, cloud_on_sphere(60, 0.5, 4), options);
+          break;
+        case 2:
+          scene.add_box(name, {0.4, 0.7, 0.2}, options);
+          break;
+        default:
+          scene.add_uv_sphere(name, 0.5, 5, options);
+      }
+      if (!stays(b)) bodies.push_back(b);
+    }
+    for (std::uint32_t a = 0; a < count; ++a)
+      for (std::uint32_t b = a + 1; b < count; ++b)
+        if (!stays(a) || !stays(b)) pairs.push_back(a % 2 ? BodyPair{a, b} : BodyPair{b, a});
+    for (std::size_t i = 0; i < configurations * bodies.size(); ++i) poses.push_back(random.pose(room));
+    q.all_pairs = false;
+    q.fields = kAllFields;
+    q.configuration_count = configurations;
+    point();
+  }
+  /// After changes.
+  void point() {
+    q.pairs = pairs;
+    q.bodies = bodies;
+    q.configurations = poses;
+  }
+
+  Scene scene;
+  std::vector<std::uint32_t> bodies;
+  std::vector<BodyPair> pairs;
+  std::vector<Pose> poses;
+  QueryView q;
+};
+
+}  // namespace clearance::test

@@ -1,0 +1,223 @@
+// The kernels of reductions (engine/cuda/reduce/reduce_kernel.cuh, any_kernel.cuh), without a GPU: their code compiled for the
+// host, stage after stage, rows held against the CPU's, bit by bit.
+#include "tests/engine/cuda/doubted_scene.h"
+// Behind all that is included elsewhere.
+#include "tests/engine/cuda/emulated_reduction.h"
+
+namespace clearance::test {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+TEST(ReduceKernels, GiveTheBitsOfTheCpu) {
+  for (const double room : {1.0, 2.5, 8.0}) {
+    EmulatedCase c(20, 13, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+      to.add_capsule(name, 0.2, 0.5, options);
+    });
+    c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    c.q.fields = kAllFields | kFieldPairLower;
+    for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin})
+      for (const double distance : {kInf, 0.3}) {
+        c.q.reduce = reduce;
+        c.q.max_distance = distance;
+        HostReduction(cpu, c.q).compare("reduce " + std::to_string(static_cast<int>(reduce)) + " room " +
+                                        std::to_string(room) + " within " + std::to_string(distance));
+      }
+  }
+}
+
+TEST(ReduceKernels, GiveTheBitsOfTheCpuForWhatIsDoubted) {
+  std::uint64_t slack = 0, others = 0, left = 0;
+  for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+    DoubtedCase c(30, 9);
+    c.poses[8].qw = c.poses[8].qx = c.poses[8].qy = c.poses[8].qz = 0;
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    c.q.precision = precision;
+    for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin})
+      for (const double distance : {kInf, 0.02, 0.3}) {
+        c.q.reduce = reduce;
+        c.q.max_distance = distance;
+        HostReduction reduction(cpu, c.q);
+        left += reduction.compare("reduce " + std::to_string(static_cast<int>(reduce)) + " within " +
+                                  std::to_string(distance));
+        for (std::uint64_t i = 0; i < reduction.row_count(); ++i) {
+          slack += (reduction.rows().flags[i] & kFlagSlack) != 0;
+          others += reduction.rows().pair[i] != reduction.rows().pair_lower[i];
+        }
+      }
+  }
+  EXPECT_GT(slack, 500u);
+  EXPECT_GT(others, 10u) << "the least lower bound is another pair's";
+  EXPECT_GT(left, 20u) << "the CPU finishes some";
+}
+
+// What rows of Reduce::kAny say.
+struct Verdicts {
+  std::uint64_t near = 0, overlap = 0, touching = 0, open = 0, beyond = 0, unusable = 0, incomplete = 0, left = 0;
+
+  void add(const HostReduction& reduction) {
+    for (std::uint64_t i = 0; i < reduction.row_count(); ++i) {
+      const auto status = static_cast<Status>(reduction.rows().status[i]);
+      near += status == Status::kOk;
+      overlap += status == Status::kOverlap;
+      touching += status == Status::kContact;
+      open += status == Status::kUnconverged;
+      beyond += status == Status::kBeyond;
+      unusable += status == Status::kBadPose;
+      incomplete += (reduction.rows().flags[i] & kFlagIncomplete) != 0;
+    }
+  }
+};
+
+// Asks with one margin for all pairs, and with one of its own for each.
+void compare_margins(const Engine& cpu, QueryView q, const std::string& what, Verdicts& verdicts) {
+  const auto compare = [&](const std::string& with) {
+    HostReduction reduction(cpu, q);
+    verdicts.left += reduction.compare(what + with);
+    verdicts.add(reduction);
+  };
+  q.reduce = Reduce::kAny;
+  for (const double margin : {0.0, 1e-6, 0.02, 0.3}) {
+    q.margin = margin;
+    compare(", margin " + std::to_string(margin));
+  }
+  Random random(4);
+  std::vector<double> margins(q.pairs.size());
+  for (const double most : {0.03, 0.5}) {
+    for (double& margin : margins) margin = random.uniform(0, most);
+    q.pair_margins = margins;
+    compare(", margins up to " + std::to_string(most));
+  }
+}
+
+TEST(ReduceKernels, DecideAsTheCpuDoes) {
+  for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+    Verdicts verdicts;
+    for (const double room : {1.0, 4.0, 12.0}) {
+      EmulatedCase c(20, 29, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+        to.add_capsule(name, 0.2, 0.5, options);
+      });
+      c.q.fields = kAllFields | kFieldPairLower;
+      c.q.precision = precision;
+      c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
+      for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[5 * c.bodies.size() + i].qw = kInf;
+      const Engine cpu(std::move(c.scene), {"cpu"});
+      compare_margins(cpu, c.q, "room " + std::to_string(room), verdicts);
+    }
+    EXPECT_GT(verdicts.near, 20u);
+    EXPECT_GT(verdicts.overlap, 100u);
+    EXPECT_GT(verdicts.beyond, 50u);
+    EXPECT_GT(verdicts.unusable, 5u);
+    EXPECT_GT(verdicts.incomplete, verdicts.unusable) << "some are decided all the same";
+    EXPECT_GT(verdicts.left, 20u) << "capsules that overlap by less than their radii";
+  }
+}
+
+TEST(ReduceKernels, DecideAsTheCpuDoesWhatIsDoubted) {
+  for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+    DoubtedCase c(30, 9);
+    c.q.precision = precision;
+    c.poses[8].qw = c.poses[8].qx = c.poses[8].qy = c.poses[8].qz = 0;
+    c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
+    // Few of the pairs, else all overlap: those of each with the next that it has.
+    const std::vector<BodyPair> all = c.pairs;
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    Verdicts verdicts;
+    for (std::size_t first = 0; first < 12; ++first) {
+      std::vector<BodyPair> some;
+      for (std::size_t i = first; i < all.size(); i += 12) some.push_back(all[i]);
+      c.q.pairs = some;
+      compare_margins(cpu, c.q, "pairs from " + std::to_string(first), verdicts);
+    }
+    EXPECT_GT(verdicts.near, 100u);
+    EXPECT_GT(verdicts.overlap, 100u);
+    EXPECT_GT(verdicts.touching, 20u);
+    EXPECT_GT(verdicts.open, 5u) << "slack keeps them from being known";
+    EXPECT_GT(verdicts.beyond, 20u);
+    EXPECT_GT(verdicts.incomplete, 5u);
+  }
+}
+
+// Plans have no CPU behind them.
+TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
+  std::uint64_t left = 0, others = 0, rows = 0, unproved = 0;
+  const auto run = [&](const Engine& cpu, const QueryView& q, const std::string& what) {
+    HostReduction reduction(cpu, q);
+    left += reduction.compare_alone(what);
+    others += reduction.others();
+    rows += reduction.row_count();
+    for (std::uint64_t i = 0; i < reduction.row_count(); ++i)
+      unproved += static_cast<Status>(reduction.rows().status[i]) == Status::kUnconverged;
+  };
+  for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
+    const std::string what = "reduce " + std::to_string(static_cast<int>(reduce));
+    for (const double room : {1.0, 4.0, 12.0}) {
+      EmulatedCase c(20, 29, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+        to.add_capsule(name, 0.2, 0.5, options);
+      });
+      // Configuration 2: every body exactly on another, where nothing can be settled.
+      for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[2 * c.bodies.size() + i] = Pose{{1.0 * (i % 4), 0, 0}};
+      c.q.reduce = reduce;
+      const Engine cpu(std::move(c.scene), {"cpu"});
+      run(cpu, c.q, what + ", room " + std::to_string(room));
+    }
+    DoubtedCase c(30, 9);
+    c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
+    const std::vector<BodyPair> all = c.pairs;
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    c.q.reduce = reduce;
+    for (std::size_t first = 0; first < 12; ++first) {
+      std::vector<BodyPair> some;
+      for (std::size_t i = first; i < all.size(); i += 12) some.push_back(all[i]);
+      c.q.pairs = some;
+      run(cpu, c.q, what + ", doubted, from " + std::to_string(first));
+    }
+  }
+  EXPECT_GT(left, 100u);
+  EXPECT_GT(others, 0u);
+  EXPECT_LT(others, rows / 4) << "most are the CPU's all the same";
+  EXPECT_GT(unproved, 5u);
+}
+
+// The pair whose boxes are nearest says less of how near the true bodies are than its pieces do: another wins.
+TEST(ReduceKernels, LeaveOutNothingThatSlackMayLetWin) {
+  Scene scene;
+  Body rough;
+  rough.name = "rough";
+  rough.is_static = true;
+  rough.pose = Pose();
+  rough.pieces = {make_piece({{0.5, 0.5, 0.5},
+                              {-0.5, 0.5, 0.5},
+                              {0.5, -0.5, 0.5},
+                              {-0.5, -0.5, 0.5},
+                              {0.5, 0.5, -0.5},
+                              {-0.5, 0.5, -0.5},
+                              {0.5, -0.5, -0.5},
+                              {-0.5, -0.5, -0.5}})};
+  rough.model_error = 0.01;
+  scene.add_body(std::move(rough));
+  scene.add_sphere("at its corner", 0.1, {});
+  scene.add_box("known", {1, 1, 1}, {.is_static = true, .pose = Pose{{50, 0, 0}}});
+  scene.add_sphere("at its face", 0.1, {});
+  const double far = 0.3 * std::sqrt(3.0) - 0.1;  // of the first ball; its box is nearer
+  const std::vector<std::uint32_t> bodies{1, 3};
+  const std::vector<BodyPair> pairs{{0, 1}, {2, 3}};
+  const std::vector<Pose> poses{{{0.8, 0.8, 0.8}}, {{50 + 0.5 + 0.1 + far + 0.005, 0, 0}}};
+  const Engine cpu(std::move(scene), {"cpu"});
+  QueryView q;
+  q.all_pairs = false;
+  q.pairs = pairs;
+  q.bodies = bodies;
+  q.configurations = poses;
+  q.configuration_count = 1;
+  q.reduce = Reduce::kMin;
+  q.fields = kAllFields | kFieldPairLower;
+  HostReduction reduction(cpu, q);
+  EXPECT_EQ(reduction.compare("a rough box"), 0u);
+  EXPECT_EQ(reduction.rows().pair[0], pairs[1]) << "5 mm farther, and 5 mm nearer at most";
+  EXPECT_EQ(reduction.rows().pair_lower[0], pairs[0]);
+}
+
+}  // namespace
+}  // namespace clearance::test

@@ -1,0 +1,152 @@
+// What follows from a device's faults: right answers from the CPU or a clear refusal, wherever it fails. A device that
+// leaves all rows to the CPU stands in for a real one, so that no GPU is needed.
+#include "tests/engine/cuda/same_answer.h"
+#include "tests/engine/device/stand_in_device.h"
+
+namespace clearance::test {
+namespace {
+
+using cuda::DeviceError;
+
+class DeviceFaults : public testing::Test {
+ protected:
+  Fault fault_;
+  cuda::DeviceStandIn stand_in_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t memory_limit) {
+                                  fault_.call("opening");
+                                  if (memory_limit < 1000)
+                                    throw DeviceError(DeviceError::kNoRoom, "1000 bytes would be needed");
+                                  return std::make_shared<IdleDevice>(fault_);
+                                }};
+
+  static Engine::Options options(bool fallback = true) {
+    Engine::Options o;
+    o.backend = "cuda";
+    o.threads = 2;
+    o.device_fallback = fallback;
+    return o;
+  }
+};
+
+constexpr std::uint32_t kConfigurations = 900;  // several chunks
+Question question_about(Reduce reduce) {
+  return Question(kConfigurations, reduce);
+}
+// Of the current poses: a whole table.
+Question question_of_table(Reduce reduce) {
+  Question question(0, reduce);
+  question.q.configurations = {};
+  question.q.bodies = {};
+  question.q.max_distance = 0.5;
+  return question;
+}
+Scene scene() {
+  return spheres(80);
+}
+
+TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
+  const Engine device(scene(), options()), cpu(scene(), {"cpu", 2});
+  const Question dense = question_about(Reduce::kNone);
+  const Answer a = ask(device, dense.q);
+  expect_same(a, ask(cpu, dense.q), "all rows left to the CPU");
+  EXPECT_EQ(a.info.backend, "cuda");
+  EXPECT_EQ(device.backend(), "cuda");
+  EXPECT_GT(fault_.calls, 8) << "several chunks";
+}
+
+TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
+  const Engine cpu(scene(), {"cpu", 2});
+  const Question question = question_about(Reduce::kNone);
+  const Answer expected = ask(cpu, question.q);
+  bool failed = true;
+  int tried = 0;
+  for (int at = 0; failed; ++at, ++tried) {
+    fault_ = {at};
+    const Engine device(scene(), options());
+    const Answer a = ask(device, question.q, std::chrono::nanoseconds(1));
+    failed = fault_.calls > at;  // else there is no such call
+    expect_same(a, expected, "fault at call " + std::to_string(at));
+    EXPECT_EQ(a.info.backend, failed ? "cpu" : "cuda");
+    if (!failed) break;
+    EXPECT_EQ(device.backend(), "cpu");
+    EXPECT_NE(device.device_error().find("a planted fault while "), std::string::npos) << device.device_error();
+    EXPECT_EQ(counter(device, "cuda.usable"), 0u);
+    // A lost device is not asked again.
+    const int calls = fault_.calls;
+    expect_same(ask(device, question.q), expected, "the next query");
+    EXPECT_EQ(fault_.calls, calls);
+  }
+  EXPECT_GT(tried, 8);
+}
+
+TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
+  const Engine cpu(scene(), {"cpu", 2});
+  const Question questions[] = {question_about(Reduce::kNearest), question_about(Reduce::kMin),
+                                question_about(Reduce::kWithin), question_of_table(Reduce::kWithin)};
+  int calls[2] = {};  // that there are, cold and warm
+  for (const Question& question : questions)
+    for (const std::uint64_t client : {0, 1}) {
+      QueryView q = question.q;
+      q.warm_slot = client;
+      const Answer expected = ask(cpu, q);
+      int at = 0;
+      for (bool failed = true; failed; ++at) {
+        fault_ = {at};
+        const Engine device(scene(), options());
+        const Answer a = ask(device, q);
+        failed = fault_.calls > at;
+        expect_same(a, expected, "fault at call " + std::to_string(at), true);
+        EXPECT_EQ(a.info.backend, "cpu");
+      }
+      EXPECT_GT(at, 3);
+      calls[client] += at;
+    }
+  EXPECT_EQ(calls[1], calls[0] + 4) << "each makes room for warm state";
+}
+
+TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
+  const Question question = question_about(Reduce::kNone);
+  int refused = 0;
+  for (int at = 0;; ++at) {
+    fault_ = {at};
+    try {
+      const Engine device(scene(), options(false));
+      try {
+        ask(device, question.q);
+        break;  // no such call
+      } catch (const QueryError& e) {
+        EXPECT_EQ(e.code, QueryErrorCode::kNotSupported);
+        EXPECT_NE(std::string(e.what()).find("a planted fault while "), std::string::npos) << e.what();
+        ++refused;
+      }
+      EXPECT_THROW(ask(device, question.q), QueryError) << "the device is lost";
+    } catch (const DeviceError& e) {
+      EXPECT_EQ(at, 0) << "where it is opened: " << e.what();
+    }
+  }
+  EXPECT_GT(refused, 8);
+}
+
+TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
+  const Engine cpu(scene(), {"cpu", 2});
+  const Question question = question_about(Reduce::kNone);
+  const Answer expected = ask(cpu, question.q);
+  fault_ = {5, DeviceError::kNoRoom};
+  const Engine device(scene(), options());
+  expect_room_for_the_second(device, question, expected);
+  EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
+  EXPECT_EQ(counter(device, "cuda.usable"), 1u);
+}
+
+TEST_F(DeviceFaults, SceneThatDoesNotFitGoesToTheCpuOrIsRefused) {
+  Engine::Options small = options();
+  small.device_memory = 999;
+  const Engine device(scene(), small), cpu(scene(), {"cpu", 2});
+  EXPECT_EQ(device.backend(), "cpu");
+  EXPECT_EQ(device.device_error(), "1000 bytes would be needed");
+  expect_same(ask(device, {}), ask(cpu, {}), "on the CPU");
+  small.device_fallback = false;
+  EXPECT_THROW(Engine(scene(), small), DeviceError);
+}
+
+}  // namespace
+}  // namespace clearance::test

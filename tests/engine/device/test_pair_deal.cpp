@@ -1,0 +1,165 @@
+// How pairs are dealt to a device's kernels: those of several pieces apart from the others. A device that leaves all
+// rows to the CPU stands in for a real one.
+#include <algorithm>
+#include <cstring>
+#include <numeric>
+
+#include "tests/engine/device/stand_in_device.h"
+
+namespace clearance::test {
+namespace {
+
+constexpr std::uint32_t kUnheld = 7;  // a body that the device does not hold
+const std::vector<std::uint32_t> kMoved{0, 2, 5, 30};
+
+// What a device was given.
+struct Dealt {
+  std::vector<std::uint32_t> position;
+  std::vector<cuda::ChunkSetup> chunks;
+  std::vector<Pose> poses;
+};
+
+class NotingDense final : public IdleDense {
+ public:
+  NotingDense(Fault& fault, Dealt& dealt) : IdleDense(fault), dealt_(dealt) {}
+  void launch(int slot, const cuda::ChunkSetup& chunk, const ReplyView& direct) override {
+    dealt_.chunks.push_back(chunk);
+    if (chunk.poses) {
+      const Pose* const end = chunk.poses + chunk.configurations * kMoved.size();
+      chunk.wait_for(cuda::Given::kPoses, end);
+      dealt_.poses.insert(dealt_.poses.end(), chunk.poses, end);
+    }
+    IdleDense::launch(slot, chunk, direct);
+  }
+
+ private:
+  Dealt& dealt_;
+};
+
+class NotingDevice final : public IdleDevice {
+ public:
+  NotingDevice(const Scene& scene, Fault& fault, Dealt& dealt)
+      : IdleDevice(fault), scene_(scene), fault_(fault), dealt_(dealt) {}
+  std::uint32_t hull_of(std::uint32_t body) const override {
+    return body == kUnheld ? kNone : scene_.bodies()[body].pieces.size() > 1 ? cuda::kSeveral : body % 3;
+  }
+  using IdleDevice::upload;
+  std::shared_ptr<const cuda::ResidentPairs> upload(std::span<const cuda::PairRef> pairs,
+                                                    std::span<const std::uint32_t> position,
+                                                    std::span<const cuda::Group> tiles) override {
+    dealt_.position.assign(position.begin(), position.end());
+    return IdleDevice::upload(pairs, position, tiles);
+  }
+  std::shared_ptr<cuda::Workspace> borrow() override { return std::make_shared<NotingDense>(fault_, dealt_); }
+
+ private:
+  const Scene& scene_;
+  Fault& fault_;
+  Dealt& dealt_;
+};
+
+TEST(PairDeal, PutsPairsOfSeveralPiecesBehindTheOthers) {
+  const auto scene = [] { return decomposed_scene(50, 3, 1); };
+  Random random(2);
+  for (const std::uint32_t configurations : {0u, 90u}) {
+    Fault fault;
+    Dealt dealt;
+    const cuda::DeviceStandIn stand_in({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+      return std::make_shared<NotingDevice>(s, fault, dealt);
+    });
+    const Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
+    std::vector<Pose> poses;
+    for (std::size_t i = 0; i < configurations * kMoved.size(); ++i) poses.push_back(random.pose(3));
+    QueryView q;
+    q.fields = kAllFields;
+    q.configuration_count = configurations;
+    if (configurations > 0) q.bodies = kMoved;
+    q.configurations = poses;
+    // The stand-in leaves all rows open, also those that it was not given: how many were looked at is not compared.
+    expect_same(ask(device, q), ask(cpu, q), std::to_string(configurations) + " configurations", true);
+
+    const std::vector<BodyPair> pairs = device.pairs(q);
+    const auto piece_pairs = [&](std::uint32_t place) {
+      const BodyPair pair = pairs[dealt.position[place]];
+      return device.scene().bodies()[pair.a].pieces.size() * device.scene().bodies()[pair.b].pieces.size();
+    };
+    const auto unheld = static_cast<std::size_t>(
+        std::count_if(pairs.begin(), pairs.end(), [](BodyPair p) { return p.a == kUnheld || p.b == kUnheld; }));
+    ASSERT_GT(unheld, 0u);
+    ASSERT_FALSE(dealt.chunks.empty());
+    EXPECT_EQ(dealt.position.size(), pairs.size() - unheld);
+    for (const cuda::ChunkSetup& c : dealt.chunks) {
+      ASSERT_EQ(c.first_pair, 0u) << "one part";
+      EXPECT_GT(c.several.count, 50u);
+      EXPECT_EQ(c.strays.first + c.strays.count, c.several.first);
+      EXPECT_EQ(c.several.first + c.several.count, dealt.position.size());
+      EXPECT_EQ(c.several_tiles, (c.several.count * c.configurations + cuda::kTile - 1) / cuda::kTile);
+      for (std::uint32_t i = 0; i < c.several.first; ++i) EXPECT_EQ(piece_pairs(i), 1u);
+      for (std::uint32_t i = c.several.first; i < dealt.position.size(); ++i) {
+        EXPECT_GT(piece_pairs(i), 1u);
+        if (i > c.several.first) {
+          EXPECT_GE(piece_pairs(i), piece_pairs(i - 1)) << "side by side are as many piece pairs";
+        }
+      }
+    }
+    std::vector<std::uint32_t> sorted = dealt.position;
+    std::sort(sorted.begin(), sorted.end());
+    EXPECT_EQ(std::adjacent_find(sorted.begin(), sorted.end()), sorted.end()) << "each once";
+  }
+}
+
+TEST(PairDeal, MakesFewChunksThatGrow) {
+  const auto scene = [] {
+    Scene s;
+    Random random(3);
+    for (int i = 0; i < 800; ++i) s.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(10)});
+    return s;
+  };
+  Fault fault;
+  Dealt dealt;
+  const cuda::DeviceStandIn stand_in({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+    return std::make_shared<NotingDevice>(s, fault, dealt);
+  });
+  const Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
+  expect_same(ask(device, {}), ask(cpu, {}), "800 bodies", true);
+  ASSERT_EQ(dealt.chunks.size(), std::size_t{cuda::kChunksUnderWay});
+  std::uint64_t rows = 0;
+  for (std::size_t i = 0; i < dealt.chunks.size(); ++i) {
+    const cuda::ChunkSetup& c = dealt.chunks[i];
+    EXPECT_EQ(c.first_row, rows) << "one after another";
+    rows += c.rows();
+    EXPECT_NEAR(c.pair_count, static_cast<double>(i + 1) * dealt.chunks[0].pair_count, 4 * cuda::kTile);
+  }
+  EXPECT_EQ(rows, device.pairs({}).size());
+}
+
+// Enough of them for several threads to copy them while chunks are started.
+TEST(PairDeal, GivesEachChunkItsPosesOnceTheyAreWaitedFor) {
+  const auto scene = [] { return mixed_scene(31, 3, 1); };
+  Fault fault;
+  Dealt dealt;
+  const cuda::DeviceStandIn stand_in({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+    return std::make_shared<NotingDevice>(s, fault, dealt);
+  });
+  const Engine device(scene(), {"cuda", 4});
+  Random random(4);
+  std::vector<Pose> poses;
+  for (std::size_t i = 0; i < 5000 * kMoved.size(); ++i) poses.push_back(random.pose(3));
+  ASSERT_GT(poses.size() * sizeof(Pose), 1u << 20);
+  const std::vector<BodyPair> pairs{{0, 1}, {2, 5}, {1, 3}};
+  QueryView q;
+  q.all_pairs = false;
+  q.pairs = pairs;
+  q.bodies = kMoved;
+  q.configurations = poses;
+  q.configuration_count = 5000;
+  for (int round = 0; round < 5; ++round) {
+    dealt.poses.clear();
+    ask(device, q);
+    ASSERT_EQ(dealt.poses.size(), poses.size());
+    EXPECT_EQ(std::memcmp(dealt.poses.data(), poses.data(), poses.size() * sizeof(Pose)), 0);
+  }
+}
+
+}  // namespace
+}  // namespace clearance::test

@@ -1,0 +1,326 @@
+#include "tests/engine/motion/motion_judge.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <filesystem>
+
+#include "engine/motion/motion_step.h"
+
+namespace clearance::test {
+
+namespace {
+
+constexpr double kTolerance = 1e-3;
+constexpr double kRough = 1e-7;  // metres: so far off nothing that is rounded is looked at again
+constexpr double kDeep = 2e-4;   // metres: deeper than what is made to graze
+
+struct Look {
+  double time;
+  ExactScene::Moment moment;
+  double least;  // rounded, of all pairs
+};
+
+class MotionJudge {
+ public:
+  MotionJudge(const MotionCase& c, Random& random, MotionFindings& findings, const std::string& backend)
+      : case_(c), random_(random), findings_(findings), engine_(Scene(c.scene), {.backend = backend, .threads = 1}) {
+    const bool all = random.below(8) == 0;
+    for (const BodyPair pair : engine_.pairs(c.motions.view(Reduce::kNone)))
+      if (c.exact.answers(pair) && (all || !overlaps_by_chance(pair))) pairs_.push_back(pair);
+  }
+
+  void judge(bool each_pair) {
+    Motions all = case_.motions;
+    all.pairs = pairs_;
+    const Answer min = ask(engine_, least_of(all));
+    Answer none;
+    if (each_pair) none = ask(engine_, all.view(Reduce::kNone));
+    for (std::uint32_t m = 0; m < all.count(); ++m) {
+      ++findings_.motions;
+      findings_.least_on_device += min.info.backend == "cuda";
+      motion_ = m;
+      looks_.clear();
+      look_around(min.view.time[m]);
+      judge_row(min, m, nullptr);
+      judge_contact(min.view.first_contact[2 * m], min.view.first_contact[2 * m + 1], 0);
+      if (each_pair) judge_pairs(none, m);
+      judge_decision();
+    }
+  }
+
+  // What somebody else decides.
+  void judge_decisions(const MotionDecider& decide) {
+    Motions all = case_.motions;
+    all.pairs = pairs_;
+    const Answer min = ask(engine_, all.view(Reduce::kMin));
+    for (std::uint32_t m = 0; m < all.count(); ++m) {
+      ++findings_.motions;
+      motion_ = m;
+      looks_.clear();
+      look_around(min.view.time[m]);
+      for (const bool when : {false, true}) {
+        judge_decision_of(decide, when);
+        judge_least_of(decide, when);
+      }
+    }
+  }
+  bool has_pairs() const { return !pairs_.empty(); }
+
+ private:
+  // Without the column that is the CPU's.
+  static QueryView least_of(const Motions& motions) {
+    QueryView query = motions.view(Reduce::kMin);
+    query.fields &= ~kFieldPairLower;
+    return query;
+  }
+
+  // Pairs that overlap by chance would leave nothing to be found of the others.
+  bool overlaps_by_chance(BodyPair pair) {
+    if (chance_.empty())
+      for (std::uint32_t m = 0; m < case_.motions.count(); ++m)
+        for (const double t : {0.0, 0.25, 0.5, 0.75, 1.0}) chance_.push_back(case_.exact.at(case_.motions, m, t));
+    return std::any_of(chance_.begin(), chance_.end(), [&](const ExactScene::Moment& moment) {
+      return case_.exact.rough_distance(moment, pair) < -kDeep;
+    });
+  }
+
+  const Look& look(double time) {
+    looks_.push_back({time, case_.exact.at(case_.motions, motion_, time), kInf});
+    Look& look = looks_.back();
+    for (const BodyPair pair : pairs_) look.least = std::min(look.least, case_.exact.rough_distance(look.moment, pair));
+    return look;
+  }
+  const Look& look_once(double time) {
+    const auto known = std::find_if(looks_.begin(), looks_.end(), [&](const Look& l) { return l.time == time; });
+    return known == looks_.end() ? look(time) : *known;
+  }
+
+  // Evenly, where it should be near, and from the nearest of these downhill.
+  void look_around(double told) {
+    const double named = case_.named[motion_];
+    for (const double t : {0.0, 0.3, 0.7, 1.0}) look(t);
+    for (const double by : {-1e-4, 0.0, 1e-4}) look_once(std::clamp(named + by, 0.0, 1.0));
+    if (!std::isnan(told)) look_once(told);
+    best_ = std::min_element(looks_.begin(), looks_.end(), is_nearer)->time;
+    double least = look_once(best_).least;
+    for (const double step : {2e-2, 5e-3, 1.2e-3, 3e-4, 7e-5, 2e-5})
+      for (const double to : {best_ - step, best_ + step}) {
+        if (to < 0 || to > 1) continue;
+        const double there = look(to).least;
+        if (there < least) {
+          best_ = to, least = there;
+          break;
+        }
+      }
+  }
+  // Where what is said to be free ends.
+  void look_before(double time) {
+    if (time > 0 && time <= 1) look_once(std::max(time - 1e-9, 0.0));
+  }
+  static bool is_nearer(const Look& a, const Look& b) { return a.least < b.least; }
+
+  // Whether a pair, or any, is exactly no farther than a bound (`at`: or as far).
+  bool is_within(const Look& look, double bound, const BodyPair* one, bool at) const {
+    const auto is = [&](BodyPair pair) {
+      const double rough = case_.exact.rough_distance(look.moment, pair);
+      if (std::abs(rough - bound) > kRough) return rough < bound;
+      const Real d = case_.exact.distance(look.moment, pair);
+      return at ? d <= bound : d < bound;
+    };
+    return one ? is(*one) : std::any_of(pairs_.begin(), pairs_.end(), is);
+  }
+
+  // A row of the least distance, of one pair or of all.
+  void judge_row(const Answer& answer, std::size_t row, const BodyPair* pair) {
+    const ReplyView& view = answer.view;
+    const double lower = view.lower[row], upper = view.upper[row], time = view.time[row];
+    for (const Look& look : looks_) findings_.nearer += lower > 0 && is_within(look, lower, pair, false);
+    const bool overlaps = view.status[row] == static_cast<std::uint8_t>(Status::kOverlap);
+    if (!pair) findings_.overlaps += overlaps;
+    if (!std::isnan(time) && (!pair || overlaps || random_.below(16) == 0)) {
+      const Look& there = look_once(time);
+      findings_.farther += !is_within(there, upper, pair, true);
+      findings_.untrue += overlaps && !is_within(there, 0, pair, true);
+    }
+    if (view.status[row] == static_cast<std::uint8_t>(Status::kOk) && !(view.flags[row] & kFlagSlack))
+      findings_.wide += upper - lower > kTolerance * 1.0001;
+  }
+
+  void judge_pairs(const Answer& none, std::uint32_t m) {
+    for (std::size_t p = 0; p < pairs_.size(); ++p) judge_row(none, m * pairs_.size() + p, &pairs_[p]);
+  }
+
+  // A margin that is 1e-6 to 1e-4 m less or more than the least distance that was seen.
+  double margin_beside_least() {
+    const double graze = std::pow(10.0, random_.uniform(-6, -4)) * (random_.below(2) ? 1 : -1);
+    return std::max(look_once(best_).least + graze, 0.0);
+  }
+
+  // First contact by a margin.
+  void judge_contact(double free_until, double contact, double margin) {
+    findings_.untrue += !(free_until <= contact);
+    if (contact < kInf) findings_.untrue += !is_within(look_once(contact), margin, nullptr, true);
+    look_before(free_until);
+    for (const Look& look : looks_)
+      findings_.untrue += look.time < free_until && is_within(look, margin, nullptr, true);
+  }
+
+  // \param when first contact is asked for
+  void judge_least_of(const MotionDecider& decide, bool when) {
+    Motions one = case_.one(motion_);
+    one.pairs = pairs_;
+    QueryView query = least_of(one);
+    query.max_steps = 512;
+    query.margin = random_.below(2) ? margin_beside_least() : 0;
+    if (!when) query.fields &= ~kFieldFirstContact;
+    const MotionDecision found = decide(engine_.scene(), query);
+    findings_.undecided += found.kind == MotionDecision::kOpen;
+    if (found.kind == MotionDecision::kOpen) return;
+    ++findings_.least_on_device;
+    findings_.farther += !is_within(look_once(found.time), found.upper, &found.pair, true);
+    for (const Look& look : looks_) findings_.nearer += found.lower > 0 && is_within(look, found.lower, nullptr, false);
+    findings_.wide += !found.by_slack && found.upper - found.lower > kTolerance * 1.0001;
+    if (!when) return;
+    findings_.wide += found.contact < kInf && !(found.contact - found.free_until <= kContactTime);
+    findings_.untrue += (found.contact < kInf) != (found.free_until < kInf);
+    judge_contact(found.free_until, found.contact, query.margin);
+  }
+
+  // \param when first contact is asked for
+  void judge_decision_of(const MotionDecider& decide, bool when) {
+    Motions one = case_.one(motion_);
+    one.pairs = pairs_;
+    QueryView query = one.view(Reduce::kAny, 512);
+    query.margin = margin_beside_least();
+    if (!when) query.fields &= ~kFieldFirstContact;
+    const MotionDecision found = decide(engine_.scene(), query);
+    findings_.free += found.kind == MotionDecision::kFree;
+    findings_.undecided += found.kind == MotionDecision::kOpen;
+    if (found.kind == MotionDecision::kHit) {
+      ++findings_.hits;
+      const Look& there = look_once(found.time);
+      findings_.untrue += !(found.upper <= query.margin);
+      findings_.farther += !is_within(there, found.upper, &found.pair, true);
+      findings_.nearer += found.lower > 0 && is_within(there, found.lower, &found.pair, false);
+    }
+    if (found.kind == MotionDecision::kHit && when) {
+      findings_.wide += !(found.time - found.free_until <= kContactTime);
+      findings_.untrue += !(found.free_until <= found.time);
+      look_before(found.free_until);
+      for (const Look& look : looks_)
+        findings_.untrue += look.time < found.free_until && is_within(look, query.margin, nullptr, true);
+    }
+    if (found.kind == MotionDecision::kFree)
+      for (const Look& look : looks_) findings_.untrue += is_within(look, query.margin, nullptr, true);
+  }
+
+  void judge_decision() {
+    Motions one = case_.one(motion_);
+    one.pairs = pairs_;
+    QueryView query = one.view(Reduce::kAny, 512);
+    query.margin = margin_beside_least();
+    const Answer any = ask(engine_, query);
+    const auto status = static_cast<Status>(any.view.status[0]);
+    const double unproved = any.view.first_contact[0], hit = any.view.first_contact[1], time = any.view.time[0];
+    const bool is_free = status == Status::kBeyond, is_open = status == Status::kUnconverged;
+    findings_.on_device += any.info.backend == "cuda";
+    findings_.free += is_free;
+    findings_.undecided += is_open;
+    findings_.untrue += is_free != (unproved == kInf) || (!is_free && !is_open) != (hit < kInf) || unproved > hit;
+    if (!is_free && !is_open) {
+      ++findings_.hits;
+      findings_.untrue += !is_within(look_once(time), query.margin, &any.view.pair[0], true);
+      findings_.untrue += !is_within(look_once(hit), query.margin, nullptr, true);
+    }
+    look_before(unproved);
+    for (const Look& look : looks_) {
+      findings_.untrue += look.time < unproved && is_within(look, query.margin, nullptr, true);
+      findings_.nearer += any.view.lower[0] > 0 && is_within(look, any.view.lower[0], nullptr, false);
+    }
+  }
+
+  const MotionCase& case_;
+  Random& random_;
+  MotionFindings& findings_;
+  Engine engine_;
+  std::vector<BodyPair> pairs_;
+  std::vector<ExactScene::Moment> chance_;
+  std::uint32_t motion_ = 0;
+  std::vector<Look> looks_;
+  double best_ = 0;  // the time of the nearest of these
+};
+
+// A folder of this process for the robots' files, gone afterwards.
+struct Folder {
+  std::string path;
+  Folder() {
+    static std::atomic<int> count{0};
+    path = (std::filesystem::temp_directory_path() /
+            ("clearance_motions_" + std::to_string(getpid()) + "_" + std::to_string(count++)))
+               .string();
+    std::filesystem::create_directories(path);
+  }
+  ~Folder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path, ignored);
+  }
+};
+
+}  // namespace
+
+void MotionFindings::add(const MotionFindings& o) {
+  motions += o.motions, free += o.free, hits += o.hits, undecided += o.undecided, overlaps += o.overlaps;
+  on_device += o.on_device, least_on_device += o.least_on_device;
+  nearer += o.nearer, farther += o.farther, untrue += o.untrue, wide += o.wide;
+}
+
+std::string MotionFindings::text() const {
+  const auto n = [](int count) { return std::to_string(count); };
+  return n(motions) + " motions, " + n(overlaps) + " with an overlap; by margins beside the truth " + n(free) +
+         " free, " + n(hits) + " hits, " + n(undecided) + " undecided, " + n(on_device) + " on a device, " +
+         n(least_on_device) + " least distances; wrong: " + n(nearer) + " nearer than lower, " + n(farther) +
+         " farther than upper, " + n(untrue) + " untrue, " + n(wide) + " too wide";
+}
+
+void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings) {
+  MotionJudge(c, random, findings, "cpu").judge(each_pair);
+}
+
+namespace {
+
+// Cases of every kind in turn, or of one. \param judge returns whether to go on
+template <class Judge>
+void for_cases(std::uint64_t seed, int only, const Judge& judge) {
+  const Folder folder;
+  for (std::uint64_t i = 0;; ++i) {
+    const int kind = only < 0 ? static_cast<int>(i % kMotionKinds) : only;
+    Random random(seed * 1'000'003 + i * static_cast<std::uint64_t>(kMotionKinds) + static_cast<std::uint64_t>(kind));
+    const MotionCase c(random, static_cast<MotionKind>(kind), 4, folder.path);
+    if (!judge(c, random, i)) return;
+  }
+}
+
+}  // namespace
+
+MotionFindings judge_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide) {
+  MotionFindings findings;
+  for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t) {
+    if (c.motions.bodies.empty())
+      if (MotionJudge judge(c, random, findings, "cpu"); judge.has_pairs()) judge.judge_decisions(decide);
+    return findings.motions < motions;
+  });
+  return findings;
+}
+
+MotionFindings judge_many(std::uint64_t seed, int motions, int only, bool until_wrong, const std::string& backend) {
+  MotionFindings findings;
+  for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t i) {
+    MotionJudge(c, random, findings, backend).judge(i % 4 == 0 || until_wrong);
+    return findings.motions < motions && !(until_wrong && findings.wrong() > 0);
+  });
+  return findings;
+}
+
+}  // namespace clearance::test

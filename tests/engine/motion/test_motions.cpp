@@ -1,0 +1,450 @@
+// Motions through the engine: what is proved of them holds at each time, and what is said to be there is.
+#include <gtest/gtest.h>
+
+#include "tests/engine/arm_scene.h"
+#include "tests/engine/motion/motion_test.h"
+
+namespace clearance::test {
+namespace {
+
+Engine engine_of(Scene scene, int threads = 2) {
+  return Engine(std::move(scene), {.backend = "cpu", .threads = threads});
+}
+
+// A ball that flies past another: how near it comes is known.
+struct Flight {
+  Scene scene;
+  Motions motions;
+
+  Flight() {
+    scene.add_sphere("still", 0.1, {.is_static = true, .pose = Pose{}});
+    motions.bodies = {scene.add_sphere("ball", 0.05, {.pose = Pose{{3, 0, 0}}})};
+  }
+  void add(const Vec3d& from, const Vec3d& to) {
+    motions.poses.push_back(Pose{from});
+    motions.poses.push_back(Pose{to});
+  }
+};
+
+TEST(Motions, LeastDistanceOfABallThatFliesPast) {
+  Flight flight;
+  Random random(1);
+  std::vector<double> exact, times;
+  for (int i = 0; i < 200; ++i) {
+    const Vec3d from{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
+    const Vec3d to{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
+    flight.add(from, to);
+    const Vec3d d = to - from;
+    const double t = std::clamp(-dot(from, d) / dot(d, d), 0.0, 1.0);
+    times.push_back(t);
+    exact.push_back(norm(from + d * t) - 0.15);
+  }
+  const Engine engine = engine_of(std::move(flight.scene));
+  const Answer min = ask(engine, flight.motions.view(Reduce::kMin, 100000));
+  const Answer any = ask(engine, flight.motions.view(Reduce::kAny));
+  const Answer none = ask(engine, flight.motions.view(Reduce::kNone, 100000));
+  ASSERT_EQ(min.info.rows, 200u);
+  int hits = 0, free = 0;
+  for (std::size_t i = 0; i < 200; ++i) {
+    const double least = std::max(exact[i], 0.0);
+    EXPECT_LE(min.view.lower[i], least + 1e-12);
+    EXPECT_GE(min.view.upper[i], least - 1e-12);
+    EXPECT_LE(min.view.upper[i] - min.view.lower[i], 1e-3);
+    EXPECT_EQ(none.view.lower[i], min.view.lower[i]);
+    EXPECT_EQ(none.view.upper[i], min.view.upper[i]);
+    const auto status = static_cast<Status>(any.view.status[i]);
+    if (exact[i] > 1e-9) {
+      EXPECT_EQ(status, Status::kBeyond) << exact[i];
+      EXPECT_TRUE(std::isnan(any.view.time[i]));
+      EXPECT_EQ(any.view.first_contact[2 * i], kInf);
+      EXPECT_EQ(any.view.first_contact[2 * i + 1], kInf);
+      ++free;
+    } else if (exact[i] < -1e-6) {
+      EXPECT_EQ(status, Status::kOverlap) << exact[i];
+      const Vec3d from = flight.motions.poses[2 * i].translation, to = flight.motions.poses[2 * i + 1].translation;
+      EXPECT_LE(norm(from + (to - from) * any.view.time[i]), 0.15);
+      EXPECT_LE(any.view.first_contact[2 * i], any.view.first_contact[2 * i + 1]);
+      ++hits;
+    }
+    EXPECT_EQ(any.view.configuration[i], i);
+  }
+  EXPECT_GT(hits, 10);
+  EXPECT_GT(free, 100);
+}
+
+// A ball that comes into another: when is known.
+TEST(Motions, FirstContactIsNarrowed) {
+  Flight flight;
+  Random random(7);
+  constexpr double kMargin = 0.02;
+  std::vector<double> exact;
+  while (exact.size() < 60) {
+    const Vec3d from{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
+    const Vec3d to = Vec3d{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)} * 0.3;
+    const Vec3d d = to - from;
+    const double a = dot(d, d), b = dot(from, d), c = dot(from, from) - 0.17 * 0.17;
+    if (c < 0.01 || b * b - a * c < 1e-4) continue;
+    const double t = (-b - std::sqrt(b * b - a * c)) / a;
+    if (t < 0 || t > 1) continue;
+    flight.add(from, to);
+    exact.push_back(t);
+  }
+  const Engine engine = engine_of(std::move(flight.scene));
+  for (const Reduce reduce : {Reduce::kAny, Reduce::kMin, Reduce::kNone}) {
+    QueryView query = flight.motions.view(reduce, 1000);
+    query.margin = kMargin;
+    const Answer answer = ask(engine, query);
+    for (std::size_t i = 0; i < exact.size(); ++i) {
+      const double from = answer.view.first_contact[2 * i], to = answer.view.first_contact[2 * i + 1];
+      EXPECT_LE(from, exact[i] + 1e-12);
+      EXPECT_GE(to, exact[i] - 1e-12);
+      EXPECT_LE(to - from, 2e-3);
+      if (reduce == Reduce::kAny) {
+        EXPECT_EQ(answer.view.time[i], to);
+      }
+    }
+  }
+}
+
+// Flights past a ball, by exact gaps that are positive and negative, far from 0 and near it.
+std::vector<double> add_flights_by_gap(Flight& flight, std::size_t count) {
+  Random random(11);
+  std::vector<double> gaps;
+  while (gaps.size() < count) {
+    const double size = std::pow(10.0, random.uniform(-7, -1)), gap = gaps.size() % 2 ? size : -size;
+    flight.add({random.uniform(-2, -0.5), 0.15 + gap, 0}, {random.uniform(0.5, 2), 0.15 + gap, 0});
+    gaps.push_back(gap);
+  }
+  return gaps;
+}
+
+// However early a search ends, what it has not proved is not free.
+TEST(Motions, OutOfStepsIsNeverFree) {
+  Flight flight;
+  const std::vector<double> gaps = add_flights_by_gap(flight, 60);
+  const Engine engine = engine_of(std::move(flight.scene));
+  int free = 0, hits = 0, unconverged = 0;
+  for (const double margin : {0.0, 1e-9, 1e-3})
+    for (const double abs_tol : {0.0, 1e-3})
+      for (std::uint32_t steps = 1; steps <= 256; steps = steps < 12 ? steps + 1 : 2 * steps) {
+        QueryView query = flight.motions.view(Reduce::kAny, steps);
+        query.margin = margin;
+        query.abs_tol = abs_tol;
+        const Answer any = ask(engine, query);
+        query.fields &= ~kFieldFirstContact;
+        const Answer without = ask(engine, query);
+        for (std::size_t i = 0; i < gaps.size(); ++i) {
+          const auto status = static_cast<Status>(any.view.status[i]);
+          ASSERT_EQ(status == Status::kBeyond, any.view.first_contact[2 * i] == kInf) << i << " " << steps;
+          if (status == Status::kBeyond || static_cast<Status>(without.view.status[i]) == Status::kBeyond) {
+            ASSERT_GT(gaps[i], margin) << i << " " << steps << " steps, abs_tol " << abs_tol;
+          }
+          if (status <= Status::kContact) {
+            ASSERT_LE(gaps[i], margin) << i;
+          }
+          free += status == Status::kBeyond;
+          hits += status <= Status::kContact;
+          unconverged += status == Status::kUnconverged;
+        }
+      }
+  EXPECT_GT(free, 500);
+  EXPECT_GT(hits, 500);
+  EXPECT_GT(unconverged, 500);
+}
+
+// A least distance below the tolerance is no contact where the same row proves the motion free.
+TEST(Motions, AMotionThatIsProvedFreeIsNoContact) {
+  Flight flight;
+  const std::vector<double> gaps = add_flights_by_gap(flight, 60);
+  const Engine engine = engine_of(std::move(flight.scene));
+  for (const Reduce reduce : {Reduce::kMin, Reduce::kNone}) {
+    const Answer answer = ask(engine, flight.motions.view(reduce));
+    int narrow = 0, contacts = 0;
+    for (std::size_t i = 0; i < gaps.size(); ++i) {
+      const auto status = static_cast<Status>(answer.view.status[i]);
+      contacts += status == Status::kContact || status == Status::kOverlap;
+      EXPECT_LE(answer.view.lower[i], std::max(gaps[i], 0.0));
+      EXPECT_GE(answer.view.upper[i], std::max(gaps[i], 0.0));
+      if (answer.view.first_contact[2 * i] != kInf) continue;
+      EXPECT_GT(gaps[i], 0) << i;
+      EXPECT_EQ(status, Status::kOk) << i << " " << gaps[i];
+      EXPECT_GT(answer.view.lower[i], 0) << i;
+      narrow += gaps[i] < 1e-3;
+    }
+    EXPECT_GT(narrow, 10);
+    EXPECT_GT(contacts, 10);
+  }
+}
+
+// A body without a usable pose may be anywhere: only an overlap of others is certain.
+TEST(Motions, ABodyWithoutAPoseIsNotPassedOver) {
+  Flight flight;
+  flight.add({-1, 1, 0}, {1, 1, 0});
+  flight.add({-1, 0, 0}, {1, 0, 0});
+  const std::uint32_t person = flight.scene.add_sphere("person", 0.3, {});
+  Engine engine = engine_of(std::move(flight.scene));
+  const auto expect_status = [&](Status expected) {
+    for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
+      QueryView query = flight.motions.view(reduce);
+      for (const std::uint32_t fields : {kMotionAnswer, std::uint32_t{kFieldStatus | kFieldLower | kFieldUpper}}) {
+        query.fields = fields;
+        const Answer answer = ask(engine, query);
+        EXPECT_EQ(static_cast<Status>(answer.view.status[0]), expected);
+        EXPECT_EQ(answer.view.lower[0], -kInf);
+        EXPECT_EQ(answer.view.upper[0], kInf);
+        EXPECT_EQ(static_cast<Status>(answer.view.status[1]), Status::kOverlap);
+        EXPECT_LE(answer.view.lower[1], 0);
+      }
+      query.fields = kMotionAnswer;
+      const Answer answer = ask(engine, query);
+      EXPECT_EQ(answer.view.pair[0].b, person);
+      EXPECT_EQ(answer.view.first_contact[0], 0);
+      EXPECT_TRUE(answer.view.flags[0] & kFlagIncomplete);
+      EXPECT_TRUE(answer.view.flags[1] & kFlagIncomplete);
+    }
+  };
+  expect_status(Status::kNoPose);
+  engine.set_poses(std::vector<BodyPose>{{person, Pose{{std::nan(""), 0, 1}}}});
+  expect_status(Status::kBadPose);
+  engine.set_poses(std::vector<BodyPose>{{person, Pose{{0, 5, 0}}}});
+  EXPECT_EQ(static_cast<Status>(ask(engine, flight.motions.view(Reduce::kMin)).view.status[0]), Status::kOk);
+}
+
+// A rod that turns by nearly half a turn sweeps over a peg, which it does not touch at either end, nor in the middle.
+TEST(Motions, ARodThatTurnsSweepsOverAPeg) {
+  Scene scene;
+  scene.add_sphere("peg", 0.01, {.is_static = true, .pose = Pose{{0.3, 0.3, 0}}});
+  Motions motions;
+  motions.bodies = {scene.add_box("rod", {1, 0.002, 0.002}, {.pose = Pose{}})};
+  const auto turned = [](double angle) { return Pose{{0, 0, 0}, std::cos(angle / 2), 0, 0, std::sin(angle / 2)}; };
+  motions.poses = {turned(0), turned(3.1), turned(0), turned(-3.1 + 2 * M_PI), turned(0), turned(0.7)};
+  const Engine engine = engine_of(std::move(scene));
+  const Answer answer = ask(engine, motions.view(Reduce::kAny));
+  EXPECT_EQ(answer.view.status[0], static_cast<std::uint8_t>(Status::kOverlap));
+  EXPECT_NEAR(answer.view.time[0] * 3.1, M_PI / 4, 0.06);
+  // The other way round it is the rod's other half that comes by, from below.
+  EXPECT_EQ(answer.view.status[1], static_cast<std::uint8_t>(Status::kOverlap));
+  EXPECT_NEAR(-answer.view.time[1] * 3.1, M_PI / 4 - M_PI, 0.06);
+  EXPECT_EQ(answer.view.status[2], static_cast<std::uint8_t>(Status::kBeyond));
+}
+
+Motions random_edges(const Scene& scene, const std::vector<std::uint32_t>& joints, int count, double longest,
+                     std::uint64_t seed) {
+  Random random(seed);
+  Motions motions;
+  motions.joints = joints;
+  for (int i = 0; i < count; ++i) {
+    std::vector<double> start, end;
+    const double size = random.uniform(0, longest);
+    for (const std::uint32_t j : joints) {
+      const SceneJoint& joint = scene.joints()[j];
+      start.push_back(random.uniform(joint.lower, joint.upper));
+      end.push_back(std::clamp(start.back() + size * random.uniform(-1, 1), joint.lower, joint.upper));
+    }
+    motions.positions.insert(motions.positions.end(), start.begin(), start.end());
+    motions.positions.insert(motions.positions.end(), end.begin(), end.end());
+  }
+  return motions;
+}
+
+// Those of the arm's links that do not touch all the time, with the world and with each other.
+std::vector<BodyPair> pairs_of(const Scene& scene) {
+  const std::uint32_t arm = scene.find_group("arm") | kGroupBit;
+  std::vector<BodyPair> pairs = {{scene.find_body("table"), arm}, {scene.find_body("ball"), arm}};
+  const auto add = [&](const char* a, const char* b) {
+    pairs.push_back({scene.find_body(std::string("arm/") + a), scene.find_body(std::string("arm/") + b)});
+  };
+  for (const char* link : {"wrist", "palm", "flange", "left_finger", "right_finger"}) {
+    add("base", link);
+    add("upper", link);
+  }
+  return pairs;
+}
+
+constexpr double kRounding = 1e-12;  // of samples' times and kinematics
+
+// Edges of an arm, itself included: no sample is nearer than the lower bound, and witnesses are found where they are
+// said to be.
+TEST(Motions, EdgesOfAnArmHoldAtEachSample) {
+  Scene scene = arm_scene(at_home());
+  Motions motions = random_edges(scene, joints_of(scene, "arm"), 60, 1.0, 2);
+  motions.pairs = pairs_of(scene);
+  const Engine engine = engine_of(std::move(scene));
+  const std::uint32_t rows = motions.count();
+  QueryView decides = motions.view(Reduce::kAny);
+  decides.margin = 0.005;
+  const Answer any = ask(engine, decides), min = ask(engine, motions.view(Reduce::kMin, 4096));
+  int free = 0, hits = 0, undecided = 0;
+  for (std::uint32_t i = 0; i < rows; ++i) {
+    const Samples samples(motions, i, 100u);
+    const Answer at = ask(engine, samples.view(motions, Reduce::kMin));
+    const double nearest = *std::min_element(at.view.upper, at.view.upper + samples.count);
+    EXPECT_LE(min.view.lower[i], nearest + kRounding);
+    if (min.view.status[i] != static_cast<std::uint8_t>(Status::kUnconverged)) {
+      // The base's prism stands out of its cylinder by 0.12 mm.
+      const double slack = min.view.flags[i] & kFlagSlack ? 1.3e-4 : 0;
+      EXPECT_LE(min.view.upper[i] - min.view.lower[i], 1.001e-3 + slack);
+    }
+    const Answer witness = ask(engine, Samples(motions, i, min.view.time[i]).view(motions, Reduce::kMin));
+    EXPECT_NEAR(witness.view.upper[0], min.view.upper[i], 1.001e-3);
+    EXPECT_LE(any.view.lower[i], nearest + kRounding);
+    const auto status = static_cast<Status>(any.view.status[i]);
+    if (status == Status::kBeyond) {
+      EXPECT_GT(nearest, 0.005 - kRounding);
+      ++free;
+    } else if (status == Status::kUnconverged) {
+      ++undecided;
+    } else {
+      const Answer hit = ask(engine, Samples(motions, i, any.view.time[i]).view(motions, Reduce::kMin));
+      EXPECT_LE(hit.view.lower[0], 0.005);
+      EXPECT_LE(any.view.upper[i], 0.005);
+      ++hits;
+    }
+  }
+  EXPECT_GT(free, 5);
+  EXPECT_GT(hits, 2);
+  EXPECT_LE(undecided, 1);
+}
+
+// What each pair says by itself is what the row of all says.
+TEST(Motions, PairsByThemselvesAndAllTogetherAgree) {
+  Scene scene = arm_scene(at_home());
+  Motions motions = random_edges(scene, joints_of(scene, "arm"), 5, 0.5, 3);
+  motions.pairs = pairs_of(scene);
+  const Engine engine = engine_of(std::move(scene));
+  const Answer none = ask(engine, motions.view(Reduce::kNone, 100000)),
+               min = ask(engine, motions.view(Reduce::kMin, 100000));
+  const std::uint64_t pairs = none.size.pairs;
+  ASSERT_EQ(none.info.rows, 5 * pairs);
+  for (std::uint64_t i = 0; i < 5; ++i) {
+    const double* const lower = none.view.lower + i * pairs;
+    const double* const upper = none.view.upper + i * pairs;
+    EXPECT_NEAR(*std::min_element(lower, lower + pairs), min.view.lower[i], 1.001e-3);
+    EXPECT_NEAR(*std::min_element(upper, upper + pairs), min.view.upper[i], 1.001e-3);
+    for (std::uint64_t p = 0; p < pairs; ++p) EXPECT_EQ(none.view.configuration[i * pairs + p], i);
+  }
+}
+
+// Slices of any size and any number of threads give the same rows.
+TEST(Motions, SlicesAndThreadsChangeNothing) {
+  Scene scene = arm_scene(at_home());
+  Motions motions = random_edges(scene, joints_of(scene, "arm"), 150, 0.6, 4);
+  motions.pairs = pairs_of(scene);
+  const Engine one = engine_of(arm_scene(at_home()), 1), three = engine_of(std::move(scene), 3);
+  for (const Reduce reduce : {Reduce::kAny, Reduce::kMin}) {
+    const QueryView query = motions.view(reduce, 64);
+    const Answer whole = ask(one, query), sliced = ask(three, query, std::chrono::nanoseconds(1));
+    for (std::uint64_t i = 0; i < whole.info.rows; ++i) {
+      EXPECT_EQ(whole.view.lower[i], sliced.view.lower[i]);
+      EXPECT_EQ(whole.view.upper[i], sliced.view.upper[i]);
+      EXPECT_EQ(whole.view.status[i], sliced.view.status[i]);
+      EXPECT_EQ(whole.view.steps[i], sliced.view.steps[i]);
+    }
+  }
+}
+
+TEST(Motions, AMotionThatGoesNowhereIsAConfiguration) {
+  Scene scene = arm_scene(at_home());
+  Motions motions = random_edges(scene, joints_of(scene, "arm"), 20, 0.5, 5);
+  motions.pairs = pairs_of(scene);
+  const std::size_t joints = motions.joints.size();
+  for (std::uint32_t i = 0; i < motions.count(); ++i)
+    std::copy_n(motions.positions.begin() + 2 * i * joints, joints, motions.positions.begin() + (2 * i + 1) * joints);
+  const Engine engine = engine_of(std::move(scene));
+  const Answer min = ask(engine, motions.view(Reduce::kMin)), any = ask(engine, motions.view(Reduce::kAny));
+  for (std::uint32_t i = 0; i < motions.count(); ++i) {
+    const Answer at = ask(engine, Samples(motions, i, 0.0).view(motions, Reduce::kMin));
+    EXPECT_EQ(min.view.steps[i], 1u);
+    EXPECT_NEAR(min.view.upper[i], at.view.upper[0], 1e-3);
+    EXPECT_LE(min.view.lower[i], at.view.upper[0]);
+    EXPECT_EQ(any.view.steps[i], 1u);
+    EXPECT_EQ(any.view.status[i] == static_cast<std::uint8_t>(Status::kBeyond), at.view.lower[0] > 0);
+  }
+}
+
+// Both ends are part of it.
+TEST(Motions, ContactAtEitherEndIsFound) {
+  Flight flight;
+  flight.add({1, 0, 0}, {0.1499, 0, 0});
+  flight.add({0.1499, 0, 0}, {1, 0, 0});
+  flight.add({1, 0, 0}, {0.1501, 0, 0});
+  const Engine engine = engine_of(std::move(flight.scene));
+  const Answer any = ask(engine, flight.motions.view(Reduce::kAny));
+  EXPECT_EQ(any.view.status[0], static_cast<std::uint8_t>(Status::kOverlap));
+  EXPECT_EQ(any.view.status[1], static_cast<std::uint8_t>(Status::kOverlap));
+  EXPECT_EQ(any.view.status[2], static_cast<std::uint8_t>(Status::kBeyond));
+  EXPECT_GT(any.view.time[0], 0.99);
+  EXPECT_LT(any.view.time[1], 0.01);
+}
+
+// One look at all pairs is not sliced.
+TEST(Motions, TooManyPairsAreRefusedByName) {
+  Scene scene;
+  Motions motions;
+  for (int i = 0; i < 364; ++i)
+    motions.bodies.push_back(scene.add_sphere("s" + std::to_string(i), 0.1, {.pose = Pose{{1.0 * i, 0, 0}}}));
+  motions.poses.assign(2 * motions.bodies.size(), Pose{});
+  const Engine engine = engine_of(std::move(scene));
+  try {
+    ask(engine, motions.view(Reduce::kAny));
+    FAIL() << "66,066 pairs were answered";
+  } catch (const QueryError& error) {
+    EXPECT_EQ(error.code, QueryErrorCode::kTooLarge);
+    EXPECT_NE(std::string(error.what()).find("66066 pairs"), std::string::npos) << error.what();
+  }
+}
+
+TEST(Motions, NoPoseAndBadPositionsAreSaid) {
+  RobotOptions options;
+  options.urdf = kArm;  // without a home
+  Scene scene = arm_scene(options);
+  Motions motions;
+  motions.joints = {0};
+  motions.positions = {0, 1};
+  const Engine engine = engine_of(std::move(scene));
+  EXPECT_EQ(ask(engine, motions.view(Reduce::kAny)).view.status[0], static_cast<std::uint8_t>(Status::kNoPose));
+  Scene placed = arm_scene(at_home());
+  Motions bad = random_edges(placed, joints_of(placed, "arm"), 3, 0.3, 6);
+  bad.positions[0] = std::nan("");
+  bad.positions[bad.joints.size() * 3] = 2e6;
+  const Engine other = engine_of(std::move(placed));
+  const Answer any = ask(other, bad.view(Reduce::kAny)), min = ask(other, bad.view(Reduce::kMin));
+  for (const Answer* answer : {&any, &min}) {
+    EXPECT_EQ(answer->view.status[0], static_cast<std::uint8_t>(Status::kBadPose));
+    EXPECT_EQ(answer->view.status[1], static_cast<std::uint8_t>(Status::kBadPose));
+    EXPECT_NE(answer->view.status[2], static_cast<std::uint8_t>(Status::kBadPose));
+  }
+}
+
+// Planes along the axes and across, which reach to any distance: what moves above them is proved like before any body.
+TEST(Motions, EdgesOfAnArmHoldAboveHalfSpaces) {
+  Scene scene = arm_scene(at_home());
+  const std::vector<std::uint32_t> planes{
+      scene.add_half_space("floor", {.pose = Pose{{0, 0, -0.05}}}),
+      scene.add_half_space("wall", {.pose = Pose{{-0.6, 0, 0}, 0.9, 0.1, 0.8, 0.05}})};
+  Motions motions = random_edges(scene, joints_of(scene, "arm"), 40, 0.6, 3);
+  for (const std::uint32_t plane : planes)
+    for (const char* link : {"upper", "wrist", "palm", "flange", "left_finger"})
+      motions.pairs.push_back({plane, scene.find_body(std::string("arm/") + link)});
+  const Engine engine = engine_of(std::move(scene));
+  const Answer any = ask(engine, motions.view(Reduce::kAny, 4096)), min = ask(engine, motions.view(Reduce::kMin, 4096));
+  int free = 0, hits = 0;
+  for (std::uint32_t i = 0; i < motions.count(); ++i) {
+    const Samples samples(motions, i, 100u);
+    const Answer at = ask(engine, samples.view(motions, Reduce::kMin));
+    const double nearest = *std::min_element(at.view.upper, at.view.upper + samples.count);
+    EXPECT_LE(min.view.lower[i], nearest + kRounding);
+    EXPECT_LE(min.view.upper[i] - min.view.lower[i], 1.001e-3);
+    const auto status = static_cast<Status>(any.view.status[i]);
+    if (status == Status::kBeyond) {
+      EXPECT_GT(nearest, 0);
+    }
+    free += status == Status::kBeyond;
+    hits += status == Status::kOverlap;
+  }
+  EXPECT_GT(free, 10);
+  EXPECT_GT(hits, 3);
+}
+
+}  // namespace
+}  // namespace clearance::test

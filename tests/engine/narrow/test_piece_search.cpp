@@ -1,0 +1,121 @@
+// Bodies of several pieces: the order of their piece pairs, and one thread's search against the engine's, which asks in
+// rounds.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "engine/narrow/narrow_phase.h"
+#include "engine/narrow/piece_search.h"
+#include "tests/engine/engine_test_util.h"
+
+namespace clearance {
+namespace {
+
+using test::Random;
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+// Corners on a coarse grid, so that many gaps are the same.
+std::vector<Aabb> random_boxes(std::size_t count, Random& random) {
+  std::vector<Aabb> boxes;
+  for (std::size_t i = 0; i < count; ++i) {
+    Aabb box;
+    for (int k = 0; k < 3; ++k) {
+      box.low[k] = static_cast<double>(random.below(12));
+      box.high[k] = box.low[k] + static_cast<double>(random.below(4));
+    }
+    boxes.push_back(box);
+  }
+  return boxes;
+}
+
+template <int kCount>
+void expect_order(const std::vector<Aabb>& a, const std::vector<Aabb>& b, std::size_t& ties) {
+  std::vector<PiecePair> all;
+  for (std::uint32_t i = 0; i < a.size(); ++i)
+    for (std::uint32_t j = 0; j < b.size(); ++j) all.push_back({certify_box_gap(a[i], b[j]), i, j});
+  std::sort(all.begin(), all.end(), goes_before);
+  const auto of_a = [&](std::uint32_t i) { return a[i]; };
+  const auto of_b = [&](std::uint32_t i) { return b[i]; };
+  NearestPieces<kCount, decltype(of_a), decltype(of_b)> nearest(of_a, static_cast<std::uint32_t>(a.size()), of_b,
+                                                                static_cast<std::uint32_t>(b.size()));
+  PiecePair p;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    ASSERT_TRUE(nearest.next(p)) << i << " of " << all.size();
+    ASSERT_TRUE(p.gap == all[i].gap && p.a == all[i].a && p.b == all[i].b) << i << " of " << all.size();
+    ties += i > 0 && all[i].gap == all[i - 1].gap;
+  }
+  EXPECT_FALSE(nearest.next(p));
+}
+
+TEST(PieceSearch, FindsPiecePairsInTheirOrder) {
+  Random random(1);
+  std::size_t ties = 0;
+  for (const std::size_t count_a : {1u, 2u, 7u, 40u})
+    for (const std::size_t count_b : {1u, 3u, 8u, 33u}) {
+      const std::vector<Aabb> a = random_boxes(count_a, random), b = random_boxes(count_b, random);
+      expect_order<1>(a, b, ties);
+      expect_order<8>(a, b, ties);
+    }
+  EXPECT_GT(ties, 1000u);
+}
+
+// The engine answers the pairs of a round side by side, in lanes, and puts all gaps in order at once.
+TEST(PieceSearch, EndsAsTheEnginesRoundsDo) {
+  const Scene scene = test::decomposed_scene(60, 1.2, 2);
+  std::vector<BodyPlacement> placed;
+  std::vector<std::vector<Aabb>> boxes;
+  for (const Body& body : scene.bodies()) {
+    placed.push_back(place(&*body.pose, nullptr));
+    boxes.emplace_back();
+    for (const PiecePtr& piece : body.pieces)
+      boxes.back().push_back(certify_box(*piece, placed.back().pose.R_wb, placed.back().pose.t_w));
+  }
+  const Engine engine(test::decomposed_scene(60, 1.2, 2), {"cpu"});
+  std::set<std::uint8_t> statuses;
+  std::size_t searched = 0, long_searches = 0;
+  for (const double max_distance : {kInf, 0.3}) {
+    QueryView q;
+    q.fields = test::kAllFields;
+    q.max_distance = max_distance;
+    const test::Answer answer = test::ask(engine, q);
+    const std::vector<BodyPair> pairs = engine.pairs(q);
+    for (std::size_t row = 0; row < pairs.size(); ++row) {
+      const auto [a, b] = pairs[row];
+      if (answer.view.pieces[2 * row] == kNone) continue;  // body boxes are beyond max_distance
+      const auto of_a = [&](std::uint32_t i) { return boxes[a][i]; };
+      const auto of_b = [&](std::uint32_t i) { return boxes[b][i]; };
+      NearestPieces<8, decltype(of_a), decltype(of_b)> nearest(of_a, static_cast<std::uint32_t>(boxes[a].size()), of_b,
+                                                               static_cast<std::uint32_t>(boxes[b].size()));
+      PieceSearch search;
+      PiecePair best{};
+      NarrowLimits limits;
+      std::size_t looks = 0;
+      const PieceEnd end = search_pieces(search, max_distance, nearest, [&](const PiecePair& p, double cut_off) {
+        ++looks;
+        limits.max_distance = cut_off;
+        const NarrowAnswer n = narrow_phase(*scene.bodies()[a].pieces[p.a], placed[a].pose,
+                                            *scene.bodies()[b].pieces[p.b], placed[b].pose, limits);
+        if (search.take(p.gap, n.bounds.lower, n.bounds.upper)) best = p;
+        return n.bounds.upper <= 0 ? PieceEnd::kOverlap : PieceEnd::kApart;
+      });
+      ++searched;
+      long_searches += looks > 7;
+      statuses.insert(answer.view.status[row]);
+      EXPECT_EQ(answer.view.lower[row], std::max(search.lower, 0.0)) << row;
+      EXPECT_EQ(answer.view.upper[row], std::max(search.upper, 0.0)) << row;
+      EXPECT_EQ(answer.view.pieces[2 * row], best.a) << row;
+      EXPECT_EQ(answer.view.pieces[2 * row + 1], best.b) << row;
+      EXPECT_EQ(end == PieceEnd::kOverlap, answer.view.status[row] == static_cast<std::uint8_t>(Status::kOverlap))
+          << row;
+    }
+  }
+  EXPECT_GT(searched, 1500u);
+  EXPECT_GT(long_searches, 50u);
+  for (const Status s : {Status::kOk, Status::kOverlap, Status::kBeyond})
+    EXPECT_TRUE(statuses.contains(static_cast<std::uint8_t>(s)));
+}
+
+}  // namespace
+}  // namespace clearance

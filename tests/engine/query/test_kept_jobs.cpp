@@ -1,0 +1,358 @@
+// A question asked again is answered by the job that answered it before: with the bits of a new one, and never for a
+// snapshot that is gone.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/engine/arm_scene.h"
+#include "tests/engine/same_rows.h"
+
+namespace clearance::test {
+namespace {
+
+std::uint64_t asked_again(const Engine& engine) {
+  for (const auto& [name, value] : engine.stats())
+    if (name == "engine.queries_asked_again") return value;
+  ADD_FAILURE() << "no such counter";
+  return 0;
+}
+
+/// The whole of two answers.
+void expect_same(const Answer& a, const Answer& b) {
+  ASSERT_EQ(a.info.rows, b.info.rows);
+  ASSERT_EQ(a.info.total, b.info.total);
+  ASSERT_EQ(a.info.pairs_evaluated, b.info.pairs_evaluated);
+  expect_same_rows(a, 0, b, a.info.rows);
+  const std::uint64_t n = a.info.rows;
+  expect_same_column("gradient_joints", a.view.gradient_joints, 0, b.view.gradient_joints, n, a.size.joints);
+  expect_same_column("pair_lower", a.view.pair_lower, 0, b.view.pair_lower, n, 1);
+}
+
+/// Nothing is left of an earlier answer where the same poses have come once more.
+Answer ask_anew(Engine& engine, std::uint32_t body, const QueryView& query) {
+  const BodyPose same{body, engine.body_state(body).X_wb};
+  engine.set_poses({&same, 1});
+  return ask(engine, query);
+}
+
+struct Named {
+  std::string name;
+  std::function<void(QueryView&)> set;
+};
+
+const std::vector<MarginEntry> kMargins{{kEveryBody, kEveryBody, 0.1}, {0, kEveryBody, 0.4}};
+
+std::vector<Named> reductions() {
+  return {{"none", [](QueryView&) {}},
+          {"none, near", [](QueryView& q) { q.max_distance = 0.3; }},
+          {"none, compact", [](QueryView& q) { q.format = Format::kCompact; }},
+          {"within",
+           [](QueryView& q) {
+             q.reduce = Reduce::kWithin;
+             q.max_distance = 0.4;
+           }},
+          {"nearest", [](QueryView& q) { q.reduce = Reduce::kNearest; }},
+          {"min", [](QueryView& q) { q.reduce = Reduce::kMin; }},
+          {"min, signed",
+           [](QueryView& q) {
+             q.reduce = Reduce::kMin;
+             q.signed_distance = true;
+           }},
+          {"any", [](QueryView& q) { q.reduce = Reduce::kAny; }},
+          {"any, margins", [](QueryView& q) {
+             q.reduce = Reduce::kAny;
+             q.margin = 0.05;
+             q.margins = kMargins;
+           }}};
+}
+
+/// Asks each question in turn about configuration after configuration. \param query a configuration of it, by number.
+/// How many rows there are of each status.
+std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const Scene& scene, std::uint32_t body, int count,
+                                                     const std::function<QueryView(int)>& query) {
+  std::array<std::uint64_t, 8> seen{};
+  const Engine kept(scene, {.backend = "cpu", .threads = 2});
+  Engine anew(scene, {.backend = "cpu", .threads = 2});
+  for (const Precision precision : {Precision::kF64, Precision::kF32})
+    for (const Named& reduction : reductions()) {
+      SCOPED_TRACE(reduction.name + (precision == Precision::kF32 ? ", f32" : ""));
+      const std::uint64_t before = asked_again(kept);
+      for (int k = 0; k < count; ++k) {
+        QueryView q = query(k);
+        q.precision = precision;
+        reduction.set(q);
+        const Answer answer = ask(kept, q);
+        expect_same(answer, ask_anew(anew, body, q));
+        if (::testing::Test::HasFatalFailure()) return seen;
+        for (std::uint64_t i = 0; i < answer.info.rows; ++i) ++seen[answer.view.status[i]];
+      }
+      EXPECT_EQ(asked_again(kept) - before, static_cast<std::uint64_t>(count - 1));
+    }
+  EXPECT_EQ(asked_again(anew), 0u);
+  return seen;
+}
+
+std::uint64_t count_of(const std::array<std::uint64_t, 8>& seen, Status status) {
+  return seen[static_cast<std::size_t>(status)];
+}
+
+Scene doubted(const Scene& known) {
+  Scene scene;
+  for (Body body : known.bodies()) {
+    body.uncertainty = {0.01, 0.1};
+    scene.add_body(std::move(body));
+  }
+  return scene;
+}
+
+TEST(KeptJobs, PosesAreAnsweredWithTheBitsOfNewJobs) {
+  const std::vector<std::uint32_t> bodies{0, 3, 7, 13};
+  Random random(1);
+  std::vector<Pose> poses;
+  for (int i = 0; i < 12 * 4; ++i) poses.push_back(random.pose(1.5));
+  const auto query = [&](int k, std::uint32_t configurations) {
+    QueryView q;
+    q.fields = kAllFields | kFieldPairLower;
+    q.bodies = bodies;
+    q.configuration_count = configurations;
+    q.configurations = std::span(poses).subspan(static_cast<std::size_t>(k) * 4, configurations * 4);
+    return q;
+  };
+  const Scene scene = decomposed_scene(30, 1.5, 7);
+  expect_bits_of_new_jobs(scene, 1, 8, [&](int k) { return query(k, 1); });
+  expect_bits_of_new_jobs(doubted(scene), 1, 4, [&](int k) { return query(k, 1); });
+  expect_bits_of_new_jobs(scene, 1, 4, [&](int k) { return query(k, 5); });                  // side by side
+  expect_bits_of_new_jobs(mixed_scene(80, 6, 3), 1, 4, [&](int k) { return query(k, 1); });  // by a tree
+}
+
+TEST(KeptJobs, TheCurrentPosesAreAnsweredWithTheBitsOfNewJobs) {
+  expect_bits_of_new_jobs(decomposed_scene(20, 1.5, 5), 1, 2, [](int) {
+    QueryView q;
+    q.fields = kAllFields;
+    return q;
+  });
+}
+
+/// The arm, and rows of positions for its joints, some beyond their limits and some that are none.
+struct Arm {
+  Scene scene = arm_scene(at_home());
+  std::vector<std::uint32_t> joints = joints_of(scene, "arm");
+  std::vector<double> positions;
+
+  explicit Arm(int rows, bool strange = false) {
+    scene.ignore("arm", "arm");  // two links that always overlap would decide everything
+    scene.add_sphere("rock", 0.3, {.is_static = true, .pose = Pose{{0.3, -0.3, 0.4}}});
+    Random random(2);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(rows) * joints.size(); ++i)
+      positions.push_back(strange && i % 5 == 3 ? 50 : strange && i % 17 == 11 ? 1e7 : random.uniform(-1.5, 1.5));
+  }
+  QueryView query(int row = 0) const {
+    QueryView q;
+    q.fields = kAllFields | kFieldGradientJoints | kFieldPairLower;
+    q.joints = joints;
+    q.configuration_count = 1;
+    q.positions = std::span(positions).subspan(static_cast<std::size_t>(row) * joints.size(), joints.size());
+    return q;
+  }
+};
+
+TEST(KeptJobs, JointsAreAnsweredWithTheBitsOfNewJobs) {
+  for (const bool strange : {false, true}) {
+    const Arm arm(12, strange);
+    const std::uint32_t ball = arm.scene.find_body("ball");
+    const auto seen = expect_bits_of_new_jobs(arm.scene, ball, 12, [&](int k) { return arm.query(k); });
+    EXPECT_GT(count_of(seen, Status::kOk), 0u);
+    EXPECT_GT(count_of(seen, Status::kBeyond), 0u);
+    EXPECT_GT(count_of(seen, Status::kOverlap), 0u);
+    EXPECT_EQ(count_of(seen, Status::kBadPose) > 0, strange);
+  }
+}
+
+// What a job found out about a scene and its poses holds for these alone.
+TEST(KeptJobs, NoneAnswersForASnapshotThatIsGone) {
+  const Arm arm(1);
+  Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
+  const std::uint32_t ball = arm.scene.find_body("ball"), table = arm.scene.find_body("table"),
+                      tool = arm.scene.robots()[0]->bodies.back();
+  const std::vector<std::function<void(Engine&)>> changes{
+      [&](Engine& e) {
+        const BodyPose moved{ball, Pose{{0.3, 0.1, 0.4}}};
+        e.set_poses({&moved, 1});
+      },
+      [&](Engine& e) {
+        const JointPosition moved{arm.joints.back(), 0.4};
+        e.set_joints({&moved, 1});
+      },
+      [&](Engine& e) { e.attach(ball, tool); },
+      [&](Engine& e) { e.attach(ball, kNone); },
+      [&](Engine& e) { e.allow(table, arm.scene.find_group("arm") | kGroupBit); },
+      [&](Engine& e) {
+        const BodyPose bad{ball, Pose{{std::nan(""), 0, 0}}};
+        e.set_poses({&bad, 1});
+      }};
+  QueryView q = arm.query();
+  const std::span<const std::uint32_t> all_but_one = std::span(arm.joints).first(arm.joints.size() - 1);
+  q.joints = all_but_one;
+  q.positions = q.positions.first(all_but_one.size());
+  for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny, Reduce::kNearest}) {
+    q.reduce = reduce;
+    ask(engine, q);
+  }
+  for (std::size_t done = 1; done <= changes.size(); ++done) {
+    Engine other(arm.scene, {.backend = "cpu", .threads = 1});
+    for (std::size_t i = 0; i < done; ++i) changes[i](other);
+    changes[done - 1](engine);
+    for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny, Reduce::kNearest}) {
+      SCOPED_TRACE("change " + std::to_string(done) + ", reduce " + std::to_string(static_cast<int>(reduce)));
+      q.reduce = reduce;
+      const std::uint64_t before = asked_again(engine);
+      const Answer now = ask(engine, q), again = ask(engine, q);
+      EXPECT_EQ(asked_again(engine), before + 1);
+      EXPECT_EQ(now.info.snapshot_revision, engine.pose_revision());
+      EXPECT_EQ(again.info.snapshot_revision, engine.pose_revision());
+      const Answer wanted = ask(other, q);
+      expect_same(now, wanted);
+      expect_same(again, wanted);
+    }
+  }
+}
+
+// Each of these asks something else, of the same scene.
+TEST(KeptJobs, AnotherQuestionIsAnsweredByAnotherJob) {
+  const Arm arm(1);
+  const std::vector<BodyPair> pairs{{0, 5}, {1, 5}};
+  const std::vector<std::uint32_t> turned{arm.joints.rbegin(), arm.joints.rend()};
+  const std::vector<double> margins(2, 0.1);
+  const std::vector<Named> others{{"max_distance", [](QueryView& q) { q.max_distance = 0.5; }},
+                                  {"abs_tol", [](QueryView& q) { q.abs_tol = 1e-3; }},
+                                  {"rel_tol", [](QueryView& q) { q.rel_tol = 1e-3; }},
+                                  {"precision", [](QueryView& q) { q.precision = Precision::kF32; }},
+                                  {"signed", [](QueryView& q) { q.signed_distance = true; }},
+                                  {"fields", [](QueryView& q) { q.fields = kDefaultFields; }},
+                                  {"format", [](QueryView& q) { q.format = Format::kCompact; }},
+                                  {"any", [](QueryView& q) { q.reduce = Reduce::kAny; }},
+                                  {"joints", [&](QueryView& q) { q.joints = turned; }},
+                                  {"scene", [&](QueryView& q) { q.scene_revision = arm.scene.revision(); }},
+                                  {"pairs",
+                                   [&](QueryView& q) {
+                                     q.all_pairs = false;
+                                     q.pairs = pairs;
+                                   }},
+                                  {"margin",
+                                   [](QueryView& q) {
+                                     q.reduce = Reduce::kAny;
+                                     q.margin = 0.01;
+                                   }},
+                                  {"margins",
+                                   [](QueryView& q) {
+                                     q.reduce = Reduce::kAny;
+                                     q.margins = kMargins;
+                                   }},
+                                  {"pair_margins", [&](QueryView& q) {
+                                     q.reduce = Reduce::kAny;
+                                     q.all_pairs = false;
+                                     q.pairs = pairs;
+                                     q.pair_margins = margins;
+                                   }}};
+  for (const Named& other : others) {
+    SCOPED_TRACE(other.name);
+    const Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
+    QueryView q = arm.query();
+    q.reduce = Reduce::kMin;
+    ask(engine, q);
+    other.set(q);
+    const Answer first = ask(engine, q);
+    EXPECT_EQ(asked_again(engine), 0u);
+    expect_same(ask(engine, q), first);
+    EXPECT_EQ(asked_again(engine), 1u);
+  }
+}
+
+TEST(KeptJobs, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
+  const Arm arm(1);
+  const std::vector<Named> questions{{"age", [](QueryView& q) { q.max_pose_age_ns = 1'000'000'000; }},
+                                     {"warm", [](QueryView& q) { q.warm_slot = 1; }},
+                                     {"motions", [](QueryView& q) {
+                                        q.max_steps = 8;
+                                        q.configuration_count = 2;
+                                        q.fields = kDefaultFields;
+                                      }}};
+  const Arm two(2);
+  for (const Named& question : questions) {
+    SCOPED_TRACE(question.name);
+    const Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
+    QueryView q = two.query();
+    question.set(q);
+    q.positions = std::span(two.positions).first(q.configuration_count * two.joints.size());
+    for (int i = 0; i < 3; ++i) ask(engine, q);
+    EXPECT_EQ(asked_again(engine), 0u);
+  }
+  Scene moving = arm.scene;
+  Body fast = moving.bodies()[moving.find_body("ball")];
+  fast.name = "fast";
+  fast.max_speed = 1;
+  moving.add_body(std::move(fast));
+  const Engine engine(moving, {.backend = "cpu", .threads = 1});
+  for (int i = 0; i < 3; ++i) ask(engine, arm.query());
+  EXPECT_EQ(asked_again(engine), 0u);
+}
+
+// A job that was let go of in its middle is not whole, and a query that was never started has lost nothing.
+TEST(KeptJobs, OnlyWholeJobsComeBack) {
+  const Arm arm(64);  // more than the fewest lanes answer at once
+  const Engine engine(arm.scene, {.backend = "cpu", .threads = 1, .instruction_set = "baseline"});
+  const QueryView q = arm.query();
+  const Answer wanted = ask(engine, q);
+  for (int i = 0; i < 2; ++i) {
+    Answer room = room_for(engine, q);
+    Job job = engine.start(q, room.view);
+    EXPECT_FALSE(job.advance(WorkBudget{.units = 0}));
+    EXPECT_EQ(asked_again(engine), 1u);  // the second time there was none
+  }
+  expect_same(ask(engine, q), wanted);
+  EXPECT_EQ(asked_again(engine), 1u);
+  for (int i = 0; i < 3; ++i) {
+    const PreparedQuery prepared = engine.prepare(q);
+    EXPECT_EQ(prepared.size().rows, wanted.size.rows);
+  }
+  EXPECT_EQ(asked_again(engine), 4u);
+  QueryView few = q;
+  few.positions = few.positions.first(1);
+  EXPECT_THROW(engine.prepare(few), QueryError);
+  expect_same(ask(engine, q), wanted);
+  EXPECT_EQ(asked_again(engine), 6u);
+}
+
+TEST(KeptJobs, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
+  constexpr int kThreads = 4, kRounds = 50;
+  const Arm arm(kRounds);
+  const Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
+  Engine anew(arm.scene, {.backend = "cpu", .threads = 1});
+  const std::uint32_t ball = arm.scene.find_body("ball");
+  std::vector<Answer> wanted;
+  const auto query = [&](int k) {
+    QueryView q = arm.query(k);
+    q.reduce = Reduce::kMin;
+    return q;
+  };
+  for (int k = 0; k < kRounds; ++k) wanted.push_back(ask_anew(anew, ball, query(k)));
+  std::array<std::vector<Answer>, kThreads> found;
+  std::vector<std::thread> threads;
+  for (auto& answers : found)
+    threads.emplace_back([&] {
+      for (int k = 0; k < kRounds; ++k) answers.push_back(ask(engine, query(k)));
+    });
+  for (std::thread& thread : threads) thread.join();
+  for (const auto& answers : found)
+    for (std::size_t k = 0; k < kRounds; ++k) expect_same(answers[k], wanted[k]);
+  EXPECT_GE(asked_again(engine), std::uint64_t{kThreads * (kRounds - 1)});
+}
+
+}  // namespace
+}  // namespace clearance::test

@@ -1,0 +1,152 @@
+// clearance-soak: faults of all kinds at random while clients check every bit; writes what was seen as CSV.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <fstream>
+#include <iostream>
+#include <thread>
+
+#include "tests/faults/soak.h"
+#include "tests/faults/trend.h"
+
+namespace clearance::fire {
+namespace {
+
+/// Growth of the daemon's private memory that is not called one: allocators keep what large requests once took, the
+/// more of it is new the shorter the run.
+constexpr double kGrowthSparedKb = 8192, kGrowthSparedShortKb = 65536, kShortMinutes = 10;
+
+struct Options {
+  double minutes = 60;
+  std::uint64_t seed = 1;
+  double load = 0.25;
+  std::string csv;
+};
+
+const char* const kFaults[] = {"killed",    "frozen",  "scribbling",       "descriptors",   "memory",
+                               "file_size", "reloads", "killed_of_mortal", "daemons_killed"};
+const char* const kStats[] = {"frames",          "replies",        "errors",           "requests.dropped",
+                              "shm.connections", "shm.violations", "engine.warm_bytes"};
+
+void write_head(std::ostream& out, const Options& o) {
+  out << "# clearance-soak --minutes " << o.minutes << " --seed " << o.seed << " --load " << o.load << "\nseconds,cpu";
+  for (const char* name : kFaults) out << ',' << name;
+  out << ",right,wrong,refused,late,mortal_right,mortal_wrong,mortal_lost,mortal_late";
+  for (const char* name : kStats) out << ',' << name;
+  out << ",private_kb,shared_kb,descriptors,segments,mappings,threads\n" << std::flush;
+}
+
+void write_row(std::ostream& out, Soak::Sample s) {
+  char head[64];
+  std::snprintf(head, sizeof head, "%.1f,%.2f", s.seconds, s.cpu);
+  out << head;
+  for (const char* name : kFaults) out << ',' << s.faults[name];
+  out << ',' << s.living.right << ',' << s.living.wrong << ',' << s.living.busy << ',' << s.living.late << ','
+      << s.mortal.right << ',' << s.mortal.wrong << ',' << s.mortal.lost << ',' << s.mortal.late;
+  for (const char* name : kStats) out << ',' << s.stats[name];
+  const Census& c = s.census;
+  out << ',' << c.private_kb << ',' << c.shared_kb << ',' << c.descriptors << ',' << c.segments << ',' << c.mappings
+      << ',' << c.threads << '\n'
+      << std::flush;
+}
+
+/// Of the daemon's private memory, without what it keeps for clients that ask again (bounded, and counted). The first
+/// quarter is left out: it warms up.
+bool is_flat(const std::vector<Soak::Sample>& samples) {
+  std::vector<double> minutes, kilobytes;
+  for (std::size_t i = samples.size() / 4; i < samples.size(); ++i) {
+    minutes.push_back(samples[i].seconds / 60);
+    const auto kept = samples[i].stats.at("engine.warm_bytes") / 1024;
+    kilobytes.push_back(static_cast<double>(samples[i].census.private_kb) - static_cast<double>(kept));
+  }
+  if (minutes.size() < 3) {
+    std::printf("memory: too short a run to tell\n");
+    return true;
+  }
+  const Trend trend = trend_of(minutes, kilobytes);
+  const double span = minutes.back() - minutes.front(), grown = trend.slope * span;
+  const double spared = samples.back().seconds < 60 * kShortMinutes ? kGrowthSparedShortKb : kGrowthSparedKb;
+  const bool flat = trend.slope <= 3 * trend.standard_error || grown <= spared;
+  std::printf("memory: %.0f KB, slope %.2f KB a minute (standard error %.2f), %.0f KB in %.1f minutes: %s\n",
+              kilobytes.back(), trend.slope, trend.standard_error, grown, span, flat ? "flat" : "IT GROWS");
+  return flat;
+}
+
+int soak(const Options& o) {
+  std::ofstream file;
+  if (!o.csv.empty()) {
+    file.open(o.csv);
+    if (!file) throw std::runtime_error(o.csv + ": cannot be written");
+  }
+  std::ostream& csv = o.csv.empty() ? std::cout : file;
+  write_head(csv, o);
+
+  const auto begin = Soak::Clock::now();
+  const std::chrono::duration<double> length(60 * o.minutes);
+  const auto pause =
+      std::clamp<std::chrono::duration<double>>(length / 40, std::chrono::seconds(3), std::chrono::seconds(60));
+  std::mt19937_64 random(o.seed + 1);
+  Soak all(o.seed, o.load);
+  std::vector<Soak::Sample> samples;
+  bool failed = false;
+  const auto look = [&] {
+    samples.push_back(all.keep_still());
+    write_row(csv, samples.back());
+    if (samples.back().trouble.empty()) return;
+    failed = true;
+    std::printf("after %.0f s: %s\n", samples.back().seconds, samples.back().trouble.c_str());
+  };
+  look();
+  while (Soak::Clock::now() - begin < length) {
+    for (const auto until = Soak::Clock::now() + pause; Soak::Clock::now() < until;) {
+      all.fault();
+      std::this_thread::sleep_for(std::chrono::milliseconds(random() % 200));
+    }
+    look();
+  }
+  const std::string trouble = all.end();
+  if (!trouble.empty()) std::printf("at the end: %s\n", trouble.c_str());
+  failed |= !trouble.empty();
+  if (!is_flat(samples)) failed = true;
+  Soak::Sample& last = samples.back();
+  std::printf(
+      "%.1f minutes: %llu right answers of %llu and %llu wrong ones; %llu clients killed, %llu frozen, %llu "
+      "scribbling, %llu deaths of a daemon\n",
+      last.seconds / 60, static_cast<unsigned long long>(last.living.right + last.mortal.right),
+      static_cast<unsigned long long>(last.living.right + last.mortal.right + last.living.wrong + last.mortal.wrong),
+      static_cast<unsigned long long>(last.living.wrong + last.mortal.wrong),
+      static_cast<unsigned long long>(last.faults["killed"] + last.faults["killed_of_mortal"]),
+      static_cast<unsigned long long>(last.faults["frozen"]),
+      static_cast<unsigned long long>(last.faults["scribbling"]),
+      static_cast<unsigned long long>(last.faults["daemons_killed"]));
+  if (failed)
+    for (const std::string& complaint : all.complaints()) std::printf("  %s\n", complaint.c_str());
+  std::printf("%s\n", failed ? "FAILED" : "passed");
+  return failed ? 1 : 0;
+}
+
+}  // namespace
+}  // namespace clearance::fire
+
+int main(int argc, char** argv) {
+  clearance::fire::Options o;
+  CLI::App app(
+      "Clients are killed, frozen and scribble, a daemon is starved of what it needs and another one killed, at "
+      "random; clients beside them check every bit of their answers against an engine of their own. Exit code 0: "
+      "no answer was wrong, nothing was left behind, the counters add up and memory is flat.",
+      "clearance-soak");
+  app.add_option("--minutes", o.minutes, "how long")->check(CLI::Range(0.05, 1e5))->capture_default_str();
+  app.add_option("--seed", o.seed, "of all that is drawn at random")->capture_default_str();
+  app.add_option("--load", o.load, "part of the time that each of the four clients of the daemon that lives asks")
+      ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
+  app.add_option("--csv", o.csv, "where to write what was seen; default: standard output")->type_name("FILE");
+  CLI11_PARSE(app, argc, argv);
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);  // what went wrong is there at once, also in a file
+  try {
+    return clearance::fire::soak(o);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "clearance-soak: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,140 @@
+// Clients that die, freeze or scribble in the middle of anything, while others are asked about every bit.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <thread>
+
+#include "tests/faults/arena.h"
+#include "tests/faults/rounds.h"
+#include "tests/patience.h"
+
+namespace clearance::fire {
+namespace {
+
+using namespace std::chrono_literals;
+
+class FireClients : public testing::Test {
+ protected:
+  void SetUp() override {
+    for (const std::string& url : arena_.urls())
+      witnesses_.push_back(std::make_unique<Witness>(url, exam_, 10 + witnesses_.size(), 0.3));
+    before_ = arena_.census();
+  }
+
+  /// What must hold after any harm that clients have come to.
+  void expect_unharmed() {
+    EXPECT_EQ(arena_.settle(before_), "");
+    ASSERT_EQ(await_answers(witnesses_, 3), "");
+    Client client = patient(arena_.zmq());
+    const Stats stats = stats_of(client);
+    EXPECT_EQ(unbalanced(stats), "");
+    EXPECT_EQ(stats.contains("errors.transport"), false);
+  }
+  void expect_all_right() {
+    for (const auto& witness : witnesses_) {
+      const Witness::Counts counts = witness->counts();
+      EXPECT_GT(counts.right, exam_.questions().size());
+      EXPECT_EQ(counts.wrong, 0u);
+      EXPECT_EQ(counts.lost + counts.busy + counts.others, 0u);
+      if (!may_lose(witness->url())) {
+        EXPECT_EQ(counts.late, 0u);
+      }
+      if (HasFailure())
+        for (const std::string& complaint : witness->complaints()) ADD_FAILURE() << complaint;
+    }
+  }
+
+  const Exam exam_{kScene, 1};
+  Arena arena_;
+  Witnesses witnesses_;
+  Census before_;
+};
+
+TEST_F(FireClients, KilledAtEveryPointTheyLeaveNothingBehind) {
+  std::uint64_t seed = 0;
+  for (int round = 0; round < rounds(1); ++round)
+    for (const std::string& url : arena_.urls()) {
+      for (const std::string_view point : points_of(url))
+        ASSERT_EQ(arena_.talk(url, point, SIGKILL, ++seed).await_end(), -SIGKILL)
+            << url << ": the talk did not come to the point " << point;
+      expect_unharmed();
+      ASSERT_FALSE(HasFailure()) << "after round " << round << " over " << url;
+    }
+  EXPECT_EQ(arena_.talk(arena_.shm(), "", SIGKILL, 1).await_end(), 0) << "a talk that nothing happens to";
+  EXPECT_EQ(arena_.talk(arena_.zmq(), "", SIGKILL, 1).await_end(), 0);
+  RecordProperty("kills", static_cast<int>(seed));
+  Client client = patient(arena_.zmq());
+  EXPECT_GT(stats_of(client)["requests.dropped"], 0u) << "no request was ever under way when its client died";
+  expect_all_right();
+}
+
+TEST_F(FireClients, KilledAtAnyMomentTheyLeaveNothingBehind) {
+  std::mt19937_64 random(3);
+  for (int round = 0; round < rounds(6); ++round) {
+    for (const std::string& url : arena_.urls()) {
+      Victim victim({"ask", url, std::to_string(random())});
+      // From the middle of its start to some requests later: the moment is the fault.
+      std::this_thread::sleep_for(std::chrono::microseconds(random() % 40000));
+      victim.signal(SIGKILL);
+      ASSERT_EQ(victim.await_end(), -SIGKILL);
+    }
+    ASSERT_EQ(arena_.settle(before_), "") << "after round " << round;
+  }
+  expect_unharmed();
+  expect_all_right();
+}
+
+TEST_F(FireClients, FrozenAtEveryPointTheyKeepNobodyWaiting) {
+  for (const std::string& url : arena_.urls()) {
+    const auto points = points_of(url);
+    for (std::size_t first = 0; first < points.size(); first += 6) {
+      std::vector<Victim> frozen;
+      for (std::size_t i = first; i < std::min(first + 6, points.size()); ++i) {
+        frozen.push_back(arena_.talk(url, points[i], SIGSTOP, i));
+        ASSERT_TRUE(frozen.back().await_stop()) << url << ": the talk did not come to the point " << points[i];
+      }
+      ASSERT_EQ(await_answers(witnesses_, 5), "");
+      for (std::size_t i = 0; i < frozen.size(); ++i) {
+        frozen[i].signal(i % 2 ? SIGKILL : SIGCONT);
+        const int code = frozen[i].await_end();
+        // Who says nothing for five seconds is shown the door, also if it could not help it.
+        const bool silent = points[first + i] == "connected";
+        EXPECT_TRUE(code == (i % 2 ? -SIGKILL : 0) || (silent && code == 1))
+            << url << ", frozen at " << points[first + i] << ": ended with " << code;
+      }
+    }
+    expect_unharmed();
+  }
+  expect_all_right();
+}
+
+TEST_F(FireClients, ScribblingOverEveryByteTheyHurtOnlyThemselves) {
+  const auto served = [&] {
+    Client client = patient(arena_.zmq());
+    return stats_of(client);
+  };
+  Stats begin = served(), now = begin;
+  const auto grown = [&](const char* name) { return now[name] - begin[name]; };
+  const auto wanted = static_cast<std::uint64_t>(rounds(1));
+  {
+    Victim one({"scribble", arena_.shm(), "5"}), other({"scribble", arena_.shm(), "6"});
+    const auto deadline = std::chrono::steady_clock::now() + kPatience * rounds(1);
+    do {
+      ASSERT_EQ(await_answers(witnesses_, 5), "");
+      now = served();
+      ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+    } while (grown("shm.connections") < 25 * wanted || grown("shm.violations") < 3 * wanted ||
+             grown("errors.bad_frame") < 5 * wanted || grown("errors.bad_query") < 2 * wanted ||
+             grown("replies") < 100 * wanted);
+    one.signal(SIGKILL);
+    other.signal(SIGKILL);
+    EXPECT_EQ(one.await_end(), -SIGKILL);
+    EXPECT_EQ(other.await_end(), -SIGKILL);
+  }
+  expect_unharmed();
+  expect_all_right();
+  EXPECT_EQ(now["errors.internal"], 0u);
+}
+
+}  // namespace
+}  // namespace clearance::fire

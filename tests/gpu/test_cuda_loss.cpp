@@ -1,0 +1,45 @@
+// A real device that is lost in the middle of a query. Alone in its program: nothing works on that device afterwards.
+#include "tests/engine/cuda/same_answer.h"
+#include "tests/gpu/break_device.h"
+
+namespace clearance::test {
+namespace {
+
+TEST(CudaLoss, LeavesTheQueryAndAllThatFollowToTheCpu) {
+  SKIP_WITHOUT_DEVICE();
+  const auto scene = [] {
+    Scene s;
+    Random random(3);
+    for (int i = 0; i < 900; ++i) s.add_uv_sphere("s" + std::to_string(i), 0.5, 5, {.pose = random.pose(12)});
+    return s;
+  };
+  const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+  Engine::Options strict{"cuda"};
+  strict.device_fallback = false;
+  const Engine refusing(scene(), strict);
+  const Answer expected = ask(cpu, {}), room = ask(device, {});
+  expect_same(room, expected, "while all is well");
+  Job job = device.start({}, room.view), doomed = refusing.start({}, room.view);
+  ASSERT_FALSE(job.advance(std::chrono::nanoseconds(1))) << "a chunk came, and there are more";
+  break_device();
+  EXPECT_THROW(doomed.advance(), QueryError);
+  while (!job.advance()) {
+  }
+  EXPECT_EQ(job.info().backend, "cpu");
+  Answer rest;
+  rest.size = expected.size;
+  rest.view = room.view;
+  rest.info = job.info();
+  expect_same(rest, expected, "begun on the device");
+  EXPECT_FALSE(device.device_error().empty());
+  EXPECT_EQ(counter(device, "cuda.usable"), 0u);
+  QueryView q;
+  q.reduce = Reduce::kNearest;
+  expect_same(ask(device, q), ask(cpu, q), "afterwards", true);
+  EXPECT_THROW(ask(refusing, {}), QueryError);
+  EXPECT_THROW(Engine(scene(), strict), std::runtime_error);
+  EXPECT_EQ(Engine(scene(), {"cuda"}).backend(), "cpu");
+}
+
+}  // namespace
+}  // namespace clearance::test

@@ -1,0 +1,192 @@
+// Meshes with a file of convex pieces beside them, as scenes read and keep them; and the process that proposes pieces.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "engine/bvh/surface.h"
+#include "engine/hull/decomposition.h"
+#include "engine/scene/geometry_file.h"
+#include "engine/scene/link_geometry.h"
+#include "engine/scene/mesh_geometry.h"
+#include "engine/scene/mesh_warning.h"
+#include "inspect/decompose.h"
+#include "tests/error_text.h"
+#include "tests/temporary_folder.h"
+
+namespace clearance {
+namespace {
+
+namespace fs = std::filesystem;
+
+// An L of two boxes, 1 by 1 by 0.25 m.
+constexpr const char* kBracket =
+    "v 0 0 0\nv 1 0 0\nv 1 0.25 0\nv 0.25 0.25 0\nv 0.25 1 0\nv 0 1 0\n"
+    "v 0 0 0.25\nv 1 0 0.25\nv 1 0.25 0.25\nv 0.25 0.25 0.25\nv 0.25 1 0.25\nv 0 1 0.25\n"
+    "f 1 3 2\nf 1 4 3\nf 1 5 4\nf 1 6 5\nf 7 8 9\nf 7 9 10\nf 7 10 11\nf 7 11 12\n"
+    "f 1 2 8\nf 1 8 7\nf 2 3 9\nf 2 9 8\nf 3 4 10\nf 3 10 9\nf 4 5 11\nf 4 11 10\nf 5 6 12\nf 5 12 11\nf 6 1 7\nf 6 7 "
+    "12\n";
+
+std::string box(const char* name, double x, double y, int before) {
+  std::string text = std::string("o ") + name + "\n";
+  for (int corner = 0; corner < 8; ++corner)
+    text += "v " + std::to_string(corner & 1 ? x : 0) + " " + std::to_string(corner & 2 ? y : 0) + " " +
+            (corner & 4 ? "0.25" : "0") + "\n";
+  for (int corner = 1; corner < 8; ++corner)
+    text += "f " + std::to_string(before + 1) + " " + std::to_string(before + corner + 1) + " " +
+            std::to_string(before + (corner == 7 ? 2 : corner + 2)) + "\n";
+  return text;
+}
+std::string both_boxes() {
+  return box("lying", 1, 0.25, 0) + box("standing", 0.25, 1, 8);
+}
+
+class DecomposedMeshes : public testing::Test {
+ protected:
+  std::string write(const std::string& name, const std::string& text) { return folder_.write(name, text); }
+  static const Decomposition* pieces_of(const Scene& scene, std::uint32_t body = 0) {
+    const Surface* surface = surface_of(scene.bodies()[body]);
+    return surface ? surface->decomposition() : nullptr;
+  }
+  TemporaryFolder folder_;
+};
+
+TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
+  const std::string mesh = write("l.obj", kBracket);
+  write("l.obj.pieces.obj", both_boxes());
+  Scene scene;
+  scene.add_mesh("l", mesh, {1, 1, 1}, Convexify::kDecompose, {});
+  const Decomposition* pieces = pieces_of(scene);
+  ASSERT_TRUE(pieces);
+  ASSERT_EQ(pieces->pieces.size(), 2u);
+  EXPECT_LE(pieces->inner, 1e-12);
+  EXPECT_LE(pieces->most_outer(), 1e-3);
+  EXPECT_TRUE(scene.bodies()[0].source.ends_with("(decompose)")) << scene.bodies()[0].source;
+  EXPECT_TRUE(mesh_warnings(scene).empty());
+  // At another scale, mirrored, and grown, which changes nothing of the pieces.
+  scene.add_mesh("grown", mesh, {-2, 1, 3}, Convexify::kDecompose, {.radius = 0.5});
+  ASSERT_TRUE(pieces_of(scene, 1));
+  EXPECT_LE(pieces_of(scene, 1)->inner, 1e-12);
+  EXPECT_EQ(pieces_of(scene, 1)->pieces[0]->radius, 0);
+  EXPECT_EQ(scene.bodies()[1].pieces[0]->radius, 0.5);
+}
+
+TEST_F(DecomposedMeshes, WithoutPiecesAreSolidsAndSayWhatToRun) {
+  Scene scene;
+  scene.add_mesh("l", write("l.obj", kBracket), {1, 1, 1}, Convexify::kDecompose, {});
+  EXPECT_FALSE(pieces_of(scene));
+  EXPECT_TRUE(surface_of(scene.bodies()[0])->is_solid());
+  const std::vector<MeshWarning> warnings = mesh_warnings(scene);
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_NE(warnings[0].text.find("clearance decompose FILE"), std::string::npos);
+  // A link leads elsewhere, and is not followed.
+  const std::string mesh = write("m.obj", kBracket);
+  fs::create_symlink(write("elsewhere.obj", both_boxes()), mesh + ".pieces.obj");
+  scene.add_mesh("m", mesh, {1, 1, 1}, Convexify::kDecompose, {});
+  EXPECT_FALSE(pieces_of(scene, 1));
+}
+
+TEST_F(DecomposedMeshes, ThatLeaveAPartOutSaySo) {
+  const std::string mesh = write("l.obj", kBracket);
+  write("l.obj.pieces.obj", box("lying", 1, 0.25, 0));
+  Scene scene;
+  scene.add_mesh("l", mesh, {1, 1, 1}, Convexify::kDecompose, {});
+  ASSERT_TRUE(pieces_of(scene));
+  EXPECT_GE(pieces_of(scene)->inner, 0.75);
+  EXPECT_LE(pieces_of(scene)->inner, 0.83);
+}
+
+TEST_F(DecomposedMeshes, RefuseWhatEnclosesNothingOrIsNoPiece) {
+  Scene scene;
+  const auto refusal = [&](const std::string& mesh) {
+    return error_text<SceneError>([&] { scene.add_mesh("l", mesh, {1, 1, 1}, Convexify::kDecompose, {}); });
+  };
+  const std::string open = write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  EXPECT_NE(refusal(open).find("convexify: decompose: the mesh encloses no volume: the edge from"), std::string::npos);
+  const std::string mesh = write("l.obj", kBracket);
+  for (const char* bad : {"", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nf 1 2 9\n", "rubbish"}) {
+    write("l.obj.pieces.obj", bad);
+    EXPECT_NE(refusal(mesh).find("l.obj.pieces.obj"), std::string::npos) << bad << ": " << refusal(mesh);
+  }
+  EXPECT_TRUE(scene.bodies().empty());
+}
+
+TEST_F(DecomposedMeshes, AreKeptByTheCacheAndProvedAgainFromAFile) {
+  const std::string mesh = write("l.obj", kBracket);
+  write("l.obj.pieces.obj", both_boxes());
+  MeshFile file(mesh);
+  const Geometry made = MeshGeometries().make(file, {{1, 1, 1}, Convexify::kDecompose, 0.25}, "l.obj");
+  const Decomposition& pieces = *made.pieces[0]->surface->decomposition();
+  const auto is_same = [&](const Geometry& other) {
+    const Decomposition* d = other.pieces[0]->surface->decomposition();
+    return d && d->inner == pieces.inner && d->outer == pieces.outer && d->pieces.size() == pieces.pieces.size() &&
+           other.pieces[0]->digest == made.pieces[0]->digest;
+  };
+  const std::optional<Geometry> kept = geometry_of_record(geometry_record(made));
+  ASSERT_TRUE(kept);
+  EXPECT_TRUE(is_same(*kept));
+  // A file may be written by anybody: lengths that it claims count for nothing.
+  Geometry claims = made;
+  auto less = std::make_shared<Decomposition>(pieces);
+  less->inner = 0;
+  less->outer = {0, 0};
+  const Surface& truth = *made.pieces[0]->surface;
+  claims.pieces[0] = make_surface_piece({truth.vertices().begin(), truth.vertices().end()}, triangles_as_loaded(truth),
+                                        true, made.pieces[0]->radius, made.pieces[0]->loaded_vertices, less);
+  const std::string saved = write_geometry_file(folder_.path().string(), claims);
+  EXPECT_TRUE(is_same(read_geometry_file(folder_ / saved)));
+  // Turned into a link's frame they miss the mesh by what rounding moves both.
+  const Geometry turned = moved(made, {{1, 2, 3}, {0.1, 0.2, 0.3}});
+  const Decomposition* there = turned.pieces[0]->surface->decomposition();
+  ASSERT_TRUE(there);
+  EXPECT_GT(there->inner, pieces.inner);
+  EXPECT_LE(there->inner, pieces.inner + 1e-14);
+}
+
+TEST_F(DecomposedMeshes, TheCommandProvesWhatIsThere) {
+  DecomposeOptions options;
+  options.mesh = write("l.obj", kBracket);
+  options.keep = true;
+  const std::atomic<bool> stop{false};
+  EXPECT_NE(error_text<std::runtime_error>([&] { decompose(options, stop); }).find("l.obj.pieces.obj: no such file"),
+            std::string::npos);
+  write("l.obj.pieces.obj", both_boxes());
+  const DecomposedMesh done = decompose(options, stop);
+  EXPECT_EQ(done.pieces, 2u);
+  EXPECT_EQ(done.triangles, 20u);
+  EXPECT_LE(done.inner, 1e-12);
+}
+
+// In place of a Python with CoACD: a program that is given what Python is.
+TEST_F(DecomposedMeshes, TheProcessThatProposesMayFailOrBeStopped) {
+  const auto program = [&](const char* name, const std::string& text) {
+    const std::string path = write(name, "#!/bin/sh\n" + text);
+    fs::permissions(path, fs::perms::owner_all);
+    return path;
+  };
+  DecomposeOptions options;
+  options.mesh = write("l.obj", kBracket);
+  options.quiet = true;
+  std::atomic<bool> stop{false};
+  const auto refusal = [&](const std::string& python) {
+    options.python = python;
+    return error_text<std::runtime_error>([&] { decompose(options, stop); });
+  };
+  const std::string absent = folder_ / "absent";
+  EXPECT_NE(refusal(absent).find(absent + " cannot be run"), std::string::npos);
+  EXPECT_NE(refusal(program("none", "exit 3\n")).find("has no coacd: pip install coacd there"), std::string::npos);
+  EXPECT_NE(refusal(program("fails", "exit 9\n")).find("CoACD failed with exit code 9"), std::string::npos);
+  EXPECT_NE(refusal(program("dies", "kill -9 $$\n")).find("CoACD failed with signal 9"), std::string::npos);
+  EXPECT_NE(refusal(program("silent", "exit 0\n")).find("without pieces that can be read"), std::string::npos);
+  EXPECT_NE(refusal(program("short", "head -c 20 /dev/zero | tr '\\0' '\\1' > \"$4\"\n")).find("can be read"),
+            std::string::npos);
+  EXPECT_NE(refusal(program("zero", "head -c 8 /dev/zero > \"$4\"\n")).find("proposed no piece"), std::string::npos);
+  stop = true;
+  EXPECT_NE(refusal(program("long", "sleep 1000\n")).find("stopped: no pieces were written"), std::string::npos);
+  stop = false;
+  options.seconds = 0.05;
+  EXPECT_NE(refusal(program("slow", "sleep 1000\n")).find("CoACD took longer than"), std::string::npos);
+  EXPECT_FALSE(fs::exists(options.mesh + ".pieces.obj"));
+}
+
+}  // namespace
+}  // namespace clearance

@@ -1,0 +1,148 @@
+#!/usr/bin/env python3
+"""Compares the tree's includes and folders with modules.txt, and compiles each header by itself.
+
+check_modules.py arrows                      every include is allowed, the modules have an order, no folder is too large
+check_modules.py headers COMPILER FLAGS...   every header compiles alone
+"""
+
+import collections
+import concurrent.futures
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = (".h", ".cpp", ".cu", ".cuh")
+FOLDERS = ("wire", "engine", "client", "server", "cli", "inspect", "bench", "tests")
+MOST = 25  # sources in a folder
+
+
+class Modules:
+    """modules.txt: what each module may use, from below, and the folders that may be large."""
+
+    def __init__(self) -> None:
+        self.allowed: dict[str, set[str]] = {}
+        self.large: set[str] = set()
+        for line in (Path(__file__).parent / "modules.txt").read_text().splitlines():
+            name, _, rest = line.partition(":")
+            if name.startswith("large "):
+                self.large.add(name.removeprefix("large "))
+            elif line and not line.startswith("#"):
+                self.allowed[name] = set(rest.split())
+
+    def of(self, path: Path) -> str:
+        """A folder is a module of its own in engine/ and server/; elsewhere a module holds its subfolders."""
+        if path.parts[0] in ("engine", "server"):
+            return str(path.parent)
+        return path.parts[0]
+
+
+def files() -> list[Path]:
+    found = [
+        p.relative_to(ROOT) for folder in FOLDERS for p in sorted((ROOT / folder).rglob("*")) if p.suffix in SOURCES
+    ]
+    if len(found) < 300:
+        sys.exit(f"only {len(found)} sources under {ROOT}: the check looks in the wrong place")
+    return found
+
+
+def source_of(name: str) -> Path:
+    """The file of an include: <clearance/x.h> is a header of wire/ or client/, as it is installed."""
+    if name == "clearance/engine.h":
+        return Path("engine/embed/embed.h")
+    if name.startswith("clearance/"):
+        leaf = name.removeprefix("clearance/")
+        return next((Path(f) / leaf for f in ("wire", "client") if (ROOT / f / leaf).is_file()), Path(name))
+    return Path(name)
+
+
+def included_names(path: Path) -> list[str]:
+    return re.findall(r'^\s*#\s*include\s+["<]([^">]+)[">]', (ROOT / path).read_text(), re.M)
+
+
+def includes(path: Path) -> list[Path]:
+    """The headers of this tree that a source includes, in its order."""
+    return [source for name in included_names(path) if (ROOT / (source := source_of(name))).is_file()]
+
+
+def check_arrows() -> list[str]:
+    modules, errors, seen, arrows = Modules(), [], [], []
+    for module, allowed in modules.allowed.items():  # each may use only those above it, so there is no circle
+        errors += [f"modules.txt: {module} stands above {other}, which it may use" for other in allowed - {"*", *seen}]
+        seen.append(module)
+    for path in files():
+        module = modules.of(path)
+        if module not in modules.allowed:
+            errors.append(f"{path}: {module} is no module of tests/modules/modules.txt")
+            continue
+        for name in included_names(path):
+            if (ROOT / path.parent / name).is_file() and not (ROOT / name).is_file():
+                errors.append(f"{path} includes {name}: write the path from the root")
+        for target in includes(path):
+            other = modules.of(target)
+            if other == module:
+                continue
+            arrows.append((module, other))
+            if not modules.allowed[module] & {other, "*"}:
+                errors.append(f"{path} includes {target}: {module} may not use {other} (tests/modules/modules.txt)")
+    if len(arrows) < 500:
+        errors.append(f"only {len(arrows)} includes lead from module to module: the check does not see them")
+    unused = {(m, other) for m, allowed in modules.allowed.items() for other in allowed - {"*"}} - set(arrows)
+    errors += [f"modules.txt: {module} may use {other}, and does not" for module, other in sorted(unused)]
+    return errors + check_sizes(modules.large)
+
+
+def check_sizes(large: set[str]) -> list[str]:
+    listed = subprocess.run(
+        ["git", "ls-files", "--", *FOLDERS], cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ).stdout.splitlines()  # without git (an unpacked archive): what is there
+    paths = [Path(name) for name in listed] or [p.relative_to(ROOT) for f in FOLDERS for p in (ROOT / f).rglob("*")]
+    sizes = collections.Counter(str(p.parent) for p in paths if p.suffix in (*SOURCES, ".py") and (ROOT / p).is_file())
+    errors = [
+        f"{folder} has {n} sources, more than {MOST}: divide it, or give a reason in tests/modules/modules.txt"
+        for folder, n in sorted(sizes.items())
+        if n > MOST and folder not in large
+    ]
+    return errors + [f"modules.txt: {folder} is not large" for folder in sorted(large) if sizes[folder] <= MOST]
+
+
+def check_headers(compiler: list[str]) -> list[str]:
+    """A header that some source includes first has been compiled alone by that source. Bindings need Python's."""
+    sources = files()
+    first = {includes(path)[0] for path in sources if path.suffix == ".cpp" and includes(path)}
+    left = [
+        p
+        for p in sources
+        if p.suffix == ".h"
+        and p not in first
+        and p.parts[0] not in ("tests", "bench")
+        and p.parts[:2] != ("client", "python")
+    ]
+    if not left:
+        return ["every header is the first of some source: the check sees none by itself"]
+
+    def compile_alone(path: Path) -> str:
+        done = subprocess.run(
+            [*compiler, "-fsyntax-only", "-x", "c++", "-"],
+            input=f'#include "{path}"\n',
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            cwd=ROOT,
+        )
+        return f"{path} does not compile alone:\n{done.stdout}" if done.returncode else ""
+
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        return [error for error in pool.map(compile_alone, left) if error]
+
+
+def main() -> None:
+    errors = check_arrows() if sys.argv[1] == "arrows" else check_headers(sys.argv[2:])
+    if errors:
+        sys.exit("\n".join(errors))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,216 @@
+// Lower bounds: along a direction two bodies are apart, when they are looked at and as they move.
+#include <algorithm>
+#include <map>
+
+#include "tests/oracle/certificate/bounds.h"
+
+namespace clearance::judge {
+namespace {
+
+// What all directions of a span have in common.
+struct Look {
+  const Motion& motion;
+  const IdPair& ids;
+  const Body &a, &b;
+  const Pose &X_wa, &X_wb;
+  double begin, at, end;
+  Dyadic half;    // how long it is from `at` to the farther end, at most
+  Dyadic target;  // how far apart the pieces have to be if nothing moves
+
+  Rates rates(Frame seer) const {
+    const Rates of_a = motion.rates(seer, ids[0], at, half), of_b = motion.rates(seer, ids[1], at, half);
+    return {of_a.speed + of_b.speed, of_a.bend + of_b.bend};
+  }
+};
+
+// Points x that keep the speed that they have as `seer` sees it get along n, in s, to n_moved·x + more.
+struct Lean {
+  Vector n_moved;
+  Dyadic more;
+};
+
+Lean lean(const Motion& motion, Frame seer, Id id, double time, const Vector& n, const Dyadic& s) {
+  Lean lean{n, {}};
+  if (s.sign() == 0) return lean;
+  Vector turn;
+  for (const Mover& mover : motion.path(seer, id, time)) {
+    if (mover.turns) turn = turn + mover.rate;
+    lean.more += dot(n, mover.turns ? cross(mover.point, mover.rate) : mover.rate);
+  }
+  lean.more = s * lean.more;
+  lean.n_moved = n + s * cross(n, turn);
+  return lean;
+}
+
+// Pieces of a body, from one until before another.
+struct Run {
+  std::size_t begin, end;
+};
+struct RunPair {
+  Run a, b;
+};
+
+Run run_of(const Value& named, std::size_t count) {
+  if (named.is_null()) return {0, count};
+  if (!named.is_list()) return {named.index(count), named.index(count) + 1};
+  require(named.list().size() == 2, "a run of pieces has not two ends");
+  const Run run{named.at(0).index(count), named.at(1).index(count + 1)};
+  require(run.begin < run.end, "a run has no pieces");
+  return run;
+}
+
+// No less than n·p of any point of the pieces, times the divisor of their body's pose.
+Dyadic support(const Body& body, const Pose& pose, const Vector& n, const Run& run) {
+  const Vector in_body = turned_back(pose.rows, n);
+  Dyadic most = body.pieces[run.begin]->support(in_body);
+  for (std::size_t i = run.begin + 1; i < run.end; ++i) most = std::max(most, body.pieces[i]->support(in_body));
+  return most;
+}
+
+// The pieces are apart by `need` along n (in the world's axes, of any length) after s.
+void check_gap(const Look& look, Frame seer, const Vector& n, const Dyadic& s, const Dyadic& need,
+               const RunPair& runs) {
+  const Lean of_a = lean(look.motion, seer, look.ids[0], look.at, n, s);
+  const Lean of_b = lean(look.motion, seer, look.ids[1], look.at, n, s);
+  const Dyadic ahead = support(look.a, look.X_wa, of_a.n_moved, runs.a);
+  const Dyadic behind = support(look.b, look.X_wb, Dyadic(-1.0) * of_b.n_moved, runs.b);
+  // The root is above |n|: what is to be less than a negative number times |n| is asked for a little more.
+  Dyadic asked = need * length_above(n);
+  if (need.sign() < 0) asked -= asked * blur();
+  const Dyadic between =
+      dot(of_b.n_moved, look.X_wb.origin) + of_b.more - dot(of_a.n_moved, look.X_wa.origin) - of_a.more - asked;
+  const Dyadic &over_a = look.X_wa.divisor, &over_b = look.X_wb.divisor, all = over_a * over_b * between;
+  if (over_b * ahead + over_a * behind > all)
+    throw Refusal("pieces from " + std::to_string(runs.a.begin) + " and " + std::to_string(runs.b.begin) + " on of '" +
+                  look.a.name + "' and '" + look.b.name + "' are not as far apart as is said");
+}
+
+void check_direction(const Look& look, const Value& claim, const Rates& rates, const RunPair& runs) {
+  const Frame seer = frame_of(claim["seer"]);
+  // Of any length: that rows are not divided lengthens it.
+  const Value& named = claim["direction"];
+  const Vector n =
+      named.is_null() ? turned(look.X_wb.rows, {0.0, 0.0, -1.0}) : turned(look.X_wa.rows, named.vector_of_sums());
+  const std::int64_t order = claim["order"].integer();
+  require(!is_zero(n), "a direction is 0");
+  require(order == 1 || order == 2, "a proof is of no known order");
+  if (order == 1) return check_gap(look, seer, n, {}, look.target + rates.speed * look.half, runs);
+  for (const double end : {look.begin, look.end}) {
+    const Dyadic s = Dyadic(end) - look.at;
+    check_gap(look, seer, n, s, look.target + Dyadic(0.5) * rates.bend * s * s, runs);
+  }
+}
+
+RunPair named_runs(const Look& look, const Value& claim) {
+  const Value& pieces = claim["pieces"];
+  const std::size_t of_a = look.a.pieces.size(), of_b = look.b.pieces.size();
+  if (pieces.is_null()) return {{0, of_a}, {0, of_b}};
+  require(pieces.list().size() == 2, "a direction is not of two pieces");
+  return {run_of(pieces.at(0), of_a), run_of(pieces.at(1), of_b)};
+}
+
+// Every two pieces are in one of them. Which of b are covered changes only where one begins or ends in a.
+void check_cover(const std::vector<RunPair>& covered, std::size_t of_a, std::size_t of_b) {
+  std::vector<std::size_t> starts{0};
+  for (const RunPair& runs : covered) {
+    starts.push_back(runs.a.begin);
+    if (runs.a.end < of_a) starts.push_back(runs.a.end);
+  }
+  std::sort(starts.begin(), starts.end());
+  starts.erase(std::unique(starts.begin(), starts.end()), starts.end());
+  std::vector<RunPair> next = covered;  // those that have not begun yet, the first last
+  std::sort(next.begin(), next.end(), [](const RunPair& p, const RunPair& q) { return p.a.begin > q.a.begin; });
+  std::multimap<std::size_t, RunPair> open;  // by where they begin in b
+  for (const std::size_t start : starts) {
+    std::erase_if(open, [&](const auto& runs) { return runs.second.a.end <= start; });
+    for (; !next.empty() && next.back().a.begin == start; next.pop_back())
+      open.emplace(next.back().b.begin, next.back());
+    std::size_t until = 0;
+    for (const auto& [begin, runs] : open)
+      if (begin <= until) until = std::max(until, runs.b.end);
+    require(until == of_b, "two pieces have no direction");
+  }
+}
+
+// No part of one body is within a solid of the other, whose surfaces are at least `apart` from it.
+void check_outside(const Body& held, const Pose& X_wh, const Body& holder, const Pose& X_wo, const Dyadic& apart) {
+  const Dyadic over = X_wh.divisor * X_wo.divisor;
+  for (const Piece* solid : holder.wholes) {
+    if (!solid->is_solid()) continue;
+    std::vector<Vector> corners;
+    for (std::size_t k = 0; k < solid->count(); ++k)
+      corners.push_back(X_wh.divisor * turned(X_wo.rows, solid->vertex(k)) + over * (X_wo.origin - X_wh.origin));
+    Vector low = corners[0], high = corners[0];
+    for (const Vector& corner : corners)
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], corner[k]);
+        high[k] = std::max(high[k], corner[k]);
+      }
+    for (const Piece* whole : held.wholes)
+      for (const Vector& seed : whole->seeds()) {
+        const Vector p = X_wo.divisor * turned(X_wh.rows, seed);
+        bool is_beside = false;
+        for (std::size_t k = 0; k < 3; ++k) is_beside = is_beside || p[k] < low[k] || p[k] > high[k];
+        if (is_beside) continue;
+        std::vector<Vector> around;
+        for (const Vector& corner : corners) around.push_back(corner - p);
+        require(turns_around(solid->faces(), around, apart * over) == 0, "a body is within another");
+      }
+  }
+}
+
+// Slack that bodies have before each other: what carries both moves neither.
+Dyadic checked_slack(const Motion& motion, const IdPair& ids, const Value& said, double at, const Dyadic& half) {
+  std::vector<Id> of_a = motion.frames(ids[0]), of_b = motion.frames(ids[1]);
+  const auto [a, b] = std::mismatch(of_a.begin(), of_a.end(), of_b.begin(), of_b.end());
+  of_a.erase(of_a.begin(), a);
+  of_b.erase(of_b.begin(), b);
+  const Doubt doubt_a = motion.doubt(ids[0], of_a, at, half), doubt_b = motion.doubt(ids[1], of_b, at, half);
+  Dyadic counted;
+  for (const Value& term : said["terms"].list()) counted += term["inner"].length();
+  require(counted >= doubt_a.in_the_middle + doubt_b.in_the_middle, "slack is too little");
+  return doubt_a.all_along + doubt_b.all_along;
+}
+
+Dyadic blur_of(const Pose& X_wa, const Pose& X_wb) {
+  return Dyadic(static_cast<double>(X_wa.is_rounded + X_wb.is_rounded)) * blur();
+}
+
+}  // namespace
+
+IdPair pair_of(const Value& ids) {
+  require(ids.list().size() == 2, "a pair is not of two bodies");
+  return {ids.at(0).integer(), ids.at(1).integer()};
+}
+
+Span check_span(const Motion& motion, const IdPair& ids, const Value& span, const Dyadic& bound) {
+  const double begin = span["begin"].finite(), at = span["at"].finite(), end = span["end"].finite();
+  const Body &a = motion.body(ids[0]), &b = motion.body(ids[1]);
+  require(begin <= at && at <= end, "a span is looked at beyond its ends");
+  require(!a.pieces.empty() && !b.pieces.empty(), "a body has no pieces");
+  const Pose &X_wa = motion.at(ids[0], at).pose, &X_wb = motion.at(ids[1], at).pose;
+  const Dyadic half = std::max(Dyadic(end) - at, Dyadic(at) - begin);
+  const Dyadic inner = checked_slack(motion, ids, span["slack"], at, half);
+  const Look look{motion, ids, a, b, X_wa, X_wb, begin, at, end, half, bound + inner + blur_of(X_wa, X_wb)};
+  std::vector<RunPair> covered;
+  std::map<Frame, Rates> rates;
+  for (const Value& claim : span["lower"].list()) {
+    covered.push_back(named_runs(look, claim));
+    const Frame seer = frame_of(claim["seer"]);
+    if (!rates.contains(seer)) rates.emplace(seer, look.rates(seer));
+    check_direction(look, claim, rates.at(seer), covered.back());
+  }
+  check_cover(covered, a.pieces.size(), b.pieces.size());
+  if (bound.sign() > 0) {
+    check_outside(a, X_wa, b, X_wb, bound);
+    check_outside(b, X_wb, a, X_wa, bound);
+  } else {
+    const auto has_elements = [](const Piece* whole) { return whole->has_elements(); };
+    require(covered.size() == 1 || (std::none_of(a.wholes.begin(), a.wholes.end(), has_elements) &&
+                                    std::none_of(b.wholes.begin(), b.wholes.end(), has_elements)),
+            "how deep surfaces overlap is not of one direction");
+  }
+  return {begin, end};
+}
+
+}  // namespace clearance::judge

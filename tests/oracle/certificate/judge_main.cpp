@@ -1,0 +1,38 @@
+// clearance-judge: certificates before the judge, as tools/check_certificate.py has them before itself.
+#include <fstream>
+#include <iostream>
+#include <sstream>
+
+#include "tests/oracle/certificate/certificate_judge.h"
+
+namespace clearance::judge {
+namespace {
+
+bool judge_file(const std::string& name) {
+  std::ifstream file(name, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  const Findings findings = file && text ? judge_certificate(text.view()) : Findings{"it cannot be read", {}};
+  if (!findings.no_certificate.empty()) {
+    std::cout << name << ": no certificate: " << findings.no_certificate << '\n';
+    return false;
+  }
+  for (std::size_t k = 0; k < findings.why.size(); ++k)
+    if (!findings.why[k].empty()) std::cout << name << ": rows[" << k << "]: NOT PROVED: " << findings.why[k] << '\n';
+  std::cout << name << ": " << findings.proved() << " of " << findings.why.size() << " rows are proved\n";
+  return findings.all_proved();
+}
+
+}  // namespace
+}  // namespace clearance::judge
+
+// Exit code 0: every row of every file is proved. 1: some are not, or a file is no certificate.
+int main(int argc, char** argv) {
+  if (argc < 2 || std::string_view(argv[1]).starts_with("--")) {
+    std::cout << "clearance-judge FILE...: are all rows of these certificates proved?\n";
+    return argc < 2 ? 1 : 0;
+  }
+  bool good = true;
+  for (int k = 1; k < argc; ++k) good = clearance::judge::judge_file(argv[k]) && good;
+  return good ? 0 : 1;
+}

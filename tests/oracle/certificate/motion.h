@@ -1,0 +1,110 @@
+// Bodies of a certificate, where they are in one of its configurations, and how fast they get elsewhere.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tests/oracle/certificate/piece.h"
+#include "tests/oracle/certificate/turns.h"
+
+namespace clearance::judge {
+
+using Id = std::int64_t;
+/// Of a body, or none: the world.
+using Frame = std::optional<Id>;
+Frame frame_of(const Value& id);
+
+/// What a document says of a body. It must outlive this: poses and joints are read when a row needs them, since those
+/// of a body without usable pose are no numbers.
+class Body {
+ public:
+  Body(const Value& document, const std::vector<Piece>& pieces);
+
+  /// No point of the true body is farther from its origin; from `centre`.
+  const Dyadic& reach() const;
+  const Dyadic& ball() const;
+
+  std::string name;
+  Frame on;
+  bool has_joint;
+  std::vector<const Piece*> pieces;    ///< elements of surfaces and clouds count as pieces
+  std::vector<const Piece*> whole_of;  ///< of each: what it is an element of, or itself
+  std::vector<const Piece*> wholes;    ///< each once
+  const Value *pose, *moves;
+  Dyadic inner, outer, position;
+  Dyadic chord;  ///< of the angle by which it may be turned: no less than how far a point moves that is 1 m away
+  Dyadic moved;  ///< since its pose was right
+  Vector centre;
+
+ private:
+  Dyadic farthest_from(const Vector& point) const;
+  mutable std::optional<Dyadic> reach_, ball_;
+};
+
+using Bodies = std::map<Id, Body>;
+
+/// What moves a body in the world, at some time: points go along `rate`, or turn with it about an axis through `point`.
+struct Mover {
+  Vector rate, point;
+  bool turns;
+};
+
+/// A body at a time. Bodies that are carried alike share their first movers.
+struct Place {
+  Pose pose;
+  std::vector<std::shared_ptr<const Mover>> movers;  ///< from the world on
+};
+
+/// No point of a body is faster, nor accelerated more.
+struct Rates {
+  Dyadic speed, bend;
+};
+
+/// What is not known of a body, in metres, in the middle of a span, and all along it.
+struct Doubt {
+  Dyadic in_the_middle, all_along;
+};
+
+/// Bodies in one configuration: between its two ends at times in [0, 1], or at its only one.
+class Motion {
+ public:
+  /// \param ends 1, or 2 of motions. The bodies and the document must outlive this.
+  Motion(const Bodies& bodies, const Value& configuration, std::size_t ends);
+
+  const Body& body(Id id) const;
+  const Place& at(Id id, double time) const;
+  /// What moves a body as `seer` sees it.
+  std::vector<Mover> path(Frame seer, Id id, double time) const;
+  /// From `half` before that time until as long after it.
+  Rates rates(Frame seer, Id id, double time, const Dyadic& half) const;
+  /// The bodies that it follows, the farthest first, without links that carry it on its own robot.
+  std::vector<Id> frames(Id id) const;
+  /// \param frames of them those that count
+  Doubt doubt(Id id, const std::vector<Id>& frames, double time, const Dyadic& half) const;
+
+ private:
+  // One of the steps from what carries a body to the body: a pose in the step before, and how that changes.
+  struct Step {
+    Pose pose;
+    Vector rate;
+    bool turns;
+  };
+  using Ends = std::map<Id, std::span<const Value>>;
+
+  Ends ends_of(const Value& document, std::size_t count) const;
+  std::vector<Step> steps(Id id, double time) const;
+  std::vector<Step> steps_between(Id id, std::span<const Value> ends, double time) const;
+  Step step_of_joint(const Value& move, double time) const;
+  Place placed(Id id, double time) const;
+
+  const Bodies* bodies_;
+  Ends poses_, positions_;
+  mutable std::map<std::pair<Id, double>, Place> places_;
+  mutable std::map<Id, Turn> turns_;
+  mutable std::size_t depth_ = 0;
+};
+
+}  // namespace clearance::judge

@@ -1,0 +1,148 @@
+// Solids with pieces that stand for them, before the judge: whatever the pieces are (hulls of parts of the mesh, these
+// shrunk, flat, or with parts left out), no pair is called farther than it is, and no overlap is missed, where pieces
+// answer as where triangles do.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "engine/engine.h"
+#include "engine/scene/geometry.h"
+#include "tests/oracle/cases/mesh_shapes.h"
+#include "tests/oracle/cases/proposals.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr std::uint64_t kSeed = 31;
+
+struct Row {
+  double lower, upper;
+  Status status;
+};
+/// \param limits of each question
+std::vector<Row> ask(const PiecePtr& a, const Pose& X_wa, const PiecePtr& b, const Pose& X_wb,
+                     std::span<const double> limits) {
+  Scene scene;
+  Body first, second;
+  first.name = "a", second.name = "b";
+  first.pieces = {a}, second.pieces = {b};
+  first.pose = X_wa, second.pose = X_wb;
+  scene.add_body(std::move(first));
+  scene.add_body(std::move(second));
+  const Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+  std::vector<Row> rows;
+  for (const double limit : limits) {
+    Row& row = rows.emplace_back();
+    std::uint8_t status = 0;
+    QueryView q;
+    q.max_distance = limit;
+    q.fields = kFieldLower | kFieldUpper | kFieldStatus;
+    ReplyView reply;
+    reply.rows = 1;
+    reply.lower = &row.lower;
+    reply.upper = &row.upper;
+    reply.status = &status;
+    engine.start(q, reply).advance();
+    row.status = static_cast<Status>(status);
+  }
+  return rows;
+}
+
+struct Found {
+  int asked = 0, wrong = 0, by_pieces = 0, overlapping = 0, held = 0;
+};
+
+/// What the judge says of a row.
+bool is_wrong(const Row& row, const Result& truth, double limit) {
+  if (std::isnan(row.lower) || row.lower > row.upper) return true;
+  if (truth.distance.compare(0) <= 0) return row.lower > 0 || row.status == Status::kBeyond;
+  if (std::isfinite(row.lower) && truth.distance.compare(row.lower) < 0) return true;
+  if (std::isfinite(row.upper) && truth.distance.compare(row.upper) > 0) return true;
+  return row.status == Status::kBeyond && truth.distance.compare(limit) <= 0;
+}
+
+/// A decomposed body and another one: decomposed as well, a solid without pieces, or a hull.
+void try_pair(Random& random, Kind kind, Found& found) {
+  const Mesh mesh = concave_mesh(random, 100);
+  const double radius_a = random.chance(0.5) ? 0 : random.uniform(0, 0.2), size = size_of(mesh);
+  const SolidPtr a = solid(mesh, true, radius_a);
+  Mesh other = concave_mesh(random, 60);
+  const double scale = std::exp2(random.integer(-4, 0));
+  for (Vec3d& v : other.vertices) v = scale * v;
+  const double radius_b = random.chance(0.5) ? 0 : 0.125 * scale;
+  const int what = random.integer(0, 2);
+  const SolidPtr b =
+      what == 2 ? std::make_shared<const Solid>(Solid{other.vertices, radius_b}) : solid(other, true, radius_b);
+  const PiecePtr with = make_decomposed_piece(mesh.vertices, mesh.triangles, propose(random, mesh, kind), radius_a),
+                 without = make_surface_piece(mesh.vertices, mesh.triangles, true, radius_a);
+  const PiecePtr piece_b =
+      what == 2   ? make_piece(other.vertices, radius_b)
+      : what == 1 ? make_surface_piece(other.vertices, other.triangles, true, radius_b)
+                  : make_decomposed_piece(other.vertices, other.triangles, propose(random, other, kind), radius_b);
+  for (int k = 0; k < 3; ++k) {
+    Case c{a, b, random.rotation(), random.rotation(random.direction() * (size * random.uniform(0, 0.6)))};
+    const Result truth = judge(c, false);
+    const bool apart = truth.distance.compare(0) > 0;
+    const double near = apart ? truth.distance.upper() : 0.1;
+    const std::array<double, 4> limits{0.0, 0.5 * near, 0.999 * near, 1.01 * near};
+    const std::vector<Row> rows = ask(with, c.X_wa, piece_b, c.X_wb, limits),
+                           plain = ask(without, c.X_wa, piece_b, c.X_wb, limits);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      ++found.asked;
+      found.wrong += is_wrong(rows[i], truth, limits[i]);
+      // Triangles say the same, but for how far they are proved to be.
+      found.wrong += rows[i].status != plain[i].status;
+      found.by_pieces += rows[i].status == Status::kBeyond && rows[i].lower != plain[i].lower;
+    }
+    found.overlapping += !apart;
+  }
+}
+
+/// A ball of a mesh whose pieces are its skin alone, around a small body that overlaps none of them.
+void try_held(Random& random, Found& found) {
+  const Mesh box = box_mesh({1, 1, 1});
+  Pieces skin;
+  for (const Triangle& t : box.triangles) {
+    skin.emplace_back();
+    for (const std::uint32_t corner : t) skin.back().push_back(box.vertices[corner]);
+  }
+  const PiecePtr a = make_decomposed_piece(box.vertices, box.triangles, skin, 0),
+                 b = make_piece({random.direction() * 0.1, random.direction() * 0.1}, 0);
+  const std::array<double, 2> limits{0.0, 0.25};
+  for (const Row& row : ask(a, {}, b, random.rotation(random.direction() * random.uniform(0, 0.3)), limits)) {
+    ++found.held;
+    found.wrong += row.status != Status::kOverlap;
+  }
+}
+
+#ifdef CLEARANCE_MUTANT
+TEST(DecomposedBodies, MutantsAreFound) {
+  Random random(kSeed);
+  Found found;
+  for (int i = 0; i < 20 && found.wrong == 0; ++i) {
+    for (const Kind kind : kKinds) try_pair(random, kind, found);
+    try_held(random, found);
+  }
+  EXPECT_GT(found.wrong, 0);
+}
+#else
+TEST(DecomposedBodies, AreNoFartherThanTheJudgeSays) {
+  Random random(kSeed);
+  Found found;
+  for (int i = 0; i < 3; ++i) {
+    for (const Kind kind : kKinds) try_pair(random, kind, found);
+    try_held(random, found);
+  }
+  std::printf("%d rows, %d wrong, %d by pieces; %d pairs overlap, %d rows of bodies that are held\n", found.asked,
+              found.wrong, found.by_pieces, found.overlapping, found.held);
+  EXPECT_EQ(found.wrong, 0);
+  EXPECT_GE(found.by_pieces, 10);
+  EXPECT_GE(found.overlapping, 10);
+}
+#endif
+
+}  // namespace
+}  // namespace clearance::exact

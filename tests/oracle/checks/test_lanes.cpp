@@ -1,0 +1,233 @@
+// Lanes against one pair alone: the same bits, on every instruction set that this machine has, for every class of
+// cases.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <span>
+
+#include "engine/narrow/lanes.h"
+#include "engine/narrow/narrow_phase.h"
+#include "tests/oracle/cases/cases.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr int kCases = 12,
+              kPairs = 21;  // not a multiple of any number of lanes: some end while others wait to be filled
+
+bool same_bits(double p, double q) {
+  return std::memcmp(&p, &q, sizeof p) == 0;
+}
+bool same_bits(const Vec3d& p, const Vec3d& q) {
+  return same_bits(p.x, q.x) && same_bits(p.y, q.y) && same_bits(p.z, q.z);
+}
+
+struct Placed {
+  PlacedPose a, b;
+};
+
+// A case as it is, then moved a little and a lot.
+std::vector<Placed> placements(const Case& c, Random& random) {
+  std::vector<Placed> placed;
+  for (int i = 0; i < kPairs; ++i) {
+    Pose X_wa = c.X_wa, X_wb = c.X_wb;
+    if (i % 3 == 1)
+      X_wb.translation += random.direction() * (random.uniform() * norm(X_wb.translation - X_wa.translation));
+    if (i % 3 == 2) X_wa = random.rotation(X_wa.translation);
+    placed.push_back({{rotation_of(X_wa), X_wa.translation, X_wa}, {rotation_of(X_wb), X_wb.translation, X_wb}});
+  }
+  return placed;
+}
+
+NarrowLimits limits_of_kind(int kind, double distance) {
+  NarrowLimits limits;
+  if (kind == 1) limits.rel_tol = 0;
+  if (kind == 2) limits.abs_tol = 0.1 * distance;
+  if (kind == 3) limits.max_distance = 0.5 * distance;
+  return limits;
+}
+
+class Lanes : public testing::TestWithParam<std::string_view> {};
+
+// Pairs for one batch, and each of them alone.
+struct Asked {
+  std::vector<PiecePtr> pieces;  // two for each hull pair
+  std::vector<Placed> placed;
+  std::vector<std::size_t> hulls;  // of each pair: index into `pieces` of the first one
+  std::vector<std::string> names;
+  std::vector<double> max_distances;
+
+  void add(const CaseClass& cls, const Case& c, int i, double max_distance) {
+    Random random(static_cast<std::uint64_t>(i));
+    for (const Placed& p : placements(c, random)) {
+      placed.push_back(p);
+      hulls.push_back(pieces.size());
+      names.push_back(cls.name + " case " + std::to_string(i) + " pair " + std::to_string(names.size()));
+      max_distances.push_back(max_distance);
+    }
+    pieces.push_back(make_piece(c.a->vertices, c.a->radius));
+    pieces.push_back(make_piece(c.b->vertices, c.b->radius));
+  }
+};
+
+struct Seen {
+  int settled = 0, unsettled = 0, beyond = 0;
+};
+
+void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool same_hulls, NarrowLimits limits,
+                              Seen& seen) {
+  const std::size_t count = asked.placed.size();
+  std::vector<LaneHull> hulls;
+  for (const PiecePtr& piece : asked.pieces) hulls.emplace_back(*piece);
+  std::vector<LanePair> pairs;
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto& [at_a, at_b] = asked.placed[k];
+    pairs.push_back({&hulls[asked.hulls[k]], &hulls[asked.hulls[k] + 1], &at_a.R_wb, &at_b.R_wb, &at_a.t_w, &at_b.t_w,
+                     asked.max_distances[k]});
+  }
+  std::vector<LaneAnswer> answers(count);
+  std::vector<LaneWitness> witnesses(count);
+  std::vector<Gjk<double>> rest(count);
+  kernel.run({pairs.data(), count, same_hulls, limits.abs_tol, limits.rel_tol, limits.max_iterations, answers.data(),
+              witnesses.data(), rest.data()});
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto& [at_a, at_b] = asked.placed[k];
+    const Piece &a = *asked.pieces[asked.hulls[k]], &b = *asked.pieces[asked.hulls[k] + 1];
+    limits.max_distance = asked.max_distances[k];
+    const NarrowAnswer alone = narrow_phase(a, at_a, b, at_b, limits);
+    const std::string& where = asked.names[k];
+    if (!answers[k].settled) {
+      ++seen.unsettled;
+      const NarrowAnswer finished = narrow_phase(a, at_a, b, at_b, limits, nullptr, &rest[k]);
+      EXPECT_TRUE(same_bits(finished.bounds.lower, alone.bounds.lower)) << where;
+      EXPECT_TRUE(same_bits(finished.bounds.upper, alone.bounds.upper)) << where;
+      EXPECT_TRUE(same_bits(finished.point_a, alone.point_a)) << where;
+      continue;
+    }
+    ++seen.settled;
+    EXPECT_TRUE(alone.settled) << where;
+    EXPECT_TRUE(same_bits(answers[k].lower, alone.bounds.lower))
+        << where << ' ' << answers[k].lower << ' ' << alone.bounds.lower;
+    EXPECT_TRUE(same_bits(answers[k].upper, alone.bounds.upper))
+        << where << ' ' << answers[k].upper << ' ' << alone.bounds.upper;
+    if (alone.beyond) {
+      ++seen.beyond;
+      continue;
+    }
+    Vec3d point_a, point_b, normal;
+    take_lane_witness(a, at_a.R_wb, b, at_b.R_wb, witnesses[k], point_a, point_b, normal);
+    EXPECT_TRUE(same_bits(point_a, alone.point_a)) << where;
+    EXPECT_TRUE(same_bits(point_b, alone.point_b)) << where;
+    EXPECT_TRUE(same_bits(normal, alone.normal)) << where;
+  }
+}
+
+double centre_distance(const Case& c) {
+  return norm(c.X_wb.translation - c.X_wa.translation);
+}
+
+TEST_P(Lanes, GiveTheBitsOfOnePairAlone) {
+  const LaneKernel& kernel = lane_kernel(GetParam());
+  EXPECT_EQ(kernel.name, GetParam());
+  EXPECT_GE(kernel.lanes, 1);
+  Seen seen;
+  for (const CaseClass& cls : case_classes())
+    for (int i = 0; i < kCases && !HasFailure(); ++i) {
+      const Case c = make_case(cls, 5, static_cast<std::uint64_t>(i));
+      const NarrowLimits limits = limits_of_kind(i % 4, centre_distance(c));
+      Asked asked;
+      asked.add(cls, c, i, limits.max_distance);
+      expect_bits_of_one_alone(kernel, asked, true, limits, seen);
+    }
+  std::printf("%d settled in lanes (%d beyond), %d handed on\n", seen.settled, seen.beyond, seen.unsettled);
+  EXPECT_GT(seen.settled, 1000);
+  EXPECT_GT(seen.unsettled, 1000);
+  EXPECT_GT(seen.beyond, 100);
+}
+
+TEST_P(Lanes, HoldDifferentHullsSideBySide) {
+  const LaneKernel& kernel = lane_kernel(GetParam());
+  Seen seen;
+  for (int i = 0; i < kCases && !HasFailure(); ++i) {
+    Asked asked;
+    for (const CaseClass& cls : case_classes()) {
+      const Case c = make_case(cls, 7, static_cast<std::uint64_t>(i));
+      const bool bounded = asked.pieces.size() % 6 == 0;
+      asked.add(cls, c, i, bounded ? 0.5 * centre_distance(c) : std::numeric_limits<double>::infinity());
+    }
+    expect_bits_of_one_alone(kernel, asked, false, limits_of_kind(i % 2, 1.0), seen);
+  }
+  std::printf("%d settled in lanes (%d beyond), %d handed on\n", seen.settled, seen.beyond, seen.unsettled);
+  EXPECT_GT(seen.settled, 1000);
+  EXPECT_GT(seen.unsettled, 1000);
+  EXPECT_GT(seen.beyond, 100);
+}
+
+// A warm start ends at once where nothing moved, proves as much as a cold one, and takes no index on trust.
+TEST_P(Lanes, WarmStartsEndSoonerAndProveTheSame) {
+  const LaneKernel& kernel = lane_kernel(GetParam());
+  int cold_in_two_steps = 0, warm_in_two_steps = 0, settled = 0;
+  for (const CaseClass& cls : case_classes())
+    for (int i = 0; i < kCases; ++i) {
+      const Case c = make_case(cls, 6, static_cast<std::uint64_t>(i));
+      const PiecePtr a = make_piece(c.a->vertices, c.a->radius), b = make_piece(c.b->vertices, c.b->radius);
+      const LaneHull hull_a(*a), hull_b(*b);
+      Random random(static_cast<std::uint64_t>(i));
+      const std::vector<Placed> placed = placements(c, random);
+      std::vector<LanePair> pairs;
+      std::vector<WarmSimplex> warm(placed.size());
+      for (std::size_t k = 0; k < placed.size(); ++k) {
+        pairs.push_back({&hull_a, &hull_b, &placed[k].a.R_wb, &placed[k].b.R_wb, &placed[k].a.t_w, &placed[k].b.t_w,
+                         std::numeric_limits<double>::infinity(), &warm[k]});
+        for (std::uint32_t& index : warm[k].a) index = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
+        for (std::uint32_t& index : warm[k].b) index = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
+        warm[k].size = static_cast<std::uint8_t>(random.integer(0, 255));
+      }
+      const auto run = [&](std::span<const LanePair> which, int steps) {
+        std::vector<LaneAnswer> answers(which.size());
+        std::vector<Gjk<double>> rest(which.size());
+        kernel.run({which.data(), which.size(), i % 2 == 0, 0, 1e-6, steps, answers.data(), nullptr, rest.data()});
+        return answers;
+      };
+      std::vector<LanePair> cold = pairs;
+      for (LanePair& p : cold) p.warm = nullptr;
+      const std::vector<LaneAnswer> first = run(cold, 256), from_rubbish = run(pairs, 256), again = run(pairs, 2),
+                                    cold_again = run(cold, 2);
+      for (std::size_t k = 0; k < placed.size(); ++k) {
+        EXPECT_TRUE(from_rubbish[k].lower <= first[k].upper && first[k].lower <= from_rubbish[k].upper)
+            << cls.name << ' ' << i;
+        EXPECT_TRUE(again[k].lower <= first[k].upper && first[k].lower <= again[k].upper) << cls.name << ' ' << i;
+        settled += from_rubbish[k].settled;
+        warm_in_two_steps += again[k].settled;
+        cold_in_two_steps += cold_again[k].settled;
+      }
+    }
+  std::printf("of %d pairs, %d settled in two steps warm, %d cold\n", settled, warm_in_two_steps, cold_in_two_steps);
+  EXPECT_GT(settled, 1000);
+  EXPECT_GT(warm_in_two_steps, settled * 9 / 10);
+  EXPECT_LT(cold_in_two_steps, settled * 8 / 10);
+}
+
+std::vector<std::string_view> kernel_names() {
+  std::vector<std::string_view> names;
+  for (const LaneKernel& k : lane_kernels()) names.push_back(k.name);
+  return names;
+}
+INSTANTIATE_TEST_SUITE_P(Sets, Lanes, testing::ValuesIn(kernel_names()),
+                         [](const auto& set) { return std::string(set.param); });
+
+TEST(LaneKernels, AreChosenByName) {
+  EXPECT_EQ(lane_kernel("auto").name, lane_kernels()[0].name);
+  EXPECT_EQ(lane_kernels().back().name, "baseline") << "what every machine has";
+  try {
+    lane_kernel("mmx");
+    FAIL();
+  } catch (const std::invalid_argument& e) {
+    EXPECT_STREQ(e.what(), "instruction set: expected auto, avx512, avx2 or baseline, got 'mmx'");
+  }
+}
+
+}  // namespace
+}  // namespace clearance::exact

@@ -1,0 +1,135 @@
+// Robots before the judge of kinematics: the exact distance of links where 60 digits put them lies in every interval,
+// also in those that are as narrow as the arithmetic allows. This file is linked once with the engine as it is, and
+// once with each version of it that leaves out a part of the kinematics' own error (CMakeLists.txt).
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <limits>
+#include <vector>
+
+#include "tests/engine/ask.h"
+#include "tests/oracle/cases/link_scene.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+struct Findings {
+  int asked = 0;
+  int misses = 0;  // intervals without the truth
+  int wide = 0;    // intervals wider than is claimed of robots
+  int all() const { return misses + wide; }
+};
+
+void hold(double lower, double upper, const Real& truth, Findings& findings) {
+  ++findings.asked;
+  const Real distance = std::max(truth, Real(0));
+  findings.misses += Real(lower) > distance || Real(upper) < distance;
+}
+
+// All pairs of some configurations, and what reductions make of them.
+void judge(LinkScene& scene, bool by_joints, Findings& findings) {
+  constexpr std::uint32_t kCount = 4;
+  std::vector<double> rows;
+  for (std::uint32_t k = 0; k < (by_joints ? kCount : 1); ++k) {
+    const std::vector<double> row = scene.row();
+    rows.insert(rows.end(), row.begin(), row.end());
+  }
+  const std::size_t width = scene.joints().size();
+  QueryView query;
+  query.rel_tol = 0;
+  if (by_joints) {
+    query.joints = scene.joints();
+    query.positions = rows;
+    query.configuration_count = kCount;
+  } else {
+    scene.set(rows);
+  }
+  const std::vector<BodyPair> pairs = scene.engine().pairs(query);
+  std::vector<std::vector<Real>> truths;
+  for (std::size_t k = 0; k * width < rows.size(); ++k)
+    truths.push_back(scene.truths(pairs, std::span(rows).subspan(k * width, width)));
+  const test::Answer dense = test::ask(scene.engine(), query);
+  for (std::size_t k = 0; k < truths.size(); ++k)
+    for (std::size_t p = 0; p < pairs.size(); ++p) {
+      const double lower = dense.view.lower[k * pairs.size() + p], upper = dense.view.upper[k * pairs.size() + p];
+      hold(lower, upper, truths[k][p], findings);
+      findings.wide += upper - lower > scene.claim();
+    }
+  for (const double max_distance : {kInf, 0.5}) {
+    query.reduce = Reduce::kMin;
+    query.max_distance = max_distance;
+    const test::Answer least = test::ask(scene.engine(), query);
+    for (std::size_t k = 0; k < truths.size(); ++k) {
+      const Real truth = *std::min_element(truths[k].begin(), truths[k].end());
+      if (least.view.status[k] != static_cast<std::uint8_t>(Status::kBeyond))
+        hold(least.view.lower[k], least.view.upper[k], truth, findings);
+      else
+        findings.misses += truth <= max_distance;
+    }
+  }
+}
+
+Findings run(const Draw& draw, int scenes, std::uint64_t seed) {
+  test::Random random(seed);
+  Findings findings;
+  for (int i = 0; i < scenes; ++i) {
+    LinkScene scene(random, draw);
+    judge(scene, true, findings);
+    judge(scene, false, findings);
+  }
+  std::printf("%d answers: %d misses, %d wide\n", findings.asked, findings.misses, findings.wide);
+  return findings;
+}
+
+const Draw kArm, kLongLinks{.offset = 0.01, .arm = 4}, kSlides{.offset = 0.01, .arm = 0.01, .travel = 100},
+    kFar{.travel = 1, .far = 1e4};
+
+#ifdef CLEARANCE_MUTANT
+
+TEST(LinkSlack, MutantIsFound) {
+  int found = 0;
+  for (const Draw& draw : {kArm, kLongLinks, kSlides, kFar}) found += run(draw, 6, 3).all();
+  EXPECT_GT(found, 0);
+}
+
+#else
+
+TEST(LinkSlack, HoldsLinksWhere60DigitsPutThem) {
+  for (const Draw& draw : {kArm, kLongLinks, kSlides, kFar}) {
+    const Findings found = run(draw, 12, 3);
+    EXPECT_GT(found.asked, 1500);
+    EXPECT_EQ(found.all(), 0);
+  }
+}
+
+// Wherever the base may be, its links are as far from each other as their joints say.
+TEST(LinkSlack, LinksOfOneRobotStandOnOneBase) {
+  test::Random random(7);
+  LinkScene scene(random, kArm, true);
+  QueryView query;
+  query.rel_tol = 0;
+  const std::vector<BodyPair> pairs = scene.engine().pairs(query);
+  const test::Answer answer = test::ask(scene.engine(), query);
+  int links = 0, others = 0;
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    const double width = answer.view.upper[p] - answer.view.lower[p];
+    const auto robot_of = [&](std::uint32_t body) { return scene.engine().scene().bodies()[body].robot; };
+    if (robot_of(pairs[p].a) != kNone && robot_of(pairs[p].b) != kNone) {
+      ++links;
+      EXPECT_LE(width, scene.claim());
+    } else if (pairs[p].a == 0 && robot_of(pairs[p].b) != kNone && answer.view.lower[p] > 0) {
+      ++others;
+      EXPECT_GE(width, 0.01);
+    }
+  }
+  EXPECT_GT(links, 2);
+  EXPECT_GT(others, 2);
+}
+
+#endif
+
+}  // namespace
+}  // namespace clearance::exact

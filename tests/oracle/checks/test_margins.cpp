@@ -1,0 +1,171 @@
+// Decisions about margins before the exact judge: `beyond` and "within" are proofs, for margins that are the exact
+// distance, one step of double beside it, and others. Linked once with the engine as it is, and once with each version
+// of it that decides wrongly (CMakeLists.txt): the judge must find those.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "engine/engine.h"
+#include "tests/oracle/campaign.h"
+#include "tests/oracle/cases/cases.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::uint64_t kSeed = 29;
+
+struct Row {
+  double lower, upper;
+  Status status;
+  BodyPair pair;
+};
+Row decide(const Engine& engine, QueryView q) {
+  q.all_pairs = false;
+  q.reduce = Reduce::kAny;
+  Row row;
+  std::uint8_t status = 0;
+  ReplyView reply;
+  reply.rows = 1;
+  reply.lower = &row.lower;
+  reply.upper = &row.upper;
+  reply.status = &status;
+  reply.pair = &row.pair;
+  Job job = engine.start(q, reply);
+  while (!job.advance()) {
+  }
+  row.status = static_cast<Status>(status);
+  return row;
+}
+
+struct Tried {
+  int answers = 0, violations = 0, beyond = 0, within = 0, open = 0, avoidable = 0;
+};
+bool is_within(Status s) {
+  return s == Status::kOk || s == Status::kContact || s == Status::kOverlap;
+}
+// Whether bodies 2i and 2i+1 are farther apart than a margin, in reals.
+bool is_farther(const Result& truth, double margin) {
+  return truth.distance.compare(margin) > 0;
+}
+
+void hold(const Row& row, std::span<const Result> truth, std::span<const BodyPair> pairs,
+          std::span<const double> margins, Tried& tried) {
+  ++tried.answers;
+  bool all = true;
+  for (std::size_t i = 0; i < pairs.size(); ++i) all = all && is_farther(truth[pairs[i].a / 2], margins[i]);
+  if (row.status == Status::kBeyond) {
+    ++tried.beyond;
+    tried.violations += !all || !(row.lower > *std::min_element(margins.begin(), margins.end()));
+  } else if (is_within(row.status)) {
+    ++tried.within;
+    const auto named = static_cast<std::size_t>(std::find(pairs.begin(), pairs.end(), row.pair) - pairs.begin());
+    if (named == pairs.size() || is_farther(truth[row.pair.a / 2], margins[named]) || !(row.upper <= margins[named]) ||
+        truth[row.pair.a / 2].distance.compare(row.upper) > 0 ||
+        (row.lower > 0 && truth[row.pair.a / 2].distance.compare(row.lower) < 0))
+      ++tried.violations;
+  } else {
+    ++tried.open;
+    tried.violations += row.status != Status::kUnconverged;
+  }
+}
+
+std::vector<double> margins_around(const Result& truth) {
+  const double low = std::max(truth.distance.lower(), 0.0), high = std::max(truth.distance.upper(), 0.0);
+  return {0,        std::nextafter(low, 0),     low,
+          high,     std::nextafter(high, kInf), 0.5 * low,
+          2 * high, low * (1 - 1e-9),           high * (1 + 1e-9)};
+}
+
+// Each pair alone, at margins around its exact distance. Where the interval of a whole answer decides, so must this.
+void try_alone(const Engine& engine, std::span<const Result> truth, Precision precision, double rel_tol, Tried& tried) {
+  for (std::uint32_t i = 0; i < truth.size(); ++i) {
+    const BodyPair pair[] = {{2 * i, 2 * i + 1}};
+    QueryView q;
+    q.pairs = pair;
+    q.precision = precision;
+    q.rel_tol = rel_tol;
+    for (const double margin : margins_around(truth[i])) {
+      if (std::isinf(margin)) continue;
+      q.margin = margin;
+      const Row row = decide(engine, q);
+      hold(row, truth.subspan(0), pair, std::span(&margin, 1), tried);
+      QueryView whole = q;
+      whole.all_pairs = false;
+      whole.margin = 0;
+      double lower = 0, upper = 0;
+      ReplyView reply;
+      reply.rows = 1;
+      reply.lower = &lower;
+      reply.upper = &upper;
+      Job job = engine.start(whole, reply);
+      while (!job.advance()) {
+      }
+      tried.avoidable += row.status == Status::kUnconverged && (lower > margin || upper <= margin);
+    }
+  }
+}
+
+// All pairs that are apart together, each with its own margin just below its distance; then one of them with a larger
+// one, which has to be found. Margins as entries and as a list.
+void try_together(const Engine& engine, std::span<const Result> truth, Precision precision, Tried& tried) {
+  std::vector<BodyPair> pairs;
+  std::vector<double> margins;
+  for (std::uint32_t i = 0; i < truth.size(); ++i) {
+    const double low = truth[i].distance.lower();
+    if (!(low > 1e-6) || low > 1e9) continue;
+    pairs.push_back({2 * i, 2 * i + 1});
+    margins.push_back(low * (1 - 1e-3));
+  }
+  QueryView q;
+  q.pairs = pairs;
+  q.precision = precision;
+  for (std::size_t raised = 0; raised <= pairs.size(); ++raised) {
+    std::vector<double> own = margins;
+    if (raised < pairs.size()) own[raised] *= 1.01;
+    std::vector<MarginEntry> entries{{kEveryBody, kEveryBody, 1e10}};  // which later ones replace
+    for (std::size_t i = 0; i < pairs.size(); ++i) entries.push_back({pairs[i].b, pairs[i].a, own[i]});
+    q.margins = entries;
+    q.pair_margins = {};
+    if (!pairs.empty()) hold(decide(engine, q), truth, pairs, own, tried);
+    q.margins = {};
+    q.pair_margins = own;
+    if (!pairs.empty()) hold(decide(engine, q), truth, pairs, own, tried);
+  }
+}
+
+TEST(Margins, DecisionsAreProofs) {
+  Tried tried;
+  for (const CaseClass& cls : case_classes()) {
+    std::vector<Case> cases;
+    std::vector<Result> truth;
+    for (int i = 0; i < (cls.cost > 3 ? 1 : 3); ++i) {
+      cases.push_back(make_case(cls, kSeed, static_cast<std::uint64_t>(i)));
+      truth.push_back(judge(cases.back()));
+    }
+    for (const char* backend : {"cpu", "reference"}) {
+      const Bench bench(cases, backend);
+      for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+        for (const double rel_tol : {-1.0, 0.0}) try_alone(bench.engine(), truth, precision, rel_tol, tried);
+        try_together(bench.engine(), truth, precision, tried);
+      }
+    }
+  }
+  std::printf("%d answers: %d beyond, %d within, %d open (%d avoidable), %d violations\n", tried.answers, tried.beyond,
+              tried.within, tried.open, tried.avoidable, tried.violations);
+#ifdef CLEARANCE_MUTANT
+  EXPECT_GT(tried.violations, 0);
+#else
+  EXPECT_EQ(tried.violations, 0);
+  EXPECT_LE(tried.avoidable, tried.answers / 1000) << "another way to the bounds may prove one step less";
+  EXPECT_GT(tried.beyond, tried.answers / 10);
+  EXPECT_GT(tried.within, tried.answers / 5);
+  EXPECT_GT(tried.open, 100) << "no margin was at the exact distance";
+#endif
+}
+
+}  // namespace
+}  // namespace clearance::exact

@@ -1,0 +1,119 @@
+// Signed distances of bodies that are not convex: no more than an interval is known of a depth. Before the judge: a
+// shift by -lower along the normal takes the bodies apart, no shift shorter than -upper does.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <string>
+
+#include "engine/engine.h"
+#include "tests/oracle/campaign.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr std::uint64_t kSeed = 1, kFirst = 500;
+constexpr int kCases = 12, kWays = 6;
+
+struct Depth {
+  double lower, upper;
+  Status status;
+  Vec3d normal;
+};
+
+/// \param beside null, or another piece of a
+Depth ask(const Case& c, const SolidPtr& beside = nullptr) {
+  Scene scene;
+  Body a, b;
+  a.name = "a", b.name = "b";
+  a.pieces = {piece_of(*c.a)};
+  if (beside) a.pieces.push_back(piece_of(*beside));
+  b.pieces = {piece_of(*c.b)};
+  a.pose = c.X_wa, b.pose = c.X_wb;
+  scene.add_body(std::move(a));
+  scene.add_body(std::move(b));
+  const Engine engine(std::move(scene), {.threads = 1});
+  Depth d{};
+  QueryView q;
+  q.signed_distance = true;
+  q.fields = kFieldLower | kFieldUpper | kFieldStatus | kFieldNormal;
+  ReplyView reply;
+  double normal[3];
+  std::uint8_t status;
+  reply.rows = 1;
+  reply.lower = &d.lower;
+  reply.upper = &d.upper;
+  reply.status = &status;
+  reply.normal = normal;
+  engine.start(q, reply).advance();
+  d.status = static_cast<Status>(status);
+  d.normal = {normal[0], normal[1], normal[2]};
+  return d;
+}
+
+// Of which a depth is refused.
+bool has_points(const Case& c) {
+  return !c.a->cloud.empty() || !c.b->cloud.empty();
+}
+
+bool is_apart(Case c, const Vec3d& shift) {
+  c.X_wb.translation += shift;
+  return judge(c, false).distance.compare(0) > 0;
+}
+
+TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
+  Random random(kSeed);
+  int apart = 0, overlapping = 0, proved = 0, settled = 0;
+  for (const CaseClass& cls : mesh_classes())
+    for (std::uint64_t i = kFirst; i < kFirst + kCases; ++i) {
+      const Case c = make_case(cls, kSeed, i);
+      if (has_points(c)) continue;
+      const Result truth = judge(c, false);
+      const Depth d = ask(c);
+      const std::string where = std::string(cls.name) + " " + std::to_string(i);
+      ASSERT_LE(d.lower, d.upper) << where;
+      settled += d.status != Status::kUnconverged;
+      if (truth.distance.compare(0) > 0) {
+        ++apart;
+        EXPECT_LE(truth.distance.compare(d.upper), 0) << where;
+        if (d.lower > 0) {
+          EXPECT_GE(truth.distance.compare(d.lower), 0) << where;
+        }
+        continue;
+      }
+      ++overlapping;
+      ASSERT_LE(d.lower, 0) << where;
+      const double little = 1e-9 * (reach(*c.a) + reach(*c.b) + 1);
+      EXPECT_TRUE(is_apart(c, d.normal * (little - d.lower))) << where << ": " << d.lower;
+      if (!(-d.upper > little)) continue;
+      ++proved;
+      for (int k = 0; k < kWays; ++k)
+        EXPECT_FALSE(is_apart(c, random.direction() * (-d.upper - little))) << where << ": " << d.upper;
+    }
+  std::printf("%d apart, %d overlapping, of which %d are proved to by a length; %d settled\n", apart, overlapping,
+              proved, settled);
+  EXPECT_GT(apart, 50);
+  EXPECT_GT(overlapping, 50);
+  EXPECT_GT(proved, 5);
+  EXPECT_GE(settled, apart / 2);
+}
+
+TEST(MeshDepths, TheDeepestPairOfPiecesCounts) {
+  int first = 0, second = 0;
+  for (const CaseClass& cls : mesh_classes())
+    for (std::uint64_t i = kFirst; i < kFirst + kCases; ++i) {
+      const Case c = make_case(cls, kSeed, i), other{make_case(cls, kSeed, i + kCases).b, c.b, c.X_wa, c.X_wb};
+      if (has_points(c) || has_points(other)) continue;
+      const double one = ask(c).lower, two = ask(other).lower, both = ask(c, other.a).lower;
+      if (std::min(one, two) > 0) continue;
+      EXPECT_LE(both, std::min(one, two) + 1e-9) << cls.name << ' ' << i;
+      if (one < two - 1e-6) ++first;
+      if (two < one - 1e-6) ++second;
+    }
+  std::printf("the first piece is the deeper one in %d cases, the second in %d\n", first, second);
+  EXPECT_GT(first, 10);
+  EXPECT_GT(second, 10);
+}
+
+}  // namespace
+}  // namespace clearance::exact

@@ -1,0 +1,87 @@
+// Mutation tests: this file is linked once with the engine as it is, and once with each version of it that has one
+// proof taken out (CMakeLists.txt). The judge must find nothing wrong with the first, and the judge or the engine's own
+// look at its intervals must find every other, on the same cases.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "engine/engine.h"
+#include "tests/oracle/damage.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr std::uint64_t kSeed = 11;
+
+struct Tried {
+  int answers = 0, violations = 0;
+  std::uint64_t contradictions = 0;
+};
+/// Some cases of a class with and without depth on both backends, with tolerance 0 so that rounding decides.
+void try_class(const CaseClass& cls, Tried& tried) {
+  std::vector<Case> cases;
+  std::vector<Result> truth;
+  for (int i = 0; i < (cls.cost > 3 ? 10 : 40); ++i) {
+    cases.push_back(make_case(cls, kSeed, static_cast<std::uint64_t>(i)));
+    truth.push_back(judge(cases.back()));
+  }
+  for (const char* backend : {"cpu", "reference"}) {
+    const Bench bench(cases, backend);
+    for (const bool depth : {false, true}) {
+      Setting s;
+      s.backend = backend;
+      s.signed_distance = depth;
+      s.rel_tol = 0;
+      const std::vector<Answer> answers = bench.ask(s);
+      for (std::size_t i = 0; i < cases.size(); ++i) {
+        ++tried.answers;
+        tried.violations += !hold_against(cases[i], truth[i], s, answers[i], false).violation.empty();
+      }
+    }
+    tried.contradictions += bench.engine().contradictions();
+  }
+}
+
+TEST(Mutants, AreFound) {
+  Tried tried;
+  const auto found = [&] { return static_cast<std::uint64_t>(tried.violations) + tried.contradictions; };
+#ifdef CLEARANCE_MUTANT
+  // Bounds that contradict each other do not leave the engine: it finds such a mutant itself, and answers rightly. The
+  // first class that finds it is enough.
+  for (const CaseClass& cls : case_classes()) {
+    try_class(cls, tried);
+    if (found()) break;
+  }
+  EXPECT_GT(found(), 0u);
+#else
+  for (const CaseClass& cls : case_classes()) try_class(cls, tried);
+  EXPECT_EQ(found(), 0u);
+#endif
+  std::printf("%d violations and %llu contradictions in %d answers\n", tried.violations,
+              static_cast<unsigned long long>(tried.contradictions), tried.answers);
+}
+
+// The cases that a search kept must find the proofs that they were kept for: rounding, and radii added in double. The
+// other mutants are none of theirs.
+#if !defined(CLEARANCE_MUTANT) || defined(CLEARANCE_MUTANT_OF_ROUNDING)
+TEST(Mutants, OfRoundingAreFoundByMinedCases) {
+  std::vector<Case> cases;
+  for (const MinedCase& m : mined_cases()) cases.push_back(m.pair);
+  ASSERT_FALSE(cases.empty());
+  std::vector<bool> found(cases.size());
+  try_cases(cases, standard_settings(), 1, false,
+            [&](std::size_t i, const Setting&, const Verdict& v, const std::string&) {
+              if (!v.violation.empty()) found[i] = true;
+            });
+  const auto count = std::count(found.begin(), found.end(), true);
+  std::printf("%d of %zu mined cases find a violation\n", static_cast<int>(count), cases.size());
+#ifdef CLEARANCE_MUTANT
+  EXPECT_GT(count, 0);
+#else
+  EXPECT_EQ(count, 0);
+#endif
+}
+#endif
+
+}  // namespace
+}  // namespace clearance::exact

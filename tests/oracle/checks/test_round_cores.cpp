@@ -1,0 +1,320 @@
+// Cones, cylinders and ellipsoids before closed forms in 450 bits, and their directions before supports in as many.
+#include <gmpxx.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "engine/hull/primitive.h"
+#include "engine/narrow/proof.h"
+#include "engine/pose/placed.h"
+#include "tests/oracle/cases/cases.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr unsigned kBits = 450;
+
+using Real = mpf_class;
+using Vec3r = Vec3<Real>;
+
+Real real(double x) {
+  return Real(x, kBits);
+}
+Vec3r real(const Vec3d& v) {
+  return {real(v.x), real(v.y), real(v.z)};
+}
+Real product(const Vec3r& a, const Vec3r& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+Real length(const Vec3r& v) {
+  return sqrt(Real(product(v, v)));
+}
+Vec3r difference(const Vec3r& a, const Vec3r& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+Real larger(const Real& a, const Real& b) {
+  return a < b ? b : a;
+}
+
+// M(q) / |q|^2, or its inverse, times v.
+Vec3r turned(const Pose& X, const Vec3r& v, bool back = false) {
+  const double s = back ? -1 : 1;
+  const Real w = real(X.qw), x = real(s * X.qx), y = real(s * X.qy), z = real(s * X.qz);
+  const Real n = w * w + x * x + y * y + z * z;
+  const Vec3r rows[3] = {{w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)},
+                         {2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)},
+                         {2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z}};
+  return {product(rows[0], v) / n, product(rows[1], v) / n, product(rows[2], v) / n};
+}
+
+// Signed distance of a point from an ellipsoid: the nearest point of its surface is a^2 p / (a^2 + t) for the largest
+// root t of sum (a p / (a^2 + t))^2 = 1.
+Real from_ellipsoid(const Vec3d& axes, const Vec3r& p) {
+  const Vec3r a = real(axes);
+  const auto excess = [&](const Real& t) {
+    Real sum = real(-1);
+    for (int k = 0; k < 3; ++k) {
+      const Real part = a[k] * p[k] / (a[k] * a[k] + t);
+      sum += part * part;
+    }
+    return sum;
+  };
+  int shortest = 0;
+  for (int k = 1; k < 3; ++k) shortest = a[k] < a[shortest] ? k : shortest;
+  Real low = -a[shortest] * a[shortest] + abs(Real(a[shortest] * p[shortest])), high = low;
+  for (Real step = real(1e-30); excess(high) > 0; step *= 4) high += step;
+  for (unsigned i = 0; i < 400; ++i) {
+    const Real middle = (low + high) / 2;
+    (excess(middle) > 0 ? low : high) = middle;
+  }
+  Vec3r off;
+  for (int k = 0; k < 3; ++k) off[k] = p[k] - a[k] * a[k] * p[k] / (a[k] * a[k] + high);
+  return excess(real(0)) > 0 ? length(off) : Real(-length(off));
+}
+
+// Signed distance of a point from a cone: a triangle in the half-plane through the axis.
+Real from_cone(const Vec3d& size, const Vec3r& p) {
+  const Real r = real(size.x), h = real(size.z), across = sqrt(Real(p.x * p.x + p.y * p.y)),
+             side = sqrt(Real(r * r + 4 * h * h));
+  const Real beyond_base = -h - p.z;                                 // of the base's plane
+  const Real beyond_side = (2 * h * across + r * (p.z - h)) / side;  // of the line from rim to apex
+  if (beyond_base <= 0 && beyond_side <= 0) return larger(beyond_base, beyond_side);
+  const auto from_segment = [&](const Real& u0, const Real& v0, const Real& u1, const Real& v1) {
+    const Real du = u1 - u0, dv = v1 - v0;
+    Real t = ((across - u0) * du + (p.z - v0) * dv) / (du * du + dv * dv);
+    if (t < 0) t = 0;
+    if (t > 1) t = 1;
+    const Real u = across - (u0 + t * du), v = p.z - (v0 + t * dv);
+    return Real(sqrt(Real(u * u + v * v)));
+  };
+  const Real to_base = from_segment(real(0), -h, r, -h), to_side = from_segment(r, -h, real(0), h);
+  return to_base < to_side ? to_base : to_side;
+}
+
+// Signed distance of a point from a cylinder: a rectangle in the half-plane through the axis.
+Real from_cylinder(const Vec3d& size, const Vec3r& p) {
+  const Real beyond_side = sqrt(Real(p.x * p.x + p.y * p.y)) - real(size.x), beyond_end = abs(p.z) - real(size.z);
+  if (beyond_side <= 0 || beyond_end <= 0) return larger(beyond_side, beyond_end);
+  return sqrt(Real(beyond_side * beyond_side + beyond_end * beyond_end));
+}
+
+Real from_round(const Primitive& core, const Vec3r& p) {
+  switch (core.kind) {
+    case Primitive::Kind::kEllipsoid:
+      return from_ellipsoid(core.size, p);
+    case Primitive::Kind::kCone:
+      return from_cone(core.size, p);
+    default:
+      return from_cylinder(core.size, p);
+  }
+}
+
+// How far a piece reaches along n, its own axes.
+Real reach(const Piece& piece, const Vec3r& n) {
+  Real far;
+  if (!piece.primitive) {
+    for (std::size_t i = 0; i < piece.vertices.size(); ++i) {
+      const Real at = product(n, real(piece.vertices[i]));
+      if (i == 0 || at > far) far = at;
+    }
+  } else {
+    const Vec3r size = real(piece.primitive->size);
+    if (piece.primitive->kind == Primitive::Kind::kEllipsoid)
+      far = length({size.x * n.x, size.y * n.y, size.z * n.z});
+    else if (piece.primitive->kind == Primitive::Kind::kCone)
+      far = larger(size.z * n.z, size.x * sqrt(Real(n.x * n.x + n.y * n.y)) - size.z * n.z);
+    else
+      far = size.x * sqrt(Real(n.x * n.x + n.y * n.y)) + size.z * abs(n.z);
+  }
+  return far + real(piece.radius) * length(n);
+}
+
+// The gap of the planes normal to n, axes of a: no more than the signed distance.
+Real gap(const Piece& a, const Pose& X_wa, const Piece& b, const Pose& X_wb, const Vec3r& n) {
+  const Vec3r n_w = turned(X_wa, n), n_b = turned(X_wb, n_w, true);
+  const Vec3r D = difference(real(X_wb.translation), real(X_wa.translation));
+  const Vec3r minus{-n_b.x, -n_b.y, -n_b.z};
+  return (product(n_w, D) - reach(a, n) - reach(b, minus)) / length(n);
+}
+
+PlacedPose placed(const Pose& X) {
+  return {rotation_of(X), X.translation, X};
+}
+
+Vec3d sizes(Random& random, bool extreme) {
+  const auto one = [&] { return extreme ? random.log_uniform(1e-6, 1e3) : random.log_uniform(0.05, 2); };
+  return {one(), one(), one()};
+}
+
+PiecePtr round_piece(Random& random, bool extreme) {
+  const Vec3d s = sizes(random, extreme);
+  const double radius = random.chance(0.3) ? random.log_uniform(1e-4, 0.5) : 0;
+  const auto kind = random.integer(0, 2);
+  if (kind == 0) return make_primitive_piece({Primitive::Kind::kEllipsoid, s}, radius);
+  const Primitive::Kind along_z = kind == 1 ? Primitive::Kind::kCone : Primitive::Kind::kCylinder;
+  return make_primitive_piece({along_z, {s.x, s.x, s.z}}, radius);
+}
+
+// Apart, touching or deep, near the origin or 10 km away, with turns that are simple or not.
+struct Judged {
+  int asked = 0, settled = 0, near = 0, deep = 0;
+  int of_kind[5] = {};                // round pieces by their Primitive::Kind
+  int depths = 0, narrow_depths = 0;  // of overlaps whose depth is asked for; not among the asked
+  double widest_depth = 0;            // of its own length
+  void print(const char* what) const {
+    std::printf("%s: %d answers, %d settled, %d near, %d deep; %d depths, %d settled, widest %.2g\n", what, asked,
+                settled, near, deep, depths, narrow_depths, widest_depth);
+  }
+  void take(const NarrowAnswer& answer, bool depth) {
+    const auto [lower, upper] = answer.bounds;
+    const bool is_settled = answer.settled || (lower <= 0 && upper > 0 && upper - lower <= 4 * answer.rounding);
+    if (depth && upper <= 0) {
+      ++depths;
+      narrow_depths += is_settled;
+      widest_depth = std::max(widest_depth, (upper - lower) / -lower);
+    } else {
+      ++asked;
+      settled += is_settled;
+    }
+  }
+};
+
+Pose any_pose(Random& random, double far) {
+  const Vec3d at{random.uniform(-far, far), random.uniform(-far, far), random.uniform(-far, far)};
+  return random.chance(0.3) ? Pose{at, 1, 0, 0, 0} : random.rotation(at);
+}
+
+// A ball beside a round piece: the distance is a closed form.
+Judged judge_balls(bool extreme, int count, std::uint64_t seed) {
+  mpf_set_default_prec(kBits);
+  Random random(seed);
+  Judged judged;
+  for (int i = 0; i < count; ++i) {
+    const PiecePtr piece = round_piece(random, extreme);
+    const PiecePtr ball = make_piece({{0, 0, 0}}, random.chance(0.5) ? random.log_uniform(1e-3, 1) : 0);
+    const Pose X_wa = any_pose(random, random.chance(0.3) ? 1e4 : 1);
+    // From a point of the surface, outwards or inwards.
+    const FarthestPoint<double> on = farthest(*piece->primitive, random.direction());
+    const double step[] = {random.log_uniform(1e-12, 1e-3), random.uniform(0, 2), -random.log_uniform(1e-9, 0.1), 0};
+    const double grown = piece->radius + ball->radius;
+    const Vec3d direction = random.direction();
+    const double outward = dot(direction, on.point) < 0 ? -1 : 1;
+    Pose X_wb = any_pose(random, 1);
+    X_wb.translation = X_wa.translation +
+                       rotation_of(X_wa) * (on.point + direction * (outward * (grown + step[random.integer(0, 3)])));
+    if (random.chance(0.2)) X_wb.translation = X_wa.translation + rotation_of(X_wa) * (on.point * random.uniform(0, 1));
+    const Vec3r p = turned(X_wa, difference(real(X_wb.translation), real(X_wa.translation)), true);
+    if (p.x == 0 || p.y == 0 || p.z == 0) continue;  // there the closed form divides by zero
+    const Real exact = from_round(*piece->primitive, p) - real(piece->radius) - real(ball->radius);
+    const double tiny = 1e-60;  // of the judge's own bits
+    for (const bool depth : {true, false})
+      for (const bool swapped : {false, true}) {
+        NarrowLimits limits;
+        limits.signed_distance = depth;
+        const PlacedPose a = placed(X_wa), b = placed(X_wb);
+        const NarrowAnswer answer =
+            swapped ? narrow_phase(*ball, b, *piece, a, limits) : narrow_phase(*piece, a, *ball, b, limits);
+        const auto [lower, upper] = answer.bounds;
+        EXPECT_TRUE(lower == -kInf || real(lower) <= exact + tiny) << i << ": " << lower << " > " << exact.get_d();
+        EXPECT_TRUE(upper == kInf || real(upper) >= exact - tiny) << i << ": " << upper << " < " << exact.get_d();
+        judged.take(answer, depth);
+      }
+    judged.near += abs(exact) < 1e-6;
+    judged.deep += exact < -1e-3;
+    ++judged.of_kind[static_cast<int>(piece->primitive->kind)];
+  }
+  judged.print(extreme ? "balls, extreme" : "balls");
+  return judged;
+}
+
+TEST(RoundCores, HoldTheDistanceOfABall) {
+  const Judged judged = judge_balls(false, 1500, 1);
+  EXPECT_GT(judged.near, 200);
+  EXPECT_GT(judged.deep, 200);
+  for (const auto kind : {Primitive::Kind::kCone, Primitive::Kind::kEllipsoid, Primitive::Kind::kCylinder})
+    EXPECT_GT(judged.of_kind[static_cast<int>(kind)], 300);
+  EXPECT_GE(judged.settled, judged.asked * 0.999);
+  EXPECT_GT(judged.depths, 1000);
+  EXPECT_GE(judged.narrow_depths, judged.depths * 0.9);
+  EXPECT_LE(judged.widest_depth, 0.02);
+}
+
+// Half axes from 1 um to 1 km, needles and discs: bounds hold, whether or not they are narrow.
+TEST(RoundCores, HoldItWhateverTheirShape) {
+  const Judged judged = judge_balls(true, 800, 2);
+  EXPECT_GT(judged.near, 100);
+  EXPECT_GE(judged.settled, judged.asked * 0.9);
+}
+
+PiecePtr any_piece(Random& random) {
+  if (random.chance(0.5)) return round_piece(random, false);
+  std::vector<Vec3d> vertices;
+  for (int i = random.integer(1, 30); i > 0; --i) vertices.push_back(random.direction() * random.uniform(0.2, 1));
+  return make_piece(std::move(vertices), random.chance(0.3) ? random.uniform(0, 0.3) : 0);
+}
+
+// Whether a point, body axes, lies in a piece's core or no farther from it than the radius; all to 1e-12.
+bool holds_point(const Piece& piece, const Vec3d& p) {
+  if (!piece.primitive) {  // no farther along any of many directions
+    Random random(5);
+    for (int i = 0; i < 100; ++i) {
+      const Vec3d n = random.direction();
+      if (real(dot(n, p)) > reach(piece, real(n)) + 1e-12) return false;
+    }
+    return true;
+  }
+  return from_round(*piece.primitive, real(p)) <= piece.radius + 1e-12;
+}
+
+// Pairs of all kinds: the direction proves the lower bound in 450 bits, the witness points lie in their pieces as far
+// apart as the upper bound says.
+TEST(RoundCores, AreProvedByDirectionsAndPoints) {
+  mpf_set_default_prec(kBits);
+  Random random(3);
+  Judged judged;
+  for (int i = 0; i < 2000; ++i) {
+    const PiecePtr a = any_piece(random), b = any_piece(random);
+    if (!is_round(*a) && !is_round(*b)) continue;
+    const Pose X_wa = any_pose(random, 1);
+    Pose X_wb = any_pose(random, random.chance(0.5) ? 1 : 4);
+    const PlacedPose pose_a = placed(X_wa);
+    NarrowLimits limits;
+    limits.signed_distance = random.chance(0.5);
+    NarrowProof proof;
+    if (random.chance(0.4)) {  // touching, nearly
+      const NarrowAnswer first = narrow_phase(*a, pose_a, *b, placed(X_wb), limits);
+      if (std::isfinite(first.bounds.lower))
+        X_wb.translation += first.normal * (random.log_uniform(1e-10, 1e-2) - first.bounds.lower);
+    }
+    const PlacedPose pose_b = placed(X_wb);
+    const NarrowAnswer answer = narrow_phase_proved(*a, pose_a, *b, pose_b, limits, proof);
+    const auto [lower, upper] = answer.bounds;
+    judged.take(answer, limits.signed_distance);
+    judged.near += std::abs(upper) < 1e-6;
+    judged.deep += upper < -1e-3;
+    ASSERT_LE(lower, upper);
+    if (lower > -kInf) {
+      const auto exactly = [](const DoubleDouble& x) { return Real(real(x.hi) + real(x.lo)); };
+      const Vec3r n{exactly(proof.direction.x), exactly(proof.direction.y), exactly(proof.direction.z)};
+      EXPECT_TRUE(real(lower) <= gap(*a, X_wa, *b, X_wb, n)) << i;
+    }
+    const Vec3d p_a = pose_a.R_wb.transpose_times(answer.point_a), p_b = pose_b.R_wb.transpose_times(answer.point_b);
+    EXPECT_TRUE(holds_point(*a, p_a)) << i;
+    EXPECT_TRUE(holds_point(*b, p_b)) << i;
+    const double apart = norm(answer.point_b + X_wb.translation - answer.point_a - X_wa.translation);
+    if (upper > 0) {
+      EXPECT_NEAR(apart, upper, 1e-11 + 1e-9 * upper) << i;
+    }
+  }
+  judged.print("pairs");
+  EXPECT_GT(judged.asked, 1000);
+  EXPECT_GT(judged.near, 200);
+  EXPECT_GT(judged.deep, 100);
+  EXPECT_GE(judged.settled, judged.asked * 0.995);
+}
+
+}  // namespace
+}  // namespace clearance::exact

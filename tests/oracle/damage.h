@@ -1,0 +1,41 @@
+// Pieces with something cut out of them, to see what notices.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "engine/hull/direction_table.h"
+#include "tests/oracle/campaign.h"
+
+namespace clearance::exact {
+
+/// The vertices of a body that an exact answer rests on.
+inline std::vector<Vec3d> decisive(const Case& c, const Result& truth, bool of_b) {
+  std::vector<Vec3d> v;
+  for (const auto& s : truth.simplex) v.push_back(of_b ? c.b->vertices[s.b] : c.a->vertices[s.a]);
+  return v;
+}
+
+inline bool holds(const std::vector<Vec3d>& list, const Vec3d& v) {
+  return std::any_of(list.begin(), list.end(), [&](const Vec3d& w) { return w.x == v.x && w.y == v.y && w.z == v.z; });
+}
+
+/// The piece without `vertices` in the lists of its direction table, though they are still vertices.
+inline PiecePtr without_table_entries_of(const Piece& piece, const std::vector<Vec3d>& vertices) {
+  Piece cut = piece;
+  if (!cut.table) return std::make_shared<const Piece>(cut);
+  DirectionTable table = *cut.table;
+  const auto gone = [&](std::uint32_t i) { return holds(vertices, piece.vertices[i]); };
+  std::uint32_t other = 0;
+  while (gone(other)) ++other;
+  for (std::size_t at = 0; at < table.lists.size(); at += 1 + table.lists[at]) {
+    const auto begin = table.lists.begin() + static_cast<std::ptrdiff_t>(at) + 1, end = begin + table.lists[at];
+    const auto kept = std::find_if_not(begin, end, gone);
+    std::replace_if(begin, end, gone, kept == end ? other : *kept);
+  }
+  cut.table = std::make_shared<const DirectionTable>(std::move(table));
+  return std::make_shared<const Piece>(cut);
+}
+
+}  // namespace clearance::exact

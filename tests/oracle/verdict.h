@@ -1,0 +1,55 @@
+// What the contract promises of one answer, held against the exact truth.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "tests/oracle/cases/cases.h"
+#include "wire/types.h"
+
+namespace clearance::exact {
+
+/// How a batch is asked.
+struct Setting {
+  std::string backend = "cpu";
+  Precision precision = Precision::kF64;
+  bool signed_distance = false;
+  Format format = Format::kFull;
+  double rel_tol = -1;  ///< negative: the default of the precision
+  double abs_tol = 0;
+  double max_distance = 1e300;
+
+  double wanted_rel_tol() const { return rel_tol >= 0 ? rel_tol : precision == Precision::kF32 ? 1e-4 : 1e-6; }
+  std::string name() const;  ///< "cpu f64 signed compact rel 1e-3 ..."
+};
+
+/// One row of a reply. With Format::kCompact `distance` and `normal` are absent, and the points are single precision.
+struct Answer {
+  double distance = 0, lower = 0, upper = 0;
+  Status status = Status::kOk;
+  std::uint16_t flags = 0;
+  Vec3d point_a{0, 0, 0}, point_b{0, 0, 0};  ///< full: world frame; compact: from each body's origin, world axes
+  Vec3d normal{0, 0, 0};
+};
+
+struct Verdict {
+  std::string
+      violation;  ///< what is not true of the answer; empty if all is. Anything but accuracy: bounds, status, columns
+  std::string inaccuracy;  ///< where it is true but not as accurate as promised; empty if it is
+  double error = 0;        ///< |distance - exact| over what the contract allows: wanted tolerance + 16 eps S
+  double width = 0;        ///< upper - lower over wanted tolerance + 32 eps S; 0 for pairs that are beyond
+  bool good() const { return violation.empty() && inaccuracy.empty(); }
+};
+
+/// Holds an answer against the exact truth. \param columns also prove witness points and normal, which costs three more
+/// exact solutions.
+Verdict hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer,
+                     bool columns = true);
+
+/// The case and its exact signed distance (rounded down) as a C++ initialiser in hexadecimal floats, as mined_cases.inc
+/// holds it.
+std::string as_initialiser(const Case& c);
+/// One answer in words, for a failed test.
+std::string in_words(const Answer& a);
+
+}  // namespace clearance::exact

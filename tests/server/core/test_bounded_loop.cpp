@@ -1,0 +1,254 @@
+// However much a legal request asks for, the loop does little of it: told by the units of work that its thread does
+// between two looks at its transports.
+#include <gtest/gtest.h>
+
+#include <array>
+
+#include "tests/server/core/loop_fixture.h"
+
+namespace clearance {
+namespace {
+
+using wire::FrameType;
+
+/// A slice of a small query, and a payload that is just not large.
+constexpr std::uint64_t kMostUnits = 8192;
+constexpr int kBodies = 3000;
+
+/// Single points far apart; group 0 has all of them.
+Scene crowd() {
+  Scene scene;
+  std::vector<std::string> names;
+  for (int i = 0; i < kBodies; ++i) {
+    names.push_back("b" + std::to_string(i));
+    scene.add_sphere(names.back(), 0.1, at(i % 50, i / 50, 0));
+  }
+  scene.add_group("all", names);
+  return scene;
+}
+
+/// Two bodies of so many pieces that overlap in many places.
+Scene heaps(int pieces) {
+  Scene scene;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (int b = 0; b < 2; ++b) {
+    Body body;
+    body.name = "heap" + std::to_string(b);
+    body.pose = Pose{};
+    for (int p = 0; p < pieces; ++p) {
+      const Vec3d centre{3 * unit(random), 3 * unit(random), 3 * unit(random)};
+      std::vector<Vec3d> vertices(30);
+      for (Vec3d& v : vertices) v = centre + Vec3d{unit(random), unit(random), unit(random)};
+      body.pieces.push_back(make_piece(vertices));
+    }
+    scene.add_body(std::move(body));
+  }
+  return scene;
+}
+
+class BoundedLoop : public LoopTest {
+ protected:
+  BoundedLoop() { with_worker_ = true; }
+  /// Turns until a client has so many replies.
+  void serve(const MemoryClient& client, std::size_t replies = 1) {
+    while (client.replies.size() < replies) loop_->turn();
+  }
+  /// Sends a frame, and takes its reply after so many units at most between two looks.
+  std::unique_ptr<MemoryFrame> ask_within(std::vector<std::byte> frame) {
+    loop_->counter("loop.longest_section_units") = 0;
+    transport_->send(a_, std::move(frame));
+    serve(a_);
+    EXPECT_LE(loop_->counter("loop.longest_section_units"), kMostUnits);
+    return take(a_);
+  }
+  /// Another client's echo, whose turn it is at once.
+  std::unique_ptr<MemoryFrame> ask_other() {
+    transport_->send(b_, simple_frame(FrameType::kPing, 1));
+    serve(b_);
+    return take(b_);
+  }
+  static TestQuery group_query() {
+    TestQuery query;
+    query.pairs = {{kGroupBit, kGroupBit}};
+    query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
+    return query;
+  }
+};
+
+TEST_F(BoundedLoop, GroupsAreExpandedElsewhere) {
+  start(crowd());
+  const Reply reply(ask_within(group_query().frame(1)));
+  EXPECT_EQ(reply.pairs(), std::uint64_t{kBodies} * (kBodies - 1) / 2);
+  TestQuery all = group_query();
+  all.pairs = {{kEveryBody, kGroupBit}, {kGroupBit, kEveryBody}};
+  EXPECT_EQ(Reply(ask_within(all.frame(1))).pairs(), std::uint64_t{kBodies} * (kBodies - 1));
+}
+
+TEST_F(BoundedLoop, ListsOfPairsAreReadElsewhere) {
+  start(crowd());
+  TestQuery query;
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
+  // 250 MB of them, as large as a message over ZeroMQ may be.
+  constexpr std::uint32_t kPairs = 31'250'000;
+  query.pairs.reserve(kPairs);
+  for (std::uint32_t i = 0; i < kPairs; ++i)
+    query.pairs.push_back({i % kBodies, (i + 1 + i / kBodies % (kBodies - 1)) % kBodies});
+  EXPECT_EQ(Reply(ask_within(query.frame(1))).pairs(), kPairs);
+  query.pairs.back() = {7, 7};
+  const auto error = error_of(ask_within(query.frame(1)));
+  EXPECT_EQ(error.text, "pairs[31249999]: body 7 with itself");
+}
+
+TEST_F(BoundedLoop, PairsWithinADistanceAreFoundElsewhere) {
+  start(crowd());
+  TestQuery query;
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
+  query.header.max_distance = 0.85;  // those side by side
+  EXPECT_EQ(Reply(ask_within(query.frame(1))).rows(), 50u * 59 + 60u * 49);
+}
+
+TEST_F(BoundedLoop, BodiesOfManyPiecesAreAnsweredElsewhere) {
+  start(heaps(60));
+  TestQuery query = small_query();
+  query.header.signed_distance = 1;
+  const Reply reply(ask_within(query.frame(1)));
+  EXPECT_LT(reply.upper()[0], 0);
+}
+
+TEST_F(BoundedLoop, ASmallQueryOfDearPairsIsHandedOver) {
+  // Few pieces, so that it begins on the loop, but each of a thousand vertices, so that it does not end there.
+  Scene scene;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (int b = 0; b < 20; ++b) {
+    std::vector<Vec3d> vertices(1000);
+    for (Vec3d& v : vertices) {
+      v = {normal(random), normal(random), normal(random)};
+      v = v * (1 / norm(v));
+    }
+    scene.add_hull("ball" + std::to_string(b), vertices, at(0.05 * b, 0, 0));
+  }
+  start(std::move(scene));
+  TestQuery query;
+  query.header.signed_distance = 1;
+  const Reply reply(ask_within(query.frame(1)));
+  ASSERT_EQ(reply.rows(), 190u);
+  EXPECT_GT(loop_->counter("queries.handed_over"), 0u);
+  Engine reference(engine_->scene(), Engine::Options{.threads = 1});
+  QueryView direct;
+  direct.signed_distance = true;
+  std::vector<double> lower(190), upper(190);
+  ReplyView view;
+  view.lower = lower.data();
+  view.upper = upper.data();
+  reference.start(direct, view).advance();
+  EXPECT_EQ(std::memcmp(reply.lower().data(), lower.data(), 8 * lower.size()), 0) << "the bits are the same";
+  EXPECT_EQ(std::memcmp(reply.upper().data(), upper.data(), 8 * upper.size()), 0);
+}
+
+TEST_F(BoundedLoop, EchoesAreCopiedElsewhere) {
+  start(small_scene());
+  const std::vector<std::byte> payload(250'000'000, std::byte{7});
+  const auto pong = ask_within(simple_frame(FrameType::kPing, 1, payload));
+  ASSERT_EQ(pong->type(), FrameType::kPong);
+  ASSERT_EQ(pong->body().size(), payload.size());
+  EXPECT_EQ(std::memcmp(pong->body().data(), payload.data(), payload.size()), 0);
+}
+
+TEST_F(BoundedLoop, LargeScenesAreDescribedElsewhere) {
+  start(crowd());
+  EXPECT_EQ(ask_within(simple_frame(FrameType::kDescribe, 1))->type(), FrameType::kScene);
+  EXPECT_EQ(ask_within(simple_frame(FrameType::kGetStates, 1))->type(), FrameType::kBodyStates);
+  const auto table = ask_within(group_query().frame(1, FrameType::kPairs));
+  EXPECT_EQ(table->body().size(),
+            sizeof(wire::PairsHeader) + std::uint64_t{kBodies} * (kBodies - 1) / 2 * sizeof(BodyPair));
+}
+
+/// Poses of a body, each once more.
+std::vector<std::byte> poses_frame(std::uint64_t request, std::uint32_t body, double x, std::uint32_t count) {
+  wire::PosesHeader header;
+  header.count = count;
+  wire::FrameBuilder frame(wire::make_header(FrameType::kSetPoses, request, 0));
+  frame.add(header);
+  for (std::uint32_t i = 0; i < count; ++i) frame.add(wire::PoseRecord{body, 0, {x, 0, 0, 1, 0, 0, 0}});
+  return frame.take();
+}
+
+TEST_F(BoundedLoop, ManyPosesAreAppliedElsewhereAndNotOvertaken) {
+  start(small_scene());
+  loop_->counter("loop.longest_section_units") = 0;
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    const double x = 1 + static_cast<double>(i);
+    transport_->send(a_, poses_frame(3 * i, 1, -x, 20'000));
+    transport_->send(a_, poses_frame(3 * i + 1, 1, x, 1));
+    TestQuery query = small_query();
+    query.header.fields = kDefaultFields | kFieldPoints;
+    transport_->send(a_, query.frame(3 * i + 2));
+    serve(a_, 3);
+    EXPECT_EQ(take(a_)->type(), FrameType::kPosesDone);
+    EXPECT_EQ(take(a_)->type(), FrameType::kPosesDone);
+    const Reply reply(take(a_));
+    EXPECT_NEAR(reply.point_b()[0], x > 1 ? x - 0.1 : 1, 0.1)
+        << "the query and the small update came after the large one";
+    EXPECT_GT(reply.point_b()[0], 0);
+  }
+  EXPECT_LE(loop_->counter("loop.longest_section_units"), kMostUnits);
+  EXPECT_EQ(loop_->counter("poses.batches"), 40u);
+}
+
+TEST_F(BoundedLoop, ThoseThatWaitForPosesAreLookedAtTogether) {
+  constexpr int kHeld = 1024;
+  Loop::Options options;
+  options.max_waiting_per_client = kHeld;
+  start(crowd(), options);
+  TestQuery query = small_query();
+  query.header.pose_wait_ns = std::chrono::nanoseconds(10s).count();
+  query.header.wait_for = kGroupBit;
+  const auto move = [&](std::int64_t stamp_ns) {
+    const BodyPose pose{1, Pose{{0, 0, 1}}};
+    ASSERT_EQ(loop_->on_poses(std::span(&pose, 1), stamp_ns).applied, 1u);
+    loop_->counter("loop.longest_section_units") = 0;
+    loop_->turn();
+    EXPECT_LE(loop_->counter("loop.longest_section_units"), kMostUnits);
+  };
+  for (int i = 0; i < kHeld; ++i) {
+    query.header.min_pose_stamp_ns = 1000 + i;
+    transport_->send(a_, query.frame(static_cast<std::uint64_t>(i)));
+  }
+  while (loop_->held() < kHeld) loop_->turn();
+  move(10);
+  EXPECT_EQ(loop_->held(), static_cast<std::size_t>(kHeld));
+  move(5000);
+  serve(a_, kHeld);
+  EXPECT_EQ(loop_->held(), 0u);
+}
+
+TEST_F(BoundedLoop, TooManyPairsOfPiecesAreRefusedBeforeAnyIsLookedAt) {
+  Loop::Options options;
+  options.max_piece_pairs = 3599;
+  start(heaps(60), options);
+  const auto error = error_of(ask_within(small_query().frame(1)));
+  EXPECT_EQ(
+      error.text,
+      "the pairs that this query names have 3600 pairs of pieces, more than the 3599 that one query may ask about "
+      "(limit max-piece-pairs): split it");
+}
+
+TEST_F(BoundedLoop, OthersAreAnsweredWhileTheWorkerWorks) {
+  start(heaps(60));
+  TestQuery dear = small_query();
+  dear.header.signed_distance = 1;
+  for (int k = 0; k < 200; ++k) dear.configurations.push_back({1e-3 * k, 0, 0, 1, 0, 0, 0});
+  dear.bodies = {1};
+  transport_->send(a_, dear.frame(1));
+  int answered = 0;
+  while (a_.replies.empty()) {
+    EXPECT_EQ(ask_other()->type(), FrameType::kPong);
+    ++answered;
+  }
+  EXPECT_GT(answered, 10);
+}
+
+}  // namespace
+}  // namespace clearance

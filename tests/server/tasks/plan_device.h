@@ -1,0 +1,166 @@
+// A device in whose place host memory answers plans, so that what a daemon does with them needs no GPU: it works out
+// rows from the poses and positions in that memory when it is told to, and says that it is done when a test lets it.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+
+#include "engine/device/shared_memory.h"
+#include "tests/engine/device/stand_in_device.h"
+
+namespace clearance::test {
+
+/// What the device does, and what was done with it. One at a time.
+struct PlanDevice {
+  std::atomic<bool> is_done{true};          ///< what was launched is over
+  std::atomic<bool> is_lost{false};         ///< asking it fails
+  std::atomic<bool> has_room{true};         ///< for memory that is shared
+  std::atomic<int> launches{0}, shared{0};  ///< chunks; blocks of memory that are there
+  std::atomic<int> waiting{0};              ///< threads that wait in share()
+  std::mutex mutex;
+  std::condition_variable opened;
+  bool may_share = true;              ///< else share() waits
+  std::set<std::thread::id> threads;  ///< that made, launched and freed
+
+  PlanDevice() { current() = this; }
+  ~PlanDevice() { current() = nullptr; }
+  PlanDevice(const PlanDevice&) = delete;
+  static PlanDevice*& current() {
+    static PlanDevice* one = nullptr;
+    return one;
+  }
+  void note_thread() {
+    const std::lock_guard lock(mutex);
+    threads.insert(std::this_thread::get_id());
+  }
+  void let_share(bool may) {
+    const std::lock_guard lock(mutex);
+    may_share = may;
+    opened.notify_all();
+  }
+
+  static cuda::SharedBlock share(int device, std::size_t bytes) {
+    PlanDevice& self = *current();
+    self.note_thread();
+    {
+      std::unique_lock lock(self.mutex);
+      ++self.waiting;
+      self.opened.wait(lock, [&] { return self.may_share; });
+      --self.waiting;
+    }
+    if (!self.has_room)
+      throw cuda::DeviceError(cuda::DeviceError::kNoRoom, "device memory, " + std::to_string(bytes) + " bytes: full");
+    cuda::SharedBlock block;
+    block.stream = std::calloc(bytes + 64, 1);  // cleared as it is touched
+    std::size_t room = bytes + 64;
+    void* at = block.stream;
+    block.data = static_cast<std::byte*>(std::align(64, bytes, at, room));
+    block.device = device;
+    // The handle of host memory is its address.
+    std::memcpy(block.handle.ipc.data(), &block.data, sizeof block.data);
+    block.handle.uuid[3] = std::byte{7};
+    ++self.shared;
+    return block;
+  }
+  static void wait(const cuda::SharedBlock&) {}
+  static void release(const cuda::SharedBlock& block) {
+    current()->note_thread();
+    --current()->shared;
+    std::free(block.stream);
+  }
+  static bool ask(const cuda::SharedBlock&) {
+    current()->note_thread();
+    if (current()->is_lost) throw cuda::DeviceError(cuda::DeviceError::kLost, "CUDA: a planted loss");
+    return current()->is_done;
+  }
+  static constexpr cuda::SharedMemoryCalls kCalls{share, wait, release, ask};
+};
+
+/// Where a client maps the memory of a handle.
+inline std::byte* mapped(const void* handle) {
+  std::byte* at = nullptr;
+  std::memcpy(&at, handle, sizeof at);
+  return at;
+}
+
+/// What a row's `lower` is: of the first body's and the first joint's numbers in its configuration, and of the pair.
+inline double planned(double x, double position, std::uint64_t pair) {
+  return x + 1000 * position + 1e-3 * static_cast<double>(pair);
+}
+
+class HostPlans final : public cuda::StandingWorkspace {
+ public:
+  HostPlans(PlanDevice& device, Reduce reduce) : device_(device), reduce_(reduce) {}
+
+  cuda::FixedBodies room_for_bodies(std::size_t bodies) override {
+    components_.resize(bodies * cuda::kPoseComponents);
+    state_.resize(bodies);
+    return {components_.data(), state_.data()};
+  }
+  void begin(const cuda::QuerySetup& setup) override {
+    bodies_ = setup.given_count;
+    joints_ = setup.joints;
+    pairs_ = setup.all_pairs;
+  }
+  std::byte* room_for(cuda::Given, int, std::size_t) override { return nullptr; }
+  std::byte* room_for_all(cuda::Given, std::size_t) override { return nullptr; }
+  void make_room(std::uint64_t, std::uint32_t) override {}
+  int device() const override { return 0; }
+  std::uint64_t bytes() const override { return kOwnBytes; }
+  std::byte* room_for_rows(std::size_t) override { return nullptr; }
+  void launch(const cuda::ChunkSetup& chunk, const ReplyView& rows, const cuda::ResidentPairs&, std::uint64_t,
+              void*) override {
+    device_.note_thread();
+    ++device_.launches;
+    for (std::uint64_t k = 0; k < chunk.configurations; ++k) {
+      const double x = chunk.poses ? chunk.poses[k * bodies_].translation.x : 0,
+                   position = chunk.positions ? chunk.positions[k * joints_] : 0;
+      if (reduce_ != Reduce::kNone) {
+        if (rows.lower) rows.lower[k] = planned(x, position, 0);
+        if (rows.status) rows.status[k] = static_cast<std::uint8_t>(Status::kBeyond);
+        continue;
+      }
+      for (std::uint64_t p = 0; p < chunk.pair_count; ++p)
+        if (rows.lower) rows.lower[k * chunk.pair_count + p] = planned(x, position, p);
+    }
+  }
+
+  static constexpr std::uint64_t kOwnBytes = 4096;
+
+ private:
+  PlanDevice& device_;
+  Reduce reduce_;
+  std::uint64_t bodies_ = 0, joints_ = 0, pairs_ = 0;
+  std::vector<double> components_;
+  std::vector<std::uint8_t> state_;
+};
+
+class PlansDevice final : public IdleDevice {
+ public:
+  PlansDevice(Fault& fault, PlanDevice& device) : IdleDevice(fault), device_(device) {}
+  std::shared_ptr<cuda::StandingWorkspace> make_standing(Reduce reduce) override {
+    return std::make_shared<HostPlans>(device_, reduce);
+  }
+
+ private:
+  PlanDevice& device_;
+};
+
+/// An engine made while it lives has such a device.
+struct PlanStandIn {
+  Fault fault;
+  PlanDevice device;
+  cuda::DeviceStandIn stand_in{
+      {true, "a stand-in", ""},
+      [this](const Scene&, int, std::uint64_t) { return std::make_shared<PlansDevice>(fault, device); },
+      &PlanDevice::kCalls};
+};
+
+}  // namespace clearance::test

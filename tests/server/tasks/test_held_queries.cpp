@@ -1,0 +1,198 @@
+// Queries that wait for poses: begun once these are there, refused when time is up, in nobody's way.
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "tests/server/core/loop_fixture.h"
+
+namespace clearance {
+namespace {
+
+using wire::ErrorCode;
+using wire::FrameType;
+
+class HeldQueries : public LoopTest {
+ protected:
+  static TestQuery waiting_query(std::int64_t stamp_ns, std::chrono::nanoseconds wait,
+                                 std::uint32_t wait_for = kEveryBody) {
+    TestQuery query = small_query();
+    query.header.min_pose_stamp_ns = stamp_ns;
+    query.header.pose_wait_ns = wait.count();
+    query.header.wait_for = wait_for;
+    return query;
+  }
+  void move(std::uint32_t body, std::int64_t stamp_ns, std::int64_t sequence = 0) {
+    const BodyPose pose{body, Pose{{0, 0, 1e-3 * static_cast<double>(stamp_ns)}}};
+    ASSERT_EQ(loop_->on_poses(std::span(&pose, 1), stamp_ns, sequence).applied, 1u);
+  }
+  /// What an error reply says.
+  std::pair<ErrorCode, std::string> refusal(MemoryClient& client) {
+    const auto error = error_of(take(client));
+    return {static_cast<ErrorCode>(error.header.code), error.text};
+  }
+};
+
+TEST_F(HeldQueries, BeginOnceThePosesAreThereAndHoldUpNobody) {
+  start(small_scene());
+  move(1, 90, 7);
+  transport_->send(a_, waiting_query(100, 10s).frame(1));
+  turn_until_idle();
+  EXPECT_TRUE(a_.replies.empty());
+  EXPECT_EQ(loop_->counter("queries.held_back"), 1u);
+  EXPECT_EQ(ask(b_, small_query()).snapshot_stamp_ns(), 90) << "another is answered meanwhile";
+  const Reply own = ask(a_, small_query());
+  EXPECT_EQ(own.snapshot_stamp_ns(), 90) << "and so is another query of the same client";
+  move(1, 99, 8);
+  turn_until_idle();
+  EXPECT_TRUE(a_.replies.empty());
+  move(1, 100, 9);
+  loop_->turn();
+  ASSERT_EQ(a_.replies.size(), 1u) << "in the turn after the poses came";
+  const Reply reply(take(a_));
+  EXPECT_EQ(reply.snapshot_stamp_ns(), 100);
+  EXPECT_EQ(reply.snapshot_sequence(), 9);
+  EXPECT_GE(reply.pose_age_ns(), 0);
+  EXPECT_LT(reply.pose_age_ns(), static_cast<std::int64_t>(reply.server_ns()))
+      << "the query arrived before these poses";
+  EXPECT_EQ(ask(a_, waiting_query(100, 0s)).snapshot_stamp_ns(), 100) << "who finds them there does not wait";
+}
+
+TEST_F(HeldQueries, AreLetGoOfThoughAnotherIsHeldInTheTurnInWhichThePosesCame) {
+  start(small_scene());
+  transport_->send(a_, waiting_query(100, 10s).frame(1));
+  turn_until_idle();
+  ASSERT_EQ(loop_->held(), 1u);
+  wire::PosesHeader header;
+  header.count = 1;
+  header.stamp_ns = 100;
+  wire::FrameBuilder poses(wire::make_header(wire::FrameType::kSetPoses, 1, 0));
+  poses.add(header).add(wire::PoseRecord{1, 0, {0, 0, 2, 1, 0, 0, 0}});
+  transport_->send(c_, poses.take());
+  transport_->send(b_, waiting_query(200, 10s).frame(1));
+  loop_->turn();
+  EXPECT_EQ(take(c_)->type(), wire::FrameType::kPosesDone);
+  EXPECT_EQ(a_.replies.size(), 1u) << "its poses are there";
+  EXPECT_EQ(loop_->held(), 1u);
+  EXPECT_TRUE(b_.replies.empty());
+}
+
+TEST_F(HeldQueries, AreRefusedWhenTimeIsUp) {
+  start(small_scene());
+  transport_->send(a_, waiting_query(100, 0s).frame(1));
+  loop_->turn();
+  EXPECT_EQ(refusal(a_), std::pair(ErrorCode::kPosesLate, std::string("no poses with stamp 100 or newer are there")));
+  transport_->send(a_, waiting_query(100, 1ns).frame(2));
+  transport_->send(b_, waiting_query(100, 10s).frame(3));
+  loop_->turn();
+  loop_->turn();
+  EXPECT_EQ(refusal(a_),
+            std::pair(ErrorCode::kPosesLate, std::string("no poses with stamp 100 or newer came within 0.000001 ms")));
+  EXPECT_TRUE(b_.replies.empty());
+  move(2, 101);
+  loop_->turn();
+  EXPECT_EQ(take(b_)->type(), FrameType::kReply);
+  EXPECT_EQ(loop_->counter("errors.poses_late"), 2u);
+}
+
+TEST_F(HeldQueries, ASleepingLoopWakesWhenTimeIsUp) {
+  Loop::Options options;
+  options.spin = 0ns;
+  options.tick = 1h;  // nothing else would wake it
+  start(small_scene(), options);
+  std::thread server([&] { loop_->run(); });
+  transport_->send(a_, waiting_query(100, 2ms).frame(1));
+  transport_->wait_for_reply();
+  loop_->stop();
+  server.join();
+  EXPECT_EQ(refusal(a_).first, ErrorCode::kPosesLate);
+}
+
+TEST_F(HeldQueries, WaitForABodyAGroupOrAll) {
+  start(small_scene());
+  constexpr std::uint32_t kCup = 1, kLink1 = 2, kLink2 = 3, kArm = kGroupBit | 0u;
+  const auto is_there = [this](std::uint32_t who, std::int64_t stamp_ns) {
+    return ask(a_, waiting_query(stamp_ns, 0s, who).frame(1))->type() == FrameType::kReply;
+  };
+  EXPECT_FALSE(is_there(kEveryBody, 1)) << "no pose has come";
+  move(kCup, 50);
+  move(kLink1, 100);
+  EXPECT_TRUE(is_there(kCup, 50));
+  EXPECT_FALSE(is_there(kCup, 51));
+  EXPECT_TRUE(is_there(kArm, 100)) << "link2 never had a stamp";
+  EXPECT_FALSE(is_there(kLink2, 1));
+  move(kLink2, 80);
+  EXPECT_FALSE(is_there(kArm, 100));
+  EXPECT_TRUE(is_there(kArm, 80));
+  EXPECT_FALSE(is_there(kEveryBody, 80)) << "the cup";
+  EXPECT_TRUE(is_there(kEveryBody, 50));
+}
+
+TEST_F(HeldQueries, WhatIsWrongIsSaidAtOnce) {
+  start(small_scene());
+  TestQuery query = waiting_query(100, 10s);
+  query.pairs = {{1, 1}};
+  EXPECT_EQ(error_of(ask(a_, query.frame(1))).header.code, static_cast<std::uint16_t>(ErrorCode::kBadQuery));
+  for (const auto& [who, text] :
+       {std::pair(9u, "wait_for: unknown body 9"), std::pair(kGroupBit | 5u, "wait_for: unknown group 5")})
+    EXPECT_EQ(error_of(ask(a_, waiting_query(100, 10s, who).frame(1))).text, text);
+  EXPECT_EQ(error_of(ask(a_, waiting_query(-1, 10s).frame(1))).text, "query: min_pose_stamp_ns must be >= 0, got -1");
+  EXPECT_EQ(error_of(ask(a_, waiting_query(1, 11s).frame(1))).text,
+            "query: pose_wait_ns must be 0 to 10000000000, got 11000000000");
+  EXPECT_EQ(error_of(ask(a_, waiting_query(0, 1s).frame(1))).text,
+            "query: pose_wait_ns is for a query with min_pose_stamp_ns");
+}
+
+TEST_F(HeldQueries, CountAsUnderWayUntilTheirClientIsGone) {
+  Loop::Options options;
+  options.max_waiting_per_client = 2;
+  options.tick = 0s;
+  start(small_scene(), options);
+  for (std::uint64_t i = 1; i <= 3; ++i) transport_->send(a_, waiting_query(100, 10s).frame(i));
+  loop_->turn();
+  EXPECT_EQ(refusal(a_).first, ErrorCode::kBusy);
+  EXPECT_EQ(loop_->held(), 2u);
+  EXPECT_EQ(a_.sinks, 2);
+  a_.alive = false;
+  loop_->turn();
+  EXPECT_EQ(a_.sinks, 0);
+  EXPECT_EQ(loop_->counter("queries.dropped"), 2u);
+  a_.alive = true;
+  EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "it may ask again";
+}
+
+TEST_F(HeldQueries, CountAmongTheBytesOfTheirClientAndOfAll) {
+  const std::vector<std::byte> frame = waiting_query(100, 10s).frame(1);
+  const std::uint64_t bytes = frame.size() - sizeof(wire::FrameHeader);
+  Loop::Options options;
+  options.max_client_bytes = 3 * bytes / 2;
+  start(small_scene(), options);
+  for (MemoryClient* client : {&a_, &a_, &b_}) transport_->send(*client, frame);
+  loop_->turn();
+  EXPECT_EQ(loop_->held(), 2u);
+  auto error = refusal(a_);
+  EXPECT_EQ(error.first, ErrorCode::kBusy);
+  EXPECT_NE(error.second.find("of this client under way take " + std::to_string(bytes) + " bytes"), std::string::npos)
+      << error.second;
+  move(1, 100);
+  turn_until_idle();
+  EXPECT_EQ(take(a_)->type(), FrameType::kReply);
+  EXPECT_EQ(take(b_)->type(), FrameType::kReply);
+
+  options = {};
+  options.max_waiting_bytes = 3 * bytes / 2;
+  start(small_scene(), options);
+  for (MemoryClient* client : {&a_, &b_}) transport_->send(*client, frame);
+  loop_->turn();
+  EXPECT_EQ(loop_->held(), 1u);
+  error = refusal(b_);
+  EXPECT_EQ(error.first, ErrorCode::kBusy);
+  EXPECT_NE(error.second.find("the requests and replies under way take " + std::to_string(bytes) + " bytes"),
+            std::string::npos)
+      << error.second;
+  move(1, 100);
+  turn_until_idle();
+  EXPECT_EQ(take(a_)->type(), FrameType::kReply);
+}
+
+}  // namespace
+}  // namespace clearance
