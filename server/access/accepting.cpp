@@ -10,7 +10,7 @@
 #include <mutex>
 #include <utility>
 
-#include "server/access/doorman.h"
+#include "server/access/fd_filter_proxy.h"
 
 namespace clearance {
 namespace {

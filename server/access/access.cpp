@@ -13,7 +13,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "server/access/key_ring.h"
+#include "server/access/authorized_keys.h"
 
 namespace clearance {
 namespace {

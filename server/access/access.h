@@ -39,7 +39,7 @@ Rights parse_rights(const std::string& text);
 /// As parse_rights() reads it; of none "nothing".
 std::string rights_text(Rights rights);
 
-class KeyRing;
+class AuthorizedKeys;
 
 /// Memory of a process that stands between the network and the core (outside/process.h), if nothing else is said.
 inline constexpr std::uint64_t kOutsideBytes = std::uint64_t{2} << 30;
@@ -49,7 +49,7 @@ struct Access {
   std::optional<gid_t> group;        ///< whose members may connect to Unix sockets; none: this user alone
   Rights group_rights = kMayQuery;   ///< theirs
   std::vector<uid_t> control_users;  ///< who have the class control at Unix sockets, if they may connect
-  std::shared_ptr<KeyRing> keys;     ///< of TCP; null: the loopback alone, without keys
+  std::shared_ptr<AuthorizedKeys> keys;     ///< of TCP; null: the loopback alone, without keys
   std::uint32_t max_clients = 256;   ///< of one endpoint
   std::uint64_t outside_bytes = kOutsideBytes;
 

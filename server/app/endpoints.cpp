@@ -4,8 +4,8 @@
 #include <unistd.h>
 
 #include "server/access/accepting.h"
-#include "server/access/doorman.h"
-#include "server/access/key_ring.h"
+#include "server/access/fd_filter_proxy.h"
+#include "server/access/authorized_keys.h"
 #include "server/base/log.h"
 #include "server/shm/shm_transport.h"
 #include "wire/default_socket.h"
@@ -64,7 +64,7 @@ Access access_of(const DaemonOptions& options) {
     access.control_users.push_back(option("--control-user", [&] { return user_named(user); }));
   access.max_clients = options.max_clients;
   access.outside_bytes = std::uint64_t{options.outside_mib} << 20;
-  if (!options.keys.empty()) access.keys = std::make_shared<KeyRing>(options.keys);
+  if (!options.keys.empty()) access.keys = std::make_shared<AuthorizedKeys>(options.keys);
   return access;
 }
 

@@ -16,7 +16,7 @@
 
 #include "engine/base/helper_program.h"
 #include "engine/narrow/work_meter.h"
-#include "server/access/doorman.h"
+#include "server/access/fd_filter_proxy.h"
 #include "server/base/log.h"
 #include "server/base/log_text.h"
 

@@ -16,7 +16,7 @@
 
 #include "server/access/accepting.h"
 #include "server/access/access.h"
-#include "server/access/doorman.h"
+#include "server/access/fd_filter_proxy.h"
 #include "server/base/real_time.h"
 #include "wire/prometheus.h"
 

@@ -5,7 +5,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "server/access/doorman.h"
+#include "server/access/fd_filter_proxy.h"
 
 namespace clearance {
 

@@ -13,7 +13,7 @@
 #include <new>
 
 #include "server/access/accepting.h"
-#include "server/access/doorman.h"
+#include "server/access/fd_filter_proxy.h"
 #include "server/limits/places.h"
 #include "server/shm/shm_segment.h"
 #include "server/shm/shm_session.h"

@@ -7,7 +7,7 @@
 #include "server/base/log_text.h"
 #include "server/gateway/process.h"
 #include "server/gateway/zmq_router.h"
-#include "server/zmq/key_desk.h"
+#include "server/zmq/key_authenticator.h"
 #include "server/zmq/tcp_listener.h"
 #include "server/zmq/zmq_port.h"
 
@@ -164,7 +164,7 @@ class ZmqOutsidePort final : public ZmqPort {
   }
 
   std::string url_;
-  std::optional<KeyDesk> keys_;
+  std::optional<KeyAuthenticator> keys_;
   std::optional<outside::Process> process_;
   Inbox* inbox_ = nullptr;
   bool all_gone_ = false;

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <zmq.hpp>
 
-#include "server/access/doorman.h"
+#include "server/access/fd_filter_proxy.h"
 #include "server/base/unix_socket.h"
 #include "server/gateway/zmq_router.h"
 #include "server/zmq/zmq_port.h"

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <unordered_map>
 
-#include "server/access/key_ring.h"
+#include "server/access/authorized_keys.h"
 #include "server/limits/places.h"
 #include "server/requests/error_frame.h"
 #include "server/requests/transport.h"

@@ -9,7 +9,7 @@
 #include <zmq.hpp>
 
 #include "client/client.h"
-#include "server/access/key_ring.h"
+#include "server/access/authorized_keys.h"
 #include "tests/patience.h"
 #include "tests/server/daemon_fixture.h"
 #include "wire/key_file.h"

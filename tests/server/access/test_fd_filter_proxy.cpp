@@ -15,7 +15,7 @@
 
 #include "client/client.h"
 #include "server/access/accepting.h"
-#include "server/access/doorman.h"
+#include "server/access/fd_filter_proxy.h"
 #include "server/base/unix_socket.h"
 #include "tests/server/daemon_fixture.h"
 #include "tests/server/shm/raw_shm_client.h"
@@ -112,16 +112,16 @@ TEST(Lingering, KeepsWhoeverReceivesOneWaiting) {
 }
 
 /// Both ways: the kernel's, where it has one, and the doorman's.
-class Doorman : public testing::TestWithParam<const char*> {
+class FdFilterProxy : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
-    if (!is_doorman() && !kernel_refuses_descriptors()) GTEST_SKIP() << "this kernel has no SO_PASSRIGHTS";
+    if (!uses_proxy() && !kernel_refuses_descriptors()) GTEST_SKIP() << "this kernel has no SO_PASSRIGHTS";
     daemon_.emplace(
         std::vector<std::string>{"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--shm", folder_ / "c.sock",
                                  "--zmq", "ipc://" + (folder_ / "c.ipc"), "--metrics", folder_ / "m.sock"},
         std::vector<std::string>{std::string("CLEARANCE_DOORMAN=") + GetParam()});
   }
-  bool is_doorman() const { return std::string(GetParam()) == "on"; }
+  bool uses_proxy() const { return std::string(GetParam()) == "on"; }
   /// New clients and old ones are answered, on every endpoint.
   void expect_service() {
     for (const std::string& url : daemon_->urls()) {
@@ -144,9 +144,9 @@ class Doorman : public testing::TestWithParam<const char*> {
   std::optional<Daemon> daemon_;
 };
 
-TEST_P(Doorman, NobodyWaitsForDescriptorsOfOthers) {
+TEST_P(FdFilterProxy, NobodyWaitsForDescriptorsOfOthers) {
   EXPECT_NE(daemon_->log().find(std::string("event=descriptors_of_strangers refused_by=") +
-                                (is_doorman() ? "doorman" : "kernel")),
+                                (uses_proxy() ? "doorman" : "kernel")),
             std::string::npos)
       << daemon_->log();
   std::vector<Client> old;
@@ -177,8 +177,8 @@ TEST_P(Doorman, NobodyWaitsForDescriptorsOfOthers) {
       ASSERT_EQ(kill(daemon_->pid(), SIGCONT), 0);
       expect_service();
     }
-  EXPECT_EQ(sent, is_doorman() ? 36 : 0);
-  EXPECT_EQ(refused, is_doorman() ? 0 : 36);
+  EXPECT_EQ(sent, uses_proxy() ? 36 : 0);
+  EXPECT_EQ(refused, uses_proxy() ? 0 : 36);
   for (Client& client : old) EXPECT_EQ(client.distances().rows(), 6u);
   open.clear();
   expect_service();
@@ -186,7 +186,7 @@ TEST_P(Doorman, NobodyWaitsForDescriptorsOfOthers) {
   lingering_.end();
 }
 
-TEST_P(Doorman, ClientsComeAndGo) {
+TEST_P(FdFilterProxy, ClientsComeAndGo) {
   const auto descriptors = [&] {
     int count = 0;
     for ([[maybe_unused]] const auto& entry :
@@ -224,7 +224,7 @@ TEST_P(Doorman, ClientsComeAndGo) {
     std::this_thread::yield();  // all but those of the last ones: nothing is left behind
 }
 
-INSTANTIATE_TEST_SUITE_P(Both, Doorman, testing::Values("off", "on"),
+INSTANTIATE_TEST_SUITE_P(Both, FdFilterProxy, testing::Values("off", "on"),
                          [](const auto& of) { return std::string(of.param) == "on" ? "Doorman" : "Kernel"; });
 
 }  // namespace

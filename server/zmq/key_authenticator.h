@@ -6,14 +6,14 @@
 #include <memory>
 #include <string>
 
-#include "server/access/key_ring.h"
+#include "server/access/authorized_keys.h"
 #include "server/requests/transport.h"
 
 namespace clearance {
 
-class KeyDesk {
+class KeyAuthenticator {
  public:
-  explicit KeyDesk(std::shared_ptr<KeyRing> keys) : keys_(std::move(keys)) {}
+  explicit KeyAuthenticator(std::shared_ptr<AuthorizedKeys> keys) : keys_(std::move(keys)) {}
 
   /// Whether a key may come in, by the list as it is now. Both are texts that others chose.
   bool admits(Inbox& inbox, const std::string& address, const std::string& key);
@@ -26,7 +26,7 @@ class KeyDesk {
  private:
   void refresh();
 
-  std::shared_ptr<KeyRing> keys_;
+  std::shared_ptr<AuthorizedKeys> keys_;
   std::chrono::steady_clock::time_point next_line_{}, next_look_{};
   std::uint64_t unsaid_ = 0;
 };

@@ -1,4 +1,4 @@
-#include "server/zmq/key_desk.h"
+#include "server/zmq/key_authenticator.h"
 
 #include <stdexcept>
 #include <utility>
@@ -13,9 +13,9 @@ constexpr auto kReadKeysEvery = std::chrono::seconds(1);
 
 }  // namespace
 
-bool KeyDesk::admits(Inbox& inbox, const std::string& address, const std::string& key) {
+bool KeyAuthenticator::admits(Inbox& inbox, const std::string& address, const std::string& key) {
   refresh();
-  const KeyRing::Entry* entry = keys_->find(key);
+  const AuthorizedKeys::Entry* entry = keys_->find(key);
   if (!entry) {
     refused(inbox,
             "reason=\"this key is not authorized\" address=" + log_text(address) + " key=\"" + log_text(key) + "\"");
@@ -27,7 +27,7 @@ bool KeyDesk::admits(Inbox& inbox, const std::string& address, const std::string
   return true;
 }
 
-void KeyDesk::refused(Inbox& inbox, const std::string& what) {
+void KeyAuthenticator::refused(Inbox& inbox, const std::string& what) {
   ++inbox.counter("zmq.refused");
   const auto now = std::chrono::steady_clock::now();
   if (now < next_line_) {
@@ -38,14 +38,14 @@ void KeyDesk::refused(Inbox& inbox, const std::string& what) {
   log::warn("event=zmq_refused more={} {}", std::exchange(unsaid_, 0), what);
 }
 
-void KeyDesk::tick() {
+void KeyAuthenticator::tick() {
   const auto now = std::chrono::steady_clock::now();
   if (now < next_look_) return;
   next_look_ = now + kReadKeysEvery;
   refresh();
 }
 
-void KeyDesk::refresh() {
+void KeyAuthenticator::refresh() {
   try {
     if (keys_->refresh()) log::info("event=keys_read keys={}", keys_->size());
   } catch (const std::runtime_error& error) {

@@ -1,4 +1,4 @@
-#include "server/access/key_ring.h"
+#include "server/access/authorized_keys.h"
 
 #include <unistd.h>
 
@@ -29,29 +29,29 @@ struct stat status_of_guarded(const std::string& path) {
 
 }  // namespace
 
-KeyRing::KeyRing(const std::string& folder) : list_(folder + "/authorized") {
+AuthorizedKeys::AuthorizedKeys(const std::string& folder) : list_(folder + "/authorized") {
   status_of_guarded(folder);
   own_ = read_key_pair(folder + "/server.key");
   seen_ = status_of_guarded(list_);
   entries_ = read();
 }
 
-const KeyRing::Entry* KeyRing::find(const std::string& public_key) const {
+const AuthorizedKeys::Entry* AuthorizedKeys::find(const std::string& public_key) const {
   const auto found = entries_.find(public_key);
   return found == entries_.end() ? nullptr : &found->second;
 }
 
-bool KeyRing::has_control() const {
+bool AuthorizedKeys::has_control() const {
   return std::any_of(entries_.begin(), entries_.end(),
                      [](const auto& entry) { return entry.second.rights & kControl; });
 }
 
-Rights KeyRing::rights_of(const std::string& public_key) const {
+Rights AuthorizedKeys::rights_of(const std::string& public_key) const {
   const Entry* entry = find(public_key);
   return entry ? entry->rights : 0;
 }
 
-bool KeyRing::refresh() {
+bool AuthorizedKeys::refresh() {
   struct stat now{};
   if (stat(list_.c_str(), &now) != 0) now = {};
   if (same_file(now, seen_)) return false;
@@ -61,7 +61,7 @@ bool KeyRing::refresh() {
   return true;
 }
 
-KeyRing::Entries KeyRing::read() const {
+AuthorizedKeys::Entries AuthorizedKeys::read() const {
   std::ifstream in(list_);
   if (!in) throw std::runtime_error(list_ + ": " + std::strerror(errno));
   Entries entries;

@@ -16,7 +16,7 @@
 
 namespace clearance {
 
-class KeyRing {
+class AuthorizedKeys {
  public:
   struct Entry {
     Rights rights = 0;
@@ -24,7 +24,7 @@ class KeyRing {
   };
 
   /// Throws std::runtime_error naming file, line and cause; also if others may read the secret key or change the list.
-  explicit KeyRing(const std::string& folder);
+  explicit AuthorizedKeys(const std::string& folder);
 
   const KeyPair& own() const { return own_; }
   /// Null: this key is not known.

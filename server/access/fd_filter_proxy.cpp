@@ -1,4 +1,4 @@
-#include "server/access/doorman.h"
+#include "server/access/fd_filter_proxy.h"
 
 #include <poll.h>
 #include <pthread.h>
