@@ -120,7 +120,7 @@ bool Loop::turn() {
   if (stats_.are_wanted()) stats_.hand_out(all_counters());
   worked |= poll_in_memory();
   if (!held_.empty())
-    worked |= held_.release(*engine_, turn_began_, [this](HeldQuery held) { begin_held(std::move(held)); });
+    worked |= held_.release(*engine_, turn_began_, [this](DeferredQuery held) { begin_held(std::move(held)); });
   if (poses_changed_ || turn_began_ >= next_tick_) tick();
   worked |= work_for_a_slice();
   worked |= poll_by_system_call();  // after the work, so that no request in memory waits for it

@@ -2,7 +2,7 @@
 //
 // What happens between a request and its answer has owners of its own: whose turn it is (scheduler.h), who works on
 // what is too dear for the loop (worker.h), what each client may have under way (quotas.h), queries that wait for poses
-// (held_queries.h), changes of the scene (scene_changes.h), replies and errors (answers.h), figures (stats.h). The loop
+// (deferred_queries.h), changes of the scene (scene_changes.h), replies and errors (answers.h), figures (stats.h). The loop
 // hands requests to them; they know nothing of transports.
 //
 // Between two looks at the transports the loop does a bounded number of units of work (engine/narrow/work_meter.h;
@@ -31,7 +31,7 @@
 #include "server/requests/transport.h"
 #include "server/tasks/dear_request.h"
 #include "server/tasks/device_plans.h"
-#include "server/tasks/held_queries.h"
+#include "server/tasks/deferred_queries.h"
 #include "server/tasks/running_query.h"
 #include "server/tasks/scheduler.h"
 #include "server/tasks/worker.h"
@@ -126,7 +126,7 @@ class Loop final : public Inbox {
                    std::unique_ptr<ReplySink>& sink);
   void begin_query(const wire::FrameHeader& header, const wire::QueryParts& parts, std::span<const std::byte> payload,
                    std::unique_ptr<ReplySink>& sink, Clock::time_point received);
-  void begin_held(HeldQuery held);
+  void begin_held(DeferredQuery held);
   void begin_elsewhere(std::unique_ptr<RunningQuery> query, std::function<OwnPayload()> fetch,
                        std::uint64_t payload_bytes, const Extent& extent, std::unique_ptr<ReplySink>& sink);
   std::unique_ptr<RunningQuery> new_query(const wire::FrameHeader& header, const ReplySink& sink, ServiceClass service,
@@ -196,7 +196,7 @@ class Loop final : public Inbox {
   Quotas quotas_{options_};
   Forecast forecast_;
   Scheduler small_{std::min<std::chrono::nanoseconds>(options_.slice, kEnough)};  // what the loop itself works on
-  HeldQueries held_;
+  DeferredQueries held_;
   PointsLedger points_{options_};
   DevicePlans plans_{options_};
   SceneChanges scenes_{engine_, answers_, stats_, quotas_, options_};

@@ -135,7 +135,7 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   answers_.check_epoch(header, parts.epoch);
   const QueryOptions& asked = parts.options;
   stats_.records_ignored += parts.passed_over.size();
-  if (asked.min_pose_stamp_ns == 0 || HeldQueries::poses_are_there(*engine_, header, asked))
+  if (asked.min_pose_stamp_ns == 0 || DeferredQueries::poses_are_there(*engine_, header, asked))
     return begin_query(header, parts, payload, sink, turn_began_);
   const QueryView query = view_of(parts, header.scene_revision);
   if (is_small(engine_->extent(query))) engine_->size(query);  // what is wrong with it is said at once
@@ -145,19 +145,19 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
 /// Holds a query until its poses are there; false: they are.
 bool Loop::hold(const FrameHeader& header, ServiceClass service, const QueryOptions& asked, const OwnPayload& payload,
                 std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
-  if (HeldQueries::poses_are_there(*engine_, header, asked)) return false;
+  if (DeferredQueries::poses_are_there(*engine_, header, asked)) return false;
   held_.hold(header, service, asked, payload, sink, quotas_, *engine_, received);
   ++stats_["queries.held_back"];
   return true;
 }
 
-void Loop::begin_held(HeldQuery held) {
+void Loop::begin_held(DeferredQuery held) {
   std::unique_ptr<ReplySink> sink = std::move(held.asked.sink);
   ReplySink& way_back = *sink;  // lives on with the query
   const FrameHeader& header = held.asked.header;
   held.asked.share.give_back();
   answers_.guard(way_back, header, [&] {
-    if (!HeldQueries::poses_are_there(*engine_, header, held.query)) throw poses_late(held.query, true);
+    if (!DeferredQueries::poses_are_there(*engine_, header, held.query)) throw poses_late(held.query, true);
     const auto fetch = [payload = held.payload] { return payload; };
     if (held.payload.bytes > kLargePayload)
       return begin_elsewhere(new_query(header, *sink, held.service, held.received, held.received), fetch,

@@ -11,7 +11,7 @@ namespace {
 using wire::ErrorCode;
 using wire::FrameType;
 
-class HeldQueries : public LoopTest {
+class DeferredQueries : public LoopTest {
  protected:
   static TestQuery waiting_query(std::int64_t stamp_ns, std::chrono::nanoseconds wait,
                                  std::uint32_t wait_for = kEveryBody) {
@@ -32,7 +32,7 @@ class HeldQueries : public LoopTest {
   }
 };
 
-TEST_F(HeldQueries, BeginOnceThePosesAreThereAndHoldUpNobody) {
+TEST_F(DeferredQueries, BeginOnceThePosesAreThereAndHoldUpNobody) {
   start(small_scene());
   move(1, 90, 7);
   transport_->send(a_, waiting_query(100, 10s).frame(1));
@@ -57,7 +57,7 @@ TEST_F(HeldQueries, BeginOnceThePosesAreThereAndHoldUpNobody) {
   EXPECT_EQ(ask(a_, waiting_query(100, 0s)).snapshot_stamp_ns(), 100) << "who finds them there does not wait";
 }
 
-TEST_F(HeldQueries, AreLetGoOfThoughAnotherIsHeldInTheTurnInWhichThePosesCame) {
+TEST_F(DeferredQueries, AreLetGoOfThoughAnotherIsHeldInTheTurnInWhichThePosesCame) {
   start(small_scene());
   transport_->send(a_, waiting_query(100, 10s).frame(1));
   turn_until_idle();
@@ -76,7 +76,7 @@ TEST_F(HeldQueries, AreLetGoOfThoughAnotherIsHeldInTheTurnInWhichThePosesCame) {
   EXPECT_TRUE(b_.replies.empty());
 }
 
-TEST_F(HeldQueries, AreRefusedWhenTimeIsUp) {
+TEST_F(DeferredQueries, AreRefusedWhenTimeIsUp) {
   start(small_scene());
   transport_->send(a_, waiting_query(100, 0s).frame(1));
   loop_->turn();
@@ -94,7 +94,7 @@ TEST_F(HeldQueries, AreRefusedWhenTimeIsUp) {
   EXPECT_EQ(loop_->counter("errors.poses_late"), 2u);
 }
 
-TEST_F(HeldQueries, ASleepingLoopWakesWhenTimeIsUp) {
+TEST_F(DeferredQueries, ASleepingLoopWakesWhenTimeIsUp) {
   Loop::Options options;
   options.spin = 0ns;
   options.tick = 1h;  // nothing else would wake it
@@ -107,7 +107,7 @@ TEST_F(HeldQueries, ASleepingLoopWakesWhenTimeIsUp) {
   EXPECT_EQ(refusal(a_).first, ErrorCode::kPosesLate);
 }
 
-TEST_F(HeldQueries, WaitForABodyAGroupOrAll) {
+TEST_F(DeferredQueries, WaitForABodyAGroupOrAll) {
   start(small_scene());
   constexpr std::uint32_t kCup = 1, kLink1 = 2, kLink2 = 3, kArm = kGroupBit | 0u;
   const auto is_there = [this](std::uint32_t who, std::int64_t stamp_ns) {
@@ -127,7 +127,7 @@ TEST_F(HeldQueries, WaitForABodyAGroupOrAll) {
   EXPECT_TRUE(is_there(kEveryBody, 50));
 }
 
-TEST_F(HeldQueries, WhatIsWrongIsSaidAtOnce) {
+TEST_F(DeferredQueries, WhatIsWrongIsSaidAtOnce) {
   start(small_scene());
   TestQuery query = waiting_query(100, 10s);
   query.pairs = {{1, 1}};
@@ -142,7 +142,7 @@ TEST_F(HeldQueries, WhatIsWrongIsSaidAtOnce) {
             "query: pose_wait_ns is for a query with min_pose_stamp_ns");
 }
 
-TEST_F(HeldQueries, CountAsUnderWayUntilTheirClientIsGone) {
+TEST_F(DeferredQueries, CountAsUnderWayUntilTheirClientIsGone) {
   Loop::Options options;
   options.max_waiting_per_client = 2;
   options.tick = 0s;
@@ -160,7 +160,7 @@ TEST_F(HeldQueries, CountAsUnderWayUntilTheirClientIsGone) {
   EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "it may ask again";
 }
 
-TEST_F(HeldQueries, CountAmongTheBytesOfTheirClientAndOfAll) {
+TEST_F(DeferredQueries, CountAmongTheBytesOfTheirClientAndOfAll) {
   const std::vector<std::byte> frame = waiting_query(100, 10s).frame(1);
   const std::uint64_t bytes = frame.size() - sizeof(wire::FrameHeader);
   Loop::Options options;

@@ -14,7 +14,7 @@
 
 namespace clearance {
 
-struct HeldQuery {
+struct DeferredQuery {
   PendingRequest asked;
   ServiceClass service;
   QueryOptions query;
@@ -22,7 +22,7 @@ struct HeldQuery {
   std::chrono::steady_clock::time_point received, deadline;
 };
 
-class HeldQueries {
+class DeferredQueries {
  public:
   using Clock = std::chrono::steady_clock;
 
@@ -39,13 +39,13 @@ class HeldQueries {
   void hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query, OwnPayload payload,
             std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine, Clock::time_point received);
   /// Lets go of those whose poses are there, whose scene is another or whose time is up, in the order in which they
-  /// came and a few at a time: `release(HeldQuery)`. Returns whether there were any.
+  /// came and a few at a time: `release(DeferredQuery)`. Returns whether there were any.
   template <class Release>
   bool release(const Engine& engine, Clock::time_point now, Release release) {
     part(engine, now);
     const bool any = !over_.empty();
     for (int i = 0; i < kReleasedAtATime && !over_.empty(); ++i) {
-      HeldQuery held = std::move(over_.front());
+      DeferredQuery held = std::move(over_.front());
       over_.pop_front();
       release(std::move(held));
     }
@@ -58,8 +58,8 @@ class HeldQueries {
   static constexpr int kReleasedAtATime = 16;
   void part(const Engine& engine, Clock::time_point now);
 
-  std::vector<HeldQuery> held_;
-  std::deque<HeldQuery> over_;            // that need not wait any longer
+  std::vector<DeferredQuery> held_;
+  std::deque<DeferredQuery> over_;            // that need not wait any longer
   std::uint64_t looked_at_revision_ = 0;  // of the poses
   Clock::time_point deadline_ = Clock::time_point::max();
 };

@@ -1,4 +1,4 @@
-#include "server/tasks/held_queries.h"
+#include "server/tasks/deferred_queries.h"
 
 #include <algorithm>
 #include <array>
@@ -38,7 +38,7 @@ std::int64_t wait_of(const QueryOptions& query) {
 }
 
 /// Whether a query need not wait any longer.
-bool is_over(const HeldQuery& held, const Engine& engine, Reached& reached, HeldQueries::Clock::time_point now) {
+bool is_over(const DeferredQuery& held, const Engine& engine, Reached& reached, DeferredQueries::Clock::time_point now) {
   if (now >= held.deadline) return true;
   try {
     return is_reached(reached, engine, held.asked.header, held.query);
@@ -59,18 +59,18 @@ Refusal poses_late(const QueryOptions& query, bool waited) {
   return {wire::ErrorCode::kPosesLate, poses + "came within " + std::to_string(ms) + " ms"};
 }
 
-bool HeldQueries::poses_are_there(const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query) {
+bool DeferredQueries::poses_are_there(const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query) {
   Reached reached(engine);
   return is_reached(reached, engine, request, query);
 }
 
-void HeldQueries::hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query,
+void DeferredQueries::hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query,
                        OwnPayload payload, std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine,
                        Clock::time_point received) {
   if (query.pose_wait_ns == 0) throw poses_late(query, false);
   const std::uint64_t client = sink->client();
   quotas.check_bytes(client, service, payload.bytes, sink->unsent_bytes());
-  HeldQuery held{{nullptr, request, quotas.take(client, service, payload.bytes)},
+  DeferredQuery held{{nullptr, request, quotas.take(client, service, payload.bytes)},
                  service,
                  query,
                  std::move(payload),
@@ -83,21 +83,21 @@ void HeldQueries::hold(const wire::FrameHeader& request, ServiceClass service, c
 }
 
 /// Takes those that are over from the others.
-void HeldQueries::part(const Engine& engine, Clock::time_point now) {
+void DeferredQueries::part(const Engine& engine, Clock::time_point now) {
   const std::uint64_t revision = engine.pose_revision();
   if (revision == looked_at_revision_ && now < deadline_) return;
   looked_at_revision_ = revision;
   Reached reached(engine);
   const auto first = std::stable_partition(held_.begin(), held_.end(),
-                                           [&](const HeldQuery& held) { return !is_over(held, engine, reached, now); });
+                                           [&](const DeferredQuery& held) { return !is_over(held, engine, reached, now); });
   over_.insert(over_.end(), std::make_move_iterator(first), std::make_move_iterator(held_.end()));
   held_.erase(first, held_.end());
   deadline_ = Clock::time_point::max();
-  for (const HeldQuery& held : held_) deadline_ = std::min(deadline_, held.deadline);
+  for (const DeferredQuery& held : held_) deadline_ = std::min(deadline_, held.deadline);
 }
 
-std::size_t HeldQueries::drop_gone() {
-  const auto is_gone = [](const HeldQuery& held) { return !held.asked.sink->alive(); };
+std::size_t DeferredQueries::drop_gone() {
+  const auto is_gone = [](const DeferredQuery& held) { return !held.asked.sink->alive(); };
   const auto dropped = std::erase_if(held_, is_gone) + std::erase_if(over_, is_gone);
   if (held_.empty()) deadline_ = Clock::time_point::max();
   return dropped;
