@@ -29,7 +29,7 @@
 #include "server/limits/quotas.h"
 #include "server/requests/answers.h"
 #include "server/requests/transport.h"
-#include "server/tasks/dear_request.h"
+#include "server/tasks/background_request.h"
 #include "server/tasks/device_plans.h"
 #include "server/tasks/deferred_queries.h"
 #include "server/tasks/running_query.h"
@@ -139,8 +139,8 @@ class Loop final : public Inbox {
             std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   bool is_small(const Extent& extent) const;
   void reply_elsewhere(const wire::FrameHeader& header, std::uint64_t bytes, wire::FrameType type,
-                       DearRequest::Make make, std::unique_ptr<ReplySink>& sink, DearRequest::Done done = nullptr);
-  DearRequest::Done count_later(std::shared_ptr<const std::uint64_t> ignored);
+                       BackgroundRequest::Make make, std::unique_ptr<ReplySink>& sink, BackgroundRequest::Done done = nullptr);
+  BackgroundRequest::Done count_later(std::shared_ptr<const std::uint64_t> ignored);
   void echo_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
                       std::unique_ptr<ReplySink>& sink);
   void list_pairs(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,

@@ -41,8 +41,8 @@ void Loop::open_plan(const FrameHeader& header, std::function<OwnPayload()> fetc
   };
   PendingRequest asked{nullptr, header, quotas_.take(client, service, bytes)};
   asked.sink = std::move(sink);
-  plan_worker_.add(std::make_unique<DearRequest>(answers_, std::move(asked), service, FrameType::kPlan, turn_began_,
-                                                 make, done, DearRequest::Weight::kLight));
+  plan_worker_.add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, FrameType::kPlan, turn_began_,
+                                                 make, done, BackgroundRequest::Weight::kLight));
 }
 
 void Loop::run_plan(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
@@ -74,8 +74,8 @@ void Loop::run_plan(const FrameHeader& header, std::span<const std::byte> payloa
   };
   asked.sink = std::move(sink);
   open.is_running = true;
-  run_worker_.add(std::make_unique<DearRequest>(answers_, std::move(asked), service, FrameType::kPlanDone, turn_began_,
-                                                make, done, DearRequest::Weight::kLight));
+  run_worker_.add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, FrameType::kPlanDone, turn_began_,
+                                                make, done, BackgroundRequest::Weight::kLight));
 }
 
 wire::PlanResult Loop::close_plan(std::span<const std::byte> payload, std::uint64_t client) {

@@ -206,14 +206,14 @@ void Loop::begin_elsewhere(std::unique_ptr<RunningQuery> query, std::function<Ow
 }
 
 /// Has the worker make a reply's payload. \param bytes of the request
-void Loop::reply_elsewhere(const FrameHeader& header, std::uint64_t bytes, FrameType type, DearRequest::Make make,
-                           std::unique_ptr<ReplySink>& sink, DearRequest::Done done) {
+void Loop::reply_elsewhere(const FrameHeader& header, std::uint64_t bytes, FrameType type, BackgroundRequest::Make make,
+                           std::unique_ptr<ReplySink>& sink, BackgroundRequest::Done done) {
   const ServiceClass service = class_for(*sink, kDefaultOptions);
   quotas_.check_requests(sink->client());
   quotas_.check_bytes(sink->client(), service, bytes, sink->unsent_bytes());
   PendingRequest asked{nullptr, header, quotas_.take(sink->client(), service, bytes)};
   asked.sink = std::move(sink);
-  worker_of(service).add(std::make_unique<DearRequest>(answers_, std::move(asked), service, type, turn_began_,
+  worker_of(service).add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, type, turn_began_,
                                                        std::move(make), std::move(done)));
 }
 
@@ -248,7 +248,7 @@ void Loop::certify(const FrameHeader& header, std::function<OwnPayload()> fetch,
 }
 
 /// Counts records that whoever works has ignored, on the loop.
-DearRequest::Done Loop::count_later(std::shared_ptr<const std::uint64_t> ignored) {
+BackgroundRequest::Done Loop::count_later(std::shared_ptr<const std::uint64_t> ignored) {
   return [this, ignored](bool) {
     stats_.records_ignored += *ignored;
     return true;

@@ -172,7 +172,7 @@ void Loop::set_points_elsewhere(const FrameHeader& header, std::function<OwnPayl
   points_.begin(client, count);
   PendingRequest asked{nullptr, header, quotas_.take(client, service, bytes)};
   asked.sink = std::move(sink);
-  points_worker_.add(std::make_unique<DearRequest>(answers_, std::move(asked), service, FrameType::kPosesDone,
+  points_worker_.add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, FrameType::kPosesDone,
                                                    turn_began_, make, done));
 }
 

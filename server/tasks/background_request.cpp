@@ -1,4 +1,4 @@
-#include "server/tasks/dear_request.h"
+#include "server/tasks/background_request.h"
 
 #include <algorithm>
 #include <cstring>
@@ -13,7 +13,7 @@ constexpr std::uint64_t kBytesAtOnce = 256 << 10;
 
 }  // namespace
 
-bool DearRequest::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
+bool BackgroundRequest::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
   if (step_ == Step::kMake) {
     bool is_made = true;
     failure_ = Answers::refusal_of(asked_.header, [&] {
@@ -39,7 +39,7 @@ bool DearRequest::advance(std::chrono::nanoseconds budget, Clock::time_point& no
   return true;
 }
 
-bool DearRequest::copy(Clock::time_point end) {
+bool BackgroundRequest::copy(Clock::time_point end) {
   while (copied_ < payload_.size()) {
     const std::uint64_t some = std::min(kBytesAtOnce, payload_.size() - copied_);
     std::memcpy(frame_ + sizeof(wire::FrameHeader) + copied_, payload_.data() + copied_, some);
@@ -50,17 +50,17 @@ bool DearRequest::copy(Clock::time_point end) {
   return true;
 }
 
-void DearRequest::let_go() {
+void BackgroundRequest::let_go() {
   make_ = nullptr;
   payload_ = {};
 }
 
-void DearRequest::look() {
+void BackgroundRequest::look() {
   // Poses that were sent are taken, whether or not anybody waits for the reply.
   gone_.store(type_ != wire::FrameType::kPosesDone && !asked_.sink->alive(), std::memory_order_relaxed);
 }
 
-bool DearRequest::settle() {
+bool BackgroundRequest::settle() {
   if (step_ == Step::kOver) return true;
   if (step_ == Step::kRoom && done_ && !done_(!failure_)) {
     step_ = Step::kMake;

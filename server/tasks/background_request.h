@@ -12,7 +12,7 @@
 
 namespace clearance {
 
-class DearRequest final : public ScheduledQuery {
+class BackgroundRequest final : public ScheduledQuery {
  public:
   /// Reads the request and makes the reply's payload within about `budget`; throws what it is refused for. None: it
   /// wants to be called once more. On the thread that works.
@@ -24,7 +24,7 @@ class DearRequest final : public ScheduledQuery {
   /// made.
   enum class Weight { kHeavy, kLight };
 
-  DearRequest(Answers& answers, PendingRequest asked, ServiceClass service, wire::FrameType type,
+  BackgroundRequest(Answers& answers, PendingRequest asked, ServiceClass service, wire::FrameType type,
               Clock::time_point received, Make make, Done done = nullptr, Weight weight = Weight::kHeavy)
       : ScheduledQuery(asked.sink->client(), service, received),
         answers_(answers),
