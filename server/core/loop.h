@@ -32,7 +32,7 @@
 #include "server/tasks/background_request.h"
 #include "server/tasks/device_plans.h"
 #include "server/tasks/deferred_queries.h"
-#include "server/tasks/running_query.h"
+#include "server/tasks/query_task.h"
 #include "server/tasks/scheduler.h"
 #include "server/tasks/worker.h"
 #include "wire/shm_os.h"
@@ -49,7 +49,7 @@ class Loop final : public Inbox {
 
   struct Options : Quotas::Limits,
                    SceneChanges::Limits,
-                   RunningQuery::Limits,
+                   QueryTask::Limits,
                    PointsLedger::Limits,
                    PlanLedger::Limits {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
@@ -127,9 +127,9 @@ class Loop final : public Inbox {
   void begin_query(const wire::FrameHeader& header, const wire::QueryParts& parts, std::span<const std::byte> payload,
                    std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   void begin_held(DeferredQuery held);
-  void begin_elsewhere(std::unique_ptr<RunningQuery> query, std::function<OwnPayload()> fetch,
+  void begin_elsewhere(std::unique_ptr<QueryTask> query, std::function<OwnPayload()> fetch,
                        std::uint64_t payload_bytes, const Extent& extent, std::unique_ptr<ReplySink>& sink);
-  std::unique_ptr<RunningQuery> new_query(const wire::FrameHeader& header, const ReplySink& sink, ServiceClass service,
+  std::unique_ptr<QueryTask> new_query(const wire::FrameHeader& header, const ReplySink& sink, ServiceClass service,
                                           Clock::time_point received, Clock::time_point due);
   ServiceClass class_for(const ReplySink& sink, const QueryOptions& asked) const;
   Worker& worker_of(ServiceClass service) {
@@ -217,7 +217,7 @@ class Loop final : public Inbox {
   int wakes_for_nothing_ = 0;
   std::uint64_t units_before_ = 0;  // the section that is under way
   std::atomic<bool> stopping_{false};
-  RunningQuery::Daemon daemon_{
+  QueryTask::Daemon daemon_{
       answers_,
       quotas_,
       stats_,

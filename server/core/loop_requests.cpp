@@ -8,7 +8,7 @@
 #include "server/requests/request_payload.h"
 #include "server/tasks/certificate_request.h"
 #include "server/tasks/pair_listing.h"
-#include "server/tasks/running_query.h"
+#include "server/tasks/query_task.h"
 #include "wire/aligned_buffer.h"
 
 namespace clearance {
@@ -188,9 +188,9 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
   small_.add(std::move(query));
 }
 
-std::unique_ptr<RunningQuery> Loop::new_query(const FrameHeader& header, const ReplySink& sink, ServiceClass service,
+std::unique_ptr<QueryTask> Loop::new_query(const FrameHeader& header, const ReplySink& sink, ServiceClass service,
                                               Clock::time_point received, Clock::time_point due) {
-  return std::make_unique<RunningQuery>(daemon_, sink.client(), service, header, engine_, received, due);
+  return std::make_unique<QueryTask>(daemon_, sink.client(), service, header, engine_, received, due);
 }
 
 /// A query may ask for less than its client has. Behind its client's poses it goes where they went.
@@ -199,7 +199,7 @@ ServiceClass Loop::class_for(const ReplySink& sink, const QueryOptions& asked) c
   return asked.as_planning ? ServiceClass::kPlanning : sink.service_class();
 }
 
-void Loop::begin_elsewhere(std::unique_ptr<RunningQuery> query, std::function<OwnPayload()> fetch,
+void Loop::begin_elsewhere(std::unique_ptr<QueryTask> query, std::function<OwnPayload()> fetch,
                            std::uint64_t payload_bytes, const Extent& extent, std::unique_ptr<ReplySink>& sink) {
   query->begin_elsewhere(std::move(fetch), payload_bytes, extent.listed, sink);
   worker_of(query->service_class()).add(std::move(query));

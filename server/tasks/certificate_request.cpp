@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "server/tasks/running_query.h"
+#include "server/tasks/query_task.h"
 
 namespace clearance {
 

@@ -54,7 +54,7 @@ class PlanOpening {
  public:
   /// \param answers, limits must outlive this. \param fetch brings the request's payload. \param free has a plan freed
   /// where that holds up nobody; from any thread
-  PlanOpening(const Answers& answers, const RunningQuery::Limits& limits, std::shared_ptr<const Engine> engine,
+  PlanOpening(const Answers& answers, const QueryTask::Limits& limits, std::shared_ptr<const Engine> engine,
               const wire::FrameHeader& request, std::function<OwnPayload()> fetch, PlanLedger::Share share,
               std::function<void(std::shared_ptr<void>)> free)
       : answers_(answers),
@@ -72,7 +72,7 @@ class PlanOpening {
 
  private:
   const Answers& answers_;
-  const RunningQuery::Limits& limits_;
+  const QueryTask::Limits& limits_;
   std::shared_ptr<const Engine> engine_;
   wire::FrameHeader request_;
   std::function<OwnPayload()> fetch_;

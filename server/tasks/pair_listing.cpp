@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "engine/narrow/work_meter.h"
-#include "server/tasks/running_query.h"
+#include "server/tasks/query_task.h"
 
 namespace clearance {
 namespace {

@@ -38,7 +38,7 @@ auto on_device(Work work) {
 
 }  // namespace
 
-SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const RunningQuery::Limits& limits,
+SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryTask::Limits& limits,
                        PlanLedger::Share share)
     : engine_(std::move(engine)),
       share_(std::move(share)),

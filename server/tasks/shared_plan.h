@@ -11,7 +11,7 @@
 #include "engine/device/shared_memory.h"
 #include "engine/engine.h"
 #include "server/limits/plan_ledger.h"
-#include "server/tasks/running_query.h"
+#include "server/tasks/query_task.h"
 
 namespace clearance {
 
@@ -20,7 +20,7 @@ class SharedPlan {
  public:
   /// Throws a Refusal or a QueryError. \param engine is kept: with its scene. \param query without configurations, but
   /// for how many they are
-  SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const RunningQuery::Limits& limits,
+  SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryTask::Limits& limits,
              PlanLedger::Share share);
   SharedPlan(const SharedPlan&) = delete;
   SharedPlan& operator=(const SharedPlan&) = delete;

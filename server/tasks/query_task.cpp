@@ -1,4 +1,4 @@
-#include "server/tasks/running_query.h"
+#include "server/tasks/query_task.h"
 
 #include <algorithm>
 #include <cstring>
@@ -80,14 +80,14 @@ std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vect
   return std::as_bytes(std::span(room)).first(payload.size());
 }
 
-void RunningQuery::Limits::check(const Extent& extent) const {
+void QueryTask::Limits::check(const Extent& extent) const {
   if (const std::uint64_t pieces = extent.piece_pairs; pieces > max_piece_pairs)
     throw Refusal{wire::ErrorCode::kTooLarge, "the pairs that this query names have " + std::to_string(pieces) +
                                                   " pairs of pieces, more than the " + std::to_string(max_piece_pairs) +
                                                   " that one query may ask about (limit max-piece-pairs): split it"};
 }
 
-void RunningQuery::Limits::check(const QuerySize& size) const {
+void QueryTask::Limits::check(const QuerySize& size) const {
   if (size.pairs && size.configurations > max_pairs / size.pairs)
     throw Refusal{wire::ErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations of " +
                                                   std::to_string(size.pairs) + " pairs are more than the " +
@@ -95,7 +95,7 @@ void RunningQuery::Limits::check(const QuerySize& size) const {
                                                   " that one query may ask about (limit max-pairs): split it"};
 }
 
-void RunningQuery::take_options(const QueryOptions& options, const Extent& extent) {
+void QueryTask::take_options(const QueryOptions& options, const Extent& extent) {
   options_ = options;
   extent_ = extent;
   options_settled_ = true;
@@ -107,11 +107,11 @@ void RunningQuery::take_options(const QueryOptions& options, const Extent& exten
                          std::chrono::nanoseconds(options.deadline_ns));
 }
 
-void RunningQuery::check_deadline(Clock::time_point now) const {
+void QueryTask::check_deadline(Clock::time_point now) const {
   if (now >= deadline_) throw deadline_passed(std::chrono::nanoseconds(options_.deadline_ns), in_engine_);
 }
 
-void RunningQuery::begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes,
+void QueryTask::begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes,
                               std::unique_ptr<ReplySink>& sink) {
   worked_ = Clock::now();
   const auto begun = worked_;
@@ -127,7 +127,7 @@ void RunningQuery::begin_here(const wire::QueryParts& parts, std::uint64_t paylo
   asked_.sink = std::move(sink);  // now that nothing can fail any more
 }
 
-void RunningQuery::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
+void QueryTask::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
                                    std::uint64_t listed_pairs, std::unique_ptr<ReplySink>& sink) {
   const std::uint64_t bytes = payload_bytes + std::min(listed_pairs, kMostListed) * sizeof(BodyPair);
   daemon_.quotas.check_bytes(client(), service_class(), bytes, sink->unsent_bytes());
@@ -137,7 +137,7 @@ void RunningQuery::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint6
   asked_.sink = std::move(sink);
 }
 
-bool RunningQuery::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
+bool QueryTask::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
   failure_ = Answers::refusal_of(asked_.header, [&] {
     check_deadline(now);
     if (step_ == Step::kPrepare) {
@@ -159,7 +159,7 @@ bool RunningQuery::advance(std::chrono::nanoseconds budget, Clock::time_point& n
   return failure_ || (step_ != Step::kList && step_ != Step::kRun) || on_loop_;
 }
 
-void RunningQuery::let_go() {
+void QueryTask::let_go() {
   fetch_ = nullptr;
   prepared_.reset();
   job_.reset();
@@ -170,7 +170,7 @@ void RunningQuery::let_go() {
 }
 
 /// Only before it has room for its reply, to which somebody may be writing: then it ends with its slice.
-void RunningQuery::expire() {
+void QueryTask::expire() {
   if (frame_ || is_ended_) return;
   daemon_.answers.refuse(*asked_.sink, asked_.header,
                          deadline_passed(std::chrono::nanoseconds(options_.deadline_ns), std::chrono::nanoseconds(0)));
@@ -179,12 +179,12 @@ void RunningQuery::expire() {
 }
 
 /// Nobody waits for it any more: once more to whoever works, who frees what there is.
-void RunningQuery::end() {
+void QueryTask::end() {
   is_ended_ = true;
   step_ = Step::kOver;
 }
 
-bool RunningQuery::settle() {
+bool QueryTask::settle() {
   if (step_ == Step::kOver) return true;
   if (is_ended_) {
     end();
@@ -216,7 +216,7 @@ bool RunningQuery::settle() {
 }
 
 /// Begins anew at once if the poses are there that it waits for, else when they are.
-void RunningQuery::settle_options() {
+void QueryTask::settle_options() {
   if (options_.as_planning) set_service_class(ServiceClass::kPlanning);
   asked_.share.give_back();  // what is held has its own
   if (options_.min_pose_stamp_ns != 0 &&
@@ -228,7 +228,7 @@ void RunningQuery::settle_options() {
 }
 
 /// What came with the request.
-void RunningQuery::read() {
+void QueryTask::read() {
   if (fetch_) payload_ = std::exchange(fetch_, nullptr)();
   const wire::QueryParts parts = wire::parse_query(asked_.header, aligned(payload_.span(), aligned_));
   daemon_.answers.check_epoch(asked_.header, parts.epoch);
@@ -243,7 +243,7 @@ void RunningQuery::read() {
   step_ = Step::kList;
 }
 
-void RunningQuery::prepare(const wire::QueryParts& parts) {
+void QueryTask::prepare(const wire::QueryParts& parts) {
   QueryView query = view_of(parts, asked_.header.scene_revision);
   if (!options_settled_) {
     options_ = parts.options;
@@ -262,7 +262,7 @@ void RunningQuery::prepare(const wire::QueryParts& parts) {
 }
 
 /// The pairs that it names.
-void RunningQuery::list(const WorkBudget& budget) {
+void QueryTask::list(const WorkBudget& budget) {
   if (!prepared_->advance(budget)) return;
   size_ = prepared_->size();
   daemon_.limits.check(size_);
@@ -270,7 +270,7 @@ void RunningQuery::list(const WorkBudget& budget) {
 }
 
 /// Room for the reply: what the client may have under way, and memory for the most rows that may come back.
-void RunningQuery::take_room(ReplySink& sink) {
+void QueryTask::take_room(ReplySink& sink) {
   const std::uint64_t reply_bytes =
       kColumnsBegin + wire::columns_bytes(size_.rows, size_.fields, size_.joints) + records_.size();
   std::uint64_t bytes = reply_bytes + payload_bytes_ + (whole_table_ ? 0 : size_.pairs * sizeof(BodyPair));
@@ -299,7 +299,7 @@ void RunningQuery::take_room(ReplySink& sink) {
 }
 
 /// The job copies what it needs of the request.
-void RunningQuery::start() {
+void QueryTask::start() {
   job_ = engine_->start(std::move(*prepared_),
                         reply_view_over(frame_ + kColumnsBegin, size_.rows, size_.fields, nullptr, size_.joints));
   prepared_.reset();
@@ -307,7 +307,7 @@ void RunningQuery::start() {
   aligned_ = {};
 }
 
-void RunningQuery::run(std::chrono::nanoseconds budget) {
+void QueryTask::run(std::chrono::nanoseconds budget) {
   if (!job_) start();
   const bool is_beside = daemon_.limits.has_control && service_class() != ServiceClass::kControl;
   const WorkBudget& on_loop = is_beside ? daemon_.limits.on_loop_beside_control : daemon_.limits.on_loop;
@@ -322,14 +322,14 @@ void RunningQuery::run(std::chrono::nanoseconds budget) {
 }
 
 /// Where the reply is sent from, now that its size is known.
-void RunningQuery::take_final_room() {
+void QueryTask::take_final_room() {
   const std::uint64_t bytes = columns_end() + records_.size();
   frame_ = asked_.sink->reserve(bytes);
   if (!frame_) throw no_room(info_.rows, bytes);
   step_ = Step::kCopy;
 }
 
-void RunningQuery::publish() {
+void QueryTask::publish() {
   const std::uint64_t bytes = columns_end() + records_.size();
   std::memcpy(frame_ + columns_end(), records_.data(), records_.size());
   const auto header =
@@ -347,7 +347,7 @@ void RunningQuery::publish() {
   daemon_.answers.count_query(reply.server_ns, info_.rows);
 }
 
-wire::ReplyHeader RunningQuery::reply_header() const {
+wire::ReplyHeader QueryTask::reply_header() const {
   wire::ReplyHeader reply;
   reply.rows = info_.rows;
   reply.total = info_.total;

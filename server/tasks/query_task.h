@@ -28,7 +28,7 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision);
 /// A payload whose first byte lies on a multiple of 8: this one, or a copy in `room`.
 std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vector<std::uint64_t>& room);
 
-class RunningQuery final : public ScheduledQuery {
+class QueryTask final : public ScheduledQuery {
  public:
   /// What one query may ask for.
   struct Limits {
@@ -61,7 +61,7 @@ class RunningQuery final : public ScheduledQuery {
 
   /// \param received when the request came. \param engine that answers, though another one may serve by the time that
   /// this ends.
-  RunningQuery(const Daemon& daemon, std::uint64_t client, ServiceClass service, const wire::FrameHeader& request,
+  QueryTask(const Daemon& daemon, std::uint64_t client, ServiceClass service, const wire::FrameHeader& request,
                std::shared_ptr<Engine> engine, Clock::time_point received, Clock::time_point due)
       : ScheduledQuery(client, service, due),
         daemon_(daemon),
