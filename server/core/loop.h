@@ -2,7 +2,7 @@
 //
 // What happens between a request and its answer has owners of its own: whose turn it is (scheduler.h), who works on
 // what is too dear for the loop (worker.h), what each client may have under way (quotas.h), queries that wait for poses
-// (deferred_queries.h), changes of the scene (scene_changes.h), replies and errors (answers.h), figures (stats.h). The loop
+// (deferred_queries.h), changes of the scene (scene_changes.h), replies and errors (reply_writer.h), figures (stats.h). The loop
 // hands requests to them; they know nothing of transports.
 //
 // Between two looks at the transports the loop does a bounded number of units of work (engine/narrow/work_meter.h;
@@ -27,7 +27,7 @@
 #include "server/limits/forecast.h"
 #include "server/limits/points_ledger.h"
 #include "server/limits/quotas.h"
-#include "server/requests/answers.h"
+#include "server/requests/reply_writer.h"
 #include "server/requests/transport.h"
 #include "server/tasks/background_request.h"
 #include "server/tasks/device_plans.h"
@@ -192,7 +192,7 @@ class Loop final : public Inbox {
 
   std::shared_ptr<Engine> engine_;
   Stats stats_;
-  Answers answers_{stats_, engine_, options_.require_epoch};
+  ReplyWriter answers_{stats_, engine_, options_.require_epoch};
   Quotas quotas_{options_};
   Forecast forecast_;
   Scheduler small_{std::min<std::chrono::nanoseconds>(options_.slice, kEnough)};  // what the loop itself works on

@@ -98,7 +98,7 @@ struct Update {
 
   /// The reply's payload. \param apply takes the request's, without its records
   template <class Fetch, class Apply>
-  std::vector<std::byte> make(const Answers& answers, const FrameHeader& header, const Fetch& fetch,
+  std::vector<std::byte> make(const ReplyWriter& answers, const FrameHeader& header, const Fetch& fetch,
                               const Apply& apply) {
     if (!payload.begin) payload = fetch();
     ignored = 0;

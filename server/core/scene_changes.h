@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "server/core/reloader.h"
-#include "server/requests/answers.h"
+#include "server/requests/reply_writer.h"
 #include "server/requests/pending_request.h"
 
 namespace clearance {
@@ -23,7 +23,7 @@ class SceneChanges {
   };
 
   /// What is passed must outlive this. \param engine the one that serves, which turn() replaces.
-  SceneChanges(std::shared_ptr<Engine>& engine, Answers& answers, Stats& stats, Quotas& quotas, const Limits& limits)
+  SceneChanges(std::shared_ptr<Engine>& engine, ReplyWriter& answers, Stats& stats, Quotas& quotas, const Limits& limits)
       : engine_(engine), answers_(answers), stats_(stats), quotas_(quotas), limits_(limits) {}
 
   /// As Loop::reload_by(). \param wake called on another thread when turn() has something to do.
@@ -65,7 +65,7 @@ class SceneChanges {
   void answer(Waiter& waiter, const Reloader::Outcome& outcome);
 
   std::shared_ptr<Engine>& engine_;
-  Answers& answers_;
+  ReplyWriter& answers_;
   Stats& stats_;
   Quotas& quotas_;
   Limits limits_;

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <span>
 
-#include "server/requests/answers.h"
+#include "server/requests/reply_writer.h"
 #include "wire/wire.h"
 
 namespace clearance {
@@ -16,7 +16,7 @@ std::span<const std::byte> bytes_of(const Record& record) {
 
 /// The payload of a request of which no record but the epoch is known. Throws WireError if one of them is required, a
 /// Refusal if it is for another epoch. \param ignored counts the others.
-inline std::span<const std::byte> without_records(const Answers& answers, const wire::FrameHeader& header,
+inline std::span<const std::byte> without_records(const ReplyWriter& answers, const wire::FrameHeader& header,
                                                   std::span<const std::byte> payload, std::uint64_t& ignored) {
   if (header.records_bytes == 0) {
     answers.check_epoch(header, 0);

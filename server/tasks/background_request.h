@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "server/requests/answers.h"
+#include "server/requests/reply_writer.h"
 #include "server/requests/pending_request.h"
 #include "server/tasks/scheduler.h"
 
@@ -24,7 +24,7 @@ class BackgroundRequest final : public ScheduledQuery {
   /// made.
   enum class Weight { kHeavy, kLight };
 
-  BackgroundRequest(Answers& answers, PendingRequest asked, ServiceClass service, wire::FrameType type,
+  BackgroundRequest(ReplyWriter& answers, PendingRequest asked, ServiceClass service, wire::FrameType type,
               Clock::time_point received, Make make, Done done = nullptr, Weight weight = Weight::kHeavy)
       : ScheduledQuery(asked.sink->client(), service, received),
         answers_(answers),
@@ -45,7 +45,7 @@ class BackgroundRequest final : public ScheduledQuery {
 
   bool copy(Clock::time_point end);
 
-  Answers& answers_;
+  ReplyWriter& answers_;
   PendingRequest asked_;
   wire::FrameType type_;
   Make make_;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "engine/engine.h"
-#include "server/requests/answers.h"
+#include "server/requests/reply_writer.h"
 #include "server/requests/transport.h"
 
 namespace clearance {
@@ -20,7 +20,7 @@ class CertificateRequest {
   static constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
 
   /// \param answers must outlive this. \param fetch brings the request's payload.
-  CertificateRequest(const Answers& answers, std::shared_ptr<const Engine> engine, const wire::FrameHeader& request,
+  CertificateRequest(const ReplyWriter& answers, std::shared_ptr<const Engine> engine, const wire::FrameHeader& request,
                      std::function<OwnPayload()> fetch)
       : answers_(answers), engine_(std::move(engine)), request_(request), fetch_(std::move(fetch)) {}
 
@@ -31,7 +31,7 @@ class CertificateRequest {
  private:
   void begin(std::uint64_t& ignored);
 
-  const Answers& answers_;
+  const ReplyWriter& answers_;
   std::shared_ptr<const Engine> engine_;  // outlives run_
   wire::FrameHeader request_;
   std::function<OwnPayload()> fetch_;

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "server/limits/plan_ledger.h"
-#include "server/requests/answers.h"
+#include "server/requests/reply_writer.h"
 #include "server/requests/transport.h"
 #include "server/tasks/shared_plan.h"
 
@@ -54,7 +54,7 @@ class PlanOpening {
  public:
   /// \param answers, limits must outlive this. \param fetch brings the request's payload. \param free has a plan freed
   /// where that holds up nobody; from any thread
-  PlanOpening(const Answers& answers, const QueryTask::Limits& limits, std::shared_ptr<const Engine> engine,
+  PlanOpening(const ReplyWriter& answers, const QueryTask::Limits& limits, std::shared_ptr<const Engine> engine,
               const wire::FrameHeader& request, std::function<OwnPayload()> fetch, PlanLedger::Share share,
               std::function<void(std::shared_ptr<void>)> free)
       : answers_(answers),
@@ -71,7 +71,7 @@ class PlanOpening {
   std::shared_ptr<SharedPlan> take() { return std::move(plan_); }
 
  private:
-  const Answers& answers_;
+  const ReplyWriter& answers_;
   const QueryTask::Limits& limits_;
   std::shared_ptr<const Engine> engine_;
   wire::FrameHeader request_;

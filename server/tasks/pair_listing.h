@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "engine/engine.h"
-#include "server/requests/answers.h"
+#include "server/requests/reply_writer.h"
 #include "server/requests/transport.h"
 
 namespace clearance {
@@ -17,7 +17,7 @@ namespace clearance {
 class PairListing {
  public:
   /// \param answers must outlive this. \param fetch brings the request's payload.
-  PairListing(const Answers& answers, std::shared_ptr<const Engine> engine, const wire::FrameHeader& request,
+  PairListing(const ReplyWriter& answers, std::shared_ptr<const Engine> engine, const wire::FrameHeader& request,
               std::function<OwnPayload()> fetch)
       : answers_(answers), engine_(std::move(engine)), request_(request), fetch_(std::move(fetch)) {}
 
@@ -31,7 +31,7 @@ class PairListing {
   void begin(std::uint64_t& ignored);
   bool copy(Clock::time_point end);
 
-  const Answers& answers_;
+  const ReplyWriter& answers_;
   std::shared_ptr<const Engine> engine_;
   wire::FrameHeader request_;
   std::function<OwnPayload()> fetch_;

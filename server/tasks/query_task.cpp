@@ -138,7 +138,7 @@ void QueryTask::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t
 }
 
 bool QueryTask::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
-  failure_ = Answers::refusal_of(asked_.header, [&] {
+  failure_ = ReplyWriter::refusal_of(asked_.header, [&] {
     check_deadline(now);
     if (step_ == Step::kPrepare) {
       read();

@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "server/limits/forecast.h"
-#include "server/requests/answers.h"
+#include "server/requests/reply_writer.h"
 #include "server/requests/pending_request.h"
 #include "server/tasks/scheduler.h"
 #include "wire/aligned_buffer.h"
@@ -47,7 +47,7 @@ class QueryTask final : public ScheduledQuery {
   };
   /// What it uses of the daemon; all of it outlives this.
   struct Daemon {
-    Answers& answers;
+    ReplyWriter& answers;
     Quotas& quotas;
     Stats& stats;
     const Limits& limits;

@@ -1,4 +1,4 @@
-#include "server/requests/answers.h"
+#include "server/requests/reply_writer.h"
 
 #include <cstring>
 #include <new>
@@ -26,12 +26,12 @@ std::uint64_t draw_epoch() {
 
 }  // namespace
 
-Answers::Answers(Stats& stats, const std::shared_ptr<Engine>& engine, bool require_epoch)
+ReplyWriter::ReplyWriter(Stats& stats, const std::shared_ptr<Engine>& engine, bool require_epoch)
     : stats_(stats), engine_(engine), epoch_(draw_epoch()), require_epoch_(require_epoch) {
   wire::append_epoch(epoch_record_, epoch_);
 }
 
-void Answers::check_epoch(const FrameHeader& request, std::uint64_t named) const {
+void ReplyWriter::check_epoch(const FrameHeader& request, std::uint64_t named) const {
   if (named == epoch_) return;
   if (named)
     throw Refusal{ErrorCode::kNewEpoch,
@@ -44,7 +44,7 @@ void Answers::check_epoch(const FrameHeader& request, std::uint64_t named) const
     throw Refusal{ErrorCode::kNewEpoch, wire::type_name(request.type) + " names no epoch (--require-epoch)"};
 }
 
-std::vector<std::byte> Answers::records(const wire::PassedOver& passed_over, std::size_t joints) const {
+std::vector<std::byte> ReplyWriter::records(const wire::PassedOver& passed_over, std::size_t joints) const {
   std::vector<std::byte> records;
   if (!passed_over.empty())
     wire::append_record(records, static_cast<std::uint16_t>(wire::ReplyRecord::kIgnored), 0,
@@ -56,7 +56,7 @@ std::vector<std::byte> Answers::records(const wire::PassedOver& passed_over, std
   return records;
 }
 
-void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType type,
+void ReplyWriter::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType type,
                     std::span<const std::byte> payload) {
   std::byte* frame = reserve(sink, payload.size());
   count_copied(payload.size());
@@ -64,7 +64,7 @@ void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType
   publish(sink, request, type, frame, payload.size());
 }
 
-std::byte* Answers::reserve(ReplySink& sink, std::uint64_t payload_bytes) {
+std::byte* ReplyWriter::reserve(ReplySink& sink, std::uint64_t payload_bytes) {
   const std::uint64_t bytes = sizeof(FrameHeader) + payload_bytes + epoch_record_.size();
   const auto too_large = [bytes](const char* room) {
     return Refusal{ErrorCode::kTooLarge, "the reply needs " + std::to_string(bytes) + " bytes, more than " + room,
@@ -76,7 +76,7 @@ std::byte* Answers::reserve(ReplySink& sink, std::uint64_t payload_bytes) {
   return frame;
 }
 
-void Answers::publish(ReplySink& sink, const FrameHeader& request, wire::FrameType type, std::byte* frame,
+void ReplyWriter::publish(ReplySink& sink, const FrameHeader& request, wire::FrameType type, std::byte* frame,
                       std::uint64_t payload_bytes) {
   const auto header = wire::with_records(
       wire::make_reply_header(request, type, payload_bytes, engine_->scene_revision()), epoch_record_.size());
@@ -86,14 +86,14 @@ void Answers::publish(ReplySink& sink, const FrameHeader& request, wire::FrameTy
   ++stats_.replies;
 }
 
-void Answers::count_query(std::uint64_t server_ns, std::uint64_t rows) {
+void ReplyWriter::count_query(std::uint64_t server_ns, std::uint64_t rows) {
   ++stats_.replies;
   ++stats_.answered;
   stats_.count_latency(server_ns);
   stats_.rows += rows;
 }
 
-void Answers::refuse(ReplySink& sink, const FrameHeader& request, const Refusal& refusal) {
+void ReplyWriter::refuse(ReplySink& sink, const FrameHeader& request, const Refusal& refusal) {
   stats_.count_error(std::string(wire::error_name(refusal.code)), refusal.text);
   log::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
              log_text(refusal.text));
@@ -107,7 +107,7 @@ void Answers::refuse(ReplySink& sink, const FrameHeader& request, const Refusal&
   }
 }
 
-Refusal Answers::refusal_of_caught(const FrameHeader& request) {
+Refusal ReplyWriter::refusal_of_caught(const FrameHeader& request) {
   try {
     throw;
   } catch (const Refusal& refusal) {

@@ -14,11 +14,11 @@
 
 namespace clearance {
 
-class Answers {
+class ReplyWriter {
  public:
   /// Both must outlive this. \param engine the one that serves, which a new scene replaces. \param require_epoch
   /// requests that deal with poses and name no epoch are refused.
-  Answers(Stats& stats, const std::shared_ptr<Engine>& engine, bool require_epoch);
+  ReplyWriter(Stats& stats, const std::shared_ptr<Engine>& engine, bool require_epoch);
 
   /// Which run of the daemon answers (wire::CommonRecord::kEpoch).
   std::uint64_t epoch() const { return epoch_; }
