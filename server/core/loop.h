@@ -43,7 +43,7 @@ struct pollfd;
 
 namespace clearance {
 
-class Loop final : public Inbox {
+class Loop final : public RequestHandler {
  public:
   using Clock = std::chrono::steady_clock;
 

@@ -99,9 +99,9 @@ void Process::wait_until_ready() {
   }
 }
 
-bool Process::turn(Inbox& inbox) {
+bool Process::turn(RequestHandler& handler) {
   if (link_) {
-    link_->drop_by([&inbox](std::shared_ptr<void> memory) { inbox.drop(std::move(memory)); });
+    link_->drop_by([&handler](std::shared_ptr<void> memory) { handler.drop(std::move(memory)); });
     try {
       count_copied(link_->turn_bytes());
       link_->turn();
@@ -111,18 +111,18 @@ bool Process::turn(Inbox& inbox) {
   }
   if (!std::exchange(lost_, false)) return false;
   // Its memory is freed elsewhere: messages that had come in part.
-  if (link_) inbox.drop(std::make_shared<Link>(std::move(*link_)));
+  if (link_) handler.drop(std::make_shared<Link>(std::move(*link_)));
   link_.reset();
   const auto now = Clock::now();
   pause_ = now - started_ > kLongLife ? Clock::duration()
                                       : std::clamp<Clock::duration>(2 * pause_, kFirstPause, kLongestPause);
   next_start_ = now + pause_;
-  ++inbox.counter("outside.restarts");
+  ++handler.counter("outside.restarts");
   log::warn("event=outside_ended url={} pid={} pause_ms={} why=\"{}\"", log_text(plan_.url), pid_,
             std::chrono::duration_cast<milliseconds>(pause_).count(), log_text(why_lost_));
   ::kill(pid_, SIGKILL);
   ending_.push_back(std::exchange(pid_, -1));
-  tick(inbox);
+  tick(handler);
   return true;
 }
 
@@ -173,7 +173,7 @@ void Process::lose(const std::string& why) {
   if (!std::exchange(lost_, true)) why_lost_ = why;
 }
 
-void Process::tick(Inbox& inbox) {
+void Process::tick(RequestHandler& handler) {
   reap(false);
   const auto now = Clock::now();
   if (!link_ && now >= next_start_) try {
@@ -185,7 +185,7 @@ void Process::tick(Inbox& inbox) {
     }
   if (now < next_look_) return;
   next_look_ = now + kLookEvery;
-  count_memory(inbox, resident_bytes());
+  count_memory(handler, resident_bytes());
   if (!link_) return;
   if (now - last_alive_ > kHang) return lose("it hangs");
   send({Kind::kPing, 0, {}, {}, {}});
@@ -208,9 +208,9 @@ void Process::reap(bool wait) {
 }
 
 /// All processes outside count together.
-void Process::count_memory(Inbox& inbox, std::uint64_t bytes) {
-  inbox.counter("outside.restarts") += 0;  // it is there to be looked at before it counts
-  std::uint64_t& all = inbox.counter("outside.memory_bytes");
+void Process::count_memory(RequestHandler& handler, std::uint64_t bytes) {
+  handler.counter("outside.restarts") += 0;  // it is there to be looked at before it counts
+  std::uint64_t& all = handler.counter("outside.memory_bytes");
   all += bytes - memory_counted_;
   memory_counted_ = bytes;
 }

@@ -44,7 +44,7 @@ class Process {
   /// Null while there is no process.
   Link* link() { return link_ ? &*link_ : nullptr; }
   /// Begins a turn with the process. True: the one that was there is lost, and with it everybody who came through it.
-  bool turn(Inbox& inbox);
+  bool turn(RequestHandler& handler);
   /// The next message that is not for this object. Once the process is lost there is none, and turn() says so.
   std::optional<Message> receive();
   void send(Message message);
@@ -52,14 +52,14 @@ class Process {
   void lose(const std::string& why);
   bool has_more() const { return lost_ || (link_ && link_->has_more()); }
   /// Starts another one when its time has come; looks whether the one that is there is alive, and how large.
-  void tick(Inbox& inbox);
+  void tick(RequestHandler& handler);
 
  private:
   void start();
   void wait_until_ready();
   std::optional<Message> take_own(Message message);
   void reap(bool wait);
-  void count_memory(Inbox& inbox, std::uint64_t bytes);
+  void count_memory(RequestHandler& handler, std::uint64_t bytes);
   std::uint64_t resident_bytes() const;
 
   Plan plan_;

@@ -16,7 +16,7 @@ constexpr std::chrono::seconds kPeriod{1};
 int LcmAnnouncer::serve() {
   handed_in_ = 0;
   const auto now = Clock::now();
-  const std::uint64_t revision = inbox_.engine().scene_revision();
+  const std::uint64_t revision = handler_.engine().scene_revision();
   if (now >= next_period_ || revision != scene_revision_) {
     scene_revision_ = revision;
     ask_scene();
@@ -26,7 +26,7 @@ int LcmAnnouncer::serve() {
   // An answer that never came (its job was dropped) must not end them for good.
   if (asked_distances_ && now - asked_at_ > kLcmSayAgain) asked_distances_ = false;
   if (distances_wanted() && now >= next_distances_) {
-    pose_revision_ = inbox_.engine().pose_revision();
+    pose_revision_ = handler_.engine().pose_revision();
     next_distances_ = now + std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / distances_hz_));
     ask_distances();
   }
@@ -41,7 +41,7 @@ void LcmAnnouncer::hand_in(std::span<const std::byte> frame, LcmOwnSink::Take ta
   wire::FrameHeader header;
   std::memcpy(&header, frame.data(), sizeof header);
   ++handed_in_;
-  inbox_.on_frame(header, frame.subspan(sizeof header),
+  handler_.on_frame(header, frame.subspan(sizeof header),
                   std::make_unique<LcmOwnSink>(link_, own_client_, guarded(std::move(take))));
 }
 
@@ -88,7 +88,7 @@ void LcmAnnouncer::ask_status() {
 }
 
 bool LcmAnnouncer::distances_wanted() const {
-  return distances_hz_ > 0 && !asked_distances_ && inbox_.engine().pose_revision() != pose_revision_;
+  return distances_hz_ > 0 && !asked_distances_ && handler_.engine().pose_revision() != pose_revision_;
 }
 
 void LcmAnnouncer::ask_distances() {

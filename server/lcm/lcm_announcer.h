@@ -18,8 +18,8 @@ class LcmAnnouncer {
   using Clock = std::chrono::steady_clock;
 
   /// What is passed by reference must outlive this. \param distances_hz at most; 0: no distances.
-  LcmAnnouncer(Inbox& inbox, LcmFigures& figures, std::shared_ptr<LcmLink> link, double distances_hz)
-      : inbox_(inbox), figures_(figures), link_(std::move(link)), distances_hz_(distances_hz) {}
+  LcmAnnouncer(RequestHandler& handler, LcmFigures& figures, std::shared_ptr<LcmLink> link, double distances_hz)
+      : handler_(handler), figures_(figures), link_(std::move(link)), distances_hz_(distances_hz) {}
 
   /// Asks the loop for all that is due. Returns how many frames it handed in.
   int serve();
@@ -36,7 +36,7 @@ class LcmAnnouncer {
   void ask_distances();
   bool distances_wanted() const;
 
-  Inbox& inbox_;
+  RequestHandler& handler_;
   LcmFigures& figures_;
   std::shared_ptr<LcmLink> link_;
   double distances_hz_;

@@ -5,29 +5,29 @@
 
 namespace clearance {
 
-LcmFigures::LcmFigures(Inbox& inbox)
-    : messages(inbox.counter("lcm.messages")),
-      bad(inbox.counter("lcm.bad_messages")),
-      poses(inbox.counter("lcm.pose_messages")),
-      wrong_scene(inbox.counter("lcm.wrong_scene")),
-      unknown(inbox.counter("lcm.unknown_bodies")),
-      gaps(inbox.counter("lcm.gaps")),
-      reordered(inbox.counter("lcm.reordered")),
-      repeated(inbox.counter("lcm.repeated")),
-      restarts(inbox.counter("lcm.restarts")),
-      contested(inbox.counter("lcm.contested")),
-      bad_stamps(inbox.counter("lcm.bad_stamps")),
-      not_allowed(inbox.counter("lcm.poses_not_allowed")),
-      publishers(inbox.counter("lcm.publishers")),
-      queries(inbox.counter("lcm.queries")),
-      frames(inbox.counter("lcm.frames")),
-      clouds(inbox.counter("lcm.clouds")),
-      given_up(inbox.counter("lcm.frames_given_up")),
-      replies(inbox.counter("lcm.replies")),
-      dropped(inbox.counter("lcm.replies_dropped")),
-      sent(inbox.counter("lcm.sent")),
-      failed(inbox.counter("lcm.send_errors")),
-      other_daemons(inbox.counter("lcm.other_daemons")) {}
+LcmFigures::LcmFigures(RequestHandler& handler)
+    : messages(handler.counter("lcm.messages")),
+      bad(handler.counter("lcm.bad_messages")),
+      poses(handler.counter("lcm.pose_messages")),
+      wrong_scene(handler.counter("lcm.wrong_scene")),
+      unknown(handler.counter("lcm.unknown_bodies")),
+      gaps(handler.counter("lcm.gaps")),
+      reordered(handler.counter("lcm.reordered")),
+      repeated(handler.counter("lcm.repeated")),
+      restarts(handler.counter("lcm.restarts")),
+      contested(handler.counter("lcm.contested")),
+      bad_stamps(handler.counter("lcm.bad_stamps")),
+      not_allowed(handler.counter("lcm.poses_not_allowed")),
+      publishers(handler.counter("lcm.publishers")),
+      queries(handler.counter("lcm.queries")),
+      frames(handler.counter("lcm.frames")),
+      clouds(handler.counter("lcm.clouds")),
+      given_up(handler.counter("lcm.frames_given_up")),
+      replies(handler.counter("lcm.replies")),
+      dropped(handler.counter("lcm.replies_dropped")),
+      sent(handler.counter("lcm.sent")),
+      failed(handler.counter("lcm.send_errors")),
+      other_daemons(handler.counter("lcm.other_daemons")) {}
 
 void LcmFigures::complain(const char* kind, const std::string& what) {
   Complaint& complaint = complaints_[kind];

@@ -15,7 +15,7 @@ inline constexpr std::chrono::seconds kLcmSayAgain{5};
 
 class LcmFigures {
  public:
-  explicit LcmFigures(Inbox& inbox);
+  explicit LcmFigures(RequestHandler& handler);
 
   /// Writes a log line, at most every few seconds for each kind of trouble; `more` counts those not said since the
   /// last.

@@ -48,9 +48,9 @@ class LcmOutsidePort final : public LcmPort {
   std::vector<int> descriptors() const override {
     return process_.descriptor() < 0 ? std::vector<int>() : std::vector<int>{process_.descriptor()};
   }
-  void begin_turn(Inbox& inbox) override { process_.turn(inbox); }
+  void begin_turn(RequestHandler& inbox) override { process_.turn(inbox); }
   bool has_work() const override { return process_.has_more(); }
-  void tick(Inbox& inbox) override { process_.tick(inbox); }
+  void tick(RequestHandler& inbox) override { process_.tick(inbox); }
 
   bool handle() override {
     const std::optional<Message> message = process_.receive();

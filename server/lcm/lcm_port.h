@@ -30,14 +30,14 @@ class LcmPort {
   virtual void subscribe(const std::string& name, int queue, Handler handler) = 0;
   virtual std::vector<int> descriptors() const = 0;
   /// Called before handle(), once a turn.
-  virtual void begin_turn(Inbox&) {}
+  virtual void begin_turn(RequestHandler&) {}
   /// Hands one message to its handler; false if none waits.
   virtual bool handle() = 0;
   /// Whether there is work that no descriptor tells of.
   virtual bool has_work() const { return false; }
   /// False if it was refused. Never blocks for long.
   virtual bool publish(const std::string& name, std::span<const std::byte> message) = 0;
-  virtual void tick(Inbox&) {}
+  virtual void tick(RequestHandler&) {}
 
   /// Encodes and sends a message of a generated type.
   template <class Message>

@@ -23,7 +23,7 @@ void LcmPoseIntake::meet(const Scene& scene) {
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
-  const Engine& engine = inbox_.engine();
+  const Engine& engine = handler_.engine();
   static_assert(sizeof update.bodies[0] == sizeof(std::uint32_t));
   const std::span ids(reinterpret_cast<const std::uint32_t*>(update.bodies.data()), update.bodies.size());
   if (update.scene_revision != 0 && !engine.still_means(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
@@ -37,7 +37,7 @@ bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
-  const Scene& scene = inbox_.engine().scene();
+  const Scene& scene = handler_.engine().scene();
   poses_.clear();
   for (std::int32_t i = 0; i < update.count; ++i) {
     const std::uint32_t body = scene.find_body(update.names[i]);
@@ -50,7 +50,7 @@ bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
-  const Engine& engine = inbox_.engine();
+  const Engine& engine = handler_.engine();
   static_assert(sizeof update.joints[0] == sizeof(std::uint32_t));
   const std::span ids(reinterpret_cast<const std::uint32_t*>(update.joints.data()), update.joints.size());
   if (update.scene_revision != 0 && !engine.joints_still_mean(static_cast<std::uint64_t>(update.scene_revision), ids)) {
@@ -64,7 +64,7 @@ bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
-  const Scene& scene = inbox_.engine().scene();
+  const Scene& scene = handler_.engine().scene();
   positions_.clear();
   for (std::int32_t i = 0; i < update.count; ++i) {
     const std::uint32_t joint = scene.find_joint(update.names[i]);
@@ -77,14 +77,14 @@ bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
 }
 
 std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_t& points) {
-  const std::uint32_t body = inbox_.engine().scene().find_body(points.body);
+  const std::uint32_t body = handler_.engine().scene().find_body(points.body);
   if (points.publisher_id == 0) {
     figures_.accept("CLEARANCE_POINTS: publisher_id is 0; draw one at random");
   } else if (body == kNone) {
     refuse_name(points.body, "points of '%', which is no body of this scene");
   } else if (!allowed_[body]) {
     refuse_right(points.body, "points of '%', which are not taken from LCM (--lcm-poses)");
-  } else if (with_good_stamp(message_of(points), [&] { inbox_.engine().check_stamp(points.stamp_ns); })) {
+  } else if (with_good_stamp(message_of(points), [&] { handler_.engine().check_stamp(points.stamp_ns); })) {
     return body;
   }
   return std::nullopt;
@@ -93,7 +93,7 @@ std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_
 void LcmPoseIntake::refuse_scene(std::int64_t revision) {
   ++figures_.wrong_scene;
   figures_.complain("scene", "poses for scene " + std::to_string(revision) + " refused, this is " +
-                                 std::to_string(static_cast<std::int64_t>(inbox_.engine().scene_revision())));
+                                 std::to_string(static_cast<std::int64_t>(handler_.engine().scene_revision())));
 }
 
 /// \param what with '%' for the name
@@ -109,14 +109,14 @@ void LcmPoseIntake::refuse_right(const std::string& name, const char* what) {
 
 void LcmPoseIntake::add_pose(std::uint32_t body, const std::vector<double>& pose) {
   if (body < allowed_.size() && !allowed_[body])
-    return refuse_right(inbox_.engine().scene().bodies()[body].name,
+    return refuse_right(handler_.engine().scene().bodies()[body].name,
                         "a pose for '%', whose poses are not taken from LCM (--lcm-poses)");
   poses_.push_back({body, {{pose[0], pose[1], pose[2]}, pose[3], pose[4], pose[5], pose[6]}});
 }
 
 void LcmPoseIntake::add_position(std::uint32_t joint, double position) {
   if (joint < allowed_joints_.size() && !allowed_joints_[joint])
-    return refuse_right(inbox_.engine().scene().joints()[joint].name,
+    return refuse_right(handler_.engine().scene().joints()[joint].name,
                         "a position of '%', which is not taken from LCM (--lcm-poses)");
   positions_.push_back({joint, position});
 }
@@ -140,11 +140,11 @@ bool LcmPoseIntake::apply(const Message& message, std::span<const std::uint32_t>
   if (message.publisher == 0)
     return figures_.accept(std::string(message.channel) + ": publisher_id is 0; draw one at random");
   // First: a publisher is not known by what is no time.
-  if (!with_good_stamp(message, [&] { inbox_.engine().check_stamp(message.stamp_ns); })) return false;
+  if (!with_good_stamp(message, [&] { handler_.engine().check_stamp(message.stamp_ns); })) return false;
   if (!is_in_order(message)) return false;
   if (const auto contested = owners->note(message.publisher, ids, OwnerLog::Clock::now()); !contested.empty()) {
     figures_.contested += contested.size();
-    const Scene& scene = inbox_.engine().scene();
+    const Scene& scene = handler_.engine().scene();
     const bool is_joint = &owners == &joint_owners_;
     const std::uint32_t first = contested.front();
     figures_.complain("contested", std::string("two publishers move ") + (is_joint ? "joint '" : "body '") +
@@ -161,7 +161,7 @@ bool LcmPoseIntake::apply_poses(const Message& message) {
   ids_.clear();
   for (const BodyPose& pose : poses_) ids_.push_back(pose.body);
   return apply(message, ids_, owners_, [&](std::uint64_t client) {
-    return inbox_.on_poses(poses_, message.stamp_ns, message.sequence, client);
+    return handler_.on_poses(poses_, message.stamp_ns, message.sequence, client);
   });
 }
 
@@ -169,7 +169,7 @@ bool LcmPoseIntake::apply_positions(const Message& message) {
   ids_.clear();
   for (const JointPosition& position : positions_) ids_.push_back(position.joint);
   return apply(message, ids_, joint_owners_, [&](std::uint64_t client) {
-    return inbox_.on_joints(positions_, message.stamp_ns, message.sequence, client);
+    return handler_.on_joints(positions_, message.stamp_ns, message.sequence, client);
   });
 }
 

@@ -20,8 +20,8 @@ namespace clearance {
 class LcmPoseIntake {
  public:
   /// What is passed must outlive this.
-  LcmPoseIntake(Inbox& inbox, LcmFigures& figures, LcmClients& clients, const LcmPoses& allowed)
-      : inbox_(inbox), figures_(figures), clients_(clients), allowed_poses_(allowed) {}
+  LcmPoseIntake(RequestHandler& handler, LcmFigures& figures, LcmClients& clients, const LcmPoses& allowed)
+      : handler_(handler), figures_(figures), clients_(clients), allowed_poses_(allowed) {}
 
   /// Takes note of the scene that is served now, which may have other bodies.
   void meet(const Scene& scene);
@@ -60,7 +60,7 @@ class LcmPoseIntake {
   template <class Use>
   bool with_good_stamp(const Message& message, Use use);
 
-  Inbox& inbox_;
+  RequestHandler& handler_;
   LcmFigures& figures_;
   LcmClients& clients_;
   LcmPoses allowed_poses_;

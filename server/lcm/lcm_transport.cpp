@@ -82,22 +82,22 @@ class LcmTransport final : public Transport {
   bool polls_by_system_call() const override { return true; }
   bool prepare_sleep() override { return link_->port->has_work(); }
 
-  int poll(Inbox& inbox) override {
-    meet(inbox);
+  int poll(RequestHandler& handler) override {
+    meet(handler);
     if (armed_) {
       std::uint64_t expirations = 0;
       [[maybe_unused]] const auto ignored = ::read(timer_, &expirations, sizeof expirations);
     }
     handed_in_ = 0;
-    link_->port->begin_turn(inbox);
+    link_->port->begin_turn(handler);
     for (int i = 0; i < kMessagesPerPoll && link_->port->handle(); ++i) ++figures_->messages;
     serve();
     return handed_in_;
   }
 
-  void tick(Inbox& inbox) override {
-    meet(inbox);
-    link_->port->tick(inbox);
+  void tick(RequestHandler& handler) override {
+    meet(handler);
+    link_->port->tick(handler);
     assembler_.expire(Clock::now());
     points_.expire(Clock::now());
     serve();
@@ -105,14 +105,14 @@ class LcmTransport final : public Transport {
 
  private:
   /// The loop may only be known from its first call on.
-  void meet(Inbox& inbox) {
-    if (!inbox_) {
-      inbox_ = &inbox;
-      figures_.emplace(inbox);
-      intake_.emplace(inbox, *figures_, clients_, allowed_poses_);
-      announcer_.emplace(inbox, *figures_, link_, distances_hz_);
+  void meet(RequestHandler& handler) {
+    if (!handler_) {
+      handler_ = &handler;
+      figures_.emplace(handler);
+      intake_.emplace(handler, *figures_, clients_, allowed_poses_);
+      announcer_.emplace(handler, *figures_, link_, distances_hz_);
     }
-    const Scene* scene = &inbox.engine().scene();
+    const Scene* scene = &handler.engine().scene();
     if (scene != scene_) intake_->meet(*scene);
     scene_ = scene;
   }
@@ -167,7 +167,7 @@ class LcmTransport final : public Transport {
                         std::to_string(asked.row_count) + " of joints: expected as many, or no bodies");
     std::vector<std::uint32_t> joints;
     for (const std::string& name : asked.joints) {
-      joints.push_back(inbox_->engine().scene().find_joint(name));
+      joints.push_back(handler_->engine().scene().find_joint(name));
       if (joints.back() == kNone)
         return refuse(query, wire::ErrorCode::kBadQuery,
                       "joints[" + std::to_string(joints.size() - 1) + "]: there is no joint '" + name + "'");
@@ -200,7 +200,7 @@ class LcmTransport final : public Transport {
     const wire::FrameHeader header =
         wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), 0, 0,
                           static_cast<std::uint64_t>(query.client_id));
-    send_error(*sink_of(query), header, inbox_->engine().scene_revision(), code, why);
+    send_error(*sink_of(query), header, handler_->engine().scene_revision(), code, why);
   }
 
   void on_frame(std::span<const std::byte> packet) {
@@ -241,9 +241,9 @@ class LcmTransport final : public Transport {
     std::memcpy(&header, frame.data(), sizeof header);
     ++handed_in_;
     const std::span<const std::byte> payload = frame.subspan(sizeof header);
-    if (payload.size() <= kLargePayload) return inbox_->on_frame(header, payload, std::move(sink));
+    if (payload.size() <= kLargePayload) return handler_->on_frame(header, payload, std::move(sink));
     const OwnPayload fetched{{owner, payload.data()}, payload.size()};
-    inbox_->on_large_frame(header, payload.size(), [fetched] { return fetched; }, std::move(sink));
+    handler_->on_large_frame(header, payload.size(), [fetched] { return fetched; }, std::move(sink));
   }
 
   void on_status(std::span<const std::byte> packet) {
@@ -299,7 +299,7 @@ class LcmTransport final : public Transport {
   bool armed_ = false;
   const Scene* scene_ = nullptr;
   // From the loop's first call on.
-  Inbox* inbox_ = nullptr;
+  RequestHandler* handler_ = nullptr;
   std::optional<LcmFigures> figures_;
   std::optional<LcmPoseIntake> intake_;
   std::optional<LcmAnnouncer> announcer_;

@@ -64,9 +64,9 @@ struct OwnPayload {
 inline constexpr std::uint64_t kLargePayload = 64 << 10;
 
 /// Where a transport hands in what arrived. Implemented by the loop.
-class Inbox {
+class RequestHandler {
  public:
-  virtual ~Inbox() = default;
+  virtual ~RequestHandler() = default;
 
   /// A frame. `payload` is private memory (a copy of whatever the client can still write) and valid during the call
   /// only. The header has been copied but not validated.
@@ -105,7 +105,7 @@ class Transport {
   /// Descriptors that become readable when poll() has work. Asked again after every poll().
   virtual std::vector<int> descriptors() const = 0;
   /// Takes what arrived, a bounded number of frames, without blocking. Returns how many frames it handed in.
-  virtual int poll(Inbox& inbox) = 0;
+  virtual int poll(RequestHandler& handler) = 0;
   /// Whether poll() makes system calls even where nothing has arrived. The loop then polls it less often than the
   /// others while these keep it awake, and does not stay awake for it.
   virtual bool polls_by_system_call() const { return false; }
@@ -114,7 +114,7 @@ class Transport {
   virtual bool prepare_sleep() { return false; }
   virtual void finish_sleep() {}
   /// Called about every 100 ms and after each batch of pose updates: periodic messages, dead peers.
-  virtual void tick(Inbox&) {}
+  virtual void tick(RequestHandler&) {}
 };
 
 /// Each throws std::runtime_error with cause and place if the endpoint cannot be opened.

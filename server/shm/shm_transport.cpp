@@ -67,8 +67,8 @@ class ShmTransport final : public Transport {
   std::string url() const override { return "shm://" + path_; }
   std::vector<int> descriptors() const override { return {epoll_.get()}; }
 
-  int poll(Inbox& inbox) override {
-    meet(inbox);
+  int poll(RequestHandler& handler) override {
+    meet(handler);
     int frames = 0;
     std::uint64_t bytes = 0;
     const std::size_t count = sessions_.size();
@@ -78,7 +78,7 @@ class ShmTransport final : public Transport {
     for (const ServiceClass service : {ServiceClass::kControl, ServiceClass::kPlanning})
       for (std::size_t i = 0; i < count && frames < kMaxFramesPerPoll && bytes < kMaxBytesPerPoll; ++i)
         if (const auto& session = sessions_[(first_ + i) % count]; class_of(session->rights) == service)
-          serve_requests(session, inbox, frames, bytes);
+          serve_requests(session, handler, frames, bytes);
     ++first_;  // another client is first next time
     // After the requests: whoever woke us waits for an answer.
     if (look_at_sockets_ || (polls_ % kPollsPerClockLook == 0 && Clock::now() >= next_socket_look_)) serve_sockets();
@@ -104,8 +104,8 @@ class ShmTransport final : public Transport {
     look_at_sockets_ = true;
   }
 
-  void tick(Inbox& inbox) override {
-    meet(inbox);
+  void tick(RequestHandler& handler) override {
+    meet(handler);
     scratch_.trim(kScratchKept);
     look_at_sockets_ = true;
     const auto now = Clock::now();
@@ -119,10 +119,10 @@ class ShmTransport final : public Transport {
 
  private:
   /// The loop is only known from its first call on.
-  void meet(Inbox& inbox) {
+  void meet(RequestHandler& handler) {
     if (counters_.connections) return;
-    counters_.bind(inbox);
-    budget_->drop = [&inbox](std::shared_ptr<void> memory) { inbox.drop(std::move(memory)); };
+    counters_.bind(handler);
+    budget_->drop = [&handler](std::shared_ptr<void> memory) { handler.drop(std::move(memory)); };
   }
   /// Event tags: 0 is the listener; a session's socket is 2 id, its eventfd 2 id + 1.
   bool watch(int fd, std::uint32_t events, std::uint64_t tag) {
@@ -278,14 +278,14 @@ class ShmTransport final : public Transport {
   }
 
   /// \param frames \param bytes taken in this poll
-  void serve_requests(const std::shared_ptr<ShmSession>& session, Inbox& inbox, int& frames, std::uint64_t& bytes) {
+  void serve_requests(const std::shared_ptr<ShmSession>& session, RequestHandler& handler, int& frames, std::uint64_t& bytes) {
     const int most = frames + kMaxFramesPerClient;
     // By index: the inbox may not touch the sessions, but be safe against growth all the same.
     for (std::size_t i = 0; i < session->segments.size(); ++i) {
       if (!session->segments[i]->has_request()) continue;
       const std::shared_ptr<Segment> segment = session->segments[i];
       while (!session->gone && frames < most && bytes < kMaxBytesPerPoll) {
-        if (frames > 0 && (!segment->has_request() || inbox.has_enough())) break;
+        if (frames > 0 && (!segment->has_request() || handler.has_enough())) break;
         Segment::Request request;
         try {
           const Segment::Take taken = segment->take(scratch_, request);
@@ -304,10 +304,10 @@ class ShmTransport final : public Transport {
         std::memcpy(&header, request.frame.data(), sizeof header);
         auto sink = std::make_unique<ShmSink>(session, segment, request.slot, request.generation);
         if (request.frame.size() == request.frame_bytes) {
-          inbox.on_frame(header, request.frame.subspan(sizeof header), std::move(sink));
+          handler.on_frame(header, request.frame.subspan(sizeof header), std::move(sink));
         } else {
           const std::uint64_t payload = request.frame_bytes - sizeof header;
-          inbox.on_large_frame(
+          handler.on_large_frame(
               header, payload, [segment, slot = request.slot, payload] { return segment->copy_payload(slot, payload); },
               std::move(sink));
         }
@@ -347,15 +347,15 @@ class ShmTransport final : public Transport {
   struct CounterRefs {
     std::uint64_t *connections = nullptr, *clients = nullptr, *refused = nullptr, *violations = nullptr,
                   *over_quota = nullptr, *segment_bytes = nullptr, *pinned_bytes = nullptr, *pin_refusals = nullptr;
-    void bind(Inbox& inbox) {
-      connections = &inbox.counter("shm.connections");
-      clients = &inbox.counter("shm.clients");
-      refused = &inbox.counter("shm.refused");
-      violations = &inbox.counter("shm.violations");
-      over_quota = &inbox.counter("shm.over_quota");
-      segment_bytes = &inbox.counter("shm.segment_bytes");
-      pinned_bytes = &inbox.counter("shm.pinned_bytes");
-      pin_refusals = &inbox.counter("shm.pin_refusals");
+    void bind(RequestHandler& handler) {
+      connections = &handler.counter("shm.connections");
+      clients = &handler.counter("shm.clients");
+      refused = &handler.counter("shm.refused");
+      violations = &handler.counter("shm.violations");
+      over_quota = &handler.counter("shm.over_quota");
+      segment_bytes = &handler.counter("shm.segment_bytes");
+      pinned_bytes = &handler.counter("shm.pinned_bytes");
+      pin_refusals = &handler.counter("shm.pin_refusals");
     }
   };
 

@@ -13,22 +13,22 @@ constexpr auto kReadKeysEvery = std::chrono::seconds(1);
 
 }  // namespace
 
-bool KeyAuthenticator::admits(Inbox& inbox, const std::string& address, const std::string& key) {
+bool KeyAuthenticator::admits(RequestHandler& handler, const std::string& address, const std::string& key) {
   refresh();
   const AuthorizedKeys::Entry* entry = keys_->find(key);
   if (!entry) {
-    refused(inbox,
+    refused(handler,
             "reason=\"this key is not authorized\" address=" + log_text(address) + " key=\"" + log_text(key) + "\"");
     return false;
   }
-  ++inbox.counter("zmq.keys_accepted");
+  ++handler.counter("zmq.keys_accepted");
   log::info("event=key_accepted address={} key=\"{}\" name=\"{}\" rights={}", log_text(address), log_text(key),
             log_text(entry->name), rights_text(entry->rights));
   return true;
 }
 
-void KeyAuthenticator::refused(Inbox& inbox, const std::string& what) {
-  ++inbox.counter("zmq.refused");
+void KeyAuthenticator::refused(RequestHandler& handler, const std::string& what) {
+  ++handler.counter("zmq.refused");
   const auto now = std::chrono::steady_clock::now();
   if (now < next_line_) {
     ++unsaid_;  // whoever knocks all the time does not fill the log

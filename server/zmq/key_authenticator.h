@@ -16,9 +16,9 @@ class KeyAuthenticator {
   explicit KeyAuthenticator(std::shared_ptr<AuthorizedKeys> keys) : keys_(std::move(keys)) {}
 
   /// Whether a key may come in, by the list as it is now. Both are texts that others chose.
-  bool admits(Inbox& inbox, const std::string& address, const std::string& key);
+  bool admits(RequestHandler& handler, const std::string& address, const std::string& key);
   /// Counts somebody who was refused, and tells of it at most once a second.
-  void refused(Inbox& inbox, const std::string& what);
+  void refused(RequestHandler& handler, const std::string& what);
   /// Looks now and then whether the list has changed.
   void tick();
   const KeyPair& own() const { return keys_->own(); }

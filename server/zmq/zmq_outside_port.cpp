@@ -54,9 +54,9 @@ class ZmqOutsidePort final : public ZmqPort {
   bool has_work() override { return process_->has_more(); }
   std::uint64_t max_reply_bytes() const override { return process_->message_bytes(); }
 
-  void begin_turn(Inbox& inbox) override {
-    inbox_ = &inbox;
-    all_gone_ |= process_->turn(inbox);
+  void begin_turn(RequestHandler& handler) override {
+    handler_ = &handler;
+    all_gone_ |= process_->turn(handler);
   }
 
   bool receive(ZmqArrival& arrival) override {
@@ -93,9 +93,9 @@ class ZmqOutsidePort final : public ZmqPort {
     return Sent::kYes;
   }
 
-  void tick(Inbox& inbox) override {
+  void tick(RequestHandler& handler) override {
     if (keys_) keys_->tick();
-    process_->tick(inbox);
+    process_->tick(handler);
   }
 
  private:
@@ -133,7 +133,7 @@ class ZmqOutsidePort final : public ZmqPort {
         return knock(arrival.identity, message.extra), false;
       case Kind::kHandshakeFailed:
         if (keys_)
-          keys_->refused(*inbox_, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" +
+          keys_->refused(*handler_, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" +
                                       log_text(arrival.identity));
         return false;
       default:
@@ -160,13 +160,13 @@ class ZmqOutsidePort final : public ZmqPort {
 
   void knock(const std::string& address, const std::string& key) {
     if (!keys_ || !is_key(key)) return process_->lose("it knocks without a key");
-    process_->send({Kind::kVerdict, keys_->admits(*inbox_, address, key) ? 1u : 0u, {}, {}, {}});
+    process_->send({Kind::kVerdict, keys_->admits(*handler_, address, key) ? 1u : 0u, {}, {}, {}});
   }
 
   std::string url_;
   std::optional<KeyAuthenticator> keys_;
   std::optional<outside::Process> process_;
-  Inbox* inbox_ = nullptr;
+  RequestHandler* handler_ = nullptr;
   bool all_gone_ = false;
   std::unordered_map<std::uint64_t, Numbered> numbered_;
   std::uint64_t last_number_ = 0, unsent_ = 0;

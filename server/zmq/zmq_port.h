@@ -44,7 +44,7 @@ class ZmqPort {
   virtual std::string url() const = 0;
   virtual std::vector<int> descriptors() const = 0;
   /// Called before receive(), once a turn.
-  virtual void begin_turn(Inbox&) {}
+  virtual void begin_turn(RequestHandler&) {}
   /// False: nothing is there, or enough was taken in this turn.
   virtual bool receive(ZmqArrival& arrival) = 0;
   /// Whether there is work that no descriptor tells of.
@@ -56,7 +56,7 @@ class ZmqPort {
   /// Counts the payload in `unsent` until it has left, if it is a large one.
   virtual Sent send(const std::string& identity, AlignedBytes frame, std::uint64_t frame_bytes,
                     const UnsentBytes& unsent) = 0;
-  virtual void tick(Inbox&) {}
+  virtual void tick(RequestHandler&) {}
 };
 
 /// "ipc:///path". Throws std::runtime_error.

@@ -75,24 +75,24 @@ class ZmqTransport final : public Transport {
 
   bool polls_by_system_call() const override { return true; }
 
-  int poll(Inbox& inbox) override {
-    dropped_ = &inbox.counter("zmq.replies_dropped");
-    port_->begin_turn(inbox);
+  int poll(RequestHandler& handler) override {
+    dropped_ = &handler.counter("zmq.replies_dropped");
+    port_->begin_turn(handler);
     int frames = 0;
-    for (ZmqArrival arrival; frames < kFramesPerPoll && port_->receive(arrival); ++frames) take(inbox, arrival);
+    for (ZmqArrival arrival; frames < kFramesPerPoll && port_->receive(arrival); ++frames) take(handler, arrival);
     return frames;
   }
 
   bool prepare_sleep() override { return port_->has_work(); }
 
-  void tick(Inbox& inbox) override {
-    port_->tick(inbox);
+  void tick(RequestHandler& handler) override {
+    port_->tick(handler);
     const auto now = std::chrono::steady_clock::now();
     for (auto peer = peers_.begin(); peer != peers_.end();) {
       const bool idle = peer->second.use_count() == 1 && now - peer->second->last_seen > kForgetPeerAfter;
       peer = idle ? peers_.erase(peer) : std::next(peer);
     }
-    inbox.counter("zmq.clients") = peers_.size();
+    handler.counter("zmq.clients") = peers_.size();
   }
 
   void send(Peer& peer, AlignedBytes frame, std::uint64_t frame_bytes) {
@@ -111,7 +111,7 @@ class ZmqTransport final : public Transport {
   std::uint64_t max_reply_bytes() const { return port_->max_reply_bytes(); }
 
  private:
-  void take(Inbox& inbox, ZmqArrival& arrival) {
+  void take(RequestHandler& handler, ZmqArrival& arrival) {
     switch (arrival.what) {
       case ZmqArrival::What::kAllGone:
         for (const auto& [identity, peer] : peers_) peer->gone = true;
@@ -128,8 +128,8 @@ class ZmqTransport final : public Transport {
     }
     std::string why;
     PeerPtr peer = peer_of(arrival, why);
-    if (!peer) return refuse_one_more(inbox, arrival, why);
-    hand_in(inbox, std::move(peer), arrival);
+    if (!peer) return refuse_one_more(handler, arrival, why);
+    hand_in(handler, std::move(peer), arrival);
   }
 
   void forget(const std::string& identity) {
@@ -190,15 +190,15 @@ class ZmqTransport final : public Transport {
     return true;
   }
 
-  void refuse_one_more(Inbox& inbox, const ZmqArrival& from, const std::string& why) {
-    ++inbox.counter("zmq.over_quota");
-    ++inbox.counter("frames");
-    ++inbox.counter("errors");
-    ++inbox.counter("errors.busy");
+  void refuse_one_more(RequestHandler& handler, const ZmqArrival& from, const std::string& why) {
+    ++handler.counter("zmq.over_quota");
+    ++handler.counter("frames");
+    ++handler.counter("errors");
+    ++handler.counter("errors.busy");
     auto stranger = std::make_shared<Peer>();
     stranger->identity = from.identity;
     ZmqSink sink(*this, std::move(stranger), 0);
-    send_error(sink, from.header, inbox.engine().scene_revision(), wire::ErrorCode::kBusy,
+    send_error(sink, from.header, handler.engine().scene_revision(), wire::ErrorCode::kBusy,
                why + "; ask again (limit max-clients)");
   }
 
@@ -210,23 +210,23 @@ class ZmqTransport final : public Transport {
     return from.who ? *rights_of_user(from.who->uid, true, access_) : access_.group_rights;
   }
 
-  void hand_in(Inbox& inbox, PeerPtr peer, ZmqArrival& from) {
+  void hand_in(RequestHandler& handler, PeerPtr peer, ZmqArrival& from) {
     auto sink = std::make_unique<ZmqSink>(*this, std::move(peer), rights_of(from));
     if (from.what == ZmqArrival::What::kNoFrame) {
       // No header, no request id: the answer carries 0.
-      ++inbox.counter("frames");
-      ++inbox.counter("errors");
-      ++inbox.counter("errors.bad_frame");
+      ++handler.counter("frames");
+      ++handler.counter("errors");
+      ++handler.counter("errors.bad_frame");
       const std::string got =
           std::to_string(from.parts) +
           (from.parts ? " parts, the first of " + std::to_string(from.first_part_bytes) + " bytes" : " parts");
-      send_error(*sink, {}, inbox.engine().scene_revision(), wire::ErrorCode::kBadFrame,
+      send_error(*sink, {}, handler.engine().scene_revision(), wire::ErrorCode::kBadFrame,
                  "frame: ZeroMQ carries it in two parts, a header of 64 bytes and a payload; got " + got);
       return;
     }
-    if (from.payload.bytes <= kLargePayload) return inbox.on_frame(from.header, from.payload.span(), std::move(sink));
+    if (from.payload.bytes <= kLargePayload) return handler.on_frame(from.header, from.payload.span(), std::move(sink));
     const std::uint64_t bytes = from.payload.bytes;
-    inbox.on_large_frame(from.header, bytes, [payload = std::move(from.payload)] { return payload; }, std::move(sink));
+    handler.on_large_frame(from.header, bytes, [payload = std::move(from.payload)] { return payload; }, std::move(sink));
   }
 
   Access access_;

@@ -90,7 +90,7 @@ class MemoryTransport final : public Transport {
     ++sleeps;
     return false;
   }
-  int poll(Inbox& inbox) override {
+  int poll(RequestHandler& handler) override {
     std::uint64_t count;
     [[maybe_unused]] const auto got = read(wake_, &count, sizeof count);
     std::deque<std::pair<MemoryClient*, std::vector<std::byte>>> arrived;
@@ -105,12 +105,12 @@ class MemoryTransport final : public Transport {
       if (size > kLargePayload) {
         const auto own = std::make_shared<std::vector<std::byte>>(std::move(frame));
         const OwnPayload payload{{own, own->data() + sizeof header}, size};
-        inbox.on_large_frame(header, size, [payload] { return payload; }, std::make_unique<Sink>(*this, *client));
+        handler.on_large_frame(header, size, [payload] { return payload; }, std::make_unique<Sink>(*this, *client));
         continue;
       }
       const AlignedBytes copy = aligned_bytes(size + 1);
       std::memcpy(copy.get() + unaligned, frame.data() + sizeof header, size);
-      inbox.on_frame(header, {copy.get() + unaligned, size}, std::make_unique<Sink>(*this, *client));
+      handler.on_frame(header, {copy.get() + unaligned, size}, std::make_unique<Sink>(*this, *client));
     }
     return static_cast<int>(arrived.size());
   }

@@ -231,8 +231,8 @@ class FailingTransport final : public Transport {
  public:
   std::string url() const override { return "failing://"; }
   std::vector<int> descriptors() const override { return {}; }
-  int poll(Inbox&) override { throw std::runtime_error("the cable was cut"); }
-  void tick(Inbox&) override { throw std::runtime_error("still cut"); }
+  int poll(RequestHandler&) override { throw std::runtime_error("the cable was cut"); }
+  void tick(RequestHandler&) override { throw std::runtime_error("still cut"); }
 };
 
 TEST_F(LoopTest, AFailingTransportDoesNotStopTheOthers) {

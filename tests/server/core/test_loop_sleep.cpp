@@ -49,8 +49,8 @@ class TickingTransport final : public Transport {
  public:
   std::string url() const override { return "ticking://"; }
   std::vector<int> descriptors() const override { return {}; }
-  int poll(Inbox&) override { return 0; }
-  void tick(Inbox&) override { ++ticks; }
+  int poll(RequestHandler&) override { return 0; }
+  void tick(RequestHandler&) override { ++ticks; }
   std::atomic<int> ticks{0};
 };
 
@@ -95,7 +95,7 @@ class NaggingTransport final : public Transport {
   ~NaggingTransport() override { close(fd_); }
   std::string url() const override { return "nagging://"; }
   std::vector<int> descriptors() const override { return {fd_}; }
-  int poll(Inbox&) override {
+  int poll(RequestHandler&) override {
     ++polls;
     return 0;
   }

@@ -51,7 +51,7 @@ class TemporaryFolder {
 };
 
 /// Answers kPing with the same payload, or, if the header's scene_revision is not 0, with a pattern of that many bytes.
-class EchoInbox final : public Inbox {
+class EchoRequestHandler final : public RequestHandler {
  public:
   enum class Mode { kEcho, kHold, kDrop };
   struct Held {
@@ -120,9 +120,9 @@ class EchoServer {
 
   /// Serves what is there.
   void serve() {
-    while (transport->poll(inbox) > 0) {
+    while (transport->poll(handler) > 0) {
     }
-    transport->tick(inbox);
+    transport->tick(handler);
   }
   /// Sleeps until there is something to serve. Returns false if nothing came within `timeout`.
   /// \param extra a descriptor to wait for as well; -1: none.
@@ -149,7 +149,7 @@ class EchoServer {
   }
 
   std::unique_ptr<Transport> transport;
-  EchoInbox inbox;
+  EchoRequestHandler handler;
 };
 
 /// An EchoServer in a thread of its own.
@@ -171,15 +171,15 @@ class EchoThread {
     wake();
     return result.get();
   }
-  void set_mode(EchoInbox::Mode mode) {
-    call([mode](EchoServer& s) { s.inbox.mode = mode; });
+  void set_mode(EchoRequestHandler::Mode mode) {
+    call([mode](EchoServer& s) { s.handler.mode = mode; });
   }
   /// Waits until so many requests are held back.
   void await_held(std::size_t count) {
-    while (call([](EchoServer& s) { return s.inbox.held.size(); }) < count) std::this_thread::yield();
+    while (call([](EchoServer& s) { return s.handler.held.size(); }) < count) std::this_thread::yield();
   }
   std::uint64_t counter(const std::string& name) {
-    return call([&](EchoServer& s) { return s.inbox.counters[name]; });
+    return call([&](EchoServer& s) { return s.handler.counters[name]; });
   }
   /// Sleeps of the loop that ended because nothing came for long: each is a lost wake-up.
   int idle_timeouts() const { return idle_timeouts_; }
@@ -231,7 +231,7 @@ inline std::vector<std::byte> random_bytes(std::size_t size, std::uint64_t seed)
   return bytes;
 }
 
-/// Sends a kPing. \param reply_bytes not 0: the payload wanted back (EchoInbox). \param hint what begin() is told of
+/// Sends a kPing. \param reply_bytes not 0: the payload wanted back (EchoRequestHandler). \param hint what begin() is told of
 /// the reply.
 inline void send_ping(Channel& channel, std::uint64_t id, std::span<const std::byte> payload,
                       std::uint64_t reply_bytes = 0, std::uint64_t hint = 0) {

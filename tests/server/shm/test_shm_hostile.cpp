@@ -56,17 +56,17 @@ TEST_F(ShmHostile, EachBrokenRuleOfTheRingEndsTheConnectionWithAReason) {
     expect_good_service();
   }
   {
-    server_.set_mode(EchoInbox::Mode::kHold);
+    server_.set_mode(EchoRequestHandler::Mode::kHold);
     RawClient client(path_);
     client.post(shm::pack_ticket(3, 1), 64, 1);
     server_.await_held(1);
     client.post(shm::pack_ticket(3, 2), 64, 2);
     EXPECT_STREQ(client.receive().text, "disconnected: a slot that is still being answered");
     server_.call([](EchoServer& s) {
-      EXPECT_FALSE(s.inbox.held[0].sink->alive());
-      s.inbox.answer_held(0);  // into memory that only the two of them share
-      s.inbox.held.clear();
-      s.inbox.mode = EchoInbox::Mode::kEcho;
+      EXPECT_FALSE(s.handler.held[0].sink->alive());
+      s.handler.answer_held(0);  // into memory that only the two of them share
+      s.handler.held.clear();
+      s.handler.mode = EchoRequestHandler::Mode::kEcho;
     });
     expect_good_service();
   }
@@ -293,7 +293,7 @@ TEST_F(ShmHostile, ASilentConnectionIsClosed) {
   EchoThread server(path, limits);
   RawClient client(path, false);
   while (server.counter("shm.connections") < 1) std::this_thread::yield();
-  while (server.counter("shm.clients") > 0) server.call([](EchoServer& s) { s.transport->tick(s.inbox); });
+  while (server.counter("shm.clients") > 0) server.call([](EchoServer& s) { s.transport->tick(s.handler); });
   EXPECT_EQ(client.receive().kind, 0u);
 }
 

@@ -9,7 +9,7 @@
 namespace clearance {
 namespace {
 
-using Mode = EchoInbox::Mode;
+using Mode = EchoRequestHandler::Mode;
 
 /// Runs `body` in a forked child, which dies with its parent and exits with what `body` returns.
 template <class Body>
@@ -74,13 +74,13 @@ TEST_F(ShmProcesses, ClientsInOtherProcessesAreAnswered) {
       }
       return 0;
     }));
-  server.run_until([&] { return server.inbox.frames == 900 && server.inbox.counters["shm.clients"] == 0; });
+  server.run_until([&] { return server.handler.frames == 900 && server.handler.counters["shm.clients"] == 0; });
   for (const pid_t child : children) EXPECT_EQ(exit_code(child), 0);
 }
 
 TEST_F(ShmProcesses, ClientsKilledMidRequestLeaveNothingBehind) {
   EchoServer server(path_);
-  server.inbox.mode = Mode::kHold;
+  server.handler.mode = Mode::kHold;
   server.serve();
   const std::size_t descriptors = open_descriptors(), mappings = mapped_segments();
   EXPECT_EQ(mappings, 0u);
@@ -95,24 +95,24 @@ TEST_F(ShmProcesses, ClientsKilledMidRequestLeaveNothingBehind) {
       channel->receive(4, soon());
       return 1;  // not reached: it is killed while it waits
     });
-    server.run_until([&] { return server.inbox.held.size() == 4; }, round % 2 ? -1 : posted.descriptor());
+    server.run_until([&] { return server.handler.held.size() == 4; }, round % 2 ? -1 : posted.descriptor());
     posted.await();
-    EXPECT_TRUE(server.inbox.held[0].sink->alive());
+    EXPECT_TRUE(server.handler.held[0].sink->alive());
     most_mappings = std::max(most_mappings, mapped_segments());
     ASSERT_EQ(::kill(child, SIGKILL), 0);
     EXPECT_EQ(exit_code(child), -SIGKILL);
-    server.run_until([&] { return server.inbox.counters["shm.clients"] == 0; });
-    EXPECT_FALSE(server.inbox.held[0].sink->alive());
+    server.run_until([&] { return server.handler.counters["shm.clients"] == 0; });
+    EXPECT_FALSE(server.handler.held[0].sink->alive());
     // Replies under way are written into memory that is still there; then it goes.
-    for (std::size_t i = 0; i + 1 < server.inbox.held.size(); ++i) server.inbox.answer_held(i);
-    server.inbox.held.clear();
+    for (std::size_t i = 0; i + 1 < server.handler.held.size(); ++i) server.handler.answer_held(i);
+    server.handler.held.clear();
     ASSERT_EQ(mapped_segments(), 0u);
   }
   EXPECT_GE(most_mappings, 1u);
   EXPECT_EQ(open_descriptors(), descriptors);
-  server.transport->tick(server.inbox);
-  EXPECT_EQ(server.inbox.counters["shm.segment_bytes"], 0u);
-  EXPECT_EQ(server.inbox.counters["shm.connections"], 50u);
+  server.transport->tick(server.handler);
+  EXPECT_EQ(server.handler.counters["shm.segment_bytes"], 0u);
+  EXPECT_EQ(server.handler.counters["shm.connections"], 50u);
 }
 
 TEST_F(ShmProcesses, AWaitingClientNoticesThatTheDaemonDied) {
@@ -122,8 +122,8 @@ TEST_F(ShmProcesses, AWaitingClientNoticesThatTheDaemonDied) {
       EchoServer server(path_);
       server.serve();
       up.give();
-      server.inbox.hold_after = 1;
-      server.run_until([&] { return server.inbox.frames == 2; });
+      server.handler.hold_after = 1;
+      server.run_until([&] { return server.handler.frames == 2; });
       ::kill(::getpid(), SIGKILL);
       return 1;
     });
@@ -155,7 +155,7 @@ TEST_F(ShmProcesses, RepliesThatADaemonPostedBeforeItDiedAreStillReceived) {
     EchoServer server(path_);
     server.serve();
     up.give();
-    server.run_until([&] { return server.inbox.frames == 3; });
+    server.run_until([&] { return server.handler.frames == 3; });
     ::kill(::getpid(), SIGKILL);
     return 1;
   });
@@ -226,9 +226,9 @@ TEST_F(ShmProcesses, AnotherUserIsRefused) {
     if (shm::receive_message(socket.get(), message) <= 0) return 4;
     return std::string(message.text) == "user 65534 may not connect: this daemon runs as user 0" ? 0 : 5;
   });
-  server.run_until([&] { return server.inbox.counters["shm.refused"] >= 2; });
+  server.run_until([&] { return server.handler.counters["shm.refused"] >= 2; });
   EXPECT_EQ(exit_code(raw), 0);
-  EXPECT_EQ(server.inbox.counters["shm.connections"], 0u);
+  EXPECT_EQ(server.handler.counters["shm.connections"], 0u);
 }
 
 }  // namespace

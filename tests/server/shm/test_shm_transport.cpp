@@ -10,7 +10,7 @@
 namespace clearance {
 namespace {
 
-using Mode = EchoInbox::Mode;
+using Mode = EchoRequestHandler::Mode;
 
 class ShmTransport : public ::testing::Test {
  protected:
@@ -56,7 +56,7 @@ TEST_F(ShmTransport, EchoesFramesOfManySizes) {
     send_ping(*channel, id, payload);
     EXPECT_TRUE(echoes(*channel, id, payload)) << size;
   }
-  EXPECT_EQ(server.call([](EchoServer& s) { return s.inbox.frames; }), sizes.size() + 3)
+  EXPECT_EQ(server.call([](EchoServer& s) { return s.handler.frames; }), sizes.size() + 3)
       << "three replies should have outgrown their slot";
   EXPECT_EQ(server.counter("shm.clients"), 1u);
 }
@@ -95,8 +95,8 @@ TEST_F(ShmTransport, ManyOutstandingRequestsAreAnsweredInAnyOrder) {
     std::shuffle(order.begin(), order.end(), random);
     reordered |= !std::is_sorted(order.begin(), order.end());
     server.call([&](EchoServer& s) {
-      for (const auto i : order) s.inbox.answer_held(i);
-      s.inbox.held.clear();
+      for (const auto i : order) s.handler.answer_held(i);
+      s.handler.held.clear();
     });
     std::shuffle(order.begin(), order.end(), random);
     for (const auto i : order) EXPECT_TRUE(echoes(*channel, ids[i], payloads[i]));
@@ -170,9 +170,9 @@ TEST_F(ShmTransport, TheLateReplyOfAForgottenRequestIsNotTakenForAnother) {
     EXPECT_THROW(channel->receive(7, soon()), ConnectionError);
     server.await_held(1);
     server.call([](EchoServer& s) {
-      s.inbox.mode = Mode::kEcho;
-      s.inbox.answer_held(0);
-      s.inbox.held.clear();
+      s.handler.mode = Mode::kEcho;
+      s.handler.answer_held(0);
+      s.handler.held.clear();
     });
     send_ping(*channel, 7, random_bytes(100, 2));  // waits for the slot
     EXPECT_TRUE(echoes(*channel, 7, random_bytes(100, 2)));
@@ -201,8 +201,8 @@ TEST_F(ShmTransport, ATimeoutLeavesTheRequestUnderWay) {
   EXPECT_EQ(channel->receive(1, std::chrono::steady_clock::now() + 30ms), nullptr);
   server.await_held(1);
   server.call([](EchoServer& s) {
-    s.inbox.answer_held(0);
-    s.inbox.held.clear();
+    s.handler.answer_held(0);
+    s.handler.held.clear();
   });
   EXPECT_TRUE(echoes(*channel, 1, random_bytes(10, 1)));
 }
@@ -239,7 +239,7 @@ TEST_F(ShmTransport, AReplyThatDoesNotFitGetsALargerSegment) {
       EXPECT_EQ(frame->payload().back(), static_cast<std::byte>(id));
     }
   }
-  EXPECT_EQ(server.call([](EchoServer& s) { return s.inbox.frames; }), 1u + 6 + 3)
+  EXPECT_EQ(server.call([](EchoServer& s) { return s.handler.frames; }), 1u + 6 + 3)
       << "three of them should have been sent again";
   const auto expected = random_bytes(100, 1);
   EXPECT_TRUE(std::equal(expected.begin(), expected.end(), kept->payload().begin(), kept->payload().end()));
@@ -316,14 +316,14 @@ TEST_F(ShmTransport, ClientsAreToldApart) {
   server.await_held(3);
   server.call([](EchoServer& s) {
     std::map<std::uint64_t, int> clients;
-    for (const auto& held : s.inbox.held) {
+    for (const auto& held : s.handler.held) {
       EXPECT_NE(held.sink->client(), 0u);
       EXPECT_TRUE(held.sink->alive());
       ++clients[held.sink->client()];
     }
     EXPECT_EQ(clients.size(), 2u);
-    for (std::size_t i = 0; i < 3; ++i) s.inbox.answer_held(i);
-    s.inbox.held.clear();
+    for (std::size_t i = 0; i < 3; ++i) s.handler.answer_held(i);
+    s.handler.held.clear();
   });
   EXPECT_TRUE(echoes(*b, 1, random_bytes(10, 3)));
   EXPECT_TRUE(echoes(*a, 1, random_bytes(10, 1)));
@@ -437,7 +437,7 @@ TEST_F(ShmTransport, NothingIsLeftOfClientsThatWent) {
   while (server.counter("shm.clients") > 0) std::this_thread::yield();
   EXPECT_EQ(open_descriptors(), descriptors);
   EXPECT_EQ(mapped_segments(), 0u);
-  server.call([](EchoServer& s) { s.transport->tick(s.inbox); });
+  server.call([](EchoServer& s) { s.transport->tick(s.handler); });
   EXPECT_EQ(server.counter("shm.segment_bytes"), 0u);
 }
 
