@@ -18,7 +18,7 @@ void Loop::open_plan(const FrameHeader& header, std::function<OwnPayload()> fetc
   const std::uint64_t client = sink->client();
   std::function<bool()> is_there = sink->watch();
   if (!is_there)
-    throw Refusal{
+    throw RejectedRequest{
         ErrorCode::kNotSupported,
         "a plan on a device: its memory is for processes of this machine whose end the daemon sees, by shm:// "
         "and ipc://; this client is none of them"};
@@ -50,9 +50,9 @@ void Loop::run_plan(const FrameHeader& header, std::span<const std::byte> payloa
   DevicePlans::Open& open = plans_.find(client, number);
   const std::string named = "a plan on a device: plan " + std::to_string(number);
   if (header.scene_revision && header.scene_revision != engine_->scene_revision())
-    throw Refusal{ErrorCode::kWrongScene, named + " was made for another scene than the daemon has now; open it again"};
+    throw RejectedRequest{ErrorCode::kWrongScene, named + " was made for another scene than the daemon has now; open it again"};
   if (open.is_running)
-    throw Refusal{ErrorCode::kBusy, named + " is running already; wait for its rows, which are the same memory"};
+    throw RejectedRequest{ErrorCode::kBusy, named + " is running already; wait for its rows, which are the same memory"};
   const ServiceClass service = class_for(*sink, kDefaultOptions);
   quotas_.check_requests(client);
   PendingRequest asked{nullptr, header, quotas_.take(client, service, payload.size())};

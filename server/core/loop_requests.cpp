@@ -51,7 +51,7 @@ void Loop::on_frame(const FrameHeader& header, std::span<const std::byte> payloa
 
 void Loop::check_right(const FrameHeader& header, const ReplySink& sink) {
   if (const Rights needed = right_for(static_cast<FrameType>(header.type)); needed & ~sink.rights())
-    throw Refusal{ErrorCode::kForbidden, wire::type_name(header.type) + " needs the right \"" + rights_text(needed) +
+    throw RejectedRequest{ErrorCode::kForbidden, wire::type_name(header.type) + " needs the right \"" + rights_text(needed) +
                                              "\"; this client has " + rights_text(sink.rights())};
 }
 
@@ -123,7 +123,7 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
     default:
       break;
   }
-  throw Refusal{ErrorCode::kUnknownType, "frame: type " + wire::type_name(header.type) + " is no request"};
+  throw RejectedRequest{ErrorCode::kUnknownType, "frame: type " + wire::type_name(header.type) + " is no request"};
 }
 
 void Loop::start_query(const FrameHeader& header, std::span<const std::byte> payload,
@@ -286,7 +286,7 @@ void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes
         break;
     }
     if (payload_bytes > kMostOfOthers)
-      throw Refusal{ErrorCode::kBadFrame, wire::type_name(header.type) + ": a payload of " +
+      throw RejectedRequest{ErrorCode::kBadFrame, wire::type_name(header.type) + ": a payload of " +
                                               std::to_string(payload_bytes) + " bytes, more than the " +
                                               std::to_string(kMostOfOthers) + " that a request of this type has"};
     const OwnPayload payload = fetch();

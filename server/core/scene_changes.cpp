@@ -138,7 +138,7 @@ void SceneChanges::let_wait(const FrameHeader& request, std::unique_ptr<ReplySin
 }
 
 void SceneChanges::ask_reload(const FrameHeader& request, std::unique_ptr<ReplySink>& sink) {
-  if (!reloader_) throw Refusal{ErrorCode::kNotSupported, "there is no scene file to load anew"};
+  if (!reloader_) throw RejectedRequest{ErrorCode::kNotSupported, "there is no scene file to load anew"};
   quotas_.check_requests(sink->client());
   log::info("event=reload_asked client={}", sink->client());
   let_wait(request, sink, {.asked = {}, .load = reloader_->next_load(), .name = ""});
@@ -148,7 +148,7 @@ void SceneChanges::ask_reload(const FrameHeader& request, std::unique_ptr<ReplyS
 void SceneChanges::begin_edit(const FrameHeader& request, std::unique_ptr<ReplySink>& sink, const std::string& name,
                               bool removes, Reloader::Edit edit) {
   if (!reloader_ || !reloader_->can_edit())
-    throw Refusal{ErrorCode::kNotSupported, "bodies can be neither added nor removed here"};
+    throw RejectedRequest{ErrorCode::kNotSupported, "bodies can be neither added nor removed here"};
   quotas_.check_requests(sink->client());
   const std::uint64_t number = reloader_->push(std::move(edit));
   let_wait(request, sink, {.asked = {}, .edit = number, .name = name, .removes = removes});
@@ -164,7 +164,7 @@ void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byt
   if (parent != kNone) check_scene(*engine_, request, std::array{parent});
   const auto& bodies = engine_->scene().bodies();
   if (parent != kNone && parent >= bodies.size())
-    throw Refusal{ErrorCode::kBadQuery,
+    throw RejectedRequest{ErrorCode::kBadQuery,
                   "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
   check_size(parts);
   begin_edit(request, sink, wire::name_of(parts.record.name), false,
@@ -174,7 +174,7 @@ void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byt
 void SceneChanges::check_size(const wire::NewBodyParts& parts) const {
   const auto check = [](std::uint64_t got, std::uint64_t most, const std::string& what) {
     if (got > most)
-      throw Refusal{ErrorCode::kTooLarge, "add_body: " + std::to_string(got) + " " + what + " are more than the " +
+      throw RejectedRequest{ErrorCode::kTooLarge, "add_body: " + std::to_string(got) + " " + what + " are more than the " +
                                               std::to_string(most) + " that an added body may have (limit max-added-" +
                                               what + ")"};
   };
@@ -263,7 +263,7 @@ void SceneChanges::answer(Waiter& waiter, const Reloader::Outcome& outcome) {
   ReplySink& sink = *waiter.asked.sink;
   answers_.guard(sink, waiter.asked.header, [&] {
     if (!outcome.error.empty())
-      throw Refusal{outcome.edit && outcome.bad_input ? ErrorCode::kBadQuery : ErrorCode::kReloadFailed, outcome.error};
+      throw RejectedRequest{outcome.edit && outcome.bad_input ? ErrorCode::kBadQuery : ErrorCode::kReloadFailed, outcome.error};
     wire::SceneChange change;
     change.scene_revision = engine_->scene_revision();
     change.body_count = static_cast<std::uint32_t>(engine_->scene().bodies().size());

@@ -26,7 +26,7 @@ std::string ms(std::chrono::nanoseconds time) {
   return text;
 }
 
-Refusal late(std::chrono::nanoseconds deadline, const std::string& why) {
+RejectedRequest late(std::chrono::nanoseconds deadline, const std::string& why) {
   return {wire::ErrorCode::kDeadline, "no answer within the " + ms(deadline) + " of its deadline_ns: " + why};
 }
 
@@ -74,7 +74,7 @@ void Forecast::check(const Work& work, std::chrono::nanoseconds left, std::chron
   throw late(deadline, "it would take about " + ms(*takes) + ", by what like queries took");
 }
 
-Refusal deadline_passed(std::chrono::nanoseconds deadline, std::chrono::nanoseconds worked) {
+RejectedRequest deadline_passed(std::chrono::nanoseconds deadline, std::chrono::nanoseconds worked) {
   if (worked.count() == 0) return late(deadline, "it was waiting, or its pairs were still being listed");
   return late(deadline, "it was given up after " + ms(worked) + " of work");
 }

@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "engine/engine.h"
-#include "server/base/refusal.h"
+#include "server/base/rejected_request.h"
 #include "wire/query_options.h"
 
 namespace clearance {
@@ -41,6 +41,6 @@ class Forecast {
 };
 
 /// What is said of a query whose deadline has passed. \param worked so long somebody worked on it; 0: it had not begun
-Refusal deadline_passed(std::chrono::nanoseconds deadline, std::chrono::nanoseconds worked);
+RejectedRequest deadline_passed(std::chrono::nanoseconds deadline, std::chrono::nanoseconds worked);
 
 }  // namespace clearance

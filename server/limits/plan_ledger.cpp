@@ -2,13 +2,13 @@
 
 #include <string>
 
-#include "server/base/refusal.h"
+#include "server/base/rejected_request.h"
 
 namespace clearance {
 namespace {
 
 [[noreturn]] void refuse_plan(wire::ErrorCode code, const std::string& text) {
-  throw Refusal{code, "a plan on a device: " + text};
+  throw RejectedRequest{code, "a plan on a device: " + text};
 }
 
 }  // namespace

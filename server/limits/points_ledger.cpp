@@ -1,13 +1,13 @@
 #include "server/limits/points_ledger.h"
 
-#include "server/base/refusal.h"
+#include "server/base/rejected_request.h"
 
 namespace clearance {
 
 void PointsLedger::begin(std::uint64_t client, std::uint64_t count) {
   const auto refuse = [&](wire::ErrorCode code, std::uint64_t got, const char* whose, std::uint64_t most,
                           const char* option) {
-    throw Refusal{code, "points: " + std::to_string(got) + " points " + whose + " are more than the " +
+    throw RejectedRequest{code, "points: " + std::to_string(got) + " points " + whose + " are more than the " +
                             std::to_string(most) + " that there may be (" + option + ")"};
   };
   if (count > limits_.max_points_of_body)

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "server/base/refusal.h"
+#include "server/base/rejected_request.h"
 
 namespace clearance {
 namespace {
@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t kIdleClientsKept = 256;
 
 [[noreturn]] void refuse(const std::string& text) {
-  throw Refusal{wire::ErrorCode::kBusy, text};
+  throw RejectedRequest{wire::ErrorCode::kBusy, text};
 }
 
 }  // namespace

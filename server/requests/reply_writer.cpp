@@ -34,14 +34,14 @@ ReplyWriter::ReplyWriter(Stats& stats, const std::shared_ptr<Engine>& engine, bo
 void ReplyWriter::check_epoch(const FrameHeader& request, std::uint64_t named) const {
   if (named == epoch_) return;
   if (named)
-    throw Refusal{ErrorCode::kNewEpoch,
+    throw RejectedRequest{ErrorCode::kNewEpoch,
                   "the daemon was started anew, or is another one, since this client's first contact: poses, "
                   "attachments and bodies that clients had sent are gone; acknowledge its epoch, and send them again"};
   using wire::FrameType;
   const auto type = static_cast<FrameType>(request.type);
   const bool is_harmless = type == FrameType::kPing || type == FrameType::kDescribe || type == FrameType::kGetStats;
   if (require_epoch_ && !is_harmless)
-    throw Refusal{ErrorCode::kNewEpoch, wire::type_name(request.type) + " names no epoch (--require-epoch)"};
+    throw RejectedRequest{ErrorCode::kNewEpoch, wire::type_name(request.type) + " names no epoch (--require-epoch)"};
 }
 
 std::vector<std::byte> ReplyWriter::records(const wire::PassedOver& passed_over, std::size_t joints) const {
@@ -67,7 +67,7 @@ void ReplyWriter::reply(ReplySink& sink, const FrameHeader& request, wire::Frame
 std::byte* ReplyWriter::reserve(ReplySink& sink, std::uint64_t payload_bytes) {
   const std::uint64_t bytes = sizeof(FrameHeader) + payload_bytes + epoch_record_.size();
   const auto too_large = [bytes](const char* room) {
-    return Refusal{ErrorCode::kTooLarge, "the reply needs " + std::to_string(bytes) + " bytes, more than " + room,
+    return RejectedRequest{ErrorCode::kTooLarge, "the reply needs " + std::to_string(bytes) + " bytes, more than " + room,
                    bytes};
   };
   if (bytes > wire::kMaxFrameBytes) throw too_large("a frame may have");
@@ -93,7 +93,7 @@ void ReplyWriter::count_query(std::uint64_t server_ns, std::uint64_t rows) {
   stats_.rows += rows;
 }
 
-void ReplyWriter::refuse(ReplySink& sink, const FrameHeader& request, const Refusal& refusal) {
+void ReplyWriter::refuse(ReplySink& sink, const FrameHeader& request, const RejectedRequest& refusal) {
   stats_.count_error(std::string(wire::error_name(refusal.code)), refusal.text);
   log::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
              log_text(refusal.text));
@@ -107,10 +107,10 @@ void ReplyWriter::refuse(ReplySink& sink, const FrameHeader& request, const Refu
   }
 }
 
-Refusal ReplyWriter::refusal_of_caught(const FrameHeader& request) {
+RejectedRequest ReplyWriter::rejection_of_caught(const FrameHeader& request) {
   try {
     throw;
-  } catch (const Refusal& refusal) {
+  } catch (const RejectedRequest& refusal) {
     return refusal;
   } catch (const wire::WireError& error) {
     return {error.code, error.what()};

@@ -7,7 +7,7 @@
 #include <optional>
 #include <span>
 
-#include "server/base/refusal.h"
+#include "server/base/rejected_request.h"
 #include "server/base/stats.h"
 #include "server/requests/transport.h"
 #include "wire/wire.h"
@@ -41,29 +41,29 @@ class ReplyWriter {
   void count_dropped() { ++stats_.dropped; }
   /// Counts the reply of a query, which was published.
   void count_query(std::uint64_t server_ns, std::uint64_t rows);
-  void refuse(ReplySink& sink, const wire::FrameHeader& request, const Refusal& refusal);
+  void refuse(ReplySink& sink, const wire::FrameHeader& request, const RejectedRequest& refusal);
   /// Runs `work`. Whatever it throws is answered with kError; then this returns false.
   template <class Work>
   bool guard(ReplySink& sink, const wire::FrameHeader& request, Work work) {
-    const std::optional<Refusal> refusal = refusal_of(request, work);
+    const std::optional<RejectedRequest> refusal = refusal_of(request, work);
     if (refusal) refuse(sink, request, *refusal);
     return !refusal;
   }
   /// Runs `work`. What it throws, in words for whoever asked. From any thread.
   template <class Work>
-  static std::optional<Refusal> refusal_of(const wire::FrameHeader& request, Work work) {
+  static std::optional<RejectedRequest> refusal_of(const wire::FrameHeader& request, Work work) {
     try {
       work();
       return std::nullopt;
     } catch (...) {
-      return refusal_of_caught(request);
+      return rejection_of_caught(request);
     }
   }
 
  private:
   /// The exception that is being handled, in words for whoever asked. Not in guard(), which every user compiles: to
   /// format one line of the log takes the compiler five seconds.
-  static Refusal refusal_of_caught(const wire::FrameHeader& request);
+  static RejectedRequest rejection_of_caught(const wire::FrameHeader& request);
 
   Stats& stats_;
   const std::shared_ptr<Engine>& engine_;

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "engine/engine.h"
-#include "server/base/refusal.h"
+#include "server/base/rejected_request.h"
 #include "wire/protocol.h"
 
 namespace clearance {
@@ -18,7 +18,7 @@ inline bool knows_scene(const Engine& engine, const wire::FrameHeader& request, 
 }
 
 [[noreturn]] inline void refuse_scene(const Engine& engine, const wire::FrameHeader& request) {
-  throw Refusal{wire::ErrorCode::kWrongScene, "the request is for scene revision " +
+  throw RejectedRequest{wire::ErrorCode::kWrongScene, "the request is for scene revision " +
                                                   std::to_string(request.scene_revision) + ", the daemon's is " +
                                                   std::to_string(engine.scene_revision()) + ": fetch the scene again"};
 }

@@ -53,7 +53,7 @@ class BackgroundRequest final : public ScheduledQuery {
   Weight weight_;
   Step step_ = Step::kMake;
   std::atomic<bool> gone_{false};
-  std::optional<Refusal> failure_;
+  std::optional<RejectedRequest> failure_;
   std::vector<std::byte> payload_;
   std::uint64_t payload_bytes_ = 0, copied_ = 0;
   std::byte* frame_ = nullptr;

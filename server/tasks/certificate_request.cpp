@@ -24,7 +24,7 @@ void CertificateRequest::begin(std::uint64_t& ignored) {
   ignored += parts.passed_over.size();
   answers_.check_epoch(request_, parts.epoch);
   if (parts.options.min_pose_stamp_ns != 0 || parts.options.deadline_ns != 0)
-    throw Refusal{
+    throw RejectedRequest{
         wire::ErrorCode::kNotSupported,
         "certificate: without min_pose_stamp_ns and deadline_ns, so far: ask for it when the poses are there"};
   CertificateRows rows{{}, kMostBytes};

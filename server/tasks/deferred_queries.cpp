@@ -44,14 +44,14 @@ bool is_over(const DeferredQuery& held, const Engine& engine, Reached& reached, 
     return is_reached(reached, engine, held.asked.header, held.query);
   } catch (const QueryError&) {  // another scene: said where the query begins
     return true;
-  } catch (const Refusal&) {  // likewise
+  } catch (const RejectedRequest&) {  // likewise
     return true;
   }
 }
 
 }  // namespace
 
-Refusal poses_late(const QueryOptions& query, bool waited) {
+RejectedRequest poses_late(const QueryOptions& query, bool waited) {
   const std::string poses = "no poses with stamp " + std::to_string(query.min_pose_stamp_ns) + " or newer ";
   if (!waited) return {wire::ErrorCode::kPosesLate, poses + "are there"};
   if (wait_of(query) < query.pose_wait_ns) return deadline_passed(std::chrono::nanoseconds(query.deadline_ns), {});

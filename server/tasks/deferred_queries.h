@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "engine/engine.h"
-#include "server/base/refusal.h"
+#include "server/base/rejected_request.h"
 #include "server/requests/pending_request.h"
 #include "wire/query_options.h"
 
@@ -65,6 +65,6 @@ class DeferredQueries {
 };
 
 /// What is said when the poses are not there. \param waited in vain, perhaps to the query's deadline, or not at all.
-Refusal poses_late(const QueryOptions& query, bool waited);
+RejectedRequest poses_late(const QueryOptions& query, bool waited);
 
 }  // namespace clearance

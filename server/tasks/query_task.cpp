@@ -39,7 +39,7 @@ void clear_gaps(std::byte* columns, const QuerySize& size, std::uint64_t rows) {
   }
 }
 
-Refusal no_room(std::uint64_t rows, std::uint64_t bytes) {
+RejectedRequest no_room(std::uint64_t rows, std::uint64_t bytes) {
   return {wire::ErrorCode::kTooLarge,
           "the reply of " + std::to_string(rows) + " rows needs " + std::to_string(bytes) +
               " bytes, more than this client has room for",
@@ -82,14 +82,14 @@ std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vect
 
 void QueryTask::Limits::check(const Extent& extent) const {
   if (const std::uint64_t pieces = extent.piece_pairs; pieces > max_piece_pairs)
-    throw Refusal{wire::ErrorCode::kTooLarge, "the pairs that this query names have " + std::to_string(pieces) +
+    throw RejectedRequest{wire::ErrorCode::kTooLarge, "the pairs that this query names have " + std::to_string(pieces) +
                                                   " pairs of pieces, more than the " + std::to_string(max_piece_pairs) +
                                                   " that one query may ask about (limit max-piece-pairs): split it"};
 }
 
 void QueryTask::Limits::check(const QuerySize& size) const {
   if (size.pairs && size.configurations > max_pairs / size.pairs)
-    throw Refusal{wire::ErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations of " +
+    throw RejectedRequest{wire::ErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations of " +
                                                   std::to_string(size.pairs) + " pairs are more than the " +
                                                   std::to_string(max_pairs) +
                                                   " that one query may ask about (limit max-pairs): split it"};

@@ -119,7 +119,7 @@ class QueryTask final : public ScheduledQuery {
   bool is_ended_ = false;         // for its client, while somebody may still work on it
   Clock::time_point deadline_ = Clock::time_point::max();
   std::atomic<bool> gone_{false};
-  std::optional<Refusal> failure_;
+  std::optional<RejectedRequest> failure_;
   std::uint64_t payload_bytes_ = 0, units_ = 0;
 
   // Of the query. The memory of what is large is given back by whoever works.

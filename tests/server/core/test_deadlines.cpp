@@ -161,7 +161,7 @@ TEST(Forecast, OneThatLostItsCpuSpoilsNoOthers) {
   forecast.note(work, 100ms, false);
   EXPECT_NO_THROW(forecast.check(work, 1ms, 1ms));
   for (int i = 0; i < 50; ++i) forecast.note(work, 100ms, true);
-  EXPECT_THROW(forecast.check(work, 1ms, 1ms), Refusal) << "where all of them take long that is learnt";
+  EXPECT_THROW(forecast.check(work, 1ms, 1ms), RejectedRequest) << "where all of them take long that is learnt";
 }
 
 TEST(Forecast, TriesAgainAfterSomeRefusals) {
@@ -174,7 +174,7 @@ TEST(Forecast, TriesAgainAfterSomeRefusals) {
     try {
       forecast.check(work, 10ms, 15ms);
       return false;
-    } catch (const Refusal& refusal) {
+    } catch (const RejectedRequest& refusal) {
       if (refused == 0) {
         EXPECT_EQ(
             refusal.text,

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "server/base/refusal.h"
+#include "server/base/rejected_request.h"
 #include "server/limits/quotas.h"
 
 namespace clearance {
@@ -20,7 +20,7 @@ std::string refusal(Check check) {
   try {
     check();
     return "";
-  } catch (const Refusal& refusal) {
+  } catch (const RejectedRequest& refusal) {
     EXPECT_EQ(refusal.code, wire::ErrorCode::kBusy);
     return refusal.text;
   }

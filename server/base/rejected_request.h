@@ -9,7 +9,7 @@
 namespace clearance {
 
 /// Thrown by whatever looks at a request; becomes the error that its client gets.
-struct Refusal {
+struct RejectedRequest {
   wire::ErrorCode code;
   std::string text;
   std::uint64_t needed_bytes = 0;  ///< of kTooLarge: room that the reply would need
