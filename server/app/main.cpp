@@ -233,7 +233,7 @@ int serve(DaemonOptions options) {
   or_fail<std::runtime_error>(kExitEndpoint, "", [&] {
     open_endpoints(loop, options, access, lcm_poses);
     if (options.metrics.empty()) return;
-    metrics.emplace(options.metrics, [&loop] { return loop.read_figures(std::chrono::milliseconds(500)); });
+    metrics.emplace(options.metrics, [&loop] { return loop.read_metrics(std::chrono::milliseconds(500)); });
     log::info("event=metrics url={}", log_text(metrics->url()));
   });
   if (options.real_time)  // now that other threads are there, which do not get it

@@ -23,22 +23,22 @@ void Stats::count_error(const std::string& code, const std::string& text) {
 }
 
 void Stats::hand_out(Named counters) {
-  Figures figures{std::move(counters), errors_.entries()};
+  MetricsSnapshot metrics{std::move(counters), errors_.entries()};
   {
     const std::lock_guard lock(mutex_);
     wanted_ = false;
-    figures_ = std::move(figures);
+    metrics_ = std::move(metrics);
   }
   there_.notify_all();
 }
 
-std::optional<Stats::Figures> Stats::read(std::chrono::nanoseconds patience, const std::function<void()>& wake) {
+std::optional<Stats::MetricsSnapshot> Stats::read(std::chrono::nanoseconds patience, const std::function<void()>& wake) {
   std::unique_lock lock(mutex_);
-  figures_.reset();
+  metrics_.reset();
   wanted_ = true;
   wake();
-  there_.wait_for(lock, patience, [this] { return figures_.has_value(); });
-  return figures_;
+  there_.wait_for(lock, patience, [this] { return metrics_.has_value(); });
+  return metrics_;
 }
 
 }  // namespace clearance

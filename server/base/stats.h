@@ -24,7 +24,7 @@ class Stats {
  public:
   using Named = std::vector<std::pair<std::string, std::uint64_t>>;
   /// What the daemon counts, and what it refused.
-  struct Figures {
+  struct MetricsSnapshot {
     Named counters;
     std::vector<ErrorLog::Entry> errors;
   };
@@ -49,7 +49,7 @@ class Stats {
   void hand_out(Named counters);
   /// The figures as of the next hand_out(); none if that takes longer than `patience`. From any thread but the loop's.
   /// \param wake wakes the loop, which then calls hand_out().
-  std::optional<Figures> read(std::chrono::nanoseconds patience, const std::function<void()>& wake);
+  std::optional<MetricsSnapshot> read(std::chrono::nanoseconds patience, const std::function<void()>& wake);
 
  private:
   std::map<std::string, std::uint64_t> named_;  // a map: references stay valid
@@ -71,7 +71,7 @@ class Stats {
   std::atomic<bool> wanted_{false};
   std::mutex mutex_;
   std::condition_variable there_;
-  std::optional<Figures> figures_;  // with the mutex
+  std::optional<MetricsSnapshot> metrics_;  // with the mutex
 };
 
 }  // namespace clearance

@@ -76,7 +76,7 @@ void Loop::reload() noexcept {
   if (scenes_.reload()) wake();
 }
 
-std::optional<Stats::Figures> Loop::read_figures(std::chrono::nanoseconds patience) {
+std::optional<Stats::MetricsSnapshot> Loop::read_metrics(std::chrono::nanoseconds patience) {
   return stats_.read(patience, [this] { wake(); });
 }
 

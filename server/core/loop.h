@@ -93,7 +93,7 @@ class Loop final : public RequestHandler {
   void reload() noexcept;
   /// The figures as of the loop's next turn, which copies them; none if that takes longer than `patience`. From any
   /// thread but the loop's.
-  std::optional<Stats::Figures> read_figures(std::chrono::nanoseconds patience);
+  std::optional<Stats::MetricsSnapshot> read_metrics(std::chrono::nanoseconds patience);
   bool is_reloading() const { return scenes_.is_busy(); }
   /// Queries under way.
   std::size_t waiting() const {

@@ -56,7 +56,7 @@ LcmOwnSink::Take LcmAnnouncer::guarded(LcmOwnSink::Take take) {
     try {
       take(link, frame);
     } catch (const wire::WireError& error) {
-      figures_.complain("own", std::string("cannot publish: ") + error.what());
+      metrics_.log_rate_limited("own", std::string("cannot publish: ") + error.what());
     }
   };
 }

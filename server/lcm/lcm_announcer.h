@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "server/lcm/lcm_figures.h"
+#include "server/lcm/lcm_metrics.h"
 #include "server/lcm/lcm_link.h"
 #include "server/requests/transport.h"
 
@@ -18,8 +18,8 @@ class LcmAnnouncer {
   using Clock = std::chrono::steady_clock;
 
   /// What is passed by reference must outlive this. \param distances_hz at most; 0: no distances.
-  LcmAnnouncer(RequestHandler& handler, LcmFigures& figures, std::shared_ptr<LcmLink> link, double distances_hz)
-      : handler_(handler), figures_(figures), link_(std::move(link)), distances_hz_(distances_hz) {}
+  LcmAnnouncer(RequestHandler& handler, LcmMetrics& metrics, std::shared_ptr<LcmLink> link, double distances_hz)
+      : handler_(handler), metrics_(metrics), link_(std::move(link)), distances_hz_(distances_hz) {}
 
   /// Asks the loop for all that is due. Returns how many frames it handed in.
   int serve();
@@ -37,7 +37,7 @@ class LcmAnnouncer {
   bool distances_wanted() const;
 
   RequestHandler& handler_;
-  LcmFigures& figures_;
+  LcmMetrics& metrics_;
   std::shared_ptr<LcmLink> link_;
   double distances_hz_;
   int handed_in_ = 0;

@@ -79,7 +79,7 @@ bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
 std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_t& points) {
   const std::uint32_t body = handler_.engine().scene().find_body(points.body);
   if (points.publisher_id == 0) {
-    figures_.accept("CLEARANCE_POINTS: publisher_id is 0; draw one at random");
+    metrics_.accept("CLEARANCE_POINTS: publisher_id is 0; draw one at random");
   } else if (body == kNone) {
     refuse_name(points.body, "points of '%', which is no body of this scene");
   } else if (!allowed_[body]) {
@@ -91,20 +91,20 @@ std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_
 }
 
 void LcmPoseIntake::refuse_scene(std::int64_t revision) {
-  ++figures_.wrong_scene;
-  figures_.complain("scene", "poses for scene " + std::to_string(revision) + " refused, this is " +
+  ++metrics_.wrong_scene;
+  metrics_.log_rate_limited("scene", "poses for scene " + std::to_string(revision) + " refused, this is " +
                                  std::to_string(static_cast<std::int64_t>(handler_.engine().scene_revision())));
 }
 
 /// \param what with '%' for the name
 void LcmPoseIntake::refuse_name(const std::string& name, const char* what) {
-  ++figures_.unknown;
-  figures_.complain("name", std::string(what).replace(std::string_view(what).find('%'), 1, name));
+  ++metrics_.unknown;
+  metrics_.log_rate_limited("name", std::string(what).replace(std::string_view(what).find('%'), 1, name));
 }
 
 void LcmPoseIntake::refuse_right(const std::string& name, const char* what) {
-  ++figures_.not_allowed;
-  figures_.complain("not_allowed", std::string(what).replace(std::string_view(what).find('%'), 1, name));
+  ++metrics_.not_allowed;
+  metrics_.log_rate_limited("not_allowed", std::string(what).replace(std::string_view(what).find('%'), 1, name));
 }
 
 void LcmPoseIntake::add_pose(std::uint32_t body, const std::vector<double>& pose) {
@@ -127,8 +127,8 @@ bool LcmPoseIntake::with_good_stamp(const Message& message, Use use) {
     use();
     return true;
   } catch (const QueryError& error) {
-    ++figures_.bad_stamps;
-    figures_.complain("stamp", message.who() + ": left out: " + error.what());
+    ++metrics_.bad_stamps;
+    metrics_.log_rate_limited("stamp", message.who() + ": left out: " + error.what());
     return false;
   }
 }
@@ -138,22 +138,22 @@ template <class Apply>
 bool LcmPoseIntake::apply(const Message& message, std::span<const std::uint32_t> ids, std::optional<OwnerLog>& owners,
                           Apply apply) {
   if (message.publisher == 0)
-    return figures_.accept(std::string(message.channel) + ": publisher_id is 0; draw one at random");
+    return metrics_.accept(std::string(message.channel) + ": publisher_id is 0; draw one at random");
   // First: a publisher is not known by what is no time.
   if (!with_good_stamp(message, [&] { handler_.engine().check_stamp(message.stamp_ns); })) return false;
   if (!is_in_order(message)) return false;
   if (const auto contested = owners->note(message.publisher, ids, OwnerLog::Clock::now()); !contested.empty()) {
-    figures_.contested += contested.size();
+    metrics_.contested += contested.size();
     const Scene& scene = handler_.engine().scene();
     const bool is_joint = &owners == &joint_owners_;
     const std::uint32_t first = contested.front();
-    figures_.complain("contested", std::string("two publishers move ") + (is_joint ? "joint '" : "body '") +
+    metrics_.log_rate_limited("contested", std::string("two publishers move ") + (is_joint ? "joint '" : "body '") +
                                        (is_joint ? scene.joints()[first].name : scene.bodies()[first].name) +
                                        "' in turns; one is " + std::to_string(message.publisher));
   }
   if (ids.empty() && !allowed_poses_.any) return false;  // nothing that would be taken
-  ++figures_.poses;
-  with_good_stamp(message, [&] { figures_.unknown += apply(clients_.number_of(message.publisher)).unknown; });
+  ++metrics_.poses;
+  with_good_stamp(message, [&] { metrics_.unknown += apply(clients_.number_of(message.publisher)).unknown; });
   return true;
 }
 
@@ -178,8 +178,8 @@ bool LcmPoseIntake::is_in_order(const Message& message) {
   const auto& [channel, channel_number, publisher, sequence, stamp_ns] = message;
   const PublisherLog::Note note =
       publishers_.note(channel_number, publisher, sequence, stamp_ns, PublisherLog::Clock::now());
-  const auto complain = [&](const char* kind, const std::string& what) {
-    figures_.complain(kind, message.who() + what);
+  const auto log_rate_limited = [&](const char* kind, const std::string& what) {
+    metrics_.log_rate_limited(kind, message.who() + what);
   };
   switch (note.verdict) {
     case PublisherLog::Verdict::kNew:
@@ -188,20 +188,20 @@ bool LcmPoseIntake::is_in_order(const Message& message) {
     case PublisherLog::Verdict::kNext:
       break;
     case PublisherLog::Verdict::kGap:
-      figures_.gaps += note.missing;
-      complain("gap", ": " + std::to_string(note.missing) + " messages missing before " + std::to_string(sequence));
+      metrics_.gaps += note.missing;
+      log_rate_limited("gap", ": " + std::to_string(note.missing) + " messages missing before " + std::to_string(sequence));
       break;
     case PublisherLog::Verdict::kRestart:
-      ++figures_.restarts;
-      complain("restart", " counts anew, from " + std::to_string(sequence));
+      ++metrics_.restarts;
+      log_rate_limited("restart", " counts anew, from " + std::to_string(sequence));
       break;
     case PublisherLog::Verdict::kRepeated:
-      ++figures_.repeated;
-      complain("repeated", ": sequence " + std::to_string(sequence) + " came again, left out");
+      ++metrics_.repeated;
+      log_rate_limited("repeated", ": sequence " + std::to_string(sequence) + " came again, left out");
       break;
     case PublisherLog::Verdict::kOld:
-      ++figures_.reordered;
-      complain("old", ": sequence " + std::to_string(sequence) + " is older than the last, left out");
+      ++metrics_.reordered;
+      log_rate_limited("old", ": sequence " + std::to_string(sequence) + " is older than the last, left out");
       break;
   }
   return note.use();

@@ -11,7 +11,7 @@
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/points_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
-#include "server/lcm/lcm_figures.h"
+#include "server/lcm/lcm_metrics.h"
 #include "server/lcm/lcm_publishers.h"
 #include "server/requests/transport.h"
 
@@ -20,8 +20,8 @@ namespace clearance {
 class LcmPoseIntake {
  public:
   /// What is passed must outlive this.
-  LcmPoseIntake(RequestHandler& handler, LcmFigures& figures, LcmClients& clients, const LcmPoses& allowed)
-      : handler_(handler), figures_(figures), clients_(clients), allowed_poses_(allowed) {}
+  LcmPoseIntake(RequestHandler& handler, LcmMetrics& metrics, LcmClients& clients, const LcmPoses& allowed)
+      : handler_(handler), metrics_(metrics), clients_(clients), allowed_poses_(allowed) {}
 
   /// Takes note of the scene that is served now, which may have other bodies.
   void meet(const Scene& scene);
@@ -61,7 +61,7 @@ class LcmPoseIntake {
   bool with_good_stamp(const Message& message, Use use);
 
   RequestHandler& handler_;
-  LcmFigures& figures_;
+  LcmMetrics& metrics_;
   LcmClients& clients_;
   LcmPoses allowed_poses_;
   std::vector<bool> allowed_, allowed_joints_;  // by id

@@ -13,7 +13,7 @@
 #include <stdexcept>
 
 #include "server/lcm/lcm_announcer.h"
-#include "server/lcm/lcm_figures.h"
+#include "server/lcm/lcm_metrics.h"
 #include "server/lcm/lcm_link.h"
 #include "server/lcm/lcm_points.h"
 #include "server/lcm/lcm_pose_intake.h"
@@ -90,7 +90,7 @@ class LcmTransport final : public Transport {
     }
     handed_in_ = 0;
     link_->port->begin_turn(handler);
-    for (int i = 0; i < kMessagesPerPoll && link_->port->handle(); ++i) ++figures_->messages;
+    for (int i = 0; i < kMessagesPerPoll && link_->port->handle(); ++i) ++metrics_->messages;
     serve();
     return handed_in_;
   }
@@ -108,9 +108,9 @@ class LcmTransport final : public Transport {
   void meet(RequestHandler& handler) {
     if (!handler_) {
       handler_ = &handler;
-      figures_.emplace(handler);
-      intake_.emplace(handler, *figures_, clients_, allowed_poses_);
-      announcer_.emplace(handler, *figures_, link_, distances_hz_);
+      metrics_.emplace(handler);
+      intake_.emplace(handler, *metrics_, clients_, allowed_poses_);
+      announcer_.emplace(handler, *metrics_, link_, distances_hz_);
     }
     const Scene* scene = &handler.engine().scene();
     if (scene != scene_) intake_->meet(*scene);
@@ -119,7 +119,7 @@ class LcmTransport final : public Transport {
 
   template <class Message>
   bool decode(std::span<const std::byte> packet, Message& message) {
-    return figures_->accept(decode_checked(packet, message));
+    return metrics_->accept(decode_checked(packet, message));
   }
 
   template <class Update>
@@ -135,16 +135,16 @@ class LcmTransport final : public Transport {
     if (!body) return;
     const std::uint64_t bad = points_.counts().bad;
     std::optional<FrameBytes> whole = points_.add(part, *body, Clock::now());
-    if (points_.counts().bad != bad) figures_->accept("points_t: its part and sizes do not fit together");
+    if (points_.counts().bad != bad) metrics_->accept("points_t: its part and sizes do not fit together");
     if (!whole || !intake_->is_in_order(part)) return;
-    ++figures_->clouds;
+    ++metrics_->clouds;
     auto sink = std::make_unique<LcmSilentSink>(
         link_, clients_.number_of(part.publisher_id), [this, name = part.body](std::span<const std::byte> frame) {
           wire::FrameHeader header;
           std::memcpy(&header, frame.data(), sizeof header);
           if (header.type != static_cast<std::uint16_t>(wire::FrameType::kError)) return;
           const std::span<const std::byte> payload = wire::split_payload(header, frame.subspan(sizeof header)).body;
-          figures_->complain("points", "points of '" + name + "' refused: " + wire::parse_error(payload).text);
+          metrics_->log_rate_limited("points", "points of '" + name + "' refused: " + wire::parse_error(payload).text);
         });
     const auto frame = std::make_shared<FrameBytes>(std::move(*whole));
     hand_in(frame->span(), frame, std::move(sink));
@@ -176,11 +176,11 @@ class LcmTransport final : public Transport {
   }
 
   bool is_named(const std::string& type, const query_t& query) {
-    return query.client_id != 0 || figures_->accept(type + ": client_id is 0; draw one at random");
+    return query.client_id != 0 || metrics_->accept(type + ": client_id is 0; draw one at random");
   }
 
   std::unique_ptr<LcmReplySink> sink_of(const query_t& query) {
-    ++figures_->queries;
+    ++metrics_->queries;
     return std::make_unique<LcmReplySink>(link_, clients_.number_of(query.client_id), query.client_id);
   }
 
@@ -207,14 +207,14 @@ class LcmTransport final : public Transport {
     frame_t part;
     if (!decode(packet, part)) return;
     if (part.client_id == 0) {
-      figures_->accept("frame_t: client_id is 0; draw one at random");
+      metrics_->accept("frame_t: client_id is 0; draw one at random");
       return;
     }
     const std::uint64_t bad = assembler_.counts().bad;
     auto whole = assembler_.add(part, Clock::now());
-    if (assembler_.counts().bad != bad) figures_->accept("frame_t: its part and sizes do not fit together");
+    if (assembler_.counts().bad != bad) metrics_->accept("frame_t: its part and sizes do not fit together");
     if (!whole || !is_in_order(*whole, part.sequence)) return;
-    ++figures_->frames;
+    ++metrics_->frames;
     auto sink = std::make_unique<LcmFrameSink>(link_, clients_.number_of(whole->client_id), whole->client_id,
                                                whole->request_id);
     const auto frame = std::make_shared<FrameBytes>(std::move(whole->frame));
@@ -229,8 +229,8 @@ class LcmTransport final : public Transport {
     if ((right_for(static_cast<wire::FrameType>(header.type)) & ~kMayQuery) == 0) return true;
     const auto note = changes_.note(0, whole.client_id, sequence, 0, Clock::now());
     if (note.use()) return true;
-    ++(note.verdict == PublisherLog::Verdict::kRepeated ? figures_->repeated : figures_->reordered);
-    figures_->complain("old", "client " + std::to_string(whole.client_id) + ": frame " + std::to_string(sequence) +
+    ++(note.verdict == PublisherLog::Verdict::kRepeated ? metrics_->repeated : metrics_->reordered);
+    metrics_->log_rate_limited("old", "client " + std::to_string(whole.client_id) + ": frame " + std::to_string(sequence) +
                                   " is not newer than its last that changed something, left out");
     return false;
   }
@@ -252,20 +252,20 @@ class LcmTransport final : public Transport {
     std::uint64_t id = 0;
     for (int i = 8; i < 16; ++i) id = id << 8 | std::to_integer<std::uint64_t>(packet[i]);
     if (static_cast<std::int64_t>(id) == link_->server_id) return;
-    ++figures_->other_daemons;
-    figures_->complain("other", "another clearanced publishes under the same channels; give one of them a prefix");
+    ++metrics_->other_daemons;
+    metrics_->log_rate_limited("other", "another clearanced publishes under the same channels; give one of them a prefix");
   }
 
   void serve() {
     handed_in_ += announcer_->serve();
     link_->outbox.flush(Clock::now());
     link_->announcements.flush(Clock::now());
-    figures_->publishers = intake_->publishers();
-    figures_->given_up = assembler_.counts().given_up + points_.counts().given_up;
-    figures_->replies = link_->replies;
-    figures_->dropped = link_->dropped;
-    figures_->sent = link_->outbox.sent() + link_->announcements.sent();
-    figures_->failed = link_->outbox.failed() + link_->announcements.failed();
+    metrics_->publishers = intake_->publishers();
+    metrics_->given_up = assembler_.counts().given_up + points_.counts().given_up;
+    metrics_->replies = link_->replies;
+    metrics_->dropped = link_->dropped;
+    metrics_->sent = link_->outbox.sent() + link_->announcements.sent();
+    metrics_->failed = link_->outbox.failed() + link_->announcements.failed();
     arm_timer();
   }
 
@@ -300,7 +300,7 @@ class LcmTransport final : public Transport {
   const Scene* scene_ = nullptr;
   // From the loop's first call on.
   RequestHandler* handler_ = nullptr;
-  std::optional<LcmFigures> figures_;
+  std::optional<LcmMetrics> metrics_;
   std::optional<LcmPoseIntake> intake_;
   std::optional<LcmAnnouncer> announcer_;
 };

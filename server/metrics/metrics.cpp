@@ -164,9 +164,9 @@ std::string MetricsServer::answer(const std::string& request) const {
   if (line.compare(0, path_at, "GET") != 0) return response("405 Method Not Allowed", "GET alone\n");
   const std::string path = line.substr(path_at + 1, path_end - path_at - 1);
   if (path != "/metrics" && path != "/errors") return response("404 Not Found", "there are /metrics and /errors\n");
-  const std::optional<Stats::Figures> figures = read_();
-  if (!figures) return response("503 Service Unavailable", "the daemon's loop did not answer in time\n");
-  return response("200 OK", path == "/errors" ? error_text(figures->errors) : prometheus_text(figures->counters));
+  const std::optional<Stats::MetricsSnapshot> metrics = read_();
+  if (!metrics) return response("503 Service Unavailable", "the daemon's loop did not answer in time\n");
+  return response("200 OK", path == "/errors" ? error_text(metrics->errors) : prometheus_text(metrics->counters));
 }
 
 }  // namespace clearance

@@ -17,7 +17,7 @@ namespace clearance {
 /// long, and the loop for nothing.
 class MetricsServer {
  public:
-  using Read = std::function<std::optional<Stats::Figures>()>;
+  using Read = std::function<std::optional<Stats::MetricsSnapshot>()>;
 
   /// \param endpoint "127.0.0.1:PORT", "[::1]:PORT" (0: a free one) or a Unix socket's path, which is then mode 0600.
   /// \param read called on the server's thread; none: the daemon is too busy to say.

@@ -42,12 +42,12 @@ TEST(Stats, ErrorsAreCountedByCodeAndRemembered) {
   auto reader = std::async(std::launch::async, [&] { return stats.read(1h, [] {}); });
   while (!stats.are_wanted()) std::this_thread::yield();
   stats.hand_out({{"errors", stats["errors"]}});
-  const auto figures = reader.get();
-  ASSERT_TRUE(figures);
-  EXPECT_EQ(figures->counters, (Stats::Named{{"errors", 2}}));
-  ASSERT_EQ(figures->errors.size(), 1u);
-  EXPECT_EQ(figures->errors[0].text, "4 queries") << "of one kind, the last";
-  EXPECT_EQ(figures->errors[0].count, 2u);
+  const auto metrics = reader.get();
+  ASSERT_TRUE(metrics);
+  EXPECT_EQ(metrics->counters, (Stats::Named{{"errors", 2}}));
+  ASSERT_EQ(metrics->errors.size(), 1u);
+  EXPECT_EQ(metrics->errors[0].text, "4 queries") << "of one kind, the last";
+  EXPECT_EQ(metrics->errors[0].count, 2u);
 }
 
 TEST(Stats, ALoopThatHandsOutNothingIsNotWaitedForForever) {

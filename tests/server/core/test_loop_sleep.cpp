@@ -73,12 +73,12 @@ TEST_F(LoopTest, OnceWokenItSleepsAgain) {
   };
   // Nothing ends an idle loop's sleep but the next tick, however long a busy machine makes it wait for that.
   EXPECT_LE(sleeps_in_five_ticks(), 15) << "nothing has woken it";
-  EXPECT_TRUE(loop_->read_figures(30s));
+  EXPECT_TRUE(loop_->read_metrics(30s));
   EXPECT_LE(sleeps_in_five_ticks(), 15) << "after a look at its figures";
   loop_->reload();
   const auto reloads = [&] {
-    const auto figures = loop_->read_figures(30s);
-    for (const auto& [name, value] : figures->counters)
+    const auto metrics = loop_->read_metrics(30s);
+    for (const auto& [name, value] : metrics->counters)
       if (name == "reloads") return value;
     return std::uint64_t{0};
   };

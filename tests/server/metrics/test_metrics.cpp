@@ -51,16 +51,16 @@ TEST(ErrorLog, CountsKindsAndForgetsTheOldest) {
 
 TEST_F(LoopTest, FiguresAreReadFromAnotherThread) {
   start(small_scene());
-  EXPECT_FALSE(loop_->read_figures(1ms)) << "nobody turns the loop";
+  EXPECT_FALSE(loop_->read_metrics(1ms)) << "nobody turns the loop";
   std::thread serving([&] { loop_->run(); });
-  const auto figures = loop_->read_figures(30s);
+  const auto metrics = loop_->read_metrics(30s);
   loop_->stop();
   serving.join();
-  ASSERT_TRUE(figures);
+  ASSERT_TRUE(metrics);
   std::uint64_t bodies = 0;
-  for (const auto& [name, value] : figures->counters) bodies += name == "engine.bodies" ? value : 0;
+  for (const auto& [name, value] : metrics->counters) bodies += name == "engine.bodies" ? value : 0;
   EXPECT_EQ(bodies, 4u);
-  EXPECT_TRUE(figures->errors.empty());
+  EXPECT_TRUE(metrics->errors.empty());
 }
 
 TEST_F(LoopTest, RefusalsAreAmongTheFigures) {
@@ -73,8 +73,8 @@ TEST_F(LoopTest, RefusalsAreAmongTheFigures) {
     turn_until_idle();
   }
   std::thread reading;
-  std::optional<Stats::Figures> figures;
-  reading = std::thread([&] { figures = loop_->read_figures(30s); });
+  std::optional<Stats::MetricsSnapshot> metrics;
+  reading = std::thread([&] { metrics = loop_->read_metrics(30s); });
   std::atomic<bool> there{false};
   std::thread watching([&] {
     reading.join();
@@ -82,10 +82,10 @@ TEST_F(LoopTest, RefusalsAreAmongTheFigures) {
   });
   while (!there) loop_->turn();
   watching.join();
-  ASSERT_TRUE(figures);
-  EXPECT_GT(figures->errors.size(), 10u);
+  ASSERT_TRUE(metrics);
+  EXPECT_GT(metrics->errors.size(), 10u);
   std::uint64_t sum = 0;
-  for (const auto& entry : figures->errors) sum += entry.count;
+  for (const auto& entry : metrics->errors) sum += entry.count;
   EXPECT_EQ(sum, loop_->counter("errors")) << "each is counted once";
 }
 

@@ -1,11 +1,11 @@
-#include "server/lcm/lcm_figures.h"
+#include "server/lcm/lcm_metrics.h"
 
 #include "server/base/log.h"
 #include "server/base/log_text.h"
 
 namespace clearance {
 
-LcmFigures::LcmFigures(RequestHandler& handler)
+LcmMetrics::LcmMetrics(RequestHandler& handler)
     : messages(handler.counter("lcm.messages")),
       bad(handler.counter("lcm.bad_messages")),
       poses(handler.counter("lcm.pose_messages")),
@@ -29,15 +29,15 @@ LcmFigures::LcmFigures(RequestHandler& handler)
       failed(handler.counter("lcm.send_errors")),
       other_daemons(handler.counter("lcm.other_daemons")) {}
 
-void LcmFigures::complain(const char* kind, const std::string& what) {
-  Complaint& complaint = complaints_[kind];
-  ++complaint.times;
+void LcmMetrics::log_rate_limited(const char* kind, const std::string& what) {
+  Suppressed& entry = suppressed_[kind];
+  ++entry.times;
   const auto now = std::chrono::steady_clock::now();
-  if (complaint.times > 1 && now - complaint.last < kLcmSayAgain) return;
-  const std::uint64_t unsaid = complaint.times - complaint.said - 1;
+  if (entry.times > 1 && now - entry.last < kLcmSayAgain) return;
+  const std::uint64_t unsaid = entry.times - entry.said - 1;
   log::warn("event=lcm_{} more={} text=\"{}\"", kind, unsaid, log_text(what));
-  complaint.last = now;
-  complaint.said = complaint.times;
+  entry.last = now;
+  entry.said = entry.times;
 }
 
 }  // namespace clearance

@@ -13,18 +13,18 @@ namespace clearance {
 /// How often the same is said again.
 inline constexpr std::chrono::seconds kLcmSayAgain{5};
 
-class LcmFigures {
+class LcmMetrics {
  public:
-  explicit LcmFigures(RequestHandler& handler);
+  explicit LcmMetrics(RequestHandler& handler);
 
   /// Writes a log line, at most every few seconds for each kind of trouble; `more` counts those not said since the
   /// last.
-  void complain(const char* kind, const std::string& what);
+  void log_rate_limited(const char* kind, const std::string& what);
   /// Whether a message is good; what is wrong with it is counted and said.
   bool accept(const std::string& problem) {
     if (problem.empty()) return true;
     ++bad;
-    complain("bad", "message refused: " + problem);
+    log_rate_limited("bad", "message refused: " + problem);
     return false;
   }
 
@@ -33,11 +33,11 @@ class LcmFigures {
       &other_daemons;
 
  private:
-  struct Complaint {
+  struct Suppressed {
     std::uint64_t times = 0, said = 0;
     std::chrono::steady_clock::time_point last;
   };
-  std::unordered_map<std::string, Complaint> complaints_;
+  std::unordered_map<std::string, Suppressed> suppressed_;
 };
 
 }  // namespace clearance
