@@ -42,7 +42,7 @@ std::string rights_text(Rights rights);
 class AuthorizedKeys;
 
 /// Memory of a process that stands between the network and the core (outside/process.h), if nothing else is said.
-inline constexpr std::uint64_t kOutsideBytes = std::uint64_t{2} << 30;
+inline constexpr std::uint64_t kGatewayBytes = std::uint64_t{2} << 30;
 
 /// Who may come in at the endpoints of a daemon.
 struct Access {
@@ -51,7 +51,7 @@ struct Access {
   std::vector<uid_t> control_users;  ///< who have the class control at Unix sockets, if they may connect
   std::shared_ptr<AuthorizedKeys> keys;     ///< of TCP; null: the loopback alone, without keys
   std::uint32_t max_clients = 256;   ///< of one endpoint
-  std::uint64_t outside_bytes = kOutsideBytes;
+  std::uint64_t gateway_bytes = kGatewayBytes;
 
   /// Whether anybody may have the class control: only then is something kept for it.
   bool has_control() const;

@@ -38,9 +38,9 @@ std::unique_ptr<Transport> open_shm(const std::string& path, [[maybe_unused]] co
 }
 
 std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] const LcmPoses& poses,
-                                    [[maybe_unused]] std::uint64_t outside_bytes) {
+                                    [[maybe_unused]] std::uint64_t gateway_bytes) {
 #ifdef CLEARANCE_HAVE_LCM
-  return make_lcm_transport(url, poses, outside_bytes);
+  return make_lcm_transport(url, poses, gateway_bytes);
 #else
   throw std::runtime_error(url + ": this clearanced was built without LCM");
 #endif
@@ -63,7 +63,7 @@ Access access_of(const DaemonOptions& options) {
   for (const std::string& user : options.control_users)
     access.control_users.push_back(option("--control-user", [&] { return user_named(user); }));
   access.max_clients = options.max_clients;
-  access.outside_bytes = std::uint64_t{options.outside_mib} << 20;
+  access.gateway_bytes = std::uint64_t{options.gateway_mib} << 20;
   if (!options.keys.empty()) access.keys = std::make_shared<AuthorizedKeys>(options.keys);
   return access;
 }
@@ -85,7 +85,7 @@ void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, co
   add_default_endpoint(options);
   for (const std::string& path : options.shm) loop.add(open_shm(path, access, std::uint64_t{options.pinned_mib} << 20));
   for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint, access));
-  if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, lcm_poses, access.outside_bytes));
+  if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, lcm_poses, access.gateway_bytes));
 }
 
 }  // namespace clearance

@@ -171,7 +171,7 @@ constexpr Limit kLimits[] = {
      "points of an added body; what replaces them may be more"},
     {"max-stamp-lead-s", &DaemonOptions::max_stamp_lead_s, 0, 1'000'000'000,
      "seconds that a pose's stamp may be ahead of this machine's clock"},
-    {"outside-mib", &DaemonOptions::outside_mib, 64, 1'000'000,
+    {"outside-mib", &DaemonOptions::gateway_mib, 64, 1'000'000,
      "MiB of each process before TCP and LCM beyond this machine; one that needs more is\n"
      "restarted. A request or reply may have an eighth of it"},
     {"device-memory-mib", &DaemonOptions::device_memory_mib, 0, 0xFFFF'FFFF, "MiB of each GPU; 0: what there is"},

@@ -19,7 +19,7 @@
 #include "server/gateway/link.h"
 #include "wire/shm_os.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 constexpr int kExitForbidden = 5;
@@ -67,7 +67,7 @@ CallFilter make_filter() {
 
 }  // namespace
 
-void limit_outside([[maybe_unused]] std::uint64_t memory_bytes, std::uint64_t descriptors) {
+void limit_gateway([[maybe_unused]] std::uint64_t memory_bytes, std::uint64_t descriptors) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   // Strangers get neither the priority nor the CPU that the daemon was given.
   const sched_param ordinary{};
@@ -111,4 +111,4 @@ std::string confine_to_datagrams() {
   return filter.enforce(end_at_forbidden_call);
 }
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

@@ -11,7 +11,7 @@
 
 #include "wire/aligned_buffer.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 /// Memory beyond this takes long to free.
@@ -186,4 +186,4 @@ void Link::listen_for_room(bool wanted) {
   ::epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, socket_.get(), &event);
 }
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

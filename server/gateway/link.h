@@ -22,7 +22,7 @@
 #include "server/base/fair_queue.h"
 #include "wire/shm_os.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 
 enum class Kind : std::uint32_t {
   // To the core.
@@ -152,4 +152,4 @@ inline std::uint64_t pack_parts(std::uint64_t parts, std::uint64_t first_bytes) 
   return std::min(parts, kMost) << 32 | std::min(first_bytes, kMost);
 }
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

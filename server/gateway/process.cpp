@@ -20,7 +20,7 @@
 #include "server/base/log.h"
 #include "server/base/log_text.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 using std::chrono::milliseconds;
@@ -226,4 +226,4 @@ std::uint64_t Process::resident_bytes() const {
   return std::uint64_t{resident} * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
 }
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

@@ -12,13 +12,13 @@
 #include "server/gateway/link.h"
 #include "server/requests/transport.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 
 /// What a process outside is to do.
 struct Plan {
   std::string url;                             ///< for the log
   std::string what;                            ///< "zmq" or "lcm", as clearance-outside reads it
-  std::uint64_t memory_bytes = kOutsideBytes;  ///< address space that it may take
+  std::uint64_t memory_bytes = kGatewayBytes;  ///< address space that it may take
   std::uint32_t connections = 0;               ///< that it may hold
   Message start;                               ///< the first that it is told
   shm::UniqueFd listener;                      ///< where it takes connections; none
@@ -74,4 +74,4 @@ class Process {
   std::uint64_t memory_counted_ = 0;
 };
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

@@ -6,7 +6,7 @@
 
 #include "wire/zmq_calls.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 constexpr const char* kHandlerEndpoint = "inproc://zeromq.zap.01";
@@ -92,4 +92,4 @@ std::string key_of(const zmq::message_t& message) {
   return user ? user : "";
 }
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

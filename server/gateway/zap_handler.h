@@ -6,7 +6,7 @@
 #include <string>
 #include <zmq.hpp>
 
-namespace clearance::outside {
+namespace clearance::gateway {
 
 /// Made before a socket of the same context listens.
 class ZapHandler {
@@ -38,4 +38,4 @@ class ZapHandler {
 /// The key with which the sender of a message came in; empty if it has none.
 std::string key_of(const zmq::message_t& message);
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

@@ -10,7 +10,7 @@
 #include <optional>
 #include <vector>
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 // Sized before libzmq's I/O thread begins, which then takes and reads all connections alone.
@@ -67,12 +67,12 @@ void refuse_connections_from(int descriptor) {
   gates.resize(static_cast<std::size_t>(descriptor));
 }
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway
 
 // In place of the C library's, for libzmq. ECONNABORTED is what it hears of a client that hung up before it was taken.
 extern "C" __attribute__((visibility("default"))) int accept4(int listener, sockaddr* address, socklen_t* length,
                                                               int flags) {
-  using namespace clearance::outside;
+  using namespace clearance::gateway;
   const int socket = static_cast<int>(::syscall(SYS_accept4, listener, address, length, flags));
   if (socket < 0) return socket;
   if (socket >= first_refused) {
@@ -90,7 +90,7 @@ extern "C" __attribute__((visibility("default"))) int accept(int listener, socka
 
 // Likewise: who says what nobody says before a handshake has, for libzmq, hung up.
 extern "C" __attribute__((visibility("default"))) ssize_t recv(int socket, void* buffer, std::size_t bytes, int flags) {
-  using namespace clearance::outside;
+  using namespace clearance::gateway;
   const ssize_t got = ::syscall(SYS_recvfrom, socket, buffer, bytes, flags, nullptr, nullptr);
   if (got <= 0 || !guarded || socket >= first_refused) return got;
   std::optional<ZmtpGate>& gate = gates[static_cast<std::size_t>(socket)];

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <span>
 
-namespace clearance::outside {
+namespace clearance::gateway {
 
 /// One connection's beginning.
 class ZmtpGate {
@@ -37,4 +37,4 @@ void guard_connections();
 /// Connections with descriptors from this one on are hung up on.
 void refuse_connections_from(int descriptor);
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

@@ -7,9 +7,9 @@
 namespace clearance {
 namespace {
 
-using outside::Bytes;
-using outside::Kind;
-using outside::Message;
+using gateway::Bytes;
+using gateway::Kind;
+using gateway::Message;
 
 class LcmBusPort final : public LcmPort {
  public:
@@ -28,8 +28,8 @@ class LcmBusPort final : public LcmPort {
   LcmBus bus_;
 };
 
-outside::Plan plan_of(const LcmAddress& address, std::uint64_t memory_bytes) {
-  outside::Plan plan;
+gateway::Plan plan_of(const LcmAddress& address, std::uint64_t memory_bytes) {
+  gateway::Plan plan;
   plan.url = address.url();
   plan.what = "lcm";
   plan.memory_bytes = memory_bytes;
@@ -40,9 +40,9 @@ outside::Plan plan_of(const LcmAddress& address, std::uint64_t memory_bytes) {
   return plan;
 }
 
-class LcmOutsidePort final : public LcmPort {
+class LcmGatewayPort final : public LcmPort {
  public:
-  LcmOutsidePort(const LcmAddress& address, std::uint64_t memory_bytes) : process_(plan_of(address, memory_bytes)) {}
+  LcmGatewayPort(const LcmAddress& address, std::uint64_t memory_bytes) : process_(plan_of(address, memory_bytes)) {}
 
   void subscribe(const std::string& name, int, Handler handler) override { handlers_[name] = std::move(handler); }
   std::vector<int> descriptors() const override {
@@ -72,15 +72,15 @@ class LcmOutsidePort final : public LcmPort {
 
  private:
   std::map<std::string, Handler> handlers_;
-  outside::Process process_;
+  gateway::Process process_;
 };
 
 }  // namespace
 
-std::unique_ptr<LcmPort> open_lcm_port(const LcmAddress& address, std::uint64_t outside_bytes) {
+std::unique_ptr<LcmPort> open_lcm_port(const LcmAddress& address, std::uint64_t gateway_bytes) {
   if (address.ttl == 0) return std::make_unique<LcmBusPort>(address);
   check_multicast(address);  // where there is somebody to tell what is wrong
-  return std::make_unique<LcmOutsidePort>(address, outside_bytes);
+  return std::make_unique<LcmGatewayPort>(address, gateway_bytes);
 }
 
 }  // namespace clearance

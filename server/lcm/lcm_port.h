@@ -53,6 +53,6 @@ class LcmPort {
 
 /// Sockets of its own where no packet leaves this machine (ttl 0), else a process outside. Throws std::runtime_error
 /// with cause and remedy.
-std::unique_ptr<LcmPort> open_lcm_port(const LcmAddress& address, std::uint64_t outside_bytes);
+std::unique_ptr<LcmPort> open_lcm_port(const LcmAddress& address, std::uint64_t gateway_bytes);
 
 }  // namespace clearance

@@ -46,10 +46,10 @@ constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{16} << 20;
 
 class LcmTransport final : public Transport {
  public:
-  LcmTransport(const LcmAddress& address, const LcmPoses& allowed_poses, std::uint64_t outside_bytes)
+  LcmTransport(const LcmAddress& address, const LcmPoses& allowed_poses, std::uint64_t gateway_bytes)
       : url_(address.url()),
         allowed_poses_(allowed_poses),
-        link_(std::make_shared<LcmLink>(open_lcm_port(address, outside_bytes))),
+        link_(std::make_shared<LcmLink>(open_lcm_port(address, gateway_bytes))),
         timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)),
         assembler_({.frame_bytes = kMaxRequestBytes, .total_bytes = 4 * kMaxRequestBytes, .frames = 256}),
         distances_hz_(std::max(0.0, address.distances_hz)) {
@@ -308,7 +308,7 @@ class LcmTransport final : public Transport {
 }  // namespace
 
 std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const LcmPoses& poses,
-                                              std::uint64_t outside_bytes) {
+                                              std::uint64_t gateway_bytes) {
   const LcmAddress address = [&] {
     try {
       return parse_lcm_address(lcm_url);
@@ -316,7 +316,7 @@ std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const 
       throw std::runtime_error(error.what());
     }
   }();
-  return std::make_unique<LcmTransport>(address, poses, outside_bytes);
+  return std::make_unique<LcmTransport>(address, poses, gateway_bytes);
 }
 
 }  // namespace clearance

@@ -127,6 +127,6 @@ struct LcmPoses {
   std::vector<std::string> allowed;  ///< not any: of these bodies and groups
 };
 std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const LcmPoses& poses = {},
-                                              std::uint64_t outside_bytes = kOutsideBytes);
+                                              std::uint64_t gateway_bytes = kGatewayBytes);
 
 }  // namespace clearance

@@ -62,6 +62,6 @@ class ZmqPort {
 /// "ipc:///path". Throws std::runtime_error.
 std::unique_ptr<ZmqPort> open_zmq_socket(const std::string& endpoint, const Access& access);
 /// "tcp://127.0.0.1:5555", by way of a process outside. Throws std::runtime_error.
-std::unique_ptr<ZmqPort> open_zmq_outside(const std::string& endpoint, const Access& access);
+std::unique_ptr<ZmqPort> open_zmq_gateway(const std::string& endpoint, const Access& access);
 
 }  // namespace clearance

@@ -64,7 +64,7 @@ class ZmqTransport final : public Transport {
       port_ = open_zmq_socket(endpoint, access);
     } else if (endpoint.rfind("tcp://", 0) == 0) {
       is_tcp_ = true;
-      port_ = open_zmq_outside(endpoint, access);
+      port_ = open_zmq_gateway(endpoint, access);
     } else {
       throw std::runtime_error(endpoint + ": expected ipc:///path or tcp://127.0.0.1:PORT");
     }

@@ -12,9 +12,9 @@
 namespace clearance::fuzz {
 namespace {
 
-using outside::Head;
-using outside::Link;
-using outside::Message;
+using gateway::Head;
+using gateway::Link;
+using gateway::Message;
 
 constexpr Link::Limits kLimits{.message_bytes = 40'000, .coming_bytes = 60'000, .waiting_bytes = 1 << 20};
 /// Set in the control byte of a datagram: the sizes in its head are put right, so that not all mutations are refused.
@@ -39,9 +39,9 @@ std::string next_datagram(Input& in) {
   Head head;
   std::memcpy(&head, datagram.data(), sizeof head);
   const std::size_t more = datagram.size() - sizeof head;
-  head.name_bytes = static_cast<std::uint16_t>(std::min({std::size_t{head.name_bytes}, outside::kMaxNameBytes, more}));
+  head.name_bytes = static_cast<std::uint16_t>(std::min({std::size_t{head.name_bytes}, gateway::kMaxNameBytes, more}));
   head.extra_bytes = static_cast<std::uint16_t>(
-      std::min({std::size_t{head.extra_bytes}, outside::kMaxExtraBytes, more - head.name_bytes}));
+      std::min({std::size_t{head.extra_bytes}, gateway::kMaxExtraBytes, more - head.name_bytes}));
   const std::uint64_t part = more - head.name_bytes - head.extra_bytes;
   head.body_bytes = std::clamp(head.body_bytes, part, std::max(part, kLimits.message_bytes));
   head.offset = std::min(head.offset, head.body_bytes - part);
@@ -96,8 +96,8 @@ CLEARANCE_FUZZ_TARGET(outside_link) {
               "a datagram is taken");
       link.turn();
       while (const auto message = link.receive()) {
-        require(message->name.size() <= clearance::outside::kMaxNameBytes &&
-                    message->extra.size() <= clearance::outside::kMaxExtraBytes &&
+        require(message->name.size() <= clearance::gateway::kMaxNameBytes &&
+                    message->extra.size() <= clearance::gateway::kMaxExtraBytes &&
                     message->body.bytes <= kLimits.message_bytes,
                 "a message is within the limits");
         require(said[message->name] == message->body.text(), "a body has the bytes that were said, in their order");
@@ -106,7 +106,7 @@ CLEARANCE_FUZZ_TARGET(outside_link) {
         ++whole;
       }
     }
-  } catch (const clearance::outside::Broken&) {
+  } catch (const clearance::gateway::Broken&) {
     return false;
   }
   return whole > 0 && said.empty();

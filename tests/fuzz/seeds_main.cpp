@@ -272,11 +272,11 @@ void save_lcm() {
 // --- the link to a process outside
 
 void save_link() {
-  using outside::Kind;
+  using gateway::Kind;
   // [mended 1 B | size 2 B | a datagram]; `part` of a body from `offset` on.
   const auto say = [](Data& said, Kind kind, const std::string& name, const std::string& extra, const std::string& body,
                       std::size_t offset, std::size_t part) {
-    const outside::Head head{static_cast<std::uint32_t>(kind),
+    const gateway::Head head{static_cast<std::uint32_t>(kind),
                              static_cast<std::uint16_t>(name.size()),
                              static_cast<std::uint16_t>(extra.size()),
                              7,
@@ -300,7 +300,7 @@ void save_link() {
   say(mixed, Kind::kReply, "one", header, body, 200, 100);
   save("outside_link", "bad_parts_mixed_up", mixed);
   say(torn, Kind::kStart, "tcp://*:7", "", body, 0, body.size());
-  torn[3 + offsetof(outside::Head, body_bytes)] = std::byte{255};
+  torn[3 + offsetof(gateway::Head, body_bytes)] = std::byte{255};
   save("outside_link", "bad_body_that_does_not_end", torn);
 }
 

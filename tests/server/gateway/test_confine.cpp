@@ -19,7 +19,7 @@
 #include "server/gateway/zmtp_gate.h"
 #include "tests/server/gateway/raw_tcp.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 constexpr int kForbidden = 5, kDone = 0, kUnfiltered = 77;
@@ -151,4 +151,4 @@ TEST(ZmtpGate, WhatNoClientSaysBeforeAHandshakeDoesNot) {
 }
 
 }  // namespace
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

@@ -9,7 +9,7 @@
 
 #include "server/gateway/link.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 constexpr Link::Limits kLimits{.message_bytes = 4 << 20, .coming_bytes = 6 << 20, .waiting_bytes = 8 << 20};
@@ -240,4 +240,4 @@ TEST_F(LinkTest, ItsEndIsNoticed) {
 }
 
 }  // namespace
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

@@ -75,7 +75,7 @@ class Busy {
   std::thread thread_;
 };
 
-class Outside : public testing::Test {
+class Gateway : public testing::Test {
  protected:
   static constexpr const char* kName = "clearance-outsi";  // as the kernel shortens it
 
@@ -124,7 +124,7 @@ class Outside : public testing::Test {
   std::unique_ptr<Daemon> daemon_;
 };
 
-TEST_F(Outside, PartsThatNeverEndAreAffairsOfItsMemoryAndNotOfTheCores) {
+TEST_F(Gateway, PartsThatNeverEndAreAffairsOfItsMemoryAndNotOfTheCores) {
   start({"--limit", "outside-mib=128"});
   const Busy busy(shm());
   busy.expect_answers();
@@ -141,7 +141,7 @@ TEST_F(Outside, PartsThatNeverEndAreAffairsOfItsMemoryAndNotOfTheCores) {
   expect_core_unharmed(before);
 }
 
-TEST_F(Outside, AMessageOfFourMillionPartsEndsItAndNotTheCore) {
+TEST_F(Gateway, AMessageOfFourMillionPartsEndsItAndNotTheCore) {
   start({});
   const Busy busy(shm());
   busy.expect_answers();
@@ -158,7 +158,7 @@ TEST_F(Outside, AMessageOfFourMillionPartsEndsItAndNotTheCore) {
   EXPECT_NE(daemon_->log().find("a message of too many parts"), std::string::npos) << daemon_->log();
 }
 
-TEST_F(Outside, KilledItIsThereAgainAndTheEpochIsTheSame) {
+TEST_F(Gateway, KilledItIsThereAgainAndTheEpochIsTheSame) {
   start({});
   Client client = patient(tcp());
   const auto epoch = client.epoch();
@@ -177,7 +177,7 @@ TEST_F(Outside, KilledItIsThereAgainAndTheEpochIsTheSame) {
   EXPECT_LT(counter("outside.memory_bytes"), 200u << 20);
 }
 
-TEST_F(Outside, FrozenItIsEndedAndReplaced) {
+TEST_F(Gateway, FrozenItIsEndedAndReplaced) {
   start({});
   const int pid = child_of(daemon_->pid(), kName);
   ASSERT_GT(pid, 0);
@@ -187,7 +187,7 @@ TEST_F(Outside, FrozenItIsEndedAndReplaced) {
   EXPECT_NE(daemon_->log().find("it hangs"), std::string::npos) << daemon_->log();
 }
 
-TEST_F(Outside, ItEndsWithTheCore) {
+TEST_F(Gateway, ItEndsWithTheCore) {
   start({});
   const int pid = child_of(daemon_->pid(), kName);
   ASSERT_GT(pid, 0);
@@ -195,7 +195,7 @@ TEST_F(Outside, ItEndsWithTheCore) {
   while (kill(pid, 0) == 0 && status_kib(pid, "VmSize") > 0) std::this_thread::sleep_for(1ms);
 }
 
-TEST_F(Outside, ARequestOrReplyBeyondItsShareOfMemoryIsRefused) {
+TEST_F(Gateway, ARequestOrReplyBeyondItsShareOfMemoryIsRefused) {
   start({"--limit", "outside-mib=64"});  // an eighth: 8 MiB
   Client client = patient(tcp());
   Query query;
@@ -215,7 +215,7 @@ TEST_F(Outside, ARequestOrReplyBeyondItsShareOfMemoryIsRefused) {
   EXPECT_EQ(counter("outside.restarts"), 0u);
 }
 
-TEST_F(Outside, LargeRequestsAndRepliesComeThroughWhole) {
+TEST_F(Gateway, LargeRequestsAndRepliesComeThroughWhole) {
   start({});
   Client over_tcp = patient(tcp()), over_shm = patient(shm());
   Query query;
@@ -232,7 +232,7 @@ TEST_F(Outside, LargeRequestsAndRepliesComeThroughWhole) {
   EXPECT_EQ(std::memcmp(a.normal().data(), b.normal().data(), a.normal().size_bytes()), 0);
 }
 
-class OutsideWithKeys : public Outside {
+class GatewayWithKeys : public Gateway {
  protected:
   void SetUp() override {
     if (!zmq_has("curve")) GTEST_SKIP() << "this libzmq has no CURVE";
@@ -256,7 +256,7 @@ class OutsideWithKeys : public Outside {
   ConnectOptions own() const { return {20s, folder_ / "keys/server.key.pub", folder_ / "own.key"}; }
 };
 
-TEST_F(OutsideWithKeys, StrangersSayLittleBeforeAHandshake) {
+TEST_F(GatewayWithKeys, StrangersSayLittleBeforeAHandshake) {
   const Busy busy(shm());
   Client good = patient(tcp(), own());
   const std::uint64_t before = high_water_kib();
@@ -282,7 +282,7 @@ TEST_F(OutsideWithKeys, StrangersSayLittleBeforeAHandshake) {
   EXPECT_EQ(counter("outside.restarts"), 0u);
 }
 
-TEST_F(OutsideWithKeys, StrangersWhoSayNothingAreHungUpOn) {
+TEST_F(GatewayWithKeys, StrangersWhoSayNothingAreHungUpOn) {
   RawTcp silent(tcp()), halfway(tcp());
   halfway.say(RawTcp::greeting("CURVE"));
   EXPECT_TRUE(silent.is_hung_up(kPatience));
@@ -290,7 +290,7 @@ TEST_F(OutsideWithKeys, StrangersWhoSayNothingAreHungUpOn) {
   EXPECT_EQ(patient(tcp(), own()).distances().rows(), 6u);
 }
 
-TEST_F(OutsideWithKeys, AKeyMayEndItAndClientsWithKeysAreServedAgain) {
+TEST_F(GatewayWithKeys, AKeyMayEndItAndClientsWithKeysAreServedAgain) {
   const Busy busy(shm());
   const std::uint64_t before = high_water_kib();
   for (std::uint64_t round = 1; round <= 2; ++round) {
@@ -316,7 +316,7 @@ TEST_F(OutsideWithKeys, AKeyMayEndItAndClientsWithKeysAreServedAgain) {
   expect_core_unharmed(before);
 }
 
-TEST_F(OutsideWithKeys, OneThatWasTakenOverIsEndedAtItsFirstWrongWord) {
+TEST_F(GatewayWithKeys, OneThatWasTakenOverIsEndedAtItsFirstWrongWord) {
   struct Case {
     const char *what, *why;
   };
@@ -338,7 +338,7 @@ TEST_F(OutsideWithKeys, OneThatWasTakenOverIsEndedAtItsFirstWrongWord) {
   }
 }
 
-TEST_F(OutsideWithKeys, OneThatAsksAndDoesNotReadTakesNoMoreOfTheCoreThanItMay) {
+TEST_F(GatewayWithKeys, OneThatAsksAndDoesNotReadTakesNoMoreOfTheCoreThanItMay) {
   start_hostile("greedy");
   const Busy busy(shm());
   busy.expect_answers();

@@ -14,23 +14,23 @@
 namespace clearance {
 namespace {
 
-using outside::Bytes;
-using outside::Kind;
-using outside::Message;
+using gateway::Bytes;
+using gateway::Kind;
+using gateway::Message;
 
 /// Replies whose end the process outside has yet to tell of.
 constexpr std::size_t kMostNumbered = 65536;
 /// Connections beside those of clients with requests under way: of clients that are silent, and in a handshake.
 constexpr std::uint32_t kSpareConnections = 64;
 
-outside::Plan plan_of(TcpListener listener, const Access& access) {
-  outside::Plan plan;
+gateway::Plan plan_of(TcpListener listener, const Access& access) {
+  gateway::Plan plan;
   plan.url = std::move(listener.url);
   plan.what = "zmq";
-  plan.memory_bytes = access.outside_bytes;
+  plan.memory_bytes = access.gateway_bytes;
   plan.connections = std::min(4 * access.max_clients + kSpareConnections, 60'000u);
   plan.start = {Kind::kStart,
-                std::min(outside::Process::message_bytes(access.outside_bytes), wire::kMaxRequestBytes),
+                std::min(gateway::Process::message_bytes(access.gateway_bytes), wire::kMaxRequestBytes),
                 plan.url,
                 access.keys ? access.keys->own().secret_key : "",
                 {}};
@@ -38,9 +38,9 @@ outside::Plan plan_of(TcpListener listener, const Access& access) {
   return plan;
 }
 
-class ZmqOutsidePort final : public ZmqPort {
+class ZmqGatewayPort final : public ZmqPort {
  public:
-  ZmqOutsidePort(const std::string& endpoint, const Access& access) {
+  ZmqGatewayPort(const std::string& endpoint, const Access& access) {
     if (access.keys) keys_.emplace(access.keys);
     TcpListener listener = listen_tcp(endpoint, access.keys != nullptr);
     url_ = listener.url;
@@ -165,7 +165,7 @@ class ZmqOutsidePort final : public ZmqPort {
 
   std::string url_;
   std::optional<KeyAuthenticator> keys_;
-  std::optional<outside::Process> process_;
+  std::optional<gateway::Process> process_;
   RequestHandler* handler_ = nullptr;
   bool all_gone_ = false;
   std::unordered_map<std::uint64_t, Numbered> numbered_;
@@ -174,8 +174,8 @@ class ZmqOutsidePort final : public ZmqPort {
 
 }  // namespace
 
-std::unique_ptr<ZmqPort> open_zmq_outside(const std::string& endpoint, const Access& access) {
-  return std::make_unique<ZmqOutsidePort>(endpoint, access);
+std::unique_ptr<ZmqPort> open_zmq_gateway(const std::string& endpoint, const Access& access) {
+  return std::make_unique<ZmqGatewayPort>(endpoint, access);
 }
 
 }  // namespace clearance

@@ -1,4 +1,4 @@
-#include "server/gateway/zmq_outside.h"
+#include "server/gateway/zmq_gateway.h"
 
 #include <sys/eventfd.h>
 #include <unistd.h>
@@ -17,7 +17,7 @@
 #include "wire/protocol.h"
 #include "wire/zmq_calls.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 constexpr int kFramesPerTurn = 32;
@@ -65,9 +65,9 @@ struct Held {
   }
 };
 
-class ZmqOutside {
+class ZmqGateway {
  public:
-  ZmqOutside(Link& link, const Message& start)
+  ZmqGateway(Link& link, const Message& start)
       : link_(link), room_(start.number), router_(context_, zmq::socket_type::router) {
     set_router_options(router_, start.number);
     router_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
@@ -193,8 +193,8 @@ class ZmqOutside {
 
 void serve_zmq(Link& link, const Message& start) {
   // Not destroyed: the process ends with it, and libzmq's end would wait for its threads.
-  auto* const outside = new ZmqOutside(link, start);
+  auto* const outside = new ZmqGateway(link, start);
   outside->run();
 }
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

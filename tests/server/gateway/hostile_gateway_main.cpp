@@ -12,7 +12,7 @@
 #include "wire/protocol.h"
 #include "wire/wire.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 const std::string kSomebody = "hostile";
@@ -74,10 +74,10 @@ void act(Link& link, const std::string& what) {
 }
 
 }  // namespace
-}  // namespace clearance::outside
+}  // namespace clearance::gateway
 
 int main() try {
-  using namespace clearance::outside;
+  using namespace clearance::gateway;
   Link link(clearance::shm::UniqueFd(kLinkFd),
             {.message_bytes = 64 << 20, .coming_bytes = 64 << 20, .waiting_bytes = 64 << 20});
   await(link, Kind::kStart);
@@ -85,6 +85,6 @@ int main() try {
   // The daemon is ready once it has heard this; what follows is what it has to live with.
   act(link, std::getenv("CLEARANCE_HOSTILE"));
   for (;;) await(link, Kind::kVerdict);
-} catch (const clearance::outside::Broken&) {
+} catch (const clearance::gateway::Broken&) {
   return 0;
 }

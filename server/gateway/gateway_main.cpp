@@ -15,13 +15,13 @@
 
 #include "server/gateway/confine.h"
 #include "server/gateway/link.h"
-#include "server/gateway/zmq_outside.h"
+#include "server/gateway/zmq_gateway.h"
 #include "server/gateway/zmtp_gate.h"
 #ifdef CLEARANCE_HAVE_LCM
-#include "server/gateway/lcm_outside.h"
+#include "server/gateway/lcm_gateway.h"
 #endif
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 /// Descriptors beside those of connections: libzmq's and liblcm's own.
@@ -49,7 +49,7 @@ Message await_start(Link& link) {
 int run(const std::string& what, std::uint64_t memory_bytes, int connections) {
   ::signal(SIGPIPE, SIG_IGN);
   const int descriptors = kOwnDescriptors + connections;
-  limit_outside(memory_bytes, static_cast<std::uint64_t>(descriptors) + 8);
+  limit_gateway(memory_bytes, static_cast<std::uint64_t>(descriptors) + 8);
   refuse_connections_from(descriptors);
   Link link(shm::UniqueFd(kLinkFd),
             {.message_bytes = memory_bytes, .coming_bytes = memory_bytes, .waiting_bytes = memory_bytes});
@@ -67,10 +67,10 @@ int run(const std::string& what, std::uint64_t memory_bytes, int connections) {
 }
 
 }  // namespace
-}  // namespace clearance::outside
+}  // namespace clearance::gateway
 
 int main(int argc, char** argv) {
-  using namespace clearance::outside;
+  using namespace clearance::gateway;
   const bool known = argc == 4 && (!std::strcmp(argv[1], "zmq") || !std::strcmp(argv[1], "lcm"));
   if (!known || ::fcntl(kLinkFd, F_GETFD) < 0) {
     std::fprintf(stderr, "clearance-outside stands between the network and clearanced; it is not run by hand\n");

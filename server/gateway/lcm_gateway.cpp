@@ -1,4 +1,4 @@
-#include "server/gateway/lcm_outside.h"
+#include "server/gateway/lcm_gateway.h"
 
 #include <poll.h>
 
@@ -8,7 +8,7 @@
 #include "server/gateway/confine.h"
 #include "wire/lcm_bus.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 namespace {
 
 constexpr int kMessagesPerTurn = 64;
@@ -47,4 +47,4 @@ void serve_lcm(Link& link, const Message& start) {
   }
 }
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

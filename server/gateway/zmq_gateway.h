@@ -3,9 +3,9 @@
 
 #include "server/gateway/link.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 
 /// Serves the listener (confine.h) as the core's kStart says, until the core has gone (Broken).
 [[noreturn]] void serve_zmq(Link& link, const Message& start);
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway

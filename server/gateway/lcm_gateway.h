@@ -3,9 +3,9 @@
 
 #include "server/gateway/link.h"
 
-namespace clearance::outside {
+namespace clearance::gateway {
 
 /// Passes on messages of the channels that kStart names, until the core has gone (Broken).
 [[noreturn]] void serve_lcm(Link& link, const Message& start);
 
-}  // namespace clearance::outside
+}  // namespace clearance::gateway
