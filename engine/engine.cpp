@@ -232,11 +232,11 @@ PoseUpdateResult Engine::allow(std::uint32_t a, std::uint32_t b, bool allow) {
   return impl_->poses.allow(a, b, allow);
 }
 
-bool Engine::still_means(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors,
+bool Engine::ids_valid_since(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors,
                          bool with_parents) const {
   const auto snapshot = impl_->poses.snapshot();
   return scene_revision == snapshot->scene_revision ||
-         snapshot->history->still_means(scene_revision, snapshot->scene_changes, selectors, with_parents);
+         snapshot->history->ids_valid_since(scene_revision, snapshot->scene_changes, selectors, with_parents);
 }
 
 bool Engine::joints_still_mean(std::uint64_t scene_revision, std::span<const std::uint32_t> joints) const {
@@ -247,7 +247,7 @@ bool Engine::joints_still_mean(std::uint64_t scene_revision, std::span<const std
     const SceneRobot& robot = *impl_->scene.robots()[impl_->scene.joints()[joint].robot];
     links.push_back(robot.bodies[robot.model.base]);
   }
-  return still_means(scene_revision, links, false);
+  return ids_valid_since(scene_revision, links, false);
 }
 
 void Engine::take_poses(const Engine& old) {

@@ -104,7 +104,7 @@ class Engine {
   /// Whether body ids and group selectors of an older revision of the scene mean the same in this one. False also for a
   /// revision that is unknown. \param with_parents also that those bodies have the parents that they had, to which
   /// their poses are relative.
-  bool still_means(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors, bool with_parents) const;
+  bool ids_valid_since(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors, bool with_parents) const;
   /// The same of joint ids: false also where another robot's joints, or other limits, have those ids now.
   bool joints_still_mean(std::uint64_t scene_revision, std::span<const std::uint32_t> joints) const;
   /// Takes over the poses, joint positions and attachments that another engine has received, for bodies that both know

@@ -96,9 +96,9 @@ std::uint32_t written_fields(const QueryView& q) {
 // All pairs have changed whatever has, and with a body more or less there is a row more or less for the nearest of
 // each.
 /// \param bodies that the query moves
-bool still_means(const QueryView& query, std::span<const std::uint32_t> bodies, const PoseSnapshot& snapshot,
+bool ids_valid_since(const QueryView& query, std::span<const std::uint32_t> bodies, const PoseSnapshot& snapshot,
                  const Scene& scene) {
-  return !query.all_pairs && snapshot.history->still_means({query.scene_revision, bodies, query.pairs, query.margins,
+  return !query.all_pairs && snapshot.history->ids_valid_since({query.scene_revision, bodies, query.pairs, query.margins,
                                                             query.reduce == Reduce::kNearest},
                                                            snapshot.scene_changes, scene);
 }
@@ -167,7 +167,7 @@ Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<con
     : scene_(scene), max_rows_(max_rows) {
   check_numbers(query);
   const bool is_older = query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision;
-  if (is_older && !still_means(query, query.bodies, *snapshot, scene)) refuse_scene(query, *snapshot);
+  if (is_older && !ids_valid_since(query, query.bodies, *snapshot, scene)) refuse_scene(query, *snapshot);
   Plan& plan = plan_;
   plan.query = query;
   if (plan.query.rel_tol < 0) plan.query.rel_tol = default_rel_tol(query.precision);
@@ -177,7 +177,7 @@ Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<con
                               [&](std::uint32_t j) { return j >= scene.joints().size(); }))
     refuse_scene(query, *plan.snapshot);
   take_joints(query, scene, plan);
-  if (is_older && !still_means(query, plan.bodies, *plan.snapshot, scene)) refuse_scene(query, *plan.snapshot);
+  if (is_older && !ids_valid_since(query, plan.bodies, *plan.snapshot, scene)) refuse_scene(query, *plan.snapshot);
   if (query.configuration_count > 0 && query.bodies.empty() && query.joints.empty())
     refuse("configurations without bodies or joints that they move");
   plan.query.bodies = plan.bodies;

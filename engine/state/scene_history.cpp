@@ -148,7 +148,7 @@ bool SceneHistory::pairs_unchanged(BodyPair pair, std::uint64_t since, const Sce
   });
 }
 
-bool SceneHistory::still_means(std::uint64_t revision, std::uint64_t changes, std::span<const std::uint32_t> selectors,
+bool SceneHistory::ids_valid_since(std::uint64_t revision, std::uint64_t changes, std::span<const std::uint32_t> selectors,
                                bool with_parents) const {
   const std::lock_guard lock(mutex_);
   std::uint64_t since = 0;
@@ -157,7 +157,7 @@ bool SceneHistory::still_means(std::uint64_t revision, std::uint64_t changes, st
          });
 }
 
-bool SceneHistory::still_means(const Question& question, std::uint64_t changes, const Scene& scene) const {
+bool SceneHistory::ids_valid_since(const Question& question, std::uint64_t changes, const Scene& scene) const {
   const std::lock_guard lock(mutex_);
   std::uint64_t since = 0, of_groups = 0;
   if (!find(question.revision, changes, since)) return false;

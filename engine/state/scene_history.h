@@ -41,7 +41,7 @@ class SceneHistory {
 
   /// Whether body ids and group selectors of a revision mean the same after `changes` changes. \param with_parents also
   /// that those bodies have the parents that they had: their poses are relative to them.
-  bool still_means(std::uint64_t revision, std::uint64_t changes, std::span<const std::uint32_t> selectors,
+  bool ids_valid_since(std::uint64_t revision, std::uint64_t changes, std::span<const std::uint32_t> selectors,
                    bool with_parents) const;
   /// What a query names of the scene.
   struct Question {
@@ -52,7 +52,7 @@ class SceneHistory {
     bool a_row_for_each_body;
   };
   /// Whether a question has the same bodies and pairs, in the same order. \param scene the one after the changes.
-  bool still_means(const Question& question, std::uint64_t changes, const Scene& scene) const;
+  bool ids_valid_since(const Question& question, std::uint64_t changes, const Scene& scene) const;
 
  private:
   struct ChangedPair {

@@ -26,7 +26,7 @@ bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
   const Engine& engine = handler_.engine();
   static_assert(sizeof update.bodies[0] == sizeof(std::uint32_t));
   const std::span ids(reinterpret_cast<const std::uint32_t*>(update.bodies.data()), update.bodies.size());
-  if (update.scene_revision != 0 && !engine.still_means(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
+  if (update.scene_revision != 0 && !engine.ids_valid_since(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
     refuse_scene(update.scene_revision);
     return false;
   }

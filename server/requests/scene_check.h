@@ -14,7 +14,7 @@ namespace clearance {
 /// that names none, they mean what they mean.
 inline bool knows_scene(const Engine& engine, const wire::FrameHeader& request, std::span<const std::uint32_t> ids,
                         bool with_parents = false) {
-  return !request.scene_revision || engine.still_means(request.scene_revision, ids, with_parents);
+  return !request.scene_revision || engine.ids_valid_since(request.scene_revision, ids, with_parents);
 }
 
 [[noreturn]] inline void refuse_scene(const Engine& engine, const wire::FrameHeader& request) {

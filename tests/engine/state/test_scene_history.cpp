@@ -61,9 +61,9 @@ TEST(SceneHistory, AnAttachmentChangesThePairsOfChildAndParent) {
   engine.attach(2, 5);
   EXPECT_TRUE(answers(engine, {{kLeft, kRight}}, before));
   EXPECT_FALSE(answers(engine, {{kLeft, kRight}}, between));
-  EXPECT_TRUE(engine.still_means(before, std::vector<std::uint32_t>{1, kLeft}, true));
-  EXPECT_FALSE(engine.still_means(before, std::vector<std::uint32_t>{1, 2}, true));
-  EXPECT_TRUE(engine.still_means(before, std::vector<std::uint32_t>{1, 2}, false));
+  EXPECT_TRUE(engine.ids_valid_since(before, std::vector<std::uint32_t>{1, kLeft}, true));
+  EXPECT_FALSE(engine.ids_valid_since(before, std::vector<std::uint32_t>{1, 2}, true));
+  EXPECT_TRUE(engine.ids_valid_since(before, std::vector<std::uint32_t>{1, 2}, false));
 }
 
 /// The same pieces, as in a scene that is edited.
