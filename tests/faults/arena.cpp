@@ -16,7 +16,7 @@
 #include "tests/lcm/lcm_network.h"
 #include "tests/source_file.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 using namespace std::chrono_literals;
 
@@ -149,4 +149,4 @@ std::string unbalanced(const Stats& stats) {
          std::to_string(waiting) + " under way do not make that";
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -13,7 +13,7 @@
 #include "tests/faults/witness.h"
 #include "tests/server/daemon_fixture.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 extern const std::string kScene;  ///< scenes/random_100
 
@@ -80,4 +80,4 @@ Stats stats_of(Client& client);
 /// add up, or an empty text.
 std::string unbalanced(const Stats& stats);
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -10,7 +10,7 @@
 #include "tests/server/core/memory_transport.h"
 #include "wire/wire.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 using wire::FrameType;
@@ -254,4 +254,4 @@ Bytes bad_frame(std::string_view kind, std::uint64_t id, std::mt19937_64& random
   return frame;
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 /// The kinds. All are refused; but a flipped bit may leave a request as good as another.
 inline constexpr std::string_view kFlippedBits = "flipped bits";
@@ -19,4 +19,4 @@ inline constexpr std::string_view kBadKinds[] = {
 /// changes what the daemon answers, refused or not.
 std::vector<std::byte> bad_frame(std::string_view kind, std::uint64_t id, std::mt19937_64& random);
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

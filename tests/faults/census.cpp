@@ -5,7 +5,7 @@
 #include <fstream>
 #include <sstream>
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 std::uint64_t kilobytes(const std::string& line) {
@@ -69,4 +69,4 @@ std::string left_behind(const Census& before, const Census& now) {
   return text;
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 struct Census {
   int descriptors = 0;                          ///< /proc/PID/fd
@@ -29,4 +29,4 @@ inline constexpr int kMappingsSpared = 24;
 /// Names of the entries of a folder, sorted; of one that is not there, none.
 std::vector<std::string> entries_of(const std::string& folder);
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

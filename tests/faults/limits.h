@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 /// What a call throws, in words; empty: nothing.
 inline std::string error_of(const std::function<void()>& call) {
@@ -58,4 +58,4 @@ inline std::uint64_t address_space_of(int pid) {
   return pages * 4096;
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -16,7 +16,7 @@
 #include "wire/lcm_frames.h"
 #include "wire/protocol.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 /// What came back.
 struct RawReply {
@@ -125,4 +125,4 @@ class RawLcmWire final : public RawWire {
   std::optional<RawReply> reply_;
 };
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -3,7 +3,7 @@
 
 #include <cstdlib>
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 /// \param short_run what `make test` does. CLEARANCE_FIRE_ROUNDS=N in the environment multiplies it.
 inline int rounds(int short_run) {
@@ -12,4 +12,4 @@ inline int rounds(int short_run) {
   return short_run * (factor > 0 ? factor : 1);
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -8,7 +8,7 @@
 #include "tests/server/shm/raw_shm_client.h"
 #include "wire/wire.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 /// What a session writes over. The first two keep the rules of the rings, so that the daemon goes on answering from
@@ -151,4 +151,4 @@ void scribble(const std::string& socket_path, std::mt19937_64& random) {
   }
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -9,7 +9,7 @@
 
 #include "tests/faults/limits.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 using namespace std::chrono_literals;
@@ -242,4 +242,4 @@ std::vector<std::string> Soak::complaints() const {
   return all;
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -13,7 +13,7 @@
 
 #include "tests/faults/arena.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 class Soak {
  public:
@@ -81,4 +81,4 @@ class Soak {
   double cpu_before_ = 0;
 };
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

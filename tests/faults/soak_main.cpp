@@ -9,7 +9,7 @@
 #include "tests/faults/soak.h"
 #include "tests/faults/trend.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 /// Growth of the daemon's private memory that is not called one: allocators keep what large requests once took, the
@@ -126,10 +126,10 @@ int soak(const Options& o) {
 }
 
 }  // namespace
-}  // namespace clearance::fire
+}  // namespace clearance::faults
 
 int main(int argc, char** argv) {
-  clearance::fire::Options o;
+  clearance::faults::Options o;
   CLI::App app(
       "Clients are killed, frozen and scribble, a daemon is starved of what it needs and another one killed, at "
       "random; clients beside them check every bit of their answers against an engine of their own. Exit code 0: "
@@ -144,7 +144,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);  // what went wrong is there at once, also in a file
   try {
-    return clearance::fire::soak(o);
+    return clearance::faults::soak(o);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "clearance-soak: %s\n", error.what());
     return 1;

@@ -8,7 +8,7 @@
 #include "tests/faults/rounds.h"
 #include "tests/patience.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 using namespace std::chrono_literals;
@@ -137,4 +137,4 @@ TEST_F(FireClients, ScribblingOverEveryByteTheyHurtOnlyThemselves) {
 }
 
 }  // namespace
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -8,7 +8,7 @@
 #include "tests/faults/rounds.h"
 #include "tests/patience.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 using namespace std::chrono_literals;
@@ -91,4 +91,4 @@ TEST(FireDaemon, SignalledAllTheTimeItMissesNoRequest) {
 }
 
 }  // namespace
-}  // namespace clearance::fire
+}  // namespace clearance::faults

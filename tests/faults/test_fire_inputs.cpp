@@ -16,7 +16,7 @@
 #include "tests/lcm/lcm_network.h"
 #include "tests/patience.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 using namespace std::chrono_literals;
@@ -301,4 +301,4 @@ TEST_F(FireInputs, ScenesAndMeshesAtAReload) {
 }
 
 }  // namespace
-}  // namespace clearance::fire
+}  // namespace clearance::faults

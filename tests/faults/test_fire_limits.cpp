@@ -12,7 +12,7 @@
 #include "tests/faults/rounds.h"
 #include "tests/patience.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 using namespace std::chrono_literals;
@@ -210,4 +210,4 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
 }
 
 }  // namespace
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 struct Trend {
   double slope = 0;           ///< by least squares
@@ -33,4 +33,4 @@ inline Trend trend_of(const std::vector<double>& x, const std::vector<double>& y
   return trend;
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 /// The points of each transport, in the order in which a client comes by them.
 inline constexpr std::string_view kShmPoints[] = {
@@ -57,4 +57,4 @@ void talk_lcm(const std::string& url, const Fate& fate, std::mt19937_64& random)
 /// Asks through the client library without end, requests of all sizes.
 [[noreturn]] void ask_without_end(const std::string& url, std::mt19937_64& random);
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -8,7 +8,7 @@
 #include "wire/lcm_check.h"
 #include "wire/lcm_frames.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 void talk_lcm(const std::string& url, const Fate& fate, std::mt19937_64& random) {
   LcmBus bus(parse_lcm_address(url));
@@ -79,4 +79,4 @@ void talk_lcm(const std::string& url, const Fate& fate, std::mt19937_64& random)
   fate.at("query_sent");
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

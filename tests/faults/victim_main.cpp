@@ -13,7 +13,7 @@
 #include "tests/faults/victim.h"
 #include "wire/wire.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 std::vector<std::byte> large_request(std::uint64_t id) {
   wire::QueryHeader query;
@@ -91,12 +91,12 @@ int main_of(int argc, char** argv) {
 }
 
 }  // namespace
-}  // namespace clearance::fire
+}  // namespace clearance::faults
 
 int main(int argc, char** argv) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   try {
-    return clearance::fire::main_of(argc, argv);
+    return clearance::faults::main_of(argc, argv);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "fire_victim: %s\n", error.what());
     return 1;

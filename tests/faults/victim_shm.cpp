@@ -8,7 +8,7 @@
 #include "tests/server/shm/raw_shm_client.h"
 #include "wire/wire.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 /// Another segment of a connection, mapped until the end.
@@ -114,4 +114,4 @@ void talk_shm(const std::string& socket_path, const Fate& fate, std::mt19937_64&
   fate.at("retired");
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

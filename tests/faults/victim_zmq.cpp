@@ -10,7 +10,7 @@
 #include "wire/protocol.h"
 #include "wire/shm_os.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 using Bytes = std::vector<std::byte>;
@@ -160,4 +160,4 @@ void talk_zmq(const std::string& socket_path, const Fate& fate, std::mt19937_64&
   for (int i = 1; i < 8; ++i) stream.read(begin_reply(0));
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

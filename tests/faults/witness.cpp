@@ -7,7 +7,7 @@
 #include "engine/engine.h"
 #include "tests/engine/engine_test_util.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 namespace {
 
 using namespace std::chrono_literals;
@@ -211,4 +211,4 @@ std::string await_answers(const Witnesses& witnesses, std::uint64_t count) {
   return "";
 }
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

@@ -15,7 +15,7 @@
 #include "client/client.h"
 #include "tests/patience.h"
 
-namespace clearance::fire {
+namespace clearance::faults {
 
 /// A question that owns its arrays, and the engine's own answer to it.
 struct Question {
@@ -104,4 +104,4 @@ using Witnesses = std::vector<std::unique_ptr<Witness>>;
 /// in vain, or an empty text.
 std::string await_answers(const Witnesses& witnesses, std::uint64_t count);
 
-}  // namespace clearance::fire
+}  // namespace clearance::faults

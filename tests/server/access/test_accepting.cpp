@@ -61,7 +61,7 @@ TEST(Accepting, WithoutDescriptorsAllAreTurnedAwayAndTheReserveStays) {
 
   std::atomic<int> served{0}, refused{0};
   {
-    const fire::Limit limit(::getpid(), RLIMIT_NOFILE, fire::descriptors_for(::getpid(), 0));
+    const faults::Limit limit(::getpid(), RLIMIT_NOFILE, faults::descriptors_for(::getpid(), 0));
     ASSERT_LT(::open("/dev/null", O_RDONLY), 0) << "this test would show nothing";
     const auto take_all = [&](int listener) {
       while (served + refused < 2 * kRounds) {
