@@ -42,7 +42,7 @@ void take_words(CLI::Option& option, const std::string& words) {
   option.transform(quiet(CLI::CheckedTransformer(numbers)))->type_name("WORD");
 }
 
-struct QuestionOptions {
+struct QueryCommandOptions {
   Connection connection;
   Output output = Output::kTable;
   std::vector<std::string> pairs;
@@ -80,7 +80,7 @@ struct NumberColumns {
   std::vector<std::string> names;
 };
 
-void print_reply(const Reply& reply, const SceneInfo& scene, const QuestionOptions& o) {
+void print_reply(const Reply& reply, const SceneInfo& scene, const QueryCommandOptions& o) {
   std::vector<NumberColumns<double>> doubles;
   const auto add_doubles = [&doubles](std::span<const double> values, std::vector<std::string> names) {
     if (!values.empty()) doubles.push_back({values, std::move(names)});
@@ -132,7 +132,7 @@ void print_reply(const Reply& reply, const SceneInfo& scene, const QuestionOptio
               1e-6 * static_cast<double>(reply.server_ns()));
 }
 
-void run(const QuestionOptions& o) {
+void run(const QueryCommandOptions& o) {
   Client client = o.connection.open();
   const SceneInfo scene = client.scene();
   const std::vector<IdPair> pairs = pairs_of(client, o.pairs);
@@ -149,7 +149,7 @@ void run(const QuestionOptions& o) {
 
 void add_query(CLI::App& app) {
   auto& command = *app.add_subcommand("query", "how far apart bodies are, with certified bounds");
-  auto options = std::make_shared<QuestionOptions>();
+  auto options = std::make_shared<QueryCommandOptions>();
   Query& q = options->query;
   add_pairs_option(command, options->pairs);
   command.add_option("--max-distance", q.max_distance, "pairs proved farther than so many metres are \"beyond\"")

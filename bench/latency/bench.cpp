@@ -24,7 +24,7 @@ constexpr double kFloorPart = 0.5;
 /// Lost replies in a row after which nobody is there.
 constexpr int kMostLost = 20;
 
-struct BenchOptions : BenchQuestion {
+struct BenchOptions : BenchQueryOptions {
   Connection connection;
   Output output = Output::kTable;
   std::string rate = "closed";
@@ -140,7 +140,7 @@ void add_bench(CLI::App& app) {
   auto& command = *app.add_subcommand("bench", "how long queries take, beside the bare transport");
   auto options = std::make_shared<BenchOptions>();
   add_connection_options(command, options->connection);
-  add_question_options(command, *options);
+  add_query_options(command, *options);
   command.add_option("--rate", options->rate, "requests a second, or \"closed\": each after the last reply")
       ->type_name("HZ|closed")
       ->capture_default_str();

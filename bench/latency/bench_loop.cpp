@@ -29,7 +29,7 @@ constexpr int kPoseSets = 64;
 /// What fits into one datagram (lcmtypes/pose_update_t.lcm).
 constexpr std::size_t kMostBodies = 800;
 
-struct ControlLoopOptions : BenchQuestion {
+struct ControlLoopOptions : BenchQueryOptions {
   Connection connection;
   std::string lcm;
   double minutes = 1, rate_hz = 1000;
@@ -220,7 +220,7 @@ void add_bench_loop(CLI::App& app) {
       ->check(quiet(CLI::Range(0, 10'000'000)))
       ->type_name("N")
       ->capture_default_str();
-  add_question_options(command, *options);
+  add_query_options(command, *options);
   command.add_option("--csv", options->csv, "add a row to this file")->type_name("FILE");
   command.callback([options, &command] {
     options->command = bench_command_line(command);

@@ -20,7 +20,7 @@ const std::map<std::string, Reduce> kBenchReductions{
 
 }  // namespace
 
-void add_question_options(CLI::App& command, BenchQuestion& question) {
+void add_query_options(CLI::App& command, BenchQueryOptions& question) {
   command.add_option("--pairs", question.pairs, "pairs drawn from the scene's; 0: all enabled pairs")
       ->type_name("N")
       ->capture_default_str();
@@ -74,7 +74,7 @@ Pose7 jittered(const Pose7& pose, double sigma_m, std::mt19937_64& random) {
   return moved;
 }
 
-BenchQuery make_query(Client& client, const BenchQuestion& o) {
+BenchQuery make_query(Client& client, const BenchQueryOptions& o) {
   std::mt19937_64 random(o.seed);
   BenchQuery q;
   q.query.max_distance = o.max_distance;

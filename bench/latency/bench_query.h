@@ -12,7 +12,7 @@
 
 namespace clearance::cli {
 
-struct BenchQuestion {
+struct BenchQueryOptions {
   std::uint64_t pairs = 0;           ///< drawn from the scene's; 0: all
   std::uint32_t configurations = 0;  ///< 0: the current poses
   std::uint32_t moved = 6;           ///< bodies that a configuration moves
@@ -21,7 +21,7 @@ struct BenchQuestion {
   std::string reduce = "none", precision = "f64";
   double max_distance = std::numeric_limits<double>::infinity();
 };
-void add_question_options(CLI::App& command, BenchQuestion& question);
+void add_query_options(CLI::App& command, BenchQueryOptions& question);
 
 /// A query over real poses, with the memory that it looks at.
 struct BenchQuery {
@@ -32,7 +32,7 @@ struct BenchQuery {
 };
 
 /// Draws a query. Throws std::invalid_argument if the scene has too few pairs, or nothing that moves.
-BenchQuery make_query(Client& client, const BenchQuestion& question);
+BenchQuery make_query(Client& client, const BenchQueryOptions& question);
 
 /// A pose moved by normal noise: `sigma_m` metres each way, as many radians about each axis.
 Pose7 jittered(const Pose7& pose, double sigma_m, std::mt19937_64& random);

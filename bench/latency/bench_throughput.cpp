@@ -24,7 +24,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-struct ThroughputOptions : BenchQuestion {
+struct ThroughputOptions : BenchQueryOptions {
   Connection connection;
   int clients = 1;
   int depth = 1;
@@ -101,7 +101,7 @@ Result measure(const ThroughputOptions& o) {
   // Each client draws pairs of its own.
   std::vector<BenchQuery> queries;
   for (int i = 0; i < o.clients; ++i) {
-    BenchQuestion own = o;
+    BenchQueryOptions own = o;
     own.seed += static_cast<std::uint64_t>(i);
     queries.push_back(make_query(clients[static_cast<std::size_t>(i)], own));
   }
@@ -194,7 +194,7 @@ void add_bench_throughput(CLI::App& app) {
       ->check(quiet(CLI::Range(1, 16)))
       ->type_name("N")
       ->capture_default_str();
-  add_question_options(command, *options);
+  add_query_options(command, *options);
   command.add_option("--seconds", options->seconds, "how long to measure")
       ->check(quiet(CLI::Range(0.01, 86400.0)))
       ->type_name("S")

@@ -21,7 +21,7 @@ class MotionCertificateJob final : public CertificateJob {
         bounds_(scene(), plan_),
         moment_(scene(), plan_, boxes()) {
     set_motion_options(plan_, options_);
-    block_.emplace(question_, options_, boxes(), 1);
+    block_.emplace(motion_query_, options_, boxes(), 1);
   }
 
  private:
@@ -181,7 +181,7 @@ class MotionCertificateJob final : public CertificateJob {
   }
 
   MotionBounds bounds_;
-  MotionQuestion question_{scene(), plan_, bounds_, options_.stale, options_.want_flags};
+  MotionQuery motion_query_{scene(), plan_, bounds_, options_.stale, options_.want_flags};
   std::optional<MotionBlock> block_;
   MotionMoment moment_;
   MovingBodies moving_;

@@ -94,7 +94,7 @@ struct LeastAsked {
 
 /// A query's part that stays the same for all its chunks. Spans are copied from.
 struct QuerySetup {
-  Question question;
+  PairLimits pair_limits;
   std::uint32_t fields = 0;  ///< columns that come back, Field bits
   bool boxes = false;        ///< whether boxes are compared
   // The moved ones, as MovesView has them. Empty without configurations.

@@ -25,13 +25,13 @@ Scene scene_of(const std::vector<KnownPair>& pairs) {
   return scene;
 }
 
-struct Question {
+struct SelfTestCase {
   std::vector<BodyPair> pairs;
   std::vector<std::uint32_t> bodies;
   std::vector<Pose> poses;
   QueryView query;
 
-  explicit Question(const std::vector<KnownPair>& known) {
+  explicit SelfTestCase(const std::vector<KnownPair>& known) {
     const auto count = static_cast<std::uint32_t>(known.size());
     for (std::uint32_t i = 0; i < count; ++i) {
       pairs.push_back({2 * i, 2 * i + 1});
@@ -64,7 +64,7 @@ void ask(SelfTest& test, const std::vector<int>& devices) {
       &scene,        1,      false, &lane_kernel("baseline"), true, &evaluated, &contradictions, &warm, &trees,
       NearBy::kAuto, &device};
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
-    Question question(known);
+    SelfTestCase question(known);
     question.query.precision = precision;
     Plan plan = make_plan(question.query, scene, poses.snapshot(), ~std::uint64_t{0}, true);
     std::vector<double> lower(plan.size.rows), upper(plan.size.rows);

@@ -218,7 +218,7 @@ struct MoversView {
 };
 
 /// What is asked of every pair.
-struct Question {
+struct PairLimits {
   double max_distance, abs_tol, rel_tol;
   std::int32_t max_iterations;
   bool cull;  ///< compare boxes with max_distance first
@@ -267,7 +267,7 @@ struct Finished {
 struct ChunkView {
   HullsView hulls;
   BodiesView bodies;
-  Question question;
+  PairLimits pair_limits;
   const Group* group_of_tile;
   const PairRef* pairs;
   const std::uint32_t* position;  ///< of each pair within the chunk

@@ -37,9 +37,9 @@ std::uint64_t MotionBlock::most(const Plan& plan, int workers) {
       kMostMotions);
 }
 
-MotionBlock::MotionBlock(const MotionQuestion& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
+MotionBlock::MotionBlock(const MotionQuery& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
                          std::uint64_t most)
-    : question_(question), evaluator_(question.scene, options), poses_(question.plan) {
+    : motion_query_(question), evaluator_(question.scene, options), poses_(question.plan) {
   if (question.plan.query.reduce == Reduce::kAny && !options.reference) {
     EvaluateOptions rough = options;
     rough.limits.rel_tol = std::max(rough.limits.rel_tol, kRough);
@@ -58,13 +58,13 @@ void MotionBlock::begin_searches(std::uint64_t count) {
 }
 
 void MotionBlock::begin_search(std::uint64_t i, std::uint64_t motion) {
-  question_.bounds.take(motion, searches_[i].moving);
+  motion_query_.bounds.take(motion, searches_[i].moving);
   poses_.look_at_ends(searches_[i].moving);
   searches_[i].begin();
 }
 
 void MotionBlock::count_begun(WorkMeter& meter) const {
-  meter.count(count_ * (question_.plan.moved.size() / kBodiesPerUnit + question_.plan.size.pairs / kPairsPerUnit + 1));
+  meter.count(count_ * (motion_query_.plan.moved.size() / kBodiesPerUnit + motion_query_.plan.size.pairs / kPairsPerUnit + 1));
 }
 
 bool MotionBlock::advance(WorkMeter& meter) {
@@ -91,7 +91,7 @@ bool MotionBlock::ask_again() {
   again_.clear();
   for (std::size_t i = 0; i < asked_.size(); ++i) {
     const PairAnswer& answer = answers_[i];
-    if (!(answer.lower <= questions_[i].target && answer.upper > questions_[i].target)) continue;
+    if (!(answer.lower <= requests_[i].target && answer.upper > requests_[i].target)) continue;
     again_.push_back(asked_[i]);
     again_at_.push_back(i);
   }
@@ -118,9 +118,9 @@ bool MotionBlock::ask(WorkMeter& meter) {
   if (used_ == 0) return false;
   place(meter);
   asked_.clear();
-  questions_.clear();
+  requests_.clear();
   for (std::size_t k = 0; k < used_; ++k) {
-    places_[k].search->ask(places_[k].node, {placements_[k], places_[k].twists}, asked_, questions_);
+    places_[k].search->ask(places_[k].node, {placements_[k], places_[k].twists}, asked_, requests_);
     places_[k].end = asked_.size();
   }
   meter.count(asked_.size() / kPairsPerUnit);
@@ -128,7 +128,7 @@ bool MotionBlock::ask(WorkMeter& meter) {
 }
 
 void MotionBlock::place(WorkMeter& meter) {
-  const std::size_t bodies = question_.plan.bodies.size();
+  const std::size_t bodies = motion_query_.plan.bodies.size();
   const ConfigurationPoses::Block given = poses_.at(instants_);
   rotations_.resize(used_ * bodies);
   rotations_of(given.poses, rotations_);
@@ -136,10 +136,10 @@ void MotionBlock::place(WorkMeter& meter) {
     ConfigurationPoses::Block own = given.of(k, bodies);
     own.errors = instants_[k].moving->errors;
     placements_[k].configure(placed_++, own, std::span(rotations_).subspan(k * bodies, bodies));
-    places_[k].twists.resize(question_.plan.moved.size());
+    places_[k].twists.resize(motion_query_.plan.moved.size());
     poses_.twists(k, placements_[k], places_[k].twists);
   }
-  meter.count(used_ * question_.plan.moved.size() / kBodiesPerUnit + used_);
+  meter.count(used_ * motion_query_.plan.moved.size() / kBodiesPerUnit + used_);
 }
 
 void MotionBlock::take() {
@@ -147,7 +147,7 @@ void MotionBlock::take() {
   for (std::size_t k = 0; k < used_; ++k) {
     const std::size_t count = places_[k].end - begin;
     places_[k].search->take(places_[k].node, {placements_[k], places_[k].twists},
-                            std::span(questions_).subspan(begin, count), std::span(answers_).subspan(begin, count));
+                            std::span(requests_).subspan(begin, count), std::span(answers_).subspan(begin, count));
     begin = places_[k].end;
   }
 }

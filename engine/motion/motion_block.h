@@ -22,7 +22,7 @@ class MotionBlock {
   static std::uint64_t most(const Plan& plan, int workers);
 
   /// All must outlive this. \param boxes of all bodies in the snapshot, or none. \param most motions
-  MotionBlock(const MotionQuestion& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
+  MotionBlock(const MotionQuery& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
               std::uint64_t most);
 
   bool has_begun() const { return count_ > 0; }
@@ -61,7 +61,7 @@ class MotionBlock {
   bool ask_again();
   void take();
 
-  const MotionQuestion& question_;
+  const MotionQuery& motion_query_;
   Evaluator evaluator_;
   std::optional<Evaluator> rough_;  // asked first, where it is enough to know on which side of a bound a pair is
   MotionPoses poses_;
@@ -74,7 +74,7 @@ class MotionBlock {
   std::vector<Instant> instants_;
   std::vector<Mat3d> rotations_;
   std::vector<PlacedBodies> asked_;
-  std::vector<MotionSearch::Question> questions_;
+  std::vector<MotionSearch::PairRequest> requests_;
   std::vector<PairAnswer> answers_;
   std::vector<PlacedBodies> again_;  // those that it left open
   std::vector<std::size_t> again_at_;

@@ -20,7 +20,7 @@ class MotionJob final : public ParallelJob {
       : ParallelJob(context, std::move(plan), reply), bounds_(scene(), plan_) {
     set_motion_options(plan_, options_);
     const std::uint64_t most = MotionBlock::most(plan_, workers());
-    for (int i = 0; i < workers(); ++i) blocks_.emplace_back(question_, options_, boxes(), most);
+    for (int i = 0; i < workers(); ++i) blocks_.emplace_back(motion_query_, options_, boxes(), most);
     block_ = most;
   }
 
@@ -62,7 +62,7 @@ class MotionJob final : public ParallelJob {
   }
 
   MotionBounds bounds_;
-  MotionQuestion question_{scene(), plan_, bounds_, options_.stale, options_.want_flags};
+  MotionQuery motion_query_{scene(), plan_, bounds_, options_.stale, options_.want_flags};
   std::vector<MotionBlock> blocks_;           // of each worker
   std::vector<std::vector<MotionRow>> rows_;  // of the units that are under way
   std::uint64_t block_ = 1, first_ = 0, next_ = 0, written_ = 0;

@@ -17,7 +17,7 @@ const MotionSearch::Lowest& MotionSearch::lowest_of(const Goal& goal) const {
 
 // Of all pairs together, none within its margin: proved farther; or a pair that is neither; or no usable poses.
 void MotionSearch::decide_any(const Goal& goal, Row& row) const {
-  const Plan& plan = question_.plan;
+  const Plan& plan = motion_query_.plan;
   const double low = std::max(goal.lowest.low, 0.0);
   if (goal.decided) {
     row.answer.lower = std::min(low, goal.best.upper);
@@ -29,9 +29,9 @@ void MotionSearch::decide_any(const Goal& goal, Row& row) const {
     take_unusable(goal, row);
   } else {
     row = {{kNone, kNone}, row.configuration, beyond_answer(std::max(low, std::nextafter(plan.margins.least(), kInf)))};
-    for (std::uint64_t i = 0; question_.want_flags && !question_.stale.empty() && i < plan.pairs.size(); ++i) {
+    for (std::uint64_t i = 0; motion_query_.want_flags && !motion_query_.stale.empty() && i < plan.pairs.size(); ++i) {
       const BodyPair pair = plan.pairs.at(i);
-      if (question_.stale[pair.a] || question_.stale[pair.b]) row.answer.flags |= kFlagStale;
+      if (motion_query_.stale[pair.a] || motion_query_.stale[pair.b]) row.answer.flags |= kFlagStale;
     }
   }
 }
@@ -40,16 +40,16 @@ void MotionSearch::decide_any(const Goal& goal, Row& row) const {
 void MotionSearch::decide_distance(const Goal& goal, Row& row) const {
   const bool overlaps = goal.pair != kNowhere && goal.best.upper <= 0;
   if (goal.unusable != kNowhere && !overlaps) return take_unusable(goal, row);
-  decide_least(question_.plan.query, lowest_of(goal).low, goal.forced, row.answer);
+  decide_least(motion_query_.plan.query, lowest_of(goal).low, goal.forced, row.answer);
 }
 
 void MotionSearch::take_unusable(const Goal& goal, Row& row) const {
   row.answer = goal.unusable_answer;
-  row.pair = row.pair_lower = question_.plan.pairs.at(goal.unusable);
+  row.pair = row.pair_lower = motion_query_.plan.pairs.at(goal.unusable);
 }
 
 MotionRow MotionSearch::row_of(const Goal& goal) const {
-  const Plan& plan = question_.plan;
+  const Plan& plan = motion_query_.plan;
   MotionRow made;
   made.steps = steps_;
   made.free_until = goal.unusable == kNowhere ? goal.unproved : 0;
@@ -80,11 +80,11 @@ MotionRow MotionSearch::row_of(const Goal& goal) const {
 
 void MotionSearch::append_rows(std::vector<MotionRow>& rows) const {
   assert(done_);
-  if (question_.plan.pairs.size() > 0) {
+  if (motion_query_.plan.pairs.size() > 0) {
     for (const Goal& goal : goals_) rows.push_back(row_of(goal));
     return;
   }
-  if (question_.plan.query.reduce == Reduce::kNone) return;
+  if (motion_query_.plan.query.reduce == Reduce::kNone) return;
   MotionRow none;
   none.row = {{kNone, kNone}, static_cast<std::uint32_t>(moving.motion), empty_answer(), {}, {}, {kNone, kNone}};
   none.free_until = kInf;

@@ -25,21 +25,21 @@ bool is_within(const PairAnswer& answer, double margin) {
 }  // namespace
 
 void MotionSearch::begin() {
-  const bool each = question_.plan.query.reduce == Reduce::kNone;
-  goals_.assign(each ? question_.plan.pairs.size() : 1, Goal{});
+  const bool each = motion_query_.plan.query.reduce == Reduce::kNone;
+  goals_.assign(each ? motion_query_.plan.pairs.size() : 1, Goal{});
   spans_.clear();
   under_way_ = 0;
   steps_ = 0;
   evaluated_ = 0;
   seeded_ = false;
-  done_ = question_.plan.pairs.size() == 0;
+  done_ = motion_query_.plan.pairs.size() == 0;
   seeks_contact_ = any() && wants_contact();
   if (!done_) open_all();
 }
 
 void MotionSearch::open_all() {
   Node root{0, 1, {}, {}, 0, false};
-  root.open.resize(question_.plan.pairs.size());
+  root.open.resize(motion_query_.plan.pairs.size());
   std::iota(root.open.begin(), root.open.end(), std::uint64_t{0});
   root.low.assign(root.open.size(), 0);
   push(std::move(root));
@@ -48,9 +48,9 @@ void MotionSearch::open_all() {
 // The least distance is known, but not when pairs first are within their margins: the motion is looked at anew, its
 // beginning first. False: it is known already, or nobody asks.
 bool MotionSearch::seek_contact() {
-  if (seeks_contact_ || !wants_contact() || steps_ >= question_.plan.query.max_steps) return false;
+  if (seeks_contact_ || !wants_contact() || steps_ >= motion_query_.plan.query.max_steps) return false;
   Node root{0, 1, {}, {}, 0, false};
-  for (std::uint64_t i = 0; i < question_.plan.pairs.size(); ++i)
+  for (std::uint64_t i = 0; i < motion_query_.plan.pairs.size(); ++i)
     if (goal_of(i).unproved < kInf) root.open.push_back(i);
   if (root.open.empty()) return false;
   root.low.assign(root.open.size(), 0);
@@ -69,8 +69,8 @@ void MotionSearch::push(Node&& node) {
 // How far a pair has to be all along in order to leave. Where the least distance is asked for: not so near that the
 // interval would be wider than asked, slack aside.
 double MotionSearch::target_of(std::uint64_t position, const Goal& goal, double slack) const {
-  if (decides()) return question_.plan.margins.of(position);
-  const QueryView& query = question_.plan.query;
+  if (decides()) return motion_query_.plan.margins.of(position);
+  const QueryView& query = motion_query_.plan.query;
   if (goal.pair == kNowhere) return query.max_distance;
   const double enough = enough_for(goal.best.upper, query.abs_tol, query.rel_tol, goal.slack, slack);
   return std::min(query.max_distance, std::max(enough, 0.0));
@@ -79,7 +79,7 @@ double MotionSearch::target_of(std::uint64_t position, const Goal& goal, double 
 void MotionSearch::leave(Goal& goal, std::uint64_t position, double low, double begin) {
   Lowest& lowest = seeks_contact_ && !any() ? goal.lowest_of_contact : goal.lowest;
   if (low < lowest.low || (low == lowest.low && position < lowest.pair)) lowest = {low, position};
-  if (!(low > question_.plan.margins.of(position))) goal.unproved = std::min(goal.unproved, begin);
+  if (!(low > motion_query_.plan.margins.of(position))) goal.unproved = std::min(goal.unproved, begin);
 }
 
 bool MotionSearch::next(Node& node) {
@@ -130,39 +130,39 @@ void MotionSearch::give_up() {
 }
 
 void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked,
-                       std::vector<Question>& questions) {
+                       std::vector<PairRequest>& requests) {
   const Placement& placed = moment.placed;
   // Before anything is known of the least distance all pairs would be asked in full: one comes first.
-  const PairList& pairs = question_.plan.pairs;
-  const bool seeds = question_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
+  const PairList& pairs = motion_query_.plan.pairs;
+  const bool seeds = motion_query_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
   const std::size_t seed = seeds ? nearest_of(node, placed) : node.open.size();
   node.seeds = seed < node.open.size();
-  const auto ask_about = [&](BodyPair pair, const Question& q) {
+  const auto ask_about = [&](BodyPair pair, const PairRequest& q) {
     asked.push_back({pair, &placed, sum_above(q.target, q.way), nullptr, decides() ? q.target : -kInf});
-    questions.push_back(q);
+    requests.push_back(q);
   };
   if (node.seeds) {
     const BodyPair pair = pairs.at(node.open[seed]);
-    return ask_about(pair, question_about(seed, node, pair, placed));
+    return ask_about(pair, request_for(seed, node, pair, placed));
   }
-  question_.bounds.speeds(moving, placed, speeds_);
+  motion_query_.bounds.speeds(moving, placed, speeds_);
   for (std::size_t i = 0; i < node.open.size(); ++i) {
     const BodyPair pair = pairs.at(node.open[i]);
-    const bool usable = !is_unusable(question_.scene, placed, pair);
+    const bool usable = !is_unusable(motion_query_.scene, placed, pair);
     if (usable && leaves_by_boxes(i, node, pair, placed)) continue;
-    const Question question = question_about(i, node, pair, placed);
-    if (!usable || !leaves_along_boxes(question, node, pair, moment)) ask_about(pair, question);
+    const PairRequest request = request_for(i, node, pair, placed);
+    if (!usable || !leaves_along_boxes(request, node, pair, moment)) ask_about(pair, request);
   }
 }
 
 // Most pairs are so far apart that neither their path nor what else is known of them matters.
 bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const Placement& placed) {
   const auto speed = [&](std::uint32_t body) {
-    const std::uint32_t slot = question_.bounds.slot(body);
+    const std::uint32_t slot = motion_query_.bounds.slot(body);
     return slot == kNone ? 0 : speeds_[slot];
   };
   Goal& goal = goal_of(node.open[i]);
-  const double low = difference_below(box_gap(question_.scene, placed, pair),
+  const double low = difference_below(box_gap(motion_query_.scene, placed, pair),
                                       sum_above(speed(pair.a), speed(pair.b)) * node.half() * (1 + 0x1p-50));
   if (!(low > target_of(node.open[i], goal, 0))) return false;
   leave(goal, node.open[i], std::max(low, node.low[i]), node.begin);
@@ -170,7 +170,7 @@ bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pai
 }
 
 // Nor do most others come nearer along the way from one box to the other, as they move there.
-bool MotionSearch::leaves_along_boxes(const Question& asked, const Node& node, BodyPair pair, const Moment& moment) {
+bool MotionSearch::leaves_along_boxes(const PairRequest& asked, const Node& node, BodyPair pair, const Moment& moment) {
   const Aabb *const a = moment.placed.known_box(pair.a), *const b = moment.placed.known_box(pair.b);
   if (!a || !b || asked.way == 0) return false;
   const Vec3d n = way_between(*a, *b);
@@ -184,26 +184,26 @@ bool MotionSearch::leaves_along_boxes(const Question& asked, const Node& node, B
   return true;
 }
 
-MotionSearch::Question MotionSearch::question_about(std::size_t i, const Node& node, BodyPair pair,
+MotionSearch::PairRequest MotionSearch::request_for(std::size_t i, const Node& node, BodyPair pair,
                                                     const Placement& placed) {
   const std::uint64_t position = node.open[i];
-  Question question{static_cast<std::uint32_t>(i), 0, 0, 0, {}};
-  if (!is_unusable(question_.scene, placed, pair)) {
-    question.rates = question_.bounds.rates(position, pair, moving, placed);
-    question.way = way_of_pair(question.rates, node.half());
-    question.inner = pair_slack(placed, pair).inner;
+  PairRequest request{static_cast<std::uint32_t>(i), 0, 0, 0, {}};
+  if (!is_unusable(motion_query_.scene, placed, pair)) {
+    request.rates = motion_query_.bounds.rates(position, pair, moving, placed);
+    request.way = way_of_pair(request.rates, node.half());
+    request.inner = pair_slack(placed, pair).inner;
   }
-  question.target = target_of(position, goal_of(position), question.inner);
-  return question;
+  request.target = target_of(position, goal_of(position), request.inner);
+  return request;
 }
 
 // The pair whose boxes are nearest; none: they are all beyond max_distance, or nowhere.
 std::size_t MotionSearch::nearest_of(const Node& node, const Placement& placed) const {
   std::size_t nearest = node.open.size();
-  double least = question_.plan.query.max_distance;
+  double least = motion_query_.plan.query.max_distance;
   for (std::size_t i = 0; i < node.open.size(); ++i) {
-    const BodyPair pair = question_.plan.pairs.at(node.open[i]);
-    const double gap = box_gap(question_.scene, placed, pair);
+    const BodyPair pair = motion_query_.plan.pairs.at(node.open[i]);
+    const double gap = box_gap(motion_query_.scene, placed, pair);
     if (gap < least) least = gap, nearest = i;
   }
   return nearest;
@@ -212,12 +212,12 @@ std::size_t MotionSearch::nearest_of(const Node& node, const Placement& placed) 
 // Of decisions the earliest pair found within its margin counts where first contact is asked for; else the nearest.
 void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer,
                        const Placement& placed) {
-  const bool within = is_within(answer, question_.plan.margins.of(position));
+  const bool within = is_within(answer, motion_query_.plan.margins.of(position));
   const bool earlier = within && time < goal.hit.time, hit_before = goal.hit.time < kInf;
   if (earlier) goal.hit = {time, position, answer.piece_a, answer.piece_b};
   const bool nearer = answer.upper < goal.upper() && (!any() || within || !goal.decided);
   if (!(any() && seeks_contact_ ? earlier || (nearer && !hit_before) : nearer)) return;
-  const BodyPair pair = question_.plan.pairs.at(position);
+  const BodyPair pair = motion_query_.plan.pairs.at(position);
   goal.best = answer;
   goal.pair = position;
   goal.time = time;
@@ -237,8 +237,8 @@ bool MotionSearch::is_proved(std::uint64_t position, const Goal& goal, double lo
 HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner,
                                    const Moment& moment, double half, bool of_boxes) const {
   const auto moving_body = [&](std::uint32_t body) {
-    return MovingBody{question_.scene.bodies()[body], moment.placed[body].pose,
-                      question_.bounds.twist_before(rates.seer, body, moment.twists, moment.placed),
+    return MovingBody{motion_query_.scene.bodies()[body], moment.placed[body].pose,
+                      motion_query_.bounds.twist_before(rates.seer, body, moment.twists, moment.placed),
                       of_boxes ? moment.placed.known_box(body) : nullptr};
   };
   const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half, bend_of_pair(rates, half));
@@ -246,7 +246,7 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const 
 }
 
 // What an answer proves of both halves of the span. Where that is not enough the pair goes on in the half.
-void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
+void MotionSearch::divide(const PairRequest& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
                           Half (&halves)[2]) {
   const std::uint64_t position = node.open[asked.open];
   Goal& goal = goal_of(position);
@@ -259,7 +259,7 @@ void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const
   const Vec3d& n = answer.normal;
   const bool has_normal = answer.lower > 0 && std::isfinite(n.x + n.y + n.z);
   if (!beyond && !is_proved(position, goal, low, inner) && asked.way > 0 && has_normal)
-    gaps = half_spans(question_.plan.pairs.at(position), asked.rates, n, inner, moment, node.half(), false);
+    gaps = half_spans(motion_query_.plan.pairs.at(position), asked.rates, n, inner, moment, node.half(), false);
   const double target = target_of(position, goal, inner);
   for (Half& half : halves) {
     const double along = &half == &halves[0] ? gaps.before : gaps.after, gap = std::max(low, along);
@@ -293,9 +293,9 @@ void MotionSearch::push_rest(Half& half, double middle) {
   push(std::move(node));
 }
 
-void MotionSearch::take(Node& node, const Moment& moment, std::span<const Question> questions,
+void MotionSearch::take(Node& node, const Moment& moment, std::span<const PairRequest> requests,
                         std::span<const PairAnswer> answers) {
-  assert(questions.size() == answers.size());
+  assert(requests.size() == answers.size());
   --under_way_;
   const double middle = node.middle();
   Half halves[2];
@@ -304,9 +304,9 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const Questi
   halves[0].node.end = halves[1].node.begin = middle;
   halves[1].node.end = node.end;
   const bool seed = node.seeds;  // the others come next, and it with them
-  for (std::size_t k = 0; k < questions.size(); ++k) {
+  for (std::size_t k = 0; k < requests.size(); ++k) {
     const PairAnswer& answer = answers[k];
-    const std::uint64_t position = node.open[questions[k].open];
+    const std::uint64_t position = node.open[requests[k].open];
     Goal& goal = goal_of(position);
     if (std::isnan(answer.distance)) {
       if (position < goal.unusable) goal.unusable_answer = answer, goal.unusable = position;
@@ -315,8 +315,8 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const Questi
     }
     evaluated_ += answer.upper < kInf;
     // What does not move is there from the beginning on.
-    see(goal, position, questions[k].way > 0 ? middle : node.begin, answer, moment.placed);
-    if (!seed) divide(questions[k], answer, moment, node, halves);
+    see(goal, position, requests[k].way > 0 ? middle : node.begin, answer, moment.placed);
+    if (!seed) divide(requests[k], answer, moment, node, halves);
   }
   if (seed) push(std::move(node));
   for (Half& half : halves) push_rest(half, middle);

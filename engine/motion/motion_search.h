@@ -38,7 +38,7 @@ void write_motion_row(const ReplyView& reply, std::uint64_t at, const MotionRow&
 void decide_least(const QueryView& query, double low, bool forced, PairAnswer& answer);
 
 /// What every search of a query shares. All must outlive it.
-struct MotionQuestion {
+struct MotionQuery {
   const Scene& scene;
   const Plan& plan;
   const MotionBounds& bounds;
@@ -64,7 +64,7 @@ class MotionSearch {
     double half() const { return 0.5 * (end - begin); }
   };
   /// A pair that a node asks for.
-  struct Question {
+  struct PairRequest {
     std::uint32_t open;  // of Node::open
     double target;       // metres: it leaves where it is proved to be no nearer all along
     double way;          // metres that it can come nearer until the ends, at most
@@ -78,7 +78,7 @@ class MotionSearch {
     std::span<const Twist> twists;  // of Plan::moved
   };
 
-  explicit MotionSearch(const MotionQuestion& question) : question_(question) {}
+  explicit MotionSearch(const MotionQuery& request) : motion_query_(request) {}
 
   /// Begins with another motion, `moving`.
   void begin();
@@ -88,9 +88,9 @@ class MotionSearch {
   /// The most promising span; false: there is none for now.
   bool next(Node& node);
   /// What it asks for in its middle. Appends to both in the same order.
-  void ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked, std::vector<Question>& questions);
+  void ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked, std::vector<PairRequest>& requests);
   /// The answers to that. The node is spent then.
-  void take(Node& node, const Moment& moment, std::span<const Question> questions, std::span<const PairAnswer> answers);
+  void take(Node& node, const Moment& moment, std::span<const PairRequest> requests, std::span<const PairAnswer> answers);
   /// Once is_done().
   void append_rows(std::vector<MotionRow>& rows) const;
   std::uint64_t evaluated() const { return evaluated_; }
@@ -129,28 +129,28 @@ class MotionSearch {
     std::vector<double> proved_low;  // of each pair: no nearer there
   };
 
-  bool any() const { return question_.plan.query.reduce == Reduce::kAny; }
+  bool any() const { return motion_query_.plan.query.reduce == Reduce::kAny; }
   /// Whether pairs are tested against their margins now.
   bool decides() const { return any() || seeks_contact_; }
-  bool wants_contact() const { return (question_.plan.size.fields & kFieldFirstContact) != 0; }
+  bool wants_contact() const { return (motion_query_.plan.size.fields & kFieldFirstContact) != 0; }
   bool is_settled(const Goal& goal) const { return goal.decided && !seeks_contact_; }
   Goal& goal_of(std::uint64_t position) { return goals_[goals_.size() == 1 ? 0 : position]; }
   double target_of(std::uint64_t position, const Goal& goal, double slack) const;
   void leave(Goal& goal, std::uint64_t position, double low, double begin);
   void see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer, const Placement& placed);
   bool is_proved(std::uint64_t position, const Goal& goal, double low, double slack) const;
-  void divide(const Question& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
+  void divide(const PairRequest& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
               Half (&halves)[2]);
   void push_rest(Half& half, double middle);
   HalfSpans half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner, const Moment& moment,
                        double half, bool of_boxes) const;
   void open_all();
   bool seek_contact();
-  bool may_ask() const { return !spans_.empty() && (spans_[0].has_steps || steps_ < question_.plan.query.max_steps); }
+  bool may_ask() const { return !spans_.empty() && (spans_[0].has_steps || steps_ < motion_query_.plan.query.max_steps); }
   std::size_t nearest_of(const Node& node, const Placement& placed) const;
   bool leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const Placement& placed);
-  bool leaves_along_boxes(const Question& asked, const Node& node, BodyPair pair, const Moment& moment);
-  Question question_about(std::size_t i, const Node& node, BodyPair pair, const Placement& placed);
+  bool leaves_along_boxes(const PairRequest& asked, const Node& node, BodyPair pair, const Moment& moment);
+  PairRequest request_for(std::size_t i, const Node& node, BodyPair pair, const Placement& placed);
   void push(Node&& node);
   void give_up();
   void end_if_done();
@@ -160,7 +160,7 @@ class MotionSearch {
   void decide_distance(const Goal& goal, Row& row) const;
   void take_unusable(const Goal& goal, Row& row) const;
 
-  const MotionQuestion& question_;
+  const MotionQuery& motion_query_;
   std::vector<Goal> goals_;
   std::vector<Node> spans_;     // a heap: that of the least `least` first, or the earliest where contact is sought
   bool seeks_contact_ = false;  // what is left to find is when a pair first is within its margin

@@ -9,7 +9,7 @@
 #include "engine/selection/margins.h"
 #include "engine/selection/pair_lister.h"
 #include "engine/selection/query.h"
-#include "engine/selection/question.h"
+#include "engine/selection/query_key.h"
 #include "engine/state/pose_store.h"
 #include "engine/uncertainty/doubts.h"
 
@@ -34,7 +34,7 @@ struct Plan {
   QuerySize size;
   std::int64_t begun_ns = 0;         ///< monotonic_ns(): ages of poses are as of then
   std::vector<BodyDoubt> doubts;     ///< of each body in the snapshot, as of then; empty: nothing is doubted of any
-  std::optional<Question> question;  ///< what it answers, if the same may be asked again; none: it is not kept
+  std::optional<QueryKey> question;  ///< what it answers, if the same may be asked again; none: it is not kept
   std::uint64_t round = 0;           ///< how often it was asked again before
 
   /// A number that no other configuration has, nor the same one in another round: what was found there can be known by

@@ -157,7 +157,7 @@ bool SceneHistory::ids_valid_since(std::uint64_t revision, std::uint64_t changes
          });
 }
 
-bool SceneHistory::ids_valid_since(const Question& question, std::uint64_t changes, const Scene& scene) const {
+bool SceneHistory::ids_valid_since(const RevisionCheck& question, std::uint64_t changes, const Scene& scene) const {
   const std::lock_guard lock(mutex_);
   std::uint64_t since = 0, of_groups = 0;
   if (!find(question.revision, changes, since)) return false;

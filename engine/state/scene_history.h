@@ -44,7 +44,7 @@ class SceneHistory {
   bool ids_valid_since(std::uint64_t revision, std::uint64_t changes, std::span<const std::uint32_t> selectors,
                    bool with_parents) const;
   /// What a query names of the scene.
-  struct Question {
+  struct RevisionCheck {
     std::uint64_t revision;                 ///< the scene that it was asked of
     std::span<const std::uint32_t> bodies;  ///< that it moves
     std::span<const BodyPair> pairs;        ///< selectors
@@ -52,7 +52,7 @@ class SceneHistory {
     bool a_row_for_each_body;
   };
   /// Whether a question has the same bodies and pairs, in the same order. \param scene the one after the changes.
-  bool ids_valid_since(const Question& question, std::uint64_t changes, const Scene& scene) const;
+  bool ids_valid_since(const RevisionCheck& question, std::uint64_t changes, const Scene& scene) const;
 
  private:
   struct ChangedPair {

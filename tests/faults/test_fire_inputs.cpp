@@ -61,7 +61,7 @@ class FireInputs : public testing::Test {
   }
   /// The next question's answer, over the transport that had the bad input.
   void expect_good(const std::string& url, const std::string& after) {
-    const Question& question = *exam_.questions()[asked_++ % exam_.questions().size()];
+    const KnownQuery& question = *exam_.questions()[asked_++ % exam_.questions().size()];
     ASSERT_TRUE(is_right(ask_surely(good_.at(url), question), question)) << after;
     ++right_;
   }

@@ -191,7 +191,7 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
   const std::size_t written = daemon.log().size();
   Client client = patient(daemon.url());
   for (int i = 0; i < 100; ++i) {
-    const Question& question = *exam.questions()[static_cast<std::size_t>(i) % exam.questions().size()];
+    const KnownQuery& question = *exam.questions()[static_cast<std::size_t>(i) % exam.questions().size()];
     ASSERT_TRUE(is_right(client.distances(question.query), question));
     Query bad;
     const IdPair no_such_group{5 | kGroupBit, 1};

@@ -44,7 +44,7 @@ std::vector<std::byte> bytes_of(const Reply& r) {
                   got(r.configuration(), 11), got(r.compact(), 12));
 }
 
-std::vector<std::byte> answer_of(const Engine& engine, const Question& question) {
+std::vector<std::byte> answer_of(const Engine& engine, const KnownQuery& question) {
   const Query& q = question.query;
   QueryView view;
   view.pairs = {reinterpret_cast<const BodyPair*>(question.pairs.data()), question.pairs.size()};
@@ -78,7 +78,7 @@ Exam::Exam(const std::string& scene_file, std::uint64_t seed) {
   std::uniform_real_distribution<double> place(-14, 14);
   std::normal_distribution<double> normal;
   for (int i = 0; i < 48; ++i) {
-    auto question = std::make_unique<Question>();
+    auto question = std::make_unique<KnownQuery>();
     Query& q = question->query;
     question->bodies = movable;
     const std::size_t configurations = i % 8 == 0 ? 6 : 1 + i % 3;
@@ -106,11 +106,11 @@ Exam::Exam(const std::string& scene_file, std::uint64_t seed) {
   }
 }
 
-bool is_right(const Reply& reply, const Question& question) {
+bool is_right(const Reply& reply, const KnownQuery& question) {
   return bytes_of(reply) == question.answer;
 }
 
-Reply ask_surely(Client& client, const Question& question) {
+Reply ask_surely(Client& client, const KnownQuery& question) {
   const std::string url = client.url();
   client.set_timeout(patience(url));
   for (auto spent = patience(url);; spent += patience(url)) try {
@@ -144,7 +144,7 @@ void Witness::run(std::uint64_t seed) {
   }
 }
 
-void Witness::ask(const Question& question) {
+void Witness::ask(const KnownQuery& question) {
   const auto count = [this](std::uint64_t Counts::* what) {
     const std::lock_guard lock(mutex_);
     ++(counts_.*what);

@@ -18,7 +18,7 @@
 namespace clearance::faults {
 
 /// A question that owns its arrays, and the engine's own answer to it.
-struct Question {
+struct KnownQuery {
   std::vector<IdPair> pairs;
   std::vector<std::uint32_t> bodies;
   std::vector<Pose7> configurations;
@@ -31,17 +31,17 @@ struct Question {
 class Exam {
  public:
   Exam(const std::string& scene_file, std::uint64_t seed);
-  const Question& draw(std::mt19937_64& random) const { return *questions_[random() % questions_.size()]; }
-  const std::vector<std::unique_ptr<Question>>& questions() const { return questions_; }
+  const KnownQuery& draw(std::mt19937_64& random) const { return *questions_[random() % questions_.size()]; }
+  const std::vector<std::unique_ptr<KnownQuery>>& questions() const { return questions_; }
 
  private:
-  std::vector<std::unique_ptr<Question>> questions_;
+  std::vector<std::unique_ptr<KnownQuery>> questions_;
 };
 
 /// Whether the reply holds the engine's own bits.
-bool is_right(const Reply& reply, const Question& question);
+bool is_right(const Reply& reply, const KnownQuery& question);
 /// The answer; asks again where LCM lost one. Throws as Client::distances().
-Reply ask_surely(Client& client, const Question& question);
+Reply ask_surely(Client& client, const KnownQuery& question);
 
 /// LCM loses packets when a core is late to read them; an answer is then late, never wrong.
 inline bool may_lose(const std::string& url) {
@@ -81,7 +81,7 @@ class Witness {
   const std::string& url() const { return url_; }
 
  private:
-  void ask(const Question& question);
+  void ask(const KnownQuery& question);
   void run(std::uint64_t seed);
   void acknowledge();
   void complain(const std::string& text);

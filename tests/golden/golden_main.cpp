@@ -16,18 +16,18 @@
 namespace clearance::golden {
 namespace {
 
-struct Question {
+struct GoldenQuery {
   const char* name;
   Reduce reduce;
   bool cut;  // with the scene's cut-off distance; kAny: as its margin
 };
-constexpr Question kQuestions[] = {{"none", Reduce::kNone, false},    {"none_near", Reduce::kNone, true},
+constexpr GoldenQuery kQuestions[] = {{"none", Reduce::kNone, false},    {"none_near", Reduce::kNone, true},
                                    {"within", Reduce::kWithin, true}, {"nearest", Reduce::kNearest, false},
                                    {"min", Reduce::kMin, false},      {"any", Reduce::kAny, true},
                                    {"any_0", Reduce::kAny, false}};
 
 struct Setting {
-  Question question;
+  GoldenQuery question;
   Format format;
   Precision precision;
   bool depth, warm;
@@ -40,7 +40,7 @@ struct Setting {
 
 std::vector<Setting> all_settings() {
   std::vector<Setting> all;
-  for (const Question& question : kQuestions)
+  for (const GoldenQuery& question : kQuestions)
     for (const Format format : {Format::kFull, Format::kCompact})
       for (const Precision precision : {Precision::kF64, Precision::kF32})
         for (const bool depth : {false, true})

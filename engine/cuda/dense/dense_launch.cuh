@@ -15,8 +15,8 @@ namespace clearance::cuda {
 // start: all that these do not take, the next chunk's blocks do.
 inline constexpr std::uint32_t kLateBlocks = 66, kLateWarps = 64;
 
-inline bool f32_goes_first(const Question& question, const ChunkSetup& chunk, const CudaPairs& pairs) {
-  return question.f32 && chunk.group_tiles > 0 && pairs.most_shared_f32 > 0;
+inline bool f32_goes_first(const PairLimits& pair_limits, const ChunkSetup& chunk, const CudaPairs& pairs) {
+  return pair_limits.f32 && chunk.group_tiles > 0 && pairs.most_shared_f32 > 0;
 }
 
 // What answers pairs of the same two hulls. \param points whether rows have any
@@ -32,14 +32,14 @@ auto group_kernel(bool points) {
 template <bool kLean, bool kWarm>
 void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, cudaStream_t stream) {
   view.group_of_tile = pairs.group_of_tile + chunk.first_tile;
-  const bool f32 = view.question.f32;
-  const bool f32_first = f32_goes_first(view.question, chunk, pairs), only_f32 = f32_first && pairs.all_fit_f32;
+  const bool f32 = view.pair_limits.f32;
+  const bool f32_first = f32_goes_first(view.pair_limits, chunk, pairs), only_f32 = f32_first && pairs.all_fit_f32;
   const bool proof_follows = view.enclosed && (chunk.stray_tiles > 0 || (chunk.group_tiles > 0 && !only_f32));
   ChunkView before = view;  // of a kernel that another follows
   before.host_counts = nullptr;
   view.blocks = chunk.tiles();
   const ChunkView& first = f32_first || proof_follows ? before : view;
-  const bool points = view.question.want_points;
+  const bool points = view.pair_limits.want_points;
   if (f32_first) {
     const auto kernel = group_kernel<float, kLean, kWarm>(points);
     kernel<<<chunk.group_tiles, kTile, pairs.most_shared_f32, stream>>>(first);
@@ -58,11 +58,11 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
   }
   if (f32_first) {
     ChunkView open = proof_follows ? before : view;
-    open.prove_at_once = view.question.prove_overlaps;
+    open.prove_at_once = view.pair_limits.prove_overlaps;
     open.blocks = std::min(chunk.group_tiles, kLateBlocks);
     answer_open<kLean, kWarm><<<open.blocks, kTile, 0, stream>>>(open, kLateWarps);
   }
-  if (proof_follows && view.question.prove_depths) {
+  if (proof_follows && view.pair_limits.prove_depths) {
     start_depths(view, chunk.rows(), stream);
   } else if (proof_follows) {
     view.blocks = std::min(blocks_of(chunk.rows(), kTile), kLateBlocks);
@@ -76,8 +76,8 @@ template <bool kWarm>
 void answer_doubted_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream_t stream) {
   const Group singles{kNone, kNone, 0, chunk.strays.first + chunk.strays.count, 0};
   const std::uint32_t tiles = blocks_of(std::uint64_t{singles.count} * chunk.configurations, kTile);
-  const bool f32 = view.question.f32;
-  view.prove_at_once = view.question.prove_overlaps;
+  const bool f32 = view.pair_limits.f32;
+  view.prove_at_once = view.pair_limits.prove_overlaps;
   view.blocks = tiles + chunk.several_tiles;
   if (tiles > 0) {
     const auto kernel = f32 ? answer_strays<true, false, kWarm, Slack> : answer_strays<false, false, kWarm, Slack>;

@@ -84,11 +84,11 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     // The first rows are waited for: a kernel of their own for proofs would have to wait for room among the next
     // chunk's blocks.
     const bool prove_at_once =
-        !question_.prove_depths && (slot.is_small || (chunk.first_row == 0 && slot.rows <= kFirstRows));
-    if (question_.prove_depths || (question_.prove_overlaps && !prove_at_once))
+        !pair_limits_.prove_depths && (slot.is_small || (chunk.first_row == 0 && slot.rows <= kFirstRows));
+    if (pair_limits_.prove_depths || (pair_limits_.prove_overlaps && !prove_at_once))
       view.enclosed = reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(slot.rows * sizeof(Enclosed)));
-    view.prove_at_once = question_.prove_overlaps && prove_at_once;
-    if (f32_goes_first(question_, chunk, *pairs_))
+    view.prove_at_once = pair_limits_.prove_overlaps && prove_at_once;
+    if (f32_goes_first(pair_limits_, chunk, *pairs_))
       view.left_open = reinterpret_cast<LeftOpen*>(slot.device_open.reserve(slot.rows * sizeof(LeftOpen)));
     if (chunk.tiles() > 0) answer(slot, chunk);
     ++counters_.launches;

@@ -43,7 +43,7 @@ __device__ inline SharedPair share_pair(const ChunkView& c, const Group& group) 
 // Whether a group's pairs are answered in T first.
 template <class T>
 __device__ inline bool goes_first(const ChunkView& c, const HullHead& a, const HullHead& b) {
-  return kIsF32<T> == (c.question.f32 && fit_f32(a, b));
+  return kIsF32<T> == (c.pair_limits.f32 && fit_f32(a, b));
 }
 
 // Answers it and writes its row, unless it is not settled.
@@ -136,7 +136,7 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
   const GroupItem item(c, several, place < count ? place : count - 1);
   Outcome outcome = Outcome::kNone;
   PairAnswer answer;
-  if (place < count) outcome = solve_pieces<kBoth>(c, c.question, item.ref, item.k, item.at_a, item.at_b, answer);
+  if (place < count) outcome = solve_pieces<kBoth>(c, c.pair_limits, item.ref, item.k, item.at_a, item.at_b, answer);
   if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
     write_answer(c, item.row, item.k, item.at_a, item.at_b, answer);
   report(c, outcome, item.row, {});

@@ -44,7 +44,7 @@ __device__ inline Outcome answer_lean_item(const ChunkView& c, const LeanItem& i
   using T = typename Hull::T;
   PairAnswer answer;
   answer.point_a = answer.point_b = no_point();
-  const Question& q = c.question;
+  const PairLimits& q = c.pair_limits;
   Outcome outcome = Outcome::kWithoutPieces;
   const bool looks = (states & kStateStatus) != static_cast<std::uint8_t>(Status::kOk) || q.cull;
   if (!looks || !answer_without_pieces(q, Where(c.bodies, c.configurations, ref.a, item.k),

@@ -26,8 +26,8 @@ class StandingDense final : public StandingSide<StandingDenseSlot> {
     view.reply = rows;
     view.counts = counts();
     view.rest = reinterpret_cast<std::uint32_t*>(slot().rest.data());
-    if (question_.prove_overlaps) view.enclosed = reinterpret_cast<Enclosed*>(slot().enclosed.data());
-    if (question_.f32) view.left_open = reinterpret_cast<LeftOpen*>(slot().open.data());
+    if (pair_limits_.prove_overlaps) view.enclosed = reinterpret_cast<Enclosed*>(slot().enclosed.data());
+    if (pair_limits_.f32) view.left_open = reinterpret_cast<LeftOpen*>(slot().open.data());
     check(cudaMemsetAsync(view.counts, 0, kCounts * sizeof(std::uint32_t), slot().stream), "clearing counters");
     answer_chunk(view, chunk, *pairs_, fields_, false, slot().stream);
     const auto blocks = std::min(blocks_of(chunk.rows(), kTile), kLateBlocks);
@@ -40,8 +40,8 @@ class StandingDense final : public StandingSide<StandingDenseSlot> {
  private:
   void make_room_for_rows(std::uint64_t rows, std::uint32_t) override {
     slot().rest.reserve(rows * sizeof(std::uint32_t));
-    if (question_.prove_overlaps) slot().enclosed.reserve(rows * sizeof(Enclosed));
-    if (question_.f32) slot().open.reserve(rows * sizeof(LeftOpen));
+    if (pair_limits_.prove_overlaps) slot().enclosed.reserve(rows * sizeof(Enclosed));
+    if (pair_limits_.f32) slot().open.reserve(rows * sizeof(LeftOpen));
   }
   std::uint64_t bytes_for_rows() const override {
     return slot().rest.size() + slot().enclosed.size() + slot().open.size();

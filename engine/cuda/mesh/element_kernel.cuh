@@ -47,7 +47,7 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
   const ChunkView& c = r.chunk;
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
-  Question q = c.question;
+  PairLimits q = c.pair_limits;
   if (kAny) q.max_distance = margin_of(r, item.p);
   is_mine = threadIdx.x % 32 == 0;
   if (answer_without_pieces(q, at_a, at_b, answer)) return Outcome::kWithoutPieces;
@@ -118,13 +118,13 @@ __device__ inline double element_cutoff_of(const ReducedView& r, const Item& ite
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
-  if (gap > c.question.max_distance) return gap;
+  if (gap > c.pair_limits.max_distance) return gap;
   return slack_of_pair(c, item.ref, item.k).true_upper(Kind::upper_bound(r, item, at_a, at_b));
 }
 // By a few steps of GJK with two parts of the pair.
 __device__ inline double upper_bound_of_parts(const ChunkView& c, const Part& a, const Part& b,
                                               const PairFrame<double>& at) {
-  Run<Part> run(c.question, a, b, at);
+  Run<Part> run(c.pair_limits, a, b, at);
   for (int steps = 0; run.g.end == 0 && steps < kElementSeedSteps; ++steps) run.step();
   return upper_so_far(run);
 }

@@ -28,7 +28,7 @@ class HullSearch : public WarpSearch {
     float node_gap[kStackEntries], element_gap[kWaitingEntries];
   };
 
-  __device__ HullSearch(const ReducedView& r, const Question& q, const Where& at_a, const Where& at_b,
+  __device__ HullSearch(const ReducedView& r, const PairLimits& q, const Where& at_a, const Where& at_b,
                         const Slack& slack, double cut_off, double enough, Room& room)
       : WarpSearch(r, q, at_a, at_b, slack, cut_off, enough),
         room_{room.node, room.element, room.node_gap, room.element_gap},

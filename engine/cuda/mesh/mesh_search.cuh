@@ -159,7 +159,7 @@ class MeshSearch : public WarpSearch {
     float gap[kMeshStackEntries], triangle_gap[kWaitingTriangles];
   };
 
-  __device__ MeshSearch(const ReducedView& r, const Question& q, const Where& at_a, const Where& at_b,
+  __device__ MeshSearch(const ReducedView& r, const PairLimits& q, const Where& at_a, const Where& at_b,
                         const Slack& slack, double cut_off, double enough, Room& room)
       : WarpSearch(r, q, at_a, at_b, slack, cut_off, enough),
         room_(room),

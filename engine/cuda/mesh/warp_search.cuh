@@ -36,7 +36,7 @@ class WarpSearch {
   // \param q what is asked of the pair's bodies. \param cut_off of its pieces: no more need be known of what is
   // farther.
   // \param enough an upper bound so low is all that is asked
-  __device__ WarpSearch(const ReducedView& r, const Question& q, const Where& at_a, const Where& at_b,
+  __device__ WarpSearch(const ReducedView& r, const PairLimits& q, const Where& at_a, const Where& at_b,
                         const Slack& slack, double cut_off, double enough)
       : c_(r.chunk),
         q_(q),
@@ -87,7 +87,7 @@ class WarpSearch {
   // the axes of a, that has proved it
   __device__ bool ask(bool there, double limit, const Part& a, const Part& b, const Parts& parts, PairAnswer& answer,
                       Vec3d& along) {
-    Question q = q_;
+    PairLimits q = q_;
     q.max_distance = limit;
     double upper = __builtin_inf();
     Vec3d v{0, 0, 0};
@@ -189,7 +189,7 @@ class WarpSearch {
   }
 
   const ChunkView& c_;
-  const Question& q_;
+  const PairLimits& q_;
   const Where &at_a_, &at_b_;
   const Slack slack_;
   const double cut_off_, enough_;

@@ -104,7 +104,7 @@ __global__ void __launch_bounds__(kMotionThreads) place_span_links(const __grid_
                    store_twist(m, robot.first_frame + robot.roots + i, s,
                                twist_of_step(step, axis_of_step(step), from, carrier, to, change));
                  });
-  if (m.chunk.question.want_nonsmooth) tell_ends(m, robot, s);
+  if (m.chunk.pair_limits.want_nonsmooth) tell_ends(m, robot, s);
 }
 
 // A thread for each moved body in each span: where it is, what is not known of it there, and how fast it moves.
@@ -264,7 +264,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
                      target = kLeast ? target_of(m, span, item.pair, pair.inner()) : margin;
         // Whether no more is asked than on which side of its margin it is.
         const bool decides = !kLeast || span.enough == -__builtin_inf();
-        Question q = c.question;
+        PairLimits q = c.pair_limits;
         q.max_distance = sum_above(target, pair.way);
         PairAnswer answer = beyond_answer(0);
         Outcome outcome = Outcome::kNone;

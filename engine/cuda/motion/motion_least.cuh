@@ -122,7 +122,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_seeds(const __grid_con
   const MotionSpan span = m.spans[s];
   const MovingPair pair(m, item, span);
   PairAnswer answer = beyond_answer(0);
-  if (look_at_margin<Slack>(m.chunk, m.chunk.question, -__builtin_inf(), pair.ref, s, pair.at_a, pair.at_b, answer) ==
+  if (look_at_margin<Slack>(m.chunk, m.chunk.pair_limits, -__builtin_inf(), pair.ref, s, pair.at_a, pair.at_b, answer) ==
       Outcome::kSettled)
     take_nearest(m, row_of(m, pair, answer));
 }

@@ -127,7 +127,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     m = {};
     m.chunk.hulls = hulls_.view();
     m.chunk.bodies = bodies_;
-    m.chunk.question = question_;
+    m.chunk.pair_limits = pair_limits_;
     m.chunk.pairs = pairs_->pairs;
     m.chunk.pair_count = chunk.pair_count;
     m.moves = moves_;

@@ -9,7 +9,7 @@ namespace clearance::cuda {
 // A pair of single pieces. \param margin an upper bound so low is all that is asked. \param q with what is to be known
 // as max_distance. \tparam S a Slack where something is doubted, else NoSlack
 template <class S>
-__device__ inline Outcome narrow_to_margin(const ChunkView& c, const Question& q, double margin, PairRef ref,
+__device__ inline Outcome narrow_to_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
                                            std::uint32_t k, const Where& at_a, const Where& at_b, PairAnswer& answer,
                                            const S& slack) {
   const HullHead *head_a = head_of(c, ref.a), *head_b = head_of(c, ref.b);
@@ -18,7 +18,7 @@ __device__ inline Outcome narrow_to_margin(const ChunkView& c, const Question& q
   const auto take = [&](const Gjk<double>& g, const RunBounds<double>& bounds) {
     take_settled<false>(q, PairHulls<Hull<SceneVertices>>{a, b}, at_a, at_b, g, bounds, answer, slack);
   };
-  Question of_pieces = q;
+  PairLimits of_pieces = q;
   double near_enough = margin;
   if constexpr (kHasSlack<S>) {
     of_pieces.max_distance = slack.cut_off(q.max_distance);
@@ -32,7 +32,7 @@ __device__ inline Outcome narrow_to_margin(const ChunkView& c, const Question& q
 
 // The same, whatever its bodies are made of.
 template <class S>
-__device__ inline Outcome look_at_margin(const ChunkView& c, const Question& q, double margin, PairRef ref,
+__device__ inline Outcome look_at_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
                                          std::uint32_t k, const Where& at_a, const Where& at_b, PairAnswer& answer) {
   if (has_several(c.hulls, at_a.body, at_b.body)) return solve_pieces<false>(c, q, ref, k, at_a, at_b, answer, margin);
   if (answer_without_pieces(q, at_a, at_b, answer)) return Outcome::kWithoutPieces;

@@ -11,7 +11,7 @@ namespace clearance::cuda {
 // \param vertex_a, vertex_b of the pieces, by their numbers \param outer of the pair's slack: the pieces must overlap
 // by as much
 template <class VertexA, class VertexB>
-__device__ inline bool prove_overlap_of(const Question& q, const HullExtents& a, const VertexA& vertex_a,
+__device__ inline bool prove_overlap_of(const PairLimits& q, const HullExtents& a, const VertexA& vertex_a,
                                         const HullExtents& b, const VertexB& vertex_b, const PairFrame<double>& at,
                                         const Enclosed& e, const Where& at_a, const Where& at_b, double outer,
                                         PairAnswer& answer) {
@@ -59,7 +59,7 @@ __device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const Hull
       return Vec3d{c.hulls.x[first + i], c.hulls.y[first + i], c.hulls.z[first + i]};
     };
   };
-  return prove_overlap_of(c.question, a, vertices_of(a), b, vertices_of(b), place_pair<double>(at_a, a, at_b, b), e,
+  return prove_overlap_of(c.pair_limits, a, vertices_of(a), b, vertices_of(b), place_pair<double>(at_a, a, at_b, b), e,
                           at_a, at_b, outer, answer);
 }
 

@@ -54,7 +54,7 @@ struct Run {
   Gjk<T> g;
   T radius, scale;
 
-  __device__ Run(const Question& q, const Hull& a, const Hull& b, const PairFrame<T>& at)
+  __device__ Run(const PairLimits& q, const Hull& a, const Hull& b, const PairFrame<T>& at)
       : radius(static_cast<T>(a.head->radius + b.head->radius)), q_(q), a_(a), b_(b), at_(at) {
     const Vec3<T>& D = at.D;
     scale = pair_scale(D, reach_of<T>(*a.head), reach_of<T>(*b.head), radius);
@@ -136,7 +136,7 @@ struct Run {
     return {at_.cso_vertex(a_.vertex(a), b_.vertex(b)), a, b};
   }
 
-  const Question& q_;
+  const PairLimits& q_;
   const Hull &a_, &b_;
   const PairFrame<T>& at_;
   GjkLimits<T> limits_;
@@ -177,7 +177,7 @@ struct PairHulls {
 // The answer of a run whose bounds are settled. \tparam kLean only kLeanFields are wanted: no flags, no normal, and
 // points for compact rows alone. \param slack of the pair: a Slack, or NoSlack
 template <bool kLean, class T, class Hull, class S = NoSlack>
-__device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hulls, const Where& at_a,
+__device__ inline void take_settled(const PairLimits& q, const PairHulls<Hull>& hulls, const Where& at_a,
                                     const Where& at_b, const Gjk<T>& g, const RunBounds<T>& bounds, PairAnswer& answer,
                                     const S& slack = S()) {
   bool decided = false;
@@ -200,7 +200,7 @@ __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hu
 // \param warm with kWarm: where the run begins and what it leaves. \param take is called with what settles the pair.
 // \param enough of Run::bounds()
 template <bool kWarm, class Hull, class Take, class... Enough>
-__device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hull& b,
+__device__ inline Outcome run_to_end(const PairLimits& q, const Hull& a, const Hull& b,
                                      const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
                                      const Take& take, const Enough&... enough) {
   using T = typename Hull::T;
@@ -222,7 +222,7 @@ __device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hul
 
 // Answers one pair that has poses, if it can be settled.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S>
-__device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
+__device__ inline Outcome narrow(const PairLimits& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
                                  const Where& at_a, const Where& at_b, const PairFrame<typename Hull::T>& at,
                                  PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
   using T = typename Hull::T;
@@ -230,7 +230,7 @@ __device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b
     take_settled<kLean>(q, hulls, at_a, at_b, g, bounds, answer, slack);
   };
   if constexpr (kHasSlack<S>) {
-    Question of_pieces = q;
+    PairLimits of_pieces = q;
     of_pieces.max_distance = slack.cut_off(q.max_distance);
     return run_to_end<kWarm>(of_pieces, a, b, at, enclosed, warm, take);
   } else {
@@ -321,7 +321,7 @@ struct GroupItem {
 };
 
 // The answer of an item of a chunk that needs no look at the hulls, if it has one, and the flags of its bodies.
-__device__ inline bool answer_without_pieces(const Question& q, const Where& at_a, const Where& at_b,
+__device__ inline bool answer_without_pieces(const PairLimits& q, const Where& at_a, const Where& at_b,
                                              PairAnswer& answer) {
   return answer_without_pieces(
       at_a.status(), at_b.status(), flags_of(at_a, at_b), q.cull, q.max_distance,
@@ -334,8 +334,8 @@ __device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Hu
                                      const PairHulls<PointHull>& hulls, const Where& at_a, const Where& at_b,
                                      const PairFrame<typename Hull::T>& at, PairAnswer& answer, Enclosed& enclosed,
                                      WarmRow* warm = nullptr, const S& slack = S()) {
-  if (answer_without_pieces(c.question, at_a, at_b, answer)) return Outcome::kWithoutPieces;
-  return narrow<kLean, kWarm>(c.question, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
+  if (answer_without_pieces(c.pair_limits, at_a, at_b, answer)) return Outcome::kWithoutPieces;
+  return narrow<kLean, kWarm>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
 }
 
 // Counts a warp's outcomes and lists the rows that are not settled. All its threads call these.

@@ -52,10 +52,10 @@ __device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairR
 // Answers a pair, unless it is not settled. \tparam kBoth float32 goes first where it is asked for and fits. \param
 // margin if it is there: an upper bound so low is all that is asked
 template <bool kBoth, class... Margin>
-__device__ inline Outcome solve_pieces(const ChunkView& c, const Question& question, PairRef ref, std::uint32_t k,
+__device__ inline Outcome solve_pieces(const ChunkView& c, const PairLimits& pair_limits, PairRef ref, std::uint32_t k,
                                        const Where& at_a, const Where& at_b, PairAnswer& answer,
                                        const Margin&... margin) {
-  if (answer_without_pieces(question, at_a, at_b, answer)) return Outcome::kWithoutPieces;
+  if (answer_without_pieces(pair_limits, at_a, at_b, answer)) return Outcome::kWithoutPieces;
   const Pieces a(c, ref.a, k, at_a.body), b(c, ref.b, k, at_b.body);
   const auto head_a = [&](std::uint32_t i) { return c.hulls.heads + a.hulls[i]; };
   const auto head_b = [&](std::uint32_t i) { return c.hulls.heads + b.hulls[i]; };
@@ -65,7 +65,7 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const Question& quest
   LaneWitness witness;
   const auto look = [&](const PiecePair& p, double cut_off) {
     const HullHead *of_a = head_a(p.a), *of_b = head_b(p.b);
-    Question q = question;
+    PairLimits q = pair_limits;
     q.max_distance = cut_off;
     q.prove_depths = false;  // of several pieces the deepest decides
     Enclosed enclosed;
@@ -74,7 +74,7 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const Question& quest
       best = p;
       if (q.want_points) witness = witness_of(g, bounds, at_a.rotation());
     };
-    if (kBoth && question.f32 && fit_f32(*of_a, *of_b)) {
+    if (kBoth && pair_limits.f32 && fit_f32(*of_a, *of_b)) {
       const PairFrame<float> at = place_pair<float>(at_a, *of_a, at_b, *of_b);
       if (run_to_end<false>(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, nullptr,
                             take, slack_of_pair(c, ref, k).near_enough(margin)...) == Outcome::kSettled)
@@ -90,7 +90,7 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const Question& quest
     best = p;
     return PieceEnd::kOverlap;
   };
-  const double cut_off = slack_of_pair(c, ref, k).cut_off(question.max_distance);
+  const double cut_off = slack_of_pair(c, ref, k).cut_off(pair_limits.max_distance);
   const PieceEnd end = search_pieces(search, cut_off, nearest, look, slack_of_pair(c, ref, k).near_enough(margin)...);
   if (end == PieceEnd::kOpen || (end == PieceEnd::kApart && !(search.upper < __builtin_inf())))
     return Outcome::kUnsettled;
@@ -100,9 +100,9 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const Question& quest
       const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
       return rounding_width(pair_scale(at.D, of_a->rho, of_b->rho, of_a->radius + of_b->radius));
     };
-    decide(limits_of(question), search.lower, search.upper, rounding, answer, slack_of_pair(c, ref, k));
-    if (question.want_points)
-      add_points(scene_hull(c.hulls, of_a), at_a, scene_hull(c.hulls, of_b), at_b, witness, question.want_nonsmooth,
+    decide(limits_of(pair_limits), search.lower, search.upper, rounding, answer, slack_of_pair(c, ref, k));
+    if (pair_limits.want_points)
+      add_points(scene_hull(c.hulls, of_a), at_a, scene_hull(c.hulls, of_b), at_b, witness, pair_limits.want_nonsmooth,
                  answer);
   }
   answer.piece_a = best.a;

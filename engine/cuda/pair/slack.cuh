@@ -49,7 +49,7 @@ __device__ inline S known_slack(const ChunkView& c, PairRef ref, std::uint32_t k
 }
 
 // What decide() is asked.
-__device__ inline NarrowLimits limits_of(const Question& q) {
+__device__ inline NarrowLimits limits_of(const PairLimits& q) {
   return {q.max_distance, q.abs_tol, q.rel_tol, !q.prove_overlaps};
 }
 

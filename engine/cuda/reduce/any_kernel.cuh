@@ -43,7 +43,7 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
       if (!is_decided_before(r, item)) {
         const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
             at_b(c.bodies, c.configurations, item.ref.b, item.k);
-        Question q = c.question;
+        PairLimits q = c.pair_limits;
         q.max_distance = margin_of(r, item.p);
         outcome = kind == PairKind::kLeft
                       ? Outcome::kUnsettled

@@ -187,7 +187,7 @@ class Decision {
           a(scene_hull(c.hulls, head_a)),
           b(scene_hull(c.hulls, head_b)),
           place(place_pair<double>(at_a, *head_a, at_b, *head_b)),
-          runs(!answer_without_pieces(c.question, at_a, at_b, answer) && is_there),
+          runs(!answer_without_pieces(c.pair_limits, at_a, at_b, answer) && is_there),
           apart(is_there && !runs) {}
   };
 
@@ -201,7 +201,7 @@ class Decision {
     const PairRef ref = members_.ref(member);
     Look pair(c_, there, member, {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)},
               __shfl_sync(~0u, members_.k, source));
-    Run<Scene> run(c_.question, pair.a, pair.b, pair.place);
+    Run<Scene> run(c_.pair_limits, pair.a, pair.b, pair.place);
     if (kWarm && pair.runs) run.begin_at(*warm_row(r_, members_.row(member)));
     const std::uint32_t enclosing = race(pair, run);
     if (kWarm && pair.runs) *warm_row(r_, members_.row(member)) = run.end();
@@ -239,7 +239,7 @@ class Decision {
       const double vv = squared_norm(run.g.v);
       run.step();
       pair.apart = pair.apart || (run.g.gap > 0 && run.g.gap * run.g.gap > apart_from * vv);
-      if (run.g.end == 0 && ++steps >= c_.question.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
+      if (run.g.end == 0 && ++steps >= c_.pair_limits.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
     }
   }
 
@@ -293,7 +293,7 @@ class Decision {
     const Scene a = pair.a, b = pair.b;
     const Where at_a = pair.at_a, at_b = pair.at_b;
     PairAnswer answer = pair.answer;
-    if (pair.runs) take_settled<false>(c_.question, PairHulls<Scene>{a, b}, at_a, at_b, run.g, bounds, answer);
+    if (pair.runs) take_settled<false>(c_.pair_limits, PairHulls<Scene>{a, b}, at_a, at_b, run.g, bounds, answer);
     r_.answers[at_] = answer;
   }
 

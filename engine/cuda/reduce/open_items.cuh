@@ -20,7 +20,7 @@ __global__ void __launch_bounds__(kItemThreads)
     const Item item = listed_item(r, at);
     const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
         at_b(c.bodies, c.configurations, item.ref.b, item.k);
-    Question q = c.question;
+    PairLimits q = c.pair_limits;
     if (kAny) q.max_distance = margin_of(r, item.p);
     const PairAnswer answer = open_answer(c, q, item.ref, item.k, at_a, at_b);
     r.answers[at] = answer;

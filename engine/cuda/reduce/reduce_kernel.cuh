@@ -57,7 +57,7 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const W
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
-  if (gap > c.question.max_distance) return gap;
+  if (gap > c.pair_limits.max_distance) return gap;
   PairHeads heads;  // of two pieces, which are no farther apart than the bodies
   if (has_several(c.hulls, at_a.body, at_b.body))
     heads = nearest_heads(c, item.ref, item.k, at_a.body, at_b.body);
@@ -65,7 +65,7 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const W
     heads = {head_of(c, item.ref.a), head_of(c, item.ref.b)};
   const Hull<SceneVertices> a = scene_hull(c.hulls, heads.a), b = scene_hull(c.hulls, heads.b);
   const auto at = place_pair<double>(at_a, *a.head, at_b, *b.head);
-  Run<Hull<SceneVertices>> run(c.question, a, b, at);
+  Run<Hull<SceneVertices>> run(c.pair_limits, a, b, at);
   if (warm) run.begin_at(*warm);
   for (int steps = 0; run.g.end == 0 && steps < kSeedSteps; ++steps) run.step();
   return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
@@ -127,7 +127,7 @@ __global__ void __launch_bounds__(kScanThreads) mark_candidates(const __grid_con
   if (row < r.rows) {
     const Item item(r, static_cast<std::uint32_t>(row));
     const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
-    wanted = is_empty(a) || is_empty(b) || !(gap_below(a, b) > r.chunk.question.max_distance);
+    wanted = is_empty(a) || is_empty(b) || !(gap_below(a, b) > r.chunk.pair_limits.max_distance);
   }
   const unsigned word = __ballot_sync(~0u, wanted);
   if (threadIdx.x % 32 == 0 && row < r.rows) r.candidate_words[row / 32] = word;
@@ -208,7 +208,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_const
       const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       PairAnswer answer;
-      outcome = solve_pieces<false>(c, c.question, item.ref, item.k, at_a, at_b, answer);
+      outcome = solve_pieces<false>(c, c.pair_limits, item.ref, item.k, at_a, at_b, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);
@@ -290,7 +290,7 @@ __device__ inline void write_group(const ReducedView& r, std::uint64_t at, PairR
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
   const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
-  const Question& q = c.question;
+  const PairLimits& q = c.pair_limits;
   if (has_doubts(c))
     widen_to_group(answer, lower, q.max_distance, q.abs_tol, q.rel_tol, pair_slack(c, ref, k),
                    pair_slack(c, lowest, k));

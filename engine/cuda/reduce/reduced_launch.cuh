@@ -13,15 +13,15 @@ namespace clearance::cuda {
 inline constexpr std::uint32_t kTeam = 16;  // threads that decide a configuration
 
 /// What a reduced query asks of each of its chunks.
-struct ReducedQuestion {
+struct ReducedSettings {
   Reduce reduce = Reduce::kMin;
   std::uint32_t groups = 1;
   double margin = 0;    // of Reduce::kAny
   PairAnswer beyond{};  // likewise
   bool by_teams = false;
 
-  ReducedQuestion() = default;
-  ReducedQuestion(const QuerySetup& s, const ResidentHulls& hulls)
+  ReducedSettings() = default;
+  ReducedSettings(const QuerySetup& s, const ResidentHulls& hulls)
       : reduce(s.reduce),
         groups(s.groups),
         margin(s.margin),

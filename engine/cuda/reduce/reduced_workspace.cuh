@@ -63,7 +63,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     if (table_) clear_counts(*slots_[0]);  // now, so that it does not stand between boxes and near pairs
     QuerySide::begin(s);
     begin_elements(s);
-    asked_ = ReducedQuestion(s, hulls_);
+    asked_ = ReducedSettings(s, hulls_);
     warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
     most_rows_ = s.most_rows;
     clock_.restart();
@@ -314,7 +314,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     return done;
   }
 
-  ReducedQuestion asked_;
+  ReducedSettings asked_;
   std::uint64_t most_rows_ = 0;
   const CudaTable* table_ = nullptr;  // null: the query's pairs are listed
   QueryElements elements_{counters_.memory};

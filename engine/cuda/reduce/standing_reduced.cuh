@@ -19,7 +19,7 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
 
   void begin(const QuerySetup& s) override {
     StandingSide::begin(s);
-    asked_ = ReducedQuestion(s, hulls_);
+    asked_ = ReducedSettings(s, hulls_);
   }
 
   void launch(const ChunkSetup& chunk, const ReplyView& rows, const ResidentPairs&, std::uint64_t,
@@ -92,7 +92,7 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
     check(cudaGetLastError(), "starting a kernel");
   }
 
-  ReducedQuestion asked_;
+  ReducedSettings asked_;
 };
 
 }  // namespace clearance::cuda

@@ -71,7 +71,7 @@ class TableSearch {
   /// Lists the pairs whose boxes are within max_distance, in the table's order; each is a hit for the time being.
   void run(const ReducedView& r, cudaStream_t stream) {
     if (!is_few(r)) check(cudaMemsetAsync(r.found, 0xff, r.capacity * sizeof(std::uint64_t), stream), "clearing pairs");
-    const float limit = square_from_above(r.chunk.question.max_distance);
+    const float limit = square_from_above(r.chunk.pair_limits.max_distance);
     if (order_)
       find_near<true>
           <<<dim3(blocks_of(tiles_.tiles, kSearchWarps * kSpan), tiles_.tiles), kSearchWarps * 32, 0, stream>>>(

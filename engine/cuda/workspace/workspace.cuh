@@ -85,7 +85,7 @@ class QuerySide : public Interface {
     const OnDevice here = on_device();
     slots_[0]->is_under_way = true;
     all_chunks_ = s.chunks;
-    question_ = s.question;
+    pair_limits_ = s.pair_limits;
     fields_ = s.fields;
     joints_ = s.joints;
     given_count_ = s.given_count;
@@ -152,7 +152,7 @@ class QuerySide : public Interface {
     ChunkView view{};
     view.hulls = hulls_.view();
     view.bodies = bodies_;
-    view.question = question_;
+    view.pair_limits = pair_limits_;
     view.movers = movers_;
     if (pairs_) {
       view.pairs = pairs_->pairs + chunk.first_pair;
@@ -265,7 +265,7 @@ class QuerySide : public Interface {
 
   const ResidentHulls& hulls_;
   WorkCounters& counters_;
-  Question question_;
+  PairLimits pair_limits_;
   std::uint32_t fields_ = 0, joints_ = 0, given_count_ = 0;
   std::uint64_t all_chunks_ = 1;
   Upload setup_;

@@ -52,7 +52,7 @@ void DeviceQuery::find_direct_columns() {
 QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
   QuerySetup s;
   const bool is_doubted = doubted_body(scene(), plan_) != kNone;
-  s.question = {options_.limits.max_distance,
+  s.pair_limits = {options_.limits.max_distance,
                 options_.limits.abs_tol,
                 options_.limits.rel_tol,
                 options_.limits.max_iterations,

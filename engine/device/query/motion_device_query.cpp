@@ -44,11 +44,11 @@ class MotionDeviceQuery final : public DeviceQuery {
     chunks_ = (K + motions_ - 1) / motions_;
     beyond_ = {{kNone, kNone}, 0, beyond_all_margins(plan_, options_)};
     QuerySetup s = setup(*workspace_);
-    s.question.abs_tol = motion_options_.limits.abs_tol;
-    s.question.rel_tol = motion_options_.limits.rel_tol;
-    s.question.max_distance = motion_options_.limits.max_distance;
-    s.question.want_points = true;                                        // the directions that keep pairs apart
-    s.question.want_nonsmooth |= plan_.query.format == Format::kCompact;  // which stands for all flags of ends
+    s.pair_limits.abs_tol = motion_options_.limits.abs_tol;
+    s.pair_limits.rel_tol = motion_options_.limits.rel_tol;
+    s.pair_limits.max_distance = motion_options_.limits.max_distance;
+    s.pair_limits.want_points = true;                                        // the directions that keep pairs apart
+    s.pair_limits.want_nonsmooth |= plan_.query.format == Format::kCompact;  // which stands for all flags of ends
     s.pairs = list_->resident.get();
     s.chunks = chunks_;
     s.reduce = plan_.query.reduce;
@@ -159,7 +159,7 @@ class MotionDeviceQuery final : public DeviceQuery {
     const std::vector<BodyPlacement>& placed = plan_.snapshot->placed;
     for (std::size_t b = 0; b < placed.size(); ++b)
       boxes_.push_back(body_box(scene().bodies()[b], placed[b], plan_.doubts[b].slack));
-    for (int i = 0; i < workers(); ++i) blocks_.emplace_back(question_, motion_options_, boxes_, kOpenMotions);
+    for (int i = 0; i < workers(); ++i) blocks_.emplace_back(motion_query_, motion_options_, boxes_, kOpenMotions);
   }
 
   std::shared_ptr<const PairListOnDevice> list_;
@@ -167,7 +167,7 @@ class MotionDeviceQuery final : public DeviceQuery {
   MotionArrays arrays_;
   bool fits_ = false;
   EvaluateOptions motion_options_;
-  MotionQuestion question_{scene(), plan_, bounds_, options_.stale, options_.want_flags};
+  MotionQuery motion_query_{scene(), plan_, bounds_, options_.stale, options_.want_flags};
   // Once something is open:
   std::vector<Aabb> boxes_;
   std::vector<MotionBlock> blocks_;  // of each worker

@@ -152,7 +152,7 @@ class HostMotions {
     options.limits.rel_tol = q.rel_tol;
     set_motion_options(bodies_.plan, options);
     const NarrowLimits& limits = options.limits;
-    c.question = {limits.max_distance, limits.abs_tol, limits.rel_tol, 256, true, true, flags, true, false, false};
+    c.pair_limits = {limits.max_distance, limits.abs_tol, limits.rel_tol, 256, true, true, flags, true, false, false};
     c.pairs = pairs_.data();
     c.pair_count = pairs;
     c.configurations = m_.span_capacity;

@@ -190,7 +190,7 @@ class HostReduction {
     ChunkView& c = r_.chunk;
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;
-    c.question = {q_.max_distance, q_.abs_tol, default_rel_tol(q_.precision), 256, true, true, true, true,
+    c.pair_limits = {q_.max_distance, q_.abs_tol, default_rel_tol(q_.precision), 256, true, true, true, true,
                   false,           false};
     c.pairs = pairs_.data();
     c.pair_count = P;

@@ -19,7 +19,7 @@
 namespace clearance::emulated {
 using namespace clearance::cuda;
 using clearance::cuda::Group;     // not the scene's
-using clearance::cuda::Question;  // not a plan's
+using clearance::cuda::PairLimits;  // not a plan's
 }  // namespace clearance::emulated
 #define cuda emulated
 #include "engine/cuda/place/place_kernel.cuh"

@@ -37,7 +37,7 @@ Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* w
   ReducedView r{};
   r.chunk.hulls = hulls.view();
   r.chunk.bodies = bodies.view;
-  r.chunk.question = {
+  r.chunk.pair_limits = {
       q.max_distance, q.abs_tol, q.rel_tol < 0 ? default_rel_tol(q.precision) : q.rel_tol, 256, true, true, true, true,
       false,          false};
   r.chunk.pairs = pairs.data();

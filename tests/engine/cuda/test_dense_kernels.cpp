@@ -70,7 +70,7 @@ TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
       if (fields & kFieldCompact) c.q.format = Format::kCompact;
       const Engine cpu(std::move(c.scene), {"cpu"});
       HostChunk chunk(cpu, c.q);
-      chunk.view.question.rel_tol = rel_tol;
+      chunk.view.pair_limits.rel_tol = rel_tol;
       chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
                    [&] { answer_groups<double, false, false>(chunk.view); });
       const std::uint32_t enclosed = chunk.counts[kEnclosedPairs], left_before = chunk.counts[kRest];
@@ -89,7 +89,7 @@ void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
   c.q.format = points ? Format::kCompact : Format::kFull;
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
-  chunk.view.question.cull = c.q.max_distance < std::numeric_limits<double>::infinity();
+  chunk.view.pair_limits.cull = c.q.max_distance < std::numeric_limits<double>::infinity();
   const auto tiles = static_cast<std::uint32_t>(chunk.group_of_tile.size());
   if (f32) {
     chunk.launch(tiles, [&] { points ? answer_lean<float, true>(chunk.view) : answer_lean<float, false>(chunk.view); });

@@ -124,7 +124,7 @@ struct Seen {
 template <bool kF32>
 Seen expect_rows_of_the_cpu(const Engine& cpu, const QueryView& q, const std::string& what) {
   HostChunk chunk(cpu, q);
-  chunk.view.question.cull = q.max_distance < kInf;
+  chunk.view.pair_limits.cull = q.max_distance < kInf;
   chunk.view.prove_at_once = true;
   chunk.view.enclosed = nullptr;
   const Split split(chunk);
@@ -181,7 +181,7 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
     QuerySetup setup;
     movers.tell(setup);
     chunk.view.movers = {setup.movers.data(), setup.mover_of_body.data()};
-    chunk.view.question.cull = distance < kInf;
+    chunk.view.pair_limits.cull = distance < kInf;
     chunk.view.prove_at_once = true;
     const Split split(chunk);
     chunk.launch(tiles_of(split.several, chunk), [&] { answer_several<false>(chunk.view, split.several); });

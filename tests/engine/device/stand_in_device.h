@@ -36,8 +36,8 @@ inline Scene spheres(int count) {
 }
 
 // All columns, with two of the bodies moved.
-struct Question {
-  explicit Question(std::uint32_t configurations, Reduce reduce = Reduce::kNone) {
+struct DeviceTestQuery {
+  explicit DeviceTestQuery(std::uint32_t configurations, Reduce reduce = Reduce::kNone) {
     Random random(5);
     for (std::size_t i = 0; i < configurations * moved.size(); ++i) poses.push_back(random.pose(3));
     q.fields = kAllFields;
@@ -46,15 +46,15 @@ struct Question {
     q.configurations = poses;
     q.reduce = reduce;
   }
-  Question(const Question&) = delete;
-  Question(Question&&) = default;  // vectors keep their memory: what the query views stays
+  DeviceTestQuery(const DeviceTestQuery&) = delete;
+  DeviceTestQuery(DeviceTestQuery&&) = default;  // vectors keep their memory: what the query views stays
   std::vector<std::uint32_t> moved{3, 10};
   std::vector<Pose> poses;
   QueryView q;
 };
 
 // Asks twice, of which only the second time there is room on the device.
-inline void expect_room_for_the_second(const Engine& device, const Question& question, const Answer& expected) {
+inline void expect_room_for_the_second(const Engine& device, const DeviceTestQuery& question, const Answer& expected) {
   const Answer first = ask(device, question.q), second = ask(device, question.q);
   expect_same(first, expected, "without room");
   expect_same(second, expected, "with room");

@@ -28,12 +28,12 @@ class DeviceFaults : public testing::Test {
 };
 
 constexpr std::uint32_t kConfigurations = 900;  // several chunks
-Question question_about(Reduce reduce) {
-  return Question(kConfigurations, reduce);
+DeviceTestQuery query_about(Reduce reduce) {
+  return DeviceTestQuery(kConfigurations, reduce);
 }
 // Of the current poses: a whole table.
-Question question_of_table(Reduce reduce) {
-  Question question(0, reduce);
+DeviceTestQuery query_of_table(Reduce reduce) {
+  DeviceTestQuery question(0, reduce);
   question.q.configurations = {};
   question.q.bodies = {};
   question.q.max_distance = 0.5;
@@ -45,7 +45,7 @@ Scene scene() {
 
 TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
   const Engine device(scene(), options()), cpu(scene(), {"cpu", 2});
-  const Question dense = question_about(Reduce::kNone);
+  const DeviceTestQuery dense = query_about(Reduce::kNone);
   const Answer a = ask(device, dense.q);
   expect_same(a, ask(cpu, dense.q), "all rows left to the CPU");
   EXPECT_EQ(a.info.backend, "cuda");
@@ -55,7 +55,7 @@ TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
 
 TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
-  const Question question = question_about(Reduce::kNone);
+  const DeviceTestQuery question = query_about(Reduce::kNone);
   const Answer expected = ask(cpu, question.q);
   bool failed = true;
   int tried = 0;
@@ -80,10 +80,10 @@ TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
 
 TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
-  const Question questions[] = {question_about(Reduce::kNearest), question_about(Reduce::kMin),
-                                question_about(Reduce::kWithin), question_of_table(Reduce::kWithin)};
+  const DeviceTestQuery questions[] = {query_about(Reduce::kNearest), query_about(Reduce::kMin),
+                                query_about(Reduce::kWithin), query_of_table(Reduce::kWithin)};
   int calls[2] = {};  // that there are, cold and warm
-  for (const Question& question : questions)
+  for (const DeviceTestQuery& question : questions)
     for (const std::uint64_t client : {0, 1}) {
       QueryView q = question.q;
       q.warm_slot = client;
@@ -104,7 +104,7 @@ TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
 }
 
 TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
-  const Question question = question_about(Reduce::kNone);
+  const DeviceTestQuery question = query_about(Reduce::kNone);
   int refused = 0;
   for (int at = 0;; ++at) {
     fault_ = {at};
@@ -128,7 +128,7 @@ TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
 
 TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
   const Engine cpu(scene(), {"cpu", 2});
-  const Question question = question_about(Reduce::kNone);
+  const DeviceTestQuery question = query_about(Reduce::kNone);
   const Answer expected = ask(cpu, question.q);
   fault_ = {5, DeviceError::kNoRoom};
   const Engine device(scene(), options());

@@ -33,7 +33,7 @@ class SeveralDevices : public testing::Test {
 
 TEST_F(SeveralDevices, ShareAQueryOutAndAnswerAsOne) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({2, 0}));
-  Question question(30'000);  // more chunks than two devices have under way
+  DeviceTestQuery question(30'000);  // more chunks than two devices have under way
   question.q.fields = kDefaultFields;
   const Answer expected = ask(cpu, question.q);
   int most = 0;
@@ -72,7 +72,7 @@ TEST_F(SeveralDevices, TakeTurnsWithSmallQueries) {
 TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
   const Engine cpu(spheres(80), {"cpu", 2});
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin}) {
-    const Question question(kConfigurations, reduce);
+    const DeviceTestQuery question(kConfigurations, reduce);
     const Answer expected = ask(cpu, question.q);
     int at = 1;  // call 0 opens it
     for (bool failed = true; failed; ++at) {
@@ -101,7 +101,7 @@ TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
 TEST_F(SeveralDevices, AllLostLeaveItToTheCpu) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1, 2})),
       strict(spheres(80), options({0, 1, 2}, false));
-  const Question question(kConfigurations);
+  const DeviceTestQuery question(kConfigurations);
   const Answer expected = ask(cpu, question.q);
   ask(device, question.q);
   for (Fault& fault : faults_) fault.at = fault.calls + 5;
@@ -116,7 +116,7 @@ TEST_F(SeveralDevices, AllLostLeaveItToTheCpu) {
 
 TEST_F(SeveralDevices, WithoutRoomLeaveOneQueryToTheCpu) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1}));
-  const Question question(kConfigurations);
+  const DeviceTestQuery question(kConfigurations);
   const Answer expected = ask(cpu, question.q);
   faults_[1] = {6, DeviceError::kNoRoom, faults_[1].calls};
   expect_room_for_the_second(device, question, expected);
@@ -167,7 +167,7 @@ TEST(RealDevices, AnswerWithTheBitsOfTheCpuHoweverManyThereAre) {
     return s;
   };
   const Engine cpu(scene(), {"cpu"}), several(scene(), all), other(scene(), last);
-  Question with_poses(kConfigurations);
+  DeviceTestQuery with_poses(kConfigurations);
   for (const Reduce reduce : {Reduce::kNone, Reduce::kNearest, Reduce::kMin, Reduce::kWithin}) {
     QueryView q, posed = with_poses.q;
     q.reduce = posed.reduce = reduce;

@@ -15,13 +15,13 @@ using test::ask;
 
 constexpr std::uint32_t kCount = 5;
 
-struct Question {
+struct GradientQuery {
   QueryView query;
   std::vector<double> rows;
 };
 
-Question question_of(const LinkScene& scene) {
-  Question q;
+GradientQuery query_of(const LinkScene& scene) {
+  GradientQuery q;
   for (std::uint32_t k = 0; k < kCount; ++k) {
     const std::vector<double> row = scene.row();
     q.rows.insert(q.rows.end(), row.begin(), row.end());
@@ -54,7 +54,7 @@ TEST(JointGradient, IsTheSlopeOfTheExactDistance) {
   int compared = 0, zero = 0, both_move = 0, held = 0;
   for (int i = 0; i < 25; ++i) {
     const LinkScene scene(random, {.travel = i % 2 ? 1.0 : 0.0, .far = i % 5 ? 0.0 : 2.0});
-    const Question q = question_of(scene);
+    const GradientQuery q = query_of(scene);
     const std::vector<BodyPair> pairs = scene.engine().pairs(q.query);
     const Answer answer = ask(scene.engine(), q.query);
     const std::size_t width = scene.joints().size();
@@ -85,7 +85,7 @@ TEST(JointGradient, IsTheSlopeOfTheExactDistance) {
 TEST(JointGradient, IsThatOfTheRowsPairInEveryReduction) {
   test::Random random(12);
   const LinkScene scene(random, {.travel = 0.5});
-  Question q = question_of(scene);
+  GradientQuery q = query_of(scene);
   const std::vector<BodyPair> pairs = scene.engine().pairs(q.query);
   const Answer dense = ask(scene.engine(), q.query);
   const std::size_t width = scene.joints().size();

@@ -8,11 +8,11 @@
 namespace clearance {
 
 /// A copy of all that decides about a query's answer but where its configurations put bodies and joints, and the scene.
-class Question {
+class QueryKey {
  public:
-  explicit Question(const QueryView& query);
-  Question(Question&&) = default;
-  Question& operator=(Question&&) = default;
+  explicit QueryKey(const QueryView& query);
+  QueryKey(QueryKey&&) = default;
+  QueryKey& operator=(QueryKey&&) = default;
   /// Whether `query` asks the same, bit for bit, in as many configurations.
   bool is_of(const QueryView& query) const;
 

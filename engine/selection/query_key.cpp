@@ -1,4 +1,4 @@
-#include "engine/selection/question.h"
+#include "engine/selection/query_key.h"
 
 #include <cstring>
 
@@ -21,7 +21,7 @@ std::span<const T> kept(std::span<const T> given, std::vector<T>& copy) {
 
 }  // namespace
 
-Question::Question(const QueryView& query) : query_(query) {
+QueryKey::QueryKey(const QueryView& query) : query_(query) {
   query_.configurations = {};
   query_.positions = {};
   query_.pairs = kept(query.pairs, pairs_);
@@ -32,7 +32,7 @@ Question::Question(const QueryView& query) : query_(query) {
   query_.weights = kept(query.weights, weights_);
 }
 
-bool Question::is_of(const QueryView& query) const {
+bool QueryKey::is_of(const QueryView& query) const {
   // Options are rows of a table; what else a query has is named here.
   bool same = query.all_pairs == query_.all_pairs && query.configuration_count == query_.configuration_count &&
               query.scene_revision == query_.scene_revision && query.warm_slot == query_.warm_slot;
