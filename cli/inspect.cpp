@@ -89,8 +89,8 @@ Table choices_of(const Scene& scene, const SceneReport& report) {
 }
 
 // What is not known of a body, term by term; nothing where its bounds are those of its pieces.
-void print_doubts(const Body& body) {
-  if (!is_doubted(body) && body.padding == 0) return;
+void print_uncertainty(const Body& body) {
+  if (!has_uncertainty(body) && body.padding == 0) return;
   std::printf("%s: ", body.name.c_str());
   const auto [position, angle] = body.uncertainty;
   if (body.model_error > 0) std::printf("its shape is smaller than its pieces by up to %.3g m; ", body.model_error);
@@ -111,7 +111,7 @@ void print_report(const Scene& scene, const SceneReport& report) {
     if (!report.bodies[i].warning.empty())
       std::cout << "Warning: " << scene.bodies()[i].name << ": " << report.bodies[i].warning << "\n";
   std::cout.flush();
-  for (const Body& body : scene.bodies()) print_doubts(body);
+  for (const Body& body : scene.bodies()) print_uncertainty(body);
   std::fflush(stdout);
   if (!report.choices.empty()) {
     std::cout << "\nWhat meshes that are not convex could be\n";

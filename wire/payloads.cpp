@@ -205,9 +205,9 @@ bool read_new_body_record(const RecordView& record, NewBodyParts& parts) {
   const auto size = record.bytes.size();
   switch (static_cast<NewBodyTag>(record.tag)) {
     case NewBodyTag::kDoubts:
-      if (size != sizeof parts.doubts)
-        bad_frame("new body: doubts (record 20) have " + str(size) + " bytes, expected " + str(sizeof parts.doubts));
-      std::memcpy(&parts.doubts, record.bytes.data(), sizeof parts.doubts);
+      if (size != sizeof parts.uncertainties)
+        bad_frame("new body: doubts (record 20) have " + str(size) + " bytes, expected " + str(sizeof parts.uncertainties));
+      std::memcpy(&parts.uncertainties, record.bytes.data(), sizeof parts.uncertainties);
       return true;
     case NewBodyTag::kTriangles:
       if (size == 0 || size % sizeof(TriangleRecord) != 0)

@@ -49,8 +49,8 @@ SpanPlace CertificateJob::span_at(const Placement& here, BodyPair pair) const {
   place.slack = pair_slack(here, pair);
   place.between_a = here.beside_chains(pair.a).inner;
   place.between_b = here.beside_chains(pair.b).inner;
-  if (!here.has_doubts()) return place;
-  const BodyDoubt &a = here.doubt(pair.a), &b = here.doubt(pair.b);
+  if (!here.has_uncertainties()) return place;
+  const PoseUncertainty &a = here.uncertainty(pair.a), &b = here.uncertainty(pair.b);
   place.parts_a = a.parts;
   place.parts_b = b.parts;
   const double joints = joints_between(a, b);

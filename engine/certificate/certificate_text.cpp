@@ -250,7 +250,7 @@ void CertificateText::end_row(const std::optional<WitnessProof>& witness,
 // Each once, after what it is placed on.
 void CertificateText::name(std::uint32_t id, const Placement& here) {
   if (known_.contains(id)) return;
-  known_[id] = here.has_doubts() ? here.doubt(id).parts.age_s : 0;
+  known_[id] = here.has_uncertainties() ? here.uncertainty(id).parts.age_s : 0;
   for (const std::uint32_t on : {carrier_of(id), plan_.snapshot->parent[id]})
     if (on != kNone) name(on, here);
   bodies_.push_back(id);

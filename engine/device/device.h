@@ -113,8 +113,8 @@ struct QuerySetup {
   std::span<const BodySlack> fixed_slack;
   std::span<const LinkPlace> links;
   std::span<const LinkPairError> link_pairs;
-  std::span<const DoubtMove> doubt_moves;
-  std::span<const PlacedDoubt> base_doubt;
+  std::span<const UncertaintyStep> uncertainty_steps;
+  std::span<const PlacedUncertainty> base_uncertainty;
   // Where the column gradient_joints is wanted, as MoversView has it.
   std::span<const JointMover> movers;
   std::span<const std::uint32_t> mover_of_body;

@@ -10,7 +10,7 @@
 #include "engine/pose/placed.h"
 #include "engine/robot/kinematics_step.h"
 #include "engine/selection/columns.h"
-#include "engine/uncertainty/doubt_step.h"
+#include "engine/uncertainty/uncertainty_step.h"
 
 namespace clearance::cuda {
 
@@ -122,7 +122,7 @@ struct alignas(16) OuterBox {
   float low_x, low_y, low_z, high_x, high_y, high_z, unused[2];
 };
 
-/// What is not known of a body where it stands: its BodyDoubt, as pairs need it.
+/// What is not known of a body where it stands: its PoseUncertainty, as pairs need it.
 struct BodySlack {
   Slack all, beside;
   double travel = 0;  ///< of its robot's joints
@@ -131,9 +131,9 @@ struct BodySlack {
 struct LinkPlace {
   std::uint32_t robot = kNone;  ///< kNone: it is no link, or its robot has no table
   std::uint32_t slot = 0;
-  std::uint64_t first_pair = 0;  ///< of the robot's, in DoubtsView::link_pairs
+  std::uint64_t first_pair = 0;  ///< of the robot's, in UncertaintyView::link_pairs
 };
-struct DoubtsView {
+struct UncertaintyView {
   const BodySlack* fixed;           ///< (bodies,) where the snapshot has them; null: nothing is doubted of any
   BodySlack* moved;                 ///< (moved, configurations)
   const LinkPlace* links;           ///< (bodies,)
@@ -155,7 +155,7 @@ struct BodiesView {
   double* fixed_piece_box;                 ///< (pieces, 6) where the snapshot has them
   double* moved_piece_box;                 ///< (pieces of the moved, 6, configurations)
   const std::uint32_t* moved_piece_begin;  ///< (moved,)
-  DoubtsView doubts;
+  UncertaintyView uncertainties;
 };
 
 /// A column of a robot of which joints move.
@@ -182,8 +182,8 @@ struct FramesView {
 };
 
 /// What a moved body adds to what is doubted of what it follows.
-struct DoubtMove {
-  DoubtSource source;
+struct UncertaintyStep {
+  UncertaintySource source;
   double age_s = 0;
   double joint_fixed = 0, joint_per_travel = 0, joint_turn = 0;  ///< PlacementError of a link's pose; 0: it is none
   double travel = 0;                                             ///< where the query's joints do not say it
@@ -207,8 +207,8 @@ struct MovesView {
   const std::uint8_t* slot_state;    ///< (moved,) kSlotUnplaced and so on
   FramesView frames;
   // Where something is doubted:
-  const DoubtMove* doubts;        ///< (moved,)
-  const PlacedDoubt* base_doubt;  ///< (moved,) of `base`
+  const UncertaintyStep* uncertainties;        ///< (moved,)
+  const PlacedUncertainty* base_uncertainty;  ///< (moved,) of `base`
 };
 
 /// What the column gradient_joints needs.

@@ -234,17 +234,17 @@ MotionRates MotionBounds::rates_of(const Chain& chain, const MovingBodies& movin
 
 // Radians that the frames behind a body's slack may be turned by: as it moves before them, its slack changes by so much
 // for each metre.
-double MotionBounds::doubt_turn(std::uint32_t body, const Placement& placed) const {
-  if (plan_.doubts.empty()) return 0;
-  const BodyDoubt& doubt = placed.doubt(body);
-  return doubt.known.turn + doubt.placed.turn + 4 * kUnit;
+double MotionBounds::turn_uncertainty(std::uint32_t body, const Placement& placed) const {
+  if (plan_.uncertainties.empty()) return 0;
+  const PoseUncertainty& uncertainty = placed.uncertainty(body);
+  return uncertainty.known.turn + uncertainty.placed.turn + 4 * kUnit;
 }
 
 double MotionBounds::drift_of(std::uint32_t body, const MovingBodies& moving, const Placement& placed) const {
   const std::uint32_t chain = chain_of_body_[body];
   if (chain == kStill) return 0;
   const MotionRates& own = moving.chains[chain];
-  return drift_of_chain(own, moving.chain_errors[chain], moving.chain_turns[chain], doubt_turn(body, placed));
+  return drift_of_chain(own, moving.chain_errors[chain], moving.chain_turns[chain], turn_uncertainty(body, placed));
 }
 
 void MotionBounds::speeds(const MovingBodies& moving, const Placement& placed, std::vector<double>& speeds) const {

@@ -84,7 +84,7 @@ class MotionBounds {
   MotionRates rates_of(const Chain& chain, const MovingBodies& moving, double* error, double* turn_error) const;
   void take_joints(std::size_t robot, MovingBodies& moving) const;
   const Kinematics& kinematics(const Link& link) const { return plan_.motions[link.robot].robot().kinematics; }
-  double doubt_turn(std::uint32_t body, const Placement& placed) const;
+  double turn_uncertainty(std::uint32_t body, const Placement& placed) const;
   double drift_of(std::uint32_t body, const MovingBodies& moving, const Placement& placed) const;
 
   const Scene& scene_;

@@ -242,7 +242,7 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const 
                       of_boxes ? moment.placed.known_box(body) : nullptr};
   };
   const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half, bend_of_pair(rates, half));
-  return without_doubts(gaps, inner, rates.drift, half);
+  return without_uncertainty(gaps, inner, rates.drift, half);
 }
 
 // What an answer proves of both halves of the span. Where that is not enough the pair goes on in the half.

@@ -34,11 +34,11 @@ CLEARANCE_HD inline double position_at(double q0, double q1, double time) {
 
 /// How fast what is not known of a body changes while it moves, and how far its twist may be off: metres in a unit of
 /// time. \param chain of its points. \param error, turn_error how far they may be put from their places, and what
-/// carries them be turned. \param doubt_turn radians that the frames behind its slack may be turned by
+/// carries them be turned. \param turn_uncertainty radians that the frames behind its slack may be turned by
 CLEARANCE_HD inline double drift_of_chain(const MotionRates& chain, double error, double turn_error,
-                                          double doubt_turn) {
+                                          double turn_uncertainty) {
   const double twist_error = kTwistError + 4 * turn_error;
-  return (doubt_turn + twist_error) * chain.speed + 4 * chain.turn * error;
+  return (turn_uncertainty + twist_error) * chain.speed + 4 * chain.turn * error;
 }
 
 /// How fast two bodies can come nearer, in a unit of time. Rounded up.
@@ -112,7 +112,7 @@ CLEARANCE_HD inline HalfSpans gaps_along(const Vec3d& normal, const Vec3d& D, co
 }
 
 /// The same with what is not known of the pair taken off. \param inner of its slack
-CLEARANCE_HD inline HalfSpans without_doubts(const HalfSpans& gaps, double inner, double drift, double half) {
+CLEARANCE_HD inline HalfSpans without_uncertainty(const HalfSpans& gaps, double inner, double drift, double half) {
   const double less = (inner + drift * half) * (1 + 0x1p-40);
   return {difference_below(gaps.before, less), difference_below(gaps.after, less),
           difference_below(gaps.middle, inner * (1 + 0x1p-40))};

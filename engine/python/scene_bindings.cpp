@@ -27,14 +27,14 @@ using VertexRows = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb:
 using TriangleRows = nb::ndarray<const std::uint32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using PoseRow = nb::ndarray<const double, nb::shape<7>, nb::c_contig, nb::device::cpu>;
 
-using Doubts = std::array<double, 4>;  // uncertainty of position and angle, padding, max_speed
+using BodyUncertainty = std::array<double, 4>;  // uncertainty of position and angle, padding, max_speed
 
 Scene::BodyOptions options(double radius, const std::optional<std::string>& parent, bool is_static,
-                           const std::optional<PoseRow>& pose, const Doubts& doubts) {
+                           const std::optional<PoseRow>& pose, const BodyUncertainty& uncertainties) {
   Scene::BodyOptions o;
-  o.uncertainty = {doubts[0], doubts[1]};
-  o.padding = doubts[2];
-  o.max_speed = doubts[3];
+  o.uncertainty = {uncertainties[0], uncertainties[1]};
+  o.padding = uncertainties[2];
+  o.max_speed = uncertainties[3];
   o.radius = radius;
   o.parent = parent.value_or("");
   o.is_static = is_static;
@@ -99,17 +99,17 @@ void bind_shapes(nb::class_<Scene>& scene) {
       .def(
           "add_hull",
           [](Scene& s, const std::string& name, const VertexRows& v, double radius, const Parent& parent, bool fixed,
-             const P& pose, const Doubts& doubts) {
+             const P& pose, const BodyUncertainty& uncertainties) {
             const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
-            return s.add_hull(name, vertices, options(radius, parent, fixed, pose, doubts));
+            return s.add_hull(name, vertices, options(radius, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("vertices"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"),
           nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_mesh",
           [](Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz, int convexify,
-             bool y_up, double radius, const Parent& parent, bool fixed, const P& pose, const Doubts& doubts) {
-            const Scene::BodyOptions o = options(radius, parent, fixed, pose, doubts);
+             bool y_up, double radius, const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+            const Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
             const GilRelease release;
             return s.add_mesh(name, path, {sx, sy, sz}, static_cast<Convexify>(convexify), o,
                               y_up ? UpAxis::kY : UpAxis::kZ);
@@ -120,10 +120,10 @@ void bind_shapes(nb::class_<Scene>& scene) {
       .def(
           "add_mesh_of",
           [](Scene& s, const std::string& name, const VertexRows& v, const TriangleRows& t, int convexify,
-             double radius, const Parent& parent, bool fixed, const P& pose, const Doubts& doubts) {
+             double radius, const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
             const std::span<const Triangle> triangles(reinterpret_cast<const Triangle*>(t.data()), t.shape(0));
-            const Scene::BodyOptions o = options(radius, parent, fixed, pose, doubts);
+            const Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
             const GilRelease release;
             return s.add_mesh(name, vertices, triangles, static_cast<Convexify>(convexify), o);
           },
@@ -132,9 +132,9 @@ void bind_shapes(nb::class_<Scene>& scene) {
       .def(
           "add_points",
           [](Scene& s, const std::string& name, const CloudRows& v, double voxel, bool live, double radius,
-             const Parent& parent, bool fixed, const P& pose, const Doubts& doubts) {
+             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(v.data()), v.shape(0));
-            Scene::BodyOptions o = options(radius, parent, fixed, pose, doubts);
+            Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
             o.is_live = live;
             const GilRelease release;
             return s.add_points(name, points, voxel, o);
@@ -145,50 +145,50 @@ void bind_shapes(nb::class_<Scene>& scene) {
           "add_box",
           [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
              bool fixed, const P& pose,
-             const Doubts& doubts) { return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose, doubts)); },
+             const BodyUncertainty& uncertainties) { return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose, uncertainties)); },
           nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
           nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_sphere",
           [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
-             const Doubts& doubts) { return s.add_sphere(name, radius, options(0, parent, fixed, pose, doubts)); },
+             const BodyUncertainty& uncertainties) { return s.add_sphere(name, radius, options(0, parent, fixed, pose, uncertainties)); },
           nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
           nb::arg("doubts"))
       .def(
           "add_capsule",
           [](Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
-             const P& pose, const Doubts& doubts) {
-            return s.add_capsule(name, radius, length, options(0, parent, fixed, pose, doubts));
+             const P& pose, const BodyUncertainty& uncertainties) {
+            return s.add_capsule(name, radius, length, options(0, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("parent").none(), nb::arg("static"),
           nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_cone",
           [](Scene& s, const std::string& name, double radius, double length, double grown, const Parent& parent,
-             bool fixed, const P& pose, const Doubts& doubts) {
-            return s.add_cone(name, radius, length, options(grown, parent, fixed, pose, doubts));
+             bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+            return s.add_cone(name, radius, length, options(grown, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("grown"), nb::arg("parent").none(),
           nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_ellipsoid",
           [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
-             bool fixed, const P& pose, const Doubts& doubts) {
-            return s.add_ellipsoid(name, {x, y, z}, options(radius, parent, fixed, pose, doubts));
+             bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+            return s.add_ellipsoid(name, {x, y, z}, options(radius, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
           nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_half_space",
           [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
-             const Doubts& doubts) { return s.add_half_space(name, options(radius, parent, fixed, pose, doubts)); },
+             const BodyUncertainty& uncertainties) { return s.add_half_space(name, options(radius, parent, fixed, pose, uncertainties)); },
           nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
           nb::arg("doubts"))
       .def(
           "add_cylinder",
           [](Scene& s, const std::string& name, double radius, double length, double grown, const Parent& parent,
-             bool fixed, const P& pose, const Doubts& doubts) {
-            return s.add_cylinder(name, radius, length, options(grown, parent, fixed, pose, doubts));
+             bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+            return s.add_cylinder(name, radius, length, options(grown, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("grown"), nb::arg("parent").none(),
           nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"));

@@ -43,7 +43,7 @@ class ParallelJob : public Job::State {
       : context_(context), plan_(std::move(plan)), reply_(reply) {
     plan_.begun_ns = monotonic_ns();
     find_stale();
-    plan_.doubts = doubts_of(scene(), *plan_.snapshot, plan_.begun_ns);
+    plan_.uncertainties = uncertainties_of(scene(), *plan_.snapshot, plan_.begun_ns);
     const QueryView& q = plan_.query;
     const PoseSnapshot& snapshot = *plan_.snapshot;
     options_.limits.max_distance = q.max_distance;
@@ -66,7 +66,7 @@ class ParallelJob : public Job::State {
     if (boxes && needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
       for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
         boxes_.push_back(
-            body_box(scene().bodies()[b], snapshot.placed[b], plan_.doubts.empty() ? Slack() : plan_.doubts[b].slack));
+            body_box(scene().bodies()[b], snapshot.placed[b], plan_.uncertainties.empty() ? Slack() : plan_.uncertainties[b].slack));
     const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
     for (int i = 0; i < (serial ? 1 : context.threads); ++i) placements_.push_back({{}, ConfigurationPoses(plan_), {}});
     open_.assign(placements_.size(), kNone64);

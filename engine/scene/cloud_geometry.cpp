@@ -72,7 +72,7 @@ Scene Scene::with_points(std::uint32_t id, const PiecePtr& cloud) const {
   Scene next = without_memory();
   put_points(next.bodies_.at(id), cloud);
   next.grow(next.bodies_[id], false);
-  next.has_doubts_ = std::ranges::any_of(next.bodies_, is_doubted);
+  next.has_uncertainties_ = std::ranges::any_of(next.bodies_, has_uncertainty);
   if (by_pieces_) next.by_pieces_ = std::make_shared<const Scene>(by_pieces_->with_points(id, cloud));
   return next;
 }

@@ -79,7 +79,7 @@ void check_may_be_live(const Body& body) {
     throw SceneError("body " + in_quotes(body.name) + ": live: a static body never gets another pose than its own");
 }
 
-void check_doubts(const Body& body) {
+void check_uncertainty(const Body& body) {
   const auto& [position, angle] = body.uncertainty;
   check_positive(body.name, "uncertainty.position", position, true);
   check_positive(body.name, "padding", body.padding, true);
@@ -312,7 +312,7 @@ std::uint32_t Scene::insert_body(Body body) {
     throw SceneError(who + "model_error: expected a number of metres >= 0, got " + number(body.model_error));
   if (!(body.model_inner >= 0 && body.model_inner <= kMaxCoordinate))
     throw SceneError(who + "model_inner: expected a number of metres >= 0, got " + number(body.model_inner));
-  check_doubts(body);
+  check_uncertainty(body);
   settle_half_space(body);
   settle_cloud(body);
   if (body.is_live) check_may_be_live(body);
@@ -326,7 +326,7 @@ std::uint32_t Scene::insert_body(Body body) {
   body.parent = parent;
   grow(body);
   by_pieces_ = nullptr;
-  has_doubts_ |= is_doubted(body);
+  has_uncertainties_ |= has_uncertainty(body);
   has_surfaces_ |= has_surface(body);
   const auto id = static_cast<std::uint32_t>(bodies_.size());
   body_ids_.emplace(body.name, id);
@@ -431,10 +431,10 @@ std::uint64_t Scene::revision() const {
     digest.add(std::uint64_t{body.parent});
     digest.add(std::uint64_t{body.is_static} | std::uint64_t{body.is_live} << 1);
     digest.add(body.model_error);
-    const double doubts[] = {body.model_inner, body.uncertainty.position, body.uncertainty.angle, body.padding,
+    const double uncertainties[] = {body.model_inner, body.uncertainty.position, body.uncertainty.angle, body.padding,
                              body.max_speed};
-    if (std::any_of(std::begin(doubts), std::end(doubts), [](double doubt) { return doubt > 0; }))
-      for (const double doubt : doubts) digest.add(doubt);
+    if (std::any_of(std::begin(uncertainties), std::end(uncertainties), [](double uncertainty) { return uncertainty > 0; }))
+      for (const double uncertainty : uncertainties) digest.add(uncertainty);
     digest.add(std::uint64_t{body.pose.has_value()});
     if (body.pose) {
       digest.add(body.pose->translation);

@@ -77,7 +77,7 @@ struct Body {
 };
 
 /// Whether the body's shape, or where it is, is known less well than its pieces and pose say.
-bool is_doubted(const Body& body);
+bool has_uncertainty(const Body& body);
 /// Whether it is a cloud of points or voxels, or would be one if there were any.
 inline bool is_cloud(const Body& body) {
   return body.cloud != CloudState::kNoCloud;
@@ -187,7 +187,7 @@ class Scene {
   void add_warning(std::string warning) { warnings_.push_back(std::move(warning)); }
 
   /// Whether a body's shape, or where it is, is known less well than its pieces and pose say.
-  bool has_doubts() const { return has_doubts_; }
+  bool has_uncertainties() const { return has_uncertainties_; }
   /// Whether a body is not convex, nor the union of its pieces: surface_of().
   bool has_surfaces() const { return has_surfaces_; }
 
@@ -228,7 +228,7 @@ class Scene {
   Scene without_memory() const;
 
   std::vector<Body> bodies_;
-  bool has_doubts_ = false, has_surfaces_ = false, has_stand_ins_ = false;
+  bool has_uncertainties_ = false, has_surfaces_ = false, has_stand_ins_ = false;
   std::vector<Group> groups_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
   std::vector<std::shared_ptr<const SceneRobot>> robots_;

@@ -57,7 +57,7 @@ Scene Scene::without_memory() const {
   next.joint_ids_ = joint_ids_;
   next.body_ids_ = body_ids_;
   next.group_ids_ = group_ids_;
-  next.has_doubts_ = has_doubts_;
+  next.has_uncertainties_ = has_uncertainties_;
   next.has_surfaces_ = has_surfaces_;
   next.has_stand_ins_ = has_stand_ins_;
   return next;
@@ -75,7 +75,7 @@ void Scene::find_stand_ins() {
   }
   made->has_stand_ins_ = true;
   made->has_surfaces_ = std::ranges::any_of(made->bodies_, has_surface);
-  made->has_doubts_ = std::ranges::any_of(made->bodies_, is_doubted);
+  made->has_uncertainties_ = std::ranges::any_of(made->bodies_, has_uncertainty);
   by_pieces_ = std::move(made);
 }
 

@@ -14,7 +14,7 @@ bool has_surface(const Body& body) {
   return is_cloud(body) || surface_of(body) != nullptr;
 }
 
-bool is_doubted(const Body& body) {
+bool has_uncertainty(const Body& body) {
   return body.model_error > 0 || body.model_inner > 0 || body.uncertainty.position > 0 || body.uncertainty.angle > 0 ||
          body.max_speed > 0;
 }

@@ -241,7 +241,7 @@ class RobotAdder {
       read_geometry(of.name, body);
     else if (const std::vector<RobotShape>& shapes = options_.visual ? of.visual : of.collision; !shapes.empty())
       make_geometry(shapes, convexify_of_link(of.name), body);
-    if (!body.pieces.empty()) add_doubts(of.name, body);
+    if (!body.pieces.empty()) add_uncertainty(of.name, body);
     if (robot_->places(link)) {
       body.robot = index;
       body.link = link;
@@ -266,7 +266,7 @@ class RobotAdder {
     body.is_grown = true;
   }
 
-  void add_doubts(const std::string& link, Body& body) const {
+  void add_uncertainty(const std::string& link, Body& body) const {
     const auto padding = options_.link_padding.find(link);
     body.padding = padding == options_.link_padding.end() ? options_.padding : padding->second;
     const auto uncertainty = options_.link_uncertainty.find(link);

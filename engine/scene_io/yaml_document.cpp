@@ -314,8 +314,8 @@ Pose YamlValue::pose() const {
   const Pose pose{{x[0], x[1], x[2]}, x[3], x[4], x[5], x[6]};
   if (check(pose) == PoseQuality::kBad)
     fail("expected a quaternion (qw, qx, qy, qz) of norm 1e-6 to 1e6 and coordinates up to 1e60 m");
-  if (const std::string doubt = order_warning(pose); !doubt.empty())
-    tree_->warnings.push_back(tree_->file + ":" + std::to_string(line_) + ": " + place_ + ": " + doubt);
+  if (const std::string uncertainty = order_warning(pose); !uncertainty.empty())
+    tree_->warnings.push_back(tree_->file + ":" + std::to_string(line_) + ": " + place_ + ": " + uncertainty);
   return pose;
 }
 

@@ -32,14 +32,14 @@ Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& sla
   return body_box(body, placement, slack, [](std::size_t, const Aabb&) {});
 }
 
-double joints_between(const BodyDoubt& a, const BodyDoubt& b) {
+double joints_between(const PoseUncertainty& a, const PoseUncertainty& b) {
   const LinkErrors* const robot = a.link.errors == b.link.errors ? a.link.errors : nullptr;
   return robot ? robot->between(a.link.link, b.link.link, std::max(a.link.travel, b.link.travel)) : kInf;
 }
 
 Slack pair_slack(const Placement& placement, BodyPair pair) {
-  if (placement.has_doubts()) {
-    const BodyDoubt &a = placement.doubt(pair.a), &b = placement.doubt(pair.b);
+  if (placement.has_uncertainties()) {
+    const PoseUncertainty &a = placement.uncertainty(pair.a), &b = placement.uncertainty(pair.b);
     if (const double joints = joints_between(a, b); joints < kInf)
       return slack_beside(a.beside + placement.beside_chains(pair.a), b.beside + placement.beside_chains(pair.b),
                           joints);
@@ -66,11 +66,11 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
     first_piece_.push_back(static_cast<std::uint32_t>(pieces));
     pieces += scene.bodies()[b].pieces.size();
   }
-  for (const std::uint32_t b : plan.moved) travels_.push_back(plan.doubts.empty() ? 0 : plan.doubts[b].link.travel);
+  for (const std::uint32_t b : plan.moved) travels_.push_back(plan.uncertainties.empty() ? 0 : plan.uncertainties[b].link.travel);
   moved_.resize(local_.size());
   rotation_of_.resize(local_.size(), nullptr);
   moved_boxes_.resize(local_.size());
-  if (!plan.doubts.empty()) moved_doubts_.resize(local_.size());
+  if (!plan.uncertainties.empty()) moved_uncertainties_.resize(local_.size());
   if (!boxes.empty()) piece_boxes_.resize(pieces);
 }
 
@@ -97,14 +97,14 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
     moved_[i].beyond_limits |= (facts_[i] & kLinkBeyondLimits) != 0;
     if (moved_[i].status == Status::kOk && snapshot.placed[body].status == Status::kStalePose)
       moved_[i].status = Status::kStalePose;  // through a joint that the query leaves as it is
-    if (!moved_doubts_.empty() && moved_[i].status == Status::kOk) {
+    if (!moved_uncertainties_.empty() && moved_[i].status == Status::kOk) {
       // What the query itself places is there now.
       const double age_s =
           rotation_of_[i] ? points_age_s(snapshot, body, plan_.begun_ns) : pose_age_s(snapshot, body, plan_.begun_ns);
-      PlacedLink link = plan_.doubts[body].link;
+      PlacedLink link = plan_.uncertainties[body].link;
       link.travel = travels_[i];
-      moved_doubts_[i] = doubt_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
-                                  parent == kNone ? nullptr : &doubt(parent), on && is_composed(*on), link);
+      moved_uncertainties_[i] = uncertainty_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
+                                  parent == kNone ? nullptr : &uncertainty(parent), on && is_composed(*on), link);
     }
     if (boxes_.empty()) continue;
     Aabb* const pieces = piece_boxes_.data() + first_piece_[i];

@@ -32,13 +32,13 @@ class Placement {
   const BodyPlacement& operator[](std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
   }
-  bool has_doubts() const { return !plan_.doubts.empty(); }
+  bool has_uncertainties() const { return !plan_.uncertainties.empty(); }
   /// What is not known of a body, where anything is.
-  const BodyDoubt& doubt(std::uint32_t body) const {
-    return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.doubts[body] : moved_doubts_[moved_slot_[body]];
+  const PoseUncertainty& uncertainty(std::uint32_t body) const {
+    return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.uncertainties[body] : moved_uncertainties_[moved_slot_[body]];
   }
   Slack slack(std::uint32_t body) const {
-    const Slack known = plan_.doubts.empty() ? Slack() : doubt(body).slack;
+    const Slack known = plan_.uncertainties.empty() ? Slack() : uncertainty(body).slack;
     return errors_.empty() ? known : known + beside_chains(body);
   }
   /// The part of it that ConfigurationPoses::Block::errors is.
@@ -70,7 +70,7 @@ class Placement {
   std::vector<const Mat3d*> rotation_of_;  // of local_, while a configuration is being placed
   std::vector<double> travels_;            // of local_: PlacedLink::travel
   std::vector<BodyPlacement> moved_;
-  std::vector<BodyDoubt> moved_doubts_;  // empty where the plan has none
+  std::vector<PoseUncertainty> moved_uncertainties_;  // empty where the plan has none
   std::span<const double> errors_;       // of each moved body, beside those; empty: none
   std::vector<Aabb> moved_boxes_;
   std::vector<Aabb> piece_boxes_;           // of all moved bodies
@@ -81,7 +81,7 @@ class Placement {
 Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack);
 /// What the joints between two links of one robot, on one root, may put their distance off by, metres: all that counts
 /// of how they are placed, since what carries both moves neither before the other. +inf: others, which have no such.
-double joints_between(const BodyDoubt& a, const BodyDoubt& b);
+double joints_between(const PoseUncertainty& a, const PoseUncertainty& b);
 /// The slack of a pair. Whoever knows that two bodies' doubts are in part the same ones says so here: links of one
 /// robot stand on one base, wherever that is, and share what the joints make that carry both.
 Slack pair_slack(const Placement& placement, BodyPair pair);

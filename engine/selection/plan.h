@@ -11,7 +11,7 @@
 #include "engine/selection/query.h"
 #include "engine/selection/query_key.h"
 #include "engine/state/pose_store.h"
-#include "engine/uncertainty/doubts.h"
+#include "engine/uncertainty/pose_uncertainty.h"
 
 namespace clearance {
 
@@ -33,7 +33,7 @@ struct Plan {
   Margins margins;  ///< of the pairs, for Reduce::kAny and motions
   QuerySize size;
   std::int64_t begun_ns = 0;         ///< monotonic_ns(): ages of poses are as of then
-  std::vector<BodyDoubt> doubts;     ///< of each body in the snapshot, as of then; empty: nothing is doubted of any
+  std::vector<PoseUncertainty> uncertainties;     ///< of each body in the snapshot, as of then; empty: nothing is doubted of any
   std::optional<QueryKey> question;  ///< what it answers, if the same may be asked again; none: it is not kept
   std::uint64_t round = 0;           ///< how often it was asked again before
 

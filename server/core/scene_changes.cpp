@@ -37,12 +37,12 @@ struct NewGeometry {
 
 /// The body that a client describes. Throws SceneError.
 /// \param geometry vertices and triangles, of a hull or a mesh, or points of a cloud
-Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, const NewGeometry& geometry) {
+Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& uncertainties, const NewGeometry& geometry) {
   const std::string name = wire::name_of(record.name);
   Scene::BodyOptions options;
-  options.uncertainty = {doubts.uncertainty_position, doubts.uncertainty_angle};
-  options.padding = doubts.padding;
-  options.max_speed = doubts.max_speed;
+  options.uncertainty = {uncertainties.uncertainty_position, uncertainties.uncertainty_angle};
+  options.padding = uncertainties.padding;
+  options.max_speed = uncertainties.max_speed;
   options.radius = record.radius;
   options.is_static = record.is_static;
   if (record.has_pose) {
@@ -90,12 +90,12 @@ Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, 
 
 /// Adds a body, unless there are as many as may be. Throws SceneError.
 Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std::uint32_t most) {
-  return [record = parts.record, doubts = parts.doubts, geometry = NewGeometry(parts), parent = std::move(parent),
+  return [record = parts.record, uncertainties = parts.uncertainties, geometry = NewGeometry(parts), parent = std::move(parent),
           most](SceneParts& scene) {
     if (scene.added.size() >= most)
       throw SceneError("add_body: " + std::to_string(most) +
                        " bodies were added already, and no more may be (limit max-added-bodies)");
-    scene.added.push_back({body_of(record, doubts, geometry), parent});
+    scene.added.push_back({body_of(record, uncertainties, geometry), parent});
   };
 }
 

@@ -2,7 +2,7 @@
 #include <array>
 #include <cmath>
 
-#include "tests/engine/cuda/doubted_scene.h"
+#include "tests/engine/cuda/uncertain_scene.h"
 #include "tests/source_file.h"
 
 namespace clearance::test {
@@ -90,11 +90,11 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
 
 TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForWhatIsDoubted) {
   for (const std::uint32_t K : {0u, 1u, 40u, 3000u}) {
-    DoubtedCase c(K, 11);
+    UncertainCase c(K, 11);
     if (K > 1) c.poses[3].qw = c.poses[3].qx = c.poses[3].qy = c.poses[3].qz = 0;
     if (K > 1) c.positions[1] = 5;  // beyond its limits
     if (K > 5) c.positions[5 * c.joints.size()] = std::numeric_limits<double>::quiet_NaN();
-    const Engine device(doubted_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
+    const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
     const std::vector<BodyPair> all = c.pairs;
     for (const std::size_t step : {1u, 9u}) {  // of few pairs fewer overlap
       std::vector<BodyPair> some;

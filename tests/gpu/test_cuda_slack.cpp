@@ -1,5 +1,5 @@
 // Bodies that are not known exactly, and robots, on a device: the CPU's rows, bit by bit.
-#include "tests/engine/cuda/doubted_scene.h"
+#include "tests/engine/cuda/uncertain_scene.h"
 
 namespace clearance::test {
 namespace {
@@ -38,10 +38,10 @@ std::vector<std::pair<std::string, QueryView>> questions() {
 // Where the snapshot has the bodies, and in configurations of joints and bodies, over several chunks, too.
 TEST_F(CudaSlack, GivesTheBitsOfTheCpu) {
   for (const std::uint32_t K : {0u, 1u, 40u, 3000u}) {
-    DoubtedCase c(K, 11);
+    UncertainCase c(K, 11);
     if (K > 1) c.poses[3].qw = c.poses[3].qx = c.poses[3].qy = c.poses[3].qz = 0;
     if (K > 1) c.positions[1] = 5;  // beyond its limits
-    const Engine device(doubted_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
+    const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
     for (const auto& [name, question] : questions()) {
       if (K == 3000 && question.signed_distance) continue;  // overlaps are the CPU's
       QueryView q = question;
@@ -68,7 +68,7 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpu) {
 TEST_F(CudaSlack, GivesTheBitsOfTheCpuForAllPairs) {
   const auto scene = [] {
     Random random(3);
-    Scene s = doubted_robot_scene(false);
+    Scene s = uncertain_robot_scene(false);
     for (int i = 0; i < 100; ++i) {
       const std::string name = "more" + std::to_string(i);
       if (i % 3 == 0)
@@ -88,9 +88,9 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpuForAllPairs) {
 // Slack grows as time goes by: it is between that of a scene that was loaded earlier and is asked later, and that of
 // one that was loaded later and is asked earlier.
 TEST_F(CudaSlack, CountsTheAgeOfPoses) {
-  DoubtedCase c(20, 12, true);
+  UncertainCase c(20, 12, true);
   c.q.fields = kDefaultFields;
-  const Engine old(doubted_robot_scene(true), {"cpu"}), device(doubted_robot_scene(true), {"cuda"}),
+  const Engine old(uncertain_robot_scene(true), {"cpu"}), device(uncertain_robot_scene(true), {"cuda"}),
       young(std::move(c.scene), {"cpu"});
   const Answer most = ask(young, c.q), rows = ask(device, c.q), least = ask(old, c.q);
   ASSERT_EQ(rows.info.backend, "cuda");

@@ -1,6 +1,6 @@
 // Queries whose poses and answers stay on the device, against the CPU's answers and in graphs.
 #include "engine/device/query/device_plan.h"
-#include "tests/engine/cuda/doubted_scene.h"
+#include "tests/engine/cuda/uncertain_scene.h"
 #include "tests/gpu/device_memory.h"
 
 namespace clearance::test {
@@ -224,8 +224,8 @@ TEST_F(DevicePlans, HaveMemoryOfTheirOwnForRows) {
 
 // A robot on an uncertain cart, what follows its links, bodies of several pieces: all of them with slack, and known
 // ones. Some configurations are bad, some beyond limits.
-struct JointAsked : DoubtedCase {
-  JointAsked(std::uint32_t configurations, std::uint64_t seed) : DoubtedCase(configurations, seed) {
+struct JointAsked : UncertainCase {
+  JointAsked(std::uint32_t configurations, std::uint64_t seed) : UncertainCase(configurations, seed) {
     poses[3].qw = poses[3].qx = poses[3].qy = poses[3].qz = 0;
     positions[1] = 5;  // beyond its limits
     positions[2 * joints.size()] = std::numeric_limits<double>::quiet_NaN();
@@ -238,7 +238,7 @@ TEST_F(DevicePlans, TakeThePositionsOfJoints) {
     for (const Precision precision : {Precision::kF64, Precision::kF32})
       for (const double max_distance : {std::numeric_limits<double>::infinity(), 0.2}) {
         JointAsked asked(200, 11);
-        const Engine device(doubted_robot_scene(false), {"cuda"}), cpu(std::move(asked.scene), {"cpu"});
+        const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(asked.scene), {"cpu"});
         asked.q.fields = fields;
         asked.q.precision = precision;
         asked.q.max_distance = max_distance;
@@ -311,7 +311,7 @@ TEST_F(DevicePlans, ReduceEachConfiguration) {
           std::size_t at = 0;
           std::erase_if(asked.pairs, [&](BodyPair) { return at++ % 12 != first; });
           asked.point();
-          const Engine device(doubted_robot_scene(false), {"cuda"}), cpu(std::move(asked.scene), {"cpu"});
+          const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(asked.scene), {"cpu"});
           std::vector<double> margins(asked.pairs.size());
           Random random(8);
           for (double& margin : margins) margin = random.uniform(0, 0.05);

@@ -24,10 +24,10 @@ inline std::vector<std::byte> box_frame(const std::string& name, std::uint32_t p
   return simple_frame(wire::FrameType::kAddBody, 1, std::as_bytes(std::span(&record, 1)));
 }
 /// The same with a record that says what is not known of it.
-template <class Doubts>
-std::vector<std::byte> doubted_frame(const std::string& name, const Doubts& doubts, std::uint16_t tag = 20) {
+template <class UncertaintyRecord>
+std::vector<std::byte> uncertain_frame(const std::string& name, const UncertaintyRecord& uncertainties, std::uint16_t tag = 20) {
   std::vector<std::byte> frame = box_frame(name), records;
-  wire::append_record(records, tag, wire::kRecordRequired, std::as_bytes(std::span(&doubts, 1)));
+  wire::append_record(records, tag, wire::kRecordRequired, std::as_bytes(std::span(&uncertainties, 1)));
   wire::FrameHeader header;
   std::memcpy(&header, frame.data(), sizeof header);
   header = wire::with_records(header, records.size());

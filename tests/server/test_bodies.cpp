@@ -170,8 +170,8 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
 
 TEST_F(Bodies, WhatIsNotKnownOfAnAddedOneCountsOnce) {
   start_editable(small_scene());
-  const wire::BodyDoubts doubts{0.1, 0.02, 0.3, 0.5};
-  EXPECT_EQ(change(doubted_frame("crate", doubts)).body, 4u);
+  const wire::BodyDoubts uncertainties{0.1, 0.02, 0.3, 0.5};
+  EXPECT_EQ(change(uncertain_frame("crate", uncertainties)).body, 4u);
   const Body& crate = bodies()[4];
   EXPECT_EQ(crate.uncertainty.angle, 0.02);
   EXPECT_EQ(crate.max_speed, 0.5);
@@ -245,9 +245,9 @@ TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
   const std::vector<wire::TriangleRecord> many(5, kTetrahedron[0]);
   EXPECT_EQ(refusal(mesh_frame("m", many, 3), ErrorCode::kTooLarge),
             "add_body: 5 triangles are more than the 4 that an added body may have (limit max-added-triangles)");
-  EXPECT_EQ(refusal(doubted_frame("crate", std::uint64_t{0}, 21), ErrorCode::kBadFrame),
+  EXPECT_EQ(refusal(uncertain_frame("crate", std::uint64_t{0}, 21), ErrorCode::kBadFrame),
             "new body: triangles (record 21) have 8 bytes, expected 12 for each, and one at least");
-  EXPECT_EQ(refusal(doubted_frame("crate", std::uint16_t{0}, 22), ErrorCode::kBadFrame),
+  EXPECT_EQ(refusal(uncertain_frame("crate", std::uint16_t{0}, 22), ErrorCode::kBadFrame),
             "new body: convexify (record 22) has 2 bytes, expected 1");
   EXPECT_EQ(change(mesh_frame("m", kTetrahedron, 4)).body, 4u);
 }
@@ -287,19 +287,19 @@ TEST_F(Bodies, ACloudThatMakesNoSenseIsRefused) {
 
 TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {
   start_editable(small_scene());
-  const auto refused = [&](const wire::BodyDoubts& doubts, const std::string& text) {
-    EXPECT_NE(refusal(doubted_frame("crate", doubts)).find(text), std::string::npos) << text;
+  const auto refused = [&](const wire::BodyDoubts& uncertainties, const std::string& text) {
+    EXPECT_NE(refusal(uncertain_frame("crate", uncertainties)).find(text), std::string::npos) << text;
   };
   refused({-1, 0, 0, 0}, "body \"crate\": uncertainty.position: expected a number of metres >= 0, got -1");
   refused({NAN, 0, 0, 0}, "uncertainty.position: expected a number of metres >= 0, got nan");
   refused({0, 4, 0, 0}, "uncertainty.angle: expected 0 to 3.2 radians, got 4");
   refused({0, 0, INFINITY, 0}, "padding: expected a number of metres >= 0, got inf");
   refused({0, 0, 0, -0.5}, "max_speed: expected a number of metres a second >= 0, got -0.5");
-  EXPECT_EQ(refusal(doubted_frame("crate", 1.0), ErrorCode::kBadFrame),
+  EXPECT_EQ(refusal(uncertain_frame("crate", 1.0), ErrorCode::kBadFrame),
             "new body: doubts (record 20) have 8 bytes, expected 32");
-  EXPECT_EQ(refusal(doubted_frame("crate", wire::BodyDoubts{}, 19), ErrorCode::kNotSupported),
+  EXPECT_EQ(refusal(uncertain_frame("crate", wire::BodyDoubts{}, 19), ErrorCode::kNotSupported),
             "new body: record 19 is required, and this side does not know it");
-  EXPECT_EQ(change(doubted_frame("crate", wire::BodyDoubts{})).body, 4u);
+  EXPECT_EQ(change(uncertain_frame("crate", wire::BodyDoubts{})).body, 4u);
 }
 
 TEST_F(Bodies, StayThroughAReloadIfTheyFit) {

@@ -326,10 +326,10 @@ class PyClient {
     return changed(use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); }));
   }
   /// \param shape a key of Client.add_body(); \param numbers its vertices (V, 3), or sizes (1, 3). \param triangles of
-  /// a mesh (T, 3), else none. \param doubts of position and angle, padding, max_speed. \param cloud its points (N, 3)
+  /// a mesh (T, 3), else none. \param uncertainties of position and angle, padding, max_speed. \param cloud its points (N, 3)
   nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
                      std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose,
-                     const std::array<double, 4>& doubts, const TriangleRows& triangles, int convexify,
+                     const std::array<double, 4>& uncertainties, const TriangleRows& triangles, int convexify,
                      const CloudRows& cloud) const {
     const auto* rows = reinterpret_cast<const std::array<double, 3>*>(numbers.data());
     NewBody body;
@@ -351,10 +351,10 @@ class PyClient {
     body.radius = radius;
     body.parent = parent;
     body.is_static = is_static;
-    body.uncertainty_position = doubts[0];
-    body.uncertainty_angle = doubts[1];
-    body.padding = doubts[2];
-    body.max_speed = doubts[3];
+    body.uncertainty_position = uncertainties[0];
+    body.uncertainty_angle = uncertainties[1];
+    body.padding = uncertainties[2];
+    body.max_speed = uncertainties[3];
     if (pose) std::copy_n(pose->data(), 7, body.pose.emplace().begin());
     return changed(use().with([&](Client& client) { return client.add_body(body); }));
   }

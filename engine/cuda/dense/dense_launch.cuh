@@ -73,7 +73,7 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
 // The same where something is doubted of a body: all pairs of single pieces in one list, whose hulls are read where the
 // scene has them, and whose overlaps are proved by who finds them.
 template <bool kWarm>
-void answer_doubted_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream_t stream) {
+void answer_uncertain_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream_t stream) {
   const Group singles{kNone, kNone, 0, chunk.strays.first + chunk.strays.count, 0};
   const std::uint32_t tiles = blocks_of(std::uint64_t{singles.count} * chunk.configurations, kTile);
   const bool f32 = view.pair_limits.f32;
@@ -93,8 +93,8 @@ void answer_doubted_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream_t
 inline void answer_chunk(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, std::uint32_t fields,
                          bool warm, cudaStream_t stream) {
   const bool lean = (fields & ~kLeanFields) == 0;
-  if (view.bodies.doubts.fixed)
-    warm ? answer_doubted_chunk<true>(view, chunk, stream) : answer_doubted_chunk<false>(view, chunk, stream);
+  if (view.bodies.uncertainties.fixed)
+    warm ? answer_uncertain_chunk<true>(view, chunk, stream) : answer_uncertain_chunk<false>(view, chunk, stream);
   else if (warm)
     lean ? answer_chunk_as<true, true>(view, chunk, pairs, stream)
          : answer_chunk_as<false, true>(view, chunk, pairs, stream);

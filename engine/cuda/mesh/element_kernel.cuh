@@ -202,7 +202,7 @@ __global__ void __launch_bounds__(kItemThreads)
   const ElementSet& set = elements.sets[i];
   const Where at(bodies, 0, set.body, 0);
   if (at.status() != Status::kOk) return;
-  const Aabb box = box_of_elements(set, at, bodies.doubts.fixed ? bodies.doubts.fixed[set.body].all.inner : 0);
+  const Aabb box = box_of_elements(set, at, bodies.uncertainties.fixed ? bodies.uncertainties.fixed[set.body].all.inner : 0);
   for (int k = 0; k < 3; ++k) {
     boxes[static_cast<std::size_t>(k) * n + set.body] = box.low[k];
     boxes[static_cast<std::size_t>(3 + k) * n + set.body] = box.high[k];
@@ -221,7 +221,7 @@ __global__ void __launch_bounds__(kItemThreads)
   if (at.status() != Status::kOk) return;
   const std::size_t here = std::size_t{slot} * configurations + k;
   const Aabb box =
-      box_of_elements(elements.sets[of], at, bodies.doubts.fixed ? bodies.doubts.moved[here].all.inner : 0);
+      box_of_elements(elements.sets[of], at, bodies.uncertainties.fixed ? bodies.uncertainties.moved[here].all.inner : 0);
   double* const out = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;
   for (std::uint32_t c = 0; c < 3; ++c) {
     out[std::size_t{kPoseComponents + c} * configurations] = box.low[static_cast<int>(c)];

@@ -113,10 +113,10 @@ __global__ void __launch_bounds__(kMotionThreads) place_span_bodies(const __grid
   if (slot >= m.chunk.bodies.moved_count || s >= span_count(m)) return;
   const std::uint32_t chain = m.tables.chain_of_slot[slot];
   const ChainMotion own = motion_of_chain(m, chain, m.spans[s].motion);
-  const PlacedDoubt doubt =
+  const PlacedUncertainty uncertainty =
       place_body<true>(m.chunk.hulls, m.chunk.bodies, m.moves, slot, s, m.span_capacity, own.error);
-  const double doubt_turn = doubt.known.turn + doubt.placed.turn + 4 * kMotionUnit;
-  const double drift = chain == kNone ? 0 : drift_of_chain(own.rates, own.error, own.turn_error, doubt_turn);
+  const double turn_uncertainty = uncertainty.known.turn + uncertainty.placed.turn + 4 * kMotionUnit;
+  const double drift = chain == kNone ? 0 : drift_of_chain(own.rates, own.error, own.turn_error, turn_uncertainty);
   set_number(m, kOwnSpeed, slot, s, own.rates.speed);
   set_number(m, kOwnAcceleration, slot, s, own.rates.acceleration);
   set_number(m, kOwnDrift, slot, s, drift);

@@ -222,7 +222,7 @@ struct MovingPair {
     const Vec3d t_a = at_a.translation(), t_b = at_b.translation();
     const HalfSpans gaps = gaps_along(n, t_b - t_a, twist(ref.a, t_a), twist(ref.b, t_b), reach_a, reach_b, sizes,
                                       span.half(), bend_of_pair(rates, span.half()));
-    return without_doubts(gaps, inner, rates.drift, span.half());
+    return without_uncertainty(gaps, inner, rates.drift, span.half());
   }
   // As the seer with the least acceleration sees it.
   __device__ Twist twist(std::uint32_t body, const Vec3d& t_w) const {

@@ -190,7 +190,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       parts.take(m.speeds, moved);
       parts.take(bodies.moved_box, moved);
       parts.take(bodies.moved, moved * bodies.components);
-      parts.take(bodies.doubts.moved, moved);
+      parts.take(bodies.uncertainties.moved, moved);
       parts.take(bodies.moved_state, moved);
       parts.take(bodies.moved_piece_box, S * moved_pieces_ * kBoxComponents);
       if (moved_pieces_ == 0) bodies.moved_piece_box = nullptr;

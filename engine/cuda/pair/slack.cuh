@@ -8,31 +8,31 @@
 namespace clearance::cuda {
 
 __device__ inline const BodySlack& slack_of(const ChunkView& c, std::uint32_t ref, std::uint32_t k) {
-  const DoubtsView& doubts = c.bodies.doubts;
-  return ref & kMovedBit ? doubts.moved[std::size_t{ref & ~kMovedBit} * c.configurations + k] : doubts.fixed[ref];
+  const UncertaintyView& uncertainties = c.bodies.uncertainties;
+  return ref & kMovedBit ? uncertainties.moved[std::size_t{ref & ~kMovedBit} * c.configurations + k] : uncertainties.fixed[ref];
 }
 
 // Not inlined: what it needs should not take registers from the iteration.
 __device__ __noinline__ inline Slack pair_slack(const ChunkView& c, PairRef ref, std::uint32_t k) {
-  const DoubtsView& doubts = c.bodies.doubts;
+  const UncertaintyView& uncertainties = c.bodies.uncertainties;
   const BodySlack a = slack_of(c, ref.a, k), b = slack_of(c, ref.b, k);
   const std::uint32_t body_a = ref.a & kMovedBit ? c.bodies.moved_body[ref.a & ~kMovedBit] : ref.a,
                       body_b = ref.b & kMovedBit ? c.bodies.moved_body[ref.b & ~kMovedBit] : ref.b;
-  const LinkPlace at_a = doubts.links[body_a], at_b = doubts.links[body_b];
+  const LinkPlace at_a = uncertainties.links[body_a], at_b = uncertainties.links[body_b];
   if (at_a.robot != kNone && at_a.robot == at_b.robot && at_a.slot != at_b.slot) {
     const double travel = a.travel < b.travel ? b.travel : a.travel;
-    const double joints = doubts.link_pairs[at_a.first_pair + link_pair_place(at_a.slot, at_b.slot)].at(travel);
+    const double joints = uncertainties.link_pairs[at_a.first_pair + link_pair_place(at_a.slot, at_b.slot)].at(travel);
     if (joints < __builtin_inf()) return slack_beside(a.beside, b.beside, joints);
   }
   return a.all + b.all;
 }
 
-__device__ inline bool has_doubts(const ChunkView& c) {
-  return c.bodies.doubts.fixed != nullptr;
+__device__ inline bool has_uncertainties(const ChunkView& c) {
+  return c.bodies.uncertainties.fixed != nullptr;
 }
 // None where nothing is doubted.
 __device__ inline Slack slack_of_pair(const ChunkView& c, PairRef ref, std::uint32_t k) {
-  return has_doubts(c) ? pair_slack(c, ref, k) : Slack();
+  return has_uncertainties(c) ? pair_slack(c, ref, k) : Slack();
 }
 
 // In place of a Slack in kernels of pairs that have none, so that they are what they would be without it.

@@ -46,16 +46,16 @@ __device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, c
   return grown(all, inner);
 }
 
-// What is doubted of a moved body in configuration k: doubt_of()'s words. \param parent of what it follows; null:
+// What is doubted of a moved body in configuration k: uncertainty_of()'s words. \param parent of what it follows; null:
 // nothing
-__device__ inline PlacedDoubt doubt_of_moved(const MovesView& moves, std::uint32_t link, std::uint32_t k,
-                                             const Pose& local, const BodyPlacement& here, const PlacedDoubt* parent,
+__device__ inline PlacedUncertainty uncertainty_of_moved(const MovesView& moves, std::uint32_t link, std::uint32_t k,
+                                             const Pose& local, const BodyPlacement& here, const PlacedUncertainty* parent,
                                              bool composed, double& travel) {
-  const DoubtMove& m = moves.doubts[link];
+  const UncertaintyStep& m = moves.uncertainties[link];
   const bool slides = m.robot != kNone && m.joint_per_travel > 0;
   travel = slides ? travel_to(moves.frames, m.robot, moves.source[link] - moves.given_count, k) : m.travel;
-  const FrameDoubt joints{placement_error(m.joint_fixed, m.joint_per_travel, travel), m.joint_turn};
-  return doubt_below(m.source, local.translation, here.pose.t_w, m.age_s, parent, composed, joints);
+  const FrameUncertainty joints{placement_error(m.joint_fixed, m.joint_per_travel, travel), m.joint_turn};
+  return uncertainty_below(m.source, local.translation, here.pose.t_w, m.age_s, parent, composed, joints);
 }
 
 // Where a moved body is told to be, in the frame of what it follows, and what LinkFact bits say of that.
@@ -77,17 +77,17 @@ __device__ inline LocalPose local_pose(const MovesView& moves, std::uint32_t slo
 
 // Places a moved body in configuration k, with its boxes. \param beside metres: it may be off by so much besides what
 // is doubted of its frames. \returns what is doubted of it, without that. \tparam kDoubted something is
-template <bool kDoubted>
-__device__ inline PlacedDoubt place_body(const HullsView& hulls, const BodiesView& bodies, const MovesView& moves,
+template <bool kUncertain>
+__device__ inline PlacedUncertainty place_body(const HullsView& hulls, const BodiesView& bodies, const MovesView& moves,
                                          std::uint32_t slot, std::uint32_t k, std::uint32_t configurations,
                                          double beside = 0) {
   // What a body follows is placed again for each follower: chains are short, and threads need not wait for each other.
   BodyPlacement parent, here;
   bool follows = moves.has_base[slot] != 0;
   if (follows) parent = moves.base[slot];
-  PlacedDoubt doubt;
+  PlacedUncertainty uncertainty;
   double travel = 0;
-  if (kDoubted && follows) doubt = moves.base_doubt[slot];
+  if (kUncertain && follows) uncertainty = moves.base_uncertainty[slot];
   for (std::uint32_t i = moves.chain_begin[slot]; i < moves.chain_begin[slot + 1]; ++i) {
     const std::uint32_t link = moves.chain[i];
     const auto [local, facts] = local_pose(moves, link, k, configurations);
@@ -95,8 +95,8 @@ __device__ inline PlacedDoubt place_body(const HullsView& hulls, const BodiesVie
     here = place((state & kSlotUnplaced) || (facts & kLinkUnplaced) ? nullptr : &local, follows ? &parent : nullptr);
     if ((state & kSlotBeyondLimits) || (facts & kLinkBeyondLimits)) here.beyond_limits = true;
     if ((state & kSlotStale) && here.status == Status::kOk) here.status = Status::kStalePose;
-    if (kDoubted && here.status == Status::kOk)
-      doubt = doubt_of_moved(moves, link, k, local, here, follows ? &doubt : nullptr, follows && is_composed(parent),
+    if (kUncertain && here.status == Status::kOk)
+      uncertainty = uncertainty_of_moved(moves, link, k, local, here, follows ? &uncertainty : nullptr, follows && is_composed(parent),
                              travel);
     parent = here;
     follows = true;
@@ -114,16 +114,16 @@ __device__ inline PlacedDoubt place_body(const HullsView& hulls, const BodiesVie
   const Vec3d zero{0, 0, 0};
   for (int r = 0; r < 3; ++r) put(3 * r, placed ? here.pose.R_wb.row[r] : zero);
   put(9, placed ? here.pose.t_w : zero);
-  if (kDoubted) {
+  if (kUncertain) {
     const Slack more{beside, beside};
-    bodies.doubts.moved[std::size_t{slot} * configurations + k] = {doubt.slack + more, doubt.beside + more, travel};
+    bodies.uncertainties.moved[std::size_t{slot} * configurations + k] = {uncertainty.slack + more, uncertainty.beside + more, travel};
   }
   const bool want_box = bodies.components > kPoseComponents;
-  if (!want_box && !bodies.moved_piece_box) return doubt;
+  if (!want_box && !bodies.moved_piece_box) return uncertainty;
   const std::uint32_t body = bodies.moved_body[slot];
   OuterBox* const outer = bodies.moved_box + std::size_t{k} * bodies.moved_count + slot;
   if (want_box) *outer = no_outer_box();
-  if (!has_box(hulls, body) || !placed) return doubt;
+  if (!has_box(hulls, body) || !placed) return uncertainty;
   const auto put_piece = [&](std::uint32_t i, const Aabb& of_piece) {
     if (!bodies.moved_piece_box) return;
     double* p = bodies.moved_piece_box + std::size_t{bodies.moved_piece_begin[slot] + i} * 6 * configurations + k;
@@ -133,12 +133,12 @@ __device__ inline PlacedDoubt place_body(const HullsView& hulls, const BodiesVie
     }
   };
   const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w,
-                               kDoubted ? sum_above(doubt.slack.inner, beside) : 0, put_piece);
-  if (!want_box) return doubt;
+                               kUncertain ? sum_above(uncertainty.slack.inner, beside) : 0, put_piece);
+  if (!want_box) return uncertainty;
   put(12, box.low);
   put(15, box.high);
   *outer = outer_box(box);
-  return doubt;
+  return uncertainty;
 }
 
 }  // namespace clearance::cuda

@@ -19,7 +19,7 @@ __global__ void __launch_bounds__(128)
     const double* p = bodies.fixed + std::size_t{c} * n + body;
     return Vec3d{p[0], p[n], p[2 * std::size_t{n}]};
   };
-  const double inner = bodies.doubts.fixed ? bodies.doubts.fixed[body].all.inner : 0;
+  const double inner = bodies.uncertainties.fixed ? bodies.uncertainties.fixed[body].all.inner : 0;
   const auto put = [&](std::uint32_t i, const Aabb& of_piece) {
     if (!bodies.fixed_piece_box) return;
     double* p = bodies.fixed_piece_box + std::size_t{hulls.piece_begin[body] + i} * 6;
@@ -38,13 +38,13 @@ __global__ void __launch_bounds__(128)
 }
 
 // \tparam kDoubted something is doubted
-template <bool kDoubted>
+template <bool kUncertain>
 __global__ void __launch_bounds__(128)
     place_bodies(HullsView hulls, BodiesView bodies, MovesView moves, std::uint32_t configurations) {
   const std::uint64_t item = std::uint64_t{blockIdx.x} * blockDim.x + threadIdx.x;
   const auto slot = static_cast<std::uint32_t>(item / configurations),
              k = static_cast<std::uint32_t>(item % configurations);
-  if (slot < bodies.moved_count) place_body<kDoubted>(hulls, bodies, moves, slot, k, configurations);
+  if (slot < bodies.moved_count) place_body<kUncertain>(hulls, bodies, moves, slot, k, configurations);
 }
 
 }  // namespace clearance::cuda

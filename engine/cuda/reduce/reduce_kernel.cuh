@@ -234,7 +234,7 @@ __global__ void __launch_bounds__(kItemThreads)
 
 // Whether it is asked which pair has the least lower bound of its group: for what slack adds to that, or by the query.
 __device__ inline bool wants_lowest(const ReducedView& r) {
-  return has_doubts(r.chunk) || r.chunk.reply.pair_lower;
+  return has_uncertainties(r.chunk) || r.chunk.reply.pair_lower;
 }
 
 // The winner, as Standing has it: by keys, since threads of many blocks bring their candidates.
@@ -291,7 +291,7 @@ __device__ inline void write_group(const ReducedView& r, std::uint64_t at, PairR
   const auto k = static_cast<std::uint32_t>(at / r.groups);
   const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
   const PairLimits& q = c.pair_limits;
-  if (has_doubts(c))
+  if (has_uncertainties(c))
     widen_to_group(answer, lower, q.max_distance, q.abs_tol, q.rel_tol, pair_slack(c, ref, k),
                    pair_slack(c, lowest, k));
   else

@@ -112,8 +112,8 @@ inline void start_candidates(const ReducedView& r, cudaStream_t stream) {
 inline void start_items(const ReducedView& r, bool several, cudaStream_t stream) {
   const bool warm = r.chunk.warm != nullptr;
   const auto known = warm ? solve_candidates<true, NoSlack> : solve_candidates<false, NoSlack>,
-             doubted = warm ? solve_candidates<true, Slack> : solve_candidates<false, Slack>;
-  const auto kernel = r.chunk.bodies.doubts.fixed ? doubted : known;
+             uncertain = warm ? solve_candidates<true, Slack> : solve_candidates<false, Slack>;
+  const auto kernel = r.chunk.bodies.uncertainties.fixed ? uncertain : known;
   kernel<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
   if (several) solve_several<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
   if (r.elements.count > 0) start_elements(r, stream);
@@ -122,7 +122,7 @@ inline void start_items(const ReducedView& r, bool several, cudaStream_t stream)
 /// Of Reduce::kAny: looks at the pairs whose boxes are within their margins, and lists those that are left open.
 inline void start_decisions(const ReducedView& r, cudaStream_t stream) {
   find_near_pairs<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, stream>>>(r);
-  const auto look = r.chunk.bodies.doubts.fixed ? look_at_near_pairs<Slack> : look_at_near_pairs<NoSlack>;
+  const auto look = r.chunk.bodies.uncertainties.fixed ? look_at_near_pairs<Slack> : look_at_near_pairs<NoSlack>;
   look<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
   if (r.elements.count > 0) start_elements(r, stream);
   list_open_pairs<<<item_blocks(r), kItemThreads, 0, stream>>>(r);

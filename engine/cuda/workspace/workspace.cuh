@@ -98,16 +98,16 @@ class QuerySide : public Interface {
                       slot_state = setup_.add(s.slot_state), margins = setup_.add(s.margins),
                       steps = setup_.add(s.steps), columns = setup_.add(s.columns), robots = setup_.add(s.robots),
                       fixed_slack = setup_.add(s.fixed_slack), links = setup_.add(s.links),
-                      link_pairs = setup_.add(s.link_pairs), doubt_moves = setup_.add(s.doubt_moves),
-                      base_doubt = setup_.add(s.base_doubt), movers = setup_.add(s.movers),
+                      link_pairs = setup_.add(s.link_pairs), uncertainty_steps = setup_.add(s.uncertainty_steps),
+                      base_uncertainty = setup_.add(s.base_uncertainty), movers = setup_.add(s.movers),
                       mover_of_body = setup_.add(s.mover_of_body);
     const cudaStream_t stream = slots_[0]->stream;
     setup_.send(stream);
-    DoubtsView doubts{};
+    UncertaintyView uncertainties{};
     if (!s.fixed_slack.empty())
-      doubts = {setup_.at<BodySlack>(fixed_slack), nullptr, setup_.at<LinkPlace>(links),
+      uncertainties = {setup_.at<BodySlack>(fixed_slack), nullptr, setup_.at<LinkPlace>(links),
                 setup_.at<LinkPairError>(link_pairs)};
-    send_bodies(s, doubts, stream);
+    send_bodies(s, uncertainties, stream);
     if (s.chunks > 1) check(cudaEventRecord(ready_.event, stream), "recording an event");
     for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
       check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
@@ -125,8 +125,8 @@ class QuerySide : public Interface {
               setup_.at<std::uint8_t>(slot_state),
               {setup_.at<KinematicStep>(steps), setup_.at<JointColumn>(columns), setup_.at<JointRobot>(robots),
                static_cast<std::uint32_t>(s.robots.size()), s.joints, nullptr, nullptr, nullptr, nullptr},
-              setup_.at<DoubtMove>(doubt_moves),
-              setup_.at<PlacedDoubt>(base_doubt)};
+              setup_.at<UncertaintyStep>(uncertainty_steps),
+              setup_.at<PlacedUncertainty>(base_uncertainty)};
     frames_ = s.frames;
     movers_ = {setup_.at<JointMover>(movers), setup_.at<std::uint32_t>(mover_of_body)};
     margins_ = s.margins.empty() ? nullptr : setup_.at<double>(margins);
@@ -170,7 +170,7 @@ class QuerySide : public Interface {
   std::size_t fixed_bytes() const {
     return components_offset() + std::size_t{fixed_count_} * kPoseComponents * sizeof(double);
   }
-  void send_bodies(const QuerySetup& s, const DoubtsView& doubts, cudaStream_t stream) {
+  void send_bodies(const QuerySetup& s, const UncertaintyView& uncertainties, cudaStream_t stream) {
     const std::size_t n = fixed_count_, boxes = s.boxes ? n * kBoxComponents * sizeof(double) : 0;
     const std::size_t outer_at = (fixed_bytes() + boxes + 15) / 16 * 16;
     const std::size_t pieces_at = outer_at + (s.boxes ? n * sizeof(OuterBox) : 0);
@@ -178,7 +178,7 @@ class QuerySide : public Interface {
         device_bodies_.reserve(pieces_at + (hulls_.has_several() ? hulls_.pieces() * kPieceBoxBytes : 0));
     auto* outer = s.boxes ? reinterpret_cast<OuterBox*>(memory + outer_at) : nullptr;
     bodies_ = {};
-    bodies_.doubts = doubts;
+    bodies_.uncertainties = uncertainties;
     bodies_.fixed = reinterpret_cast<const double*>(memory + components_offset());
     bodies_.fixed_state = reinterpret_cast<const std::uint8_t*>(memory);
     bodies_.fixed_box = outer;
@@ -227,7 +227,7 @@ class QuerySide : public Interface {
     const std::size_t states = std::size_t{bodies_.moved_count} * configurations;
     return {states, bodies_.fixed_box ? states * sizeof(OuterBox) : 0,
             std::size_t{moved_pieces_} * configurations * kPieceBoxBytes, states * bodies_.components * sizeof(double),
-            bodies_.doubts.fixed ? states * sizeof(BodySlack) : 0};
+            bodies_.uncertainties.fixed ? states * sizeof(BodySlack) : 0};
   }
 
   // The frames of robots of which joints move: numbers, travels, facts.
@@ -255,7 +255,7 @@ class QuerySide : public Interface {
     bodies.moved_box = bodies.fixed_box ? reinterpret_cast<OuterBox*>(memory) : nullptr;
     bodies.moved_piece_box = pieces > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;
     bodies.moved = reinterpret_cast<double*>(memory + boxes + pieces);
-    bodies.doubts.moved = reinterpret_cast<BodySlack*>(memory + boxes + pieces + numbers);
+    bodies.uncertainties.moved = reinterpret_cast<BodySlack*>(memory + boxes + pieces + numbers);
     bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + pieces + numbers + slacks);
     MovesView moves = moves_;
     moves.given = given;

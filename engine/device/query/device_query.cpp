@@ -51,7 +51,7 @@ void DeviceQuery::find_direct_columns() {
 
 QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
   QuerySetup s;
-  const bool is_doubted = doubted_body(scene(), plan_) != kNone;
+  const bool has_uncertainty = uncertain_body(scene(), plan_) != kNone;
   s.pair_limits = {options_.limits.max_distance,
                 options_.limits.abs_tol,
                 options_.limits.rel_tol,
@@ -60,7 +60,7 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
                 options_.want_points,
                 options_.want_flags,
                 !options_.limits.signed_distance,
-                options_.limits.signed_distance && plan_.query.reduce == Reduce::kNone && !is_doubted,
+                options_.limits.signed_distance && plan_.query.reduce == Reduce::kNone && !has_uncertainty,
                 options_.f32};
   s.fields = fields_;
   s.boxes = options_.cull;
@@ -74,7 +74,7 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
     }
     moved_.emplace(scene(), plan_, options_.stale).tell(s);
   }
-  if (is_doubted) doubts_.emplace(scene(), plan_).tell(s);
+  if (has_uncertainty) uncertainties_.emplace(scene(), plan_).tell(s);
   if (options_.joint_gradient) movers_.emplace(*options_.joint_gradient, plan_).tell(s);
   return s;
 }

@@ -158,7 +158,7 @@ class MotionDeviceQuery final : public DeviceQuery {
   void make_blocks() {
     const std::vector<BodyPlacement>& placed = plan_.snapshot->placed;
     for (std::size_t b = 0; b < placed.size(); ++b)
-      boxes_.push_back(body_box(scene().bodies()[b], placed[b], plan_.doubts[b].slack));
+      boxes_.push_back(body_box(scene().bodies()[b], placed[b], plan_.uncertainties[b].slack));
     for (int i = 0; i < workers(); ++i) blocks_.emplace_back(motion_query_, motion_options_, boxes_, kOpenMotions);
   }
 
@@ -181,7 +181,7 @@ class MotionDeviceQuery final : public DeviceQuery {
 
 std::unique_ptr<DeviceQuery> make_motion_device_query(const JobContext& context, Plan& plan, const ReplyView& reply) {
   if (plan.size.pairs == 0 || plan.size.pairs > kMostPairsOfMotion || plan.size.configurations == 0) return nullptr;
-  if (context.reference || doubted_body(*context.scene, plan) == kNone) return nullptr;
+  if (context.reference || uncertain_body(*context.scene, plan) == kNone) return nullptr;
   auto workspace = context.device->device().borrow_motions();
   if (!workspace) return nullptr;
   auto list = context.device->list(plan);

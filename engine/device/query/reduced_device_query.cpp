@@ -22,7 +22,7 @@ bool is_for_teams(const Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
   return q.reduce == Reduce::kMin && plan.size.pairs <= kMostMembers && !q.signed_distance &&
          q.precision == Precision::kF64 && (q.rel_tol > 0 || q.abs_tol > 0) && !(q.fields & kFieldPairLower) &&
-         doubted_body(scene, plan) == kNone;
+         uncertain_body(scene, plan) == kNone;
 }
 
 namespace {

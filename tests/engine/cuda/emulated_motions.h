@@ -165,7 +165,7 @@ class HostMotions {
     view.moved_state = room<std::uint8_t>(S * M);
     view.moved_box = room<OuterBox>(S * M);
     view.moved_piece_box = room<double>(S * pieces * kBoxComponents);
-    view.doubts.moved = room<BodySlack>(S * M);
+    view.uncertainties.moved = room<BodySlack>(S * M);
   }
 
   const Scene& scene_;

@@ -208,7 +208,7 @@ class HostReduction {
       look();
     } else {
       list();
-      bodies_.doubted ? solve<Slack>() : solve<NoSlack>();
+      bodies_.uncertain ? solve<Slack>() : solve<NoSlack>();
     }
     return counts_[kRest];
   }
@@ -237,7 +237,7 @@ class HostReduction {
     r_.beyond = beyond_all_margins(plan, {});
     launch(r_.rows, kScanThreads, [&] { find_near_pairs(r_); });
     launch(r_.rows / 4, kItemThreads,
-           [&] { bodies_.doubted ? look_at_near_pairs<Slack>(r_) : look_at_near_pairs<NoSlack>(r_); });
+           [&] { bodies_.uncertain ? look_at_near_pairs<Slack>(r_) : look_at_near_pairs<NoSlack>(r_); });
     look_at_elements_of<true>();
     launch(r_.rows / 4, kItemThreads, [&] { list_open_pairs(r_); });
   }

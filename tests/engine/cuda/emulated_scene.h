@@ -8,7 +8,7 @@
 
 #include "engine/device/device.h"
 #include "engine/device/hull_arrays.h"
-#include "engine/device/query/device_doubts.h"
+#include "engine/device/query/device_uncertainty.h"
 #include "engine/device/query/moved_chains.h"
 #include "engine/narrow/overlap.h"
 #include "engine/narrow/piece_search.h"
@@ -47,7 +47,7 @@ inline Plan plan_of(const Scene& scene, const QueryView& q) {
   const PoseStore poses(scene, std::chrono::nanoseconds(0));
   Plan plan = make_plan(q, scene, poses.snapshot(), ~std::uint64_t{0}, true);
   plan.begun_ns = monotonic_ns();
-  plan.doubts = doubts_of(scene, *plan.snapshot, plan.begun_ns);
+  plan.uncertainties = uncertainties_of(scene, *plan.snapshot, plan.begun_ns);
   return plan;
 }
 
@@ -56,8 +56,8 @@ struct HostBodies {
   static constexpr std::size_t kComponents = kPoseComponents + kBoxComponents;
   Plan plan;
   MovedChains chains;
-  DeviceDoubts doubts;
-  bool doubted;
+  DeviceUncertainty uncertainties;
+  bool uncertain;
   std::vector<double> fixed, moved, fixed_piece_box, moved_piece_box;
   std::vector<std::uint8_t> fixed_state, moved_state;
   std::vector<OuterBox> fixed_box, moved_box;
@@ -71,22 +71,22 @@ struct HostBodies {
   HostBodies(const Scene& scene, const HullsView& hulls, const QueryView& q)
       : plan(plan_of(scene, q)),
         chains(scene, plan, {}),
-        doubts(doubts_for(scene)),
-        doubted(doubted_body(scene, plan) != kNone) {
+        uncertainties(uncertainties_for(scene)),
+        uncertain(uncertain_body(scene, plan) != kNone) {
     QuerySetup s;
     chains.tell(s);
-    if (doubted) doubts.tell(s);
+    if (uncertain) uncertainties.tell(s);
     const std::size_t n = scene.bodies().size(), M = plan.moved.size(), K = plan.size.configurations;
     take_fixed(hulls, n);
-    view.doubts = {s.fixed_slack.data(), nullptr, s.links.data(), s.link_pairs.data()};
+    view.uncertainties = {s.fixed_slack.data(), nullptr, s.links.data(), s.link_pairs.data()};
     for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
     make_room_for_moved(hulls, K, M);
     moves = {plan.configurations.data(), s.given_count,      s.source.data(),      s.own.data(),
              s.chain_begin.data(),       s.chain.data(),     s.base.data(),        s.has_base.data(),
-             s.slot_state.data(),        place_frames(s, K), s.doubt_moves.data(), s.base_doubt.data()};
+             s.slot_state.data(),        place_frames(s, K), s.uncertainty_steps.data(), s.base_uncertainty.data()};
     const auto configurations = static_cast<std::uint32_t>(K);
     for_each_thread(K * M, [&] {
-      doubted ? place_bodies<true>(hulls, view, moves, configurations)
+      uncertain ? place_bodies<true>(hulls, view, moves, configurations)
               : place_bodies<false>(hulls, view, moves, configurations);
     });
   }
@@ -105,8 +105,8 @@ struct HostBodies {
   }
 
  private:
-  DeviceDoubts doubts_for(const Scene& scene) {
-    if (plan.doubts.empty()) plan.doubts.resize(scene.bodies().size());
+  DeviceUncertainty uncertainties_for(const Scene& scene) {
+    if (plan.uncertainties.empty()) plan.uncertainties.resize(scene.bodies().size());
     return {scene, plan};
   }
   void take_fixed(const HullsView& hulls, std::size_t n) {
@@ -159,7 +159,7 @@ struct HostBodies {
     view.moved_count = static_cast<std::uint32_t>(M);
     view.moved_piece_box = moved_piece_box.data();
     view.moved_piece_begin = moved_piece_begin.data();
-    view.doubts.moved = moved_slack.data();
+    view.uncertainties.moved = moved_slack.data();
   }
 };
 

@@ -1,6 +1,6 @@
 // The kernels of reductions (engine/cuda/reduce/reduce_kernel.cuh, any_kernel.cuh), without a GPU: their code compiled for the
 // host, stage after stage, rows held against the CPU's, bit by bit.
-#include "tests/engine/cuda/doubted_scene.h"
+#include "tests/engine/cuda/uncertain_scene.h"
 // Behind all that is included elsewhere.
 #include "tests/engine/cuda/emulated_reduction.h"
 
@@ -30,7 +30,7 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpu) {
 TEST(ReduceKernels, GiveTheBitsOfTheCpuForWhatIsDoubted) {
   std::uint64_t slack = 0, others = 0, left = 0;
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
-    DoubtedCase c(30, 9);
+    UncertainCase c(30, 9);
     c.poses[8].qw = c.poses[8].qx = c.poses[8].qy = c.poses[8].qz = 0;
     const Engine cpu(std::move(c.scene), {"cpu"});
     c.q.precision = precision;
@@ -116,7 +116,7 @@ TEST(ReduceKernels, DecideAsTheCpuDoes) {
 
 TEST(ReduceKernels, DecideAsTheCpuDoesWhatIsDoubted) {
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
-    DoubtedCase c(30, 9);
+    UncertainCase c(30, 9);
     c.q.precision = precision;
     c.poses[8].qw = c.poses[8].qx = c.poses[8].qy = c.poses[8].qz = 0;
     c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
@@ -162,7 +162,7 @@ TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
       const Engine cpu(std::move(c.scene), {"cpu"});
       run(cpu, c.q, what + ", room " + std::to_string(room));
     }
-    DoubtedCase c(30, 9);
+    UncertainCase c(30, 9);
     c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
     const std::vector<BodyPair> all = c.pairs;
     const Engine cpu(std::move(c.scene), {"cpu"});

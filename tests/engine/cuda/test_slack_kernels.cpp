@@ -3,7 +3,7 @@
 #include "engine/device/query/device_movers.h"
 #include "engine/selection/configuration_poses.h"
 #include "engine/selection/placement.h"
-#include "tests/engine/cuda/doubted_scene.h"
+#include "tests/engine/cuda/uncertain_scene.h"
 // Behind all that is included elsewhere.
 #include "tests/engine/cuda/emulated_chunk.h"
 
@@ -18,13 +18,13 @@ bool same_slack(const Slack& a, const Slack& b) {
 
 // Of all bodies and pairs of a query, in all its configurations.
 struct Comparison {
-  std::uint64_t doubted = 0, between_links = 0, grown = 0;
+  std::uint64_t uncertain = 0, between_links = 0, grown = 0;
 
   void run(const Scene& scene, const QueryView& q) {
     const HullArrays hulls(scene, kMostShared);
     const HostBodies bodies(scene, hulls.view(), q);
     const Plan& plan = bodies.plan;
-    ASSERT_TRUE(bodies.doubted);
+    ASSERT_TRUE(bodies.uncertain);
     ChunkView view{};
     view.bodies = bodies.view;
     view.hulls = hulls.view();
@@ -43,8 +43,8 @@ struct Comparison {
         if (placement[pair.a].status != Status::kOk || placement[pair.b].status != Status::kOk) continue;
         const Slack cpu = pair_slack(placement, pair), device = pair_slack(view, refs[p], k);
         EXPECT_TRUE(same_slack(cpu, device)) << "configuration " << k << ", pair " << p;
-        doubted += cpu.any();
-        between_links += joints_between(placement.doubt(pair.a), placement.doubt(pair.b)) < kInf;
+        uncertain += cpu.any();
+        between_links += joints_between(placement.uncertainty(pair.a), placement.uncertainty(pair.b)) < kInf;
       }
     }
   }
@@ -57,7 +57,7 @@ struct Comparison {
     const std::string what = scene.bodies()[body].name + " in configuration " + std::to_string(k);
     ASSERT_EQ(at.status(), placement[body].status) << what;
     if (at.status() != Status::kOk) return;
-    const BodyDoubt& cpu = placement.doubt(body);
+    const PoseUncertainty& cpu = placement.uncertainty(body);
     const BodySlack& device = slack_of(view, slot | kMovedBit, k);
     EXPECT_TRUE(same_slack(device.all, cpu.slack)) << what;
     EXPECT_TRUE(same_slack(device.beside, cpu.beside)) << what;
@@ -71,10 +71,10 @@ struct Comparison {
 };
 
 TEST(SlackKernels, KnowWhatTheCpuKnowsOfEachPair) {
-  DoubtedCase c(25, 3, true);
+  UncertainCase c(25, 3, true);
   Comparison all;
   all.run(c.scene, c.q);
-  EXPECT_GT(all.doubted, 25u * 60);
+  EXPECT_GT(all.uncertain, 25u * 60);
   EXPECT_GT(all.between_links, 25u * 10) << "links of one robot, whose base counts for neither";
   EXPECT_GT(all.grown, 25u * 5);
   // Poses that are no poses, of what others follow, too.
@@ -86,13 +86,13 @@ TEST(SlackKernels, KnowWhatTheCpuKnowsOfEachPair) {
   EXPECT_LT(bad.grown, all.grown);
   // Of joints alone, and of bodies alone: what the others follow then stays, and has an age.
   for (const bool by_joints : {true, false}) {
-    DoubtedCase part(10, 4, true);
+    UncertainCase part(10, 4, true);
     by_joints ? part.bodies.clear() : part.joints.clear();
     by_joints ? part.poses.clear() : part.positions.clear();
     part.point();
     Comparison some;
     some.run(part.scene, part.q);
-    EXPECT_GT(some.doubted, 10u * 60);
+    EXPECT_GT(some.uncertain, 10u * 60);
   }
 }
 
@@ -147,7 +147,7 @@ Seen expect_rows_of_the_cpu(const Engine& cpu, const QueryView& q, const std::st
 }
 
 TEST(SlackKernels, DenseRowsHaveTheBitsOfTheCpu) {
-  DoubtedCase c(50, 7);
+  UncertainCase c(50, 7);
   c.poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
   c.positions[c.joints.size() * 7] = 3;  // beyond its limits
   const Engine cpu(std::move(c.scene), {"cpu"});
@@ -168,7 +168,7 @@ TEST(SlackKernels, DenseRowsHaveTheBitsOfTheCpu) {
 
 // The column gradient_joints, of joints of which one stays, on a robot that a body carries, and of what follows links.
 TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
-  DoubtedCase c(40, 7);
+  UncertainCase c(40, 7);
   c.poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
   c.positions[c.joints.size() * 7] = 3;  // beyond its limits
   c.q.fields = kAllFields | kFieldGradientJoints;
@@ -236,7 +236,7 @@ TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
   CanCase c;
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
-  ASSERT_TRUE(chunk.bodies.doubted);
+  ASSERT_TRUE(chunk.bodies.uncertain);
   chunk.view.prove_at_once = true;
   const Group all{kNone, kNone, 0, 1, 0};
   chunk.launch_last(tiles_of(all, chunk),

@@ -2,7 +2,7 @@
 #include <functional>
 
 #include "engine/device/query/device_plan.h"
-#include "tests/engine/cuda/doubted_scene.h"
+#include "tests/engine/cuda/uncertain_scene.h"
 #include "tests/engine/device/stand_in_device.h"
 
 namespace clearance::test {
@@ -99,7 +99,7 @@ const T* somewhere(std::uintptr_t at) {
 
 TEST_F(PlanLaunches, GiveEachConfigurationToOneChunk) {
   constexpr std::uint32_t kConfigurations = 200000;
-  DoubtedCase c(2, 3);
+  UncertainCase c(2, 3);
   const Engine engine(std::move(c.scene), {"cuda", 2});
   const std::uint64_t P = c.pairs.size(), M = c.bodies.size(), J = c.joints.size();
   c.q.configuration_count = kConfigurations;
@@ -172,7 +172,7 @@ TEST_F(PlanLaunches, OfKnownBodiesTeamsFindTheLeastDistance) {
 }
 
 TEST_F(PlanLaunches, AreRefusedByName) {
-  Scene scene = doubted_robot_scene(false);
+  Scene scene = uncertain_robot_scene(false);
   scene.add_box("mover", {0.1, 0.1, 0.1}, {.pose = Pose(), .max_speed = 1});
   scene.add_box("rider of it", {0.1, 0.1, 0.1}, {.parent = "mover", .pose = Pose()});
   scene.add_box("stands", {0.1, 0.1, 0.1}, {.is_static = true, .pose = Pose(), .max_speed = 1});

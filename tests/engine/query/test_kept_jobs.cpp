@@ -102,7 +102,7 @@ std::uint64_t count_of(const std::array<std::uint64_t, 8>& seen, Status status) 
   return seen[static_cast<std::size_t>(status)];
 }
 
-Scene doubted(const Scene& known) {
+Scene uncertain(const Scene& known) {
   Scene scene;
   for (Body body : known.bodies()) {
     body.uncertainty = {0.01, 0.1};
@@ -126,7 +126,7 @@ TEST(KeptJobs, PosesAreAnsweredWithTheBitsOfNewJobs) {
   };
   const Scene scene = decomposed_scene(30, 1.5, 7);
   expect_bits_of_new_jobs(scene, 1, 8, [&](int k) { return query(k, 1); });
-  expect_bits_of_new_jobs(doubted(scene), 1, 4, [&](int k) { return query(k, 1); });
+  expect_bits_of_new_jobs(uncertain(scene), 1, 4, [&](int k) { return query(k, 1); });
   expect_bits_of_new_jobs(scene, 1, 4, [&](int k) { return query(k, 5); });                  // side by side
   expect_bits_of_new_jobs(mixed_scene(80, 6, 3), 1, 4, [&](int k) { return query(k, 1); });  // by a tree
 }

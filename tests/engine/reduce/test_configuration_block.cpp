@@ -38,7 +38,7 @@ struct Moves {
 };
 
 /// The same bodies, of which not everything is known.
-Scene doubted(const Scene& known) {
+Scene uncertain(const Scene& known) {
   Scene scene;
   for (Body body : known.bodies()) {
     body.uncertainty = {0.01, 0.1};
@@ -68,8 +68,8 @@ std::uint64_t count_of(const std::array<std::uint64_t, 8>& seen, Status status) 
 TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
   const Moves moves({0, 3, 7, 13}, 60, 1.5, 1);
   const Scene scene = decomposed_scene(30, 1.5, 7);
-  for (const bool doubts : {false, true}) {
-    const Engine engine(doubts ? doubted(scene) : scene, {.threads = 1});
+  for (const bool uncertainties : {false, true}) {
+    const Engine engine(uncertainties ? uncertain(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
     q.max_distance = 0.25;
     const Answer dense = ask(engine, q);
@@ -95,8 +95,8 @@ TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
 TEST(ConfigurationBlock, MinGivesTheRowOfItsPair) {
   const Moves moves({0, 3, 7, 13}, 80, 4, 2);
   const Scene scene = decomposed_scene(30, 4, 8);
-  for (const bool doubts : {false, true}) {
-    const Engine engine(doubts ? doubted(scene) : scene, {.threads = 1});
+  for (const bool uncertainties : {false, true}) {
+    const Engine engine(uncertainties ? uncertain(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
     const Answer dense = ask(engine, q);
     const std::uint64_t pairs = dense.info.rows / moves.count;

@@ -122,9 +122,9 @@ TEST(SceneFile, WhatIsNotKnownOfABodyIsRead) {
   const Scene scene =
       load(folder, plain + ", uncertainty: {position: 0.5, angle: 0.01}, padding: 0.125, max_speed: 2}]");
   const Body &a = scene.bodies()[0], &b = scene.bodies()[1];
-  EXPECT_FALSE(is_doubted(a));
-  EXPECT_FALSE(known.has_doubts());
-  EXPECT_TRUE(scene.has_doubts());
+  EXPECT_FALSE(has_uncertainty(a));
+  EXPECT_FALSE(known.has_uncertainties());
+  EXPECT_TRUE(scene.has_uncertainties());
   EXPECT_EQ(b.uncertainty.position, 0.5);
   EXPECT_EQ(b.uncertainty.angle, 0.01);
   EXPECT_EQ(b.max_speed, 2);

@@ -246,7 +246,7 @@ std::vector<Id> Motion::frames(Id id) const {
   return frames;
 }
 
-Doubt Motion::doubt(Id id, const std::vector<Id>& frames, double time, const Dyadic& half) const {
+MotionUncertainty Motion::uncertainty(Id id, const std::vector<Id>& frames, double time, const Dyadic& half) const {
   const Body& body = this->body(id);
   Dyadic shift, turn, along;
   for (std::size_t k = 0; k < frames.size(); ++k) {
@@ -258,12 +258,12 @@ Doubt Motion::doubt(Id id, const std::vector<Id>& frames, double time, const Dya
     const Id next = k + 1 < frames.size() ? frames[k + 1] : id;
     along = length_above(at(next, time).pose.origin - at(frames[k], time).pose.origin);
   }
-  Doubt doubt{body.inner + body.moved + shift, {}};
-  if (body.chord.sign() != 0) doubt.in_the_middle += body.chord * body.reach();
-  if (turn.sign() != 0) doubt.in_the_middle += turn * (along + body.moved + body.reach());
-  doubt.all_along = doubt.in_the_middle;
-  if (turn.sign() != 0 && half.sign() != 0) doubt.all_along += turn * half * rates({}, id, time, half).speed;
-  return doubt;
+  MotionUncertainty uncertainty{body.inner + body.moved + shift, {}};
+  if (body.chord.sign() != 0) uncertainty.in_the_middle += body.chord * body.reach();
+  if (turn.sign() != 0) uncertainty.in_the_middle += turn * (along + body.moved + body.reach());
+  uncertainty.all_along = uncertainty.in_the_middle;
+  if (turn.sign() != 0 && half.sign() != 0) uncertainty.all_along += turn * half * rates({}, id, time, half).speed;
+  return uncertainty;
 }
 
 }  // namespace clearance::judge

@@ -64,7 +64,7 @@ struct Rates {
 };
 
 /// What is not known of a body, in metres, in the middle of a span, and all along it.
-struct Doubt {
+struct MotionUncertainty {
   Dyadic in_the_middle, all_along;
 };
 
@@ -83,7 +83,7 @@ class Motion {
   /// The bodies that it follows, the farthest first, without links that carry it on its own robot.
   std::vector<Id> frames(Id id) const;
   /// \param frames of them those that count
-  Doubt doubt(Id id, const std::vector<Id>& frames, double time, const Dyadic& half) const;
+  MotionUncertainty uncertainty(Id id, const std::vector<Id>& frames, double time, const Dyadic& half) const;
 
  private:
   // One of the steps from what carries a body to the body: a pose in the step before, and how that changes.

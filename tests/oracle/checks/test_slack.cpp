@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <functional>
 
-#include "engine/uncertainty/doubts.h"
+#include "engine/uncertainty/pose_uncertainty.h"
 #include "tests/oracle/slack_judge.h"
 
 namespace clearance::exact {
@@ -96,10 +96,10 @@ TEST(Slack, HoldsTheRoundingOfChains) {
     }
     const PoseStore store(scene, std::chrono::seconds(1));
     const auto snapshot = store.snapshot();
-    const std::vector<BodyDoubt> doubts = doubts_of(scene, *snapshot, monotonic_ns());
-    ASSERT_EQ(doubts.size(), 8u);
-    EXPECT_EQ(doubts[0].slack.inner, 0);
-    EXPECT_EQ(doubts[0].slack.outer, 0);
+    const std::vector<PoseUncertainty> uncertainties = uncertainties_of(scene, *snapshot, monotonic_ns());
+    ASSERT_EQ(uncertainties.size(), 8u);
+    EXPECT_EQ(uncertainties[0].slack.inner, 0);
+    EXPECT_EQ(uncertainties[0].slack.outer, 0);
     Frame exact;
     for (std::size_t i = 0; i < 8; ++i) {
       const Pose& l = local[i];
@@ -130,9 +130,9 @@ TEST(Slack, HoldsTheRoundingOfChains) {
           off = std::hypot(off, d.hi);
         }
         ++links;
-        EXPECT_LE(off, doubts[i].slack.inner);
-        EXPECT_LE(off, doubts[i].slack.outer);
-        worst = std::max(worst, off / doubts[i].slack.inner);
+        EXPECT_LE(off, uncertainties[i].slack.inner);
+        EXPECT_LE(off, uncertainties[i].slack.outer);
+        worst = std::max(worst, off / uncertainties[i].slack.inner);
       }
     }
   }

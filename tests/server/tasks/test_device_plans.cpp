@@ -8,7 +8,7 @@
 #include <tuple>
 #include <vector>
 
-#include "tests/engine/cuda/doubted_scene.h"
+#include "tests/engine/cuda/uncertain_scene.h"
 #include "tests/server/core/loop_fixture.h"
 #include "tests/server/tasks/plan_device.h"
 
@@ -121,7 +121,7 @@ TEST_F(DevicePlansTest, AnswerFromMemoryThatTheClientWrites) {
     for (const bool by_joints : {false, true}) {
       SCOPED_TRACE(static_cast<int>(reduce));
       constexpr std::uint32_t K = 7;
-      test::DoubtedCase c(K, 5);
+      test::UncertainCase c(K, 5);
       TestQuery query;
       for (const BodyPair& pair : c.pairs) query.pairs.push_back({pair.a, pair.b});
       query.bodies = c.bodies;

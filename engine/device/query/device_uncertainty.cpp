@@ -1,4 +1,4 @@
-#include "engine/device/query/device_doubts.h"
+#include "engine/device/query/device_uncertainty.h"
 
 #include <algorithm>
 #include <cassert>
@@ -23,16 +23,16 @@ std::uint32_t first_body(const Scene& scene, const Plan& plan, const IsSo& is_so
 
 }  // namespace
 
-std::uint32_t doubted_body(const Scene& scene, const Plan& plan) {
+std::uint32_t uncertain_body(const Scene& scene, const Plan& plan) {
   const PoseSnapshot& snapshot = *plan.snapshot;
-  if (!scene.has_doubts() && !snapshot.has_followers) return kNone;
+  if (!scene.has_uncertainties() && !snapshot.has_followers) return kNone;
   return first_body(scene, plan, [&](std::uint32_t body) {
-    return is_doubted(scene.bodies()[body]) || snapshot.parent[body] != kNone;
+    return has_uncertainty(scene.bodies()[body]) || snapshot.parent[body] != kNone;
   });
 }
 
 std::uint32_t ageing_body(const Scene& scene, const Plan& plan) {
-  if (!scene.has_doubts()) return kNone;
+  if (!scene.has_uncertainties()) return kNone;
   return first_body(scene, plan, [&](std::uint32_t body) {
     for (; body != kNone; body = plan.snapshot->parent[body])
       if (!scene.bodies()[body].is_static && scene.bodies()[body].max_speed > 0) return true;
@@ -40,14 +40,14 @@ std::uint32_t ageing_body(const Scene& scene, const Plan& plan) {
   });
 }
 
-DeviceDoubts::DeviceDoubts(const Scene& scene, const Plan& plan) {
-  assert(plan.doubts.size() == scene.bodies().size());
-  for (const BodyDoubt& doubt : plan.doubts) fixed_.push_back({doubt.slack, doubt.beside, doubt.link.travel});
+DeviceUncertainty::DeviceUncertainty(const Scene& scene, const Plan& plan) {
+  assert(plan.uncertainties.size() == scene.bodies().size());
+  for (const PoseUncertainty& uncertainty : plan.uncertainties) fixed_.push_back({uncertainty.slack, uncertainty.beside, uncertainty.link.travel});
   take_links(scene);
   if (plan.query.configuration_count > 0) take_moved(scene, plan);
 }
 
-void DeviceDoubts::take_links(const Scene& scene) {
+void DeviceUncertainty::take_links(const Scene& scene) {
   std::vector<std::uint64_t> first;
   for (const auto& robot : scene.robots()) {
     const auto pairs = robot->errors.pairs();
@@ -63,7 +63,7 @@ void DeviceDoubts::take_links(const Scene& scene) {
   }
 }
 
-void DeviceDoubts::take_moved(const Scene& scene, const Plan& plan) {
+void DeviceUncertainty::take_moved(const Scene& scene, const Plan& plan) {
   const PoseSnapshot& snapshot = *plan.snapshot;
   constexpr std::uint32_t kGiven = kNone - 1;                          // the query places it, and no joint
   std::vector<std::uint32_t> placed_by(scene.bodies().size(), kNone);  // kGiven, or which motion
@@ -75,12 +75,12 @@ void DeviceDoubts::take_moved(const Scene& scene, const Plan& plan) {
   std::vector<std::uint8_t> is_moved(scene.bodies().size(), 0);
   for (const std::uint32_t body : plan.moved) is_moved[body] = 1;
   for (const std::uint32_t body : plan.moved) {
-    DoubtMove move;
-    move.source = doubt_source(scene.bodies()[body]);
+    UncertaintyStep move;
+    move.source = uncertainty_source(scene.bodies()[body]);
     // What the query itself places is there now.
     move.age_s = placed_by[body] == kNone ? pose_age_s(snapshot, body, plan.begun_ns)
                                           : points_age_s(snapshot, body, plan.begun_ns);
-    const PlacedLink& link = plan.doubts[body].link;
+    const PlacedLink& link = plan.uncertainties[body].link;
     if (link.errors) {
       const PlacementError& error = link.errors->origin(link.link);
       move.joint_fixed = error.fixed;
@@ -92,16 +92,16 @@ void DeviceDoubts::take_moved(const Scene& scene, const Plan& plan) {
     moves_.push_back(move);
     std::uint32_t on = body;
     while (on != kNone && is_moved[on]) on = snapshot.parent[on];
-    base_.push_back(on == kNone ? PlacedDoubt() : PlacedDoubt(plan.doubts[on]));
+    base_.push_back(on == kNone ? PlacedUncertainty() : PlacedUncertainty(plan.uncertainties[on]));
   }
 }
 
-void DeviceDoubts::tell(QuerySetup& setup) const {
+void DeviceUncertainty::tell(QuerySetup& setup) const {
   setup.fixed_slack = fixed_;
   setup.links = links_;
   setup.link_pairs = link_pairs_;
-  setup.doubt_moves = moves_;
-  setup.base_doubt = base_;
+  setup.uncertainty_steps = moves_;
+  setup.base_uncertainty = base_;
 }
 
 }  // namespace clearance::cuda

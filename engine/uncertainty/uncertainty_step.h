@@ -10,7 +10,7 @@ namespace clearance {
 
 /// How far a frame may be from where it was computed to be: no point that belongs to it, d metres from its origin, is
 /// farther than shift + turn * d from its place.
-struct FrameDoubt {
+struct FrameUncertainty {
   double shift = 0, turn = 0;
 };
 
@@ -26,7 +26,7 @@ struct SlackParts {
 };
 
 /// What a body adds of its own, wherever it stands. Metres.
-struct DoubtSource {
+struct UncertaintySource {
   double max_speed = 0, position = 0;
   double turn = 0;   ///< how far its uncertain turn moves a point, for each metre from its origin
   double reach = 0;  ///< no point of the true body is farther from its origin
@@ -34,9 +34,9 @@ struct DoubtSource {
 };
 
 /// What is not known of a placed body.
-struct PlacedDoubt {
-  FrameDoubt known;   ///< its frame, and all that follow it: by what the user knows and by the age of its pose
-  FrameDoubt placed;  ///< by the rounding of joints and of poses that follow one another
+struct PlacedUncertainty {
+  FrameUncertainty known;   ///< its frame, and all that follow it: by what the user knows and by the age of its pose
+  FrameUncertainty placed;  ///< by the rounding of joints and of poses that follow one another
   Slack slack;        ///< of its pieces
   SlackParts parts;   ///< beside what its shape adds: Body::model_inner, model_error
   Slack beside;       ///< of a link: without what moves all links on its root alike, and without the joints' rounding
@@ -54,7 +54,7 @@ CLEARANCE_HD inline double up(double x) {
 
 // How far a body's origin may be from its place, if it may be `shift` from it in its parent's frame, `along` from that
 // one's origin: the parent's turn takes along what has moved already.
-CLEARANCE_HD inline double shift_below(const FrameDoubt& parent, double along, double shift) {
+CLEARANCE_HD inline double shift_below(const FrameUncertainty& parent, double along, double shift) {
   return parent.shift + parent.turn * (along + shift) + shift;
 }
 
@@ -63,31 +63,31 @@ CLEARANCE_HD inline double shift_below(const FrameDoubt& parent, double along, d
 /// \param local translation of its pose as given. \param t_w its origin in the world, as computed. \param age_s of that
 /// pose, seconds. \param parent of the body that it follows; null: none. \param composed its pose was composed with
 /// that body's, and rounded. \param joints what is doubted of `local`, where joints made it
-CLEARANCE_HD inline PlacedDoubt doubt_below(const DoubtSource& body, const Vec3d& local, const Vec3d& t_w, double age_s,
-                                            const PlacedDoubt* parent, bool composed, const FrameDoubt& joints) {
+CLEARANCE_HD inline PlacedUncertainty uncertainty_below(const UncertaintySource& body, const Vec3d& local, const Vec3d& t_w, double age_s,
+                                            const PlacedUncertainty* parent, bool composed, const FrameUncertainty& joints) {
   using detail::up;
   constexpr double kUnit = 0x1p-53;
-  const FrameDoubt none, above = parent ? parent->known : none, placed_above = parent ? parent->placed : none;
+  const FrameUncertainty none, above = parent ? parent->known : none, placed_above = parent ? parent->placed : none;
   const double along = up(norm(local) + joints.shift), own = up(body.max_speed * age_s);
   const double turned = composed ? detail::kTurnUnits * kUnit : 0,
                shifted = composed ? detail::kShiftUnits * kUnit * along + kUnit * norm(t_w) : 0;
-  PlacedDoubt doubt;
-  doubt.known.shift = up(detail::shift_below(above, along, up(own + body.position)));
-  doubt.known.turn = up(above.turn + body.turn);
+  PlacedUncertainty uncertainty;
+  uncertainty.known.shift = up(detail::shift_below(above, along, up(own + body.position)));
+  uncertainty.known.turn = up(above.turn + body.turn);
   if (parent) {
-    doubt.placed.shift = up(placed_above.shift + placed_above.turn * along + shifted + joints.shift);
-    doubt.placed.turn = up(placed_above.turn + turned + joints.turn);
+    uncertainty.placed.shift = up(placed_above.shift + placed_above.turn * along + shifted + joints.shift);
+    uncertainty.placed.turn = up(placed_above.turn + turned + joints.turn);
   }
   // The pieces are grown by the uncertainty of the body's own position already.
-  const double known = detail::shift_below(above, along, own) + doubt.known.turn * body.reach;
-  const double placed = doubt.placed.shift + doubt.placed.turn * body.reach;
-  doubt.slack = {up(known + placed + body.model_inner), up(placed + body.model_error)};
+  const double known = detail::shift_below(above, along, own) + uncertainty.known.turn * body.reach;
+  const double placed = uncertainty.placed.shift + uncertainty.placed.turn * body.reach;
+  uncertainty.slack = {up(known + placed + body.model_inner), up(placed + body.model_error)};
   const double step = shifted + turned * body.reach;
-  doubt.parts = {
+  uncertainty.parts = {
       own,  body.turn * body.reach, above.shift + above.turn * (along + own) + above.turn * body.reach, placed, step,
       age_s};
-  doubt.beside = {up(own + body.turn * body.reach + step + body.model_inner), up(step + body.model_error)};
-  return doubt;
+  uncertainty.beside = {up(own + body.turn * body.reach + step + body.model_inner), up(step + body.model_error)};
+  return uncertainty;
 }
 
 /// How far the distance of two bodies may be off in all, whose doubts have a part in common: they count without it, and

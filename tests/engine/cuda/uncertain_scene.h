@@ -25,7 +25,7 @@ inline void add_prism(Scene& scene, const std::string& name, double radius, doub
 }
 
 /// \param with_age some bodies have a max_speed: their slack grows as time goes by
-inline Scene doubted_robot_scene(bool with_age) {
+inline Scene uncertain_robot_scene(bool with_age) {
   Random random(31);
   Scene scene;
   scene.add_sphere("cart", 0.2, {.pose = random.pose(0.3), .uncertainty = {0.01, 0.05}});
@@ -56,7 +56,7 @@ inline Scene doubted_robot_scene(bool with_age) {
 }
 
 /// The robot's joints and some of the bodies move; pairs are all of two bodies of which not both stay.
-struct DoubtedCase {
+struct UncertainCase {
   Scene scene;
   std::vector<std::uint32_t> bodies, joints;
   std::vector<BodyPair> pairs;
@@ -64,8 +64,8 @@ struct DoubtedCase {
   std::vector<double> positions;
   QueryView q;
 
-  DoubtedCase(std::uint32_t configurations, std::uint64_t seed, bool with_age = false)
-      : scene(doubted_robot_scene(with_age)) {
+  UncertainCase(std::uint32_t configurations, std::uint64_t seed, bool with_age = false)
+      : scene(uncertain_robot_scene(with_age)) {
     Random random(seed);
     for (const char* name : {"turned", "known", "known too", "pieces", "known pieces"})
       bodies.push_back(scene.find_body(name));
@@ -89,7 +89,7 @@ struct DoubtedCase {
     q.configuration_count = configurations;
     point();
   }
-  DoubtedCase(const DoubtedCase&) = delete;
+  UncertainCase(const UncertainCase&) = delete;
   /// After changes.
   void point() {
     q.pairs = pairs;

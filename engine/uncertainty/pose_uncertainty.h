@@ -7,7 +7,7 @@
 
 #include "engine/scene/scene.h"
 #include "engine/state/pose_store.h"
-#include "engine/uncertainty/doubt_step.h"
+#include "engine/uncertainty/uncertainty_step.h"
 
 namespace clearance {
 
@@ -19,19 +19,19 @@ struct PlacedLink {
 };
 
 /// What is not known of a placed body.
-struct BodyDoubt : PlacedDoubt {
+struct PoseUncertainty : PlacedUncertainty {
   PlacedLink link;
 };
 
 /// What a body adds of its own to what is doubted.
-DoubtSource doubt_source(const Body& body);
+UncertaintySource uncertainty_source(const Body& body);
 /// What is doubted of where joints put a link in its root's frame; nothing where it is none.
-FrameDoubt joints_of(const PlacedLink& link);
+FrameUncertainty joints_of(const PlacedLink& link);
 
 /// \param local its pose as given. \param t_w its origin in the world, as computed. \param age_s of that pose, seconds.
 /// \param parent of the body that it follows; null: none.
 /// \param composed its pose was composed with that body's, and rounded. \param link whose joints made `local`
-BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const BodyDoubt* parent,
+PoseUncertainty uncertainty_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const PoseUncertainty* parent,
                    bool composed, const PlacedLink& link = {});
 
 /// How long ago a body's points were received, seconds; 0: none were.
@@ -41,6 +41,6 @@ double points_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64
 double pose_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t now_ns);
 
 /// Of each body of a snapshot, as of `now_ns`; empty: nothing is doubted of any.
-std::vector<BodyDoubt> doubts_of(const Scene& scene, const PoseSnapshot& snapshot, std::int64_t now_ns);
+std::vector<PoseUncertainty> uncertainties_of(const Scene& scene, const PoseSnapshot& snapshot, std::int64_t now_ns);
 
 }  // namespace clearance

@@ -1,4 +1,4 @@
-#include "engine/uncertainty/doubts.h"
+#include "engine/uncertainty/pose_uncertainty.h"
 
 #include <algorithm>
 #include <cmath>
@@ -14,7 +14,7 @@ double chord(double angle) {
 
 }  // namespace
 
-DoubtSource doubt_source(const Body& body) {
+UncertaintySource uncertainty_source(const Body& body) {
   return {body.max_speed,
           body.uncertainty.position,
           chord(body.uncertainty.angle),
@@ -23,14 +23,14 @@ DoubtSource doubt_source(const Body& body) {
           body.model_error};
 }
 
-FrameDoubt joints_of(const PlacedLink& link) {
+FrameUncertainty joints_of(const PlacedLink& link) {
   if (!link.errors) return {};
   return {link.errors->shift(link.link, link.travel), link.errors->turn(link.link)};
 }
 
-BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const BodyDoubt* parent,
+PoseUncertainty uncertainty_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const PoseUncertainty* parent,
                    bool composed, const PlacedLink& link) {
-  return {doubt_below(doubt_source(body), local.translation, t_w, age_s, parent, composed, joints_of(link)), link};
+  return {uncertainty_below(uncertainty_source(body), local.translation, t_w, age_s, parent, composed, joints_of(link)), link};
 }
 
 namespace {
@@ -58,21 +58,21 @@ double pose_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t
   return std::max(1e-9 * static_cast<double>(std::max<std::int64_t>(age_ns, 0)), points_age_s(snapshot, body, now_ns));
 }
 
-std::vector<BodyDoubt> doubts_of(const Scene& scene, const PoseSnapshot& snapshot, std::int64_t now_ns) {
-  if (!scene.has_doubts() && !snapshot.has_followers) return {};
-  std::vector<BodyDoubt> doubts(scene.bodies().size());
+std::vector<PoseUncertainty> uncertainties_of(const Scene& scene, const PoseSnapshot& snapshot, std::int64_t now_ns) {
+  if (!scene.has_uncertainties() && !snapshot.has_followers) return {};
+  std::vector<PoseUncertainty> uncertainties(scene.bodies().size());
   const std::vector<std::vector<double>> travels = travels_of(scene, snapshot);
   for (const std::uint32_t b : *snapshot.order) {
     const Body& body = scene.bodies()[b];
-    PlacedLink& link = doubts[b].link;  // also of one that only a query gives a pose
+    PlacedLink& link = uncertainties[b].link;  // also of one that only a query gives a pose
     if (body.robot != kNone) link = {&scene.robots()[body.robot]->errors, body.link, travels[body.robot][body.link]};
     if (snapshot.placed[b].status != Status::kOk) continue;
     const double age_s = body.is_static ? 0 : pose_age_s(snapshot, b, now_ns);
     const std::uint32_t on = snapshot.parent[b];
-    doubts[b] = doubt_of(body, snapshot.local[b], snapshot.placed[b].pose.t_w, age_s,
-                         on == kNone ? nullptr : &doubts[on], on != kNone && is_composed(snapshot.placed[on]), link);
+    uncertainties[b] = uncertainty_of(body, snapshot.local[b], snapshot.placed[b].pose.t_w, age_s,
+                         on == kNone ? nullptr : &uncertainties[on], on != kNone && is_composed(snapshot.placed[on]), link);
   }
-  return doubts;
+  return uncertainties;
 }
 
 }  // namespace clearance

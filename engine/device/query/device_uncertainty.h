@@ -11,15 +11,15 @@ namespace clearance::cuda {
 
 /// A body of the query's pairs that is not known exactly (docs/bounds.md, "Slack"), the first by its id; kNone: there
 /// is none.
-std::uint32_t doubted_body(const Scene& scene, const Plan& plan);
+std::uint32_t uncertain_body(const Scene& scene, const Plan& plan);
 
 /// The same of one whose doubt grows as time goes by: its pose ages, or that of what it follows.
 std::uint32_t ageing_body(const Scene& scene, const Plan& plan);
 
 /// Made of a plan with its doubts; its arrays live as long as this.
-class DeviceDoubts {
+class DeviceUncertainty {
  public:
-  DeviceDoubts(const Scene& scene, const Plan& plan);
+  DeviceUncertainty(const Scene& scene, const Plan& plan);
   /// Points a setup to the arrays.
   void tell(QuerySetup& setup) const;
 
@@ -30,8 +30,8 @@ class DeviceDoubts {
   std::vector<BodySlack> fixed_;
   std::vector<LinkPlace> links_;
   std::vector<LinkPairError> link_pairs_;
-  std::vector<DoubtMove> moves_;
-  std::vector<PlacedDoubt> base_;
+  std::vector<UncertaintyStep> moves_;
+  std::vector<PlacedUncertainty> base_;
 };
 
 }  // namespace clearance::cuda

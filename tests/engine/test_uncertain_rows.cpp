@@ -8,7 +8,7 @@ namespace clearance::test {
 namespace {
 
 // mixed_scene() with bodies that may be turned, each by another angle; some of them follow others.
-Scene doubted_scene(int count, double box, std::uint64_t seed) {
+Scene uncertain_scene(int count, double box, std::uint64_t seed) {
   const Scene known = mixed_scene(count, box, seed);
   Scene scene;
   Random random(seed);
@@ -32,25 +32,25 @@ TEST_P(EngineTest, DoubtedReductionsAgreeWithAllPairs) {
   for (const std::string broad_phase : {"brute", "tree"}) {
     Engine::Options options{GetParam(), 2};
     options.broad_phase = broad_phase;
-    const Engine engine(doubted_scene(60, 4, 3), options);
+    const Engine engine(uncertain_scene(60, 4, 3), options);
     QueryView all;
     all.fields = kAllFields | kFieldPairLower;
     const Answer dense = ask(engine, all);
     const std::vector<BodyPair> pairs = engine.pairs(all);
     std::vector<double> upper(60, kInf), lower(60, kInf);
-    int doubted = 0, pairs_differ = 0;
+    int uncertain = 0, pairs_differ = 0;
     const auto at = [&](BodyPair pair) {
       return static_cast<std::size_t>(std::find(pairs.begin(), pairs.end(), pair) - pairs.begin());
     };
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       EXPECT_EQ(dense.view.pair_lower[i], pairs[i]);
-      doubted += (dense.view.flags[i] & kFlagSlack) != 0;
+      uncertain += (dense.view.flags[i] & kFlagSlack) != 0;
       for (const std::uint32_t body : {pairs[i].a, pairs[i].b}) {
         lower[body] = std::min(lower[body], dense.view.lower[i]);
         upper[body] = std::min(upper[body], dense.view.upper[i]);
       }
     }
-    EXPECT_GT(doubted, 500);
+    EXPECT_GT(uncertain, 500);
     QueryView q = all;
     q.reduce = Reduce::kNearest;
     const Answer nearest = ask(engine, q);
@@ -139,7 +139,7 @@ TEST_P(EngineTest, ABitOfNoColumnIsRefused) {
 }
 
 TEST_P(EngineTest, CompactRowsHoldSlackToo) {
-  const Engine engine = make(doubted_scene(24, 3, 5));
+  const Engine engine = make(uncertain_scene(24, 3, 5));
   QueryView q;
   q.fields = kDefaultFields;
   const Answer full = ask(engine, q);
