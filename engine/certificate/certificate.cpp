@@ -63,7 +63,7 @@ class RowCertificateJob final : public CertificateJob {
 
   Evaluator evaluator_;
   Step step_ = Step::kBegin;  // of the row whose turn it is
-  const Placement* here_ = nullptr;
+  const BodyPoses* here_ = nullptr;
   PlacedBodies asked_{};
   PairAnswer answer_;
   std::unique_ptr<RowProver> prover_;

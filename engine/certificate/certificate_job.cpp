@@ -44,7 +44,7 @@ void CertificateJob::refuse_stand_ins(BodyPair pair) const {
     refuse_kind(why + ", of whose pieces no row is certified: its triangles' are (model: truth)");
 }
 
-SpanPlace CertificateJob::span_at(const Placement& here, BodyPair pair) const {
+SpanPlace CertificateJob::span_at(const BodyPoses& here, BodyPair pair) const {
   SpanPlace place;
   place.slack = pair_slack(here, pair);
   place.between_a = here.beside_chains(pair.a).inner;
@@ -60,7 +60,7 @@ SpanPlace CertificateJob::span_at(const Placement& here, BodyPair pair) const {
   return place;
 }
 
-WitnessProof CertificateJob::witness_at(const Placement& here, BodyPair pair, double time, PieceProof proof) const {
+WitnessProof CertificateJob::witness_at(const BodyPoses& here, BodyPair pair, double time, PieceProof proof) const {
   return {time, here[pair.a].pose.X_wb, here[pair.b].pose.X_wb, std::move(proof)};
 }
 

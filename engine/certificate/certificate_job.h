@@ -29,8 +29,8 @@ class CertificateJob : public ParallelJob {
   /// Throws QueryError for pairs of which nothing is certified.
   void refuse_stand_ins(BodyPair pair) const;
   /// Bodies with usable poses, as of the whole of a motion; its begin, end and time may be set then.
-  SpanPlace span_at(const Placement& here, BodyPair pair) const;
-  WitnessProof witness_at(const Placement& here, BodyPair pair, double time, PieceProof proof) const;
+  SpanPlace span_at(const BodyPoses& here, BodyPair pair) const;
+  WitnessProof witness_at(const BodyPoses& here, BodyPair pair, double time, PieceProof proof) const;
 
   const CertificateRows& rows_;
   std::uint64_t count_, next_ = 0;

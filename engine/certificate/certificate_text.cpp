@@ -198,7 +198,7 @@ void CertificateText::begin_row(std::uint64_t row, std::uint64_t configuration, 
   first_pair_ = true;
 }
 
-void CertificateText::begin_pair(BodyPair pair, const Placement& here, double margin, double lower) {
+void CertificateText::begin_pair(BodyPair pair, const BodyPoses& here, double margin, double lower) {
   for (const std::uint32_t body : {pair.a, pair.b}) {
     name(body, here);
     in_pairs_.insert(body);
@@ -248,7 +248,7 @@ void CertificateText::end_row(const std::optional<WitnessProof>& witness,
 }
 
 // Each once, after what it is placed on.
-void CertificateText::name(std::uint32_t id, const Placement& here) {
+void CertificateText::name(std::uint32_t id, const BodyPoses& here) {
   if (known_.contains(id)) return;
   known_[id] = here.has_uncertainties() ? here.uncertainty(id).parts.age_s : 0;
   for (const std::uint32_t on : {carrier_of(id), plan_.snapshot->parent[id]})

@@ -37,7 +37,7 @@ struct SpanPlace {
   Slack slack;  ///< of the pair
   SlackParts parts_a, parts_b;
   double joints = 0;                    ///< of links of one robot: joints_between()
-  double between_a = 0, between_b = 0;  ///< Placement::beside_chains()
+  double between_a = 0, between_b = 0;  ///< BodyPoses::beside_chains()
 };
 
 /// Points that are no farther apart than an upper bound, or a surface that says how deep an overlap is.
@@ -65,7 +65,7 @@ class CertificateText {
   void begin(const ReplyInfo& info);
   void begin_row(std::uint64_t row, std::uint64_t configuration, BodyPair pair, const PairAnswer& answer);
   /// Of bodies with usable poses. \param here any configuration, until the pair ends. \param lower what is proved of it
-  void begin_pair(BodyPair pair, const Placement& here, double margin, double lower);
+  void begin_pair(BodyPair pair, const BodyPoses& here, double margin, double lower);
   void begin_span(BodyPair pair, const SpanPlace& place);
   void add_lower(const PieceProof& proof);
   void end_span();
@@ -90,7 +90,7 @@ class CertificateText {
   bool lists_elements(const Surface& surface, WorkMeter& meter);
   void add_piece(WorkMeter& meter);
   void add_configuration(std::uint64_t k);
-  void name(std::uint32_t id, const Placement& here);
+  void name(std::uint32_t id, const BodyPoses& here);
   const RobotJoint* joint_of(std::uint32_t id) const;
   std::uint32_t carrier_of(std::uint32_t id) const;
 
@@ -99,7 +99,7 @@ class CertificateText {
   std::uint64_t most_;
   std::vector<std::byte> text_;
   Part part_ = Part::kRows;
-  const Placement* here_ = nullptr;  // of the pair that is written
+  const BodyPoses* here_ = nullptr;  // of the pair that is written
   bool first_row_ = true, first_pair_ = true, first_span_ = true, first_lower_ = true;
   bool is_free_ = false;                   // of the pair: begin_free()
   std::map<std::uint32_t, double> known_;  // bodies, with the ages of their poses, seconds

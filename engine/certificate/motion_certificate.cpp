@@ -107,7 +107,7 @@ class MotionCertificateJob final : public CertificateJob {
     for (; pair_ < end_; ++pair_) {
       const BodyPair pair = plan_.pairs.at(pair_);
       if (!pair_prover_ && !begin_pair(pair)) continue;
-      const auto span_at = [this](const Placement& here, BodyPair of) { return this->span_at(here, of); };
+      const auto span_at = [this](const BodyPoses& here, BodyPair of) { return this->span_at(here, of); };
       do {
         if (!pair_prover_->advance(slice, span_at)) return false;
         is_proved_ = is_proved_ && pair_prover_->has_proved();

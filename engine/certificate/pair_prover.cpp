@@ -100,7 +100,7 @@ bool PairProver::step(WorkMeter& meter) {
 
 // Whether nothing is proved of two elements that are near: then nothing is of the span.
 bool PairProver::is_too_near_somewhere(WorkMeter& meter) {
-  const Placement& here = moment_.placed();
+  const BodyPoses& here = moment_.placed();
   nearest_.begin(a_, here[pair_.a].pose, b_, here[pair_.b].pose);
   ElementPair near;
   nearest_.take_near(std::numeric_limits<double>::infinity(), near);
@@ -161,7 +161,7 @@ void PairProver::write(SpanPlace place) {
 
 // Between the bodies' boxes; along the normal of one that is a half-space. World axes.
 Vec3d PairProver::towards_b() const {
-  const Placement& here = moment_.placed();
+  const BodyPoses& here = moment_.placed();
   const auto normal = [&](std::uint32_t body) { return here[body].pose.R_wb * Vec3d{0, 0, 1}; };
   if (is_half_space(*a_.pieces[0])) return normal(pair_.a);
   if (is_half_space(*b_.pieces[0])) return -normal(pair_.b);
@@ -170,11 +170,11 @@ Vec3d PairProver::towards_b() const {
 
 // One such direction for all pieces.
 bool PairProver::try_boxes() {
-  const Placement& here = moment_.placed();
+  const BodyPoses& here = moment_.placed();
   const Vec3d n = towards_b();
   if (n.x == 0 && n.y == 0 && n.z == 0) return false;
   PieceProof all{kNone, kNone, {}, 1, rates_.speed_seer};
-  const PlacedPose &pose_a = here[pair_.a].pose, &pose_b = here[pair_.b].pose;
+  const PoseMatrix &pose_a = here[pair_.a].pose, &pose_b = here[pair_.b].pose;
   double least = std::numeric_limits<double>::infinity();
   for (const PiecePtr& p : a_.pieces)
     for (const PiecePtr& q : b_.pieces) least = std::min(least, lower_along(*p, pose_a, *q, pose_b, n, all.proof));
@@ -190,7 +190,7 @@ bool PairProver::try_boxes() {
 
 // \param claim of which pieces they are \param in_all_ways rather than in the first that may do
 PairProver::Halves PairProver::try_pieces(const Piece& p, const Piece& q, PieceProof claim, bool in_all_ways) {
-  const PlacedPose &pose_a = moment_.placed()[pair_.a].pose, &pose_b = moment_.placed()[pair_.b].pose;
+  const PoseMatrix &pose_a = moment_.placed()[pair_.a].pose, &pose_b = moment_.placed()[pair_.b].pose;
   claim.seer = rates_.speed_seer;
   NarrowLimits limits = limits_;
   limits.overlap_by = slack_.outer;
@@ -216,7 +216,7 @@ PairProver::Halves PairProver::try_pieces(const Piece& p, const Piece& q, PieceP
 
 // How near the pair comes in either half along a direction, world axes. \param p, q null: all pieces
 PairProver::Halves PairProver::by_direction(const Vec3d& n, const Piece* p, const Piece* q) const {
-  const Placement& here = moment_.placed();
+  const BodyPoses& here = moment_.placed();
   const double half = left_.back().half();
   const auto moving_body = [&](std::uint32_t body, const Piece* piece) {
     return MovingBody{scene_.bodies()[body], here[body].pose,

@@ -29,13 +29,13 @@ class MotionMoment {
   void move_to(double time);
 
   const MovingBodies& moving() const { return *moving_; }
-  const Placement& placed() const { return placed_; }
+  const BodyPoses& placed() const { return placed_; }
   std::span<const Twist> twists() const { return twists_; }
 
  private:
   const Plan& plan_;
   MotionPoses poses_;
-  Placement placed_;
+  BodyPoses placed_;
   const MovingBodies* moving_ = nullptr;
   double time_ = -1;
   std::uint64_t moments_ = 0;  // so far: each has its own number

@@ -15,7 +15,7 @@ constexpr double kFine = 1e-12;  // rel_tol of a second attempt: far narrower th
 // Bodies whose pieces are what they are: one direction for all of these, or one for every two.
 class PiecesProver final : public RowProver {
  public:
-  PiecesProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
+  PiecesProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
                const PairAnswer& answer, CertificateText& text)
       : RowProver(scene, options, here, pair, answer, text),
         box_a_(here.box(pair.a)),
@@ -55,7 +55,7 @@ std::array<NarrowLimits, 4> proof_attempts(const NarrowLimits& asked) {
   return limits;
 }
 
-RowProver::RowProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
+RowProver::RowProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
                      const PairAnswer& answer, CertificateText& text)
     : a_(scene.bodies()[pair.a]),
       b_(scene.bodies()[pair.b]),
@@ -120,7 +120,7 @@ bool RowProver::prove(const Piece& p, const Piece& q, PieceProof found, bool wan
   return false;
 }
 
-std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOptions& options, const Placement& here,
+std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here,
                                            BodyPair pair, const PairAnswer& answer, CertificateText& text) {
   if (surface_of(scene.bodies()[pair.a]) || surface_of(scene.bodies()[pair.b]))
     return std::make_unique<SurfaceProver>(scene, options, here, pair, answer, text);

@@ -33,7 +33,7 @@ class RowProver {
   static constexpr std::uint64_t kUnitsPerProof = 64;
 
   /// All must outlive this. \param answer its bounds, and which pieces are the nearest
-  RowProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
+  RowProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
             const PairAnswer& answer, CertificateText& text);
 
   /// A bit of the work, of which end() is the last. False: the slice is over.
@@ -49,7 +49,7 @@ class RowProver {
   bool prove(const Piece& p, const Piece& q, PieceProof found, bool wants_lower, bool wants_upper);
 
   const Body &a_, &b_;
-  const PlacedPose &pose_a_, &pose_b_;
+  const PoseMatrix &pose_a_, &pose_b_;
   Slack slack_;
   NarrowLimits limits_;
   const PairAnswer& answer_;
@@ -63,7 +63,7 @@ class RowProver {
 };
 
 /// All must outlive what it returns. \param answer its bounds, and which pieces are the nearest
-std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOptions& options, const Placement& here,
+std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here,
                                            BodyPair pair, const PairAnswer& answer, CertificateText& text);
 
 }  // namespace clearance

@@ -28,7 +28,7 @@ std::uint32_t candidates_of(const Piece& piece) {
 
 }  // namespace
 
-SurfaceProver::SurfaceProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
+SurfaceProver::SurfaceProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
                              const PairAnswer& answer, CertificateText& text)
     : RowProver(scene, options, here, pair, answer, text), cover_(a_, b_) {
   if (wants_lower_) cover_.begin();
@@ -122,7 +122,7 @@ void SurfaceProver::seek_held(WorkMeter& meter) {
 void SurfaceProver::try_held(const Surface& solid, const Piece& piece, std::uint32_t candidate, WorkMeter& meter) {
   meter.count(1);
   const std::size_t outer = candidates_.outer;
-  const PlacedPose &X_wo = outer == 0 ? pose_a_ : pose_b_, &X_wi = outer == 0 ? pose_b_ : pose_a_;
+  const PoseMatrix &X_wo = outer == 0 ? pose_a_ : pose_b_, &X_wi = outer == 0 ? pose_b_ : pose_a_;
   const Surface* const surface = piece.surface.get();
   const bool is_mesh = surface && !surface->is_cloud();
   const Vec3d vertex = is_mesh   ? surface->vertices()[surface->parts()[candidate]]

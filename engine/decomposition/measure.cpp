@@ -11,7 +11,7 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-const PlacedPose kHere{Mat3d::identity(), {0, 0, 0}, {}};
+const PoseMatrix kHere{Mat3d::identity(), {0, 0, 0}, {}};
 
 // The point of a triangle nearest to p, squared distance, by the regions of C. Ericson, "Real-Time Collision Detection"
 // (2004), sect. 5.1.5. It only chooses triangles.

@@ -18,20 +18,20 @@ constexpr std::size_t kSortedAtOnce = 256;  // piece pairs
 
 }  // namespace
 
-bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair) {
+bool is_unusable(const Scene& scene, const BodyPoses& placement, BodyPair pair) {
   for (const std::uint32_t body : {pair.a, pair.b})
     if (body >= scene.bodies().size() || placement[body].status != Status::kOk) return true;
   return false;
 }
 
-std::uint16_t pose_flags(const Placement& placement, BodyPair pair, std::span<const std::uint8_t> stale) {
+std::uint16_t pose_flags(const BodyPoses& placement, BodyPair pair, std::span<const std::uint8_t> stale) {
   std::uint16_t flags = placement[pair.a].renormalised || placement[pair.b].renormalised ? kFlagRenormalised : 0;
   if (placement[pair.a].beyond_limits || placement[pair.b].beyond_limits) flags |= kFlagBeyondLimits;
   if (!stale.empty() && (stale[pair.a] || stale[pair.b])) flags |= kFlagStale;
   return flags;
 }
 
-double box_gap(const Scene& scene, const Placement& placement, BodyPair pair) {
+double box_gap(const Scene& scene, const BodyPoses& placement, BodyPair pair) {
   const std::size_t n = scene.bodies().size();
   if (pair.a >= n || pair.b >= n) return kInf;
   const Aabb *a = placement.known_box(pair.a), *b = placement.known_box(pair.b);
@@ -45,7 +45,7 @@ namespace {
 bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options,
                            PairAnswer& answer) {
   const BodyPair pair = bodies.pair;
-  const Placement& placement = *bodies.placement;
+  const BodyPoses& placement = *bodies.placement;
   if (pair.a >= scene.bodies().size() || pair.b >= scene.bodies().size()) {
     answer = no_answer(Status::kUnknownBody);
     return true;
@@ -64,7 +64,7 @@ bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const
 
 }  // namespace
 
-PairAnswer unusable_answer(const Scene& scene, const Placement& placement, BodyPair pair,
+PairAnswer unusable_answer(const Scene& scene, const BodyPoses& placement, BodyPair pair,
                            const EvaluateOptions& options) {
   assert(is_unusable(scene, placement, pair));
   PairAnswer answer;
@@ -86,7 +86,7 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
   const NarrowAnswer& best = found.best;
   const double lower = found.lower;
   const Body &a = scene.bodies()[bodies.pair.a], &b = scene.bodies()[bodies.pair.b];
-  const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose, &pose_b = (*bodies.placement)[bodies.pair.b].pose;
+  const PoseMatrix &pose_a = (*bodies.placement)[bodies.pair.a].pose, &pose_b = (*bodies.placement)[bodies.pair.b].pose;
 
   if (best.bounds.upper == kInf && lower == -kInf) {
     const std::uint16_t flags = answer.flags;
@@ -228,7 +228,7 @@ void Evaluator::take_in(WorkMeter& meter) {
   for (std::size_t elements = 0; next_ < pairs_.size() && piece_pairs_.size() < kMostPiecePairs; ++next_) {
     const auto i = static_cast<std::uint32_t>(next_);
     const BodyPair pair = pairs_[i].pair;
-    const Placement& placement = *pairs_[i].placement;
+    const BodyPoses& placement = *pairs_[i].placement;
     if (answer_without_pieces(scene_, pairs_[i], options_, answers_[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     assert(!a.empty() && !b.empty());
@@ -293,7 +293,7 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
 }
 
 void Evaluator::begin_element_search(const PlacedBodies& bodies, std::uint32_t index) {
-  const Placement& placement = *bodies.placement;
+  const BodyPoses& placement = *bodies.placement;
   Search& search = searches_.emplace_back(
       Search{index, 0, std::numeric_limits<std::size_t>::max(), 0, 0, pair_slack(placement, bodies.pair), {}, {}});
   if (unused_.empty()) unused_.push_back(std::make_unique<ElementSearch>());
@@ -331,7 +331,7 @@ bool Evaluator::gather(Search& search, WorkMeter& meter) {
 // Whether the pieces that stand for triangles are asked next, or have answered for them: that none is near enough.
 bool Evaluator::is_left_to_pieces(Search& search) {
   const PlacedBodies& bodies = pairs_[search.index];
-  const Placement& placement = *bodies.placement;
+  const BodyPoses& placement = *bodies.placement;
   ElementSearch& elements = *search.elements;
   if (options_.reference ||
       elements.go_on_by_pieces(placement[bodies.pair.a].pose, placement[bodies.pair.b].pose,

@@ -12,7 +12,7 @@
 #include "engine/narrow/answer.h"
 #include "engine/narrow/piece_batch.h"
 #include "engine/narrow/piece_search.h"
-#include "engine/selection/placement.h"
+#include "engine/selection/body_poses.h"
 
 namespace clearance {
 
@@ -37,7 +37,7 @@ struct BodiesAnswer {
 /// A pair in the configuration that a placement stands at.
 struct PlacedBodies {
   BodyPair pair;
-  const Placement* placement;
+  const BodyPoses* placement;
   double max_distance;          ///< instead of the limits'
   WarmSimplex* warm = nullptr;  ///< of a pair of single pieces; null: cold
   /// An upper bound no higher is all that is asked, metres.
@@ -126,14 +126,14 @@ class Evaluator {
 };
 
 /// A lower bound on a pair's distance from boxes alone; +inf if one of them cannot be placed.
-double box_gap(const Scene& scene, const Placement& placement, BodyPair pair);
+double box_gap(const Scene& scene, const BodyPoses& placement, BodyPair pair);
 /// The flags that a pair of known bodies has for its poses alone: kFlagRenormalised, kFlagStale,
 /// kFlagBeyondLimits.
-std::uint16_t pose_flags(const Placement& placement, BodyPair pair, std::span<const std::uint8_t> stale);
+std::uint16_t pose_flags(const BodyPoses& placement, BodyPair pair, std::span<const std::uint8_t> stale);
 /// Whether a pair's answer is a bad or missing pose or an unknown body.
-bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair);
+bool is_unusable(const Scene& scene, const BodyPoses& placement, BodyPair pair);
 /// The answer for such a pair: its status says why, and the bounds are -inf and inf.
-PairAnswer unusable_answer(const Scene& scene, const Placement& placement, BodyPair pair,
+PairAnswer unusable_answer(const Scene& scene, const BodyPoses& placement, BodyPair pair,
                            const EvaluateOptions& options);
 
 }  // namespace clearance

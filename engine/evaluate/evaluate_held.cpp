@@ -67,7 +67,7 @@ void Evaluator::take_held(Search& search, double apart, const Vec3d (&shared)[2]
   found.best.normal = normal;
   found.lower = -kInf;
   if (!is_by_pieces(bodies.pair)) return;
-  const Placement& placement = *bodies.placement;
+  const BodyPoses& placement = *bodies.placement;
   found.lower = -std::max(apart, depth_of(placement.box(bodies.pair.a), placement.box(bodies.pair.b)));
 }
 

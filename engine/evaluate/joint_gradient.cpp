@@ -71,13 +71,13 @@ std::uint32_t JointGradient::add_mover(std::uint32_t body, std::uint32_t above,
   return static_cast<std::uint32_t>(movers_.size() - 1);
 }
 
-void JointGradient::write(const Placement& placement, BodyPair pair, const PairAnswer& answer, double* out) const {
+void JointGradient::write(const BodyPoses& placement, BodyPair pair, const PairAnswer& answer, double* out) const {
   const std::size_t n = scene_.bodies().size();
   if (pair.a >= n || pair.b >= n) {
     std::fill_n(out, joints_, std::numeric_limits<double>::quiet_NaN());
     return;
   }
-  const auto pose_of = [&](std::uint32_t body) -> const PlacedPose& { return placement[body].pose; };
+  const auto pose_of = [&](std::uint32_t body) -> const PoseMatrix& { return placement[body].pose; };
   write_joint_gradient(movers_.data(), mover_of_[pair.a], mover_of_[pair.b], answer, pose_of(pair.a).t_w,
                        pose_of(pair.b).t_w, pose_of, static_cast<std::uint32_t>(joints_), out);
 }

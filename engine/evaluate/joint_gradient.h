@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "engine/evaluate/joint_gradient_step.h"
-#include "engine/selection/placement.h"
+#include "engine/selection/body_poses.h"
 
 namespace clearance {
 
@@ -18,7 +18,7 @@ class JointGradient {
   JointGradient(const Scene& scene, const Plan& plan);
 
   /// \param out (J,) in the order of Plan::joints: write_joint_gradient()
-  void write(const Placement& placement, BodyPair pair, const PairAnswer& answer, double* out) const;
+  void write(const BodyPoses& placement, BodyPair pair, const PairAnswer& answer, double* out) const;
   /// Its `link` and `carrier` are bodies.
   const std::vector<JointMover>& movers() const { return movers_; }
   /// (bodies,) the nearest one that carries each, or kNone

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "engine/hull/box.h"
-#include "engine/selection/placement.h"
+#include "engine/selection/body_poses.h"
 
 namespace clearance {
 
@@ -26,12 +26,12 @@ class PieceBoxes {
   }
 
   /// A box for each piece of a body that has a usable pose; valid until the next call but one.
-  std::span<const Aabb> at(const Placement& placement, std::uint32_t body) {
+  std::span<const Aabb> at(const BodyPoses& placement, std::uint32_t body) {
     if (const std::span<const Aabb> known = placement.known_piece_boxes(body); !known.empty()) return known;
     if (slots_.empty()) expect(1);
     const Slot wanted = of(placement, body);
     const std::size_t home =
-        (reinterpret_cast<std::uintptr_t>(wanted.placement) / sizeof(Placement) * 64 + body) % (slots_.size() / 2) * 2;
+        (reinterpret_cast<std::uintptr_t>(wanted.placement) / sizeof(BodyPoses) * 64 + body) % (slots_.size() / 2) * 2;
     for (std::size_t i = home; i < home + 2; ++i)
       if (slots_[i].holds(wanted)) {
         slots_[i].used = ++count_;
@@ -43,7 +43,7 @@ class PieceBoxes {
     slot.body = body;
     slot.used = ++count_;
     slot.boxes.clear();
-    const PlacedPose& pose = placement[body].pose;
+    const PoseMatrix& pose = placement[body].pose;
     for (const PiecePtr& piece : scene_.bodies()[body].pieces)
       slot.boxes.push_back(certify_box(*piece, pose.R_wb, pose.t_w));
     return slot.boxes;
@@ -52,8 +52,8 @@ class PieceBoxes {
  private:
   static constexpr std::size_t kFewestSlots = 16, kMostSlots = 2048;
   struct Slot {
-    const Placement* placement = nullptr;  // null: of a body that stands where it does in all of them
-    std::uint64_t number = 0, used = 0;    // Placement::number()
+    const BodyPoses* placement = nullptr;  // null: of a body that stands where it does in all of them
+    std::uint64_t number = 0, used = 0;    // BodyPoses::number()
     std::uint32_t body = kNone;
     std::vector<Aabb> boxes;
 
@@ -61,7 +61,7 @@ class PieceBoxes {
       return placement == other.placement && number == other.number && body == other.body;
     }
   };
-  static Slot of(const Placement& placement, std::uint32_t body) {
+  static Slot of(const BodyPoses& placement, std::uint32_t body) {
     if (!placement.moves(body)) return {.body = body, .boxes = {}};
     return {.placement = &placement, .number = placement.number(), .body = body, .boxes = {}};
   }

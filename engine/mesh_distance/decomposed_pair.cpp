@@ -25,7 +25,7 @@ bool has_decomposition(const Body& body) {
   return std::ranges::any_of(body.pieces, [](const PiecePtr& piece) { return decomposition_of(*piece) != nullptr; });
 }
 
-void DecomposedPair::hold(const Body& body, const PlacedPose& pose, std::vector<Holder>& holders, Aabb& around) {
+void DecomposedPair::hold(const Body& body, const PoseMatrix& pose, std::vector<Holder>& holders, Aabb& around) {
   holders.clear();
   around = kEmptyBox;
   const auto add = [&](const Piece& piece, double inner) {
@@ -43,7 +43,7 @@ void DecomposedPair::hold(const Body& body, const PlacedPose& pose, std::vector<
   }
 }
 
-bool DecomposedPair::begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b,
+bool DecomposedPair::begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b,
                            double cut_off) {
   if (!(cut_off < std::numeric_limits<double>::infinity()) || is_half_space(*a.pieces[0]) ||
       is_half_space(*b.pieces[0]) || !(has_decomposition(a) || has_decomposition(b)))

@@ -29,7 +29,7 @@ class DecomposedPair {
 
   /// Begins with a pair of bodies. False: pieces cannot help, and nothing is to be asked. \param cut_off metres: up to
   /// which the elements are of interest
-  bool begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b, double cut_off);
+  bool begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double cut_off);
   /// What is asked next, side by side; empty: nothing more.
   std::span<const Asked> round() const;
   /// The proved lower bound of pair i of the round, metres.
@@ -47,7 +47,7 @@ class DecomposedPair {
     double inner;
     Aabb box;
   };
-  static void hold(const Body& body, const PlacedPose& pose, std::vector<Holder>& holders, Aabb& around);
+  static void hold(const Body& body, const PoseMatrix& pose, std::vector<Holder>& holders, Aabb& around);
 
   std::vector<Holder> a_, b_;
   std::vector<Asked> asked_;

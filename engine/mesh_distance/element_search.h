@@ -18,7 +18,7 @@ class ElementSearch {
   static constexpr std::size_t kMostOfRound = 256;
 
   /// All must outlive the search.
-  void begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b) {
+  void begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b) {
     a_ = &a;
     b_ = &b;
     nearest_.begin(a, pose_a, b, pose_b);
@@ -68,7 +68,7 @@ class ElementSearch {
   /// What comes between hulls and triangles: the pieces that stand for these. kGoesOn: they are asked, or are all
   /// proved beyond the cut-off (DecomposedPair::round() is empty); kOver: triangles have to be.
   enum class ByPieces : std::uint8_t { kNotYet, kGoesOn, kOver };
-  ByPieces go_on_by_pieces(const PlacedPose& pose_a, const PlacedPose& pose_b, double cut_off) {
+  ByPieces go_on_by_pieces(const PoseMatrix& pose_a, const PoseMatrix& pose_b, double cut_off) {
     if (known_.by_pieces == ByPieces::kNotYet)
       known_.by_pieces = pieces_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByPieces::kGoesOn : ByPieces::kOver;
     if (pieces_.has_failed()) known_.by_pieces = ByPieces::kOver;

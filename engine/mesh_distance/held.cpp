@@ -64,7 +64,7 @@ class PartsOf {
 };
 
 // Whether a part of `inner` lies within a solid of `outer`.
-Held holds(const Body& outer, const PlacedPose& outer_pose, const Body& inner, const PlacedPose& inner_pose,
+Held holds(const Body& outer, const PoseMatrix& outer_pose, const Body& inner, const PoseMatrix& inner_pose,
            double apart, WorkMeter& meter, Vec3d* from_outer, Vec3d* from_inner) {
   const Vec3d shift = inner_pose.t_w - outer_pose.t_w;
   // A point that is turned, shifted and turned back is off by less than 16 roundings of S; a gap may be by 30.
@@ -99,7 +99,7 @@ Held holds(const Body& outer, const PlacedPose& outer_pose, const Body& inner, c
 
 }  // namespace
 
-Held one_holds_the_other(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b, double apart,
+Held one_holds_the_other(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double apart,
                          WorkMeter& meter, Vec3d (&point)[2]) {
   const Held b_in_a = holds(a, pose_a, b, pose_b, apart, meter, &point[0], &point[1]);
   if (b_in_a == Held::kYes) return b_in_a;

@@ -14,7 +14,7 @@ namespace clearance {
 /// \param apart metres: no element of one is nearer to one of the other \param point gets, of kYes, a point that both
 /// share, from the origin of either, world axes
 enum class Held { kNo, kUnknown, kYes };
-Held one_holds_the_other(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b, double apart,
+Held one_holds_the_other(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double apart,
                          WorkMeter& meter, Vec3d (&point)[2]);
 
 }  // namespace clearance

@@ -54,7 +54,7 @@ const Piece& piece_of(const Body& body, const Element& element, Piece& room) {
   return room;
 }
 
-void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b) {
+void NearestElements::begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b) {
   a_ = &a;
   b_ = &b;
   R_wa_ = pose_a.R_wb;

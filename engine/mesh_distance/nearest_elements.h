@@ -37,7 +37,7 @@ class NearestElements {
   enum class Found { kPair, kNoMore, kPaused };
 
   /// All must outlive the search.
-  void begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b);
+  void begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b);
   /// The nearest two pieces by their boxes. Where they are not the truth, a lower bound on the distance of the hulls
   /// and the direction that proves it hold for all that they are around.
   ElementPair pieces() const;

@@ -12,7 +12,7 @@ namespace clearance {
 /// A body in the middle of a span, with how fast it moves before whoever sees the pair.
 struct MovingBody {
   const Body& body;
-  const PlacedPose& pose;
+  const PoseMatrix& pose;
   Twist twist;                   ///< world axes
   const Aabb* box = nullptr;     ///< looked at in place of the pieces that it holds; world axes
   const Piece* piece = nullptr;  ///< looked at in place of all pieces

@@ -46,7 +46,7 @@ MotionBlock::MotionBlock(const MotionQuery& question, const EvaluateOptions& opt
     rough_.emplace(question.scene, rough);
   }
   for (std::uint64_t i = 0; i < most; ++i) searches_.emplace_back(question);
-  const std::uint64_t places = std::min(kMostPlaces, Placement::most(question.scene, question.plan));
+  const std::uint64_t places = std::min(kMostPlaces, BodyPoses::most(question.scene, question.plan));
   for (std::uint64_t i = 0; i < places; ++i) placements_.emplace_back(question.scene, question.plan, boxes);
   places_.resize(places);
 }

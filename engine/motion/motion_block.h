@@ -67,7 +67,7 @@ class MotionBlock {
   MotionPoses poses_;
   std::vector<MotionSearch> searches_;
   std::size_t count_ = 0, turn_ = 0;  // the latter: whose it is next
-  std::vector<Placement> placements_;
+  std::vector<BodyPoses> placements_;
   std::uint64_t placed_ = 0;  // instants so far: each placement is told apart by its own number
   std::vector<Place> places_;
   std::size_t used_ = 0;  // of places_

@@ -234,20 +234,20 @@ MotionRates MotionBounds::rates_of(const Chain& chain, const MovingBodies& movin
 
 // Radians that the frames behind a body's slack may be turned by: as it moves before them, its slack changes by so much
 // for each metre.
-double MotionBounds::turn_uncertainty(std::uint32_t body, const Placement& placed) const {
+double MotionBounds::turn_uncertainty(std::uint32_t body, const BodyPoses& placed) const {
   if (plan_.uncertainties.empty()) return 0;
   const PoseUncertainty& uncertainty = placed.uncertainty(body);
   return uncertainty.known.turn + uncertainty.placed.turn + 4 * kUnit;
 }
 
-double MotionBounds::drift_of(std::uint32_t body, const MovingBodies& moving, const Placement& placed) const {
+double MotionBounds::drift_of(std::uint32_t body, const MovingBodies& moving, const BodyPoses& placed) const {
   const std::uint32_t chain = chain_of_body_[body];
   if (chain == kStill) return 0;
   const MotionRates& own = moving.chains[chain];
   return drift_of_chain(own, moving.chain_errors[chain], moving.chain_turns[chain], turn_uncertainty(body, placed));
 }
 
-void MotionBounds::speeds(const MovingBodies& moving, const Placement& placed, std::vector<double>& speeds) const {
+void MotionBounds::speeds(const MovingBodies& moving, const BodyPoses& placed, std::vector<double>& speeds) const {
   speeds.clear();
   for (const std::uint32_t body : plan_.moved) {
     const std::uint32_t chain = chain_of_body_[body];
@@ -256,7 +256,7 @@ void MotionBounds::speeds(const MovingBodies& moving, const Placement& placed, s
 }
 
 PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const MovingBodies& moving,
-                              const Placement& placed) const {
+                              const BodyPoses& placed) const {
   static constexpr MotionRates kAtRest;
   const auto of = [&](std::uint32_t chain) -> const MotionRates& {
     return chain == kStill ? kAtRest : moving.chains[chain];
@@ -275,7 +275,7 @@ PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const Movin
 }
 
 Twist MotionBounds::twist_before(std::uint32_t seer, std::uint32_t body, std::span<const Twist> twists,
-                                 const Placement& placed) const {
+                                 const BodyPoses& placed) const {
   const auto twist_of = [&](std::uint32_t of) { return slot_[of] == kNone ? Twist() : twists[slot_[of]]; };
   if (seer == kNone) return twist_of(body);
   return twist_seen(twist_of(body), twist_of(seer), placed[body].pose.t_w - placed[seer].pose.t_w);

@@ -11,7 +11,7 @@
 #include "engine/motion/motion_step.h"
 #include "engine/robot/link_twists.h"
 #include "engine/robot/motion_path.h"
-#include "engine/selection/placement.h"
+#include "engine/selection/body_poses.h"
 #include "engine/selection/plan.h"
 
 namespace clearance {
@@ -41,13 +41,13 @@ class MotionBounds {
   void take(std::uint64_t motion, MovingBodies& moving) const;
   /// \param position of the pair in the plan. \param placed at any time of the motion
   /// Metres in a unit of time, of each of Plan::moved: a pair's speed is no more than the sum of its bodies'.
-  void speeds(const MovingBodies& moving, const Placement& placed, std::vector<double>& speeds) const;
+  void speeds(const MovingBodies& moving, const BodyPoses& placed, std::vector<double>& speeds) const;
   /// Of a body in Plan::moved; kNone: it is not moved.
   std::uint32_t slot(std::uint32_t body) const { return slot_[body]; }
-  PairRates rates(std::uint64_t position, BodyPair pair, const MovingBodies& moving, const Placement& placed) const;
+  PairRates rates(std::uint64_t position, BodyPair pair, const MovingBodies& moving, const BodyPoses& placed) const;
   /// How fast a body moves before the eyes of another one; kNone: of the world. \param twists of each of Plan::moved
   Twist twist_before(std::uint32_t seer, std::uint32_t body, std::span<const Twist> twists,
-                     const Placement& placed) const;
+                     const BodyPoses& placed) const;
   /// The same as plain arrays. False where poses move bodies, or a robot that is carried by another one moves: no
   /// kernel knows such chains.
   bool flatten(MotionArrays& arrays) const;
@@ -84,8 +84,8 @@ class MotionBounds {
   MotionRates rates_of(const Chain& chain, const MovingBodies& moving, double* error, double* turn_error) const;
   void take_joints(std::size_t robot, MovingBodies& moving) const;
   const Kinematics& kinematics(const Link& link) const { return plan_.motions[link.robot].robot().kinematics; }
-  double turn_uncertainty(std::uint32_t body, const Placement& placed) const;
-  double drift_of(std::uint32_t body, const MovingBodies& moving, const Placement& placed) const;
+  double turn_uncertainty(std::uint32_t body, const BodyPoses& placed) const;
+  double drift_of(std::uint32_t body, const MovingBodies& moving, const BodyPoses& placed) const;
 
   const Scene& scene_;
   const Plan& plan_;

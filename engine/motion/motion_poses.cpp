@@ -87,7 +87,7 @@ void MotionPoses::take_twists(std::size_t motion, std::size_t at) {
   }
 }
 
-void MotionPoses::twists(std::size_t k, const Placement& placed, std::span<Twist> twists) const {
+void MotionPoses::twists(std::size_t k, const BodyPoses& placed, std::span<Twist> twists) const {
   assert(twists.size() == plan_.moved.size());
   for (std::size_t i = 0; i < twists.size(); ++i) {
     const std::uint32_t place = place_[i], carrier = carrier_[i];

@@ -27,7 +27,7 @@ class MotionPoses {
   /// Poses and facts, without errors, at some instants; good until the next call.
   ConfigurationPoses::Block at(std::span<const Instant> instants);
   /// How fast bodies move at instant k of those, placed at it. \param twists (Plan::moved,) world axes, rounded
-  void twists(std::size_t k, const Placement& placed, std::span<Twist> twists) const;
+  void twists(std::size_t k, const BodyPoses& placed, std::span<Twist> twists) const;
 
  private:
   void take_rows(const Instant& instant, double* row) const;

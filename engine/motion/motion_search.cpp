@@ -131,7 +131,7 @@ void MotionSearch::give_up() {
 
 void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked,
                        std::vector<PairRequest>& requests) {
-  const Placement& placed = moment.placed;
+  const BodyPoses& placed = moment.placed;
   // Before anything is known of the least distance all pairs would be asked in full: one comes first.
   const PairList& pairs = motion_query_.plan.pairs;
   const bool seeds = motion_query_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
@@ -156,7 +156,7 @@ void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodie
 }
 
 // Most pairs are so far apart that neither their path nor what else is known of them matters.
-bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const Placement& placed) {
+bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const BodyPoses& placed) {
   const auto speed = [&](std::uint32_t body) {
     const std::uint32_t slot = motion_query_.bounds.slot(body);
     return slot == kNone ? 0 : speeds_[slot];
@@ -185,7 +185,7 @@ bool MotionSearch::leaves_along_boxes(const PairRequest& asked, const Node& node
 }
 
 MotionSearch::PairRequest MotionSearch::request_for(std::size_t i, const Node& node, BodyPair pair,
-                                                    const Placement& placed) {
+                                                    const BodyPoses& placed) {
   const std::uint64_t position = node.open[i];
   PairRequest request{static_cast<std::uint32_t>(i), 0, 0, 0, {}};
   if (!is_unusable(motion_query_.scene, placed, pair)) {
@@ -198,7 +198,7 @@ MotionSearch::PairRequest MotionSearch::request_for(std::size_t i, const Node& n
 }
 
 // The pair whose boxes are nearest; none: they are all beyond max_distance, or nowhere.
-std::size_t MotionSearch::nearest_of(const Node& node, const Placement& placed) const {
+std::size_t MotionSearch::nearest_of(const Node& node, const BodyPoses& placed) const {
   std::size_t nearest = node.open.size();
   double least = motion_query_.plan.query.max_distance;
   for (std::size_t i = 0; i < node.open.size(); ++i) {
@@ -211,7 +211,7 @@ std::size_t MotionSearch::nearest_of(const Node& node, const Placement& placed) 
 
 // Of decisions the earliest pair found within its margin counts where first contact is asked for; else the nearest.
 void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer,
-                       const Placement& placed) {
+                       const BodyPoses& placed) {
   const bool within = is_within(answer, motion_query_.plan.margins.of(position));
   const bool earlier = within && time < goal.hit.time, hit_before = goal.hit.time < kInf;
   if (earlier) goal.hit = {time, position, answer.piece_a, answer.piece_b};

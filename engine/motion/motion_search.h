@@ -74,7 +74,7 @@ class MotionSearch {
 
   /// Where bodies are in the middle of a span, and how fast they move there.
   struct Moment {
-    const Placement& placed;
+    const BodyPoses& placed;
     std::span<const Twist> twists;  // of Plan::moved
   };
 
@@ -137,7 +137,7 @@ class MotionSearch {
   Goal& goal_of(std::uint64_t position) { return goals_[goals_.size() == 1 ? 0 : position]; }
   double target_of(std::uint64_t position, const Goal& goal, double slack) const;
   void leave(Goal& goal, std::uint64_t position, double low, double begin);
-  void see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer, const Placement& placed);
+  void see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer, const BodyPoses& placed);
   bool is_proved(std::uint64_t position, const Goal& goal, double low, double slack) const;
   void divide(const PairRequest& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
               Half (&halves)[2]);
@@ -147,10 +147,10 @@ class MotionSearch {
   void open_all();
   bool seek_contact();
   bool may_ask() const { return !spans_.empty() && (spans_[0].has_steps || steps_ < motion_query_.plan.query.max_steps); }
-  std::size_t nearest_of(const Node& node, const Placement& placed) const;
-  bool leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const Placement& placed);
+  std::size_t nearest_of(const Node& node, const BodyPoses& placed) const;
+  bool leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const BodyPoses& placed);
   bool leaves_along_boxes(const PairRequest& asked, const Node& node, BodyPair pair, const Moment& moment);
-  PairRequest request_for(std::size_t i, const Node& node, BodyPair pair, const Placement& placed);
+  PairRequest request_for(std::size_t i, const Node& node, BodyPair pair, const BodyPoses& placed);
   void push(Node&& node);
   void give_up();
   void end_if_done();

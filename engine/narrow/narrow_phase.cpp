@@ -375,7 +375,7 @@ WarmSimplex remember(const Simplex<T>& s) {
   return w;
 }
 
-Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) {
+Mat3<DoubleDouble> double_double_rotation(const PoseMatrix& pose) {
   return rotation_of_double_double(pose.X_wb);
 }
 
@@ -388,7 +388,7 @@ void attempt_plane(const PlacedPair<T>& pair, Answer& answer) {
 }
 
 // A half-space, a, and another piece: nothing has to be searched. Of two half-spaces nothing is proved.
-NarrowAnswer against_half_space(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+NarrowAnswer against_half_space(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
                                 const NarrowLimits& limits, bool in_fine) {
   if (is_half_space(b)) return {};
   Answer answer(limits, pose_a.R_wb, a.radius, b.radius);
@@ -402,8 +402,8 @@ NarrowAnswer against_half_space(const Piece& a, const PlacedPose& pose_a, const 
   return r;
 }
 // The same whichever of them it is; none: neither is one.
-std::optional<NarrowAnswer> against_half_space(const Piece& a, const PlacedPose& pose_a, const Piece& b,
-                                               const PlacedPose& pose_b, bool in_fine, const NarrowLimits& limits) {
+std::optional<NarrowAnswer> against_half_space(const Piece& a, const PoseMatrix& pose_a, const Piece& b,
+                                               const PoseMatrix& pose_b, bool in_fine, const NarrowLimits& limits) {
   if (is_half_space(a)) return against_half_space(a, pose_a, b, pose_b, limits, in_fine);
   if (!is_half_space(b)) return {};
   NarrowAnswer r = against_half_space(b, pose_b, a, pose_a, limits, in_fine);
@@ -413,8 +413,8 @@ std::optional<NarrowAnswer> against_half_space(const Piece& a, const PlacedPose&
 }
 
 // narrow_phase() with an answer that is empty yet.
-NarrowAnswer narrow_down(Answer answer, const Piece& a, const PlacedPose& pose_a, const Piece& b,
-                         const PlacedPose& pose_b, const NarrowLimits& limits, WarmSimplex* warm,
+NarrowAnswer narrow_down(Answer answer, const Piece& a, const PoseMatrix& pose_a, const Piece& b,
+                         const PoseMatrix& pose_b, const NarrowLimits& limits, WarmSimplex* warm,
                          const Gjk<double>* done, WorkMeter* meter, PausedPairPtr* paused) {
   const bool in_fine = paused && dynamic_cast<PausedEpa<DoubleDouble>*>(paused->get());
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
@@ -445,7 +445,7 @@ NarrowAnswer narrow_down(Answer answer, const Piece& a, const PlacedPose& pose_a
 
 }  // namespace
 
-NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+NarrowAnswer narrow_phase(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
                           const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done, WorkMeter* meter,
                           std::unique_ptr<PausedPair>* paused) {
   if (const auto plane = against_half_space(a, pose_a, b, pose_b, false, limits)) return *plane;
@@ -453,7 +453,7 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
                      paused);
 }
 
-NarrowAnswer narrow_phase_proved(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+NarrowAnswer narrow_phase_proved(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
                                  const NarrowLimits& limits, NarrowProof& proof) {
   proof = {};
   if (is_half_space(a) || is_half_space(b)) {
@@ -465,7 +465,7 @@ NarrowAnswer narrow_phase_proved(const Piece& a, const PlacedPose& pose_a, const
                      nullptr, nullptr, nullptr);
 }
 
-double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b) {
+double rounding_of(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b) {
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
   return rounding_width(pair.scale);
 }
@@ -476,7 +476,7 @@ void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const 
   normal = settled_normal(lane);
 }
 
-NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+NarrowAnswer narrow_phase_reference(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
                                     const NarrowLimits& limits) {
   NarrowLimits whole = limits;
   whole.max_distance = kInf;

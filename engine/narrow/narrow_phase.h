@@ -36,19 +36,19 @@ struct PausedPair {
 /// \param paused null: the pair is answered in one go. Else, where the meter's slice ends within EPA,
 /// WorkMeter::PairUnfinished is thrown, and the next call for the same pair goes on there if it is given what this one
 /// has left here. The bits of the answer are the same. Null inside: the pair begins.
-NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+NarrowAnswer narrow_phase(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
                           const NarrowLimits& limits, WarmSimplex* warm = nullptr, const Gjk<double>* done = nullptr,
                           WorkMeter* meter = nullptr, std::unique_ptr<PausedPair>* paused = nullptr);
 
 /// NarrowAnswer::rounding of two placed pieces.
-double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b);
+double rounding_of(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b);
 
 /// The witness points and the normal of a pair that was settled in lanes: those of narrow_phase().
 void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
                        Vec3d& point_a, Vec3d& point_b, Vec3d& normal);
 
 /// The oracle behind the same interface: proved supports and double-double from the start, no cut-off, no seed.
-NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+NarrowAnswer narrow_phase_reference(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
                                     const NarrowLimits& limits);
 
 }  // namespace clearance

@@ -27,7 +27,7 @@ struct NarrowOptions {
 /// Two placed pieces; all that they point to must outlive the run.
 struct PieceTask {
   const Piece *a, *b;
-  const PlacedPose *pose_a, *pose_b;
+  const PoseMatrix *pose_a, *pose_b;
   double max_distance;                                       ///< instead of the limits'
   std::uint32_t id;                                          ///< the caller's own
   WarmSimplex* warm = nullptr;                               ///< as for narrow_phase(); null: cold

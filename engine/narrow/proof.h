@@ -34,17 +34,17 @@ struct NarrowProof {
 
 /// narrow_phase() from nothing, in one go, and what proves it: the same bits, but of half-spaces, of which only bounds
 /// are there, those of plane_proved().
-NarrowAnswer narrow_phase_proved(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+NarrowAnswer narrow_phase_proved(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
                                  const NarrowLimits& limits, NarrowProof& proof);
 
 /// What proves the bounds of a half-space and another piece, in either arithmetic: its plane's normal, and how high the
 /// other's lowest point is. Of two half-spaces nothing is proved.
-Interval plane_proved(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+Interval plane_proved(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
                       NarrowProof& proof);
 
 /// The lower bound that a direction proves, in double-double. \param n_w world axes, from a towards b; a half-space's
 /// own normal takes its place
-double lower_along(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b, const Vec3d& n_w,
+double lower_along(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b, const Vec3d& n_w,
                    NarrowProof& proof);
 
 }  // namespace clearance

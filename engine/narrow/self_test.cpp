@@ -156,7 +156,7 @@ void run(SelfTest& test, const NarrowOptions& asked, int places) {
   NarrowOptions options = asked;
   options.contradictions = &contradictions;
   const std::vector<KnownPair>& pairs = known_pairs();
-  std::vector<std::pair<PlacedPose, PlacedPose>> placed;
+  std::vector<std::pair<PoseMatrix, PoseMatrix>> placed;
   std::vector<PieceTask> tasks;
   placed.reserve(pairs.size() * static_cast<std::size_t>(places));  // tasks point to them
   for (std::uint32_t p = 0; p < pairs.size(); ++p)

@@ -7,7 +7,7 @@
 namespace clearance {
 
 /// A body's pose in the form that the narrow phase uses.
-struct PlacedPose {
+struct PoseMatrix {
   Mat3d R_wb;  ///< rotation_of(X_wb)
   Vec3d t_w;   ///< origin of the body in the world
   Pose X_wb;   ///< for the double-double rotation of hard pairs
@@ -15,7 +15,7 @@ struct PlacedPose {
 
 /// A body in the world.
 struct BodyPlacement {
-  PlacedPose pose;                  ///< valid if `status` is kOk
+  PoseMatrix pose;                  ///< valid if `status` is kOk
   Status status = Status::kNoPose;  ///< kOk, kNoPose, kBadPose; kStalePose in a query with stale_status
   bool renormalised = false;        ///< the body's own quaternion was off by more than 1e-3
   bool beyond_limits = false;       ///< a joint that places it or a parent of it is beyond its limits

@@ -36,7 +36,7 @@ class DenseJob final : public ParallelJob {
       for (int i = 0; i < workers(); ++i) culls_.emplace_back(scene(), boxes(), columns_);
     }
     for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), left);
-    layout_ = Layout(plan_, Placement::most(scene(), plan_), context.light, !culls_.empty(), workers());
+    layout_ = Layout(plan_, BodyPoses::most(scene(), plan_), context.light, !culls_.empty(), workers());
     // What is too large for warm state is not looked at for it.
     const bool fits = plan_.size.rows <= WarmStore::kMostSimplices;
     if (const std::uint64_t client = plan_.query.warm_slot; client != 0 && fits && !options_.reference)
@@ -112,7 +112,7 @@ class DenseJob final : public ParallelJob {
                         begin = unit % layout_.pair_blocks * layout_.pairs;
     const std::uint64_t configurations = std::min(layout_.configurations, plan_.size.configurations - first);
     const std::uint64_t end = std::min(begin + layout_.pairs, plan_.size.pairs);
-    const std::span<const Placement> placed = placements(worker, first, configurations);
+    const std::span<const BodyPoses> placed = placements(worker, first, configurations);
     const std::uint64_t step = std::max<std::uint64_t>(layout_.block / configurations, 1);
     if (room.next == kNowhere) room.next = begin;
     while (room.next < end) {
@@ -146,7 +146,7 @@ class DenseJob final : public ParallelJob {
   }
 
   // Asks for a block of pairs, from `begin` on, in configurations from `first` on: all but those that boxes answer.
-  void take(std::span<const BodyPair> pairs, std::uint64_t begin, std::span<const Placement> placed,
+  void take(std::span<const BodyPair> pairs, std::uint64_t begin, std::span<const BodyPoses> placed,
             std::uint64_t first, int worker) {
     Room& room = rooms_[static_cast<std::size_t>(worker)];
     room.asked.clear();
@@ -176,7 +176,7 @@ class DenseJob final : public ParallelJob {
   }
 
   // Of all pairs in a configuration; null where nobody asks.
-  const std::uint16_t* flags(std::span<const BodyPair> pairs, const Placement& here, Room& room) const {
+  const std::uint16_t* flags(std::span<const BodyPair> pairs, const BodyPoses& here, Room& room) const {
     if (!reply_.flags) return nullptr;
     room.flags.resize(pairs.size());
     const std::size_t n = scene().bodies().size();

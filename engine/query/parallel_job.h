@@ -103,12 +103,12 @@ class ParallelJob : public Job::State {
   std::span<const Aabb> boxes() const { return boxes_; }  ///< of all bodies in the snapshot; empty: not made
   int workers() const { return static_cast<int>(placements_.size()); }
 
-  const Placement& placement(int worker, std::uint64_t configuration) {
+  const BodyPoses& placement(int worker, std::uint64_t configuration) {
     return placements(worker, configuration, 1)[0];
   }
 
   // Placements of configurations [first, first + count), the worker's own.
-  std::span<const Placement> placements(int worker, std::uint64_t first, std::uint64_t count) {
+  std::span<const BodyPoses> placements(int worker, std::uint64_t first, std::uint64_t count) {
     assert(worker < workers() && count > 0 && first + count <= plan_.size.configurations);
     auto& [p, poses, rotations] = placements_[static_cast<std::size_t>(worker)];
     while (p.size() < count) p.emplace_back(scene(), plan_, boxes_);
@@ -127,7 +127,7 @@ class ParallelJob : public Job::State {
     assert(index < plan_.size.rows);
     static constexpr Vec3d kNoOrigin{0, 0, 0};
     const BodyPair pair = asked.pair;
-    const Placement& here = *asked.placement;
+    const BodyPoses& here = *asked.placement;
     const std::size_t n = scene().bodies().size();
     write_row(reply_, index, pair, configuration, answer, pair.a < n ? here[pair.a].pose.t_w : kNoOrigin,
               pair.b < n ? here[pair.b].pose.t_w : kNoOrigin);
@@ -300,12 +300,12 @@ class ParallelJob : public Job::State {
   std::vector<Aabb> boxes_;
   std::vector<std::uint8_t> stale_;
   std::optional<JointGradient> joint_gradient_;
-  struct WorkerPlacements {
-    std::vector<Placement> placements;
+  struct WorkerBodyPoses {
+    std::vector<BodyPoses> placements;
     ConfigurationPoses poses;
     std::vector<Mat3d> rotations;  // of the configurations that are being placed
   };
-  std::vector<WorkerPlacements> placements_;  // of each worker
+  std::vector<WorkerBodyPoses> placements_;  // of each worker
   std::vector<std::uint64_t> open_;           // of each worker: the unit that a slice ended in, or kNone64
 };
 

@@ -15,7 +15,7 @@ constexpr std::size_t kSideBySideFrom = 4;  // fewer configurations are compared
 
 }  // namespace
 
-std::span<const double> BoxCull::gaps(std::span<const BodyPair> pairs, std::span<const Placement> placed) {
+std::span<const double> BoxCull::gaps(std::span<const BodyPair> pairs, std::span<const BodyPoses> placed) {
   assert(!placed.empty());
   gaps_.resize(std::max(gaps_.size(), pairs.size() * placed.size()));
   const std::span<const double> all(gaps_.data(), pairs.size() * placed.size());
@@ -30,7 +30,7 @@ std::span<const double> BoxCull::gaps(std::span<const BodyPair> pairs, std::span
     gaps_across(pairs, placed);
   } else {
     double* out = gaps_.data();
-    for (const Placement& here : placed)
+    for (const BodyPoses& here : placed)
       for (const BodyPair pair : pairs) *out++ = box_gap(scene_, here, pair);
   }
   return all;
@@ -55,7 +55,7 @@ void BoxCull::gaps_where_they_are(std::span<const BodyPair> pairs) {
   }
 }
 
-void BoxCull::gaps_across(std::span<const BodyPair> pairs, std::span<const Placement> placed) {
+void BoxCull::gaps_across(std::span<const BodyPair> pairs, std::span<const BodyPoses> placed) {
   moved_at_.resize(boxes_.size(), kNone);
   row_.resize(placed.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -79,7 +79,7 @@ void BoxCull::gaps_across(std::span<const BodyPair> pairs, std::span<const Place
   }
 }
 
-BoxCull::Side BoxCull::side(std::uint32_t body, std::span<const Placement> placed) {
+BoxCull::Side BoxCull::side(std::uint32_t body, std::span<const BodyPoses> placed) {
   if (!placed[0].moves(body)) return {&boxes_[body], {}};
   std::uint32_t& at = moved_at_[body];
   if (at == kNone) {

@@ -19,7 +19,7 @@ class BoxCull {
 
   /// \param placed configurations of the plan that follow each other. Returns (placed.size(), pairs.size()), valid
   /// until the next call.
-  std::span<const double> gaps(std::span<const BodyPair> pairs, std::span<const Placement> placed);
+  std::span<const double> gaps(std::span<const BodyPair> pairs, std::span<const BodyPoses> placed);
 
  private:
   struct Side {  // a body in all configurations: its boxes, or the one that they share
@@ -27,14 +27,14 @@ class BoxCull {
     BoxColumnsView columns;
   };
   void gaps_where_they_are(std::span<const BodyPair> pairs);
-  void gaps_across(std::span<const BodyPair> pairs, std::span<const Placement> placed);
-  Side side(std::uint32_t body, std::span<const Placement> placed);
+  void gaps_across(std::span<const BodyPair> pairs, std::span<const BodyPoses> placed);
+  Side side(std::uint32_t body, std::span<const BodyPoses> placed);
 
   const Scene& scene_;
   std::span<const Aabb> boxes_;
   const BoxColumns& columns_;
   std::vector<double> gaps_, row_;
-  std::uint64_t first_ = ~std::uint64_t{0};  // Placement::number() of the block's first
+  std::uint64_t first_ = ~std::uint64_t{0};  // BodyPoses::number() of the block's first
   std::vector<BoxColumns> moved_;            // boxes of a moved body, in all configurations of the block
   std::vector<std::uint32_t> moved_at_;      // of each body: index into moved_, or kNone
   std::vector<std::uint32_t> moved_bodies_;  // those that have one

@@ -23,7 +23,7 @@ std::uint64_t ConfigurationBlock::most(const Scene& scene, const Plan& plan, boo
   const std::uint64_t count = plan.size.configurations, pairs = std::max<std::uint64_t>(plan.size.pairs, 1);
   const std::uint64_t shares = workers > 1 ? kBlocksPerWorker * static_cast<std::uint64_t>(workers) : 1;
   return std::clamp<std::uint64_t>(
-      std::min({kMostConfigurations, most_pairs / pairs, Placement::most(scene, plan), count / shares}), 1,
+      std::min({kMostConfigurations, most_pairs / pairs, BodyPoses::most(scene, plan), count / shares}), 1,
       std::max<std::uint64_t>(count, 1));
 }
 
@@ -37,7 +37,7 @@ ConfigurationBlock::ConfigurationBlock(const Scene& scene, const Plan& plan, con
   for (std::uint64_t i = 0; i < most; ++i) reductions_.emplace_back(scene, plan, options, boxes, 1);
 }
 
-void ConfigurationBlock::begin(std::span<const Placement> placed, std::uint64_t first) {
+void ConfigurationBlock::begin(std::span<const BodyPoses> placed, std::uint64_t first) {
   assert(!placed.empty() && placed.size() <= reductions_.size());
   placed_ = placed;
   first_ = first;

@@ -25,7 +25,7 @@ class ConfigurationBlock {
 
   bool has_begun() const { return !placed_.empty(); }
   /// \param placed configurations [first, first + placed.size()) of the plan; must stay until rows are taken.
-  void begin(std::span<const Placement> placed, std::uint64_t first);
+  void begin(std::span<const BodyPoses> placed, std::uint64_t first);
   /// Goes on until the slice is over. Returns true once all are reduced.
   bool advance(WorkMeter& meter);
   /// Hands out the rows of each configuration, and how many pairs were evaluated in all.
@@ -41,7 +41,7 @@ class ConfigurationBlock {
   BoxCull cull_;
   Evaluator evaluator_;
   std::vector<Reduction> reductions_;
-  std::span<const Placement> placed_;
+  std::span<const BodyPoses> placed_;
   std::uint64_t first_ = 0;
   std::span<const double> gaps_;  // (configurations, pairs)
   std::vector<BodyPair> room_;

@@ -90,7 +90,7 @@ class TreeSearch {
       : scene_(scene), plan_(plan), near_pairs_(near_pairs) {}
 
   /// Before anything is asked of a configuration.
-  void stand(const Placement& placement);
+  void stand(const BodyPoses& placement);
   /// Bodies that cannot be placed: no tree knows them.
   std::span<const std::uint32_t> unplaced() const { return unplaced_; }
 
@@ -115,7 +115,7 @@ class TreeSearch {
   const Scene& scene_;
   const Plan& plan_;
   const NearPairs& near_pairs_;
-  const Placement* placement_ = nullptr;
+  const BodyPoses* placement_ = nullptr;
   std::uint64_t stood_at_ = 0;  // meaningful if there is a placement
   std::vector<std::uint32_t> unplaced_, slots_;
   std::size_t staying_unplaced_ = 0;  // of unplaced_, the first

@@ -101,7 +101,7 @@ bool Reduction::worth_threads(bool light) const {
   return false;
 }
 
-bool Reduction::run(std::uint64_t unit, int worker, const Placement& placement, WorkMeter& meter) {
+bool Reduction::run(std::uint64_t unit, int worker, const BodyPoses& placement, WorkMeter& meter) {
   assert(unit < units() && static_cast<std::size_t>(worker) < workers_.size());
   WorkerState& w = workers_[static_cast<std::size_t>(worker)];
   switch (stage_) {
@@ -123,7 +123,7 @@ bool Reduction::run(std::uint64_t unit, int worker, const Placement& placement, 
 }
 
 // The exact answers of a unit's pairs.
-bool Reduction::answer(std::uint64_t unit, WorkerState& w, const Placement& placement, WorkMeter& meter) {
+bool Reduction::answer(std::uint64_t unit, WorkerState& w, const BodyPoses& placement, WorkMeter& meter) {
   const auto begin_next = [&] {
     w.asked.clear();
     ask(w, placement, w.asked);
@@ -157,7 +157,7 @@ void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint6
 }
 
 // What comes next: as many as a step has.
-void Reduction::ask(WorkerState& w, const Placement& placement, std::vector<PlacedBodies>& asked) {
+void Reduction::ask(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& asked) {
   const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
   auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
   const double far = loser_beyond(w.cut_off, options_.limits);
@@ -171,7 +171,7 @@ void Reduction::ask(WorkerState& w, const Placement& placement, std::vector<Plac
 
 // The nearest first: the sooner others can be left out. Pairs that overlap keep their order, and those behind the first
 // of them have boxes that are apart, or come later in the query.
-void Reduction::sort_candidates(const Placement& placement) {
+void Reduction::sort_candidates(const BodyPoses& placement) {
   std::vector<Seed>& order = workers_[0].order;
   order.clear();
   for (const std::uint64_t p : candidates_)
@@ -210,7 +210,7 @@ bool Reduction::take(WorkerState& w) {
   return decided;
 }
 
-bool Reduction::ask(const Placement& placement, std::vector<PlacedBodies>& asked) {
+bool Reduction::ask(const BodyPoses& placement, std::vector<PlacedBodies>& asked) {
   assert(stage_ == kSeeds || stage_ == kCandidates);
   WorkerState& w = workers_[0];
   if (w.step == 0) {
@@ -232,20 +232,20 @@ void Reduction::take(std::span<const PairAnswer> found) {
 
 // box_gap() of each.
 std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerState& worker,
-                                        const Placement& placement) const {
+                                        const BodyPoses& placement) const {
   if (have_boxes_) return worker.cull.gaps(pairs, {&placement, 1});
   worker.gaps.resize(pairs.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) worker.gaps[i] = box_gap(scene_, placement, pairs[i]);
   return worker.gaps;
 }
 
-void Reduction::scan_block(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+void Reduction::scan_block(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const {
   const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
   const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
   offer(begin, pairs, gaps(pairs, worker, placement), worker, placement);
 }
 
-void Reduction::scan(std::span<const double> gaps, const Placement& placement) {
+void Reduction::scan(std::span<const double> gaps, const BodyPoses& placement) {
   assert(gaps.size() == plan_.pairs.size());
   WorkerState& w = workers_[0];
   gaps_ = gaps;
@@ -261,7 +261,7 @@ void Reduction::scan(std::span<const double> gaps, const Placement& placement) {
 }
 
 void Reduction::offer(std::uint64_t begin, std::span<const BodyPair> pairs, std::span<const double> gap,
-                      WorkerState& worker, const Placement& placement) const {
+                      WorkerState& worker, const BodyPoses& placement) const {
   if (stage_ == kSeedScan) {
     for (std::uint64_t i = 0; i < pairs.size(); ++i)
       for_groups(pairs[i],
@@ -272,7 +272,7 @@ void Reduction::offer(std::uint64_t begin, std::span<const BodyPair> pairs, std:
 }
 
 void Reduction::offer(std::uint64_t position, BodyPair pair, double gap, WorkerState& worker,
-                      const Placement& placement) const {
+                      const BodyPoses& placement) const {
   bool wanted = false;
   if (gap == kInf && is_unusable(scene_, placement, pair)) {
     wanted = stands_alone();
@@ -284,7 +284,7 @@ void Reduction::offer(std::uint64_t position, BodyPair pair, double gap, WorkerS
   if (wanted) worker.candidates.push_back(position);
 }
 
-void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const {
   worker.search.stand(placement);
   const std::span<const std::uint32_t> probes = near_pairs_.probes();
   for (std::uint64_t i = block * kProbes; i < std::min<std::uint64_t>(probes.size(), (block + 1) * kProbes); ++i) {
@@ -296,7 +296,7 @@ void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, cons
   if (!per_body() && block == 0) worker.seed[0] = std::min(worker.seed[0], Seed{kInf, 0});
 }
 
-void Reduction::scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+void Reduction::scan_by_tree(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const {
   worker.search.stand(placement);
   if (block == 0) scan_unplaced(worker, placement);
   if (near_pairs_.whole_table() && !per_body()) {
@@ -311,7 +311,7 @@ void Reduction::scan_by_tree(std::uint64_t block, WorkerState& worker, const Pla
 
 // Finds each group's first pair without usable poses. Where every pair within a distance is wanted, these pairs are
 // candidates: nothing is proved about them.
-void Reduction::scan_unplaced(WorkerState& worker, const Placement& placement) const {
+void Reduction::scan_unplaced(WorkerState& worker, const BodyPoses& placement) const {
   if (worker.search.unplaced().empty()) return;
   const auto add = [&](std::uint32_t g, std::uint64_t position) {
     worker.unusable[g] = std::min(worker.unusable[g], position);

@@ -44,20 +44,20 @@ class Reduction {
   bool worth_threads(bool light) const;
   /// Runs one unit of the current stage until the slice is over. Returns true at its end; else the same worker goes on
   /// with it. The placement must be configured.
-  bool run(std::uint64_t unit, int worker, const Placement& placement, WorkMeter& meter);
+  bool run(std::uint64_t unit, int worker, const BodyPoses& placement, WorkMeter& meter);
   /// Ends the stage after all its units.
   void end_stage();
 
   /// A stage of one worker as one unit, whose boxes and answers come from outside, so that those of many configurations
   /// are found together (configuration_block.h). In place of run(): of a scan,
   /// \param gaps of all pairs' boxes, in order
-  void scan(std::span<const double> gaps, const Placement& placement);
+  void scan(std::span<const double> gaps, const BodyPoses& placement);
   /// ... and of seeds and candidates: appends those that are answered next. False: none are left. Their answers, in
   /// that order, go to take() before it is called again.
-  bool ask(const Placement& placement, std::vector<PlacedBodies>& asked);
+  bool ask(const BodyPoses& placement, std::vector<PlacedBodies>& asked);
   void take(std::span<const PairAnswer> answers);
   /// The rows, once the stage is kDone. \param placement of the configuration.
-  std::vector<Row> rows(std::uint32_t configuration, const Placement& placement);
+  std::vector<Row> rows(std::uint32_t configuration, const BodyPoses& placement);
   std::uint64_t evaluated() const;  ///< pairs, of this configuration
 
  private:
@@ -102,25 +102,25 @@ class Reduction {
     if (pair.a < groups_) visit(pair.a);
     if (pair.b < groups_) visit(pair.b);
   }
-  bool answer(std::uint64_t unit, WorkerState& worker, const Placement& placement, WorkMeter& meter);
+  bool answer(std::uint64_t unit, WorkerState& worker, const BodyPoses& placement, WorkMeter& meter);
   void begin_answers(std::uint64_t begin, std::uint64_t end, std::uint64_t at_first, WorkerState& worker) const;
-  void ask(WorkerState& worker, const Placement& placement, std::vector<PlacedBodies>& asked);
+  void ask(WorkerState& worker, const BodyPoses& placement, std::vector<PlacedBodies>& asked);
   bool take(WorkerState& worker);
   std::vector<PairAnswer>& answers() { return stage_ == kSeeds ? seed_answers_ : candidate_answers_; }
-  void sort_candidates(const Placement& placement);
+  void sort_candidates(const BodyPoses& placement);
   void leave_out_far(WorkerState& worker, double far);
   void offer(std::uint64_t begin, std::span<const BodyPair> pairs, std::span<const double> gap, WorkerState& worker,
-             const Placement& placement) const;
-  void offer(std::uint64_t position, BodyPair pair, double gap, WorkerState& worker, const Placement& placement) const;
-  std::span<const double> gaps(std::span<const BodyPair> pairs, WorkerState& worker, const Placement& placement) const;
-  void scan_block(std::uint64_t block, WorkerState& worker, const Placement& placement) const;
-  void seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const;
-  void scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const;
-  void scan_unplaced(WorkerState& worker, const Placement& placement) const;
-  Row row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration, const Placement& placement) const;
-  Row decision(std::uint32_t configuration, const Placement& placement) const;
-  Row unusable_row(std::uint64_t position, std::uint32_t configuration, const Placement& placement) const;
-  void widen(Row& row, double lower, const Placement& placement) const;
+             const BodyPoses& placement) const;
+  void offer(std::uint64_t position, BodyPair pair, double gap, WorkerState& worker, const BodyPoses& placement) const;
+  std::span<const double> gaps(std::span<const BodyPair> pairs, WorkerState& worker, const BodyPoses& placement) const;
+  void scan_block(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const;
+  void seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const;
+  void scan_by_tree(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const;
+  void scan_unplaced(WorkerState& worker, const BodyPoses& placement) const;
+  Row row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration, const BodyPoses& placement) const;
+  Row decision(std::uint32_t configuration, const BodyPoses& placement) const;
+  Row unusable_row(std::uint64_t position, std::uint32_t configuration, const BodyPoses& placement) const;
+  void widen(Row& row, double lower, const BodyPoses& placement) const;
 
   static constexpr std::uint64_t kNobody = ~std::uint64_t{0};
   const Scene& scene_;

@@ -34,7 +34,7 @@ PairAnswer beyond_all_margins(const Plan& plan, const EvaluateOptions& options) 
 }
 
 Row Reduction::row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration,
-                      const Placement& placement) const {
+                      const BodyPoses& placement) const {
   Row row{pair, configuration, answer, {}, {}, pair, {}};
   if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
   if (pair.b < scene_.bodies().size()) row.origin_b = placement[pair.b].pose.t_w;
@@ -47,7 +47,7 @@ Row Reduction::row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t con
 
 // What Reduce::kAny says: of the first pair within its margin; else of the first that is proved neither farther nor
 // within; else of the first without usable poses, of which nothing is proved; else of all pairs together.
-Row Reduction::decision(std::uint32_t configuration, const Placement& placement) const {
+Row Reduction::decision(std::uint32_t configuration, const BodyPoses& placement) const {
   const std::size_t none = candidates_.size();
   std::size_t open = none, unusable = none;
   for (std::size_t i = 0; i < none; ++i) {
@@ -72,7 +72,7 @@ Row Reduction::decision(std::uint32_t configuration, const Placement& placement)
   return row_of({kNone, kNone}, beyond_all_margins(plan_, options_), configuration, placement);
 }
 
-void Reduction::widen(Row& row, double lower, const Placement& placement) const {
+void Reduction::widen(Row& row, double lower, const BodyPoses& placement) const {
   const NarrowLimits& asked = options_.limits;
   const auto slack_of = [&](BodyPair p) {
     const bool is_placed = p.a < scene_.bodies().size() && p.b < scene_.bodies().size();
@@ -83,14 +83,14 @@ void Reduction::widen(Row& row, double lower, const Placement& placement) const 
 }
 
 // The row of a group that holds a pair without usable poses, which may be nearer than all others.
-Row Reduction::unusable_row(std::uint64_t position, std::uint32_t configuration, const Placement& placement) const {
+Row Reduction::unusable_row(std::uint64_t position, std::uint32_t configuration, const BodyPoses& placement) const {
   const BodyPair pair = plan_.pairs.at(position);
   Row row = row_of(pair, unusable_answer(scene_, placement, pair, options_), configuration, placement);
   row.answer.flags |= kFlagIncomplete;
   return row;
 }
 
-std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {
+std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& placement) {
   assert(stage_ == kDone);
   if (any()) return {decision(configuration, placement)};
   std::vector<Row> rows;

@@ -1,4 +1,4 @@
-// What is not known of the bodies of a pair (docs/bounds.md, "Slack"): pair_slack() of engine/selection/placement.h.
+// What is not known of the bodies of a pair (docs/bounds.md, "Slack"): pair_slack() of engine/selection/body_poses.h.
 #pragma once
 
 #include <type_traits>

@@ -76,7 +76,7 @@ class DeviceQuery : public ParallelJob {
       std::uint64_t evaluated = 0;
       for (std::size_t i = begin, j; i < end; i = j) {
         const std::uint64_t k = open(i).configuration;
-        const Placement& here = placement(worker, k);
+        const BodyPoses& here = placement(worker, k);
         room.asked.clear();
         for (j = i; j < end && open(j).configuration == k; ++j) room.asked.push_back(asked(open(j).pair, here));
         room.answers.resize(std::max(room.answers.size(), room.asked.size()));
@@ -105,7 +105,7 @@ class DeviceQuery : public ParallelJob {
     std::vector<PlacedBodies> asked;
     std::vector<PairAnswer> answers;
   };
-  PlacedBodies asked(std::uint64_t pair, const Placement& placement) const {
+  PlacedBodies asked(std::uint64_t pair, const BodyPoses& placement) const {
     if (plan_.query.reduce != Reduce::kAny) return {plan_.pairs.at(pair), &placement, plan_.query.max_distance};
     const double margin = plan_.margins.of(pair);
     return {plan_.pairs.at(pair), &placement, margin, nullptr, margin};

@@ -28,7 +28,7 @@ MovedChains::MovedChains(const Scene& scene, const Plan& plan, std::span<const s
   }
 }
 
-// What Placement::configure() makes of a body beside its pose.
+// What BodyPoses::configure() makes of a body beside its pose.
 std::uint8_t MovedChains::state_of(const Scene& scene, const Plan& plan, std::uint32_t slot,
                                    std::span<const std::uint8_t> stale) const {
   const PoseSnapshot& snapshot = *plan.snapshot;

@@ -285,7 +285,7 @@ class HostReduction {
     options.lanes = &lane_kernel("baseline");
     Evaluator evaluator(cpu_.scene(), options);
     ConfigurationPoses poses(plan);
-    Placement placement(cpu_.scene(), plan, {});
+    BodyPoses placement(cpu_.scene(), plan, {});
     std::vector<Mat3d> rotations(plan.bodies.size());
     std::vector<PairAnswer> answers(counts_[kRest]);
     for (std::uint32_t i = 0; i < answers.size(); ++i) {

@@ -3,7 +3,7 @@
 #include <functional>
 
 #include "engine/selection/configuration_poses.h"
-#include "engine/selection/placement.h"
+#include "engine/selection/body_poses.h"
 #include "tests/engine/arm_scene.h"
 #include "tests/engine/cuda/same_answer.h"
 // Behind all that is included elsewhere.
@@ -70,7 +70,7 @@ class Moved {
     const HullArrays hulls(scene_, kMostShared);
     const HostBodies device(scene_, hulls.view(), q);
     ConfigurationPoses poses(device.plan);
-    Placement placement(scene_, device.plan, {});
+    BodyPoses placement(scene_, device.plan, {});
     std::vector<Mat3d> rotations(device.plan.bodies.size());
     Seen seen;
     for (std::uint32_t k = 0; k < K_; ++k) {

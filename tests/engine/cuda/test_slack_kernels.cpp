@@ -2,7 +2,7 @@
 // each pair in each configuration, and dense rows, held against the CPU's, bit by bit.
 #include "engine/device/query/device_movers.h"
 #include "engine/selection/configuration_poses.h"
-#include "engine/selection/placement.h"
+#include "engine/selection/body_poses.h"
 #include "tests/engine/cuda/uncertain_scene.h"
 // Behind all that is included elsewhere.
 #include "tests/engine/cuda/emulated_chunk.h"
@@ -30,7 +30,7 @@ struct Comparison {
     view.hulls = hulls.view();
     view.configurations = static_cast<std::uint32_t>(plan.size.configurations);
     const std::vector<PairRef> refs = bodies.refs();
-    Placement placement(scene, plan, {});
+    BodyPoses placement(scene, plan, {});
     ConfigurationPoses poses(plan);
     std::vector<Mat3d> rotations(plan.bodies.size());
     for (std::uint32_t k = 0; k < view.configurations; ++k) {
@@ -50,7 +50,7 @@ struct Comparison {
   }
 
  private:
-  void compare_body(const Scene& scene, const ChunkView& view, const Placement& placement, std::uint32_t slot,
+  void compare_body(const Scene& scene, const ChunkView& view, const BodyPoses& placement, std::uint32_t slot,
                     std::uint32_t k) {
     const std::uint32_t body = view.bodies.moved_body[slot];
     const Where at(view.bodies, view.configurations, slot | kMovedBit, k);

@@ -115,7 +115,7 @@ class TableReduction : private HostReduction {
     std::vector<Aabb> boxes(tiles_.bodies, kEmptyBox);
     for (std::uint32_t b = 0; b < tiles_.bodies; ++b) {
       if (b == kNowhere) continue;
-      const PlacedPose& X = bodies_.plan.snapshot->placed[b].pose;
+      const PoseMatrix& X = bodies_.plan.snapshot->placed[b].pose;
       for (const PiecePtr& piece : cpu_.scene().bodies()[b].pieces)
         boxes[b] = joined(boxes[b], certify_box(*piece, X.R_wb, X.t_w));
     }

@@ -290,7 +290,7 @@ TEST(HalfSpans, AlongADirection) {
   scene.add_sphere("b", 0.1, {});
   const Vec3d corner[] = {{0, 1, 0}, {0, 1, 1e-9}};
   scene.add_hull("far", corner, {});
-  const PlacedPose at_a{rotation_of(Pose{}), {0, 0, 0}, Pose{}}, at_b{rotation_of(Pose{}), {2, 0, 0}, Pose{{2, 0, 0}}};
+  const PoseMatrix at_a{rotation_of(Pose{}), {0, 0, 0}, Pose{}}, at_b{rotation_of(Pose{}), {2, 0, 0}, Pose{{2, 0, 0}}};
   const auto gaps = [&](const Twist& of_a, const Twist& of_b, std::uint32_t b, double half, double bend) {
     return gaps_along({1, 0, 0}, {scene.bodies()[0], at_a, of_a}, {scene.bodies()[b], at_b, of_b}, half, bend);
   };

@@ -28,7 +28,7 @@ void expect_whole(const PoseSnapshot& snapshot) {
   PoseSnapshot anew = snapshot;
   anew.place_again(*anew.order);
   for (std::uint32_t b = 0; b < kBodies; ++b) {
-    const PlacedPose &as = snapshot.placed[b].pose, &should = anew.placed[b].pose;
+    const PoseMatrix &as = snapshot.placed[b].pose, &should = anew.placed[b].pose;
     ASSERT_EQ(std::memcmp(&as.t_w, &should.t_w, sizeof as.t_w), 0) << "body " << b;
     ASSERT_EQ(std::memcmp(&as.R_wb, &should.R_wb, sizeof as.R_wb), 0) << "body " << b;
   }

@@ -14,12 +14,12 @@ const Dyadic& largest() {
 
 constexpr std::size_t kLongestChain = 500;
 
-struct Placement {
+struct FramePlacement {
   Vector origin;
   Quaternion q;
 };
 
-Placement placement_of(const Value& pose) {
+FramePlacement placement_of(const Value& pose) {
   require(pose.list().size() == 7, "a pose has not seven numbers");
   std::array<Dyadic, 7> x;
   for (std::size_t k = 0; k < 7; ++k) x[k] = pose.at(k).finite();
@@ -103,7 +103,7 @@ const Body& Motion::body(Id id) const {
 }
 
 std::vector<Motion::Step> Motion::steps_between(Id id, std::span<const Value> ends, double time) const {
-  const Placement first = placement_of(ends.front()), last = placement_of(ends.back());
+  const FramePlacement first = placement_of(ends.front()), last = placement_of(ends.back());
   const Vector way = last.origin - first.origin;
   std::vector<Step> steps{{pose_of(first.origin + Dyadic(time) * way, first.q), way, false}};
   auto turn = turns_.find(id);
@@ -140,7 +140,7 @@ Motion::Step Motion::step_of_joint(const Value& move, double time) const {
 
 std::vector<Motion::Step> Motion::steps(Id id, double time) const {
   if (const auto found = poses_.find(id); found != poses_.end()) return steps_between(id, found->second, time);
-  const Placement stands = placement_of(*body(id).pose);
+  const FramePlacement stands = placement_of(*body(id).pose);
   std::vector<Step> steps{{pose_of(stands.origin, stands.q), {}, false}};
   for (const Value& move : body(id).moves->list()) steps.push_back(step_of_joint(move, time));
   return steps;

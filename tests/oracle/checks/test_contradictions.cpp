@@ -125,7 +125,7 @@ void run_broken_f32_lanes(const LaneBatch& batch) {
 
 struct Batch {
   std::vector<PiecePtr> pieces;
-  std::vector<PlacedPose> poses;
+  std::vector<PoseMatrix> poses;
   std::vector<PieceTask> tasks;
 
   explicit Batch(std::span<const Case> cases) {

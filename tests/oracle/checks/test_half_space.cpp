@@ -95,7 +95,7 @@ PlaneCase any_case(Random& random, double& wanted) {
   return c;
 }
 
-PlacedPose placed(const Pose& X) {
+PoseMatrix placed(const Pose& X) {
   return {rotation_of(X), X.translation, X};
 }
 
@@ -111,7 +111,7 @@ TEST(HalfSpace, HoldsTheExactSignedDistance) {
   for (int i = 0; i < 2000; ++i) {
     double wanted;
     const PlaneCase c = any_case(random, wanted);
-    const PlacedPose plane = placed(c.X_plane), piece = placed(c.X_piece);
+    const PoseMatrix plane = placed(c.X_plane), piece = placed(c.X_piece);
     const mpq_class exact = height(*c.plane, c.X_plane, *c.piece, c.X_piece);
     NarrowLimits limits;
     limits.signed_distance = true;
@@ -157,7 +157,7 @@ TEST(HalfSpace, BoxesHoldIt) {
     double wanted;
     const PlaneCase c = any_case(random, wanted);
     const mpq_class exact = height(*c.plane, c.X_plane, *c.piece, c.X_piece);
-    const PlacedPose plane = placed(c.X_plane), piece = placed(c.X_piece);
+    const PoseMatrix plane = placed(c.X_plane), piece = placed(c.X_piece);
     const double gap =
         certify_box_gap(certify_box(*c.plane, plane.R_wb, plane.t_w), certify_box(*c.piece, piece.R_wb, piece.t_w));
     if (gap > 0) {

@@ -25,7 +25,7 @@ bool same_bits(const Vec3d& p, const Vec3d& q) {
 }
 
 struct Placed {
-  PlacedPose a, b;
+  PoseMatrix a, b;
 };
 
 // A case as it is, then moved a little and a lot.

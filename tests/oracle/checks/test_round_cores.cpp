@@ -140,7 +140,7 @@ Real gap(const Piece& a, const Pose& X_wa, const Piece& b, const Pose& X_wb, con
   return (product(n_w, D) - reach(a, n) - reach(b, minus)) / length(n);
 }
 
-PlacedPose placed(const Pose& X) {
+PoseMatrix placed(const Pose& X) {
   return {rotation_of(X), X.translation, X};
 }
 
@@ -214,7 +214,7 @@ Judged judge_balls(bool extreme, int count, std::uint64_t seed) {
       for (const bool swapped : {false, true}) {
         NarrowLimits limits;
         limits.signed_distance = depth;
-        const PlacedPose a = placed(X_wa), b = placed(X_wb);
+        const PoseMatrix a = placed(X_wa), b = placed(X_wb);
         const NarrowAnswer answer =
             swapped ? narrow_phase(*ball, b, *piece, a, limits) : narrow_phase(*piece, a, *ball, b, limits);
         const auto [lower, upper] = answer.bounds;
@@ -280,7 +280,7 @@ TEST(RoundCores, AreProvedByDirectionsAndPoints) {
     if (!is_round(*a) && !is_round(*b)) continue;
     const Pose X_wa = any_pose(random, 1);
     Pose X_wb = any_pose(random, random.chance(0.5) ? 1 : 4);
-    const PlacedPose pose_a = placed(X_wa);
+    const PoseMatrix pose_a = placed(X_wa);
     NarrowLimits limits;
     limits.signed_distance = random.chance(0.5);
     NarrowProof proof;
@@ -289,7 +289,7 @@ TEST(RoundCores, AreProvedByDirectionsAndPoints) {
       if (std::isfinite(first.bounds.lower))
         X_wb.translation += first.normal * (random.log_uniform(1e-10, 1e-2) - first.bounds.lower);
     }
-    const PlacedPose pose_b = placed(X_wb);
+    const PoseMatrix pose_b = placed(X_wb);
     const NarrowAnswer answer = narrow_phase_proved(*a, pose_a, *b, pose_b, limits, proof);
     const auto [lower, upper] = answer.bounds;
     judged.take(answer, limits.signed_distance);

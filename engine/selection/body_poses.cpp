@@ -1,4 +1,4 @@
-#include "engine/selection/placement.h"
+#include "engine/selection/body_poses.h"
 
 #include <algorithm>
 #include <cassert>
@@ -37,7 +37,7 @@ double joints_between(const PoseUncertainty& a, const PoseUncertainty& b) {
   return robot ? robot->between(a.link.link, b.link.link, std::max(a.link.travel, b.link.travel)) : kInf;
 }
 
-Slack pair_slack(const Placement& placement, BodyPair pair) {
+Slack pair_slack(const BodyPoses& placement, BodyPair pair) {
   if (placement.has_uncertainties()) {
     const PoseUncertainty &a = placement.uncertainty(pair.a), &b = placement.uncertainty(pair.b);
     if (const double joints = joints_between(a, b); joints < kInf)
@@ -47,13 +47,13 @@ Slack pair_slack(const Placement& placement, BodyPair pair) {
   return placement.slack(pair.a) + placement.slack(pair.b);
 }
 
-std::uint64_t Placement::most(const Scene& scene, const Plan& plan) {
+std::uint64_t BodyPoses::most(const Scene& scene, const Plan& plan) {
   std::uint64_t pieces = 1;
   for (const std::uint32_t b : plan.moved) pieces += scene.bodies()[b].pieces.size();
   return std::max<std::uint64_t>(kMostPieces / pieces, 1);
 }
 
-Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
+BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
     : scene_(scene), plan_(plan), boxes_(boxes) {
   if (plan.query.configuration_count == 0) return;
   moved_slot_.assign(scene.bodies().size(), kNone);
@@ -74,7 +74,7 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
   if (!boxes.empty()) piece_boxes_.resize(pieces);
 }
 
-void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations) {
+void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations) {
   if (stands_at(k)) return;
   const std::size_t count = plan_.bodies.size();
   assert(rotations.size() == count && given.poses.size() == count &&
@@ -113,7 +113,7 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
   }
 }
 
-Aabb Placement::box(std::uint32_t body) const {
+Aabb BodyPoses::box(std::uint32_t body) const {
   if (boxes_.empty()) return body_box(scene_.bodies()[body], (*this)[body], slack(body));
   return moved_slot_.empty() || moved_slot_[body] == kNone ? boxes_[body] : moved_boxes_[moved_slot_[body]];
 }

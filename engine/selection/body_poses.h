@@ -12,10 +12,10 @@
 namespace clearance {
 
 /// Where all bodies are in one configuration: a snapshot with some bodies moved. Each worker has its own.
-class Placement {
+class BodyPoses {
  public:
   /// \param boxes of all bodies in the snapshot; empty: made when asked for. All must outlive this.
-  Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes);
+  BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes);
 
   /// Moves to configuration k of the plan; nothing to do where it has none. \param given (1, M) of it. \param rotations
   /// (M,) of its poses
@@ -84,6 +84,6 @@ Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& sla
 double joints_between(const PoseUncertainty& a, const PoseUncertainty& b);
 /// The slack of a pair. Whoever knows that two bodies' doubts are in part the same ones says so here: links of one
 /// robot stand on one base, wherever that is, and share what the joints make that carry both.
-Slack pair_slack(const Placement& placement, BodyPair pair);
+Slack pair_slack(const BodyPoses& placement, BodyPair pair);
 
 }  // namespace clearance
