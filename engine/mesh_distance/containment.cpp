@@ -1,4 +1,4 @@
-#include "engine/mesh_distance/held.h"
+#include "engine/mesh_distance/containment.h"
 
 #include <algorithm>
 #include <cmath>
@@ -64,13 +64,13 @@ class PartsOf {
 };
 
 // Whether a part of `inner` lies within a solid of `outer`.
-Held holds(const Body& outer, const PoseMatrix& outer_pose, const Body& inner, const PoseMatrix& inner_pose,
+Containment holds(const Body& outer, const PoseMatrix& outer_pose, const Body& inner, const PoseMatrix& inner_pose,
            double apart, WorkMeter& meter, Vec3d* from_outer, Vec3d* from_inner) {
   const Vec3d shift = inner_pose.t_w - outer_pose.t_w;
   // A point that is turned, shifted and turned back is off by less than 16 roundings of S; a gap may be by 30.
   const double wrong =
       rounding_error(double(RoundingUnits<double>::kLower), pair_scale(shift, outer.reach, inner.reach, 0.0));
-  Held held = Held::kNo;
+  Containment held = Containment::kNo;
   for (const PiecePtr& o : outer.pieces) {
     if (!o->surface || !o->surface->is_solid()) continue;
     const Aabb box = certify_box(*o, outer_pose.R_wb, outer_pose.t_w);
@@ -78,7 +78,7 @@ Held holds(const Body& outer, const PoseMatrix& outer_pose, const Body& inner, c
       if (certify_box_gap(box, certify_box(*i, inner_pose.R_wb, inner_pose.t_w)) > 0) continue;
       // The point as computed must be on the side of every triangle that it is on: none may be as near.
       if (!(apart + o->radius + i->radius > wrong)) {
-        held = Held::kUnknown;
+        held = Containment::kUnknown;
         continue;
       }
       const PartsOf parts(*i, *o->surface, outer_pose.R_wb.transpose_times(inner_pose.R_wb),
@@ -91,7 +91,7 @@ Held holds(const Body& outer, const PoseMatrix& outer_pose, const Body& inner, c
         *from_outer = turned + shift;
         return true;
       };
-      if (parts.any(is_within)) return Held::kYes;
+      if (parts.any(is_within)) return Containment::kYes;
     }
   }
   return held;
@@ -99,10 +99,10 @@ Held holds(const Body& outer, const PoseMatrix& outer_pose, const Body& inner, c
 
 }  // namespace
 
-Held one_holds_the_other(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double apart,
+Containment either_contains(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double apart,
                          WorkMeter& meter, Vec3d (&point)[2]) {
-  const Held b_in_a = holds(a, pose_a, b, pose_b, apart, meter, &point[0], &point[1]);
-  if (b_in_a == Held::kYes) return b_in_a;
+  const Containment b_in_a = holds(a, pose_a, b, pose_b, apart, meter, &point[0], &point[1]);
+  if (b_in_a == Containment::kYes) return b_in_a;
   return std::max(b_in_a, holds(b, pose_b, a, pose_a, apart, meter, &point[1], &point[0]));
 }
 

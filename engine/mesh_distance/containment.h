@@ -13,8 +13,8 @@ namespace clearance {
 /// near that rounding may move the point that is looked at through a triangle.
 /// \param apart metres: no element of one is nearer to one of the other \param point gets, of kYes, a point that both
 /// share, from the origin of either, world axes
-enum class Held { kNo, kUnknown, kYes };
-Held one_holds_the_other(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double apart,
+enum class Containment { kNo, kUnknown, kYes };
+Containment either_contains(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double apart,
                          WorkMeter& meter, Vec3d (&point)[2]);
 
 }  // namespace clearance

@@ -3,7 +3,7 @@
 
 #include "engine/evaluate/evaluate.h"
 #include "engine/hull/primitive.h"
-#include "engine/mesh_distance/held.h"
+#include "engine/mesh_distance/containment.h"
 
 namespace clearance {
 
@@ -41,14 +41,14 @@ bool Evaluator::is_held(Search& search, WorkMeter& meter) {
   if (!(apart > 0) || (by_pieces && box_gap(scene_, *bodies.placement, bodies.pair) > 0)) return false;
   const Body &a = truth_of(scene_.bodies()[bodies.pair.a]), &b = truth_of(scene_.bodies()[bodies.pair.b]);
   Vec3d shared[2];
-  switch (one_holds_the_other(a, (*bodies.placement)[bodies.pair.a].pose, b, (*bodies.placement)[bodies.pair.b].pose,
+  switch (either_contains(a, (*bodies.placement)[bodies.pair.a].pose, b, (*bodies.placement)[bodies.pair.b].pose,
                               apart, meter, shared)) {
-    case Held::kNo:
+    case Containment::kNo:
       return false;
-    case Held::kUnknown:
+    case Containment::kUnknown:
       found.lower = 0;
       return false;
-    case Held::kYes:
+    case Containment::kYes:
       take_held(search, apart, shared);
       return true;
   }
