@@ -193,7 +193,7 @@ PairProver::Halves PairProver::try_pieces(const Piece& p, const Piece& q, PieceP
   const PoseMatrix &pose_a = moment_.placed()[pair_.a].pose, &pose_b = moment_.placed()[pair_.b].pose;
   claim.seer = rates_.speed_seer;
   NarrowLimits limits = limits_;
-  limits.overlap_by = slack_.outer;
+  limits.min_penetration = slack_.outer;
   const std::array<NarrowLimits, 4> attempts = proof_attempts(limits);
   // What moves is halved until nothing but the distance itself is left of a doubt: so near it is asked for at once.
   for (std::size_t k = way_ > 0 ? 2 : 0; k < (in_all_ways ? attempts.size() : 3); ++k) {

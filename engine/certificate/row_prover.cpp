@@ -66,7 +66,7 @@ RowProver::RowProver(const Scene& scene, const EvaluateOptions& options, const B
       answer_(answer),
       text_(text) {
   limits_.max_distance = slack_.cut_off(limits_.max_distance);
-  limits_.overlap_by = slack_.outer;
+  limits_.min_penetration = slack_.outer;
   wants_lower_ = answer_.lower > (limits_.signed_distance ? -kInf : 0);
   wants_upper_ = answer_.upper < kInf;
   has_plane_ = wants_lower_ && (is_half_space(*a_.pieces[0]) || is_half_space(*b_.pieces[0]));

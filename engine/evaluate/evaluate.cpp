@@ -188,7 +188,7 @@ bool Evaluator::advance(WorkMeter& meter) {
     in_round_ = false;
     std::size_t taken = 0;
     for (Search& s : searches_) {
-      take_round(s, enough(pairs_[s.index], s.slack), std::span(found_).subspan(taken, s.asked));
+      take_round(s, stop_below(pairs_[s.index], s.slack), std::span(found_).subspan(taken, s.asked));
       taken += s.asked;
     }
     assert(taken == found_.size());
@@ -239,7 +239,7 @@ void Evaluator::take_in(WorkMeter& meter) {
       const Slack slack = pair_slack(placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &placement[pair.a].pose, &placement[pair.b].pose,
                         slack.cut_off(pairs_[i].max_distance), i, pairs_[i].warm, slack.outer,
-                        enough(pairs_[i], slack)});
+                        stop_below(pairs_[i], slack)});
     } else if (!by_hulls && scene_.has_surfaces() &&
                (has_surface(scene_.bodies()[pair.a]) || has_surface(scene_.bodies()[pair.b]))) {
       if (elements++ == kMostElementSearches) break;
@@ -401,15 +401,15 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
   const double user = search.slack.cut_off(bodies.max_distance),
                cut_off = options_.reference ? user : state.cut_off(user);
   search.asked = 0;
-  const double overlap_by = is_by_pieces(bodies.pair) ? 0 : search.slack.outer;
+  const double min_penetration = is_by_pieces(bodies.pair) ? 0 : search.slack.outer;
   const auto add_up_to = [&](double most, double near_enough, const Piece& piece_a, const Piece& piece_b) {
     tasks_.push_back({&piece_a, &piece_b, &(*bodies.placement)[bodies.pair.a].pose,
                       &(*bodies.placement)[bodies.pair.b].pose, most,
-                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, overlap_by, near_enough});
+                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, min_penetration, near_enough});
     ++search.asked;
   };
   const auto add = [&](const Piece& piece_a, const Piece& piece_b) {
-    add_up_to(cut_off, enough(bodies, search.slack), piece_a, piece_b);
+    add_up_to(cut_off, stop_below(bodies, search.slack), piece_a, piece_b);
   };
   if (search.elements) {
     if (search.next == search.end) return false;
@@ -433,7 +433,7 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
   return search.asked > 0;
 }
 
-void Evaluator::take_round(Search& search, double enough, std::span<const NarrowAnswer> answers) {
+void Evaluator::take_round(Search& search, double stop_below, std::span<const NarrowAnswer> answers) {
   assert(search.next + answers.size() <= search.end);
   PieceSearch& state = search.state;
   ElementSearch* const elements = search.elements.get();
@@ -471,7 +471,7 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
       return;
     }
     const bool is_last = !elements && search.next + k + 1 == search.end;
-    if (!options_.reference && state.upper <= enough && !is_last) {  // near enough: the same
+    if (!options_.reference && state.upper <= stop_below && !is_last) {  // near enough: the same
       state.leave_out(p.gap);
       search.next = search.end;
       return;

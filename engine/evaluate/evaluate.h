@@ -41,7 +41,7 @@ struct PlacedBodies {
   double max_distance;          ///< instead of the limits'
   WarmSimplex* warm = nullptr;  ///< of a pair of single pieces; null: cold
   /// An upper bound no higher is all that is asked, metres.
-  double enough = -std::numeric_limits<double>::infinity();
+  double stop_below = -std::numeric_limits<double>::infinity();
 };
 
 /// Answers many pairs, whatever their ids. Each worker has its own.
@@ -97,15 +97,15 @@ class Evaluator {
   void sort_ahead(Search& search);
   bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
   // That pieces overlap is all that those which stand for a mesh have to say of how near it is.
-  double enough(const PlacedBodies& bodies, const Slack& slack) const {
-    if (std::isinf(bodies.enough)) return bodies.enough;
-    const double near = slack.near_enough(bodies.enough);
+  double stop_below(const PlacedBodies& bodies, const Slack& slack) const {
+    if (std::isinf(bodies.stop_below)) return bodies.stop_below;
+    const double near = slack.near_enough(bodies.stop_below);
     return near < 0 && is_by_pieces(bodies.pair) ? 0 : near;
   }
   // Whether convex pieces stand for a body of the pair: then an overlap of pieces proves none of bodies. Before a
   // half-space it does, where a body is as its hull is.
   bool is_by_pieces(BodyPair pair) const;
-  void take_round(Search& search, double enough, std::span<const NarrowAnswer> answers);
+  void take_round(Search& search, double stop_below, std::span<const NarrowAnswer> answers);
 
   const Scene& scene_;
   EvaluateOptions options_;

@@ -125,10 +125,10 @@ struct RunBounds {
   T lower, upper;      ///< -inf, +inf where nothing is proved
   Mask settled;  ///< apart, and as narrow as asked or beyond max_distance; never bounds that contradict each other
 
-  /// \param extra error of what went into the run, metres: of float32 offsets. \param enough an upper bound so low is
+  /// \param extra error of what went into the run, metres: of float32 offsets. \param stop_below an upper bound so low is
   /// as narrow as asked, metres
   CLEARANCE_HD RunBounds(const Gjk<T>& g, const T& radius, const T& scale, const T& max_distance, const T& abs_tol,
-                         const T& rel_tol, const T& extra = T(0), const T& enough = T(-__builtin_inf()))
+                         const T& rel_tol, const T& extra = T(0), const T& stop_below = T(-__builtin_inf()))
       : nearest(g.simplex), v_length(norm(g.v)), length(norm(nearest.w)) {
     const T zero(0), infinite(__builtin_inf());
     const Mask open_end = (g.end == g.code(GjkEnd::kEncloses)) | (g.end == g.code(GjkEnd::kLimit));
@@ -136,7 +136,7 @@ struct RunBounds {
     const T low = lower_from_gap(g.gap, v_length, radius, rounding_error(T(RoundingUnits<T>::kLower), scale) + extra);
     const T high = upper_from_point(length, radius, rounding_error(T(RoundingUnits<T>::kUpper), scale) + extra);
     const T relative = rel_tol * high, width = high - low;
-    const Mask narrow = (low > zero) & ((width <= abs_tol) | (width <= relative) | (high <= enough));
+    const Mask narrow = (low > zero) & ((width <= abs_tol) | (width <= relative) | (high <= stop_below));
     settled = proved & (low <= high) & ((low > max_distance) | narrow);
     lower = select(proved, low, -infinite);
     upper = select(proved, high, infinite);

@@ -42,7 +42,7 @@ struct LanePair {
   const Vec3d* t_b;
   double max_distance = std::numeric_limits<double>::infinity();  ///< as in the query; infinite: no cut-off
   WarmSimplex* warm = nullptr;  ///< read for a first simplex and overwritten with the last one; may be null
-  double enough = -std::numeric_limits<double>::infinity();  ///< as NarrowLimits::enough
+  double stop_below = -std::numeric_limits<double>::infinity();  ///< as NarrowLimits::stop_below
 };
 
 /// What a lane proves, in the words of NarrowAnswer and GjkLimits.

@@ -269,7 +269,7 @@ struct Lanes {
   Column<T> rho_a, rho_b, radius;
   PlacedColumns<T> rotation = {};
   Columns3<T> offset = {};
-  Column<T> extra = {}, cut_off = {}, enough = {}, steps = {};
+  Column<T> extra = {}, cut_off = {}, stop_below = {}, steps = {};
   Column<T> fresh = {};  // 1: the pair has come since the last step
   Column<T> seeds = {};  // vertices of an earlier run to begin from
   std::uint32_t seed_a[3][kCount] = {}, seed_b[3][kCount] = {};
@@ -304,7 +304,7 @@ struct Lanes {
       }
       if (!kSameHulls) set_hulls(lane, *pair.a, *pair.b);
       cut_off.at[lane] = static_cast<T>(pair.max_distance * RunSetup<T>::kMore);
-      enough.at[lane] = static_cast<T>(pair.enough * RunSetup<T>::kStrict);
+      stop_below.at[lane] = static_cast<T>(pair.stop_below * RunSetup<T>::kStrict);
       for (int r = 0; r < 3; ++r) rotation.row[r].set(lane, frame.R.row[r]);
       extra.at[lane] = frame.extra;
       offset.set(lane, frame.D);
@@ -471,7 +471,7 @@ void run_pairs(const LaneBatch& batch) {
 
     // What narrow_phase() makes of such a run, for the pairs that need no more than that.
     const RunBounds<P> bounds(g, limits.radius, scale, lanes.cut_off.pack(), P(batch.abs_tol * Setup::kStrict),
-                              P(batch.rel_tol * Setup::kStrict), at.extra, lanes.enough.pack());
+                              P(batch.rel_tol * Setup::kStrict), at.extra, lanes.stop_below.pack());
     hand_out(batch, lanes, g, bounds, bits_of(ended));
     for (std::uint32_t left = bits_of(ended); left != 0; left &= left - 1) {
       --lanes.busy;

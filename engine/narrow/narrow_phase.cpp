@@ -123,14 +123,14 @@ class Answer {
   const Interval& bounds() const { return answer_.bounds; }
   bool wants_depth() const { return limits_.signed_distance; }
   /// An overlap is proved, but not by as much as was asked.
-  bool is_shallow() const { return answer_.bounds.upper <= 0 && answer_.bounds.upper > -limits_.overlap_by; }
+  bool is_shallow() const { return answer_.bounds.upper <= 0 && answer_.bounds.upper > -limits_.min_penetration; }
   double tolerance(double distance) const { return tolerance_at(distance, limits_.abs_tol, limits_.rel_tol); }
 
   bool settled() const {
     const auto [lower, upper] = answer_.bounds;
     if (lower > limits_.max_distance) return true;
     if (upper == kInf) return false;
-    if (upper <= limits_.enough) return true;
+    if (upper <= limits_.stop_below) return true;
     if (!limits_.signed_distance && upper <= 0) return true;
     const double least = limits_.signed_distance ? lower : std::max(lower, 0.0);
     if (least == -kInf) return false;
@@ -292,7 +292,7 @@ void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const Narr
                      Answer& answer, std::unique_ptr<PausedEpa<T>> resumed, PausedPairPtr* paused) {
   EpaLimits e = epa_limits<T>(limits.abs_tol, limits.rel_tol, pair.radius > T(0) && !pair.is_round(), pair.scale);
   if (!limits.signed_distance)
-    e.enough = 2 * pair.ball_error() + std::max(0.0, limits.overlap_by - static_cast<double>(pair.radius));
+    e.enough = 2 * pair.ball_error() + std::max(0.0, limits.min_penetration - static_cast<double>(pair.radius));
   if (pair.is_round()) e.max_vertices = kMostRoundVertices;
   static thread_local Epa<T> epa;
   std::size_t steps = 0;  // one at least, however short the slice is
@@ -480,7 +480,7 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PoseMatrix& pose_a, co
                                     const NarrowLimits& limits) {
   NarrowLimits whole = limits;
   whole.max_distance = kInf;
-  whole.enough = -kInf;
+  whole.stop_below = -kInf;
   if (auto plane = against_half_space(a, pose_a, b, pose_b, true, whole)) {
     plane->beyond = plane->bounds.lower > limits.max_distance;
     return *plane;

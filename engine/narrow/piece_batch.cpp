@@ -107,7 +107,7 @@ void PieceBatch::run_group(const Group& group, WorkMeter& meter) {
     if (task.a != a) hull_a = &hulls_.emplace_back(*(a = task.a));
     if (task.b != b) hull_b = &hulls_.emplace_back(*(b = task.b));
     pairs_.push_back({hull_a, hull_b, &task.pose_a->R_wb, &task.pose_b->R_wb, &task.pose_a->t_w, &task.pose_b->t_w,
-                      task.max_distance, task.warm, task.enough});
+                      task.max_distance, task.warm, task.stop_below});
   }
   assert(hulls_.size() <= (group.same_hulls ? 2 : 2 * count));  // else they have moved
   if (answers_.size() < count) {                                // that one last: memory may run out in between
@@ -164,14 +164,14 @@ void PieceBatch::settle_in_f64(const LaneBatch& all) {
 NarrowLimits PieceBatch::limits_of(const PieceTask& task) const {
   NarrowLimits limits = options_.limits;
   limits.max_distance = task.max_distance;
-  limits.overlap_by = task.overlap_by;
-  limits.enough = task.enough;
+  limits.min_penetration = task.min_penetration;
+  limits.stop_below = task.stop_below;
   return limits;
 }
 
 NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter) {
   meter.begin_pair();
-  const auto& [a, b, pose_a, pose_b, max_distance, id, warm, overlap_by, enough] = task;
+  const auto& [a, b, pose_a, pose_b, max_distance, id, warm, min_penetration, stop_below] = task;
   const NarrowLimits limits = limits_of(task);
   const NarrowAnswer answer = options_.reference
                                   ? narrow_phase_reference(*a, *pose_a, *b, *pose_b, limits)

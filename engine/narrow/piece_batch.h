@@ -31,8 +31,8 @@ struct PieceTask {
   double max_distance;                                       ///< instead of the limits'
   std::uint32_t id;                                          ///< the caller's own
   WarmSimplex* warm = nullptr;                               ///< as for narrow_phase(); null: cold
-  double overlap_by = 0;                                     ///< instead of the limits'
-  double enough = -std::numeric_limits<double>::infinity();  ///< the same
+  double min_penetration = 0;                                     ///< instead of the limits'
+  double stop_below = -std::numeric_limits<double>::infinity();  ///< the same
 };
 
 /// Each worker has its own. The bits of an answer do not depend on what else is in the batch. Every interval is looked

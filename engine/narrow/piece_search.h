@@ -116,10 +116,10 @@ enum class PieceEnd { kApart, kOverlap, kOpen };
 
 /// Takes a search to its end, one piece pair after another. \param look answers one with this cut-off: kApart: taken by
 /// the search; kOverlap: proved, which ends it where no depth is asked for; kOpen: not settled, which is the end too.
-/// \param enough an upper bound so low is all that is asked
+/// \param stop_below an upper bound so low is all that is asked
 template <class Nearest, class Look>
 CLEARANCE_HD inline PieceEnd search_pieces(PieceSearch& search, double max_distance, Nearest& nearest, const Look& look,
-                                           double enough = -__builtin_inf()) {
+                                           double stop_below = -__builtin_inf()) {
   PiecePair p;
   bool there = nearest.next(p);
   while (there) {
@@ -133,7 +133,7 @@ CLEARANCE_HD inline PieceEnd search_pieces(PieceSearch& search, double max_dista
       if (const PieceEnd end = look(p, cut_off); end != PieceEnd::kApart) return end;
       const double gap = p.gap;
       there = nearest.next(p);
-      if (search.upper <= enough && there && !(p.gap > max_distance)) {
+      if (search.upper <= stop_below && there && !(p.gap > max_distance)) {
         search.leave_out(gap);
         return PieceEnd::kApart;
       }

@@ -53,12 +53,12 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
   if (answer_without_pieces(q, at_a, at_b, answer)) return Outcome::kWithoutPieces;
   if (!q.prove_overlaps) return Outcome::kUnsettled;
   const Slack slack = slack_of_pair(c, item.ref, item.k);
-  double most = q.max_distance, enough = -__builtin_inf();
+  double most = q.max_distance, stop_below = -__builtin_inf();
   if (kAny)
-    enough = slack.near_enough(q.max_distance);
+    stop_below = slack.near_enough(q.max_distance);
   else if (r.reduce != Reduce::kWithin)
     most = fmin(most, group_cut_off(r, item));
-  Search search(r, q, at_a, at_b, slack, slack.cut_off(most), enough, room);
+  Search search(r, q, at_a, at_b, slack, slack.cut_off(most), stop_below, room);
   const Outcome outcome = search.run(answer);
   if (outcome != Outcome::kSettled) return outcome;
   is_mine = search.has_answer();

@@ -29,8 +29,8 @@ class HullSearch : public WarpSearch {
   };
 
   __device__ HullSearch(const ReducedView& r, const PairLimits& q, const Where& at_a, const Where& at_b,
-                        const Slack& slack, double cut_off, double enough, Room& room)
-      : WarpSearch(r, q, at_a, at_b, slack, cut_off, enough),
+                        const Slack& slack, double cut_off, double stop_below, Room& room)
+      : WarpSearch(r, q, at_a, at_b, slack, cut_off, stop_below),
         room_{room.node, room.element, room.node_gap, room.element_gap},
         elements_first_(r.elements.of_body[at_a.body] != kNone),
         set_(r.elements.sets[r.elements.of_body[elements_first_ ? at_a.body : at_b.body]]) {

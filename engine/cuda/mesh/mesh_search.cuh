@@ -160,8 +160,8 @@ class MeshSearch : public WarpSearch {
   };
 
   __device__ MeshSearch(const ReducedView& r, const PairLimits& q, const Where& at_a, const Where& at_b,
-                        const Slack& slack, double cut_off, double enough, Room& room)
-      : WarpSearch(r, q, at_a, at_b, slack, cut_off, enough),
+                        const Slack& slack, double cut_off, double stop_below, Room& room)
+      : WarpSearch(r, q, at_a, at_b, slack, cut_off, stop_below),
         room_(room),
         a_(r.elements.sets[r.elements.of_body[at_a.body]]),
         b_(r.elements.sets[r.elements.of_body[at_b.body]]),

@@ -35,23 +35,23 @@ class WarpSearch {
 
   // \param q what is asked of the pair's bodies. \param cut_off of its pieces: no more need be known of what is
   // farther.
-  // \param enough an upper bound so low is all that is asked
+  // \param stop_below an upper bound so low is all that is asked
   __device__ WarpSearch(const ReducedView& r, const PairLimits& q, const Where& at_a, const Where& at_b,
-                        const Slack& slack, double cut_off, double enough)
+                        const Slack& slack, double cut_off, double stop_below)
       : c_(r.chunk),
         q_(q),
         at_a_(at_a),
         at_b_(at_b),
         slack_(slack),
         cut_off_(cut_off),
-        enough_(enough),
+        stop_below_(stop_below),
         of_a_(at_a.frame()),
         of_b_(at_b.frame()),
         at_(pair_frame<double>(HullExtents{}, of_a_.R_wb, of_a_.t_w, HullExtents{}, of_b_.R_wb, of_b_.t_w)) {}
 
   __device__ static std::uint32_t lane() { return threadIdx.x % 32; }
   __device__ bool is_over() const {
-    return is_open_ || overlaps_ || upper_ <= enough_ || slack_.true_upper(upper_) <= 0;
+    return is_open_ || overlaps_ || upper_ <= stop_below_ || slack_.true_upper(upper_) <= 0;
   }
 
   // Beyond which parts are left out. Around a nearest one many are as near as it is: what keeps the interval as narrow
@@ -100,7 +100,7 @@ class WarpSearch {
         overlaps = take_enclosed(run.g, enclosed) && prove(a, b, enclosed, answer);
         open = !overlaps;
       } else {
-        const RunBounds<double> bounds = run.bounds(enough_);
+        const RunBounds<double> bounds = run.bounds(stop_below_);
         // Grown elements that overlap, while their cores do not, are nobody's to refine where no depth is asked for.
         const bool settled = bounds.settled || (bounds.upper <= 0 && bounds.lower <= bounds.upper);
         open = !settled;
@@ -192,7 +192,7 @@ class WarpSearch {
   const PairLimits& q_;
   const Where &at_a_, &at_b_;
   const Slack slack_;
-  const double cut_off_, enough_;
+  const double cut_off_, stop_below_;
   const PlacedFrame of_a_, of_b_;
   const PairFrame<double> at_;
   bool is_open_ = false, overlaps_ = false, is_writer_ = false;

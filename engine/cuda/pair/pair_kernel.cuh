@@ -111,9 +111,9 @@ struct Run {
     }
     g.close(end);
   }
-  /// \param enough if it is there: an upper bound so low is all that is asked
-  template <class... Enough>
-  __device__ RunBounds<T> bounds(const Enough&... enough) const {
+  /// \param stop_below if it is there: an upper bound so low is all that is asked
+  template <class... StopBelow>
+  __device__ RunBounds<T> bounds(const StopBelow&... stop_below) const {
     return {g,
             radius,
             scale,
@@ -121,7 +121,7 @@ struct Run {
             static_cast<T>(q_.abs_tol * Setup::kStrict),
             static_cast<T>(q_.rel_tol * Setup::kStrict),
             at_.extra,
-            static_cast<T>(enough * Setup::kStrict)...};
+            static_cast<T>(stop_below * Setup::kStrict)...};
   }
 
  private:
@@ -198,11 +198,11 @@ __device__ inline void take_settled(const PairLimits& q, const PairHulls<Hull>& 
 
 // Runs GJK on a pair that has poses, to its end. \param enclosed the simplex is left here if that holds the origin.
 // \param warm with kWarm: where the run begins and what it leaves. \param take is called with what settles the pair.
-// \param enough of Run::bounds()
-template <bool kWarm, class Hull, class Take, class... Enough>
+// \param stop_below of Run::bounds()
+template <bool kWarm, class Hull, class Take, class... StopBelow>
 __device__ inline Outcome run_to_end(const PairLimits& q, const Hull& a, const Hull& b,
                                      const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
-                                     const Take& take, const Enough&... enough) {
+                                     const Take& take, const StopBelow&... stop_below) {
   using T = typename Hull::T;
   if (kIsF32<T> && !at.fits) return Outcome::kUnsettled;
   Run<Hull> run(q, a, b, at);
@@ -214,7 +214,7 @@ __device__ inline Outcome run_to_end(const PairLimits& q, const Hull& a, const H
       if ((q.prove_overlaps || q.prove_depths) && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
     return Outcome::kUnsettled;
   }
-  const RunBounds<T> bounds = run.bounds(enough...);
+  const RunBounds<T> bounds = run.bounds(stop_below...);
   if (!bounds.settled) return Outcome::kUnsettled;
   take(run.g, bounds);
   return Outcome::kSettled;
