@@ -106,7 +106,7 @@ void DeviceBackend::append(Counters& counters) const {
                                    {"cuda.queries_on_cpu", queries_on_cpu},
                                    {"cuda.queries_without_room", without_room},
                                    {"cuda.usable", usable_ ? 1u : 0u},
-                                   {"cuda.pairs_settled", settled},
+                                   {"cuda.pairs_settled", converged},
                                    {"cuda.pairs_finished_on_cpu", finished_on_cpu},
                                    {"cuda.motions_finished_on_cpu", motions_finished_on_cpu},
                                    {"cuda.reply_bytes_copied", reply_bytes_copied}});

@@ -112,7 +112,7 @@ class DeviceBackend {
 
   static constexpr std::size_t kWarmClients = 16;
   // What became of pair-configurations and queries.
-  std::atomic<std::uint64_t> settled{0}, finished_on_cpu{0}, motions_finished_on_cpu{0}, reply_bytes_copied{0},
+  std::atomic<std::uint64_t> converged{0}, finished_on_cpu{0}, motions_finished_on_cpu{0}, reply_bytes_copied{0},
       queries{0}, queries_on_cpu{0}, without_room{0};
 
  private:

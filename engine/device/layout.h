@@ -253,7 +253,7 @@ struct LeftOpen {
 /// kPointsTaken, kTrianglesTaken and kMeshesTaken (of reduced queries, which leave kLeftOpen alone): how many of the
 /// pairs that are looked at were taken by who looks at these kinds of pairs. kCounts is even: what follows the counts
 /// may have 8 bytes.
-inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
+inline constexpr std::uint32_t kRest = 0, kConvergedRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
                                kBlocksDone = 5, kLeftOpen = 6, kPointsTaken = 6, kSeveralPairs = 7, kTrianglesTaken = 8,
                                kMeshesTaken = 9, kCounts = 10;
 

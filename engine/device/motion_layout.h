@@ -75,7 +75,7 @@ inline constexpr std::uint32_t kMotionLevels = 8, kContactLevels = 12;
 /// Where the least distance is asked for there is one more, the first, which looks at the ends.
 inline constexpr std::uint32_t kMostLevels = 1 + kContactLevels;
 /// Behind those of the levels: rows of hits, pairs that the narrow phase settled.
-inline constexpr std::uint32_t kHitRowCount = kCountsOfLevel * (kMostLevels + 1), kSettledCount = kHitRowCount + 1,
+inline constexpr std::uint32_t kHitRowCount = kCountsOfLevel * (kMostLevels + 1), kConvergedCount = kHitRowCount + 1,
                                kMotionCounts = kHitRowCount + 2;
 
 /// For how much a chunk's lists have room, at each level. What does not fit makes motions the CPU's: nearly all of them
@@ -117,7 +117,7 @@ struct MotionsView {
   std::uint64_t* hit;  ///< the least hit_key(); all bits set: none
   std::uint32_t* steps;
   std::uint8_t *open, *to_cpu;  ///< something is not proved; the CPU has to look whatever else is found
-  std::uint8_t* unsettled;      ///< where first contact is sought: the narrow phase leaves a pair open at some time
+  std::uint8_t* unresolved;      ///< where first contact is sought: the narrow phase leaves a pair open at some time
   MotionVerdict* verdicts;
   std::uint64_t* low;   ///< where the least distance is asked for: of what was left out; a double's bits
   std::uint64_t* seed;  ///< likewise, (motions, 2): the pair whose boxes are nearest at each end

@@ -127,7 +127,7 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
 // The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
 void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane,
                const LaneWitness& witness, const PlacedBodies& bodies, PairAnswer& answer) {
-  assert(lane.settled && lane.lower <= lane.upper);
+  assert(lane.converged && lane.lower <= lane.upper);
   const Slack slack = pair_slack(*bodies.placement, bodies.pair);
   NarrowLimits limits = options.limits;
   limits.max_distance = bodies.max_distance;
@@ -176,7 +176,7 @@ bool Evaluator::advance(WorkMeter& meter) {
           if (is_single(task))
             take_lane(options_, task, lane, witness, pairs_[task.id], answers_[task.id]);
           else
-            found_[task.id] = batch_.settled_answer(task, lane, witness);
+            found_[task.id] = batch_.converged_answer(task, lane, witness);
         },
         [&](const PieceTask& task, const NarrowAnswer& answer) {
           if (is_single(task))

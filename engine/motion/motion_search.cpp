@@ -91,7 +91,7 @@ bool MotionSearch::next(Node& node) {
     for (std::size_t i = 0; i < node.open.size(); ++i) {
       Goal& goal = goal_of(node.open[i]);
       const bool is_late = seeks_contact_ && begins_late(node.begin, goal.hit.time);
-      if (is_late || node.low[i] > target_of(node.open[i], goal, 0) || is_settled(goal)) {
+      if (is_late || node.low[i] > target_of(node.open[i], goal, 0) || has_converged(goal)) {
         leave(goal, node.open[i], node.low[i], node.begin);
         continue;
       }
@@ -112,8 +112,8 @@ bool MotionSearch::next(Node& node) {
 
 void MotionSearch::end_if_done() {
   if (done_ || under_way_ > 0) return;
-  const bool settled = std::all_of(goals_.begin(), goals_.end(), [&](const Goal& goal) { return is_settled(goal); });
-  if (!settled && may_ask()) return;
+  const bool converged = std::all_of(goals_.begin(), goals_.end(), [&](const Goal& goal) { return has_converged(goal); });
+  if (!converged && may_ask()) return;
   give_up();
   done_ = !seek_contact();
 }

@@ -133,7 +133,7 @@ class MotionSearch {
   /// Whether pairs are tested against their margins now.
   bool decides() const { return any() || seeks_contact_; }
   bool wants_contact() const { return (motion_query_.plan.size.fields & kFieldFirstContact) != 0; }
-  bool is_settled(const Goal& goal) const { return goal.decided && !seeks_contact_; }
+  bool has_converged(const Goal& goal) const { return goal.decided && !seeks_contact_; }
   Goal& goal_of(std::uint64_t position) { return goals_[goals_.size() == 1 ? 0 : position]; }
   double target_of(std::uint64_t position, const Goal& goal, double slack) const;
   void leave(Goal& goal, std::uint64_t position, double low, double begin);

@@ -120,9 +120,9 @@ CLEARANCE_HD inline void decide(const NarrowLimits& asked, double lower, double 
   }
   const double width = upper - lower;
   const auto narrow = [&](double distance) { return is_narrow(width, distance, asked.abs_tol, asked.rel_tol); };
-  const bool settled = pieces_overlap ? !asked.signed_distance || narrow(lower) : narrow(lower > 0 ? upper : 0);
+  const bool converged = pieces_overlap ? !asked.signed_distance || narrow(lower) : narrow(lower > 0 ? upper : 0);
   if (true_lower > 0) {
-    decide_apart(asked.max_distance, true_lower, true_upper, settled, answer);
+    decide_apart(asked.max_distance, true_lower, true_upper, converged, answer);
     if (answer.status == Status::kBeyond) {
       answer.point_a = answer.point_b = no_point();
       return;
@@ -131,14 +131,14 @@ CLEARANCE_HD inline void decide(const NarrowLimits& asked, double lower, double 
     answer.lower = true_lower;
     answer.upper = true_upper;
     if (overlap) {
-      answer.status = settled ? Status::kOverlap : Status::kUnconverged;
+      answer.status = converged ? Status::kOverlap : Status::kUnconverged;
       answer.distance = true_lower;
     } else {
-      answer.status = settled || is_at_rounding(width, rounding()) ? Status::kContact : Status::kUnconverged;
+      answer.status = converged || is_at_rounding(width, rounding()) ? Status::kContact : Status::kUnconverged;
       answer.distance = asked.signed_distance ? 0.5 * true_lower + 0.5 * true_upper : true_upper;
     }
   }
-  if (!settled && is_at_rounding(width, rounding())) answer.flags |= kFlagRoundingLimited;
+  if (!converged && is_at_rounding(width, rounding())) answer.flags |= kFlagRoundingLimited;
   const double size = true_lower > 0 ? true_upper : overlap ? true_lower : 0;
   if (slack.any() && !(overlap && !asked.signed_distance) &&
       !is_narrow(slack.inner + slack.outer, size, asked.abs_tol, asked.rel_tol))

@@ -123,7 +123,7 @@ struct RunBounds {
   SimplexPoint<T> nearest;
   T v_length, length;  ///< of the direction that proves `lower`, and of nearest.w, which proves `upper`
   T lower, upper;      ///< -inf, +inf where nothing is proved
-  Mask settled;  ///< apart, and as narrow as asked or beyond max_distance; never bounds that contradict each other
+  Mask converged;  ///< apart, and as narrow as asked or beyond max_distance; never bounds that contradict each other
 
   /// \param extra error of what went into the run, metres: of float32 offsets. \param stop_below an upper bound so low is
   /// as narrow as asked, metres
@@ -137,7 +137,7 @@ struct RunBounds {
     const T high = upper_from_point(length, radius, rounding_error(T(RoundingUnits<T>::kUpper), scale) + extra);
     const T relative = rel_tol * high, width = high - low;
     const Mask narrow = (low > zero) & ((width <= abs_tol) | (width <= relative) | (high <= stop_below));
-    settled = proved & (low <= high) & ((low > max_distance) | narrow);
+    converged = proved & (low <= high) & ((low > max_distance) | narrow);
     lower = select(proved, low, -infinite);
     upper = select(proved, high, infinite);
   }

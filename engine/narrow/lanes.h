@@ -48,7 +48,7 @@ struct LanePair {
 /// What a lane proves, in the words of NarrowAnswer and GjkLimits.
 struct LaneAnswer {
   double lower, upper;  ///< -inf, +inf where nothing is proved yet
-  bool settled;         ///< apart, and as narrow as asked, beyond max_distance or near enough: no need to look further
+  bool converged;         ///< apart, and as narrow as asked, beyond max_distance or near enough: no need to look further
 };
 
 /// The witness of a settled pair: what Witness is made from.
@@ -69,7 +69,7 @@ struct LaneBatch {
   int max_iterations;
   LaneAnswer* answers;     ///< (pairs,)
   LaneWitness* witnesses;  ///< (pairs,) of the settled ones; null: not wanted
-  Gjk<double>* unsettled;  ///< (pairs,) GJK's last state where the answer is not settled; not written by run_f32
+  Gjk<double>* unresolved;  ///< (pairs,) GJK's last state where the answer is not settled; not written by run_f32
 };
 
 /// Whether float32 can be tried on two pieces: small ones, of sizes that it holds (sizes_fit_f32()).

@@ -407,15 +407,15 @@ HWY_INLINE void hand_out(const LaneBatch& batch, const Lanes<T>& lanes, const Gj
   Column<T> lower, upper;
   lower.set(bounds.lower);
   upper.set(bounds.upper);
-  const std::uint32_t settled = bits_of(bounds.settled);
+  const std::uint32_t converged = bits_of(bounds.converged);
   for (; ended != 0; ended &= ended - 1) {
     const int lane = __builtin_ctz(ended);
     const std::size_t pair = lanes.pair_of[lane];
-    const bool done = settled >> lane & 1;
+    const bool done = converged >> lane & 1;
     batch.answers[pair] = {lower.at[lane], upper.at[lane], done};
     if (batch.pairs[pair].warm) copy_warm<T>(g.simplex, lane, *batch.pairs[pair].warm);
     if constexpr (std::is_same_v<T, double>)
-      if (!done) copy_lane(g, lane, batch.unsettled[pair]);
+      if (!done) copy_lane(g, lane, batch.unresolved[pair]);
     if (done && batch.witnesses) copy_witness(g, bounds, lane, *batch.pairs[pair].R_wa, batch.witnesses[pair]);
   }
 }

@@ -126,7 +126,7 @@ class Answer {
   bool is_shallow() const { return answer_.bounds.upper <= 0 && answer_.bounds.upper > -limits_.min_penetration; }
   double tolerance(double distance) const { return tolerance_at(distance, limits_.abs_tol, limits_.rel_tol); }
 
-  bool settled() const {
+  bool converged() const {
     const auto [lower, upper] = answer_.bounds;
     if (lower > limits_.max_distance) return true;
     if (upper == kInf) return false;
@@ -139,7 +139,7 @@ class Answer {
   }
 
   NarrowAnswer finish() {
-    answer_.settled = settled();
+    answer_.converged = converged();
     answer_.beyond = answer_.bounds.lower > limits_.max_distance;
     // Without a wish for depth the separating direction may be unknown: then the witnesses' own line has to do.
     const double length = witness_.length, radius = radius_a_ + radius_b_;
@@ -214,7 +214,7 @@ void try_face_normals(const PlacedPair<T>& pair, const Gjk<T>& g, Answer& answer
         if (!(squared_norm(normal) > T(0))) continue;
         if (dot(normal, p[i].w) > T(0)) normal = -normal;
         answer.raise_lower(certify_lower(pair, normal), normal);
-        if (answer.settled()) return;
+        if (answer.converged()) return;
       }
 }
 
@@ -348,7 +348,7 @@ Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const 
   if (end == GjkEnd::kEncloses && g.simplex.size == 4) {
     if (!limits.signed_distance) {
       take_tetrahedron(pair, g.simplex, answer);
-      if (answer.settled() && !answer.is_shallow()) return g.simplex;
+      if (answer.converged() && !answer.is_shallow()) return g.simplex;
     }
   } else {
     answer.take_witness(pair, g.simplex);
@@ -356,9 +356,9 @@ Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const 
       answer.raise_lower(certify_lower(pair, g.gap, norm(g.v)), -g.v);
     else if (squared_norm(g.v) > T(0))
       answer.raise_lower(certify_lower(pair, -g.v), -g.v);
-    if (answer.settled()) return g.simplex;
+    if (answer.converged()) return g.simplex;
     try_face_normals(pair, g, answer);
-    if (answer.settled() || answer.bounds().lower > 0) return g.simplex;
+    if (answer.converged() || answer.bounds().lower > 0) return g.simplex;
   }
   expand_polytope<T>(pair, cso, limits, g, answer, nullptr, paused);
   return g.simplex;
@@ -393,7 +393,7 @@ NarrowAnswer against_half_space(const Piece& a, const PoseMatrix& pose_a, const 
   if (is_half_space(b)) return {};
   Answer answer(limits, pose_a.R_wb, a.radius, b.radius);
   if (!in_fine) attempt_plane(PlacedPair<double>(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w), answer);
-  if (in_fine || !answer.settled())
+  if (in_fine || !answer.converged())
     attempt_plane(PlacedPair<DoubleDouble>(a, double_double_rotation(pose_a), pose_a.t_w, b,
                                            double_double_rotation(pose_b), pose_b.t_w),
                   answer);
@@ -425,7 +425,7 @@ NarrowAnswer narrow_down(Answer answer, const Piece& a, const PoseMatrix& pose_a
     if (pair.is_round()) seed = {};  // points that only this attempt has found
     if (warm) *warm = seed;
   }
-  if (in_fine || !answer.settled()) {
+  if (in_fine || !answer.converged()) {
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b,
                                         double_double_rotation(pose_b), pose_b.t_w);
     attempt(fine, limits, seed, answer, meter, paused);
@@ -472,8 +472,8 @@ double rounding_of(const Piece& a, const PoseMatrix& pose_a, const Piece& b, con
 
 void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
                        Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
-  settled_points(a, R_wa, b, R_wb, lane, point_a, point_b);
-  normal = settled_normal(lane);
+  converged_points(a, R_wa, b, R_wb, lane, point_a, point_b);
+  normal = converged_normal(lane);
 }
 
 NarrowAnswer narrow_phase_reference(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,

@@ -112,7 +112,7 @@ void PieceBatch::run_group(const Group& group, WorkMeter& meter) {
   assert(hulls_.size() <= (group.same_hulls ? 2 : 2 * count));  // else they have moved
   if (answers_.size() < count) {                                // that one last: memory may run out in between
     witnesses_.resize(count);
-    unsettled_.resize(count);
+    unresolved_.resize(count);
     answers_.resize(count);
   }
   meter.count(units);
@@ -121,28 +121,28 @@ void PieceBatch::run_group(const Group& group, WorkMeter& meter) {
                         group.same_hulls, limits.abs_tol,
                         limits.rel_tol,   limits.max_iterations,
                         answers_.data(),  options_.want_points ? witnesses_.data() : nullptr,
-                        unsettled_.data()};
+                        unresolved_.data()};
   if (group.f32) {
     options_.lanes->run_f32(batch);
-    settle_in_f64(batch);
+    resolve_in_f64(batch);
   } else {
     options_.lanes->run(batch);
   }
 }
 
 // Float64 lanes for those that float32 left open.
-void PieceBatch::settle_in_f64(const LaneBatch& all) {
+void PieceBatch::resolve_in_f64(const LaneBatch& all) {
   again_.clear();
   again_pairs_.clear();
   for (std::size_t i = 0; i < all.count; ++i)
-    if (!all.answers[i].settled && is_possible(all.answers[i])) {
+    if (!all.answers[i].converged && is_possible(all.answers[i])) {
       again_.push_back(i);
       again_pairs_.push_back(all.pairs[i]);
     }
   if (again_.empty()) return;
   if (again_answers_.size() < again_.size()) {
     again_witnesses_.resize(again_.size());
-    again_unsettled_.resize(again_.size());
+    again_unresolved_.resize(again_.size());
     again_answers_.resize(again_.size());
   }
   LaneBatch batch = all;
@@ -150,12 +150,12 @@ void PieceBatch::settle_in_f64(const LaneBatch& all) {
   batch.count = again_.size();
   batch.answers = again_answers_.data();
   if (all.witnesses) batch.witnesses = again_witnesses_.data();
-  batch.unsettled = again_unsettled_.data();
+  batch.unresolved = again_unresolved_.data();
   options_.lanes->run(batch);
   for (std::size_t k = 0; k < again_.size(); ++k) {
     all.answers[again_[k]] = again_answers_[k];
-    if (!again_answers_[k].settled)
-      all.unsettled[again_[k]] = again_unsettled_[k];
+    if (!again_answers_[k].converged)
+      all.unresolved[again_[k]] = again_unresolved_[k];
     else if (all.witnesses)
       all.witnesses[again_[k]] = again_witnesses_[k];
   }
@@ -190,12 +190,12 @@ NarrowAnswer PieceBatch::answer_anew(const PieceTask& task) const {
   return answer.bounds.is_possible() ? answer : NarrowAnswer();
 }
 
-NarrowAnswer PieceBatch::settled_answer(const PieceTask& task, const LaneAnswer& lane,
+NarrowAnswer PieceBatch::converged_answer(const PieceTask& task, const LaneAnswer& lane,
                                         const LaneWitness& witness) const {
   NarrowAnswer answer;
   answer.bounds = {lane.lower, lane.upper};
   answer.beyond = lane.lower > task.max_distance;
-  answer.settled = true;
+  answer.converged = true;
   if (options_.want_points)
     take_lane_witness(*task.a, task.pose_a->R_wb, *task.b, task.pose_b->R_wb, witness, answer.point_a, answer.point_b,
                       answer.normal);

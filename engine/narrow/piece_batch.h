@@ -43,20 +43,20 @@ class PieceBatch {
   explicit PieceBatch(const NarrowOptions& options) : options_(options) {}
 
   /// Calls, for each task and in any order, settled(task, its LaneAnswer, its LaneWitness) for what lanes have settled,
-  /// or else take(task, its NarrowAnswer). NarrowAnswers say the same of a pair as lanes do: see settled_answer().
-  template <class Settled, class Take>
-  void run(std::span<const PieceTask> tasks, Settled&& settled, Take&& take) {
+  /// or else take(task, its NarrowAnswer). NarrowAnswers say the same of a pair as lanes do: see converged_answer().
+  template <class Converged, class Take>
+  void run(std::span<const PieceTask> tasks, Converged&& converged, Take&& take) {
     WorkMeter unlimited;
     begin(tasks);
-    advance(unlimited, settled, take);
+    advance(unlimited, converged, take);
   }
 
   /// The same in slices. `tasks` must stay until all are answered.
   void begin(std::span<const PieceTask> tasks);
   /// Answers one task at least, unless it is too dear, and others until the slice is over. Returns true once all are
   /// answered.
-  template <class Settled, class Take>
-  bool advance(WorkMeter& meter, Settled&& settled, Take&& take) {
+  template <class Converged, class Take>
+  bool advance(WorkMeter& meter, Converged&& converged, Take&& take) {
     for (; group_ < groups_.size(); ++group_, in_group_ = false) {
       const Group& group = groups_[group_];
       if (!std::exchange(in_group_, true)) run_group(group, meter);
@@ -65,12 +65,12 @@ class PieceBatch {
         const std::size_t place = next_ - group.begin;
         if (group.in_lanes && !is_possible(answers_[place])) {
           take(task, answer_anew(task));
-        } else if (group.in_lanes && answers_[place].settled) {
-          settled(task, answers_[place], witnesses_[place]);
+        } else if (group.in_lanes && answers_[place].converged) {
+          converged(task, answers_[place], witnesses_[place]);
           continue;
         } else {
           try {
-            take(task, answer_alone(task, group.in_lanes ? &unsettled_[place] : nullptr, meter));
+            take(task, answer_alone(task, group.in_lanes ? &unresolved_[place] : nullptr, meter));
           } catch (const WorkMeter::PairUnfinished&) {
             return false;
           }
@@ -89,7 +89,7 @@ class PieceBatch {
   }
 
   /// The NarrowAnswer of a pair that lanes have settled. `rounding` is left 0.
-  NarrowAnswer settled_answer(const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) const;
+  NarrowAnswer converged_answer(const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) const;
 
  private:
   struct Group {  // of tasks, in the order that at() tells
@@ -105,7 +105,7 @@ class PieceBatch {
   std::uint32_t kind_of(const PieceTask& task);
   void deal();
   void run_group(const Group& group, WorkMeter& meter);
-  void settle_in_f64(const LaneBatch& all);
+  void resolve_in_f64(const LaneBatch& all);
   static bool fit_lanes(const PieceTask& task) { return !task.a->primitive && !task.b->primitive; }
   static bool is_possible(const LaneAnswer& lane) { return Interval{lane.lower, lane.upper}.is_possible(); }
   NarrowLimits limits_of(const PieceTask& task) const;
@@ -125,13 +125,13 @@ class PieceBatch {
   std::vector<LanePair> pairs_;
   std::vector<LaneAnswer> answers_;
   std::vector<LaneWitness> witnesses_;
-  std::vector<Gjk<double>> unsettled_;
+  std::vector<Gjk<double>> unresolved_;
   // Of the pairs that float32 left open.
   std::vector<std::size_t> again_;
   std::vector<LanePair> again_pairs_;
   std::vector<LaneAnswer> again_answers_;
   std::vector<LaneWitness> again_witnesses_;
-  std::vector<Gjk<double>> again_unsettled_;
+  std::vector<Gjk<double>> again_unresolved_;
 };
 
 }  // namespace clearance

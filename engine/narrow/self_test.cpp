@@ -172,7 +172,7 @@ void run(SelfTest& test, const NarrowOptions& asked, int places) {
   batch.run(
       tasks,
       [&](const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
-        take(task, batch.settled_answer(task, lane, witness));
+        take(task, batch.converged_answer(task, lane, witness));
       },
       take);
   if (contradictions > 0) test.count(std::to_string(contradictions) + " pairs of bounds contradict each other");

@@ -15,7 +15,7 @@ namespace clearance {
 
 /// The witness points of a settled pair, from their bodies' origins, world axes.
 template <class Hull>
-CLEARANCE_HD inline void settled_points(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
+CLEARANCE_HD inline void converged_points(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
                                         const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b) {
   Vec3d core_a{0, 0, 0}, core_b = core_a;
   CLEARANCE_UNROLL
@@ -31,7 +31,7 @@ CLEARANCE_HD inline void settled_points(const Hull& a, const Mat3d& R_wa, const 
 }
 
 /// And its normal.
-CLEARANCE_HD inline Vec3d settled_normal(const LaneWitness& lane) {
+CLEARANCE_HD inline Vec3d converged_normal(const LaneWitness& lane) {
   return lane.n * (1 / lane.n_length);
 }
 

@@ -134,10 +134,10 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
       }
     }
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    const std::uint64_t settled = counter(device, "cuda.pairs_settled"),
+    const std::uint64_t converged = counter(device, "cuda.pairs_settled"),
                         rest = counter(device, "cuda.pairs_finished_on_cpu");
-    EXPECT_GT(settled, 100'000u);
-    EXPECT_GT(settled, 5 * rest)
+    EXPECT_GT(converged, 100'000u);
+    EXPECT_GT(converged, 5 * rest)
         << rest << " were finished by the CPU: those without a tolerance, and depths of several pieces";
     QueryView warm;
     warm.warm_slot = 5;
@@ -380,14 +380,14 @@ TEST_F(CudaBackend, LeavesToFloat64WhatFloat32CannotSettle) {
   const Answer f32 = ask(device, q);
   expect_same(f32, ask(cpu, q), "float32");
   const std::vector<BodyPair> pairs = device.pairs(q);
-  std::uint64_t settled = 0, finished = 0;
+  std::uint64_t converged = 0, finished = 0;
   const auto may_begin_in_f32 = [](std::uint32_t body) { return body % 4 != 1 && body % 40 != 7; };
   for (std::uint64_t i = 0; i < f32.size.rows; ++i) {
     const BodyPair pair = pairs[i];
     if (!may_begin_in_f32(pair.a) || !may_begin_in_f32(pair.b) || !(f64.view.lower[i] > 0)) continue;
-    ++(same_bits(f32.view.lower[i], f64.view.lower[i]) ? finished : settled);
+    ++(same_bits(f32.view.lower[i], f64.view.lower[i]) ? finished : converged);
   }
-  EXPECT_GT(settled, 500u);
+  EXPECT_GT(converged, 500u);
   EXPECT_GT(finished, 500u);
 }
 

@@ -60,7 +60,7 @@ std::uint64_t of(const std::array<std::uint64_t, 16>& statuses, Status status) {
 }
 
 TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
-  std::uint64_t beyond = 0, overlap = 0, near = 0, settled = 0;
+  std::uint64_t beyond = 0, overlap = 0, near = 0, converged = 0;
   for (const double box : {1.0, 5.0, 20.0}) {
     const Engine device(mixed_scene(80, box, 5), {"cuda"}), cpu(mixed_scene(80, box, 5), {"cpu"});
     for (const std::uint32_t K : {0u, 1u, 300u}) {
@@ -79,10 +79,10 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
         near += of(statuses, Status::kOk);
       }
     }
-    settled += counter(device, "cuda.pairs_settled");
+    converged += counter(device, "cuda.pairs_settled");
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
   }
-  EXPECT_GT(settled, 500u);
+  EXPECT_GT(converged, 500u);
   EXPECT_GT(beyond, 500u);
   EXPECT_GT(overlap, 500u);
   EXPECT_GT(near, 100u);

@@ -62,7 +62,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
     for (const std::size_t size :
          is_mesh(kind) ? std::array<std::size_t, 3>{1, 4, 40} : std::array<std::size_t, 3>{1, 30, 20000}) {
       Found least, any;
-      std::uint64_t settled = 0, left = 0;
+      std::uint64_t converged = 0, left = 0;
       for (const double room : {0.6, 1.2, 3.0}) {
         ElementCase c(kind, size, room, 400, 3, room == 1.2, 0.05, room == 0.6);
         c.poses[7].translation.y = std::numeric_limits<double>::quiet_NaN();
@@ -86,7 +86,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
           }
           c.q.margin = 0;
         }
-        settled += counter(device, "cuda.pairs_settled");
+        converged += counter(device, "cuda.pairs_settled");
         left += counter(device, "cuda.pairs_finished_on_cpu");
         EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u) << name;
       }
@@ -96,8 +96,8 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
         EXPECT_GT(least.overlap, 30u);
         EXPECT_GT(any.overlap, 30u);
       }
-      EXPECT_GT(settled, 2000u);
-      EXPECT_LT(left, settled / 20) << "kind " << static_cast<int>(kind) << ", size " << size;
+      EXPECT_GT(converged, 2000u);
+      EXPECT_LT(left, converged / 20) << "kind " << static_cast<int>(kind) << ", size " << size;
     }
 }
 

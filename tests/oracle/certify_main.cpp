@@ -91,7 +91,7 @@ bool certify_slack(const Options& o) {
   }
   if (o.slack > 0)
     std::cerr << "slack: " << findings.asked << " answers: " << findings.misses << " intervals that miss, "
-              << findings.untrue << " untrue statuses, " << findings.wide << " too wide, " << findings.unsettled
+              << findings.untrue << " untrue statuses, " << findings.wide << " too wide, " << findings.unresolved
               << " unsettled\n";
   return findings.all() == 0;
 }

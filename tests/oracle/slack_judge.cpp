@@ -150,7 +150,7 @@ void try_uncertain(Random& random, Findings& findings) {
   if (row.lower > 0) {
     const double wanted = turn + 1e-6 * (row.upper + turn) + 1e-12;
     findings.wide += row.upper - row.lower > wanted * (1 + 1e-9);
-    findings.unsettled += row.status == Status::kUnconverged;
+    findings.unresolved += row.status == Status::kUnconverged;
     findings.untrue += turn > 1e-5 * row.upper && !(row.flags & kFlagSlack);
   }
 }
@@ -248,7 +248,7 @@ bool try_cylinder(Random& random, CylinderAs as, Findings& findings) {
   findings.misses += deep.lower > truth + error || deep.upper < truth - error;
   findings.untrue +=
       (plain.status == Status::kOk && truth < -error) || (plain.status == Status::kOverlap && truth > error);
-  if (truth < -3 * Real(outer) - error) findings.unsettled += plain.status != Status::kOverlap;
+  if (truth < -3 * Real(outer) - error) findings.unresolved += plain.status != Status::kOverlap;
   if (outer == 0 && truth > 0.01L * Real(r)) findings.wide += plain.upper - plain.lower > 1e-6 * plain.upper;
   return truth > 0 && plain.upper - Real(outer) < truth - error;
 }
@@ -259,7 +259,7 @@ void try_crossed_cylinders(Random& random, CylinderAs as, Findings& findings) {
   add_cylinder(scene, as, "b", 0.3, 1, random.rotation(random.direction() * random.uniform(0.05, 0.2)));
   const Engine engine(std::move(scene), kFewLanes);
   ++findings.asked;
-  findings.unsettled += ask_one(engine).status != Status::kOverlap;
+  findings.unresolved += ask_one(engine).status != Status::kOverlap;
 }
 
 void try_age(Random& random, Findings& findings) {

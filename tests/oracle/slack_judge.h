@@ -12,8 +12,8 @@ struct Findings {
   int misses = 0;     ///< intervals without the truth
   int untrue = 0;     ///< statuses and flags that the truth contradicts
   int wide = 0;       ///< intervals wider than tolerance and slack
-  int unsettled = 0;  ///< wider than asked, or unproved, for slack alone
-  int all() const { return misses + untrue + wide + unsettled; }
+  int unresolved = 0;  ///< wider than asked, or unproved, for slack alone
+  int all() const { return misses + untrue + wide + unresolved; }
 };
 
 /// Hulls whose pose is known within a ball and a turn, and padding: samples of all that is allowed, solved exactly.

@@ -102,7 +102,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     const Finished& times = *slot.device_view.finished;
     counters_.kernel_ns += std::max(times.ended, last_ended_) - std::max(times.begun, last_ended_);
     last_ended_ = std::max(times.ended, last_ended_);
-    return {slot.host_view, {slot.host_counts + kCounts, slot.host_counts[kRest]}, slot.host_counts[kSettledRows]};
+    return {slot.host_view, {slot.host_counts + kCounts, slot.host_counts[kRest]}, slot.host_counts[kConvergedRows]};
   }
 
  private:

@@ -194,7 +194,7 @@ __global__ void __launch_bounds__(kDepthThreads, kDepthBlocksOfOne) prove_depths
       write_answer(c, item.row, item.k, item.at_a, item.at_b, answer);
     else
       c.rest[atomicAdd(c.counts + kRest, 1)] = static_cast<std::uint32_t>(item.row);
-    if (proved) atomicAdd(c.counts + kSettledRows, 1);
+    if (proved) atomicAdd(c.counts + kConvergedRows, 1);
   }
   hand_over_counts(c);
 }

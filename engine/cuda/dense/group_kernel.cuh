@@ -58,7 +58,7 @@ __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item,
   const Outcome outcome =
       solve_item<kLean, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm, slack);
   if (outcome == Outcome::kEnclosed && c.prove_at_once) return prove_row(c, enclosed);
-  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
+  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kConverged)
     write_answer<kLean>(c, item.row, item.k, item.at_a, item.at_b, answer);
   return outcome;
 }
@@ -104,13 +104,13 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
   Outcome outcome = Outcome::kNone;
   const S slack = known_slack<S>(c, item.ref, item.k);
   if (is_there) {
-    outcome = Outcome::kUnsettled;
+    outcome = Outcome::kUnresolved;
     if (kBoth && fit_f32(*head_a, *head_b)) {
       const PairFrame<float> at = place_pair<float>(item.at_a, *head_a, item.at_b, *head_b);
       outcome = answer_item<kLean, kWarm>(c, item, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
                                           hulls, at, enclosed, slack);
     }
-    if (outcome == Outcome::kUnsettled) {
+    if (outcome == Outcome::kUnresolved) {
       const PairFrame<double> at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
       outcome = answer_item<kLean, kWarm>(c, item, a, b, hulls, at, enclosed, slack);
     }
@@ -137,7 +137,7 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
   Outcome outcome = Outcome::kNone;
   PairAnswer answer;
   if (place < count) outcome = solve_pieces<kBoth>(c, c.pair_limits, item.ref, item.k, item.at_a, item.at_b, answer);
-  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
+  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kConverged)
     write_answer(c, item.row, item.k, item.at_a, item.at_b, answer);
   report(c, outcome, item.row, {});
   hand_over_counts(c);

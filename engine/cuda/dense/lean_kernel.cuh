@@ -54,11 +54,11 @@ __device__ inline Outcome answer_lean_item(const ChunkView& c, const LeanItem& i
       if (!kPoints || answer.status == Status::kBeyond) return;
       const Mat3d R_wa = Where(c.bodies, c.configurations, ref.a, item.k).frame().R_wb,
                   R_wb = Where(c.bodies, c.configurations, ref.b, item.k).frame().R_wb;
-      settled_points(hulls.a, R_wa, hulls.b, R_wb, witness_of(g, bounds, R_wa), answer.point_a, answer.point_b);
+      converged_points(hulls.a, R_wa, hulls.b, R_wb, witness_of(g, bounds, R_wa), answer.point_a, answer.point_b);
     };
     outcome = run_to_end<false>(q, a, b, at, enclosed, nullptr, take);
   }
-  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) write_lean<kPoints>(c, item, answer);
+  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kConverged) write_lean<kPoints>(c, item, answer);
   return outcome;
 }
 

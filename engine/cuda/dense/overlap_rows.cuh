@@ -16,7 +16,7 @@ __device__ __noinline__ inline Outcome prove_row(const ChunkView& c, Enclosed e)
   PairAnswer answer;
   answer.flags = flags_of(at_a, at_b);
   const Outcome outcome = proved(c, e, at_a, at_b, slack_of_pair(c, pair, e.configuration).outer, answer);
-  if (outcome == Outcome::kSettled) write_answer(c, row_of(c, e), e.configuration, at_a, at_b, answer);
+  if (outcome == Outcome::kConverged) write_answer(c, row_of(c, e), e.configuration, at_a, at_b, answer);
   return outcome;
 }
 
@@ -32,9 +32,9 @@ __global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ 
       row = row_of(c, e);
       outcome = prove_row(c, e);
     }
-    const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
-    if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
-    add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
+    const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnresolved);
+    if (outcome == Outcome::kUnresolved) c.rest[rest] = static_cast<std::uint32_t>(row);
+    add_count(c.counts + kConvergedRows, outcome == Outcome::kConverged);
   }
   hand_over_counts(c);
 }

@@ -51,7 +51,7 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
   if (kAny) q.max_distance = margin_of(r, item.p);
   is_mine = threadIdx.x % 32 == 0;
   if (answer_without_pieces(q, at_a, at_b, answer)) return Outcome::kWithoutPieces;
-  if (!q.prove_overlaps) return Outcome::kUnsettled;
+  if (!q.prove_overlaps) return Outcome::kUnresolved;
   const Slack slack = slack_of_pair(c, item.ref, item.k);
   double most = q.max_distance, stop_below = -__builtin_inf();
   if (kAny)
@@ -60,11 +60,11 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
     most = fmin(most, group_cut_off(r, item));
   Search search(r, q, at_a, at_b, slack, slack.cut_off(most), stop_below, room);
   const Outcome outcome = search.run(answer);
-  if (outcome != Outcome::kSettled) return outcome;
+  if (outcome != Outcome::kConverged) return outcome;
   is_mine = search.has_answer();
   // Neither farther than its margin nor within it, as far as is known.
   const bool is_decided = !kAny || answer.upper <= q.max_distance || answer.status == Status::kBeyond;
-  return __all_sync(~0u, !is_mine || is_decided) ? Outcome::kSettled : Outcome::kUnsettled;
+  return __all_sync(~0u, !is_mine || is_decided) ? Outcome::kConverged : Outcome::kUnresolved;
 }
 
 // Of the pairs that are listed, those of one kind. What is not settled goes where the others' goes.
@@ -87,7 +87,7 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
       Outcome outcome = Outcome::kNone;
       if (!kAny || !__any_sync(~0u, is_decided_before(r, item))) {
         outcome = answer_elements<kAny, typename Kind::Search>(r, item, room, answer, is_mine);
-        if (is_mine && (outcome == Outcome::kSettled || outcome == Outcome::kWithoutPieces)) {
+        if (is_mine && (outcome == Outcome::kConverged || outcome == Outcome::kWithoutPieces)) {
           const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
               at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
           r.answers[i] = answer;
@@ -100,9 +100,9 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
         r.answers[i] = answer;
       }
       if constexpr (kAny) {
-        if (outcome == Outcome::kUnsettled && lane == 0)
+        if (outcome == Outcome::kUnresolved && lane == 0)
           r.answers[i] = no_answer(Status::kOk);  // for list_open_pairs()
-        add_count(r.chunk.counts + kSettledRows, lane == 0 && outcome == Outcome::kSettled);
+        add_count(r.chunk.counts + kConvergedRows, lane == 0 && outcome == Outcome::kConverged);
       } else {
         report_item(r, lane == 0 ? outcome : Outcome::kNone, i);
       }

@@ -42,8 +42,8 @@ class HullSearch : public WarpSearch {
   // kSettled: the thread that has_answer() holds the answer. \param answer has the pair's flags
   __device__ Outcome run(PairAnswer& answer) {
     for (std::uint32_t piece = 0; piece < pieces_ && !is_over(); ++piece) search(piece, answer);
-    if (is_open_) return Outcome::kUnsettled;
-    if (overlaps_) return Outcome::kSettled;
+    if (is_open_) return Outcome::kUnresolved;
+    if (overlaps_) return Outcome::kConverged;
     const double lower = least_of_warp(lower_);
     if constexpr (Elements::kIsMesh)
       if (lower > 0 && set_.is_solid) {
@@ -176,7 +176,7 @@ class HullSearch : public WarpSearch {
     for (std::uint32_t piece = 0; piece < pieces_; ++piece) {
       const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + piece]];
       if (PieceBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bulk, 0) > 0) continue;
-      if (!knows_side(apart, shift, set_.hull, head)) return Outcome::kUnsettled;
+      if (!knows_side(apart, shift, set_.hull, head)) return Outcome::kUnresolved;
       // All of the piece lies on one side: where float64 is not sure of one of its points, it may be of another.
       Winding winding{0, false};
       Vec3d turned{0, 0, 0};
@@ -184,11 +184,11 @@ class HullSearch : public WarpSearch {
         turned = inner.R_wb * piece_part(c_.hulls, &head).vertex(i * (head.count / kWindingPoints));
         winding = count_winding(set_, outer.R_wb.transpose_times(turned + shift), room_.node, kStackEntries);
       }
-      if (!winding.is_sure) return Outcome::kUnsettled;
+      if (!winding.is_sure) return Outcome::kUnresolved;
       if (winding.number == 0) continue;
       add_held(elements_first_, turned + shift, turned, apart, answer);
       set_pieces(piece, answer);
-      return Outcome::kSettled;
+      return Outcome::kConverged;
     }
     return Outcome::kNone;
   }

@@ -180,8 +180,8 @@ class MeshSearch : public WarpSearch {
     leave_out_all(room_.gap, stacked_);
     leave_out_all(room_.triangle_gap, waiting_);
     __syncwarp();
-    if (is_open_) return Outcome::kUnsettled;
-    if (overlaps_) return Outcome::kSettled;
+    if (is_open_) return Outcome::kUnresolved;
+    if (overlaps_) return Outcome::kConverged;
     const double lower = least_of_warp(lower_);
     if (lower > 0 && (a_.is_solid || b_.is_solid)) {
       const Outcome held = look_within(lower, answer);
@@ -271,9 +271,9 @@ class MeshSearch : public WarpSearch {
   // Whether one mesh holds a part of the other, all of whose triangles are farther than `apart`. kNone: none does.
   __device__ Outcome look_within(double apart, PairAnswer& answer) {
     if (before_.gap({0, 0}, 0) > 0) return Outcome::kNone;
-    if (!knows_side(apart, of_b_.t_w - of_a_.t_w, a_.hull, b_.hull)) return Outcome::kUnsettled;
+    if (!knows_side(apart, of_b_.t_w - of_a_.t_w, a_.hull, b_.hull)) return Outcome::kUnresolved;
     const Outcome by_a = a_.is_solid ? look_within(true, apart, answer) : Outcome::kNone;
-    if (by_a == Outcome::kSettled || !b_.is_solid) return by_a;
+    if (by_a == Outcome::kConverged || !b_.is_solid) return by_a;
     const Outcome by_b = look_within(false, apart, answer);
     return by_b == Outcome::kNone ? by_a : by_b;
   }
@@ -290,7 +290,7 @@ class MeshSearch : public WarpSearch {
       const MeshParts parts = a_holds ? MeshParts{0, kIsTriangle | triangle} : MeshParts{kIsTriangle | triangle, 0};
       const bool may_be_within = part < other.part_count && !(before_.gap(parts, 0) > 0);
       for (std::uint32_t left = __ballot_sync(~0u, may_be_within); left != 0; left &= left - 1) {
-        if (++asked > kMostWindings) return Outcome::kUnsettled;
+        if (++asked > kMostWindings) return Outcome::kUnresolved;
         const std::uint32_t at = __shfl_sync(~0u, triangle, static_cast<int>(first_of(left)));
         // All of the part lies on one side: where float64 is not sure of a corner, it may be of another.
         const PartVertices corners = Triangles::corners(other, at);
@@ -303,10 +303,10 @@ class MeshSearch : public WarpSearch {
         all_are_known = all_are_known && winding.is_sure;
         if (!winding.is_sure || winding.number == 0) continue;
         add_held(a_holds, turned + shift, turned, apart, answer);
-        return Outcome::kSettled;
+        return Outcome::kConverged;
       }
     }
-    return all_are_known ? Outcome::kNone : Outcome::kUnsettled;
+    return all_are_known ? Outcome::kNone : Outcome::kUnresolved;
   }
 
   Room& room_;

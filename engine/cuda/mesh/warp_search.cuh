@@ -102,9 +102,9 @@ class WarpSearch {
       } else {
         const RunBounds<double> bounds = run.bounds(stop_below_);
         // Grown elements that overlap, while their cores do not, are nobody's to refine where no depth is asked for.
-        const bool settled = bounds.settled || (bounds.upper <= 0 && bounds.lower <= bounds.upper);
-        open = !settled;
-        if (settled) {
+        const bool converged = bounds.converged || (bounds.upper <= 0 && bounds.lower <= bounds.upper);
+        open = !converged;
+        if (converged) {
           leave_out(bounds.lower);
           upper = bounds.upper;
           v = run.g.v;
@@ -143,14 +143,14 @@ class WarpSearch {
       answer = beyond_answer(slack_.true_lower(lower));
       answer.flags = flags;
       is_writer_ = lane() == 0;
-      return Outcome::kSettled;
+      return Outcome::kConverged;
     }
     is_writer_ = lane() == first_of(__ballot_sync(~0u, best_upper_ == upper));
     const bool overlaps = slack_.true_upper(upper) <= 0;
-    if (upper <= 0 && !overlaps) return Outcome::kUnsettled;  // nobody knows whether the true bodies do
+    if (upper <= 0 && !overlaps) return Outcome::kUnresolved;  // nobody knows whether the true bodies do
     decide(limits_of(q_), upper <= 0 ? -__builtin_inf() : lower, upper, [] { return 0.0; }, answer, slack_);
     if (is_writer_ && q_.want_points) add(upper <= 0);
-    return Outcome::kSettled;
+    return Outcome::kConverged;
   }
   __device__ void add_points_of_best(const Part& a, const Part& b, bool overlap, PairAnswer& answer) const {
     add_points(a, at_a_, b, at_b_, witness_, q_.want_nonsmooth, answer);

@@ -17,7 +17,7 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint32_t kMostUnsettledSteps = 24;
+inline constexpr std::uint32_t kMostUnresolvedSteps = 24;
 inline constexpr double kRoughMotion = 0.02;  // of a distance: what a first look at a pair asks for
 inline constexpr double kFineMotion = 1e-6;   // likewise: on which side of its margin it is
 
@@ -29,7 +29,7 @@ __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_con
   m.hit[i] = kNoHit;
   if (m.seeks_contact) m.free_until[i] = __builtin_inf();
   m.steps[i] = 0;
-  m.open[i] = m.unsettled[i] = 0;
+  m.open[i] = m.unresolved[i] = 0;
   if (m.finds_least)
     begin_at_ends(m, i);
   else
@@ -253,7 +253,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
     const bool exists = first + threadIdx.x < count;
     SpanPair item{0, 0};
     std::uint32_t motion = 0;
-    bool settled = false, goes_on[2] = {false, false};
+    bool converged = false, goes_on[2] = {false, false};
     if (exists) {
       item = m.asked[first + threadIdx.x];
       const MotionSpan span = m.spans[item.span];
@@ -277,19 +277,19 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
         for (bool again = false;; again = true) {
           outcome = look_at_margin<Slack>(c, q, decides ? margin : -__builtin_inf(), pair.ref, item.span, pair.at_a,
                                           pair.at_b, answer);
-          const bool is_unsure = outcome == Outcome::kSettled && answer.lower <= margin && answer.upper > margin &&
+          const bool is_unsure = outcome == Outcome::kConverged && answer.lower <= margin && answer.upper > margin &&
                                  !span.late && (kLeast || q.rel_tol > wanted);
           if (again || !is_unsure) break;
           q.rel_tol = wanted;
           if (kLeast) q.abs_tol = 0;
         }
-        settled = outcome == Outcome::kSettled;
-        if (outcome == Outcome::kUnsettled && kLeast && span.half() == 0) {
+        converged = outcome == Outcome::kConverged;
+        if (outcome == Outcome::kUnresolved && kLeast && span.half() == 0) {
           // spans with a length look at it again
-        } else if (outcome == Outcome::kUnsettled && m.seeks_contact) {
-          m.unsettled[motion] = 1;
+        } else if (outcome == Outcome::kUnresolved && m.seeks_contact) {
+          m.unresolved[motion] = 1;
           pair.go_on_around(goes_on);
-        } else if (outcome == Outcome::kUnsettled) {
+        } else if (outcome == Outcome::kUnresolved) {
           m.open[motion] = 1;
         } else if (kLeast) {
           look_for_least(m, pair, target, answer, goes_on);
@@ -301,7 +301,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
         }
       }
     }
-    add_count(m.counts + kSettledCount, settled);
+    add_count(m.counts + kConvergedCount, converged);
     for (std::uint32_t h = 0; h < 2; ++h) {
       const std::uint32_t at = take_place(&count_of(m, kOnCount, m.level), goes_on[h]);
       if (!goes_on[h]) continue;
@@ -324,7 +324,7 @@ __global__ void __launch_bounds__(kMotionThreads) keep_hits(const __grid_constan
 
 // Whether pairs that are not settled would multiply spans: none is behind a hit, or many are before it.
 __device__ inline bool is_hopeless(const MotionsView& m, std::uint32_t motion) {
-  return m.unsettled[motion] && (m.hit[motion] == kNoHit || m.steps[motion] > kMostUnsettledSteps);
+  return m.unresolved[motion] && (m.hit[motion] == kNoHit || m.steps[motion] > kMostUnresolvedSteps);
 }
 
 // What is left of half a span. \param share of it, from the middle on, that is proved of all pairs

@@ -88,7 +88,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
             {steps, m.motions},
             {free_until, times},
             {reinterpret_cast<const MotionHitRow*>(hits), rows},
-            counts[kSettledCount]};
+            counts[kConvergedCount]};
   }
 
  private:
@@ -156,7 +156,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       parts.take(m.travels, std::size_t{m.motions} * m.moves.frames.robot_count);
       parts.take(m.open, m.motions);
       parts.take(m.to_cpu, m.motions);
-      parts.take(m.unsettled, m.motions);
+      parts.take(m.unresolved, m.motions);
       if (!m.finds_least) return;
       parts.take(m.low, m.motions);
       parts.take(m.seed, 2 * std::size_t{m.motions});

@@ -156,13 +156,13 @@ __device__ inline void offer(const ReducedView& r, const Item& item, std::uint32
 
 // What became of an item. All threads of a warp call it.
 __device__ inline void report_item(const ReducedView& r, Outcome outcome, std::uint32_t i) {
-  const std::uint32_t rest = take_place(r.chunk.counts + kRest, outcome == Outcome::kUnsettled);
-  if (outcome == Outcome::kUnsettled) {
+  const std::uint32_t rest = take_place(r.chunk.counts + kRest, outcome == Outcome::kUnresolved);
+  if (outcome == Outcome::kUnresolved) {
     r.chunk.rest[rest] = i;
     r.rest_rows[rest] = listed_row(r, i);
     r.answers[i] = no_answer(Status::kOk);  // the CPU's comes later
   }
-  add_count(r.chunk.counts + kSettledRows, outcome == Outcome::kSettled);
+  add_count(r.chunk.counts + kConvergedRows, outcome == Outcome::kConverged);
 }
 
 // Of Reduce::kAny.

@@ -16,7 +16,7 @@ __device__ inline Outcome narrow_to_margin(const ChunkView& c, const PairLimits&
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
   const auto take = [&](const Gjk<double>& g, const RunBounds<double>& bounds) {
-    take_settled<false>(q, PairHulls<Hull<SceneVertices>>{a, b}, at_a, at_b, g, bounds, answer, slack);
+    take_converged<false>(q, PairHulls<Hull<SceneVertices>>{a, b}, at_a, at_b, g, bounds, answer, slack);
   };
   PairLimits of_pieces = q;
   double near_enough = margin;

@@ -67,7 +67,7 @@ __device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const Hull
 __device__ inline Outcome proved(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b,
                                  double outer, PairAnswer& answer) {
   const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];
-  return prove_overlap(c, a, b, e, at_a, at_b, outer, answer) ? Outcome::kSettled : Outcome::kUnsettled;
+  return prove_overlap(c, a, b, e, at_a, at_b, outer, answer) ? Outcome::kConverged : Outcome::kUnresolved;
 }
 
 }  // namespace clearance::cuda

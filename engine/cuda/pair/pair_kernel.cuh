@@ -31,8 +31,8 @@ __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const 
                                         const LaneWitness& witness, bool want_nonsmooth, PairAnswer& answer) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
   answer.piece_a = answer.piece_b = 0;
-  settled_points(a, R_wa, b, R_wb, witness, answer.point_a, answer.point_b);
-  answer.normal = settled_normal(witness);
+  converged_points(a, R_wa, b, R_wb, witness, answer.point_a, answer.point_b);
+  answer.normal = converged_normal(witness);
   if (answer.status == Status::kBeyond)
     answer.point_a = answer.point_b = no_point();
   else if (want_nonsmooth && is_nonsmooth(answer.lower, a, R_wa, b, R_wb, answer.normal))
@@ -44,7 +44,7 @@ __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const 
 inline constexpr std::uint32_t kLeanFields =
     kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact | kFieldBounds;
 
-enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
+enum class Outcome { kNone, kWithoutPieces, kConverged, kUnresolved, kEnclosed };
 
 // One pair's run of GJK, and what its bounds need.
 template <class Hull>
@@ -177,7 +177,7 @@ struct PairHulls {
 // The answer of a run whose bounds are settled. \tparam kLean only kLeanFields are wanted: no flags, no normal, and
 // points for compact rows alone. \param slack of the pair: a Slack, or NoSlack
 template <bool kLean, class T, class Hull, class S = NoSlack>
-__device__ inline void take_settled(const PairLimits& q, const PairHulls<Hull>& hulls, const Where& at_a,
+__device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>& hulls, const Where& at_a,
                                     const Where& at_b, const Gjk<T>& g, const RunBounds<T>& bounds, PairAnswer& answer,
                                     const S& slack = S()) {
   bool decided = false;
@@ -191,7 +191,7 @@ __device__ inline void take_settled(const PairLimits& q, const PairHulls<Hull>& 
   if (!kLean) {
     add_points(hulls.a, at_a, hulls.b, at_b, w, q.want_nonsmooth, answer);
   } else {
-    settled_points(hulls.a, at_a.rotation(), hulls.b, at_b.rotation(), w, answer.point_a, answer.point_b);
+    converged_points(hulls.a, at_a.rotation(), hulls.b, at_b.rotation(), w, answer.point_a, answer.point_b);
     if (answer.status == Status::kBeyond) answer.point_a = answer.point_b = no_point();
   }
 }
@@ -204,7 +204,7 @@ __device__ inline Outcome run_to_end(const PairLimits& q, const Hull& a, const H
                                      const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
                                      const Take& take, const StopBelow&... stop_below) {
   using T = typename Hull::T;
-  if (kIsF32<T> && !at.fits) return Outcome::kUnsettled;
+  if (kIsF32<T> && !at.fits) return Outcome::kUnresolved;
   Run<Hull> run(q, a, b, at);
   if (kWarm) run.begin_at(*warm);
   run.go();
@@ -212,12 +212,12 @@ __device__ inline Outcome run_to_end(const PairLimits& q, const Hull& a, const H
   if (run.g.end == Gjk<T>::code(GjkEnd::kEncloses)) {  // which bounds never settle
     if constexpr (!kIsF32<T>)
       if ((q.prove_overlaps || q.prove_depths) && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
-    return Outcome::kUnsettled;
+    return Outcome::kUnresolved;
   }
   const RunBounds<T> bounds = run.bounds(stop_below...);
-  if (!bounds.settled) return Outcome::kUnsettled;
+  if (!bounds.converged) return Outcome::kUnresolved;
   take(run.g, bounds);
-  return Outcome::kSettled;
+  return Outcome::kConverged;
 }
 
 // Answers one pair that has poses, if it can be settled.
@@ -227,7 +227,7 @@ __device__ inline Outcome narrow(const PairLimits& q, const Hull& a, const Hull&
                                  PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
   using T = typename Hull::T;
   const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
-    take_settled<kLean>(q, hulls, at_a, at_b, g, bounds, answer, slack);
+    take_converged<kLean>(q, hulls, at_a, at_b, g, bounds, answer, slack);
   };
   if constexpr (kHasSlack<S>) {
     PairLimits of_pieces = q;
@@ -353,20 +353,20 @@ __device__ inline void add_count(std::uint32_t* count, bool wanted) {
 // \tparam kIsFirst float32 went first: what it left open is listed for float64.
 template <bool kIsFirst = false>
 __device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t row, const Enclosed& enclosed) {
-  if (__all_sync(~0u, outcome == Outcome::kSettled)) {
-    if (threadIdx.x % 32 == 0) atomicAdd(c.counts + kSettledRows, 32);
+  if (__all_sync(~0u, outcome == Outcome::kConverged)) {
+    if (threadIdx.x % 32 == 0) atomicAdd(c.counts + kConvergedRows, 32);
     return;
   }
   if (kIsFirst) {
-    const std::uint32_t open = take_place(c.counts + kLeftOpen, outcome == Outcome::kUnsettled);
-    if (outcome == Outcome::kUnsettled) c.left_open[open] = {enclosed.pair, enclosed.configuration};
+    const std::uint32_t open = take_place(c.counts + kLeftOpen, outcome == Outcome::kUnresolved);
+    if (outcome == Outcome::kUnresolved) c.left_open[open] = {enclosed.pair, enclosed.configuration};
   } else {
-    const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
-    if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
+    const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnresolved);
+    if (outcome == Outcome::kUnresolved) c.rest[rest] = static_cast<std::uint32_t>(row);
     const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == Outcome::kEnclosed);
     if (outcome == Outcome::kEnclosed) c.enclosed[at] = enclosed;
   }
-  add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
+  add_count(c.counts + kConvergedRows, outcome == Outcome::kConverged);
 }
 
 // The device's clock, in nanoseconds.

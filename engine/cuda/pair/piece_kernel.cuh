@@ -77,13 +77,13 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const PairLimits& pai
     if (kBoth && pair_limits.f32 && fit_f32(*of_a, *of_b)) {
       const PairFrame<float> at = place_pair<float>(at_a, *of_a, at_b, *of_b);
       if (run_to_end<false>(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, nullptr,
-                            take, slack_of_pair(c, ref, k).near_enough(margin)...) == Outcome::kSettled)
+                            take, slack_of_pair(c, ref, k).near_enough(margin)...) == Outcome::kConverged)
         return PieceEnd::kApart;
     }
     const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
     const Outcome outcome = run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed,
                                               nullptr, take, slack_of_pair(c, ref, k).near_enough(margin)...);
-    if (outcome == Outcome::kSettled) return PieceEnd::kApart;
+    if (outcome == Outcome::kConverged) return PieceEnd::kApart;
     if (outcome != Outcome::kEnclosed) return PieceEnd::kOpen;
     const double outer = slack_of_pair(c, ref, k).outer;
     if (!prove_overlap(c, *of_a, *of_b, enclosed, at_a, at_b, outer, answer)) return PieceEnd::kOpen;
@@ -93,7 +93,7 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const PairLimits& pai
   const double cut_off = slack_of_pair(c, ref, k).cut_off(pair_limits.max_distance);
   const PieceEnd end = search_pieces(search, cut_off, nearest, look, slack_of_pair(c, ref, k).near_enough(margin)...);
   if (end == PieceEnd::kOpen || (end == PieceEnd::kApart && !(search.upper < __builtin_inf())))
-    return Outcome::kUnsettled;
+    return Outcome::kUnresolved;
   if (end == PieceEnd::kApart) {
     const HullHead *of_a = head_a(best.a), *of_b = head_b(best.b);
     const auto rounding = [&] {
@@ -107,7 +107,7 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const PairLimits& pai
   }
   answer.piece_a = best.a;
   answer.piece_b = best.b;
-  return Outcome::kSettled;
+  return Outcome::kConverged;
 }
 
 }  // namespace clearance::cuda

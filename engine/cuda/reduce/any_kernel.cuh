@@ -46,16 +46,16 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
         PairLimits q = c.pair_limits;
         q.max_distance = margin_of(r, item.p);
         outcome = kind == PairKind::kLeft
-                      ? Outcome::kUnsettled
+                      ? Outcome::kUnresolved
                       : look_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
-        if (outcome == Outcome::kUnsettled)
+        if (outcome == Outcome::kUnresolved)
           answer = no_answer(Status::kOk);  // list_open_pairs() knows it by this
         else
           offer_to_decision(r, item, i, answer);
       }
       r.answers[i] = answer;
     }
-    add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
+    add_count(c.counts + kConvergedRows, outcome == Outcome::kConverged);
   }
 }
 

@@ -205,7 +205,7 @@ class Decision {
     if (kWarm && pair.runs) run.begin_at(*warm_row(r_, members_.row(member)));
     const std::uint32_t enclosing = race(pair, run);
     if (kWarm && pair.runs) *warm_row(r_, members_.row(member)) = run.end();
-    add_count(c_.counts + kSettledRows, pair.runs);
+    add_count(c_.counts + kConvergedRows, pair.runs);
 
     const bool overlaps = proves_overlap(pair, run, enclosing);
     bool unsure = is_unsure_of_overlap(pair, enclosing, overlaps);
@@ -250,7 +250,7 @@ class Decision {
     take_enclosed(run.g, enclosed);
     const Where at_a = pair.at_a, at_b = pair.at_b;
     PairAnswer answer = pair.answer;
-    const bool overlaps = proved(c_, enclosed, at_a, at_b, 0, answer) == Outcome::kSettled;
+    const bool overlaps = proved(c_, enclosed, at_a, at_b, 0, answer) == Outcome::kConverged;
     pair.answer = answer;
     return overlaps;
   }
@@ -266,7 +266,7 @@ class Decision {
   __device__ __forceinline__ bool take_bounds(Look& pair, const Run<Scene>& run, bool ends) {
     constexpr double kInf = __builtin_inf();
     const RunBounds<double> bounds = run.bounds();
-    const bool settles = ends && (!pair.runs || bounds.settled);
+    const bool settles = ends && (!pair.runs || bounds.converged);
     const double lower = pair.runs ? bounds.lower : pair.answer.lower,
                  upper = pair.runs ? bounds.upper : pair.answer.upper;
     const Standing mine = settles ? standing_of(lower, upper, pair.member) : Standing{};
@@ -293,7 +293,7 @@ class Decision {
     const Scene a = pair.a, b = pair.b;
     const Where at_a = pair.at_a, at_b = pair.at_b;
     PairAnswer answer = pair.answer;
-    if (pair.runs) take_settled<false>(c_.pair_limits, PairHulls<Scene>{a, b}, at_a, at_b, run.g, bounds, answer);
+    if (pair.runs) take_converged<false>(c_.pair_limits, PairHulls<Scene>{a, b}, at_a, at_b, run.g, bounds, answer);
     r_.answers[at_] = answer;
   }
 

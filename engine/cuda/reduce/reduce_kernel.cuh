@@ -181,10 +181,10 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
       WarmRow* const warm = kWarm ? warm_row(r, listed_row(r, i)) : nullptr;
       const S slack = known_slack<S>(c, item.ref, item.k);
       if (!several && hulls) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
-      if (kind == PairKind::kLeft) outcome = Outcome::kUnsettled;
+      if (kind == PairKind::kLeft) outcome = Outcome::kUnresolved;
       if (outcome == Outcome::kEnclosed)
         outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
-      if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
+      if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kConverged) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);
       }
@@ -209,7 +209,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_const
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       PairAnswer answer;
       outcome = solve_pieces<false>(c, c.pair_limits, item.ref, item.k, at_a, at_b, answer);
-      if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
+      if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kConverged) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);
       }

@@ -310,7 +310,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     }
     slot.is_under_way = false;
     done.rows = r.chunk.reply;
-    done.settled = r.chunk.host_counts[kSettledRows];
+    done.converged = r.chunk.host_counts[kConvergedRows];
     return done;
   }
 

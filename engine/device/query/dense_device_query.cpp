@@ -66,8 +66,8 @@ class DenseDeviceQuery final : public DeviceQuery {
     };
     for_each_column(copy, r.rows, reply_, direct_);
     cpu_rows_.assign(r.rest.begin(), r.rest.end());
-    evaluated_ += r.settled;
-    backend_.settled.fetch_add(r.settled, std::memory_order_relaxed);
+    evaluated_ += r.converged;
+    backend_.converged.fetch_add(r.converged, std::memory_order_relaxed);
     if (launched_ < chunks_) launch(launched_++);  // the device goes on while the CPU finishes this chunk
     for (std::uint32_t k = 0; k < c.configurations; ++k)
       for (const std::uint32_t p : c.part->on_cpu) cpu_rows_.push_back(k * c.part->count + p);

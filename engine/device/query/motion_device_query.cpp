@@ -83,8 +83,8 @@ class MotionDeviceQuery final : public DeviceQuery {
       if (r.verdicts[i] == MotionVerdict::kOpen) open_.push_back(first + i);
     write_decided(first, r);
     finish_open();
-    evaluated_ += r.settled;
-    backend_.settled.fetch_add(r.settled, std::memory_order_relaxed);
+    evaluated_ += r.converged;
+    backend_.converged.fetch_add(r.converged, std::memory_order_relaxed);
   }
 
   // Those that are free, and those that are not.

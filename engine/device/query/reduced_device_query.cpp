@@ -107,8 +107,8 @@ class ReducedDeviceQuery final : public DeviceQuery {
     for_each_column(copy, r.rows, reply_, direct_);
     written_ += rows;
     info.total += r.total;
-    evaluated_ += r.settled;
-    backend_.settled.fetch_add(r.settled, std::memory_order_relaxed);
+    evaluated_ += r.converged;
+    backend_.converged.fetch_add(r.converged, std::memory_order_relaxed);
   }
 
   // Answers what a chunk left open, in its order.

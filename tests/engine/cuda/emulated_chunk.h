@@ -98,7 +98,7 @@ struct HostChunk {
     const std::set<std::uint32_t> left(rest.begin(), rest.begin() + host_counts[kRest]);
     EXPECT_EQ(left.size(), host_counts[kRest]) << what << ": each once";
     EXPECT_LT(static_cast<double>(left.size()), most_left * static_cast<double>(rest.size())) << what;
-    EXPECT_EQ(host_counts[kSettledRows] + left.size(), expected.info.pairs_evaluated) << what;
+    EXPECT_EQ(host_counts[kConvergedRows] + left.size(), expected.info.pairs_evaluated) << what;
     for (const std::uint32_t row : left) {
       const auto copy = [&](auto* from, auto* to, std::size_t width) {
         std::copy_n(from + row * width, from ? width : 0, to + row * width);

@@ -66,7 +66,7 @@ class HostMotions {
     m_.steps = room<std::uint32_t>(motions);
     m_.open = room<std::uint8_t>(motions);
     m_.to_cpu = room<std::uint8_t>(motions);
-    m_.unsettled = room<std::uint8_t>(motions);
+    m_.unresolved = room<std::uint8_t>(motions);
     m_.verdicts = room<MotionVerdict>(motions);
     m_.free_until = room<double>(motions);
     m_.low = room<std::uint64_t>(motions);

@@ -62,7 +62,7 @@ Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* w
   });
   EXPECT_TRUE(std::all_of(counts, counts + kCounts, [](std::uint32_t c) { return c == 0; }))
       << "left for the next chunk";
-  d.looks = host_counts[kSettledRows];
+  d.looks = host_counts[kConvergedRows];
   d.listed.resize(K);
   for (std::uint32_t i = 0; i < host_counts[kCandidates]; ++i) d.listed[items[i] / P].push_back(items[i] % P);
   for (auto& of_one : d.listed) std::sort(of_one.begin(), of_one.end());

@@ -51,7 +51,7 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
   const auto tiles = static_cast<std::uint32_t>(chunk.group_of_tile.size());
   chunk.launch(tiles, [&] { answer_groups<float, false, false>(chunk.view); });
   ASSERT_GT(chunk.counts[kLeftOpen], kFewBlocks * kTile) << "more than there are threads";
-  ASSERT_GT(chunk.counts[kSettledRows], 100u);
+  ASSERT_GT(chunk.counts[kConvergedRows], 100u);
   chunk.launch(tiles, [&] { answer_groups<double, false, false>(chunk.view); });  // of the others
   chunk.view.prove_at_once = true;
   chunk.launch(kFewBlocks, [&] { answer_open<false, false>(chunk.view, 5); });
@@ -96,7 +96,7 @@ void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
     ASSERT_GT(chunk.counts[kLeftOpen], 0u) << what;
   }
   chunk.launch(tiles, [&] { points ? answer_lean<double, true>(chunk.view) : answer_lean<double, false>(chunk.view); });
-  ASSERT_GT(chunk.counts[kSettledRows], 30u) << what;
+  ASSERT_GT(chunk.counts[kConvergedRows], 30u) << what;
   if (f32) {
     chunk.view.prove_at_once = true;
     chunk.launch(kFewBlocks, [&] { answer_open<true, false>(chunk.view, 5); });

@@ -18,7 +18,7 @@ class LyingDense final : public IdleWorkspace<cuda::Workspace> {
     cuda::ChunkResult r;
     r.rows.lower = r.rows.upper = bounds_.data();
     r.rows.status = status_.data();
-    r.settled = rows;
+    r.converged = rows;
     return r;
   }
 

@@ -115,12 +115,12 @@ TEST(Contradictions, AreCaughtBeforeReductionsDecide) {
 void run_broken_lanes(const LaneBatch& batch) {
   lane_kernel("baseline").run(batch);
   for (std::size_t i = 0; i < batch.count; ++i)
-    if (batch.answers[i].settled && i % 2 == 0) batch.answers[i].lower = batch.answers[i].upper * (1 + 1e-9);
+    if (batch.answers[i].converged && i % 2 == 0) batch.answers[i].lower = batch.answers[i].upper * (1 + 1e-9);
 }
 void run_broken_f32_lanes(const LaneBatch& batch) {
   lane_kernel("baseline").run_f32(batch);
   for (std::size_t i = 0; i < batch.count; ++i)
-    if (batch.answers[i].settled && i % 2 == 0) batch.answers[i].upper = std::nan("");
+    if (batch.answers[i].converged && i % 2 == 0) batch.answers[i].upper = std::nan("");
 }
 
 struct Batch {
@@ -202,11 +202,11 @@ TEST(Contradictions, AreNotSettledInARun) {
   for (const double gap : {1.0, 1.001, std::nan("")}) {
     g.gap = gap;
     const RunBounds<double> bounds(g, 0.0, 1.0, kInf, 0.0, 1e-6);
-    EXPECT_EQ(static_cast<bool>(bounds.settled), gap == 1) << gap;
+    EXPECT_EQ(static_cast<bool>(bounds.converged), gap == 1) << gap;
   }
   g.gap = 1.001;
   const RunBounds<double> beyond(g, 0.0, 1.0, 0.5, 0.0, 1e-6);
-  EXPECT_FALSE(static_cast<bool>(beyond.settled));
+  EXPECT_FALSE(static_cast<bool>(beyond.converged));
 }
 
 // Compact rows are rounded outward, whatever the conversion to float32 makes of its input.

@@ -106,7 +106,7 @@ bool holds(const Interval& bounds, const mpq_class& exact) {
 
 TEST(HalfSpace, HoldsTheExactSignedDistance) {
   Random random(1);
-  int near = 0, deep = 0, far_from_origin = 0, along_axes = 0, settled = 0;
+  int near = 0, deep = 0, far_from_origin = 0, along_axes = 0, converged = 0;
   double widest = 0;
   for (int i = 0; i < 2000; ++i) {
     double wanted;
@@ -137,16 +137,16 @@ TEST(HalfSpace, HoldsTheExactSignedDistance) {
     deep += exact < -mpq_class(0.1);
     far_from_origin += norm(c.X_plane.translation) > 1e3;
     along_axes += plane.R_wb.row[0].z == 0 && plane.R_wb.row[1].z == 0;
-    settled += first.settled;
+    converged += first.converged;
     widest = std::max(widest, (first.bounds.upper - first.bounds.lower) / scale);
   }
   EXPECT_GT(near, 500);
   EXPECT_GT(deep, 40);
   EXPECT_GT(far_from_origin, 300);
   EXPECT_GT(along_axes, 100);
-  EXPECT_GT(settled, 1800);
+  EXPECT_GT(converged, 1800);
   std::printf("%d near, %d deep, %d far, %d along axes, %d settled, widest %.2g of S\n", near, deep, far_from_origin,
-              along_axes, settled, widest);
+              along_axes, converged, widest);
 }
 
 // A box leaves room beside it only where the half-space really ends there.

@@ -73,7 +73,7 @@ struct Asked {
 };
 
 struct Seen {
-  int settled = 0, unsettled = 0, beyond = 0;
+  int converged = 0, unresolved = 0, beyond = 0;
 };
 
 void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool same_hulls, NarrowLimits limits,
@@ -98,16 +98,16 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool
     limits.max_distance = asked.max_distances[k];
     const NarrowAnswer alone = narrow_phase(a, at_a, b, at_b, limits);
     const std::string& where = asked.names[k];
-    if (!answers[k].settled) {
-      ++seen.unsettled;
+    if (!answers[k].converged) {
+      ++seen.unresolved;
       const NarrowAnswer finished = narrow_phase(a, at_a, b, at_b, limits, nullptr, &rest[k]);
       EXPECT_TRUE(same_bits(finished.bounds.lower, alone.bounds.lower)) << where;
       EXPECT_TRUE(same_bits(finished.bounds.upper, alone.bounds.upper)) << where;
       EXPECT_TRUE(same_bits(finished.point_a, alone.point_a)) << where;
       continue;
     }
-    ++seen.settled;
-    EXPECT_TRUE(alone.settled) << where;
+    ++seen.converged;
+    EXPECT_TRUE(alone.converged) << where;
     EXPECT_TRUE(same_bits(answers[k].lower, alone.bounds.lower))
         << where << ' ' << answers[k].lower << ' ' << alone.bounds.lower;
     EXPECT_TRUE(same_bits(answers[k].upper, alone.bounds.upper))
@@ -141,9 +141,9 @@ TEST_P(Lanes, GiveTheBitsOfOnePairAlone) {
       asked.add(cls, c, i, limits.max_distance);
       expect_bits_of_one_alone(kernel, asked, true, limits, seen);
     }
-  std::printf("%d settled in lanes (%d beyond), %d handed on\n", seen.settled, seen.beyond, seen.unsettled);
-  EXPECT_GT(seen.settled, 1000);
-  EXPECT_GT(seen.unsettled, 1000);
+  std::printf("%d settled in lanes (%d beyond), %d handed on\n", seen.converged, seen.beyond, seen.unresolved);
+  EXPECT_GT(seen.converged, 1000);
+  EXPECT_GT(seen.unresolved, 1000);
   EXPECT_GT(seen.beyond, 100);
 }
 
@@ -159,16 +159,16 @@ TEST_P(Lanes, HoldDifferentHullsSideBySide) {
     }
     expect_bits_of_one_alone(kernel, asked, false, limits_of_kind(i % 2, 1.0), seen);
   }
-  std::printf("%d settled in lanes (%d beyond), %d handed on\n", seen.settled, seen.beyond, seen.unsettled);
-  EXPECT_GT(seen.settled, 1000);
-  EXPECT_GT(seen.unsettled, 1000);
+  std::printf("%d settled in lanes (%d beyond), %d handed on\n", seen.converged, seen.beyond, seen.unresolved);
+  EXPECT_GT(seen.converged, 1000);
+  EXPECT_GT(seen.unresolved, 1000);
   EXPECT_GT(seen.beyond, 100);
 }
 
 // A warm start ends at once where nothing moved, proves as much as a cold one, and takes no index on trust.
 TEST_P(Lanes, WarmStartsEndSoonerAndProveTheSame) {
   const LaneKernel& kernel = lane_kernel(GetParam());
-  int cold_in_two_steps = 0, warm_in_two_steps = 0, settled = 0;
+  int cold_in_two_steps = 0, warm_in_two_steps = 0, converged = 0;
   for (const CaseClass& cls : case_classes())
     for (int i = 0; i < kCases; ++i) {
       const Case c = make_case(cls, 6, static_cast<std::uint64_t>(i));
@@ -199,15 +199,15 @@ TEST_P(Lanes, WarmStartsEndSoonerAndProveTheSame) {
         EXPECT_TRUE(from_rubbish[k].lower <= first[k].upper && first[k].lower <= from_rubbish[k].upper)
             << cls.name << ' ' << i;
         EXPECT_TRUE(again[k].lower <= first[k].upper && first[k].lower <= again[k].upper) << cls.name << ' ' << i;
-        settled += from_rubbish[k].settled;
-        warm_in_two_steps += again[k].settled;
-        cold_in_two_steps += cold_again[k].settled;
+        converged += from_rubbish[k].converged;
+        warm_in_two_steps += again[k].converged;
+        cold_in_two_steps += cold_again[k].converged;
       }
     }
-  std::printf("of %d pairs, %d settled in two steps warm, %d cold\n", settled, warm_in_two_steps, cold_in_two_steps);
-  EXPECT_GT(settled, 1000);
-  EXPECT_GT(warm_in_two_steps, settled * 9 / 10);
-  EXPECT_LT(cold_in_two_steps, settled * 8 / 10);
+  std::printf("of %d pairs, %d settled in two steps warm, %d cold\n", converged, warm_in_two_steps, cold_in_two_steps);
+  EXPECT_GT(converged, 1000);
+  EXPECT_GT(warm_in_two_steps, converged * 9 / 10);
+  EXPECT_LT(cold_in_two_steps, converged * 8 / 10);
 }
 
 std::vector<std::string_view> kernel_names() {

@@ -63,7 +63,7 @@ bool is_apart(Case c, const Vec3d& shift) {
 
 TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
   Random random(kSeed);
-  int apart = 0, overlapping = 0, proved = 0, settled = 0;
+  int apart = 0, overlapping = 0, proved = 0, converged = 0;
   for (const CaseClass& cls : mesh_classes())
     for (std::uint64_t i = kFirst; i < kFirst + kCases; ++i) {
       const Case c = make_case(cls, kSeed, i);
@@ -72,7 +72,7 @@ TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
       const Depth d = ask(c);
       const std::string where = std::string(cls.name) + " " + std::to_string(i);
       ASSERT_LE(d.lower, d.upper) << where;
-      settled += d.status != Status::kUnconverged;
+      converged += d.status != Status::kUnconverged;
       if (truth.distance.compare(0) > 0) {
         ++apart;
         EXPECT_LE(truth.distance.compare(d.upper), 0) << where;
@@ -91,11 +91,11 @@ TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
         EXPECT_FALSE(is_apart(c, random.direction() * (-d.upper - little))) << where << ": " << d.upper;
     }
   std::printf("%d apart, %d overlapping, of which %d are proved to by a length; %d settled\n", apart, overlapping,
-              proved, settled);
+              proved, converged);
   EXPECT_GT(apart, 50);
   EXPECT_GT(overlapping, 50);
   EXPECT_GT(proved, 5);
-  EXPECT_GE(settled, apart / 2);
+  EXPECT_GE(converged, apart / 2);
 }
 
 TEST(MeshDepths, TheDeepestPairOfPiecesCounts) {

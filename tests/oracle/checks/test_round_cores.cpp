@@ -160,24 +160,24 @@ PiecePtr round_piece(Random& random, bool extreme) {
 
 // Apart, touching or deep, near the origin or 10 km away, with turns that are simple or not.
 struct Judged {
-  int asked = 0, settled = 0, near = 0, deep = 0;
+  int asked = 0, converged = 0, near = 0, deep = 0;
   int of_kind[5] = {};                // round pieces by their Primitive::Kind
   int depths = 0, narrow_depths = 0;  // of overlaps whose depth is asked for; not among the asked
   double widest_depth = 0;            // of its own length
   void print(const char* what) const {
     std::printf("%s: %d answers, %d settled, %d near, %d deep; %d depths, %d settled, widest %.2g\n", what, asked,
-                settled, near, deep, depths, narrow_depths, widest_depth);
+                converged, near, deep, depths, narrow_depths, widest_depth);
   }
   void take(const NarrowAnswer& answer, bool depth) {
     const auto [lower, upper] = answer.bounds;
-    const bool is_settled = answer.settled || (lower <= 0 && upper > 0 && upper - lower <= 4 * answer.rounding);
+    const bool has_converged = answer.converged || (lower <= 0 && upper > 0 && upper - lower <= 4 * answer.rounding);
     if (depth && upper <= 0) {
       ++depths;
-      narrow_depths += is_settled;
+      narrow_depths += has_converged;
       widest_depth = std::max(widest_depth, (upper - lower) / -lower);
     } else {
       ++asked;
-      settled += is_settled;
+      converged += has_converged;
     }
   }
 };
@@ -236,7 +236,7 @@ TEST(RoundCores, HoldTheDistanceOfABall) {
   EXPECT_GT(judged.deep, 200);
   for (const auto kind : {Primitive::Kind::kCone, Primitive::Kind::kEllipsoid, Primitive::Kind::kCylinder})
     EXPECT_GT(judged.of_kind[static_cast<int>(kind)], 300);
-  EXPECT_GE(judged.settled, judged.asked * 0.999);
+  EXPECT_GE(judged.converged, judged.asked * 0.999);
   EXPECT_GT(judged.depths, 1000);
   EXPECT_GE(judged.narrow_depths, judged.depths * 0.9);
   EXPECT_LE(judged.widest_depth, 0.02);
@@ -246,7 +246,7 @@ TEST(RoundCores, HoldTheDistanceOfABall) {
 TEST(RoundCores, HoldItWhateverTheirShape) {
   const Judged judged = judge_balls(true, 800, 2);
   EXPECT_GT(judged.near, 100);
-  EXPECT_GE(judged.settled, judged.asked * 0.9);
+  EXPECT_GE(judged.converged, judged.asked * 0.9);
 }
 
 PiecePtr any_piece(Random& random) {
@@ -313,7 +313,7 @@ TEST(RoundCores, AreProvedByDirectionsAndPoints) {
   EXPECT_GT(judged.asked, 1000);
   EXPECT_GT(judged.near, 200);
   EXPECT_GT(judged.deep, 100);
-  EXPECT_GE(judged.settled, judged.asked * 0.995);
+  EXPECT_GE(judged.converged, judged.asked * 0.995);
 }
 
 }  // namespace

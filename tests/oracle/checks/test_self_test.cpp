@@ -43,7 +43,7 @@ template <class Spoil>
 void run_spoilt(const LaneBatch& batch, Spoil spoil) {
   lane_kernel("baseline").run(batch);
   for (std::size_t i = 0; i < batch.count; ++i)
-    if (batch.answers[i].settled) spoil(batch.answers[i], i);
+    if (batch.answers[i].converged) spoil(batch.answers[i], i);
 }
 void run_f32_as_it_is(const LaneBatch& batch) {
   lane_kernel("baseline").run_f32(batch);

@@ -18,7 +18,7 @@ Findings run(const std::function<void(Random&, Findings&)>& attempt, int times, 
   Random random(seed);
   for (int i = 0; i < times; ++i) attempt(random, findings);
   std::printf("%d answers: %d misses, %d untrue, %d wide, %d unsettled\n", findings.asked, findings.misses,
-              findings.untrue, findings.wide, findings.unsettled);
+              findings.untrue, findings.wide, findings.unresolved);
   return findings;
 }
 

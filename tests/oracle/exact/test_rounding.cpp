@@ -129,7 +129,7 @@ TEST(Rounding, TheFloat32TermsCoverEveryErrorAndAreOfItsSize) {
         LaneWitness witness;
         Gjk<double> unused;
         lane_kernel("auto").run_f32({&placed, 1, true, 0, rel_tol, 64, &answer, &witness, &unused});
-        if (!answer.settled) continue;
+        if (!answer.converged) continue;
         ++proved;
         const Vec3d centres = p.a->centre - p.pair.R * p.b->centre - p.pair.D;
         const double scale = norm(centres) + p.a->spread + p.b->spread + p.pair.radius, unit = 0x1p-24 * scale;
