@@ -8,18 +8,18 @@ namespace clearance {
 
 /// Where a candidate stands among its group's: the least upper bound wins; where no upper bound is finite, since boxes
 /// alone prove the pairs to be beyond max_distance, the least gap; then the first place.
-struct Standing {
+struct CandidateRank {
   double upper = __builtin_inf();
   double gap = __builtin_inf();    ///< metres; 0 where `upper` is finite
   std::uint64_t place = kNowhere;  ///< in the query's order
 
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
 
-  CLEARANCE_HD friend bool operator<(const Standing& p, const Standing& q) {
+  CLEARANCE_HD friend bool operator<(const CandidateRank& p, const CandidateRank& q) {
     return p.upper != q.upper ? p.upper < q.upper : p.gap != q.gap ? p.gap < q.gap : p.place < q.place;
   }
 };
-CLEARANCE_HD inline Standing standing_of(double lower, double upper, std::uint64_t place) {
+CLEARANCE_HD inline CandidateRank rank_of(double lower, double upper, std::uint64_t place) {
   return {upper, upper < __builtin_inf() ? 0 : lower, place};
 }
 

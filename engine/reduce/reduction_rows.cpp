@@ -101,25 +101,25 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
     return rows;
   }
   struct Candidates {
-    Standing best;
+    CandidateRank best;
     const PairAnswer* winner = nullptr;
     double lower = kInf;                             // the least of all
-    std::uint64_t lower_place = Standing::kNowhere;  // of the first that has it
+    std::uint64_t lower_place = CandidateRank::kNowhere;  // of the first that has it
   };
   std::vector<Candidates> groups(groups_);
   const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
     if (std::isnan(answer.distance)) return;  // scans have noted pairs without usable poses
     const double lower =
         options_.reference ? answer.lower : lower_with_box(answer.lower, box_gap(scene_, placement, pair));
-    const Standing standing = standing_of(answer.lower, answer.upper, position);
+    const CandidateRank rank = rank_of(answer.lower, answer.upper, position);
     for_groups(pair, [&](std::uint32_t g) {
       Candidates& group = groups[g];
       if (lower < group.lower || (lower == group.lower && position < group.lower_place)) {
         group.lower = lower;
         group.lower_place = position;
       }
-      if (!(standing < group.best)) return;
-      group.best = standing;
+      if (!(rank < group.best)) return;
+      group.best = rank;
       group.winner = &answer;
     });
   };
@@ -140,7 +140,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
       continue;
     }
     Row row = row_of(plan_.pairs.at(group.best.place), *group.winner, configuration, placement);
-    if (group.lower_place != Standing::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
+    if (group.lower_place != CandidateRank::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
     widen(row, group.lower, placement);
     if (unusable != kNobody) {
       row.answer.flags |= kFlagIncomplete;

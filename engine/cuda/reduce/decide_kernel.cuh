@@ -269,7 +269,7 @@ class Decision {
     const bool settles = ends && (!pair.runs || bounds.converged);
     const double lower = pair.runs ? bounds.lower : pair.answer.lower,
                  upper = pair.runs ? bounds.upper : pair.answer.upper;
-    const Standing mine = settles ? standing_of(lower, upper, pair.member) : Standing{};
+    const CandidateRank mine = settles ? rank_of(lower, upper, pair.member) : CandidateRank{};
     const double least_upper = team_.least(mine.upper),
                  least_gap = team_.least(mine.upper == least_upper ? mine.gap : kInf);
     // The queue is in order: of those that are alike the first thread's has the first place.
@@ -278,7 +278,7 @@ class Decision {
         team_.least(settles ? lower_with_box(lower, certify_box_gap(pair.at_a.box(), pair.at_b.box())) : kInf);
     const double least_limit = team_.least(pair.there ? (pair.runs ? upper_so_far(run) : lower) : kInf);
     if (nearest != 0) {
-      const Standing found{least_upper, least_gap, queue_[first_bit(nearest)]};
+      const CandidateRank found{least_upper, least_gap, queue_[first_bit(nearest)]};
       if (found < best_) {
         best_ = found;
         if (team_.lane == first_bit(nearest)) keep(pair, run, bounds);
@@ -354,7 +354,7 @@ class Decision {
   std::uint32_t next_ = 0, queued_ = 0;
   std::uint32_t hits_ = 0, first_hit_ = 0;  // of the boxes compared last: a bit for each that is still to be queued
   bool is_left_ = false;                    // such a bit, of any thread
-  Standing best_;                           // the winner so far
+  CandidateRank best_;                           // the winner so far
   double lower_ = __builtin_inf();          // the group's
 };
 
