@@ -159,11 +159,11 @@ struct ChunkSetup {
   std::function<void(Given, const void* end)> wait_for;
   std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
   std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
-  Group strays{};                 ///< of pairs with hulls of their own; may be empty
-  std::uint32_t stray_tiles = 0;
+  Group ungrouped{};                 ///< of pairs with hulls of their own; may be empty
+  std::uint32_t ungrouped_tiles = 0;
   Group several{};  ///< of pairs of which a body has several pieces; may be empty
   std::uint32_t several_tiles = 0;
-  std::uint32_t tiles() const { return group_tiles + stray_tiles + several_tiles; }
+  std::uint32_t tiles() const { return group_tiles + ungrouped_tiles + several_tiles; }
   std::uint64_t rows() const { return std::uint64_t{configurations} * pair_count; }
 };
 

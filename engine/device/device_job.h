@@ -26,15 +26,15 @@ struct AskedPairs {
 };
 
 /// How a dense query's pairs are dealt to chunks and groups. Made once for a pair table, and kept for the next query.
-struct PairDeal {
+struct ChunkPlan {
   struct Part {               ///< of the pairs: the rows of a chunk are `configurations` times this
     std::uint64_t first = 0;  ///< position of its first pair in the query
     std::uint32_t count = 0;
     std::uint32_t first_pair = 0;       ///< in the device's list, where the CPU's pairs are left out
     std::vector<std::uint32_t> on_cpu;  ///< positions within the part of pairs that are not on the device
     struct Groups {
-      std::uint32_t first_tile = 0, tiles = 0, stray_tiles = 0, several_tiles = 0;
-      Group strays{}, several{};
+      std::uint32_t first_tile = 0, tiles = 0, ungrouped_tiles = 0, several_tiles = 0;
+      Group ungrouped{}, several{};
     } whole, last;  ///< for chunks of `configurations`, and for the last of a query
   };
   std::vector<Part> parts;
@@ -93,9 +93,9 @@ class DeviceBackend {
   /// Takes note of an error. Where all devices are lost, none is asked again.
   void note(const DeviceError& error);
   /// How this plan's pairs are dealt: the last deal if it fits.
-  std::shared_ptr<const PairDeal> deal(const Plan& plan);
+  std::shared_ptr<const ChunkPlan> deal(const Plan& plan);
   /// The same for a plan that keeps it, in chunks of about so many rows.
-  std::shared_ptr<const PairDeal> deal_anew(const Plan& plan, std::uint64_t chunk_rows) const;
+  std::shared_ptr<const ChunkPlan> deal_anew(const Plan& plan, std::uint64_t chunk_rows) const;
   /// The plan's pairs in their order: the last list if it fits.
   std::shared_ptr<const PairListOnDevice> list(const Plan& plan);
   /// The elements of these bodies as they are now, copied to the device where they are not there yet; null: the device
@@ -123,7 +123,7 @@ class DeviceBackend {
   std::string error_;
   std::shared_ptr<Device> device_;           // before what holds memory that it counts; set once
   std::shared_ptr<SeveralDevices> several_;  // the same; null: it is one
-  std::shared_ptr<const PairDeal> last_;
+  std::shared_ptr<const ChunkPlan> last_;
   std::shared_ptr<const PairListOnDevice> last_list_;
   std::shared_ptr<const TableOnDevice> last_table_;
   std::mutex elements_mutex_;  // of what follows, also while elements are copied

@@ -34,7 +34,7 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
   view.group_of_tile = pairs.group_of_tile + chunk.first_tile;
   const bool f32 = view.pair_limits.f32;
   const bool f32_first = f32_goes_first(view.pair_limits, chunk, pairs), only_f32 = f32_first && pairs.all_fit_f32;
-  const bool proof_follows = view.enclosed && (chunk.stray_tiles > 0 || (chunk.group_tiles > 0 && !only_f32));
+  const bool proof_follows = view.enclosed && (chunk.ungrouped_tiles > 0 || (chunk.group_tiles > 0 && !only_f32));
   ChunkView before = view;  // of a kernel that another follows
   before.host_counts = nullptr;
   view.blocks = chunk.tiles();
@@ -48,9 +48,9 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
     const auto kernel = group_kernel<double, kLean, kWarm>(points);
     kernel<<<chunk.group_tiles, kTile, pairs.most_shared, stream>>>(first);
   }
-  if (chunk.stray_tiles > 0) {
-    const auto kernel = f32 ? answer_strays<true, kLean, kWarm> : answer_strays<false, kLean, kWarm>;
-    kernel<<<chunk.stray_tiles, kTile, 0, stream>>>(first, chunk.strays);
+  if (chunk.ungrouped_tiles > 0) {
+    const auto kernel = f32 ? answer_ungrouped<true, kLean, kWarm> : answer_ungrouped<false, kLean, kWarm>;
+    kernel<<<chunk.ungrouped_tiles, kTile, 0, stream>>>(first, chunk.ungrouped);
   }
   if (chunk.several_tiles > 0) {
     const auto kernel = f32 ? answer_several<true> : answer_several<false>;
@@ -74,13 +74,13 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
 // scene has them, and whose overlaps are proved by who finds them.
 template <bool kWarm>
 void answer_uncertain_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream_t stream) {
-  const Group singles{kNone, kNone, 0, chunk.strays.first + chunk.strays.count, 0};
+  const Group singles{kNone, kNone, 0, chunk.ungrouped.first + chunk.ungrouped.count, 0};
   const std::uint32_t tiles = blocks_of(std::uint64_t{singles.count} * chunk.configurations, kTile);
   const bool f32 = view.pair_limits.f32;
   view.prove_at_once = view.pair_limits.prove_overlaps;
   view.blocks = tiles + chunk.several_tiles;
   if (tiles > 0) {
-    const auto kernel = f32 ? answer_strays<true, false, kWarm, Slack> : answer_strays<false, false, kWarm, Slack>;
+    const auto kernel = f32 ? answer_ungrouped<true, false, kWarm, Slack> : answer_ungrouped<false, false, kWarm, Slack>;
     kernel<<<tiles, kTile, 0, stream>>>(view, singles);
   }
   if (chunk.several_tiles > 0) {

@@ -119,12 +119,12 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
 }
 
 // Pairs that have too little company for a block of their own; where something is doubted all pairs of single pieces.
-// \param strays their group.
+// \param ungrouped their group.
 template <bool kBoth, bool kLean, bool kWarm, class S = NoSlack>
-__global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c, Group strays) {
+__global__ void __launch_bounds__(kTile, kBlocks) answer_ungrouped(const __grid_constant__ ChunkView c, Group ungrouped) {
   note_begin(c);
-  const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = strays.count * c.configurations;
-  answer_alone<kBoth, kLean, kWarm, S>(c, GroupItem(c, strays, place < count ? place : count - 1), place < count);
+  const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = ungrouped.count * c.configurations;
+  answer_alone<kBoth, kLean, kWarm, S>(c, GroupItem(c, ungrouped, place < count ? place : count - 1), place < count);
   hand_over_counts(c);
 }
 

@@ -30,14 +30,14 @@ class DenseDeviceQuery final : public DeviceQuery {
 
  private:
   struct Chunk {
-    const PairDeal::Part* part;
+    const ChunkPlan::Part* part;
     std::uint64_t first_configuration;
     std::uint32_t configurations;
     std::uint64_t first_row;
   };
   Chunk chunk(std::uint64_t index) const {
     const std::uint64_t first = index / deal_->parts.size() * deal_->configurations;
-    const PairDeal::Part& part = deal_->parts[index % deal_->parts.size()];
+    const ChunkPlan::Part& part = deal_->parts[index % deal_->parts.size()];
     const auto configurations =
         static_cast<std::uint32_t>(std::min<std::uint64_t>(deal_->configurations, plan_.size.configurations - first));
     return {&part, first, configurations, first * plan_.size.pairs + part.first};
@@ -84,7 +84,7 @@ class DenseDeviceQuery final : public DeviceQuery {
         });
   }
 
-  std::shared_ptr<const PairDeal> deal_;
+  std::shared_ptr<const ChunkPlan> deal_;
   std::vector<std::uint32_t> cpu_rows_;
   std::shared_ptr<Workspace> workspace_;  // the last member: the first to go, and to wait for the device
 };

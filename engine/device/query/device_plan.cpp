@@ -107,7 +107,7 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
   }
 
   std::shared_ptr<const PairListOnDevice> in_order_;
-  std::shared_ptr<const PairDeal> deal_;              // of Reduce::kNone
+  std::shared_ptr<const ChunkPlan> deal_;              // of Reduce::kNone
   std::uint64_t configurations_ = 1, most_rows_ = 0;  // of a chunk
   ReplyView own_;
   std::shared_ptr<StandingWorkspace> workspace_;  // the last member: the first to go, and to wait for the device
@@ -158,17 +158,17 @@ class StandingRows final : public StandingQuery {
  private:
   void deal(QuerySetup& setup) override {
     deal_ = backend_.deal_anew(plan_, kMostPlanRows);
-    for (const PairDeal::Part& part : deal_->parts)
+    for (const ChunkPlan::Part& part : deal_->parts)
       if (!part.on_cpu.empty()) refuse_pair(part.first + part.on_cpu.front());
     assert(in_order_->resident || plan_.size.pairs == 0);
     setup.pairs = deal_->resident.get();
     configurations_ = deal_->configurations;
-    for (const PairDeal::Part& part : deal_->parts)
+    for (const ChunkPlan::Part& part : deal_->parts)
       most_rows_ = std::max(most_rows_, std::uint64_t{part.count} * deal_->configurations);
   }
 
   void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) override {
-    for (const PairDeal::Part& part : deal_->parts) {
+    for (const ChunkPlan::Part& part : deal_->parts) {
       ChunkSetup s = chunk_of(part, chunk.configurations == deal_->configurations ? part.whole : part.last);
       s.configurations = chunk.configurations;
       s.first_configuration = chunk.first_configuration;

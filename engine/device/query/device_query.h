@@ -16,14 +16,14 @@
 namespace clearance::cuda {
 
 /// What a deal says of a chunk of a part, in so many configurations as `groups` are for.
-inline ChunkSetup chunk_of(const PairDeal::Part& part, const PairDeal::Part::Groups& groups) {
+inline ChunkSetup chunk_of(const ChunkPlan::Part& part, const ChunkPlan::Part::Groups& groups) {
   ChunkSetup s;
   s.first_pair = part.first_pair;
   s.pair_count = part.count;
   s.first_tile = groups.first_tile;
   s.group_tiles = groups.tiles;
-  s.strays = groups.strays;
-  s.stray_tiles = groups.stray_tiles;
+  s.ungrouped = groups.ungrouped;
+  s.ungrouped_tiles = groups.ungrouped_tiles;
   s.several = groups.several;
   s.several_tiles = groups.several_tiles;
   return s;

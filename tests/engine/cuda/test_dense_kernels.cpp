@@ -38,9 +38,9 @@ TEST(DenseKernels, StraysThatProveAtOnceGiveTheBitsOfTheCpu) {
   HostChunk chunk(cpu, c.q);
   chunk.view.prove_at_once = true;
   chunk.view.enclosed = nullptr;
-  const Group strays{kNone, kNone, 0, static_cast<std::uint32_t>(chunk.pairs.size()), 0};
+  const Group ungrouped{kNone, kNone, 0, static_cast<std::uint32_t>(chunk.pairs.size()), 0};
   const auto tiles = static_cast<std::uint32_t>((chunk.rest.size() + kTile - 1) / kTile);
-  chunk.launch_last(tiles, [&](const ChunkView& view) { answer_strays<false, false, false>(view, strays); });
+  chunk.launch_last(tiles, [&](const ChunkView& view) { answer_ungrouped<false, false, false>(view, ungrouped); });
   chunk.expect_the_cpus(cpu, c.q, "strays");
 }
 

@@ -58,7 +58,7 @@ class NotingDevice final : public IdleDevice {
   Dealt& dealt_;
 };
 
-TEST(PairDeal, PutsPairsOfSeveralPiecesBehindTheOthers) {
+TEST(ChunkPlan, PutsPairsOfSeveralPiecesBehindTheOthers) {
   const auto scene = [] { return decomposed_scene(50, 3, 1); };
   Random random(2);
   for (const std::uint32_t configurations : {0u, 90u}) {
@@ -91,7 +91,7 @@ TEST(PairDeal, PutsPairsOfSeveralPiecesBehindTheOthers) {
     for (const cuda::ChunkSetup& c : dealt.chunks) {
       ASSERT_EQ(c.first_pair, 0u) << "one part";
       EXPECT_GT(c.several.count, 50u);
-      EXPECT_EQ(c.strays.first + c.strays.count, c.several.first);
+      EXPECT_EQ(c.ungrouped.first + c.ungrouped.count, c.several.first);
       EXPECT_EQ(c.several.first + c.several.count, dealt.position.size());
       EXPECT_EQ(c.several_tiles, (c.several.count * c.configurations + cuda::kTile - 1) / cuda::kTile);
       for (std::uint32_t i = 0; i < c.several.first; ++i) EXPECT_EQ(piece_pairs(i), 1u);
@@ -108,7 +108,7 @@ TEST(PairDeal, PutsPairsOfSeveralPiecesBehindTheOthers) {
   }
 }
 
-TEST(PairDeal, MakesFewChunksThatGrow) {
+TEST(ChunkPlan, MakesFewChunksThatGrow) {
   const auto scene = [] {
     Scene s;
     Random random(3);
@@ -134,7 +134,7 @@ TEST(PairDeal, MakesFewChunksThatGrow) {
 }
 
 // Enough of them for several threads to copy them while chunks are started.
-TEST(PairDeal, GivesEachChunkItsPosesOnceTheyAreWaitedFor) {
+TEST(ChunkPlan, GivesEachChunkItsPosesOnceTheyAreWaitedFor) {
   const auto scene = [] { return mixed_scene(31, 3, 1); };
   Fault fault;
   Dealt dealt;

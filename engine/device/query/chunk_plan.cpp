@@ -22,7 +22,7 @@ std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
 
 class Dealer {
  public:
-  Dealer(const Scene& scene, const Device& device, const Plan& plan, PairDeal& deal)
+  Dealer(const Scene& scene, const Device& device, const Plan& plan, ChunkPlan& deal)
       : scene_(scene),
         device_(device),
         plan_(plan),
@@ -59,7 +59,7 @@ class Dealer {
  private:
   void add_part(std::uint64_t first, std::uint32_t count) {
     assert(count > 0 && first + count <= plan_.size.pairs);
-    PairDeal::Part part;
+    ChunkPlan::Part part;
     part.first = first;
     part.count = count;
     part.first_pair = static_cast<std::uint32_t>(refs_.size());
@@ -78,14 +78,14 @@ class Dealer {
     if (!std::is_sorted(order_.begin(), order_.end())) std::sort(order_.begin(), order_.end());
     std::sort(several.begin(), several.end());  // threads side by side have as many piece pairs
     // Groups first, then the pairs without company, then those of several pieces.
-    std::vector<Entry> strays;
+    std::vector<Entry> ungrouped;
     std::vector<Group> groups;
     for (std::size_t begin = 0, end; begin < order_.size(); begin = end) {
       for (end = begin; end < order_.size() && order_[end].hulls == order_[begin].hulls;) ++end;
       const auto one = static_cast<std::uint32_t>(order_[begin].hulls >> 32),
                  other = static_cast<std::uint32_t>(order_[begin].hulls);
       if ((end - begin) * deal_.configurations < kCompany || !device_.shares(one) || !device_.shares(other)) {
-        strays.insert(strays.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin),
+        ungrouped.insert(ungrouped.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin),
                       order_.begin() + static_cast<std::ptrdiff_t>(end));
         continue;
       }
@@ -93,9 +93,9 @@ class Dealer {
                         static_cast<std::uint32_t>(end - begin), 0});
       for (std::size_t i = begin; i < end; ++i) add_pair(pairs, order_[i]);
     }
-    const Group stray_group = add_apart(part, pairs, strays), several_group = add_apart(part, pairs, several);
-    part.whole = add_groups(groups, stray_group, several_group, deal_.configurations);
-    part.last = add_groups(groups, stray_group, several_group, deal_.last_configurations);
+    const Group ungrouped_group = add_apart(part, pairs, ungrouped), several_group = add_apart(part, pairs, several);
+    part.whole = add_groups(groups, ungrouped_group, several_group, deal_.configurations);
+    part.last = add_groups(groups, ungrouped_group, several_group, deal_.last_configurations);
     deal_.parts.push_back(std::move(part));
   }
 
@@ -112,7 +112,7 @@ class Dealer {
   }
 
   // A group of pairs that have no hulls in common.
-  Group add_apart(const PairDeal::Part& part, std::span<const BodyPair> pairs, std::span<const Entry> entries) {
+  Group add_apart(const ChunkPlan::Part& part, std::span<const BodyPair> pairs, std::span<const Entry> entries) {
     const Group group{kNone, kNone, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
                       static_cast<std::uint32_t>(entries.size()), 0};
     for (const Entry& e : entries) add_pair(pairs, e);
@@ -121,17 +121,17 @@ class Dealer {
 
   std::size_t pieces_of(std::uint32_t body) const { return scene_.bodies()[body].pieces.size(); }
 
-  PairDeal::Part::Groups add_groups(std::span<const Group> groups, const Group& strays, const Group& several,
+  ChunkPlan::Part::Groups add_groups(std::span<const Group> groups, const Group& ungrouped, const Group& several,
                                     std::uint32_t configurations) {
-    PairDeal::Part::Groups g;
+    ChunkPlan::Part::Groups g;
     g.first_tile = static_cast<std::uint32_t>(group_of_tile_.size());
     for (Group group : groups) {
       group.first_tile = g.tiles;
       g.tiles += tiles(group.count, configurations);
       group_of_tile_.insert(group_of_tile_.end(), g.tiles - group.first_tile, group);
     }
-    g.strays = strays;
-    g.stray_tiles = tiles(strays.count, configurations);
+    g.ungrouped = ungrouped;
+    g.ungrouped_tiles = tiles(ungrouped.count, configurations);
     g.several = several;
     g.several_tiles = tiles(several.count, configurations);
     return g;
@@ -140,7 +140,7 @@ class Dealer {
   const Scene& scene_;
   const Device& device_;
   const Plan& plan_;
-  PairDeal& deal_;
+  ChunkPlan& deal_;
   std::vector<std::uint32_t> ref_, hull_;
   std::vector<BodyPair> room_;
   std::vector<Entry> order_;
@@ -223,12 +223,12 @@ bool AskedPairs::fit(const Plan& plan) const {
   return !table && std::equal(pairs.begin(), pairs.end(), list.begin(), list.end());
 }
 
-std::shared_ptr<const PairDeal> DeviceBackend::deal(const Plan& plan) {
+std::shared_ptr<const ChunkPlan> DeviceBackend::deal(const Plan& plan) {
   {
     const std::lock_guard lock(mutex_);
     if (last_ && last_->all_configurations == plan.size.configurations && last_->asked.fit(plan)) return last_;
   }
-  auto next = std::make_shared<PairDeal>();
+  auto next = std::make_shared<ChunkPlan>();
   next->all_configurations = plan.size.configurations;
   next->asked = AskedPairs(plan);
   const std::uint64_t rows = plan.size.configurations * plan.size.pairs;
@@ -239,8 +239,8 @@ std::shared_ptr<const PairDeal> DeviceBackend::deal(const Plan& plan) {
   return next;
 }
 
-std::shared_ptr<const PairDeal> DeviceBackend::deal_anew(const Plan& plan, std::uint64_t chunk_rows) const {
-  auto deal = std::make_shared<PairDeal>();
+std::shared_ptr<const ChunkPlan> DeviceBackend::deal_anew(const Plan& plan, std::uint64_t chunk_rows) const {
+  auto deal = std::make_shared<ChunkPlan>();
   Dealer(scene_, *device_, plan, *deal).run(chunk_rows, false);
   return deal;
 }
