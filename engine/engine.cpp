@@ -18,7 +18,7 @@
 #include "engine/motion/free_scale.h"
 #include "engine/motion/motion_job.h"
 #include "engine/narrow/self_test.h"
-#include "engine/query/extent.h"
+#include "engine/query/query_cost.h"
 #include "engine/query/job_state.h"
 #include "engine/query/kept_jobs.h"
 #include "engine/selection/plan.h"
@@ -42,8 +42,8 @@ struct Engine::Impl {
   std::string refused_device;  // why it is not used; empty: it is, or there is none
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
-  SceneBulk bulk{scene};
-  SceneBulk bulk_by_pieces{scene.by_pieces() ? *scene.by_pieces() : scene};
+  SceneCost bulk{scene};
+  SceneCost bulk_by_pieces{scene.by_pieces() ? *scene.by_pieces() : scene};
   mutable KeptJobs kept{scene};  // their trees go back where they came from
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
@@ -493,8 +493,8 @@ Counters Engine::stats() const {
   return counters;
 }
 
-Extent Engine::extent(const QueryView& query) const {
-  const SceneBulk& bulk = query.model == Model::kPieces ? impl_->bulk_by_pieces : impl_->bulk;
+QueryCost Engine::extent(const QueryView& query) const {
+  const SceneCost& bulk = query.model == Model::kPieces ? impl_->bulk_by_pieces : impl_->bulk;
   return bulk.of(query, *impl_->poses.snapshot());
 }
 bool Engine::has_cpu() const {

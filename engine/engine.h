@@ -13,7 +13,7 @@
 #include "engine/base/counters.h"
 #include "engine/certificate/certificate.h"
 #include "engine/pose/body_pose.h"
-#include "engine/query/extent.h"
+#include "engine/query/query_cost.h"
 #include "engine/query/job.h"
 #include "engine/scene/scene.h"
 #include "engine/selection/query.h"
@@ -153,8 +153,8 @@ class Engine {
   /// The same in slices. What `query` points to must outlive it, as must the engine.
   CertificateRun begin_certificate(const QueryView& query, CertificateRows rows) const;
 
-  /// What a query asks for at most (SceneBulk::of()).
-  Extent extent(const QueryView& query) const;
+  /// What a query asks for at most (SceneCost::of()).
+  QueryCost extent(const QueryView& query) const;
   /// Whether the CPU can answer: no device was asked for by name.
   bool has_cpu() const;
 

@@ -128,7 +128,7 @@ class Loop final : public RequestHandler {
                    std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   void begin_held(DeferredQuery held);
   void begin_elsewhere(std::unique_ptr<QueryTask> query, std::function<OwnPayload()> fetch,
-                       std::uint64_t payload_bytes, const Extent& extent, std::unique_ptr<ReplySink>& sink);
+                       std::uint64_t payload_bytes, const QueryCost& extent, std::unique_ptr<ReplySink>& sink);
   std::unique_ptr<QueryTask> new_query(const wire::FrameHeader& header, const ReplySink& sink, ServiceClass service,
                                           Clock::time_point received, Clock::time_point due);
   ServiceClass class_for(const ReplySink& sink, const QueryOptions& asked) const;
@@ -137,7 +137,7 @@ class Loop final : public RequestHandler {
   }
   bool hold(const wire::FrameHeader& header, ServiceClass service, const QueryOptions& asked, const OwnPayload& payload,
             std::unique_ptr<ReplySink>& sink, Clock::time_point received);
-  bool is_small(const Extent& extent) const;
+  bool is_small(const QueryCost& extent) const;
   void reply_elsewhere(const wire::FrameHeader& header, std::uint64_t bytes, wire::FrameType type,
                        BackgroundRequest::Make make, std::unique_ptr<ReplySink>& sink, BackgroundRequest::Done done = nullptr);
   BackgroundRequest::Done count_later(std::shared_ptr<const std::uint64_t> ignored);

@@ -167,7 +167,7 @@ void Loop::begin_held(DeferredQuery held) {
   });
 }
 
-bool Loop::is_small(const Extent& extent) const {
+bool Loop::is_small(const QueryCost& extent) const {
   return extent.pairs < kSmallPairs && extent.piece_pairs <= kSmallPiecePairs && extent.listed <= kSmallLists &&
          extent.links <= kSmallLinks && engine_->has_cpu();
 }
@@ -175,7 +175,7 @@ bool Loop::is_small(const Extent& extent) const {
 /// Begins a query here if it is small, else has it begun by the worker. Its poses are there.
 void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts, std::span<const std::byte> payload,
                        std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
-  const Extent extent = engine_->extent(view_of(parts, header.scene_revision));
+  const QueryCost extent = engine_->extent(view_of(parts, header.scene_revision));
   // What each pair leaves to the joints is looked at beforehand, beside the loop.
   const bool is_here =
       is_small(extent) && !poses_away_.contains(sink->client()) && !(parts.options.fields & kFieldFreeScale);
@@ -200,7 +200,7 @@ ServiceClass Loop::class_for(const ReplySink& sink, const QueryOptions& asked) c
 }
 
 void Loop::begin_elsewhere(std::unique_ptr<QueryTask> query, std::function<OwnPayload()> fetch,
-                           std::uint64_t payload_bytes, const Extent& extent, std::unique_ptr<ReplySink>& sink) {
+                           std::uint64_t payload_bytes, const QueryCost& extent, std::unique_ptr<ReplySink>& sink) {
   query->begin_elsewhere(std::move(fetch), payload_bytes, extent.listed, sink);
   worker_of(query->service_class()).add(std::move(query));
 }

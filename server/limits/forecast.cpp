@@ -32,7 +32,7 @@ RejectedRequest late(std::chrono::nanoseconds deadline, const std::string& why) 
 
 }  // namespace
 
-Forecast::Work Forecast::work_of(const QueryOptions& query, const Extent& extent) {
+Forecast::Work Forecast::work_of(const QueryOptions& query, const QueryCost& extent) {
   const auto reduce = static_cast<std::uint32_t>(query.reduce);
   const auto kind = query.fields & kFieldFreeScale ? 45u
                     : query.max_steps > 0          ? 40 + reduce

@@ -23,7 +23,7 @@ class Forecast {
     std::uint32_t kind = 0;
     std::uint64_t piece_pairs = 0;
   };
-  static Work work_of(const QueryOptions& query, const Extent& extent);
+  static Work work_of(const QueryOptions& query, const QueryCost& extent);
 
   /// Learns from a query that took so long, without its waiting. \param is_whole false: it was given up then.
   void note(const Work& work, std::chrono::nanoseconds took, bool is_whole);

@@ -80,7 +80,7 @@ std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vect
   return std::as_bytes(std::span(room)).first(payload.size());
 }
 
-void QueryTask::Limits::check(const Extent& extent) const {
+void QueryTask::Limits::check(const QueryCost& extent) const {
   if (const std::uint64_t pieces = extent.piece_pairs; pieces > max_piece_pairs)
     throw RejectedRequest{wire::ErrorCode::kTooLarge, "the pairs that this query names have " + std::to_string(pieces) +
                                                   " pairs of pieces, more than the " + std::to_string(max_piece_pairs) +
@@ -95,7 +95,7 @@ void QueryTask::Limits::check(const QuerySize& size) const {
                                                   " that one query may ask about (limit max-pairs): split it"};
 }
 
-void QueryTask::take_options(const QueryOptions& options, const Extent& extent) {
+void QueryTask::take_options(const QueryOptions& options, const QueryCost& extent) {
   options_ = options;
   extent_ = extent;
   options_settled_ = true;

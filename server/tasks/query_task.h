@@ -42,7 +42,7 @@ class QueryTask final : public ScheduledQuery {
     bool has_control = false;  ///< anybody may have that class
 
     /// Throw a Refusal (kTooLarge): before pairs are listed, and once they are.
-    void check(const Extent& extent) const;
+    void check(const QueryCost& extent) const;
     void check(const QuerySize& size) const;
   };
   /// What it uses of the daemon; all of it outlives this.
@@ -71,7 +71,7 @@ class QueryTask final : public ScheduledQuery {
 
   /// What its options ask of the loop, where they are known before it begins: its deadline. Throws a Refusal
   /// (kDeadline) if there is no keeping it.
-  void take_options(const QueryOptions& options, const Extent& extent);
+  void take_options(const QueryOptions& options, const QueryCost& extent);
   /// A small query, up to its job: on the loop, while its payload is there. Throws what it is refused for, and takes
   /// the sink if it is not.
   void begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
@@ -130,7 +130,7 @@ class QueryTask final : public ScheduledQuery {
   Reduce reduce_ = Reduce::kNone;
   Format format_ = Format::kFull;
   QueryOptions options_;
-  Extent extent_;
+  QueryCost extent_;
   std::vector<std::byte> records_;  // of the reply, behind its columns
   std::optional<PreparedQuery> prepared_;
   std::optional<Job> job_;

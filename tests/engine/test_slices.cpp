@@ -131,7 +131,7 @@ TEST(Slices, CountWhatAQueryNames) {
   const std::vector<BodyPair> pairs{{0, 1}, {kGroupBit, kEveryBody}, {99, 0}};
   query.pairs = pairs;
   query.all_pairs = false;
-  const Extent extent = engine.extent(query);
+  const QueryCost extent = engine.extent(query);
   EXPECT_EQ(extent.pairs, 1u + 15 + 1);
   EXPECT_EQ(extent.piece_pairs, 16u + 12 * 20);
   EXPECT_EQ(extent.units, 2 * (16u + 12 * 20)) << "20 vertices are a unit";

@@ -10,7 +10,7 @@
 namespace clearance {
 
 /// All counts stop at the largest number there is.
-struct Extent {
+struct QueryCost {
   std::uint64_t pairs = 0;        ///< pairs of bodies, times configurations
   std::uint64_t piece_pairs = 0;  ///< likewise
   std::uint64_t units = 0;        ///< of work (WorkMeter), if each piece pair took one support
@@ -19,14 +19,14 @@ struct Extent {
 };
 
 /// Counts what selectors stand for, which it knows of a scene beforehand.
-class SceneBulk {
+class SceneCost {
  public:
   /// \param scene outlives this.
-  explicit SceneBulk(const Scene& scene);
+  explicit SceneCost(const Scene& scene);
 
   /// Takes as long as the query's lists of pairs and bodies are, and the scene's of bodies where some move. What is
   /// wrong with the query is not said here.
-  Extent of(const QueryView& query, const PoseSnapshot& snapshot) const;
+  QueryCost of(const QueryView& query, const PoseSnapshot& snapshot) const;
 
  private:
   struct Side {  // sums over bodies
@@ -34,7 +34,7 @@ class SceneBulk {
     void add(const Side& other);
   };
   Side side(std::uint32_t selector) const;
-  static void add_pairs(Extent& extent, const Side& a, const Side& b, bool are_same = false);
+  static void add_pairs(QueryCost& extent, const Side& a, const Side& b, bool are_same = false);
 
   const Scene* scene_;
   std::vector<Side> bodies_, groups_;

@@ -1,4 +1,4 @@
-#include "engine/query/extent.h"
+#include "engine/query/query_cost.h"
 
 #include <algorithm>
 #include <set>
@@ -29,13 +29,13 @@ std::uint64_t units_of(const Body& body, const Surface* surface) {
 
 }  // namespace
 
-void SceneBulk::Side::add(const Side& other) {
+void SceneCost::Side::add(const Side& other) {
   bodies += other.bodies;
   pieces += other.pieces;
   units += other.units;
 }
 
-SceneBulk::SceneBulk(const Scene& scene) : scene_(&scene) {
+SceneCost::SceneCost(const Scene& scene) : scene_(&scene) {
   for (const Body& body : scene.bodies()) {
     Side& side = bodies_.emplace_back(Side{1, body.pieces.size(), 0});
     for (const PiecePtr& piece : body.pieces)
@@ -48,7 +48,7 @@ SceneBulk::SceneBulk(const Scene& scene) : scene_(&scene) {
   }
 }
 
-SceneBulk::Side SceneBulk::side(std::uint32_t selector) const {
+SceneCost::Side SceneCost::side(std::uint32_t selector) const {
   if (selector == kEveryBody) return all_;
   const bool is_group = selector & kGroupBit;
   const std::vector<Side>& known = is_group ? groups_ : bodies_;
@@ -57,15 +57,15 @@ SceneBulk::Side SceneBulk::side(std::uint32_t selector) const {
 }
 
 /// \param are_same both sides are the same bodies: each pair of them counts once
-void SceneBulk::add_pairs(Extent& extent, const Side& a, const Side& b, bool are_same) {
+void SceneCost::add_pairs(QueryCost& extent, const Side& a, const Side& b, bool are_same) {
   const std::uint64_t ordered = times(a.bodies, b.bodies);
   extent.pairs = plus(extent.pairs, are_same ? (ordered - a.bodies) / 2 : ordered);
   extent.piece_pairs = plus(extent.piece_pairs, times(a.pieces, b.pieces));
   extent.units = plus(extent.units, plus(times(a.units, b.pieces), times(b.units, a.pieces)));
 }
 
-Extent SceneBulk::of(const QueryView& query, const PoseSnapshot& snapshot) const {
-  Extent extent;
+QueryCost SceneCost::of(const QueryView& query, const PoseSnapshot& snapshot) const {
+  QueryCost extent;
   std::set<std::shared_ptr<const SceneRobot>> robots;
   for (const std::uint32_t joint : query.joints)
     if (joint < scene_->joints().size()) robots.insert(scene_->robots()[scene_->joints()[joint].robot]);
