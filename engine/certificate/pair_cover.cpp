@@ -70,7 +70,7 @@ const Piece& PairCover::Side::around(const Part& part, std::uint32_t begin, std:
   return small_ = without_table(piece);
 }
 
-PairCover::Bulk PairCover::Side::bulk(const Part& part) {
+PairCover::PartHull PairCover::Side::hull(const Part& part) {
   if (part.piece == kAll) return {nullptr, 0, 0};
   const Surface* const surface = this->surface(part);
   const std::uint32_t place = piece_place(body_, part.piece);
@@ -98,7 +98,7 @@ std::vector<PairCover::Part> PairCover::Side::halves(const Part& part) const {
 
 PairCover::Parts PairCover::parts() {
   const auto& [of_a, of_b] = open_.back();
-  const Bulk a = sides_[0].bulk(of_a), b = sides_[1].bulk(of_b);
+  const PartHull a = sides_[0].hull(of_a), b = sides_[1].hull(of_b);
   PieceProof claim{a.place, b.place, {}};
   claim.count_a = a.count;
   claim.count_b = b.count;
@@ -110,7 +110,7 @@ void PairCover::halve() {
   const std::array<Part, 2> parts = open_.back();
   const std::array<std::vector<Part>, 2> halves{sides_[0].halves(parts[0]), sides_[1].halves(parts[1])};
   const auto spread = [&](std::size_t side) {
-    const Piece* const piece = sides_[side].bulk(parts[side]).piece;
+    const Piece* const piece = sides_[side].hull(parts[side]).piece;
     return piece ? piece->spread : std::numeric_limits<double>::infinity();
   };
   const std::size_t larger = halves[0].empty() ? 1 : halves[1].empty() || spread(0) > spread(1) ? 0 : 1;

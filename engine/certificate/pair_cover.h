@@ -43,7 +43,7 @@ class PairCover {
     friend auto operator<=>(const Part&, const Part&) = default;
   };
   // One as a convex piece, and which pieces of the body it is, where elements count as such.
-  struct Bulk {
+  struct PartHull {
     const Piece* piece;  // null: it is not one
     std::uint32_t place, count;
   };
@@ -53,7 +53,7 @@ class PairCover {
     explicit Side(const Body& body) : body_(body) {}
     Part whole() const { return {body_.pieces.size() == 1 ? 0 : kAll, kNone}; }
     /// Holds until another is asked for.
-    Bulk bulk(const Part& part);
+    PartHull hull(const Part& part);
     /// What it consists of; none: it is an element, or a piece that is the truth.
     std::vector<Part> halves(const Part& part) const;
 

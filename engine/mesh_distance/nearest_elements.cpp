@@ -73,12 +73,12 @@ void NearestElements::begin(const Body& a, const PoseMatrix& pose_a, const Body&
   for (std::uint32_t i = 0; i < a.pieces.size(); ++i)
     for (std::uint32_t j = 0; j < b.pieces.size(); ++j) {
       Entry e{0, i, first(a.pieces[i]), j, first(b.pieces[j]), 0};
-      e.gap = gap_of(e, bulk_a(e), bulk_b(e));
+      e.gap = gap_of(e, bounds_a(e), bounds_b(e));
       put(e, kInf);
     }
 }
 
-NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piece, std::uint32_t at) {
+NearestElements::NodeBounds NearestElements::bounds(const Body& body, std::uint32_t piece, std::uint32_t at) {
   const Piece& p = *body.pieces[piece];
   if (at == kNone) return {p.centre, p.half};
   const Surface& surface = *p.surface;
@@ -88,29 +88,29 @@ NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piec
       return {surface.point(at & ~kTriangle), {half, half, half}};
     }
     const auto [u, v, w] = surface.corners(at & ~kTriangle);
-    Bulk bulk;
+    NodeBounds bounds;
     for (int k = 0; k < 3; ++k) {
       const double low = std::min({u[k], v[k], w[k]}), high = std::max({u[k], v[k], w[k]});
-      bulk.centre[k] = 0.5 * low + 0.5 * high;
-      bulk.half[k] = 0.5 * high - 0.5 * low;
+      bounds.centre[k] = 0.5 * low + 0.5 * high;
+      bounds.half[k] = 0.5 * high - 0.5 * low;
     }
-    return bulk;
+    return bounds;
   }
   const Surface::Node& node = surface.nodes()[at];
-  Bulk bulk;
+  NodeBounds bounds;
   for (int k = 0; k < 3; ++k) {
     const double low = node.low[static_cast<std::size_t>(k)], high = node.high[static_cast<std::size_t>(k)];
-    bulk.centre[k] = surface.centre()[k] + (0.5 * low + 0.5 * high);
-    bulk.half[k] = 0.5 * high - 0.5 * low;
+    bounds.centre[k] = surface.centre()[k] + (0.5 * low + 0.5 * high);
+    bounds.half[k] = 0.5 * high - 0.5 * low;
   }
-  return bulk;
+  return bounds;
 }
 
 // \param room for the corners of a triangle
-PartBulk NearestElements::part_bulk(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& bulk,
+PartBounds NearestElements::part_bounds(const Body& body, std::uint32_t piece, std::uint32_t at, const NodeBounds& bounds,
                                     std::array<Vec3d, 3>& room) {
   const Piece& whole = *body.pieces[piece];
-  PartBulk part{bulk.centre, bulk.half};
+  PartBounds part{bounds.centre, bounds.half};
   if (at == kNone) {
     if (!whole.primitive && whole.count() <= kMostCorners) part.corners = whole.vertices;
   } else if (is_element(at) && !whole.surface->is_cloud()) {
@@ -132,8 +132,8 @@ PartBulk NearestElements::part_bulk(const Body& body, std::uint32_t piece, std::
   return part;
 }
 
-NearestElements::Bulk NearestElements::before_a(const Bulk& of_b) const {
-  Bulk turned{R_ * of_b.centre + D_, {}};
+NearestElements::NodeBounds NearestElements::before_a(const NodeBounds& of_b) const {
+  NodeBounds turned{R_ * of_b.centre + D_, {}};
   for (int k = 0; k < 3; ++k) turned.half[k] = dot(absolute(R_.row[k]), of_b.half);
   return turned;
 }
@@ -145,13 +145,13 @@ double NearestElements::margin(const Entry& e) const {
 
 // Of two pieces, or of anything before a half-space: by boxes in the axes of a, and along the line of their middles.
 // \param b in its own axes
-double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b) const {
+double NearestElements::gap_of(const Entry& e, const NodeBounds& a, const NodeBounds& b) const {
   if (plane_ != Plane::kNeither) {  // it has no box, and its plane's normal says all
     const Vec3d z{0, 0, 1};
     if (plane_ == Plane::kA) return std::max(e.gap, gap_along(e, a, b, z, R_.transpose_times(z)));
     return std::max(e.gap, gap_along(e, a, b, R_ * -z, -z));
   }
-  const Bulk turned = before_a(b);
+  const NodeBounds turned = before_a(b);
   const Vec3d d = turned.centre - a.centre;
   Vec3d apart;
   for (int k = 0; k < 3; ++k) apart[k] = above_zero(std::abs(d[k]) - (a.half[k] + turned.half[k]));
@@ -162,7 +162,7 @@ double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b) con
 }
 
 // How far a subtree reaches along a direction, in the axes of its body: by the triangles of a leaf, else by its box.
-double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box,
+double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32_t at, const NodeBounds& box,
                               const Vec3d& n) {
   const Surface* const surface = body.pieces[piece]->surface.get();
   const auto of_elements = [&](std::uint32_t begin, std::uint32_t end) {
@@ -193,7 +193,7 @@ double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32
 }
 
 // \param n_a, n_b the direction in the axes of both, of length 1 up to rounding
-double NearestElements::gap_along(const Entry& e, const Bulk& a, const Bulk& b, const Vec3d& n_a,
+double NearestElements::gap_along(const Entry& e, const NodeBounds& a, const NodeBounds& b, const Vec3d& n_a,
                                   const Vec3d& n_b) const {
   const double far_a = reach(*a_, e.piece_a, e.at_a, a, n_a), far_b = reach(*b_, e.piece_b, e.at_b, b, -n_b);
   return above_zero(((dot(n_a, D_) - far_b) - far_a) * (1 - 0x1p-45) - margin(e));
@@ -201,10 +201,10 @@ double NearestElements::gap_along(const Entry& e, const Bulk& a, const Bulk& b, 
 
 // reach() along the direction that is known, of a subtree looked at down to some levels: what is there reaches so much
 // less far than its box. Most of it is left out, since its box reaches less far than what is found.
-// \param by_bulk reach() by its own box
-double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bulk,
+// \param by_bounds reach() by its own box
+double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bounds,
                                     int levels) const {
-  if (is_element(at) || levels <= 0) return by_bulk;
+  if (is_element(at) || levels <= 0) return by_bounds;
   Reach& known = reaches_[(at * 2654435761u + piece * 40503u + of_a) % kReaches];
   if (known.direction == directions_ && known.at == at && known.piece == piece && known.of_a == of_a)
     return known.reach;
@@ -232,7 +232,7 @@ double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_
   return most;
 }
 
-double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box) const {
+double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const NodeBounds& box) const {
   const Body& body = of_a ? *a_ : *b_;
   if (at == kNone) {
     Reach& known = reaches_[(piece * 2 + of_a) % kReaches];
@@ -253,7 +253,7 @@ double NearestElements::gap_known(const Entry& e, double far_a, double far_b) co
   return above_zero(((dot(n_a_, D_) - far_b) - far_a) * (1 - 0x1p-45) - margin(e));
 }
 
-double NearestElements::gap_known(const Entry& e, const Bulk& a, const Bulk& b) const {
+double NearestElements::gap_known(const Entry& e, const NodeBounds& a, const NodeBounds& b) const {
   return gap_known(e, known_reach(true, e.piece_a, e.at_a, a), known_reach(false, e.piece_b, e.at_b, b));
 }
 
@@ -293,11 +293,11 @@ void NearestElements::open(const Entry& e, double cut_off, const Each& each) con
     if (is_of_mesh(*a_, e.piece_a, e.at_a) && is_of_mesh(*b_, e.piece_b, e.at_b)) return pair_triangles(e, a, b, each);
     return divide<ElementsBelow>(e, opens_a, cut_off, each);
   }
-  const Bulk bulk_of_a = bulk_a(e), bulk_of_b = bulk_b(e);
+  const NodeBounds bounds_of_a = bounds_a(e), bounds_of_b = bounds_b(e);
   const auto with = [&](std::uint32_t child) {
     Entry part = e;
     (opens_a ? part.at_a : part.at_b) = child;
-    part.gap = opens_a ? gap_of(part, bulk_a(part), bulk_of_b) : gap_of(part, bulk_of_a, bulk_b(part));
+    part.gap = opens_a ? gap_of(part, bounds_a(part), bounds_of_b) : gap_of(part, bounds_of_a, bounds_b(part));
     each(part);
   };
   const Surface::Node& node = opens_a ? *a : *b;
@@ -337,12 +337,12 @@ void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const
   PartColumn far;
   if (looks_) part_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
   const auto before = [&](std::uint32_t before_at) {
-    const Bulk other_bulk = bulk(other, other_piece, before_at);
+    const NodeBounds other_bounds = bounds(other, other_piece, before_at);
     std::array<Vec3d, 3> room;
     PartColumn gaps;
-    part_gaps(below.columns, part_bulk(other, other_piece, before_at, other_bulk, room), opens_a ? R_ : R_ba_,
+    part_gaps(below.columns, part_bounds(other, other_piece, before_at, other_bounds, room), opens_a ? R_ : R_ba_,
               opens_a ? D_ : D_ba_, cut_off + margin(e), gaps);
-    const double other_far = looks_ ? known_reach(!opens_a, other_piece, before_at, other_bulk) : 0;
+    const double other_far = looks_ ? known_reach(!opens_a, other_piece, before_at, other_bounds) : 0;
     for (std::uint32_t k = 0; k < below.count; ++k) {
       Entry part = e;
       (opens_a ? part.at_a : part.at_b) = below.at[k];
@@ -375,7 +375,7 @@ void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a
   };
   const Surface &of_a = *a_->pieces[e.piece_a]->surface, &of_b = *b_->pieces[e.piece_b]->surface;
   const Range range_a = range_of(leaf_a, e.at_a), range_b = range_of(leaf_b, e.at_b);
-  const Vec3d d = before_a(bulk_b(e)).centre - bulk_a(e).centre;
+  const Vec3d d = before_a(bounds_b(e)).centre - bounds_a(e).centre;
   const double length = norm(d);
   const Vec3d directions[2] = {looks_ ? n_a_ : Vec3d{0, 0, 0}, length > 0 && length < kInf ? d * (1 / length) : d * 0};
   ElementColumns columns_a, columns_b;
@@ -399,13 +399,13 @@ ElementPair NearestElements::pieces() const {
 }
 
 bool NearestElements::is_one_within() const {
-  const Bulk a = bulk_a(open_.front()), b = bulk_b(open_.front());
-  const auto holds = [](const Bulk& outer, const Vec3d& centre, const Vec3d& half) {
+  const NodeBounds a = bounds_a(open_.front()), b = bounds_b(open_.front());
+  const auto holds = [](const NodeBounds& outer, const Vec3d& centre, const Vec3d& half) {
     for (int k = 0; k < 3; ++k)
       if (!(std::abs(centre[k] - outer.centre[k]) + half[k] < outer.half[k])) return false;
     return true;
   };
-  const Bulk turned = before_a(b);
+  const NodeBounds turned = before_a(b);
   Vec3d half;
   for (int k = 0; k < 3; ++k) half[k] = dot(absolute(R_ba_.row[k]), a.half);
   return holds(a, turned.centre, turned.half) || holds(b, R_ba_ * a.centre + D_ba_, half);
@@ -429,7 +429,7 @@ bool NearestElements::take_near(double cut_off, ElementPair& pair) {
   if (open_.empty() || open_.front().gap > cut_off) return false;
   Entry at = open_.pop();
   const double known = at.gap;  // of all below, which tells them not apart
-  const auto middles = [&](const Entry& e) { return squared_norm(before_a(bulk_b(e)).centre - bulk_a(e).centre); };
+  const auto middles = [&](const Entry& e) { return squared_norm(before_a(bounds_b(e)).centre - bounds_a(e).centre); };
   const auto pass_by = [&](Entry e) {
     e.gap = std::max(e.gap, known);
     put(e, cut_off);
@@ -459,7 +459,7 @@ bool NearestElements::take_near(double cut_off, ElementPair& pair) {
 NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, ElementPair& pair) {
   for (std::uint64_t opened = 1; !open_.empty() && open_.front().gap <= cut_off; ++opened) {
     Entry e = open_.pop();
-    if (const double along = e.looked == looks_ ? 0 : gap_known(e, bulk_a(e), bulk_b(e)); along > e.gap) {
+    if (const double along = e.looked == looks_ ? 0 : gap_known(e, bounds_a(e), bounds_b(e)); along > e.gap) {
       e.gap = along;  // it may not be its turn any more
       e.looked = looks_;
       put(e, cut_off);

@@ -77,7 +77,7 @@ class NearestElements {
     }
   };
   // Around a subtree, in the axes of its body, or of a.
-  struct Bulk {
+  struct NodeBounds {
     Vec3d centre{0, 0, 0}, half{0, 0, 0};
   };
   // What a node is divided into: the nodes two levels below it, or leaves before; the elements of a leaf.
@@ -97,19 +97,19 @@ class NearestElements {
   static Element element(std::uint32_t piece, std::uint32_t at) {
     return {piece, at == kNone ? kNone : at & ~kTriangle};
   }
-  static Bulk bulk(const Body& body, std::uint32_t piece, std::uint32_t at);
-  Bulk bulk_a(const Entry& e) const { return bulk(*a_, e.piece_a, e.at_a); }
-  Bulk bulk_b(const Entry& e) const { return bulk(*b_, e.piece_b, e.at_b); }
-  Bulk before_a(const Bulk& of_b) const;
-  double gap_of(const Entry& e, const Bulk& a, const Bulk& b) const;
-  double gap_along(const Entry& e, const Bulk& a, const Bulk& b, const Vec3d& n_a, const Vec3d& n_b) const;
+  static NodeBounds bounds(const Body& body, std::uint32_t piece, std::uint32_t at);
+  NodeBounds bounds_a(const Entry& e) const { return bounds(*a_, e.piece_a, e.at_a); }
+  NodeBounds bounds_b(const Entry& e) const { return bounds(*b_, e.piece_b, e.at_b); }
+  NodeBounds before_a(const NodeBounds& of_b) const;
+  double gap_of(const Entry& e, const NodeBounds& a, const NodeBounds& b) const;
+  double gap_along(const Entry& e, const NodeBounds& a, const NodeBounds& b, const Vec3d& n_a, const Vec3d& n_b) const;
   double gap_known(const Entry& e, double far_a, double far_b) const;
-  double gap_known(const Entry& e, const Bulk& a, const Bulk& b) const;
+  double gap_known(const Entry& e, const NodeBounds& a, const NodeBounds& b) const;
   double margin(const Entry& e) const;
 
-  static double reach(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box, const Vec3d& n);
-  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bulk, int levels) const;
-  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box) const;
+  static double reach(const Body& body, std::uint32_t piece, std::uint32_t at, const NodeBounds& box, const Vec3d& n);
+  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bounds, int levels) const;
+  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const NodeBounds& box) const;
   int levels(const Body& body, std::uint32_t piece) const;
   void put(const Entry& entry, double cut_off);
   template <class Each>
@@ -119,7 +119,7 @@ class NearestElements {
   template <class Each>
   void pair_triangles(const Entry& entry, const Surface::Node* leaf_a, const Surface::Node* leaf_b,
                       const Each& each) const;
-  static PartBulk part_bulk(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& bulk,
+  static PartBounds part_bounds(const Body& body, std::uint32_t piece, std::uint32_t at, const NodeBounds& bounds,
                             std::array<Vec3d, 3>& room);
 
   const Body *a_ = nullptr, *b_ = nullptr;

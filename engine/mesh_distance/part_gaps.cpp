@@ -217,7 +217,7 @@ CLEARANCE_INLINE Vec3<Column> to_triangle(const Vec3<Column>& p, const Vec3d (&c
 }
 
 template <class Own>
-CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBulk& other, const Mat3d& R, const Vec3d& D,
+CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBounds& other, const Mat3d& R, const Vec3d& D,
                               double enough, PartColumn& gaps) {
   const Seen others{columns(other.centre), columns(other.half), columns(other.normal), other.low - Column{},
                     other.high - Column{}};
@@ -264,12 +264,12 @@ CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBulk& 
 
 }  // namespace
 
-CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const NodeColumns& nodes, const PartBulk& other,
+CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const NodeColumns& nodes, const PartBounds& other,
                                                          const Mat3d& R, const Vec3d& D, double enough,
                                                          PartColumn& gaps) {
   gaps_of(seen(nodes), nodes.have_planes, other, R, D, enough, gaps);
 }
-CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const ElementColumns& elements, const PartBulk& other,
+CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const ElementColumns& elements, const PartBounds& other,
                                                          const Mat3d& R, const Vec3d& D, double enough,
                                                          PartColumn& gaps) {
   if (elements.are_points)

@@ -12,7 +12,7 @@ namespace clearance {
 
 /// What a part of a body lies within, in the body's axes, metres: a box and, of triangles that are nearly flat, two
 /// planes normal . x = low and high.
-struct PartBulk {
+struct PartBounds {
   Vec3d centre{0, 0, 0}, half{0, 0, 0};
   Vec3d normal{0, 0, 0};  ///< no longer than 1 + 2^-14, or 0: there are none
   double low = 0, high = 0;
@@ -54,9 +54,9 @@ void part_reaches(const ElementColumns& elements, const Vec3d& n, PartColumn& re
 /// Not below 0.
 /// \param R, D take the other body's coordinates to those of the parts' body \param enough where all are farther than
 /// this nothing more is found out
-void part_gaps(const NodeColumns& nodes, const PartBulk& other, const Mat3d& R, const Vec3d& D, double enough,
+void part_gaps(const NodeColumns& nodes, const PartBounds& other, const Mat3d& R, const Vec3d& D, double enough,
                PartColumn& gaps);
-void part_gaps(const ElementColumns& elements, const PartBulk& other, const Mat3d& R, const Vec3d& D, double enough,
+void part_gaps(const ElementColumns& elements, const PartBounds& other, const Mat3d& R, const Vec3d& D, double enough,
                PartColumn& gaps);
 
 /// How far each triangle of a (lanes) is from each of b at least, or less: along `n` and the normals of all. Not below

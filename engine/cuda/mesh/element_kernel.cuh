@@ -156,9 +156,9 @@ __device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedVie
       break;
     }
     const LoadedNode<Elements> one(set, at + 1), other(set, node.right);
-    const double to_one = before.gap(one.bulk, kInf), to_other = before.gap(other.bulk, kInf);
+    const double to_one = before.gap(one.bounds, kInf), to_other = before.gap(other.bounds, kInf);
     const bool is_one = to_one != to_other ? to_one < to_other
-                                           : !(before.between_middles(other.bulk) < before.between_middles(one.bulk));
+                                           : !(before.between_middles(other.bounds) < before.between_middles(one.bounds));
     at = is_one ? at + 1 : node.right;
   }
   const ElementHull<Elements> hull(set, at);

@@ -30,8 +30,8 @@ class PieceBefore {
   }
 
   // Not below 0. \param cut_off no more is asked than whether it is greater
-  template <class Bulk>
-  __device__ double gap(const Bulk& x, double cut_off) const {
+  template <class ElementBounds>
+  __device__ double gap(const ElementBounds& x, double cut_off) const {
     const Vec3d d = box_.centre - x.centre;
     Vec3d apart;
     for (int k = 0; k < 3; ++k) apart[k] = above_zero(fabs(d[k]) - (x.half[k] + box_.half[k]));
@@ -62,7 +62,7 @@ class PieceBefore {
   // Where its box begins along n.
   __device__ double before(const Vec3d& n) const { return dot(n, D_) - own_.reach(R_.transpose_times(-n)); }
   // Across the planes of x, on the side that faces the piece. Without planes it is 0.
-  __device__ double gap_across(const TriangleBulk& x, const Vec3d& d) const {
+  __device__ double gap_across(const TriangleBounds& x, const Vec3d& d) const {
     const bool is_ahead = !(dot(x.normal, d) < 0);
     const double end = is_ahead ? x.high : -x.low;
     return above_zero((before(is_ahead ? x.normal : -x.normal) - end) * kShortNormal - margin_);

@@ -72,12 +72,12 @@ class HullSearch : public WarpSearch {
       for (std::uint32_t other = piece + 1 + lane(); other < pieces_; other += 32) {
         const HullHead& of = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + other]];
         const PieceBefore there(set_, elements_first_ ? of_a_ : of_b_, of, elements_first_ ? of_b_ : of_a_);
-        leave_out(there.gap(LoadedNode<Elements>(set_, 0).bulk, __builtin_inf()));
+        leave_out(there.gap(LoadedNode<Elements>(set_, 0).bounds, __builtin_inf()));
       }
   }
 
   __device__ void put_root(const PieceBefore& before) {
-    const double limit = this->limit(), gap = before.gap(LoadedNode<Elements>(set_, 0).bulk, limit);
+    const double limit = this->limit(), gap = before.gap(LoadedNode<Elements>(set_, 0).bounds, limit);
     put(lane() == 0, 0u, gap, limit, room_.node, room_.node_gap, stacked_);
   }
   // Divides the nodes on top of the stack, a thread for each: as many as their children leave room for, and beside that
@@ -118,10 +118,10 @@ class HullSearch : public WarpSearch {
     double near_gap = 0, far_gap = 0;
     if (divides) {
       const LoadedNode<Elements> one(set_, near), other(set_, far);
-      near_gap = before.gap(one.bulk, limit);
-      far_gap = before.gap(other.bulk, limit);
+      near_gap = before.gap(one.bounds, limit);
+      far_gap = before.gap(other.bounds, limit);
       if (far_gap < near_gap ||
-          (far_gap == near_gap && before.between_middles(other.bulk) < before.between_middles(one.bulk))) {
+          (far_gap == near_gap && before.between_middles(other.bounds) < before.between_middles(one.bounds))) {
         const std::uint32_t node = near;
         near = far;
         far = node;
@@ -175,7 +175,7 @@ class HullSearch : public WarpSearch {
     const Vec3d shift = inner.t_w - outer.t_w;
     for (std::uint32_t piece = 0; piece < pieces_; ++piece) {
       const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + piece]];
-      if (PieceBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bulk, 0) > 0) continue;
+      if (PieceBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bounds, 0) > 0) continue;
       if (!knows_side(apart, shift, set_.hull, head)) return Outcome::kUnresolved;
       // All of the piece lies on one side: where float64 is not sure of one of its points, it may be of another.
       Winding winding{0, false};

@@ -58,12 +58,12 @@ struct LoadedBox {
 struct Points {
   static constexpr std::uint32_t kTaken = kPointsTaken;
   static constexpr bool kIsMesh = false;
-  using Bulk = ElementBox;
+  using ElementBounds = ElementBox;
 
-  __device__ static Bulk of_node(const ElementSet&, std::uint32_t, const LoadedBox& node) {
+  __device__ static ElementBounds of_node(const ElementSet&, std::uint32_t, const LoadedBox& node) {
     return {0.5 * node.low + 0.5 * node.high, 0.5 * node.high - 0.5 * node.low};  // the tree's centre is the origin
   }
-  __device__ static Bulk of_element(const ElementSet& set, std::uint32_t i) {
+  __device__ static ElementBounds of_element(const ElementSet& set, std::uint32_t i) {
     const float* const p = set.points + std::size_t{i} * 3;
     return {{__ldg(p), __ldg(p + 1), __ldg(p + 2)}, {set.reach, set.reach, set.reach}};
   }
@@ -80,7 +80,7 @@ struct Points {
 };
 
 // A box, and two planes.
-struct TriangleBulk : ElementBox {
+struct TriangleBounds : ElementBox {
   Vec3d normal{0, 0, 0};     // no longer than 1 + 2^-14; 0: there are no planes
   double low = 0, high = 0;  // of normal . x
   PartVertices corners{};    // of a triangle, whose hull it is; else x is null
@@ -94,38 +94,38 @@ struct TriangleBulk : ElementBox {
 struct Triangles {
   static constexpr std::uint32_t kTaken = kTrianglesTaken;
   static constexpr bool kIsMesh = true;
-  using Bulk = TriangleBulk;
+  using ElementBounds = TriangleBounds;
 
   __device__ static PartVertices corners(const ElementSet& set, std::uint32_t i) {
     const double* const p = set.corners + std::size_t{i} * 9;
     return {p, p + 3, p + 6, {0, 0, 0}, 0};
   }
-  __device__ static Bulk of_node(const ElementSet& set, std::uint32_t at, const LoadedBox& node) {
-    Bulk bulk{{set.centre + (0.5 * node.low + 0.5 * node.high), 0.5 * node.high - 0.5 * node.low}};
+  __device__ static ElementBounds of_node(const ElementSet& set, std::uint32_t at, const LoadedBox& node) {
+    ElementBounds bounds{{set.centre + (0.5 * node.low + 0.5 * node.high), 0.5 * node.high - 0.5 * node.low}};
     const ElementSlab slab = set.slabs[at];
-    bulk.normal = slab.normal();
-    const double middle = dot(bulk.normal, set.centre);
-    bulk.low = middle + slab.low;
-    bulk.high = middle + slab.high;
-    return bulk;
+    bounds.normal = slab.normal();
+    const double middle = dot(bounds.normal, set.centre);
+    bounds.low = middle + slab.low;
+    bounds.high = middle + slab.high;
+    return bounds;
   }
-  __device__ static Bulk of_element(const ElementSet& set, std::uint32_t i) {
-    Bulk bulk{};
-    bulk.corners = corners(set, i);
-    const Vec3d u = bulk.corners[0], v = bulk.corners[1], w = bulk.corners[2];
+  __device__ static ElementBounds of_element(const ElementSet& set, std::uint32_t i) {
+    ElementBounds bounds{};
+    bounds.corners = corners(set, i);
+    const Vec3d u = bounds.corners[0], v = bounds.corners[1], w = bounds.corners[2];
     for (int k = 0; k < 3; ++k) {
       const double low = fmin(fmin(u[k], v[k]), w[k]), high = fmax(fmax(u[k], v[k]), w[k]);
-      bulk.centre[k] = 0.5 * low + 0.5 * high;
-      bulk.half[k] = 0.5 * high - 0.5 * low;
+      bounds.centre[k] = 0.5 * low + 0.5 * high;
+      bounds.half[k] = 0.5 * high - 0.5 * low;
     }
     const Vec3d across = cross(v - u, w - u);
     const double length = norm(across);
-    if (!(length > 1e-140 && length < __builtin_inf())) return bulk;
-    bulk.normal = across * (1 / length);
-    const double at_u = dot(bulk.normal, u), at_v = dot(bulk.normal, v), at_w = dot(bulk.normal, w);
-    bulk.low = fmin(fmin(at_u, at_v), at_w);
-    bulk.high = fmax(fmax(at_u, at_v), at_w);
-    return bulk;
+    if (!(length > 1e-140 && length < __builtin_inf())) return bounds;
+    bounds.normal = across * (1 / length);
+    const double at_u = dot(bounds.normal, u), at_v = dot(bounds.normal, v), at_w = dot(bounds.normal, w);
+    bounds.low = fmin(fmin(at_u, at_v), at_w);
+    bounds.high = fmax(fmax(at_u, at_v), at_w);
+    return bounds;
   }
   __device__ static PartVertices as_hull(const ElementSet& set, std::uint32_t i, HullHead& head) {
     const PartVertices vertices = corners(set, i);
@@ -152,9 +152,9 @@ class ElementHull {
 
 template <class Elements>
 struct LoadedNode : LoadedBox {
-  typename Elements::Bulk bulk;
+  typename Elements::ElementBounds bounds;
   __device__ LoadedNode(const ElementSet& set, std::uint32_t at)
-      : LoadedBox(set, at), bulk(Elements::of_node(set, at, *this)) {}
+      : LoadedBox(set, at), bounds(Elements::of_node(set, at, *this)) {}
 };
 
 }  // namespace clearance::cuda

@@ -23,7 +23,7 @@ struct MeshParts {
   std::uint32_t a, b;
   __device__ bool are_triangles() const { return (a & b & kIsTriangle) != 0; }
 };
-__device__ inline TriangleBulk bulk_of_part(const ElementSet& set, std::uint32_t part) {
+__device__ inline TriangleBounds bounds_of_part(const ElementSet& set, std::uint32_t part) {
   if (part & kIsTriangle) return Triangles::of_element(set, part & ~kIsTriangle);
   return Triangles::of_node(set, part, LoadedBox(set, part));
 }
@@ -73,7 +73,7 @@ class MeshesBefore {
   // Not below 0. \param cut_off no more is asked than whether it is greater \param middles gets the square of how far
   // the middles are apart
   __device__ double gap(const MeshParts& parts, double cut_off, double& middles) const {
-    const TriangleBulk a = bulk_of_part(a_, parts.a), b = bulk_of_part(b_, parts.b);
+    const TriangleBounds a = bounds_of_part(a_, parts.a), b = bounds_of_part(b_, parts.b);
     const Vec3d d = at_.R * b.centre + at_.D - a.centre;
     middles = squared_norm(d);
     Vec3d apart;
@@ -131,7 +131,7 @@ class MeshesBefore {
 
  private:
   // \param n of length 1, from a towards b
-  __device__ double along(const Vec3d& n, const TriangleBulk& a, const TriangleBulk& b) const {
+  __device__ double along(const Vec3d& n, const TriangleBounds& a, const TriangleBounds& b) const {
     return above_zero((dot(n, at_.D) - b.reach(at_.R.transpose_times(-n)) - a.reach(n)) * kShortUnit - margin_);
   }
   // \param n a plane's normal, or 0 \param far_a, far_b how far either reaches towards the other
