@@ -48,17 +48,17 @@ __device__ inline bool goes_first(const ChunkView& c, const HullHead& a, const H
 
 // Answers it and writes its row, unless it is not settled.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
-__device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b,
+__device__ inline PairOutcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b,
                                       const PairHulls<PointHull>& hulls, const PairFrame<typename Hull::T>& at,
                                       Enclosed& enclosed, const S& slack = S()) {
   enclosed.pair = item.pair;
   enclosed.configuration = item.k;
   PairAnswer answer;
   WarmRow* const warm = kWarm ? c.warm + item.k * c.warm_stride + c.position[item.pair] : nullptr;
-  const Outcome outcome =
+  const PairOutcome outcome =
       solve_item<kLean, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm, slack);
-  if (outcome == Outcome::kEnclosed && c.prove_at_once) return prove_row(c, enclosed);
-  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kConverged)
+  if (outcome == PairOutcome::kEnclosed && c.prove_at_once) return prove_row(c, enclosed);
+  if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged)
     write_answer<kLean>(c, item.row, item.k, item.at_a, item.at_b, answer);
   return outcome;
 }
@@ -81,7 +81,7 @@ __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
   __syncthreads();
 
   Enclosed enclosed;
-  Outcome outcome = Outcome::kNone;
+  PairOutcome outcome = PairOutcome::kNone;
   const PairHulls<Hull<SharedVertices>> hulls{a.hull, b.hull};
   if (place < count) {
     if constexpr (kIsF32<T>)
@@ -101,16 +101,16 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairHulls<Hull<SceneVertices>> hulls{a, b};
   Enclosed enclosed;
-  Outcome outcome = Outcome::kNone;
+  PairOutcome outcome = PairOutcome::kNone;
   const S slack = known_slack<S>(c, item.ref, item.k);
   if (is_there) {
-    outcome = Outcome::kUnresolved;
+    outcome = PairOutcome::kUnresolved;
     if (kBoth && fit_f32(*head_a, *head_b)) {
       const PairFrame<float> at = place_pair<float>(item.at_a, *head_a, item.at_b, *head_b);
       outcome = answer_item<kLean, kWarm>(c, item, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
                                           hulls, at, enclosed, slack);
     }
-    if (outcome == Outcome::kUnresolved) {
+    if (outcome == PairOutcome::kUnresolved) {
       const PairFrame<double> at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
       outcome = answer_item<kLean, kWarm>(c, item, a, b, hulls, at, enclosed, slack);
     }
@@ -134,10 +134,10 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
   note_begin(c);
   const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = several.count * c.configurations;
   const GroupItem item(c, several, place < count ? place : count - 1);
-  Outcome outcome = Outcome::kNone;
+  PairOutcome outcome = PairOutcome::kNone;
   PairAnswer answer;
   if (place < count) outcome = solve_pieces<kBoth>(c, c.pair_limits, item.ref, item.k, item.at_a, item.at_b, answer);
-  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kConverged)
+  if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged)
     write_answer(c, item.row, item.k, item.at_a, item.at_b, answer);
   report(c, outcome, item.row, {});
   hand_over_counts(c);

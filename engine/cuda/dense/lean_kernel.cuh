@@ -38,27 +38,27 @@ __device__ inline void write_lean(const ChunkView& c, const LeanItem& item, cons
 
 // \tparam Hull of the iteration, PointHull in float64
 template <bool kPoints, class Hull, class PointHull>
-__device__ inline Outcome answer_lean_item(const ChunkView& c, const LeanItem& item, const Hull& a, const Hull& b,
+__device__ inline PairOutcome answer_lean_item(const ChunkView& c, const LeanItem& item, const Hull& a, const Hull& b,
                                            const PairHulls<PointHull>& hulls, const PairRef& ref, std::uint8_t states,
                                            const PairFrame<typename Hull::T>& at, Enclosed& enclosed) {
   using T = typename Hull::T;
   PairAnswer answer;
   answer.point_a = answer.point_b = no_point();
   const PairLimits& q = c.pair_limits;
-  Outcome outcome = Outcome::kWithoutPieces;
+  PairOutcome outcome = PairOutcome::kWithoutPieces;
   const bool looks = (states & kStateStatus) != static_cast<std::uint8_t>(Status::kOk) || q.cull;
-  if (!looks || !answer_without_pieces(q, Where(c.bodies, c.configurations, ref.a, item.k),
-                                       Where(c.bodies, c.configurations, ref.b, item.k), answer)) {
+  if (!looks || !answer_without_pieces(q, BodyPoseRef(c.bodies, c.configurations, ref.a, item.k),
+                                       BodyPoseRef(c.bodies, c.configurations, ref.b, item.k), answer)) {
     const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
       decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
       if (!kPoints || answer.status == Status::kBeyond) return;
-      const Mat3d R_wa = Where(c.bodies, c.configurations, ref.a, item.k).frame().R_wb,
-                  R_wb = Where(c.bodies, c.configurations, ref.b, item.k).frame().R_wb;
+      const Mat3d R_wa = BodyPoseRef(c.bodies, c.configurations, ref.a, item.k).frame().R_wb,
+                  R_wb = BodyPoseRef(c.bodies, c.configurations, ref.b, item.k).frame().R_wb;
       converged_points(hulls.a, R_wa, hulls.b, R_wb, witness_of(g, bounds, R_wa), answer.point_a, answer.point_b);
     };
     outcome = run_to_end<false>(q, a, b, at, enclosed, nullptr, take);
   }
-  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kConverged) write_lean<kPoints>(c, item, answer);
+  if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged) write_lean<kPoints>(c, item, answer);
   return outcome;
 }
 
@@ -72,7 +72,7 @@ __global__ void __launch_bounds__(kTile, kLeanBlocks) answer_lean(const __grid_c
                       count = group.count * c.configurations;
   const LeanItem item(c, group, place < count ? place : count - 1);
   const PairRef ref = c.pairs[item.pair];
-  const Where at_a(c.bodies, c.configurations, ref.a, item.k), at_b(c.bodies, c.configurations, ref.b, item.k);
+  const BodyPoseRef at_a(c.bodies, c.configurations, ref.a, item.k), at_b(c.bodies, c.configurations, ref.b, item.k);
   // Poses are on their way while hulls are copied.
   const PairFrame<T> at = place_pair<T>(at_a, *head_a, at_b, *head_b);
   const auto [a, b] = share_pair<T>(c, group);
@@ -81,7 +81,7 @@ __global__ void __launch_bounds__(kTile, kLeanBlocks) answer_lean(const __grid_c
   Enclosed enclosed;
   enclosed.pair = item.pair;
   enclosed.configuration = item.k;
-  Outcome outcome = Outcome::kNone;
+  PairOutcome outcome = PairOutcome::kNone;
   if (place < count) {
     const PairHulls<Hull<SharedVertices>> hulls{a.hull, b.hull};
     const std::uint8_t states = at_a.state | at_b.state;
@@ -89,7 +89,7 @@ __global__ void __launch_bounds__(kTile, kLeanBlocks) answer_lean(const __grid_c
       outcome = answer_lean_item<kPoints>(c, item, a.hull_f32, b.hull_f32, hulls, ref, states, at, enclosed);
     else
       outcome = answer_lean_item<kPoints>(c, item, a.hull, b.hull, hulls, ref, states, at, enclosed);
-    if (outcome == Outcome::kEnclosed && c.prove_at_once) outcome = prove_row(c, enclosed);
+    if (outcome == PairOutcome::kEnclosed && c.prove_at_once) outcome = prove_row(c, enclosed);
   }
   report<kIsF32<T>>(c, outcome, item.row, enclosed);
   hand_over_counts(c);

@@ -9,14 +9,14 @@ __device__ inline std::uint64_t row_of(const ChunkView& c, const Enclosed& e) {
   return std::uint64_t{e.configuration} * c.pair_count + c.position[e.pair];
 }
 // What becomes of one, whose row is written. Not inlined: what it needs would take registers from the iteration.
-__device__ __noinline__ inline Outcome prove_row(const ChunkView& c, Enclosed e) {
+__device__ __noinline__ inline PairOutcome prove_row(const ChunkView& c, Enclosed e) {
   const PairRef pair = c.pairs[e.pair];
-  const Where at_a(c.bodies, c.configurations, pair.a, e.configuration),
+  const BodyPoseRef at_a(c.bodies, c.configurations, pair.a, e.configuration),
       at_b(c.bodies, c.configurations, pair.b, e.configuration);
   PairAnswer answer;
   answer.flags = flags_of(at_a, at_b);
-  const Outcome outcome = proved(c, e, at_a, at_b, slack_of_pair(c, pair, e.configuration).outer, answer);
-  if (outcome == Outcome::kConverged) write_answer(c, row_of(c, e), e.configuration, at_a, at_b, answer);
+  const PairOutcome outcome = proved(c, e, at_a, at_b, slack_of_pair(c, pair, e.configuration).outer, answer);
+  if (outcome == PairOutcome::kConverged) write_answer(c, row_of(c, e), e.configuration, at_a, at_b, answer);
   return outcome;
 }
 
@@ -25,16 +25,16 @@ __global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ 
   const SpreadList list(count, most_warps);
   for (std::uint32_t first = 0; first < count; first += list.step) {
     const std::uint32_t i = list.at(first);
-    Outcome outcome = Outcome::kNone;
+    PairOutcome outcome = PairOutcome::kNone;
     std::uint64_t row = 0;
     if (i < count) {
       const Enclosed e = c.enclosed[i];
       row = row_of(c, e);
       outcome = prove_row(c, e);
     }
-    const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnresolved);
-    if (outcome == Outcome::kUnresolved) c.rest[rest] = static_cast<std::uint32_t>(row);
-    add_count(c.counts + kConvergedRows, outcome == Outcome::kConverged);
+    const std::uint32_t rest = take_place(c.counts + kRest, outcome == PairOutcome::kUnresolved);
+    if (outcome == PairOutcome::kUnresolved) c.rest[rest] = static_cast<std::uint32_t>(row);
+    add_count(c.counts + kConvergedRows, outcome == PairOutcome::kConverged);
   }
   hand_over_counts(c);
 }

@@ -31,27 +31,27 @@ struct ElementsAndHull {
   using Search = HullSearch<Elements>;
   static constexpr std::uint32_t kTaken = Elements::kTaken;
   static constexpr PairKind kKind = Elements::kIsMesh ? PairKind::kMeshAndHull : PairKind::kPointsAndHull;
-  __device__ static double upper_bound(const ReducedView& r, const Item& item, const Where& at_a, const Where& at_b);
+  __device__ static double upper_bound(const ReducedView& r, const Item& item, const BodyPoseRef& at_a, const BodyPoseRef& at_b);
 };
 struct Meshes {
   using Search = MeshSearch;
   static constexpr std::uint32_t kTaken = kMeshesTaken;
   static constexpr PairKind kKind = PairKind::kMeshes;
-  __device__ static double upper_bound(const ReducedView& r, const Item& item, const Where& at_a, const Where& at_b);
+  __device__ static double upper_bound(const ReducedView& r, const Item& item, const BodyPoseRef& at_a, const BodyPoseRef& at_b);
 };
 
 // Answers an item of elements. All the warp's threads call it, and one of them holds the answer.
 template <bool kAny, class Search>
-__device__ inline Outcome answer_elements(const ReducedView& r, const Item& item, typename Search::Room& room,
+__device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& item, typename Search::Room& room,
                                           PairAnswer& answer, bool& is_mine) {
   const ChunkView& c = r.chunk;
-  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+  const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
   PairLimits q = c.pair_limits;
   if (kAny) q.max_distance = margin_of(r, item.p);
   is_mine = threadIdx.x % 32 == 0;
-  if (answer_without_pieces(q, at_a, at_b, answer)) return Outcome::kWithoutPieces;
-  if (!q.prove_overlaps) return Outcome::kUnresolved;
+  if (answer_without_pieces(q, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
+  if (!q.prove_overlaps) return PairOutcome::kUnresolved;
   const Slack slack = slack_of_pair(c, item.ref, item.k);
   double most = q.max_distance, stop_below = -__builtin_inf();
   if (kAny)
@@ -59,12 +59,12 @@ __device__ inline Outcome answer_elements(const ReducedView& r, const Item& item
   else if (r.reduce != Reduce::kWithin)
     most = fmin(most, group_cut_off(r, item));
   Search search(r, q, at_a, at_b, slack, slack.cut_off(most), stop_below, room);
-  const Outcome outcome = search.run(answer);
-  if (outcome != Outcome::kConverged) return outcome;
+  const PairOutcome outcome = search.run(answer);
+  if (outcome != PairOutcome::kConverged) return outcome;
   is_mine = search.has_answer();
   // Neither farther than its margin nor within it, as far as is known.
   const bool is_decided = !kAny || answer.upper <= q.max_distance || answer.status == Status::kBeyond;
-  return __all_sync(~0u, !is_mine || is_decided) ? Outcome::kConverged : Outcome::kUnresolved;
+  return __all_sync(~0u, !is_mine || is_decided) ? PairOutcome::kConverged : PairOutcome::kUnresolved;
 }
 
 // Of the pairs that are listed, those of one kind. What is not settled goes where the others' goes.
@@ -84,11 +84,11 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
       if (kind_of(r, item) != Kind::kKind) continue;
       PairAnswer answer = beyond_answer(0);  // of what is passed over
       bool is_mine = lane == 0;
-      Outcome outcome = Outcome::kNone;
+      PairOutcome outcome = PairOutcome::kNone;
       if (!kAny || !__any_sync(~0u, is_decided_before(r, item))) {
         outcome = answer_elements<kAny, typename Kind::Search>(r, item, room, answer, is_mine);
-        if (is_mine && (outcome == Outcome::kConverged || outcome == Outcome::kWithoutPieces)) {
-          const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
+        if (is_mine && (outcome == PairOutcome::kConverged || outcome == PairOutcome::kWithoutPieces)) {
+          const BodyPoseRef at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
               at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
           r.answers[i] = answer;
           if constexpr (kAny)
@@ -100,11 +100,11 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
         r.answers[i] = answer;
       }
       if constexpr (kAny) {
-        if (outcome == Outcome::kUnresolved && lane == 0)
+        if (outcome == PairOutcome::kUnresolved && lane == 0)
           r.answers[i] = no_answer(Status::kOk);  // for list_open_pairs()
-        add_count(r.chunk.counts + kConvergedRows, lane == 0 && outcome == Outcome::kConverged);
+        add_count(r.chunk.counts + kConvergedRows, lane == 0 && outcome == PairOutcome::kConverged);
       } else {
-        report_item(r, lane == 0 ? outcome : Outcome::kNone, i);
+        report_item(r, lane == 0 ? outcome : PairOutcome::kNone, i);
       }
     }
   }
@@ -115,7 +115,7 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
 template <class Kind>
 __device__ inline double element_cutoff_of(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;
-  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+  const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.pair_limits.max_distance) return gap;
@@ -124,15 +124,15 @@ __device__ inline double element_cutoff_of(const ReducedView& r, const Item& ite
 // By a few steps of GJK with two parts of the pair.
 __device__ inline double upper_bound_of_parts(const ChunkView& c, const Part& a, const Part& b,
                                               const PairFrame<double>& at) {
-  Run<Part> run(c.pair_limits, a, b, at);
+  GjkRun<Part> run(c.pair_limits, a, b, at);
   for (int steps = 0; run.g.end == 0 && steps < kElementSeedSteps; ++steps) run.step();
   return upper_so_far(run);
 }
 
 // By the element at the end of one way down the tree, before the first of the other body's pieces.
 template <class Elements>
-__device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedView& r, const Item&, const Where& at_a,
-                                                                const Where& at_b) {
+__device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedView& r, const Item&, const BodyPoseRef& at_a,
+                                                                const BodyPoseRef& at_b) {
   const ChunkView& c = r.chunk;
   const bool elements_first = r.elements.of_body[at_a.body] != kNone;
   const ElementSet& set = r.elements.sets[r.elements.of_body[elements_first ? at_a.body : at_b.body]];
@@ -169,7 +169,7 @@ __device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedVie
 }
 
 // By the triangles at the end of one way down both trees.
-__device__ inline double Meshes::upper_bound(const ReducedView& r, const Item&, const Where& at_a, const Where& at_b) {
+__device__ inline double Meshes::upper_bound(const ReducedView& r, const Item&, const BodyPoseRef& at_a, const BodyPoseRef& at_b) {
   const ElementSet &a = r.elements.sets[r.elements.of_body[at_a.body]],
                    &b = r.elements.sets[r.elements.of_body[at_b.body]];
   const PlacedFrame of_a = at_a.frame(), of_b = at_b.frame();
@@ -189,7 +189,7 @@ __global__ void __launch_bounds__(kItemThreads) seed_elements(const __grid_const
 
 // The box of a body of elements where it stands: what kernels that place bodies make of hulls. Metres.
 // \param inner of its slack
-__device__ inline Aabb box_of_elements(const ElementSet& set, const Where& at, double inner) {
+__device__ inline Aabb box_of_elements(const ElementSet& set, const BodyPoseRef& at, double inner) {
   const HullExtents& h = set.hull;
   return grown(certify_box(h.centre, h.half, h.spread, h.rho, h.radius, at.rotation(), at.translation()), inner);
 }
@@ -200,7 +200,7 @@ __global__ void __launch_bounds__(kItemThreads)
   const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x, n = bodies.bodies;
   if (i >= elements.count) return;
   const ElementSet& set = elements.sets[i];
-  const Where at(bodies, 0, set.body, 0);
+  const BodyPoseRef at(bodies, 0, set.body, 0);
   if (at.status() != Status::kOk) return;
   const Aabb box = box_of_elements(set, at, bodies.uncertainties.fixed ? bodies.uncertainties.fixed[set.body].all.inner : 0);
   for (int k = 0; k < 3; ++k) {
@@ -217,7 +217,7 @@ __global__ void __launch_bounds__(kItemThreads)
   if (slot >= bodies.moved_count) return;
   const std::uint32_t of = elements.of_body[bodies.moved_body[slot]];
   if (of == kNone) return;
-  const Where at(bodies, configurations, slot | kMovedBit, k);
+  const BodyPoseRef at(bodies, configurations, slot | kMovedBit, k);
   if (at.status() != Status::kOk) return;
   const std::size_t here = std::size_t{slot} * configurations + k;
   const Aabb box =

@@ -28,7 +28,7 @@ class HullSearch : public WarpSearch {
     float node_gap[kStackEntries], element_gap[kWaitingEntries];
   };
 
-  __device__ HullSearch(const ReducedView& r, const PairLimits& q, const Where& at_a, const Where& at_b,
+  __device__ HullSearch(const ReducedView& r, const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                         const Slack& slack, double cut_off, double stop_below, Room& room)
       : WarpSearch(r, q, at_a, at_b, slack, cut_off, stop_below),
         room_{room.node, room.element, room.node_gap, room.element_gap},
@@ -40,15 +40,15 @@ class HullSearch : public WarpSearch {
   }
 
   // kSettled: the thread that has_answer() holds the answer. \param answer has the pair's flags
-  __device__ Outcome run(PairAnswer& answer) {
+  __device__ PairOutcome run(PairAnswer& answer) {
     for (std::uint32_t piece = 0; piece < pieces_ && !is_over(); ++piece) search(piece, answer);
-    if (is_open_) return Outcome::kUnresolved;
-    if (overlaps_) return Outcome::kConverged;
+    if (is_open_) return PairOutcome::kUnresolved;
+    if (overlaps_) return PairOutcome::kConverged;
     const double lower = least_of_warp(lower_);
     if constexpr (Elements::kIsMesh)
       if (lower > 0 && set_.is_solid) {
-        const Outcome held = look_within(lower, answer);
-        if (held != Outcome::kNone) return held;
+        const PairOutcome held = look_within(lower, answer);
+        if (held != PairOutcome::kNone) return held;
       }
     return decide_by_bounds(lower, answer, [&](bool overlap) { add_points(overlap, answer); });
   }
@@ -170,13 +170,13 @@ class HullSearch : public WarpSearch {
 
   // Whether a piece lies within the solid, all of whose triangles are farther than `apart`: docs/bounds.md, "Surfaces".
   // kNone: none does.
-  __device__ Outcome look_within(double apart, PairAnswer& answer) {
+  __device__ PairOutcome look_within(double apart, PairAnswer& answer) {
     const PlacedFrame &outer = elements_first_ ? of_a_ : of_b_, &inner = elements_first_ ? of_b_ : of_a_;
     const Vec3d shift = inner.t_w - outer.t_w;
     for (std::uint32_t piece = 0; piece < pieces_; ++piece) {
       const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + piece]];
       if (PieceBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bounds, 0) > 0) continue;
-      if (!knows_side(apart, shift, set_.hull, head)) return Outcome::kUnresolved;
+      if (!knows_side(apart, shift, set_.hull, head)) return PairOutcome::kUnresolved;
       // All of the piece lies on one side: where float64 is not sure of one of its points, it may be of another.
       Winding winding{0, false};
       Vec3d turned{0, 0, 0};
@@ -184,13 +184,13 @@ class HullSearch : public WarpSearch {
         turned = inner.R_wb * piece_part(c_.hulls, &head).vertex(i * (head.count / kWindingPoints));
         winding = count_winding(set_, outer.R_wb.transpose_times(turned + shift), room_.node, kStackEntries);
       }
-      if (!winding.is_sure) return Outcome::kUnresolved;
+      if (!winding.is_sure) return PairOutcome::kUnresolved;
       if (winding.number == 0) continue;
       add_held(elements_first_, turned + shift, turned, apart, answer);
       set_pieces(piece, answer);
-      return Outcome::kConverged;
+      return PairOutcome::kConverged;
     }
-    return Outcome::kNone;
+    return PairOutcome::kNone;
   }
   __device__ void add_points(bool overlap, PairAnswer& answer) const {
     const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + best_.one]];

@@ -159,7 +159,7 @@ class MeshSearch : public WarpSearch {
     float gap[kMeshStackEntries], triangle_gap[kWaitingTriangles];
   };
 
-  __device__ MeshSearch(const ReducedView& r, const PairLimits& q, const Where& at_a, const Where& at_b,
+  __device__ MeshSearch(const ReducedView& r, const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                         const Slack& slack, double cut_off, double stop_below, Room& room)
       : WarpSearch(r, q, at_a, at_b, slack, cut_off, stop_below),
         room_(room),
@@ -168,7 +168,7 @@ class MeshSearch : public WarpSearch {
         before_(a_, b_, at_) {}
 
   // kSettled: the thread that has_answer() holds the answer. \param answer has the pair's flags
-  __device__ Outcome run(PairAnswer& answer) {
+  __device__ PairOutcome run(PairAnswer& answer) {
     const double limit = this->limit();
     put(lane() == 0, MeshParts{0, 0}, before_.gap({0, 0}, limit), limit, room_.parts, room_.gap, stacked_);
     while ((stacked_ > 0 || waiting_ > 0) && !is_over()) {
@@ -180,12 +180,12 @@ class MeshSearch : public WarpSearch {
     leave_out_all(room_.gap, stacked_);
     leave_out_all(room_.triangle_gap, waiting_);
     __syncwarp();
-    if (is_open_) return Outcome::kUnresolved;
-    if (overlaps_) return Outcome::kConverged;
+    if (is_open_) return PairOutcome::kUnresolved;
+    if (overlaps_) return PairOutcome::kConverged;
     const double lower = least_of_warp(lower_);
     if (lower > 0 && (a_.is_solid || b_.is_solid)) {
-      const Outcome held = look_within(lower, answer);
-      if (held != Outcome::kNone) return held;
+      const PairOutcome held = look_within(lower, answer);
+      if (held != PairOutcome::kNone) return held;
     }
     return decide_by_bounds(lower, answer, [&](bool overlap) {
       const ElementHull<Triangles> a(a_, best_.one), b(b_, best_.other);
@@ -269,16 +269,16 @@ class MeshSearch : public WarpSearch {
   }
 
   // Whether one mesh holds a part of the other, all of whose triangles are farther than `apart`. kNone: none does.
-  __device__ Outcome look_within(double apart, PairAnswer& answer) {
-    if (before_.gap({0, 0}, 0) > 0) return Outcome::kNone;
-    if (!knows_side(apart, of_b_.t_w - of_a_.t_w, a_.hull, b_.hull)) return Outcome::kUnresolved;
-    const Outcome by_a = a_.is_solid ? look_within(true, apart, answer) : Outcome::kNone;
-    if (by_a == Outcome::kConverged || !b_.is_solid) return by_a;
-    const Outcome by_b = look_within(false, apart, answer);
-    return by_b == Outcome::kNone ? by_a : by_b;
+  __device__ PairOutcome look_within(double apart, PairAnswer& answer) {
+    if (before_.gap({0, 0}, 0) > 0) return PairOutcome::kNone;
+    if (!knows_side(apart, of_b_.t_w - of_a_.t_w, a_.hull, b_.hull)) return PairOutcome::kUnresolved;
+    const PairOutcome by_a = a_.is_solid ? look_within(true, apart, answer) : PairOutcome::kNone;
+    if (by_a == PairOutcome::kConverged || !b_.is_solid) return by_a;
+    const PairOutcome by_b = look_within(false, apart, answer);
+    return by_b == PairOutcome::kNone ? by_a : by_b;
   }
   // \param a_holds whether a is asked for parts of b, else b for those of a
-  __device__ Outcome look_within(bool a_holds, double apart, PairAnswer& answer) {
+  __device__ PairOutcome look_within(bool a_holds, double apart, PairAnswer& answer) {
     const ElementSet &solid = a_holds ? a_ : b_, &other = a_holds ? b_ : a_;
     const PlacedFrame &outer = a_holds ? of_a_ : of_b_, &inner = a_holds ? of_b_ : of_a_;
     const Vec3d shift = inner.t_w - outer.t_w;
@@ -290,7 +290,7 @@ class MeshSearch : public WarpSearch {
       const MeshParts parts = a_holds ? MeshParts{0, kIsTriangle | triangle} : MeshParts{kIsTriangle | triangle, 0};
       const bool may_be_within = part < other.part_count && !(before_.gap(parts, 0) > 0);
       for (std::uint32_t left = __ballot_sync(~0u, may_be_within); left != 0; left &= left - 1) {
-        if (++asked > kMostWindings) return Outcome::kUnresolved;
+        if (++asked > kMostWindings) return PairOutcome::kUnresolved;
         const std::uint32_t at = __shfl_sync(~0u, triangle, static_cast<int>(first_of(left)));
         // All of the part lies on one side: where float64 is not sure of a corner, it may be of another.
         const PartVertices corners = Triangles::corners(other, at);
@@ -303,10 +303,10 @@ class MeshSearch : public WarpSearch {
         all_are_known = all_are_known && winding.is_sure;
         if (!winding.is_sure || winding.number == 0) continue;
         add_held(a_holds, turned + shift, turned, apart, answer);
-        return Outcome::kConverged;
+        return PairOutcome::kConverged;
       }
     }
-    return all_are_known ? Outcome::kNone : Outcome::kUnresolved;
+    return all_are_known ? PairOutcome::kNone : PairOutcome::kUnresolved;
   }
 
   Room& room_;

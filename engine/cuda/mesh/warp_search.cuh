@@ -36,7 +36,7 @@ class WarpSearch {
   // \param q what is asked of the pair's bodies. \param cut_off of its pieces: no more need be known of what is
   // farther.
   // \param stop_below an upper bound so low is all that is asked
-  __device__ WarpSearch(const ReducedView& r, const PairLimits& q, const Where& at_a, const Where& at_b,
+  __device__ WarpSearch(const ReducedView& r, const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                         const Slack& slack, double cut_off, double stop_below)
       : c_(r.chunk),
         q_(q),
@@ -93,8 +93,8 @@ class WarpSearch {
     Vec3d v{0, 0, 0};
     bool open = false, overlaps = false;
     if (there) {
-      Run<Part> run(q, a, b, at_);
-      run.go();
+      GjkRun<Part> run(q, a, b, at_);
+      run.run();
       Enclosed enclosed;
       if (run.g.end == Gjk<double>::code(GjkEnd::kEncloses)) {
         overlaps = take_enclosed(run.g, enclosed) && prove(a, b, enclosed, answer);
@@ -136,21 +136,21 @@ class WarpSearch {
   // What bounds say of a pair of which no body holds the other. \param add gets whether the parts overlap, adds the
   // points of the best of them
   template <class Add>
-  __device__ Outcome decide_by_bounds(double lower, PairAnswer& answer, const Add& add) {
+  __device__ PairOutcome decide_by_bounds(double lower, PairAnswer& answer, const Add& add) {
     const double upper = upper_;
     const std::uint16_t flags = answer.flags;
     if (lower > cut_off_ || !(upper < __builtin_inf())) {  // all are proved beyond the cut-off
       answer = beyond_answer(slack_.true_lower(lower));
       answer.flags = flags;
       is_writer_ = lane() == 0;
-      return Outcome::kConverged;
+      return PairOutcome::kConverged;
     }
     is_writer_ = lane() == first_of(__ballot_sync(~0u, best_upper_ == upper));
     const bool overlaps = slack_.true_upper(upper) <= 0;
-    if (upper <= 0 && !overlaps) return Outcome::kUnresolved;  // nobody knows whether the true bodies do
+    if (upper <= 0 && !overlaps) return PairOutcome::kUnresolved;  // nobody knows whether the true bodies do
     decide(limits_of(q_), upper <= 0 ? -__builtin_inf() : lower, upper, [] { return 0.0; }, answer, slack_);
     if (is_writer_ && q_.want_points) add(upper <= 0);
-    return Outcome::kConverged;
+    return PairOutcome::kConverged;
   }
   __device__ void add_points_of_best(const Part& a, const Part& b, bool overlap, PairAnswer& answer) const {
     add_points(a, at_a_, b, at_b_, witness_, q_.want_nonsmooth, answer);
@@ -190,7 +190,7 @@ class WarpSearch {
 
   const ChunkView& c_;
   const PairLimits& q_;
-  const Where &at_a_, &at_b_;
+  const BodyPoseRef &at_a_, &at_b_;
   const Slack slack_;
   const double cut_off_, stop_below_;
   const PlacedFrame of_a_, of_b_;

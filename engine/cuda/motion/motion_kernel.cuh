@@ -267,7 +267,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
         PairLimits q = c.pair_limits;
         q.max_distance = sum_above(target, pair.way);
         PairAnswer answer = beyond_answer(0);
-        Outcome outcome = Outcome::kNone;
+        PairOutcome outcome = PairOutcome::kNone;
         // A rough look mostly says on which side of its margin it is. Of the least distance tolerances are too wide for
         // that: pairs that are nearly in contact would go on to the last level.
         const double wanted = kLeast ? kFineMotion : q.rel_tol;
@@ -277,19 +277,19 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
         for (bool again = false;; again = true) {
           outcome = look_at_margin<Slack>(c, q, decides ? margin : -__builtin_inf(), pair.ref, item.span, pair.at_a,
                                           pair.at_b, answer);
-          const bool is_unsure = outcome == Outcome::kConverged && answer.lower <= margin && answer.upper > margin &&
+          const bool is_unsure = outcome == PairOutcome::kConverged && answer.lower <= margin && answer.upper > margin &&
                                  !span.late && (kLeast || q.rel_tol > wanted);
           if (again || !is_unsure) break;
           q.rel_tol = wanted;
           if (kLeast) q.abs_tol = 0;
         }
-        converged = outcome == Outcome::kConverged;
-        if (outcome == Outcome::kUnresolved && kLeast && span.half() == 0) {
+        converged = outcome == PairOutcome::kConverged;
+        if (outcome == PairOutcome::kUnresolved && kLeast && span.half() == 0) {
           // spans with a length look at it again
-        } else if (outcome == Outcome::kUnresolved && m.seeks_contact) {
+        } else if (outcome == PairOutcome::kUnresolved && m.seeks_contact) {
           m.unresolved[motion] = 1;
           pair.go_on_around(goes_on);
-        } else if (outcome == Outcome::kUnresolved) {
+        } else if (outcome == PairOutcome::kUnresolved) {
           m.open[motion] = 1;
         } else if (kLeast) {
           look_for_least(m, pair, target, answer, goes_on);

@@ -65,7 +65,7 @@ __device__ inline Twist twist_of_slot(const MotionsView& m, std::uint32_t slot, 
   return twist;
 }
 __device__ inline PlacedFrame moved_frame(const MotionsView& m, std::uint32_t slot, std::uint32_t s) {
-  const Where at(m.chunk.bodies, m.span_capacity, slot | kMovedBit, s);
+  const BodyPoseRef at(m.chunk.bodies, m.span_capacity, slot | kMovedBit, s);
   return {at.rotation(), at.translation()};
 }
 
@@ -124,7 +124,7 @@ struct MovingPair {
   const SpanPair& item;
   const MotionSpan& span;
   const PairRef ref;
-  const Where at_a, at_b;
+  const BodyPoseRef at_a, at_b;
   PairRates rates;
   double way;  // metres that it can come nearer until the ends, at most
 
@@ -228,7 +228,7 @@ struct MovingPair {
   __device__ Twist twist(std::uint32_t body, const Vec3d& t_w) const {
     const Twist own = body & kMovedBit ? twist_of_slot(m, body & ~kMovedBit, item.span) : Twist{};
     if (rates.seer == kNone) return own;
-    const Where seer(m.chunk.bodies, m.span_capacity, rates.seer | kMovedBit, item.span);
+    const BodyPoseRef seer(m.chunk.bodies, m.span_capacity, rates.seer | kMovedBit, item.span);
     return twist_seen(own, twist_of_slot(m, rates.seer, item.span), t_w - seer.translation());
   }
 };

@@ -179,13 +179,13 @@ struct PlacedFrame {
 };
 
 // A body where this thread finds it.
-struct Where {
+struct BodyPoseRef {
   const double* components;
   std::size_t stride;
   std::uint8_t state;
   std::uint32_t body;
 
-  __device__ Where(const BodiesView& bodies, std::uint32_t configurations, std::uint32_t ref, std::uint32_t k) {
+  __device__ BodyPoseRef(const BodiesView& bodies, std::uint32_t configurations, std::uint32_t ref, std::uint32_t k) {
     if (ref & kMovedBit) {
       const std::uint32_t slot = ref & ~kMovedBit;
       components = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;

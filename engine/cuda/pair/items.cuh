@@ -103,7 +103,7 @@ __device__ inline bool has_usable_pair(std::uint64_t seed) {
 // An upper bound on the distance, wherever a run is, and not below 0; infinite: none is proved. What has not ended has
 // a simplex all the same.
 template <class Hull>
-__device__ inline double upper_so_far(const Run<Hull>& run) {
+__device__ inline double upper_so_far(const GjkRun<Hull>& run) {
   const Simplex<double>& s = run.g.simplex;
   const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then its weights are of no use
   const double length = norm(encloses ? s.vertex[0].w : SimplexPoint<double>(s).w);
@@ -136,11 +136,11 @@ __device__ inline std::uint32_t item_count(const ReducedView& r) {
 }
 
 // Brings an answer before its groups.
-__device__ inline double group_lower(const PairAnswer& answer, const Where& at_a, const Where& at_b) {
+__device__ inline double group_lower(const PairAnswer& answer, const BodyPoseRef& at_a, const BodyPoseRef& at_b) {
   return lower_with_box(answer.lower, certify_box_gap(at_a.box(), at_b.box()));
 }
 __device__ inline void offer(const ReducedView& r, const Item& item, std::uint32_t i, const PairAnswer& answer,
-                             const Where& at_a, const Where& at_b) {
+                             const BodyPoseRef& at_a, const BodyPoseRef& at_b) {
   if (r.reduce == Reduce::kWithin) {
     const std::uint32_t bit = listed_bit(r, i);
     if (answer.status == Status::kBeyond) atomicAnd(r.hit_words + bit / 32, ~(1u << bit % 32));
@@ -155,14 +155,14 @@ __device__ inline void offer(const ReducedView& r, const Item& item, std::uint32
 }
 
 // What became of an item. All threads of a warp call it.
-__device__ inline void report_item(const ReducedView& r, Outcome outcome, std::uint32_t i) {
-  const std::uint32_t rest = take_place(r.chunk.counts + kRest, outcome == Outcome::kUnresolved);
-  if (outcome == Outcome::kUnresolved) {
+__device__ inline void report_item(const ReducedView& r, PairOutcome outcome, std::uint32_t i) {
+  const std::uint32_t rest = take_place(r.chunk.counts + kRest, outcome == PairOutcome::kUnresolved);
+  if (outcome == PairOutcome::kUnresolved) {
     r.chunk.rest[rest] = i;
     r.rest_rows[rest] = listed_row(r, i);
     r.answers[i] = no_answer(Status::kOk);  // the CPU's comes later
   }
-  add_count(r.chunk.counts + kConvergedRows, outcome == Outcome::kConverged);
+  add_count(r.chunk.counts + kConvergedRows, outcome == PairOutcome::kConverged);
 }
 
 // Of Reduce::kAny.

@@ -9,8 +9,8 @@ namespace clearance::cuda {
 // A pair of single pieces. \param margin an upper bound so low is all that is asked. \param q with what is to be known
 // as max_distance. \tparam S a Slack where something is doubted, else NoSlack
 template <class S>
-__device__ inline Outcome narrow_to_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
-                                           std::uint32_t k, const Where& at_a, const Where& at_b, PairAnswer& answer,
+__device__ inline PairOutcome narrow_to_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
+                                           std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b, PairAnswer& answer,
                                            const S& slack) {
   const HullHead *head_a = head_of(c, ref.a), *head_b = head_of(c, ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
@@ -25,17 +25,17 @@ __device__ inline Outcome narrow_to_margin(const ChunkView& c, const PairLimits&
     near_enough = slack.near_enough(margin);
   }
   Enclosed enclosed;
-  const Outcome outcome = run_to_end<false>(of_pieces, a, b, at, enclosed, nullptr, take, near_enough);
-  if (outcome != Outcome::kEnclosed) return outcome;
+  const PairOutcome outcome = run_to_end<false>(of_pieces, a, b, at, enclosed, nullptr, take, near_enough);
+  if (outcome != PairOutcome::kEnclosed) return outcome;
   return proved(c, enclosed, at_a, at_b, slack_of_pair(c, ref, k).outer, answer);
 }
 
 // The same, whatever its bodies are made of.
 template <class S>
-__device__ inline Outcome look_at_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
-                                         std::uint32_t k, const Where& at_a, const Where& at_b, PairAnswer& answer) {
+__device__ inline PairOutcome look_at_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
+                                         std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b, PairAnswer& answer) {
   if (has_several(c.hulls, at_a.body, at_b.body)) return solve_pieces<false>(c, q, ref, k, at_a, at_b, answer, margin);
-  if (answer_without_pieces(q, at_a, at_b, answer)) return Outcome::kWithoutPieces;
+  if (answer_without_pieces(q, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
   return narrow_to_margin(c, q, margin, ref, k, at_a, at_b, answer, known_slack<S>(c, ref, k));
 }
 

@@ -34,14 +34,14 @@ __device__ __noinline__ inline Simplex<double> weighed(const Simplex<double>& s)
 // \param q what is asked of it. \param whole whether the hulls are the bodies: else other pieces may be nearer than
 // these. \param slack of the pair
 __device__ __noinline__ inline void answer_open_pair(const ChunkView& c, const PairLimits& q, const PairHeads& heads,
-                                                     bool whole, const Where& at_a, const Where& at_b,
+                                                     bool whole, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                                      const Slack& slack, PairAnswer& answer) {
   const Hull<SceneVertices> a = scene_hull(c.hulls, heads.a), b = scene_hull(c.hulls, heads.b);
   const PairFrame<double> at = place_pair<double>(at_a, *heads.a, at_b, *heads.b);
   PairLimits of_pieces = q;
   of_pieces.max_distance = slack.cut_off(q.max_distance);
-  Run<Hull<SceneVertices>> run(of_pieces, a, b, at);
-  run.go();
+  GjkRun<Hull<SceneVertices>> run(of_pieces, a, b, at);
+  run.run();
   const RunBounds<double> bounds = run.bounds();
   const Simplex<double> last = weighed(run.g.simplex);
   const auto vertex_a = [&](std::uint32_t i) { return a.vertex(i); };
@@ -75,7 +75,7 @@ __device__ __noinline__ inline void answer_open_pair(const ChunkView& c, const P
 
 // The same of a pair in a configuration, whatever its bodies are made of. \returns its answer
 __device__ inline PairAnswer open_answer(const ChunkView& c, const PairLimits& q, PairRef ref, std::uint32_t k,
-                                         const Where& at_a, const Where& at_b) {
+                                         const BodyPoseRef& at_a, const BodyPoseRef& at_b) {
   const bool several = has_several(c.hulls, at_a.body, at_b.body);
   const PairHeads heads =
       several ? nearest_heads(c, ref, k, at_a.body, at_b.body)

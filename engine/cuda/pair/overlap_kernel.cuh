@@ -13,7 +13,7 @@ namespace clearance::cuda {
 template <class VertexA, class VertexB>
 __device__ inline bool prove_overlap_of(const PairLimits& q, const HullExtents& a, const VertexA& vertex_a,
                                         const HullExtents& b, const VertexB& vertex_b, const PairFrame<double>& at,
-                                        const Enclosed& e, const Where& at_a, const Where& at_b, double outer,
+                                        const Enclosed& e, const BodyPoseRef& at_a, const BodyPoseRef& at_b, double outer,
                                         PairAnswer& answer) {
   const double scale = pair_scale(at.D, a.rho, b.rho, a.radius + b.radius);
 
@@ -52,7 +52,7 @@ __device__ inline bool prove_overlap_of(const PairLimits& q, const HullExtents& 
 
 // The same of two hulls. Not inlined: few pairs come here.
 __device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b,
-                                                  const Enclosed& e, const Where& at_a, const Where& at_b, double outer,
+                                                  const Enclosed& e, const BodyPoseRef& at_a, const BodyPoseRef& at_b, double outer,
                                                   PairAnswer& answer) {
   const auto vertices_of = [&](const HullHead& hull) {
     return [&c, first = hull.first](std::uint32_t i) {
@@ -64,10 +64,10 @@ __device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const Hull
 }
 
 // What becomes of an enclosed pair of single pieces.
-__device__ inline Outcome proved(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b,
+__device__ inline PairOutcome proved(const ChunkView& c, const Enclosed& e, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                  double outer, PairAnswer& answer) {
   const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];
-  return prove_overlap(c, a, b, e, at_a, at_b, outer, answer) ? Outcome::kConverged : Outcome::kUnresolved;
+  return prove_overlap(c, a, b, e, at_a, at_b, outer, answer) ? PairOutcome::kConverged : PairOutcome::kUnresolved;
 }
 
 }  // namespace clearance::cuda

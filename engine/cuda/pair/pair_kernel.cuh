@@ -20,14 +20,14 @@ template <class T>
 inline constexpr bool kIsF32 = std::is_same_v<T, float>;
 
 template <class T>
-__device__ inline PairFrame<T> place_pair(const Where& at_a, const HullHead& a, const Where& at_b, const HullHead& b) {
+__device__ inline PairFrame<T> place_pair(const BodyPoseRef& at_a, const HullHead& a, const BodyPoseRef& at_b, const HullHead& b) {
   const PlacedFrame of_a = at_a.frame(), of_b = at_b.frame();
   return pair_frame<T>(a, of_a.R_wb, of_a.t_w, b, of_b.R_wb, of_b.t_w);
 }
 
 // The points and flags of a settled pair. Not inlined: what it needs should not take registers from the iteration.
 template <class Hull>
-__device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
+__device__ __noinline__ void add_points(const Hull& a, const BodyPoseRef& at_a, const Hull& b, const BodyPoseRef& at_b,
                                         const LaneWitness& witness, bool want_nonsmooth, PairAnswer& answer) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
   answer.piece_a = answer.piece_b = 0;
@@ -44,17 +44,17 @@ __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const 
 inline constexpr std::uint32_t kLeanFields =
     kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact | kFieldBounds;
 
-enum class Outcome { kNone, kWithoutPieces, kConverged, kUnresolved, kEnclosed };
+enum class PairOutcome { kNone, kWithoutPieces, kConverged, kUnresolved, kEnclosed };
 
 // One pair's run of GJK, and what its bounds need.
 template <class Hull>
-struct Run {
+struct GjkRun {
   using T = typename Hull::T;
   using Setup = RunSetup<T>;
   Gjk<T> g;
   T radius, scale;
 
-  __device__ Run(const PairLimits& q, const Hull& a, const Hull& b, const PairFrame<T>& at)
+  __device__ GjkRun(const PairLimits& q, const Hull& a, const Hull& b, const PairFrame<T>& at)
       : radius(static_cast<T>(a.head->radius + b.head->radius)), q_(q), a_(a), b_(b), at_(at) {
     const Vec3<T>& D = at.D;
     scale = pair_scale(D, reach_of<T>(*a.head), reach_of<T>(*b.head), radius);
@@ -98,7 +98,7 @@ struct Run {
       g.close(end);
   }
   // To its end.
-  __device__ __forceinline__ void go() {
+  __device__ __forceinline__ void run() {
     GjkEnd end;
     for (int steps = 0;;) {
       Nearest<T> next;
@@ -177,8 +177,8 @@ struct PairHulls {
 // The answer of a run whose bounds are settled. \tparam kLean only kLeanFields are wanted: no flags, no normal, and
 // points for compact rows alone. \param slack of the pair: a Slack, or NoSlack
 template <bool kLean, class T, class Hull, class S = NoSlack>
-__device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>& hulls, const Where& at_a,
-                                    const Where& at_b, const Gjk<T>& g, const RunBounds<T>& bounds, PairAnswer& answer,
+__device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>& hulls, const BodyPoseRef& at_a,
+                                    const BodyPoseRef& at_b, const Gjk<T>& g, const RunBounds<T>& bounds, PairAnswer& answer,
                                     const S& slack = S()) {
   bool decided = false;
   if constexpr (kHasSlack<S>) {
@@ -198,32 +198,32 @@ __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>
 
 // Runs GJK on a pair that has poses, to its end. \param enclosed the simplex is left here if that holds the origin.
 // \param warm with kWarm: where the run begins and what it leaves. \param take is called with what settles the pair.
-// \param stop_below of Run::bounds()
+// \param stop_below of GjkRun::bounds()
 template <bool kWarm, class Hull, class Take, class... StopBelow>
-__device__ inline Outcome run_to_end(const PairLimits& q, const Hull& a, const Hull& b,
+__device__ inline PairOutcome run_to_end(const PairLimits& q, const Hull& a, const Hull& b,
                                      const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
                                      const Take& take, const StopBelow&... stop_below) {
   using T = typename Hull::T;
-  if (kIsF32<T> && !at.fits) return Outcome::kUnresolved;
-  Run<Hull> run(q, a, b, at);
+  if (kIsF32<T> && !at.fits) return PairOutcome::kUnresolved;
+  GjkRun<Hull> run(q, a, b, at);
   if (kWarm) run.begin_at(*warm);
-  run.go();
+  run.run();
   if (kWarm) *warm = run.end();
   if (run.g.end == Gjk<T>::code(GjkEnd::kEncloses)) {  // which bounds never settle
     if constexpr (!kIsF32<T>)
-      if ((q.prove_overlaps || q.prove_depths) && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
-    return Outcome::kUnresolved;
+      if ((q.prove_overlaps || q.prove_depths) && take_enclosed(run.g, enclosed)) return PairOutcome::kEnclosed;
+    return PairOutcome::kUnresolved;
   }
   const RunBounds<T> bounds = run.bounds(stop_below...);
-  if (!bounds.converged) return Outcome::kUnresolved;
+  if (!bounds.converged) return PairOutcome::kUnresolved;
   take(run.g, bounds);
-  return Outcome::kConverged;
+  return PairOutcome::kConverged;
 }
 
 // Answers one pair that has poses, if it can be settled.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S>
-__device__ inline Outcome narrow(const PairLimits& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
-                                 const Where& at_a, const Where& at_b, const PairFrame<typename Hull::T>& at,
+__device__ inline PairOutcome narrow(const PairLimits& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
+                                 const BodyPoseRef& at_a, const BodyPoseRef& at_b, const PairFrame<typename Hull::T>& at,
                                  PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
   using T = typename Hull::T;
   const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
@@ -255,7 +255,7 @@ struct SpreadList {
   __device__ std::uint32_t at(std::uint32_t first) const { return place < count ? first + place : count; }
 };
 
-__device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {
+__device__ inline std::uint16_t flags_of(const BodyPoseRef& a, const BodyPoseRef& b) {
   const std::uint8_t states = a.state | b.state;
   return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0) |
          (states & kStateBeyondLimits ? kFlagBeyondLimits : 0);
@@ -269,10 +269,10 @@ __device__ inline void write_compact(CompactAnswer* row, const PairAnswer& answe
 }
 // A row of the column gradient_joints. Not inlined: what it needs should not take registers from other columns.
 __device__ __noinline__ inline void write_gradient_joints(const ChunkView& c, std::uint64_t row, std::uint32_t k,
-                                                          const Where& at_a, const Where& at_b,
+                                                          const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                                           const PairAnswer& answer) {
   const auto pose_of = [&](std::uint32_t ref) {
-    const Where at(c.bodies, c.configurations, ref, k);
+    const BodyPoseRef at(c.bodies, c.configurations, ref, k);
     return PlacedFrame{at.rotation(), at.translation()};
   };
   write_joint_gradient(c.movers.movers, c.movers.of_body[at_a.body], c.movers.of_body[at_b.body], answer,
@@ -287,8 +287,8 @@ __device__ inline void write_no_pair(const ChunkView& c, std::uint64_t row, std:
     c.reply.gradient_joints[row * c.reply.joints + j] = __builtin_nan("");
 }
 template <bool kLean = false>
-__device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const Where& at_a,
-                                    const Where& at_b, const PairAnswer& answer) {
+__device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const BodyPoseRef& at_a,
+                                    const BodyPoseRef& at_b, const PairAnswer& answer) {
   if (kLean) {
     write_interval(c.reply, row, answer);
     if (c.reply.pair) c.reply.pair[row] = {at_a.body, at_b.body};
@@ -306,7 +306,7 @@ struct GroupItem {
   std::uint32_t pair, k;
   PairRef ref;
   std::uint64_t row;
-  Where at_a, at_b;
+  BodyPoseRef at_a, at_b;
 
   __device__ GroupItem(const ChunkView& c, std::uint32_t p, std::uint32_t configuration)
       : pair(p),
@@ -321,7 +321,7 @@ struct GroupItem {
 };
 
 // The answer of an item of a chunk that needs no look at the hulls, if it has one, and the flags of its bodies.
-__device__ inline bool answer_without_pieces(const PairLimits& q, const Where& at_a, const Where& at_b,
+__device__ inline bool answer_without_pieces(const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                              PairAnswer& answer) {
   return answer_without_pieces(
       at_a.status(), at_b.status(), flags_of(at_a, at_b), q.cull, q.max_distance,
@@ -330,11 +330,11 @@ __device__ inline bool answer_without_pieces(const PairLimits& q, const Where& a
 
 // Answers one item of a chunk, unless it is not settled.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
-__device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
-                                     const PairHulls<PointHull>& hulls, const Where& at_a, const Where& at_b,
+__device__ inline PairOutcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
+                                     const PairHulls<PointHull>& hulls, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                      const PairFrame<typename Hull::T>& at, PairAnswer& answer, Enclosed& enclosed,
                                      WarmRow* warm = nullptr, const S& slack = S()) {
-  if (answer_without_pieces(c.pair_limits, at_a, at_b, answer)) return Outcome::kWithoutPieces;
+  if (answer_without_pieces(c.pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
   return narrow<kLean, kWarm>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
 }
 
@@ -352,21 +352,21 @@ __device__ inline void add_count(std::uint32_t* count, bool wanted) {
 }
 // \tparam kIsFirst float32 went first: what it left open is listed for float64.
 template <bool kIsFirst = false>
-__device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t row, const Enclosed& enclosed) {
-  if (__all_sync(~0u, outcome == Outcome::kConverged)) {
+__device__ inline void report(const ChunkView& c, PairOutcome outcome, std::uint64_t row, const Enclosed& enclosed) {
+  if (__all_sync(~0u, outcome == PairOutcome::kConverged)) {
     if (threadIdx.x % 32 == 0) atomicAdd(c.counts + kConvergedRows, 32);
     return;
   }
   if (kIsFirst) {
-    const std::uint32_t open = take_place(c.counts + kLeftOpen, outcome == Outcome::kUnresolved);
-    if (outcome == Outcome::kUnresolved) c.left_open[open] = {enclosed.pair, enclosed.configuration};
+    const std::uint32_t open = take_place(c.counts + kLeftOpen, outcome == PairOutcome::kUnresolved);
+    if (outcome == PairOutcome::kUnresolved) c.left_open[open] = {enclosed.pair, enclosed.configuration};
   } else {
-    const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnresolved);
-    if (outcome == Outcome::kUnresolved) c.rest[rest] = static_cast<std::uint32_t>(row);
-    const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == Outcome::kEnclosed);
-    if (outcome == Outcome::kEnclosed) c.enclosed[at] = enclosed;
+    const std::uint32_t rest = take_place(c.counts + kRest, outcome == PairOutcome::kUnresolved);
+    if (outcome == PairOutcome::kUnresolved) c.rest[rest] = static_cast<std::uint32_t>(row);
+    const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == PairOutcome::kEnclosed);
+    if (outcome == PairOutcome::kEnclosed) c.enclosed[at] = enclosed;
   }
-  add_count(c.counts + kConvergedRows, outcome == Outcome::kConverged);
+  add_count(c.counts + kConvergedRows, outcome == PairOutcome::kConverged);
 }
 
 // The device's clock, in nanoseconds.

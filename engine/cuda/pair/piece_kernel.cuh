@@ -52,10 +52,10 @@ __device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairR
 // Answers a pair, unless it is not settled. \tparam kBoth float32 goes first where it is asked for and fits. \param
 // margin if it is there: an upper bound so low is all that is asked
 template <bool kBoth, class... Margin>
-__device__ inline Outcome solve_pieces(const ChunkView& c, const PairLimits& pair_limits, PairRef ref, std::uint32_t k,
-                                       const Where& at_a, const Where& at_b, PairAnswer& answer,
+__device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits& pair_limits, PairRef ref, std::uint32_t k,
+                                       const BodyPoseRef& at_a, const BodyPoseRef& at_b, PairAnswer& answer,
                                        const Margin&... margin) {
-  if (answer_without_pieces(pair_limits, at_a, at_b, answer)) return Outcome::kWithoutPieces;
+  if (answer_without_pieces(pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
   const Pieces a(c, ref.a, k, at_a.body), b(c, ref.b, k, at_b.body);
   const auto head_a = [&](std::uint32_t i) { return c.hulls.heads + a.hulls[i]; };
   const auto head_b = [&](std::uint32_t i) { return c.hulls.heads + b.hulls[i]; };
@@ -77,14 +77,14 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const PairLimits& pai
     if (kBoth && pair_limits.f32 && fit_f32(*of_a, *of_b)) {
       const PairFrame<float> at = place_pair<float>(at_a, *of_a, at_b, *of_b);
       if (run_to_end<false>(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, nullptr,
-                            take, slack_of_pair(c, ref, k).near_enough(margin)...) == Outcome::kConverged)
+                            take, slack_of_pair(c, ref, k).near_enough(margin)...) == PairOutcome::kConverged)
         return PieceEnd::kApart;
     }
     const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
-    const Outcome outcome = run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed,
+    const PairOutcome outcome = run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed,
                                               nullptr, take, slack_of_pair(c, ref, k).near_enough(margin)...);
-    if (outcome == Outcome::kConverged) return PieceEnd::kApart;
-    if (outcome != Outcome::kEnclosed) return PieceEnd::kOpen;
+    if (outcome == PairOutcome::kConverged) return PieceEnd::kApart;
+    if (outcome != PairOutcome::kEnclosed) return PieceEnd::kOpen;
     const double outer = slack_of_pair(c, ref, k).outer;
     if (!prove_overlap(c, *of_a, *of_b, enclosed, at_a, at_b, outer, answer)) return PieceEnd::kOpen;
     best = p;
@@ -93,7 +93,7 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const PairLimits& pai
   const double cut_off = slack_of_pair(c, ref, k).cut_off(pair_limits.max_distance);
   const PieceEnd end = search_pieces(search, cut_off, nearest, look, slack_of_pair(c, ref, k).near_enough(margin)...);
   if (end == PieceEnd::kOpen || (end == PieceEnd::kApart && !(search.upper < __builtin_inf())))
-    return Outcome::kUnresolved;
+    return PairOutcome::kUnresolved;
   if (end == PieceEnd::kApart) {
     const HullHead *of_a = head_a(best.a), *of_b = head_b(best.b);
     const auto rounding = [&] {
@@ -107,7 +107,7 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const PairLimits& pai
   }
   answer.piece_a = best.a;
   answer.piece_b = best.b;
-  return Outcome::kConverged;
+  return PairOutcome::kConverged;
 }
 
 }  // namespace clearance::cuda

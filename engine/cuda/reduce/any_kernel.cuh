@@ -35,27 +35,27 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
   const std::uint32_t count = item_count(r);
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
     const std::uint32_t i = first + threadIdx.x;
-    Outcome outcome = Outcome::kNone;
+    PairOutcome outcome = PairOutcome::kNone;
     const PairKind kind = i < count ? kind_of(r, Item(r, r.items[i])) : PairKind::kMeshes;
     if (kind == PairKind::kHulls || kind == PairKind::kLeft) {
       const Item item(r, r.items[i]);
       PairAnswer answer = beyond_answer(0);  // of what is passed over
       if (!is_decided_before(r, item)) {
-        const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+        const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
             at_b(c.bodies, c.configurations, item.ref.b, item.k);
         PairLimits q = c.pair_limits;
         q.max_distance = margin_of(r, item.p);
         outcome = kind == PairKind::kLeft
-                      ? Outcome::kUnresolved
+                      ? PairOutcome::kUnresolved
                       : look_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
-        if (outcome == Outcome::kUnresolved)
+        if (outcome == PairOutcome::kUnresolved)
           answer = no_answer(Status::kOk);  // list_open_pairs() knows it by this
         else
           offer_to_decision(r, item, i, answer);
       }
       r.answers[i] = answer;
     }
-    add_count(c.counts + kConvergedRows, outcome == Outcome::kConverged);
+    add_count(c.counts + kConvergedRows, outcome == PairOutcome::kConverged);
   }
 }
 
@@ -91,7 +91,7 @@ __global__ void __launch_bounds__(kItemThreads)
 __device__ inline void write_decision(const ReducedView& r, std::uint32_t k, std::uint64_t key, bool within) {
   const ChunkView& c = r.chunk;
   const PairRef ref = c.pairs[key >> 32];
-  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  const BodyPoseRef at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
   PairAnswer answer = r.answers[static_cast<std::uint32_t>(key)];
   answer.status = within ? decided_status(answer.lower, answer.upper) : Status::kUnconverged;
   if (r.unusable[k] != kNoPair) answer.flags |= kFlagIncomplete;

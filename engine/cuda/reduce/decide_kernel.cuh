@@ -169,7 +169,7 @@ class Decision {
   struct Look {
     const bool there;  // else it goes along with another thread's pair, and adds nothing
     const std::uint32_t member;
-    const Where at_a, at_b;
+    const BodyPoseRef at_a, at_b;
     const HullHead *head_a, *head_b;
     const Scene a, b;
     const PairFrame<double> place;
@@ -201,7 +201,7 @@ class Decision {
     const PairRef ref = members_.ref(member);
     Look pair(c_, there, member, {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)},
               __shfl_sync(~0u, members_.k, source));
-    Run<Scene> run(c_.pair_limits, pair.a, pair.b, pair.place);
+    GjkRun<Scene> run(c_.pair_limits, pair.a, pair.b, pair.place);
     if (kWarm && pair.runs) run.begin_at(*warm_row(r_, members_.row(member)));
     const std::uint32_t enclosing = race(pair, run);
     if (kWarm && pair.runs) *warm_row(r_, members_.row(member)) = run.end();
@@ -226,7 +226,7 @@ class Decision {
   // Runs GJK on the team's pairs, side by side. Without depths the first pair that overlaps has won: what comes after
   // it waits, and before it all that is asked is whether a pair is proved to be apart. Returns a bit for each pair
   // whose simplex holds the origin.
-  __device__ __forceinline__ std::uint32_t race(Look& pair, Run<Scene>& run) const {
+  __device__ __forceinline__ std::uint32_t race(Look& pair, GjkRun<Scene>& run) const {
     const double margin = run.radius + rounding_error(double(RoundingUnits<double>::kLower), run.scale);
     const double apart_from = margin * margin * (1 + 0x1p-30);
     for (int steps = 0;;) {
@@ -244,13 +244,13 @@ class Decision {
   }
 
   // Whether this thread's pair is the first that encloses, and is proved to overlap.
-  __device__ __forceinline__ bool proves_overlap(Look& pair, const Run<Scene>& run, std::uint32_t enclosing) const {
+  __device__ __forceinline__ bool proves_overlap(Look& pair, const GjkRun<Scene>& run, std::uint32_t enclosing) const {
     if (enclosing == 0 || !pair.there || team_.lane != first_bit(enclosing)) return false;
     Enclosed enclosed;
     take_enclosed(run.g, enclosed);
-    const Where at_a = pair.at_a, at_b = pair.at_b;
+    const BodyPoseRef at_a = pair.at_a, at_b = pair.at_b;
     PairAnswer answer = pair.answer;
-    const bool overlaps = proved(c_, enclosed, at_a, at_b, 0, answer) == Outcome::kConverged;
+    const bool overlaps = proved(c_, enclosed, at_a, at_b, 0, answer) == PairOutcome::kConverged;
     pair.answer = answer;
     return overlaps;
   }
@@ -263,7 +263,7 @@ class Decision {
 
   // Takes the team's bounds, where no pair encloses, before the configuration. All the warp's threads call it.
   // \param ends this thread's pair has come to its end. False: its bounds are not settled.
-  __device__ __forceinline__ bool take_bounds(Look& pair, const Run<Scene>& run, bool ends) {
+  __device__ __forceinline__ bool take_bounds(Look& pair, const GjkRun<Scene>& run, bool ends) {
     constexpr double kInf = __builtin_inf();
     const RunBounds<double> bounds = run.bounds();
     const bool settles = ends && (!pair.runs || bounds.converged);
@@ -289,9 +289,9 @@ class Decision {
     reach_ = fminf(reach_, square_from_above(cutoff_));
     return !ends || settles;
   }
-  __device__ __forceinline__ void keep(const Look& pair, const Run<Scene>& run, const RunBounds<double>& bounds) const {
+  __device__ __forceinline__ void keep(const Look& pair, const GjkRun<Scene>& run, const RunBounds<double>& bounds) const {
     const Scene a = pair.a, b = pair.b;
-    const Where at_a = pair.at_a, at_b = pair.at_b;
+    const BodyPoseRef at_a = pair.at_a, at_b = pair.at_b;
     PairAnswer answer = pair.answer;
     if (pair.runs) take_converged<false>(c_.pair_limits, PairHulls<Scene>{a, b}, at_a, at_b, run.g, bounds, answer);
     r_.answers[at_] = answer;

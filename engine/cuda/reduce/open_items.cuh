@@ -18,7 +18,7 @@ __global__ void __launch_bounds__(kItemThreads)
     if (i >= list.count) continue;
     const std::uint32_t at = c.rest[i];
     const Item item = listed_item(r, at);
-    const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+    const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
         at_b(c.bodies, c.configurations, item.ref.b, item.k);
     PairLimits q = c.pair_limits;
     if (kAny) q.max_distance = margin_of(r, item.p);

@@ -54,7 +54,7 @@ __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant
 // farther than max_distance, their gap. Not below 0: boxes that touch say nothing about depths.
 // \param warm where its last run has ended; null: not known
 __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const WarmRow* warm) {
-  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+  const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.pair_limits.max_distance) return gap;
@@ -65,7 +65,7 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const W
     heads = {head_of(c, item.ref.a), head_of(c, item.ref.b)};
   const Hull<SceneVertices> a = scene_hull(c.hulls, heads.a), b = scene_hull(c.hulls, heads.b);
   const auto at = place_pair<double>(at_a, *a.head, at_b, *b.head);
-  Run<Hull<SceneVertices>> run(c.pair_limits, a, b, at);
+  GjkRun<Hull<SceneVertices>> run(c.pair_limits, a, b, at);
   if (warm) run.begin_at(*warm);
   for (int steps = 0; run.g.end == 0 && steps < kSeedSteps; ++steps) run.step();
   return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
@@ -74,7 +74,7 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const W
 // The same of a pair that the CPU looks at: the balls around both origins hold all of either.
 __device__ inline double cutoff_of_left(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;
-  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+  const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const auto rho = [&](std::uint32_t body) {
     const std::uint32_t set = r.elements.of_body[body];
@@ -149,7 +149,7 @@ __host__ __device__ inline std::uint32_t hit_word_count(const ReducedView& r) {
 }
 
 template <bool kWarm, class S>
-__device__ inline Outcome solve_candidate(const ChunkView& c, const Item& item, const Where& at_a, const Where& at_b,
+__device__ inline PairOutcome solve_candidate(const ChunkView& c, const Item& item, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                           PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
@@ -165,12 +165,12 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
   const std::uint32_t count = item_count(r);
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
     const std::uint32_t i = first + threadIdx.x;
-    Outcome outcome = Outcome::kNone;
+    PairOutcome outcome = PairOutcome::kNone;
     Enclosed enclosed;
     bool several = false;
     if (i < count) {
       const Item item = listed_item(r, i);
-      const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+      const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       enclosed.pair = item.p;
       enclosed.configuration = item.k;
@@ -181,10 +181,10 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
       WarmRow* const warm = kWarm ? warm_row(r, listed_row(r, i)) : nullptr;
       const S slack = known_slack<S>(c, item.ref, item.k);
       if (!several && hulls) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
-      if (kind == PairKind::kLeft) outcome = Outcome::kUnresolved;
-      if (outcome == Outcome::kEnclosed)
+      if (kind == PairKind::kLeft) outcome = PairOutcome::kUnresolved;
+      if (outcome == PairOutcome::kEnclosed)
         outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
-      if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kConverged) {
+      if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);
       }
@@ -200,16 +200,16 @@ __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_const
   const ChunkView& c = r.chunk;
   const std::uint32_t count = c.counts[kSeveralPairs];
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
-    Outcome outcome = Outcome::kNone;
+    PairOutcome outcome = PairOutcome::kNone;
     std::uint32_t i = 0;
     if (first + threadIdx.x < count) {
       i = r.several[first + threadIdx.x];
       const Item item = listed_item(r, i);
-      const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+      const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       PairAnswer answer;
       outcome = solve_pieces<false>(c, c.pair_limits, item.ref, item.k, at_a, at_b, answer);
-      if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kConverged) {
+      if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);
       }
@@ -225,7 +225,7 @@ __global__ void __launch_bounds__(kItemThreads)
   if (i >= count) return;
   const std::uint32_t at = r.chunk.rest[i];
   const Item item = listed_item(r, at);
-  const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
+  const BodyPoseRef at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
       at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
   const PairAnswer answer = answers[i];
   r.answers[at] = answer;
@@ -251,7 +251,7 @@ __global__ void __launch_bounds__(kItemThreads) choose_winners(const __grid_cons
         take_least(r.winner + g, std::uint64_t{item.p} << 32 | i);
     });
     if (!wants_lowest(r)) continue;
-    const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
+    const BodyPoseRef at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
         at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
     const std::uint64_t of_group = order_key(group_lower(answer, at_a, at_b));
     for_groups(r, item, [&](std::size_t g) {
@@ -275,7 +275,7 @@ __device__ inline void write_empty(const ReducedView& r, std::uint64_t at) {
 __device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, PairRef ref) {
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
-  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  const BodyPoseRef at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
   PairAnswer answer = no_answer(pair_status(at_a.status(), at_b.status()));
   answer.flags = flags_of(at_a, at_b) | kFlagIncomplete;
   write_answer(c, at, k, at_a, at_b, answer);
@@ -289,7 +289,7 @@ __device__ inline void write_group(const ReducedView& r, std::uint64_t at, PairR
   if (unusable != kNoPair && !(answer.upper <= 0)) return write_unusable(r, at, r.chunk.pairs[unusable]);
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
-  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  const BodyPoseRef at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
   const PairLimits& q = c.pair_limits;
   if (has_uncertainties(c))
     widen_to_group(answer, lower, q.max_distance, q.abs_tol, q.rel_tol, pair_slack(c, ref, k),
@@ -344,7 +344,7 @@ __global__ void __launch_bounds__(kItemThreads) write_hits(const __grid_constant
     const std::uint64_t at = hits_before(r, place / 32) + __popc(word & (bit - 1));
     if (at >= r.reply_rows) continue;
     const Item item = listed_item(r, i);
-    const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+    const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
         at_b(c.bodies, c.configurations, item.ref.b, item.k);
     write_answer(c, at, item.k, at_a, at_b, r.answers[i]);
   }

@@ -120,7 +120,7 @@ class Moved {
   }
   void compare_placed(const HostBodies& device, const BodyPlacement& cpu, std::uint32_t slot, std::uint32_t k,
                       Seen& seen) const {
-    const Where at(device.view, K_, slot | kMovedBit, k);
+    const BodyPoseRef at(device.view, K_, slot | kMovedBit, k);
     const std::string what = scene_.bodies()[device.plan.moved[slot]].name + " in configuration " + std::to_string(k);
     EXPECT_EQ(at.status(), cpu.status) << what;
     EXPECT_EQ((at.state & kStateBeyondLimits) != 0, cpu.beyond_limits) << what;

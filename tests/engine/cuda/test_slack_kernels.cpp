@@ -53,7 +53,7 @@ struct Comparison {
   void compare_body(const Scene& scene, const ChunkView& view, const BodyPoses& placement, std::uint32_t slot,
                     std::uint32_t k) {
     const std::uint32_t body = view.bodies.moved_body[slot];
-    const Where at(view.bodies, view.configurations, slot | kMovedBit, k);
+    const BodyPoseRef at(view.bodies, view.configurations, slot | kMovedBit, k);
     const std::string what = scene.bodies()[body].name + " in configuration " + std::to_string(k);
     ASSERT_EQ(at.status(), placement[body].status) << what;
     if (at.status() != Status::kOk) return;
