@@ -122,7 +122,7 @@ void add_scales(Problem& p) {
 }
 
 /// The reference backend's distances of every so-manieth pair, or of every pair in every so-manieth configuration.
-void add_truth(Problem& p) {
+void add_exact_distances(Problem& p) {
   Engine::Options options;
   options.backend = "reference";
   Engine engine(scene_of(p, 0), options);
@@ -301,7 +301,7 @@ const std::vector<Workload>& workloads() {
 
 Problem make_workload(const std::string& name, const std::string& scenes, const LinkPoses& links) {
   Problem p = make(name, scenes, links);
-  add_truth(p);
+  add_exact_distances(p);
   add_scales(p);
   if (name == "cut" || name == "within") p.max_distance = near_share(p);
   if (name == "within") p.kind = Kind::kWithin;

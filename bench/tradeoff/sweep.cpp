@@ -71,7 +71,7 @@ class Quality {
 /// The scene in one backend, ready to be asked in any setting.
 class Bench {
  public:
-  Bench(const MovingScene& scene, const Truth& truth, const SweepOptions& options)
+  Bench(const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options)
       : scene_(scene),
         truth_(truth),
         engine_(scene.scene, {options.backend, 1}),
@@ -132,7 +132,7 @@ class Bench {
 
  private:
   const MovingScene& scene_;
-  const Truth& truth_;
+  const ExactDistances& truth_;
   Engine engine_;
   Answers answers_;
   std::vector<std::uint32_t> bodies_;  // that move
@@ -183,7 +183,7 @@ Spread spread_of(std::vector<double> values) {
   return {at(0.5), at(0.99), values.back()};
 }
 
-std::vector<Point> sweep(const MovingScene& scene, const Truth& truth, const SweepOptions& options) {
+std::vector<Point> sweep(const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options) {
   Bench bench(scene, truth, options);
   const std::vector<Setting> settings = all_settings(options.brief);
   std::vector<Point> points(settings.size());
@@ -226,7 +226,7 @@ void write_header(std::ostream& out) {
   out << ",ok,overlap,contact,beyond,unconverged,violations\n";
 }
 
-void write_rows(std::ostream& out, const MovingScene& scene, const Truth& truth, const SweepOptions& options,
+void write_rows(std::ostream& out, const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options,
                 const std::vector<Point>& points) {
   const auto number = [&](double x) {
     char text[32];

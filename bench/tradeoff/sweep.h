@@ -59,11 +59,11 @@ struct SweepOptions {
 };
 
 /// Times all settings in turns, round after round, with one thread, and holds every answer against the truth.
-std::vector<Point> sweep(const MovingScene& scene, const Truth& truth, const SweepOptions& options);
+std::vector<Point> sweep(const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options);
 
 /// The column names, and one row for each point.
 void write_header(std::ostream& out);
-void write_rows(std::ostream& out, const MovingScene& scene, const Truth& truth, const SweepOptions& options,
+void write_rows(std::ostream& out, const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options,
                 const std::vector<Point>& points);
 
 }  // namespace clearance::tradeoff

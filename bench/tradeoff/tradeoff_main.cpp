@@ -38,7 +38,7 @@ int run(Options o) {
   std::size_t violations = 0;
   for (const std::string& name : o.only) {
     const MovingScene scene = make_moving_scene(name, o.scenes, o.seed, o.steps);
-    const Truth truth = find_truth(scene, o.judged);
+    const ExactDistances truth = find_exact_distances(scene, o.judged);
     for (const std::string& backend : o.backends) {
       o.sweep.backend = backend;
       const std::vector<Point> points = sweep(scene, truth, o.sweep);

@@ -50,7 +50,7 @@ ReplyView Answers::view() {
   return v;
 }
 
-Truth find_truth(const MovingScene& scene, std::size_t judged) {
+ExactDistances find_exact_distances(const MovingScene& scene, std::size_t judged) {
   Engine::Options options;
   options.backend = "reference";
   Engine engine(scene.scene, options);
@@ -60,7 +60,7 @@ Truth find_truth(const MovingScene& scene, std::size_t judged) {
   query.rel_tol = 0;
   query.fields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
 
-  Truth truth;
+  ExactDistances truth;
   std::vector<double> distances;
   for (const std::vector<BodyPose>& poses : scene.steps) {
     engine.set_poses(poses);

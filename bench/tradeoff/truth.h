@@ -10,7 +10,7 @@ namespace clearance::tradeoff {
 
 /// Intervals that hold the exact distance (0 for overlapping pairs), about 1e-15 of it wide: of each step, of each
 /// pair.
-struct Truth {
+struct ExactDistances {
   std::vector<std::vector<Interval>> exact;
   double median = 0;  ///< of the distances of all pairs in all steps, metres
 
@@ -19,7 +19,7 @@ struct Truth {
 
 /// Asks the reference backend about every step, and the exact judge (tests/oracle) about up to `judged` pairs of the
 /// first one whose bodies are small enough for it. Throws std::logic_error where the two contradict each other.
-Truth find_truth(const MovingScene& scene, std::size_t judged);
+ExactDistances find_exact_distances(const MovingScene& scene, std::size_t judged);
 
 /// Answers of one query, in memory of their own.
 struct Answers {

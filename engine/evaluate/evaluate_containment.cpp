@@ -12,7 +12,7 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 // What a body is, whatever stands for it.
-const Body& truth_of(const Body& body) {
+const Body& exact_piece_of(const Body& body) {
   return body.stands_for ? *body.stands_for : body;
 }
 
@@ -39,7 +39,7 @@ bool Evaluator::is_held(Search& search, WorkMeter& meter) {
   BodiesAnswer& found = search.found;
   const double apart = by_pieces ? search.slack.true_lower(found.lower) : found.lower;
   if (!(apart > 0) || (by_pieces && box_gap(scene_, *bodies.placement, bodies.pair) > 0)) return false;
-  const Body &a = truth_of(scene_.bodies()[bodies.pair.a]), &b = truth_of(scene_.bodies()[bodies.pair.b]);
+  const Body &a = exact_piece_of(scene_.bodies()[bodies.pair.a]), &b = exact_piece_of(scene_.bodies()[bodies.pair.b]);
   Vec3d shared[2];
   switch (either_contains(a, (*bodies.placement)[bodies.pair.a].pose, b, (*bodies.placement)[bodies.pair.b].pose,
                               apart, meter, shared)) {

@@ -177,7 +177,7 @@ PiecePtr true_piece(const DisplayMesh& mesh, const MeshRecipe& recipe, std::uint
 
 // What a mesh is by default. The hull of a closed one that is convex but for its vertices' rounding is its proxy: what
 // it stands out by is slack. One that is open or hollow counts as its hull.
-void add_truth(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, const MeshRecipe& recipe,
+void add_exact_geometry(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, const MeshRecipe& recipe,
                std::uint64_t loaded, Geometry& out) {
   constexpr double kOfRounding = 0x1p-20;  // share of the size: eight times what float32 moves a vertex by
   if (whole.triangles.empty() || !open_edge(whole.vertices, whole.triangles).empty())
@@ -302,7 +302,7 @@ Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std:
   Geometry out;
   out.model_error = out.model_inner = rounding_of(mesh.submeshes, scale);
   if (convexify == Convexify::kAuto)
-    add_truth(mesh.submeshes, *whole, recipe, loaded, out);
+    add_exact_geometry(mesh.submeshes, *whole, recipe, loaded, out);
   else if (convexify == Convexify::kHull || convexify == Convexify::kSubmeshes)
     add_hulls(mesh.submeshes, *whole, recipe, loaded, out);
   else

@@ -96,15 +96,15 @@ std::vector<T> get_list(Reader& in, const std::vector<T>* displayed) {
   return *displayed;
 }
 
-enum class Truth : std::uint64_t { kPiece, kSurface, kSolid, kPrimitive, kCloud, kDecomposed };
+enum class ExactKind : std::uint64_t { kPiece, kSurface, kSolid, kPrimitive, kCloud, kDecomposed };
 
 // What the piece stands for: vertices and triangles, of which the rest is made anew.
 void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display) {
   const Decomposition* const pieces = surface ? surface->decomposition() : nullptr;
-  out.add(pieces                ? Truth::kDecomposed
-          : !surface            ? Truth::kPiece
-          : surface->is_solid() ? Truth::kSolid
-                                : Truth::kSurface);
+  out.add(pieces                ? ExactKind::kDecomposed
+          : !surface            ? ExactKind::kPiece
+          : surface->is_solid() ? ExactKind::kSolid
+                                : ExactKind::kSurface);
   if (!surface) return;
   add_list(out, {surface->vertices().begin(), surface->vertices().end()}, display ? &display->vertices : nullptr);
   add_list(out, triangles_as_loaded(*surface), display ? &display->triangles : nullptr);
@@ -133,25 +133,25 @@ PiecePtr get_decomposed_piece(Reader& in, std::vector<Vec3d> vertices, std::vect
   return make_surface_piece(std::move(vertices), std::move(triangles), true, radius, loaded, std::move(kept));
 }
 
-PiecePtr get_surface_piece(Reader& in, Truth truth, double radius, std::uint64_t loaded, const DisplayMesh* display,
+PiecePtr get_surface_piece(Reader& in, ExactKind truth, double radius, std::uint64_t loaded, const DisplayMesh* display,
                            Tables tables) {
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::vector<Triangle> triangles = get_list(in, display ? &display->triangles : nullptr);
-  if (truth == Truth::kDecomposed)
+  if (truth == ExactKind::kDecomposed)
     return get_decomposed_piece(in, std::move(vertices), std::move(triangles), radius, loaded, tables);
-  return make_surface_piece(std::move(vertices), std::move(triangles), truth == Truth::kSolid, radius, loaded);
+  return make_surface_piece(std::move(vertices), std::move(triangles), truth == ExactKind::kSolid, radius, loaded);
 }
 
 void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display, Tables tables) {
   out.add(piece.radius);
   out.add(piece.loaded_vertices);
   if (piece.primitive) {
-    out.add(Truth::kPrimitive);
+    out.add(ExactKind::kPrimitive);
     out.add(static_cast<std::uint64_t>(piece.primitive->kind));
     return out.add(piece.primitive->size);
   }
   if (piece.surface && piece.surface->is_cloud()) {
-    out.add(Truth::kCloud);
+    out.add(ExactKind::kCloud);
     out.add(piece.surface->edge());
     return out.add(std::vector<CloudPoint>(piece.surface->points().begin(), piece.surface->points().end()));
   }
@@ -179,14 +179,14 @@ PiecePtr get_primitive(Reader& in, double radius) {
 PiecePtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
   const auto radius = in.get<double>();
   const auto loaded = in.get<std::uint64_t>();
-  const auto truth = in.get<Truth>();
-  if (truth > Truth::kDecomposed) throw Damaged();
-  if (truth == Truth::kPrimitive) return get_primitive(in, radius);
-  if (truth == Truth::kCloud) {
+  const auto truth = in.get<ExactKind>();
+  if (truth > ExactKind::kDecomposed) throw Damaged();
+  if (truth == ExactKind::kPrimitive) return get_primitive(in, radius);
+  if (truth == ExactKind::kCloud) {
     const auto edge = in.get<float>();
     return make_cloud_piece(in.list<CloudPoint>(), edge, radius);
   }
-  if (truth != Truth::kPiece) return get_surface_piece(in, truth, radius, loaded, display, tables);
+  if (truth != ExactKind::kPiece) return get_surface_piece(in, truth, radius, loaded, display, tables);
   const auto digest = in.get<std::uint64_t>();
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::shared_ptr<DirectionTable> table;

@@ -28,7 +28,7 @@ TEST(Tradeoff, ScenesAreNearFarTouchingAndMoving) {
     EXPECT_FALSE(s.what.empty());
     ASSERT_EQ(s.steps.size(), 12u);
     EXPECT_NE(s.steps[0].back().pose.translation.x, s.steps[11].back().pose.translation.x);
-    const Truth truth = find_truth(s, 10);
+    const ExactDistances truth = find_exact_distances(s, 10);
     EXPECT_GE(truth.judged, 4u);
     ASSERT_EQ(truth.exact.size(), 12u);
     double widest = 0;
@@ -86,7 +86,7 @@ TEST(Tradeoff, EverySettingOnceAndTheDefaultAmongThem) {
 
 TEST(Tradeoff, AnswersKeepWhatTheirSettingAsks) {
   const MovingScene s = make_moving_scene("near", kScenes, 1, 2);
-  const Truth truth = find_truth(s, 5);
+  const ExactDistances truth = find_exact_distances(s, 5);
   SweepOptions options;
   options.rounds = 1;
   options.brief = true;
