@@ -305,17 +305,17 @@ std::shared_ptr<Device> open_device(const Scene& scene, int number, std::uint64_
 struct SharedMemoryCalls;
 
 /// Stands in for the installed devices while it lives: tests of what follows from a device's faults need none.
-class DeviceStandIn {
+class FakeDevice {
  public:
   using Open = std::function<std::shared_ptr<Device>(const Scene&, int number, std::uint64_t memory_limit)>;
   /// \param memory of SharedMemory; null: the installed devices'
-  DeviceStandIn(DeviceInfo info, Open open, const SharedMemoryCalls* memory = nullptr);
-  ~DeviceStandIn();
-  DeviceStandIn(const DeviceStandIn&) = delete;
-  DeviceStandIn& operator=(const DeviceStandIn&) = delete;
+  FakeDevice(DeviceInfo info, Open open, const SharedMemoryCalls* memory = nullptr);
+  ~FakeDevice();
+  FakeDevice(const FakeDevice&) = delete;
+  FakeDevice& operator=(const FakeDevice&) = delete;
 };
 
-bool has_stand_in();
+bool has_fake_device();
 
 /// The devices that the backend uses: the installed ones or what stands in for them.
 const DeviceInfo& device_info();

@@ -9,39 +9,39 @@ namespace clearance::cuda {
 
 namespace {
 
-struct StandIn {
+struct FakeDeviceSlot {
   DeviceInfo info;
-  DeviceStandIn::Open open;
+  FakeDevice::Open open;
   const SharedMemoryCalls* memory = nullptr;
 };
-StandIn& stand_in() {
-  static StandIn one;
+FakeDeviceSlot& fake_device() {
+  static FakeDeviceSlot one;
   return one;
 }
 
 }  // namespace
 
-DeviceStandIn::DeviceStandIn(DeviceInfo info, Open open, const SharedMemoryCalls* memory) {
-  stand_in() = {std::move(info), std::move(open), memory};
+FakeDevice::FakeDevice(DeviceInfo info, Open open, const SharedMemoryCalls* memory) {
+  fake_device() = {std::move(info), std::move(open), memory};
 }
-DeviceStandIn::~DeviceStandIn() {
-  stand_in() = {};
+FakeDevice::~FakeDevice() {
+  fake_device() = {};
 }
 
-bool has_stand_in() {
-  return stand_in().open != nullptr;
+bool has_fake_device() {
+  return fake_device().open != nullptr;
 }
 const SharedMemoryCalls& memory_calls() {
-  return stand_in().memory ? *stand_in().memory : installed_memory();
+  return fake_device().memory ? *fake_device().memory : installed_memory();
 }
 const DeviceInfo& device_info() {
-  return stand_in().open ? stand_in().info : installed_device();
+  return fake_device().open ? fake_device().info : installed_device();
 }
 std::string device_name(int number) {
-  return stand_in().open ? stand_in().info.name : installed_device_name(number);
+  return fake_device().open ? fake_device().info.name : installed_device_name(number);
 }
 std::shared_ptr<Device> make_device(const Scene& scene, int number, std::uint64_t memory_limit) {
-  return stand_in().open ? stand_in().open(scene, number, memory_limit) : open_device(scene, number, memory_limit);
+  return fake_device().open ? fake_device().open(scene, number, memory_limit) : open_device(scene, number, memory_limit);
 }
 
 DeviceBackend::DeviceBackend(const Scene& scene, const Options& options) : scene_(scene), options_(options) {

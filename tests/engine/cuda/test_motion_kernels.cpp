@@ -8,7 +8,7 @@
 #include "engine/motion/motion_search.h"
 #include "tests/engine/cuda/arm_edges.h"
 #include "tests/engine/cuda/verdicts.h"
-#include "tests/engine/device/stand_in_device.h"
+#include "tests/engine/device/fake_device.h"
 #include "tests/engine/motion/motion_judge.h"
 #include "tests/engine/motion/motion_test.h"
 // Behind all that is included elsewhere.
@@ -352,7 +352,7 @@ struct EmulatedAnswer {
   EmulatedAnswer(const ArmEdges& edges, const QueryView& q) {
     Fault fault;
     EmulatedWork work{&edges.scene, q};
-    const cuda::DeviceStandIn stand_in({true, "emulated", "", 1}, [&](const Scene&, int, std::uint64_t) {
+    const cuda::FakeDevice fake_device({true, "emulated", "", 1}, [&](const Scene&, int, std::uint64_t) {
       return std::make_shared<EmulatedDevice>(fault, work);
     });
     const Engine device(Scene(edges.scene), {.backend = "cuda", .threads = 2}),

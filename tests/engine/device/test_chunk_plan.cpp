@@ -4,7 +4,7 @@
 #include <cstring>
 #include <numeric>
 
-#include "tests/engine/device/stand_in_device.h"
+#include "tests/engine/device/fake_device.h"
 
 namespace clearance::test {
 namespace {
@@ -64,7 +64,7 @@ TEST(ChunkPlan, PutsPairsOfSeveralPiecesBehindTheOthers) {
   for (const std::uint32_t configurations : {0u, 90u}) {
     Fault fault;
     Dealt dealt;
-    const cuda::DeviceStandIn stand_in({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+    const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
       return std::make_shared<NotingDevice>(s, fault, dealt);
     });
     const Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
@@ -117,7 +117,7 @@ TEST(ChunkPlan, MakesFewChunksThatGrow) {
   };
   Fault fault;
   Dealt dealt;
-  const cuda::DeviceStandIn stand_in({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+  const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
     return std::make_shared<NotingDevice>(s, fault, dealt);
   });
   const Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
@@ -138,7 +138,7 @@ TEST(ChunkPlan, GivesEachChunkItsPosesOnceTheyAreWaitedFor) {
   const auto scene = [] { return mixed_scene(31, 3, 1); };
   Fault fault;
   Dealt dealt;
-  const cuda::DeviceStandIn stand_in({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+  const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
     return std::make_shared<NotingDevice>(s, fault, dealt);
   });
   const Engine device(scene(), {"cuda", 4});

@@ -1,7 +1,7 @@
 // What follows from a device's faults: right answers from the CPU or a clear refusal, wherever it fails. A device that
 // leaves all rows to the CPU stands in for a real one, so that no GPU is needed.
 #include "tests/engine/cuda/same_answer.h"
-#include "tests/engine/device/stand_in_device.h"
+#include "tests/engine/device/fake_device.h"
 
 namespace clearance::test {
 namespace {
@@ -11,7 +11,7 @@ using cuda::DeviceError;
 class DeviceFaults : public testing::Test {
  protected:
   Fault fault_;
-  cuda::DeviceStandIn stand_in_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t memory_limit) {
+  cuda::FakeDevice fake_device_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t memory_limit) {
                                   fault_.call("opening");
                                   if (memory_limit < 1000)
                                     throw DeviceError(DeviceError::kNoRoom, "1000 bytes would be needed");

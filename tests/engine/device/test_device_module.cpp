@@ -53,14 +53,14 @@ TEST_F(DeviceModuleDeathTest, IsOfOtherCode) {
 }
 
 TEST_F(DeviceModuleDeathTest, IsOfThisCodeAndSaysWhatThereIs) {
-  expect_refused(CLEARANCE_STAND_IN_MODULE, "no device today");
+  expect_refused(CLEARANCE_FAKE_MODULE, "no device today");
 }
 
 // What the stand-in library leaves behind when it is opened would end the process.
 TEST_F(DeviceModuleDeathTest, IsNotOpenedForTheCpuAlone) {
   EXPECT_EXIT(
       {
-        setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_STAND_IN_MODULE, 1);
+        setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_FAKE_MODULE, 1);
         setenv("CLEARANCE_TEST_END_WHEN_OPENED", "1", 1);
         const Engine engine(Scene(), {"cpu"});
         std::exit(0);
@@ -68,7 +68,7 @@ TEST_F(DeviceModuleDeathTest, IsNotOpenedForTheCpuAlone) {
       testing::ExitedWithCode(0), "");
   EXPECT_EXIT(
       {
-        setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_STAND_IN_MODULE, 1);
+        setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_FAKE_MODULE, 1);
         setenv("CLEARANCE_TEST_END_WHEN_OPENED", "1", 1);
         const Engine engine(Scene(), {"auto"});
         Engine::backends();
@@ -95,7 +95,7 @@ TEST_F(DeviceModuleDeathTest, WithoutItNothingIsPinned) {
 }
 
 [[noreturn]] void share_some_sizes() {
-  setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_STAND_IN_MODULE, 1);
+  setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_FAKE_MODULE, 1);
   constexpr std::size_t piece = cuda::SharedMemory::kPiece;
   bool good = true;
   for (const std::size_t bytes : {std::size_t{1}, piece, piece + 1}) {
@@ -115,7 +115,7 @@ TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPiecesForItselfAndGivesThemBackO
 }
 
 [[noreturn]] void share_what_is_not_there() {
-  setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_STAND_IN_MODULE, 1);
+  setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_FAKE_MODULE, 1);
   int refused = 0;
   const auto ask = [&](int device, std::size_t bytes) {
     try {

@@ -2,7 +2,7 @@
 // blamed.
 #include "engine/device/device_self_test.h"
 #include "tests/engine/cuda/same_answer.h"
-#include "tests/engine/device/stand_in_device.h"
+#include "tests/engine/device/fake_device.h"
 
 namespace clearance::test {
 namespace {
@@ -37,7 +37,7 @@ class LyingDevice final : public IdleDevice {
 
 template <class Device>
 SelfTest test_of(Fault fault) {
-  const cuda::DeviceStandIn stand_in({true, "a stand-in", ""}, [&](const Scene&, int, std::uint64_t) {
+  const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const Scene&, int, std::uint64_t) {
     fault.call("opening");
     return std::make_shared<Device>(fault);
   });

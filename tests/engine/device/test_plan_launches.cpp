@@ -3,7 +3,7 @@
 
 #include "engine/device/query/device_plan.h"
 #include "tests/engine/cuda/uncertain_scene.h"
-#include "tests/engine/device/stand_in_device.h"
+#include "tests/engine/device/fake_device.h"
 
 namespace clearance::test {
 namespace {
@@ -76,7 +76,7 @@ class PlanLaunches : public testing::Test {
  protected:
   Fault fault_;
   Told told_;
-  cuda::DeviceStandIn stand_in_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t) {
+  cuda::FakeDevice fake_device_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t) {
                                   return std::make_shared<ScribesDevice>(fault_, told_);
                                 }};
 

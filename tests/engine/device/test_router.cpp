@@ -4,7 +4,7 @@
 
 #include "engine/device/router.h"
 #include "tests/engine/cuda/same_answer.h"
-#include "tests/engine/device/stand_in_device.h"
+#include "tests/engine/device/fake_device.h"
 
 namespace clearance::test {
 namespace {
@@ -142,7 +142,7 @@ class RoutedEngine : public testing::Test {
   }
 
   Fault fault_;
-  cuda::DeviceStandIn stand_in_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t) {
+  cuda::FakeDevice fake_device_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t) {
                                   fault_.call("opening");
                                   return std::make_shared<IdleDevice>(fault_);
                                 }};

@@ -3,7 +3,7 @@
 #include <array>
 
 #include "tests/engine/cuda/same_answer.h"
-#include "tests/engine/device/stand_in_device.h"
+#include "tests/engine/device/fake_device.h"
 
 namespace clearance::test {
 namespace {
@@ -15,7 +15,7 @@ constexpr std::uint32_t kConfigurations = 1300;  // of 157 pairs: four chunks
 class SeveralDevices : public testing::Test {
  protected:
   std::array<Fault, 3> faults_;
-  cuda::DeviceStandIn stand_in_{{true, "a stand-in", "", 3}, [this](const Scene&, int number, std::uint64_t) {
+  cuda::FakeDevice fake_device_{{true, "a stand-in", "", 3}, [this](const Scene&, int number, std::uint64_t) {
                                   Fault& fault = faults_[static_cast<std::size_t>(number)];
                                   fault.call("opening");
                                   return std::make_shared<IdleDevice>(fault);

@@ -13,7 +13,7 @@
 #include <thread>
 
 #include "engine/device/shared_memory.h"
-#include "tests/engine/device/stand_in_device.h"
+#include "tests/engine/device/fake_device.h"
 
 namespace clearance::test {
 
@@ -154,10 +154,10 @@ class PlansDevice final : public IdleDevice {
 };
 
 /// An engine made while it lives has such a device.
-struct PlanStandIn {
+struct FakePlanDevice {
   Fault fault;
   PlanDevice device;
-  cuda::DeviceStandIn stand_in{
+  cuda::FakeDevice fake_device{
       {true, "a stand-in", ""},
       [this](const Scene&, int, std::uint64_t) { return std::make_shared<PlansDevice>(fault, device); },
       &PlanDevice::kCalls};

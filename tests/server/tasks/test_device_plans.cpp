@@ -110,8 +110,8 @@ class DevicePlansTest : public LoopTest {
     while (device_.shared != blocks) loop_->turn();
   }
 
-  test::PlanStandIn stand_in_;
-  test::PlanDevice& device_ = stand_in_.device;
+  test::FakePlanDevice fake_device_;
+  test::PlanDevice& device_ = fake_device_.device;
 };
 
 TEST_F(DevicePlansTest, AnswerFromMemoryThatTheClientWrites) {

@@ -39,10 +39,10 @@ class RemotePlans : public testing::Test {
     thread_.join();
     loop_.reset();
     engine_.reset();
-    EXPECT_EQ(stand_in_.device.shared, 0);
+    EXPECT_EQ(fake_device_.device.shared, 0);
   }
   void wait_for_blocks(int blocks) const {
-    while (stand_in_.device.shared != blocks) std::this_thread::yield();
+    while (fake_device_.device.shared != blocks) std::this_thread::yield();
   }
   static Query query() {
     static constexpr std::uint32_t kBodies[] = {3, 7};
@@ -64,7 +64,7 @@ class RemotePlans : public testing::Test {
   static std::uint16_t code(wire::ErrorCode code) { return static_cast<std::uint16_t>(code); }
 
   TemporaryFolder folder_;
-  test::PlanStandIn stand_in_;
+  test::FakePlanDevice fake_device_;
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<Loop> loop_;
   std::vector<std::string> urls_;
@@ -154,10 +154,10 @@ TEST_F(RemotePlans, AreRefusedByName) {
   EXPECT_EQ(old.code, code(wire::ErrorCode::kWrongScene)) << old.what();
   plans[0].run({}, false);
 
-  stand_in_.device.is_done = false;
+  fake_device_.device.is_done = false;
   EXPECT_THROW(plans[1].run(20ms, false), TimeoutError);
   EXPECT_EQ(refused([&] { plans[1].run({}, false); }).code, code(wire::ErrorCode::kBusy)) << "it goes on over there";
-  stand_in_.device.is_done = true;
+  fake_device_.device.is_done = true;
   for (;;) try {
       plans[1].run({}, false);
       break;
@@ -198,7 +198,7 @@ TEST_F(RemotePlans, OfAProcessThatIsKilledAreFreed) {
     char byte = 0;
     ASSERT_EQ(::read(opened[0], &byte, 1), 1);
   }
-  EXPECT_EQ(stand_in_.device.shared, 4);
+  EXPECT_EQ(fake_device_.device.shared, 4);
   int left = 4;
   for (const pid_t child : children) {
     ::kill(child, SIGKILL);
