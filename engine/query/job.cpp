@@ -93,7 +93,7 @@ class DenseJob final : public ParallelJob {
     std::uint32_t configuration, pair;
   };
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
-  struct Room {
+  struct WorkerScratch {
     std::uint64_t next = kNowhere;  // pair of the unit whose block is answered now; kNowhere: of none
     bool is_asked = false;          // that block has begun
     std::vector<BodyPair> pairs;
@@ -106,7 +106,7 @@ class DenseJob final : public ParallelJob {
 
   bool run(std::uint64_t unit, int worker, WorkMeter& meter) {
     assert(unit < layout_.pair_blocks * layout_.configuration_blocks);
-    Room& room = rooms_[static_cast<std::size_t>(worker)];
+    WorkerScratch& room = rooms_[static_cast<std::size_t>(worker)];
     Evaluator& evaluator = evaluators_[static_cast<std::size_t>(worker)];
     const std::uint64_t first = unit / layout_.pair_blocks * layout_.configurations,
                         begin = unit % layout_.pair_blocks * layout_.pairs;
@@ -134,7 +134,7 @@ class DenseJob final : public ParallelJob {
   }
 
   // The rows of a block that is answered.
-  void write_block(const Room& room, std::uint64_t first) {
+  void write_block(const WorkerScratch& room, std::uint64_t first) {
     std::uint64_t evaluated = 0;
     for (std::size_t i = 0; i < room.asked.size(); ++i) {
       const auto [k, at] = room.places[i];
@@ -148,7 +148,7 @@ class DenseJob final : public ParallelJob {
   // Asks for a block of pairs, from `begin` on, in configurations from `first` on: all but those that boxes answer.
   void take(std::span<const BodyPair> pairs, std::uint64_t begin, std::span<const BodyPoses> placed,
             std::uint64_t first, int worker) {
-    Room& room = rooms_[static_cast<std::size_t>(worker)];
+    WorkerScratch& room = rooms_[static_cast<std::size_t>(worker)];
     room.asked.clear();
     room.places.clear();
     assert(begin + pairs.size() <= plan_.size.pairs && first + placed.size() <= plan_.size.configurations);
@@ -176,7 +176,7 @@ class DenseJob final : public ParallelJob {
   }
 
   // Of all pairs in a configuration; null where nobody asks.
-  const std::uint16_t* flags(std::span<const BodyPair> pairs, const BodyPoses& here, Room& room) const {
+  const std::uint16_t* flags(std::span<const BodyPair> pairs, const BodyPoses& here, WorkerScratch& room) const {
     if (!reply_.flags) return nullptr;
     room.flags.resize(pairs.size());
     const std::size_t n = scene().bodies().size();
@@ -194,7 +194,7 @@ class DenseJob final : public ParallelJob {
   std::unique_ptr<WarmTable> warm_;
   std::uint64_t next_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};
-  std::vector<Room> rooms_;
+  std::vector<WorkerScratch> rooms_;
   std::vector<Evaluator> evaluators_;
   BoxColumns columns_;
   std::vector<BoxCull> culls_;  // of each worker; empty: the evaluators compare boxes

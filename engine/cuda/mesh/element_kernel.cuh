@@ -42,7 +42,7 @@ struct Meshes {
 
 // Answers an item of elements. All the warp's threads call it, and one of them holds the answer.
 template <bool kAny, class Search>
-__device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& item, typename Search::Room& room,
+__device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& item, typename Search::SharedScratch& room,
                                           PairAnswer& answer, bool& is_mine) {
   const ChunkView& c = r.chunk;
   const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
@@ -71,8 +71,8 @@ __device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& 
 template <bool kAny, class Kind>
 __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid_constant__ ReducedView r) {
   constexpr std::uint32_t kWarps = kElementThreads / 32;
-  __shared__ typename Kind::Search::Room rooms[kWarps];
-  typename Kind::Search::Room& room = rooms[threadIdx.x / 32];
+  __shared__ typename Kind::Search::SharedScratch rooms[kWarps];
+  typename Kind::Search::SharedScratch& room = rooms[threadIdx.x / 32];
   const std::uint32_t count = item_count(r), lane = threadIdx.x % 32;
   for (;;) {
     std::uint32_t first = 0;

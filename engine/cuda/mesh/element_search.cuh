@@ -23,13 +23,13 @@ template <class Elements>
 class HullSearch : public WarpSearch {
  public:
   // Where nodes and elements of one warp's search wait, each with its gap: in shared memory.
-  struct Room {
+  struct SharedScratch {
     std::uint32_t node[kStackEntries], element[kWaitingEntries];
     float node_gap[kStackEntries], element_gap[kWaitingEntries];
   };
 
   __device__ HullSearch(const ReducedView& r, const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                        const Slack& slack, double cut_off, double stop_below, Room& room)
+                        const Slack& slack, double cut_off, double stop_below, SharedScratch& room)
       : WarpSearch(r, q, at_a, at_b, slack, cut_off, stop_below),
         room_{room.node, room.element, room.node_gap, room.element_gap},
         elements_first_(r.elements.of_body[at_a.body] != kNone),

@@ -150,7 +150,7 @@ class MeshesBefore {
 class MeshSearch : public WarpSearch {
  public:
   // Where parts and triangles of one warp's search wait, each two with their gap: in shared memory.
-  struct Room {
+  struct SharedScratch {
     union {
       MeshParts parts[kMeshStackEntries];
       std::uint32_t nodes[kMeshStackEntries];  // once no parts wait, where triangles are counted along a ray
@@ -160,7 +160,7 @@ class MeshSearch : public WarpSearch {
   };
 
   __device__ MeshSearch(const ReducedView& r, const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                        const Slack& slack, double cut_off, double stop_below, Room& room)
+                        const Slack& slack, double cut_off, double stop_below, SharedScratch& room)
       : WarpSearch(r, q, at_a, at_b, slack, cut_off, stop_below),
         room_(room),
         a_(r.elements.sets[r.elements.of_body[at_a.body]]),
@@ -309,7 +309,7 @@ class MeshSearch : public WarpSearch {
     return all_are_known ? PairOutcome::kNone : PairOutcome::kUnresolved;
   }
 
-  Room& room_;
+  SharedScratch& room_;
   const ElementSet &a_, &b_;
   MeshesBefore before_;
   std::uint32_t stacked_ = 0, waiting_ = 0;

@@ -71,7 +71,7 @@ class DeviceQuery : public ParallelJob {
     WorkMeter unlimited;
     run_units(next, (count + kRestUnit - 1) / kRestUnit, unlimited, [&](std::uint64_t unit, int worker, WorkMeter&) {
       const auto w = static_cast<std::size_t>(worker);
-      Room& room = rooms_[w];
+      RestScratch& room = rooms_[w];
       const std::size_t begin = unit * kRestUnit, end = std::min<std::size_t>(begin + kRestUnit, count);
       std::uint64_t evaluated = 0;
       for (std::size_t i = begin, j; i < end; i = j) {
@@ -101,7 +101,7 @@ class DeviceQuery : public ParallelJob {
  private:
   static constexpr std::uint64_t kUnitsPerChunk = 1024;  // what waiting for one counts
   static constexpr std::uint64_t kRestUnit = 16;         // rows that a thread finishes at a time
-  struct Room {
+  struct RestScratch {
     std::vector<PlacedBodies> asked;
     std::vector<PairAnswer> answers;
   };
@@ -130,7 +130,7 @@ class DeviceQuery : public ParallelJob {
   std::optional<MovedChains> moved_;    // none: the query moves nothing
   std::optional<DeviceUncertainty> uncertainties_;  // none: nothing is doubted of any body that is asked for
   std::optional<DeviceMovers> movers_;  // none: no gradient by joints is
-  std::vector<Room> rooms_;
+  std::vector<RestScratch> rooms_;
   std::vector<Evaluator> evaluators_;
 };
 

@@ -195,11 +195,11 @@ TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
     const Found all = compare(edges, q, whole);
     const std::uint32_t pairs = std::max(whole.count(kNearCount, 0), whole.count(kOnCount, 0));
     std::printf("%u pairs: %d free, %d hit, %d open\n", pairs, all.free, all.hits, all.open);
-    struct Room {
+    struct Capacity {
       const char* what;
       std::uint32_t pairs, spans, hits;
     };
-    for (const Room& room : {Room{"pairs", pairs - 20, 0, 0}, Room{"spans", 0, 60, 0}, Room{"hits", 0, 0, 5}}) {
+    for (const Capacity& room : {Capacity{"pairs", pairs - 20, 0, 0}, Capacity{"spans", 0, 60, 0}, Capacity{"hits", 0, 0, 5}}) {
       SCOPED_TRACE(room.what);
       HostMotions host(edges.scene, q, room.pairs, room.spans, room.hits);
       const Found found = compare(edges, q, host);
