@@ -335,7 +335,7 @@ Problem make_class_problem(const exact::CaseClass& c, std::uint64_t seed, int co
     kept.push_back(exact::make_case(c, seed, static_cast<std::uint64_t>(i)));
     const std::uint32_t a = add(kept.back().a, kept.back().X_wa), b = add(kept.back().b, kept.back().X_wb);
     p.pairs.push_back({a, b});
-    p.truth.push_back(exact::judge(kept.back()).distance.lower());
+    p.truth.push_back(exact::exact_answer(kept.back()).distance.lower());
   }
   add_scales(p);
   return p;

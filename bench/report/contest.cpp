@@ -98,15 +98,15 @@ std::vector<BodyPair> Contest::sample(std::uint64_t most) const {
 }
 
 double Contest::worst_error(const std::vector<BodyPair>& pairs, const std::vector<double>& distances) {
-  std::vector<BodyPair> judged;  // of many a few tell
+  std::vector<BodyPair> checked;  // of many a few tell
   std::vector<double> answers;
   for (std::size_t i = 0; i < pairs.size(); i += 1 + pairs.size() / 50'000) {
-    judged.push_back(pairs[i]);
+    checked.push_back(pairs[i]);
     answers.push_back(distances[i]);
   }
-  const Interval truth = truth_of(Engine(scene_), judged);
+  const Interval truth = truth_of(Engine(scene_), checked);
   double worst = 0;
-  for (std::size_t i = 0; i < judged.size(); ++i) {
+  for (std::size_t i = 0; i < checked.size(); ++i) {
     if (std::isnan(answers[i])) return answers[i];
     worst = std::max({worst, truth.lower[i] - answers[i], answers[i] - truth.upper[i]});
   }

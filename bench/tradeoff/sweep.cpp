@@ -94,7 +94,7 @@ class Bench {
     query.max_distance = s.reach < kInf ? s.reach * truth_.median : kInf;
     query.warm_slot = s.asked == Asked::kWarm ? kWarmSlot : 0;
     const std::size_t pairs = scene_.pairs.size(), steps = scene_.steps.size();
-    const auto judge = [&](std::size_t step, std::size_t first) {
+    const auto check = [&](std::size_t step, std::size_t first) {
       for (std::size_t i = 0; quality && i < pairs; ++i)
         quality->add(truth_.exact[step][i], answers_.distance[first + i], answers_.lower[first + i],
                      answers_.upper[first + i], static_cast<Status>(answers_.status[first + i]));
@@ -117,12 +117,12 @@ class Bench {
       query.configurations = configurations_;
       query.configuration_count = static_cast<std::uint32_t>(steps);
       ask(true);
-      for (std::size_t step = 0; step < steps; ++step) judge(step, step * pairs);
+      for (std::size_t step = 0; step < steps; ++step) check(step, step * pairs);
     } else {
       for (std::size_t step = 0; step < steps; ++step) {
         engine_.set_poses(scene_.steps[step]);
         ask(true);
-        judge(step, 0);
+        check(step, 0);
       }
     }
     const auto questions = static_cast<double>(steps * pairs);

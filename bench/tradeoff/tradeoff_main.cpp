@@ -18,7 +18,7 @@ struct Options {
   std::vector<std::string> only, backends;
   std::uint64_t seed = 1;
   int steps = 24;
-  std::size_t judged = 40;
+  std::size_t checked = 40;
   SweepOptions sweep;
 };
 
@@ -38,7 +38,7 @@ int run(Options o) {
   std::size_t violations = 0;
   for (const std::string& name : o.only) {
     const MovingScene scene = make_moving_scene(name, o.scenes, o.seed, o.steps);
-    const ExactDistances truth = find_exact_distances(scene, o.judged);
+    const ExactDistances truth = find_exact_distances(scene, o.checked);
     for (const std::string& backend : o.backends) {
       o.sweep.backend = backend;
       const std::vector<Point> points = sweep(scene, truth, o.sweep);
@@ -51,7 +51,7 @@ int run(Options o) {
         fastest = std::min(fastest, p.ns_per_pair);
       }
       std::printf("%-9s %-9s %6zu %6zu %12.4g %12.0f %12.0f %11zu  %s\n", name.c_str(), backend.c_str(),
-                  scene.pairs.size(), truth.judged, truth.median, usual, fastest, misses, scene.what.c_str());
+                  scene.pairs.size(), truth.checked, truth.median, usual, fastest, misses, scene.what.c_str());
       std::fflush(stdout);
       violations += misses;
     }
@@ -78,7 +78,7 @@ int main(int argc, char** argv) {
   app.add_option("--rounds", o.sweep.rounds, "how often each setting is timed")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_option("--judged", o.judged, "pairs of a scene that the exact judge looks at as well")->capture_default_str();
+  app.add_option("--judged", o.checked, "pairs of a scene that the exact judge looks at as well")->capture_default_str();
   app.add_flag("--brief", o.sweep.brief, "a few settings only");
   CLI11_PARSE(app, argc, argv);
   try {

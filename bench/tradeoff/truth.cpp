@@ -13,18 +13,18 @@ namespace clearance::tradeoff {
 
 namespace {
 
-constexpr std::size_t kJudgeVertices = 4000;  // of a body: more take the judge too long
-constexpr std::size_t kJudgePiecePairs = 50;
+constexpr std::size_t kOracleVertices = 4000;  // of a body: more take the judge too long
+constexpr std::size_t kOraclePiecePairs = 50;
 
 /// The least exact distance over the piece pairs; none if the bodies are too large to be judged.
-std::optional<exact::Value> judge(const MovingScene& scene, const Engine& engine, BodyPair pair) {
+std::optional<exact::Value> exact_answer(const MovingScene& scene, const Engine& engine, BodyPair pair) {
   const Body &a = scene.scene.bodies()[pair.a], &b = scene.scene.bodies()[pair.b];
   for (const Body* body : {&a, &b}) {
     std::size_t vertices = 0;
     for (const PiecePtr& piece : body->pieces) vertices += piece->vertices.size();
-    if (vertices > kJudgeVertices || body->parent != kNone) return {};  // a child's pose is composed, with rounding
+    if (vertices > kOracleVertices || body->parent != kNone) return {};  // a child's pose is composed, with rounding
   }
-  if (a.pieces.size() * b.pieces.size() > kJudgePiecePairs) return {};
+  if (a.pieces.size() * b.pieces.size() > kOraclePiecePairs) return {};
   const BodyState at_a = engine.body_state(pair.a), at_b = engine.body_state(pair.b);
   if (at_a.status != Status::kOk || at_b.status != Status::kOk) return {};
   std::optional<exact::Value> least;
@@ -50,7 +50,7 @@ ReplyView Answers::view() {
   return v;
 }
 
-ExactDistances find_exact_distances(const MovingScene& scene, std::size_t judged) {
+ExactDistances find_exact_distances(const MovingScene& scene, std::size_t checked) {
   Engine::Options options;
   options.backend = "reference";
   Engine engine(scene.scene, options);
@@ -73,10 +73,10 @@ ExactDistances find_exact_distances(const MovingScene& scene, std::size_t judged
       distances.push_back(answers.upper[i]);
     }
     if (truth.exact.size() > 1) continue;
-    const std::size_t stride = std::max<std::size_t>(1, scene.pairs.size() / std::max<std::size_t>(1, judged));
-    for (std::size_t i = 0; i < scene.pairs.size() && truth.judged < judged; i += stride)
-      if (const auto value = judge(scene, engine, scene.pairs[i])) {
-        ++truth.judged;
+    const std::size_t stride = std::max<std::size_t>(1, scene.pairs.size() / std::max<std::size_t>(1, checked));
+    for (std::size_t i = 0; i < scene.pairs.size() && truth.checked < checked; i += stride)
+      if (const auto value = exact_answer(scene, engine, scene.pairs[i])) {
+        ++truth.checked;
         // Clipped at 0, as the answers are.
         if (std::max(value->upper(), 0.0) < exact[i].lower || std::max(value->lower(), 0.0) > exact[i].upper) {
           char text[200];

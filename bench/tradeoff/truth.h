@@ -14,12 +14,12 @@ struct ExactDistances {
   std::vector<std::vector<Interval>> exact;
   double median = 0;  ///< of the distances of all pairs in all steps, metres
 
-  std::size_t judged = 0;  ///< pairs that went before the exact judge as well
+  std::size_t checked = 0;  ///< pairs that went before the exact judge as well
 };
 
-/// Asks the reference backend about every step, and the exact judge (tests/oracle) about up to `judged` pairs of the
+/// Asks the reference backend about every step, and the exact judge (tests/oracle) about up to `checked` pairs of the
 /// first one whose bodies are small enough for it. Throws std::logic_error where the two contradict each other.
-ExactDistances find_exact_distances(const MovingScene& scene, std::size_t judged);
+ExactDistances find_exact_distances(const MovingScene& scene, std::size_t checked);
 
 /// Answers of one query, in memory of their own.
 struct Answers {

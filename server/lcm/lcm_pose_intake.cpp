@@ -181,25 +181,25 @@ bool LcmPoseIntake::is_in_order(const Message& message) {
   const auto log_rate_limited = [&](const char* kind, const std::string& what) {
     metrics_.log_rate_limited(kind, message.who() + what);
   };
-  switch (note.verdict) {
-    case PublisherLog::Verdict::kNew:
+  switch (note.sequencing) {
+    case PublisherLog::Sequencing::kNew:
       log::info("event=lcm_publisher channel={} id={}", channel, publisher);
       break;
-    case PublisherLog::Verdict::kNext:
+    case PublisherLog::Sequencing::kNext:
       break;
-    case PublisherLog::Verdict::kGap:
+    case PublisherLog::Sequencing::kGap:
       metrics_.gaps += note.missing;
       log_rate_limited("gap", ": " + std::to_string(note.missing) + " messages missing before " + std::to_string(sequence));
       break;
-    case PublisherLog::Verdict::kRestart:
+    case PublisherLog::Sequencing::kRestart:
       ++metrics_.restarts;
       log_rate_limited("restart", " counts anew, from " + std::to_string(sequence));
       break;
-    case PublisherLog::Verdict::kRepeated:
+    case PublisherLog::Sequencing::kRepeated:
       ++metrics_.repeated;
       log_rate_limited("repeated", ": sequence " + std::to_string(sequence) + " came again, left out");
       break;
-    case PublisherLog::Verdict::kOld:
+    case PublisherLog::Sequencing::kOld:
       ++metrics_.reordered;
       log_rate_limited("old", ": sequence " + std::to_string(sequence) + " is older than the last, left out");
       break;

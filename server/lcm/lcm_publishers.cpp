@@ -15,23 +15,23 @@ PublisherLog::Note PublisherLog::note(int channel, std::int64_t publisher, std::
                                            [](const auto& a, const auto& b) { return a.second.last < b.second.last; });
       publishers_.erase(silent);
     }
-    return {Verdict::kNew, 0};
+    return {Sequencing::kNew, 0};
   }
   Publisher& known = it->second;
   if (sequence > known.sequence) {
-    if (stamp_ns != 0 && stamp_ns < known.begun_ns) return {Verdict::kOld, 0};
+    if (stamp_ns != 0 && stamp_ns < known.begun_ns) return {Sequencing::kOld, 0};
     // Unsigned: sequences of the far ends of the range must not overflow.
     const std::uint64_t missing = static_cast<std::uint64_t>(sequence) - static_cast<std::uint64_t>(known.sequence) - 1;
     known.sequence = sequence;
     known.newest_ns = std::max(known.newest_ns, stamp_ns);
     known.last = now;
-    return {missing == 0 ? Verdict::kNext : Verdict::kGap, missing};
+    return {missing == 0 ? Sequencing::kNext : Sequencing::kGap, missing};
   }
   if (known.newest_ns != 0 && stamp_ns > known.newest_ns) {
     known = {sequence, stamp_ns, stamp_ns, now};
-    return {Verdict::kRestart, 0};
+    return {Sequencing::kRestart, 0};
   }
-  return {sequence == known.sequence ? Verdict::kRepeated : Verdict::kOld, 0};
+  return {sequence == known.sequence ? Sequencing::kRepeated : Sequencing::kOld, 0};
 }
 
 std::vector<std::uint32_t> OwnerLog::note(std::int64_t publisher, std::span<const std::uint32_t> ids,

@@ -26,11 +26,11 @@ class PublisherLog {
   /// Publishers remembered; past that the one silent for longest is forgotten.
   static constexpr std::size_t kMaxPublishers = 256;
 
-  enum class Verdict { kNew, kNext, kGap, kRestart, kRepeated, kOld };
+  enum class Sequencing { kNew, kNext, kGap, kRestart, kRepeated, kOld };
   struct Note {
-    Verdict verdict = Verdict::kNew;
+    Sequencing sequencing = Sequencing::kNew;
     std::uint64_t missing = 0;  ///< kGap: messages between the last and this one
-    bool use() const { return verdict != Verdict::kRepeated && verdict != Verdict::kOld; }
+    bool use() const { return sequencing != Sequencing::kRepeated && sequencing != Sequencing::kOld; }
   };
 
   /// \param stamp_ns the publisher's clock; 0: it gives none.

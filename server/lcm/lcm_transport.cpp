@@ -229,7 +229,7 @@ class LcmTransport final : public Transport {
     if ((right_for(static_cast<wire::FrameType>(header.type)) & ~kMayQuery) == 0) return true;
     const auto note = changes_.note(0, whole.client_id, sequence, 0, Clock::now());
     if (note.use()) return true;
-    ++(note.verdict == PublisherLog::Verdict::kRepeated ? metrics_->repeated : metrics_->reordered);
+    ++(note.sequencing == PublisherLog::Sequencing::kRepeated ? metrics_->repeated : metrics_->reordered);
     metrics_->log_rate_limited("old", "client " + std::to_string(whole.client_id) + ": frame " + std::to_string(sequence) +
                                   " is not newer than its last that changed something, left out");
     return false;

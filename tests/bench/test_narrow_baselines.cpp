@@ -97,7 +97,7 @@ TEST_P(NarrowBaselines, AreRightOnWellConditionedClasses) {
       ASSERT_TRUE(world) << name;
       if (hill && knows_no_neighbours(*world)) continue;  // see HillClimbing below
       const std::string where = name + " case " + std::to_string(i);
-      const exact::Result truth = exact::judge(c, true);
+      const exact::Result truth = exact::exact_answer(c, true);
       const double distance = truth.distance.lower(), tolerance = kRight * exact::scale_of(c);
       const PairAnswer answer = ask(*baseline_, *world);
       EXPECT_FALSE(answer.limit) << where;
@@ -171,7 +171,7 @@ TEST_P(NarrowBaselines, LoseDigitsFarFromTheWorldsOrigin) {
     const Case c = exact::make_case(cls, 1, static_cast<std::uint64_t>(i));
     const std::optional<World> world = world_of(c);
     ASSERT_TRUE(world);
-    const double distance = std::max(0.0, exact::judge(c, false).distance.lower());
+    const double distance = std::max(0.0, exact::exact_answer(c, false).distance.lower());
     const double error = std::abs(ask(*baseline_, *world).distance - distance);
     EXPECT_LE(error, 64 * 0x1p-53 * norm(c.X_wa.translation) + kRight * exact::scale_of(c)) << i;
     wrong += error > kRight * exact::scale_of(c);
@@ -312,7 +312,7 @@ TEST(KnownFailures, SignsPickWrongFeaturesOfSlivers) {
     const Case c = exact::make_case(cls, 1, static_cast<std::uint64_t>(i));
     const std::optional<World> world = world_of(c);
     ASSERT_TRUE(world);
-    const double distance = exact::judge(c, false).distance.lower();
+    const double distance = exact::exact_answer(c, false).distance.lower();
     wrong +=
         std::abs(ask(*gjk, *world).distance - std::max(0.0, distance)) > 1e-6 * distance + 1e-12 * exact::scale_of(c);
   }
@@ -329,7 +329,7 @@ TEST(KnownFailures, FigureThreeIsWrongWhereSimplicesAreObtuse) {
     const Case c = exact::make_case(cls, 1, static_cast<std::uint64_t>(i));
     const std::optional<World> world = world_of(c);
     ASSERT_TRUE(world);
-    const double distance = exact::judge(c, true).distance.lower();
+    const double distance = exact::exact_answer(c, true).distance.lower();
     const PairAnswer answer = ask(*drawn, *world);
     wrong += std::abs(answer.distance - std::max(0.0, distance)) > 1e-3;
     missed += distance < 0 && !answer.overlap;
@@ -347,7 +347,7 @@ TEST(KnownFailures, AlgorithmTwoAsPrintedStopsBeforeTheDistanceIsKnown) {
     const Case c = exact::make_case(cls, 1, static_cast<std::uint64_t>(i));
     const std::optional<World> world = world_of(c);
     ASSERT_TRUE(world);
-    const double distance = exact::judge(c, false).distance.lower();
+    const double distance = exact::exact_answer(c, false).distance.lower();
     if (!(distance > 1e-6)) continue;
     const std::span<const Vec3d> a = world->mesh(0).vertices, b = world->mesh(1).vertices;
     const auto farthest = [](std::span<const Vec3d> v, const Vec3d& d) {

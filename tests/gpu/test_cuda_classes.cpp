@@ -1,6 +1,6 @@
 // Every class of hard cases through the cuda backend: true before the exact judge, and the bits of the CPU.
 #include "tests/engine/cuda/same_answer.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 namespace {
@@ -22,7 +22,7 @@ TEST_P(CudaClasses, AreContained) {
   const std::vector<Setting> settings = standard_settings({"cuda"});
   int shown = 0;
   const std::vector<Tally> tallies = try_cases(
-      cases, settings, 1, true, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+      cases, settings, 1, true, [&](std::size_t i, const Setting& s, const CheckResult& v, const std::string& answer) {
         if (++shown <= 5)
           ADD_FAILURE() << c.name << " case " << i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy
                         << "\n  " << answer;

@@ -76,7 +76,7 @@ struct Exact {
 };
 
 /// The exact distance of every pair in every configuration, in the order of a query's rows.
-std::vector<Exact> judge(const Scene& scene, const std::vector<BodyPair>& pairs, const std::vector<Pose>& poses) {
+std::vector<Exact> exact_answer(const Scene& scene, const std::vector<BodyPair>& pairs, const std::vector<Pose>& poses) {
   std::vector<Exact> rows(kBatch * pairs.size());
   std::atomic<std::size_t> next{0};
   const auto work = [&] {
@@ -134,7 +134,7 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
     q.configurations = poses;
     q.reduce = Reduce::kNone;
     const std::vector<BodyPair> asked = engine.pairs(q);
-    const std::vector<Exact> exact = judge(engine.scene(), asked, poses);
+    const std::vector<Exact> exact = exact_answer(engine.scene(), asked, poses);
     for (const Exact& one : exact) {
       overlapping += !(one.above > 0);
       apart += one.above > 0;

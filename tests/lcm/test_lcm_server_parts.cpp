@@ -247,49 +247,49 @@ TEST(LcmTranslate, ManyStatesAndCountersFit) {
 
 // --- publishers
 
-using Verdict = PublisherLog::Verdict;
+using Sequencing = PublisherLog::Sequencing;
 
 TEST(LcmPublishers, Verdicts) {
   PublisherLog log;
   const auto t = PublisherLog::Clock::now();
-  EXPECT_EQ(log.note(0, 1, 100, 0, t).verdict, Verdict::kNew);
-  EXPECT_EQ(log.note(0, 1, 101, 0, t).verdict, Verdict::kNext);
+  EXPECT_EQ(log.note(0, 1, 100, 0, t).sequencing, Sequencing::kNew);
+  EXPECT_EQ(log.note(0, 1, 101, 0, t).sequencing, Sequencing::kNext);
   EXPECT_EQ(log.note(0, 1, 104, 0, t).missing, 2u);
-  EXPECT_EQ(log.note(0, 1, 103, 0, t).verdict, Verdict::kOld);
-  EXPECT_EQ(log.note(0, 1, 104, 0, t).verdict, Verdict::kRepeated);
-  EXPECT_EQ(log.note(1, 1, 1, 0, t).verdict, Verdict::kNew);
-  EXPECT_EQ(log.note(0, 2, 1, 0, t).verdict, Verdict::kNew);
+  EXPECT_EQ(log.note(0, 1, 103, 0, t).sequencing, Sequencing::kOld);
+  EXPECT_EQ(log.note(0, 1, 104, 0, t).sequencing, Sequencing::kRepeated);
+  EXPECT_EQ(log.note(1, 1, 1, 0, t).sequencing, Sequencing::kNew);
+  EXPECT_EQ(log.note(0, 2, 1, 0, t).sequencing, Sequencing::kNew);
   // Old is old, however far back and however long the publisher was silent.
-  EXPECT_EQ(log.note(0, 1, 100'000, 0, t).verdict, Verdict::kGap);
+  EXPECT_EQ(log.note(0, 1, 100'000, 0, t).sequencing, Sequencing::kGap);
   for (const int seconds : {0, 1, 4, 3600})
     for (const std::int64_t sequence : {99'999, 99'000, 5, 1, 0, -1})
-      EXPECT_EQ(log.note(0, 1, sequence, 0, t + std::chrono::seconds(seconds)).verdict, Verdict::kOld);
+      EXPECT_EQ(log.note(0, 1, sequence, 0, t + std::chrono::seconds(seconds)).sequencing, Sequencing::kOld);
   // The far ends of the range.
-  EXPECT_EQ(log.note(0, 3, std::numeric_limits<std::int64_t>::min(), 0, t).verdict, Verdict::kNew);
+  EXPECT_EQ(log.note(0, 3, std::numeric_limits<std::int64_t>::min(), 0, t).sequencing, Sequencing::kNew);
   const auto far = log.note(0, 3, std::numeric_limits<std::int64_t>::max(), 0, t);
-  EXPECT_EQ(far.verdict, Verdict::kGap);
+  EXPECT_EQ(far.sequencing, Sequencing::kGap);
   EXPECT_EQ(far.missing, ~std::uint64_t{0} - 1);
-  EXPECT_EQ(log.note(0, 3, std::numeric_limits<std::int64_t>::min(), 0, t).verdict, Verdict::kOld);
+  EXPECT_EQ(log.note(0, 3, std::numeric_limits<std::int64_t>::min(), 0, t).sequencing, Sequencing::kOld);
 }
 
 TEST(LcmPublishers, OneThatBeginsAnewUnderItsOldIdIsKnownByItsClock) {
   PublisherLog log;
   const auto t = PublisherLog::Clock::now();
-  ASSERT_EQ(log.note(0, 1, 900, 9000, t).verdict, Verdict::kNew);
-  EXPECT_EQ(log.note(0, 1, 899, 8990, t).verdict, Verdict::kOld);
-  EXPECT_EQ(log.note(0, 1, 1, 9000, t).verdict, Verdict::kOld) << "no newer than all before";
-  EXPECT_EQ(log.note(0, 1, 2, 9500, t).verdict, Verdict::kRestart);
-  EXPECT_EQ(log.note(0, 1, 1, 9490, t).verdict, Verdict::kOld) << "overtaken";
-  EXPECT_EQ(log.note(0, 1, 3, 9510, t).verdict, Verdict::kNext);
+  ASSERT_EQ(log.note(0, 1, 900, 9000, t).sequencing, Sequencing::kNew);
+  EXPECT_EQ(log.note(0, 1, 899, 8990, t).sequencing, Sequencing::kOld);
+  EXPECT_EQ(log.note(0, 1, 1, 9000, t).sequencing, Sequencing::kOld) << "no newer than all before";
+  EXPECT_EQ(log.note(0, 1, 2, 9500, t).sequencing, Sequencing::kRestart);
+  EXPECT_EQ(log.note(0, 1, 1, 9490, t).sequencing, Sequencing::kOld) << "overtaken";
+  EXPECT_EQ(log.note(0, 1, 3, 9510, t).sequencing, Sequencing::kNext);
   // What its former life had sent and the network had kept.
   for (const auto& [sequence, stamp] : {std::pair(899, 8990), {900, 9000}, {905, 9050}})
-    EXPECT_EQ(log.note(0, 1, sequence, stamp, t).verdict, Verdict::kOld) << sequence;
-  EXPECT_EQ(log.note(0, 1, 4, 9520, t).verdict, Verdict::kNext);
+    EXPECT_EQ(log.note(0, 1, sequence, stamp, t).sequencing, Sequencing::kOld) << sequence;
+  EXPECT_EQ(log.note(0, 1, 4, 9520, t).sequencing, Sequencing::kNext);
   // A count that has come to its end goes on at the other one.
-  EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::max(), 9600, t).verdict, Verdict::kGap);
-  EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::min(), 9610, t).verdict, Verdict::kRestart);
-  EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::min() + 1, 9620, t).verdict, Verdict::kNext);
-  EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::max(), 9600, t).verdict, Verdict::kOld);
+  EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::max(), 9600, t).sequencing, Sequencing::kGap);
+  EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::min(), 9610, t).sequencing, Sequencing::kRestart);
+  EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::min() + 1, 9620, t).sequencing, Sequencing::kNext);
+  EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::max(), 9600, t).sequencing, Sequencing::kOld);
 }
 
 TEST(LcmPublishers, ManyAreNotRememberedForever) {
@@ -297,8 +297,8 @@ TEST(LcmPublishers, ManyAreNotRememberedForever) {
   const auto t = PublisherLog::Clock::now();
   for (int i = 1; i <= 1000; ++i) log.note(0, i, 5, 0, t + std::chrono::milliseconds(i));
   EXPECT_EQ(log.size(), PublisherLog::kMaxPublishers);
-  EXPECT_EQ(log.note(0, 1000, 5, 0, t + std::chrono::seconds(1)).verdict, Verdict::kRepeated);
-  EXPECT_EQ(log.note(0, 1, 5, 0, t + std::chrono::seconds(1)).verdict, Verdict::kNew);
+  EXPECT_EQ(log.note(0, 1000, 5, 0, t + std::chrono::seconds(1)).sequencing, Sequencing::kRepeated);
+  EXPECT_EQ(log.note(0, 1, 5, 0, t + std::chrono::seconds(1)).sequencing, Sequencing::kNew);
 }
 
 TEST(LcmPublishers, AQuarrelIsTakingTurns) {

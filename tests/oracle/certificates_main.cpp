@@ -13,8 +13,8 @@
 #include <thread>
 
 #include "tests/engine/motion/motion_cases.h"
-#include "tests/oracle/campaign.h"
-#include "tests/oracle/certificate/certificate_judge.h"
+#include "tests/oracle/oracle_run.h"
+#include "tests/oracle/certificate/certificate_oracle.h"
 #include "tests/oracle/in_parallel.h"
 
 namespace clearance::exact {
@@ -52,13 +52,13 @@ double seconds_of_this_thread() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-// What came of the documents. Threads may call judge() at once.
+// What came of the documents. Threads may call prove_document() at once.
 class Count {
  public:
   // Those that fail are kept, too.
-  void judge(const std::string& path, const std::string& document, std::size_t expected_rows, bool keep) {
+  void prove_document(const std::string& path, const std::string& document, std::size_t expected_rows, bool keep) {
     const double start = seconds_of_this_thread();
-    const judge::Findings findings = judge::judge_certificate(document);
+    const certificate_oracle::Findings findings = certificate_oracle::prove_certificate(document);
     const double took = seconds_of_this_thread() - start;
     const std::lock_guard lock(mutex_);
     seconds_ += took;
@@ -82,7 +82,7 @@ class Count {
   }
 
  private:
-  void say_why(const std::string& path, const judge::Findings& findings, std::size_t expected_rows) {
+  void say_why(const std::string& path, const certificate_oracle::Findings& findings, std::size_t expected_rows) {
     ++failed_;
     for (std::size_t k = 0; k < findings.why.size(); ++k)
       if (!findings.why[k].empty()) std::cerr << path << ": rows[" << k << "]: NOT PROVED: " << findings.why[k] << '\n';
@@ -120,7 +120,7 @@ Case beside_plane(const Case& c, Random& random) {
 }
 
 // What moves in a case over a half-space through one of the places where something stands beside it.
-void judge_motions_over_plane(const Options& o, const test::MotionCase& made, test::MotionKind kind,
+void check_motions_over_plane(const Options& o, const test::MotionCase& made, test::MotionKind kind,
                               std::uint64_t number, Count& count) {
   constexpr std::size_t kMostPairs = 4;
   Random random(o.seed * 1'000'003 + 10 * number + static_cast<std::uint64_t>(kind));
@@ -144,13 +144,13 @@ void judge_motions_over_plane(const Options& o, const test::MotionCase& made, te
   query.abs_tol = 1e-3;
   query.margin = 1e-3;
   query.fields |= kFieldFirstContact;
-  count.judge(o.out + "/plane_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
+  count.prove_document(o.out + "/plane_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
               engine.certificate(query), asked.count() * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
               number < o.python_motions);
 }
 
 // Some motions of robots of all kinds of joints, and of bodies beside and on them, in a scene of their own.
-void judge_motions(const Options& o, test::MotionKind kind, std::uint64_t number, Count& count) {
+void check_motions(const Options& o, test::MotionKind kind, std::uint64_t number, Count& count) {
   constexpr int kAtOnce = 2;
   constexpr Reduce kReduces[] = {Reduce::kNone, Reduce::kMin, Reduce::kAny};
   const auto k = static_cast<std::uint64_t>(kind), kinds = static_cast<std::uint64_t>(test::kMotionKinds);
@@ -158,7 +158,7 @@ void judge_motions(const Options& o, test::MotionKind kind, std::uint64_t number
   const std::string folder = o.out + "/robots_" + test::name_of(kind);  // for its robots' file
   std::filesystem::create_directories(folder);
   const test::MotionCase made(random, kind, kAtOnce, folder);
-  judge_motions_over_plane(o, made, kind, number, count);
+  check_motions_over_plane(o, made, kind, number, count);
   const Engine engine(Scene(made.scene), {.backend = "cpu", .threads = 1});
   test::Motions asked = made.motions;
   asked.pairs.clear();
@@ -170,7 +170,7 @@ void judge_motions(const Options& o, test::MotionKind kind, std::uint64_t number
   query.abs_tol = 1e-3;
   query.margin = 1e-3;
   query.fields |= kFieldFirstContact;
-  count.judge(o.out + "/motion_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
+  count.prove_document(o.out + "/motion_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
               engine.certificate(query), kAtOnce * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
               number < o.python_motions);
 }
@@ -187,7 +187,7 @@ std::uint64_t share(const CaseClass& c, std::uint64_t cases) {
 
 // The cases of a class under one setting, some at a time; the first of them are kept. \param cases of the class, of
 // which `python` are kept. \param beside_planes in place of one of the two bodies of each
-void judge_cases(const Options& o, const CaseClass& c, std::uint64_t cases, std::uint64_t python, std::size_t setting,
+void check_cases(const Options& o, const CaseClass& c, std::uint64_t cases, std::uint64_t python, std::size_t setting,
                  bool beside_planes, Count& count) {
   constexpr std::uint64_t kAtOnce = 100;
   const auto& [name, asked] = settings()[setting];
@@ -201,13 +201,13 @@ void judge_cases(const Options& o, const CaseClass& c, std::uint64_t cases, std:
       Random random(o.seed * 7'919 + setting * each + i);
       made.back() = beside_plane(made.back(), random);
     }
-    count.judge(o.out + "/" + c.name + (beside_planes ? "_plane_" : "_") + name + "_" + std::to_string(begin) + ".json",
+    count.prove_document(o.out + "/" + c.name + (beside_planes ? "_plane_" : "_") + name + "_" + std::to_string(begin) + ".json",
                 Bench(made, asked.backend).certificate(asked), made.size(), begin < kept);
     begin = end;
   }
 }
 
-bool judge_all(const Options& o) {
+bool check_all(const Options& o) {
   constexpr std::uint64_t kFewerPlanes = 3;
   std::filesystem::create_directories(o.out);
   Count count;
@@ -215,7 +215,7 @@ bool judge_all(const Options& o) {
   for (int kind = 0; kind < test::kMotionKinds; ++kind)
     tasks.emplace_back([&o, &count, kind] {
       for (std::uint64_t i = 0; i < o.motions; ++i)
-        judge_motions(o, static_cast<test::MotionKind>(kind), o.first_motion + i, count);
+        check_motions(o, static_cast<test::MotionKind>(kind), o.first_motion + i, count);
     });
   const auto add = [&](const CaseClass& c, std::uint64_t cases, std::uint64_t python) {
     for (std::size_t k = 0; k < settings().size() && c.name.find(o.only) != std::string::npos; ++k)
@@ -223,7 +223,7 @@ bool judge_all(const Options& o) {
         if (!fits(settings()[k].second, c)) continue;
         tasks.emplace_back([&o, &c, &count, cases, python, beside_planes, k] {
           const std::uint64_t every = beside_planes ? kFewerPlanes : 1;
-          judge_cases(o, c, cases / every, python / every, k, beside_planes, count);
+          check_cases(o, c, cases / every, python / every, k, beside_planes, count);
         });
       }
   };
@@ -253,7 +253,7 @@ int main(int argc, char** argv) {
   app.add_option("--out", o.out, "folder for those that are kept, and those that fail");
   CLI11_PARSE(app, argc, argv);
   try {
-    return clearance::exact::judge_all(o) ? 0 : 1;
+    return clearance::exact::check_all(o) ? 0 : 1;
   } catch (const std::exception& e) {
     std::cerr << "clearance-certificates: " << e.what() << '\n';
     return 2;

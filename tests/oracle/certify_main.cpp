@@ -8,10 +8,10 @@
 #include <mutex>
 #include <thread>
 
-#include "tests/engine/motion/motion_judge.h"
-#include "tests/oracle/campaign.h"
+#include "tests/engine/motion/motion_oracle.h"
+#include "tests/oracle/oracle_run.h"
 #include "tests/oracle/in_parallel.h"
-#include "tests/oracle/slack_judge.h"
+#include "tests/oracle/slack_oracle.h"
 
 namespace clearance::exact {
 namespace {
@@ -76,7 +76,7 @@ void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& 
     }
 }
 
-/// Attempts of each kind of slack_judge.h; false: something is wrong.
+/// Attempts of each kind of slack_oracle.h; false: something is wrong.
 bool certify_slack(const Options& o) {
   Findings findings;
   Random random(o.seed);
@@ -120,7 +120,7 @@ bool certify_motions(const Options& o) {
   in_parallel(shares, o.threads, [&](std::size_t k) {
     const std::size_t kind = k % kinds.size();
     const test::MotionFindings found =
-        test::judge_many(o.seed * 1'000 + k, kAtOnce, static_cast<int>(kind), false, backend);
+        test::check_many(o.seed * 1'000 + k, kAtOnce, static_cast<int>(kind), false, backend);
     const std::lock_guard lock(mutex);
     kinds[kind].add(found);
     all.add(found);
@@ -150,7 +150,7 @@ int certify(const Options& o) {
     std::vector<Case> cases;
     for (int i = 0; i < b.count; ++i) cases.push_back(make_case(*b.c, o.seed, b.first + static_cast<std::uint64_t>(i)));
     const bool columns = (b.first / kBatch) % static_cast<std::uint64_t>(o.columns_every) == 0;
-    const auto report = [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+    const auto report = [&](std::size_t i, const Setting& s, const CheckResult& v, const std::string& answer) {
       const std::lock_guard lock(mutex);
       if (++bad <= 20)
         std::cerr << b.c->name << ' ' << b.first + i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "engine/hull/direction_table.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 

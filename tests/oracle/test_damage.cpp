@@ -30,7 +30,7 @@ TEST(Damage, ARemovedVertexIsFound) {
     std::vector<Result> truth;
     for (int i = 0; i < (cls.cost > 3 ? 5 : 40); ++i) {
       const Case c = make_case(cls, kSeed, static_cast<std::uint64_t>(i));
-      const Result exact = judge(c);
+      const Result exact = exact_answer(c);
       for (const bool of_b : {false, true}) {
         const SolidPtr& from = of_b ? c.b : c.a;
         const std::vector<Vec3d> candidates = decisive(c, exact, of_b);
@@ -40,7 +40,7 @@ TEST(Damage, ARemovedVertexIsFound) {
         if (less.vertices.empty()) continue;
         Case damaged = c;
         (of_b ? damaged.b : damaged.a) = std::make_shared<const Solid>(less);
-        if (!differs(c, exact, judge(damaged))) continue;
+        if (!differs(c, exact, exact_answer(damaged))) continue;
         whole.push_back(c), cut.push_back(damaged), truth.push_back(exact);
       }
     }
@@ -74,7 +74,7 @@ std::vector<Case> separated_spheres() {
 TEST(Damage, AMissingTableEntryIsFound) {
   const std::vector<Case> cases = separated_spheres();
   std::vector<Result> truth;
-  for (const Case& c : cases) truth.push_back(judge(c));
+  for (const Case& c : cases) truth.push_back(exact_answer(c));
   int found = 0;
   const Bench bench(cases, "cpu", 1, [&](const PiecePtr& piece, std::size_t i, bool is_b) {
     EXPECT_TRUE(piece->table);

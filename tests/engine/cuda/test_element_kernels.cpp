@@ -141,12 +141,12 @@ struct Exact {
   double below = kInf, above = kInf;
 };
 // Elements for the judge: a cloud's points as triangles of one corner each, its voxels as solids.
-struct JudgedElements {
+struct CheckedElements {
   std::vector<Vec3d> vertices;
   std::vector<Triangle> triangles;
   bool is_solid;
 
-  explicit JudgedElements(const Surface& cloud) : is_solid(cloud.edge() > 0 || cloud.is_solid()) {
+  explicit CheckedElements(const Surface& cloud) : is_solid(cloud.edge() > 0 || cloud.is_solid()) {
     if (!cloud.is_cloud()) {
       vertices.assign(cloud.vertices().begin(), cloud.vertices().end());
       triangles.assign(cloud.triangles().begin(), cloud.triangles().end());
@@ -169,15 +169,15 @@ struct JudgedElements {
     }
   }
 };
-Exact judge(const Body& a, const Pose& at_a, const Body& b, const Pose& at_b) {
+Exact exact_answer(const Body& a, const Pose& at_a, const Body& b, const Pose& at_b) {
   Exact least;
   for (const PiecePtr& of_a : a.pieces)
     for (const PiecePtr& of_b : b.pieces) {
-      std::vector<JudgedElements> elements;
+      std::vector<CheckedElements> elements;
       elements.reserve(2);
       const auto view = [&](const Piece& piece) {
         if (!piece.surface) return exact::BodyView{piece.vertices, {}, false, piece.radius};
-        const JudgedElements& of = elements.emplace_back(*piece.surface);
+        const CheckedElements& of = elements.emplace_back(*piece.surface);
         return exact::BodyView{of.vertices, of.triangles, of.is_solid, piece.radius};
       };
       const exact::BodyView view_a = view(*of_a), view_b = view(*of_b);
@@ -208,7 +208,7 @@ TEST(ElementKernels, HoldTheExactDistance) {
       };
       std::vector<Exact> exact;  // (K, P)
       for (std::uint32_t k = 0; k < kConfigurations; ++k)
-        for (const BodyPair p : c.pairs) exact.push_back(judge(bodies[p.a], pose(k, p.a), bodies[p.b], pose(k, p.b)));
+        for (const BodyPair p : c.pairs) exact.push_back(exact_answer(bodies[p.a], pose(k, p.a), bodies[p.b], pose(k, p.b)));
       const auto exact_of = [&](std::uint32_t k, BodyPair p) {
         return exact[k * c.pairs.size() +
                      static_cast<std::size_t>(std::find(c.pairs.begin(), c.pairs.end(), p) - c.pairs.begin())];

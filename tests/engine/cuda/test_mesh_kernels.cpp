@@ -2,7 +2,7 @@
 // intervals held before the exact judge and against the CPU's, and what is left to the CPU beside it. With
 // CLEARANCE_MUTANT its code is another, which the judge has to find.
 #include "tests/engine/cuda/mesh_case.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 // Behind all that is included elsewhere.
 #include "tests/engine/cuda/emulated_reduction.h"
 
@@ -12,15 +12,15 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 // Cases of two meshes among those of the classes, with what is exact of them.
-struct JudgedCases {
-  struct Judged {
+struct CheckedCases {
+  struct CheckedMesh {
     double below, above;  // neighbours of the exact distance among the doubles; 0: they overlap
     bool is_held;         // they overlap, but no triangles do
   };
   std::vector<exact::Case> cases;
-  std::vector<Judged> judged;
+  std::vector<CheckedMesh> checked;
 
-  JudgedCases() {
+  CheckedCases() {
     for (const exact::CaseClass& of : exact::mesh_classes()) {
       std::size_t wanted = of.name == "mesh_held" ? 8 : 2;
       for (std::uint64_t i = 0; i < 40 && wanted > 0; ++i) {
@@ -37,9 +37,9 @@ struct JudgedCases {
 
  private:
   void add(exact::Case one) {
-    const exact::Value d = exact::judge(one).distance;
+    const exact::Value d = exact::exact_answer(one).distance;
     const bool overlap = !(d.compare(0) > 0);
-    judged.push_back({overlap ? 0 : d.lower(), overlap ? 0 : d.upper(), overlap && are_triangles_apart(one)});
+    checked.push_back({overlap ? 0 : d.lower(), overlap ? 0 : d.upper(), overlap && are_triangles_apart(one)});
     cases.push_back(std::move(one));
   }
   // Of a mesh of three parts one lies within the other mesh, each in turn.
@@ -72,7 +72,7 @@ struct JudgedCases {
 };
 
 TEST(MeshKernels, HoldTheExactDistance) {
-  const JudgedCases of;
+  const CheckedCases of;
   Scene scene;
   std::vector<BodyPair> pairs;
   for (std::uint32_t i = 0; i < of.cases.size(); ++i) {
@@ -102,7 +102,7 @@ TEST(MeshKernels, HoldTheExactDistance) {
     EXPECT_EQ(reduction.row_count(), reduce == Reduce::kWithin ? pairs.size() : 2 * pairs.size());
     for (std::uint64_t i = 0; i < reduction.row_count(); ++i) {
       const std::uint32_t number = reply.pair[i].a / 2;
-      const JudgedCases::Judged& d = of.judged[number];
+      const CheckedCases::CheckedMesh& d = of.checked[number];
       wrong += !(reply.lower[i] <= d.below && reply.upper[i] >= d.above);
       const auto status = static_cast<Status>(reply.status[i]);
       wrong += (status == Status::kOverlap && d.above > 0) || (status == Status::kOk && d.above <= 0);
@@ -123,8 +123,8 @@ TEST(MeshKernels, HoldTheExactDistance) {
     std::vector<std::uint8_t> is_hit(of.cases.size(), 0);
     for (std::uint64_t i = 0; i < reduction.row_count(); ++i) is_hit[reduction.rows().pair[i].a / 2] = 1;
     for (std::size_t i = 0; i < of.cases.size(); ++i) {
-      wrong += is_hit[i] && of.judged[i].below > distance * (1 + 1e-9);
-      wrong += !is_hit[i] && of.judged[i].above < distance;
+      wrong += is_hit[i] && of.checked[i].below > distance * (1 + 1e-9);
+      wrong += !is_hit[i] && of.checked[i].above < distance;
     }
   }
 #ifdef CLEARANCE_MUTANT

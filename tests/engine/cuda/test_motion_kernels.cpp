@@ -9,7 +9,7 @@
 #include "tests/engine/cuda/arm_edges.h"
 #include "tests/engine/cuda/verdicts.h"
 #include "tests/engine/device/fake_device.h"
-#include "tests/engine/motion/motion_judge.h"
+#include "tests/engine/motion/motion_oracle.h"
 #include "tests/engine/motion/motion_test.h"
 // Behind all that is included elsewhere.
 #include "tests/engine/cuda/emulated_motions.h"
@@ -273,10 +273,10 @@ MotionDecision decision_of(const Scene& scene, const QueryView& q) {
           host.free_until(0)};
 }
 
-class JudgedMotionKernels : public ::testing::TestWithParam<int> {};
+class CheckedMotionKernels : public ::testing::TestWithParam<int> {};
 
-TEST_P(JudgedMotionKernels, SayNothingThatIsUntrue) {
-  const MotionFindings found = judge_decisions(21, 32, GetParam(), decision_of);
+TEST_P(CheckedMotionKernels, SayNothingThatIsUntrue) {
+  const MotionFindings found = check_decisions(21, 32, GetParam(), decision_of);
   std::printf("%s\n", found.text().c_str());
   EXPECT_EQ(found.wrong(), 0) << found.text();
   EXPECT_GE(found.motions, 32);
@@ -285,7 +285,7 @@ TEST_P(JudgedMotionKernels, SayNothingThatIsUntrue) {
   EXPECT_GT(found.least_on_device, 20);
 }
 
-INSTANTIATE_TEST_SUITE_P(Kinds, JudgedMotionKernels, ::testing::Range(0, kMotionKinds),
+INSTANTIATE_TEST_SUITE_P(Kinds, CheckedMotionKernels, ::testing::Range(0, kMotionKinds),
                          [](const auto& kind) { return name_of(static_cast<MotionKind>(kind.param)); });
 
 // A device whose workspace runs the kernels here, on the chunks that the engine deals it.

@@ -63,7 +63,7 @@ TEST(MotionRates, NoPointIsFasterOrAcceleratedByMore) {
     const RobotModel robot = read_urdf(kRobots + file);
     const Kinematics kinematics(robot);
     const auto links = robot.links.size();
-    int judged = 0;
+    int checked = 0;
     for (int k = 0; k < 150; ++k) {
       std::vector<double> q, change;
       for (std::size_t c = 0; c < robot.columns.size(); ++c) {
@@ -78,9 +78,9 @@ TEST(MotionRates, NoPointIsFasterOrAcceleratedByMore) {
       const Derivatives seen(robot, kinematics, q, change, eye, link, p);
       EXPECT_LE(seen.speed, claim.speed + 1e-20);
       EXPECT_LE(seen.acceleration, claim.acceleration + 1e-14);
-      ++judged;
+      ++checked;
     }
-    EXPECT_GT(judged, 80);
+    EXPECT_GT(checked, 80);
   }
 }
 

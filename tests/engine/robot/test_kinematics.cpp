@@ -43,17 +43,17 @@ std::string random_urdf(Random& random, int joints) {
   return text + "</robot>";
 }
 
-struct Judged {
+struct OracleResult {
   double worst = 0, worst_between = 0;  // error over claim
   double claim_over_reach = 0;
-  int judged = 0;
+  int checked = 0;
 };
 
 // Some configurations of a robot, each link and many pairs of links.
-void judge(const RobotModel& robot, Random& random, int configurations, double angle, double travel, double far,
-           Judged* out) {
+void check_robot(const RobotModel& robot, Random& random, int configurations, double angle, double travel, double far,
+           OracleResult* out) {
   const Kinematics kinematics(robot);
-  constexpr double kRadius = 0.2, kJudgesOwn = 1e-50;
+  constexpr double kRadius = 0.2, kOraclesOwn = 1e-50;
   std::vector<Pose> roots;
   double distance = 0;
   for (std::size_t r = 0; r < kinematics.roots().size(); ++r) {
@@ -82,10 +82,10 @@ void judge(const RobotModel& robot, Random& random, int configurations, double a
     for (std::uint32_t l = 0; l < robot.links.size(); ++l) {
       const double off = test::displacement(exact[l], got[l], kRadius);
       const double claim = kinematics.error(l, kRadius).at(most, distance);
-      ASSERT_LE(off, claim + kJudgesOwn) << robot.links[l].name;
+      ASSERT_LE(off, claim + kOraclesOwn) << robot.links[l].name;
       if (claim > 0) out->worst = std::max(out->worst, off / claim);
       out->claim_over_reach = std::max(out->claim_over_reach, claim / (kinematics.reach(l, kRadius) + most + distance));
-      ++out->judged;
+      ++out->checked;
       const auto b = static_cast<std::uint32_t>(random.below(static_cast<int>(robot.links.size())));
       if (b == l) continue;
       // Where b is, seen from a: b's origin turns with a's frame, as a's points that far out do.
@@ -95,46 +95,46 @@ void judge(const RobotModel& robot, Random& random, int configurations, double a
           norm(poses[k * robot.links.size() + b].translation - poses[k * robot.links.size() + l].translation) *
           (1 + 1e-9);
       const double whole = kinematics.error_between(l, far_b, b, 0).at(most, distance);
-      ASSERT_LE(between, whole + kJudgesOwn) << robot.links[l].name << " and " << robot.links[b].name;
+      ASSERT_LE(between, whole + kOraclesOwn) << robot.links[l].name << " and " << robot.links[b].name;
       if (whole > 0) out->worst_between = std::max(out->worst_between, between / whole);
     }
   }
 }
 
-void say(const char* what, const Judged& judged) {
+void say(const char* what, const OracleResult& checked) {
   std::printf("%s: %d poses, worst error %.3f of the claim (between links %.3f), claim at most %.3g of the reach\n",
-              what, judged.judged, judged.worst, judged.worst_between, judged.claim_over_reach);
+              what, checked.checked, checked.worst, checked.worst_between, checked.claim_over_reach);
 }
 
 TEST(Kinematics, AnArmIsWithinWhatIsClaimedAndThatIsLittle) {
   Random random(1);
-  Judged judged;
-  judge(read_urdf(kFolder + "arm.urdf"), random, 60, 3, 0.5, 0, &judged);
-  say("arm", judged);
-  EXPECT_LT(judged.claim_over_reach, 3e-14);
-  EXPECT_GT(judged.worst, 0.02) << "the claim is not idle";
+  OracleResult checked;
+  check_robot(read_urdf(kFolder + "arm.urdf"), random, 60, 3, 0.5, 0, &checked);
+  say("arm", checked);
+  EXPECT_LT(checked.claim_over_reach, 3e-14);
+  EXPECT_GT(checked.worst, 0.02) << "the claim is not idle";
 }
 
 TEST(Kinematics, EveryKindOfJointIsWithinWhatIsClaimed) {
   Random random(2);
-  Judged judged;
-  judge(read_urdf(kFolder + "every_joint.urdf"), random, 60, 3, 0.5, 1, &judged);
-  say("every joint", judged);
-  EXPECT_LT(judged.claim_over_reach, 3e-14);
-  EXPECT_GT(judged.worst_between, 0.005);
+  OracleResult checked;
+  check_robot(read_urdf(kFolder + "every_joint.urdf"), random, 60, 3, 0.5, 1, &checked);
+  say("every joint", checked);
+  EXPECT_LT(checked.claim_over_reach, 3e-14);
+  EXPECT_GT(checked.worst_between, 0.005);
 }
 
 TEST(Kinematics, RandomRobotsAreWithinWhatIsClaimed) {
   Random random(3);
-  Judged near, far;
+  OracleResult near, far;
   for (int i = 0; i < 25; ++i) {
     const RobotModel robot = parse_urdf(random_urdf(random, 2 + i % 10), "random.urdf");
-    judge(robot, random, 6, 4, 1, 1, &near);
-    judge(robot, random, 4, 1e5, 100, 1e4, &far);
+    check_robot(robot, random, 6, 4, 1, 1, &near);
+    check_robot(robot, random, 4, 1e5, 100, 1e4, &far);
   }
   say("random", near);
   say("random, many turns and far away", far);
-  EXPECT_GT(near.judged, 500);
+  EXPECT_GT(near.checked, 500);
   EXPECT_LT(near.claim_over_reach, 3e-14);
 }
 

@@ -62,14 +62,14 @@ struct Step {
   }
 };
 
-constexpr double kJudgesOwn = 1e-50;
+constexpr double kOraclesOwn = 1e-50;
 
 Real ratio(const Real& way, double claim) {
-  return claim > 0 ? way / claim : way < kJudgesOwn ? Real(0) : Real(2);
+  return claim > 0 ? way / claim : way < kOraclesOwn ? Real(0) : Real(2);
 }
 
 // Small and large steps of random robots: no point of a ball goes farther than its path says.
-void judge(const RobotModel& robot, Random& random, int steps, double* worst) {
+void check_robot(const RobotModel& robot, Random& random, int steps, double* worst) {
   const Kinematics kinematics(robot);
   const auto links = static_cast<std::uint32_t>(robot.links.size());
   for (int k = 0; k < steps; ++k) {
@@ -101,7 +101,7 @@ TEST(MotionPath, NoPointGoesFartherThanItsPath) {
   Random random(1);
   for (const char* file : {"arm.urdf", "every_joint.urdf"}) {
     double worst = 0;
-    judge(read_urdf(kFolder + file), random, 40, &worst);
+    check_robot(read_urdf(kFolder + file), random, 40, &worst);
     std::printf("%s: longest way %.3f of the claim\n", file, worst);
     EXPECT_GT(worst, 0.5) << "the claim is not idle";
   }
@@ -128,7 +128,7 @@ TEST(MotionPath, NoTwoPointsComeNearerThanAnyPathBetweenThem) {
         const Real before = apart(at(step.from[i], p), at(step.from[j], q));
         const Real after = apart(at(step.to[i], p), at(step.to[j], q));
         for (const MotionPath& path : paths_between(kinematics, i, of_i, j, of_j)) {
-          ASSERT_LE(abs(before - after), Real(path.way(step.change, step.travel)) + kJudgesOwn)
+          ASSERT_LE(abs(before - after), Real(path.way(step.change, step.travel)) + kOraclesOwn)
               << robot.links[i].name << " and " << robot.links[j].name;
           ++paths;
         }

@@ -39,7 +39,7 @@ double scale_of(const Case& c) {
 }
 
 void set_gap(Case& c, double gap) {
-  const Result r = judge(c);
+  const Result r = exact_answer(c);
   if (squared_norm(r.direction) == 0 && !(c.a->triangles.empty() && c.b->triangles.empty())) return;
   // A direction of integers of any size, brought to doubles.
   mpz_class largest = 0;

@@ -26,7 +26,7 @@ struct Solid {
   std::vector<CloudPoint> cloud = {};
   float voxel = 0;  ///< metres: the edge of those boxes; 0: points
   bool is_half_space =
-      false;  ///< z <= 0, grown by the radius; then there are no vertices, and judge() knows nothing of it
+      false;  ///< z <= 0, grown by the radius; then there are no vertices, and exact_answer() knows nothing of it
 };
 /// Cases that share a shape share the pointer.
 using SolidPtr = std::shared_ptr<const Solid>;
@@ -44,7 +44,7 @@ inline BodyView body_view(const Solid& s) {
   return {s.vertices, s.triangles, s.is_solid, s.radius};
 }
 /// \param depth of hulls that overlap; there is none where one has triangles
-inline Result judge(const Case& c, bool depth = true) {
+inline Result exact_answer(const Case& c, bool depth = true) {
   if (c.a->triangles.empty() && c.b->triangles.empty())
     return exact_distance(view(*c.a), c.X_wa, view(*c.b), c.X_wb, depth);
   return exact_distance(body_view(*c.a), c.X_wa, body_view(*c.b), c.X_wb);

@@ -3,7 +3,7 @@
 
 #include "tests/oracle/certificate/motion.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 
 using IdPair = std::array<Id, 2>;
 IdPair pair_of(const Value& ids);
@@ -29,4 +29,4 @@ void check_surface(const Value& witness, const std::vector<Vector>& points, cons
 /// (> 0). Throws Refusal where no ray tells.
 long turns_around(const std::vector<Face>& faces, const std::vector<Vector>& points, const Dyadic& near);
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

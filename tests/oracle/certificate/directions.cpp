@@ -4,7 +4,7 @@
 
 #include "tests/oracle/certificate/bounds.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 namespace {
 
 // What all directions of a span have in common.
@@ -213,4 +213,4 @@ Span check_span(const Motion& motion, const IdPair& ids, const Value& span, cons
   return {begin, end};
 }
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 
 namespace {
 
@@ -194,4 +194,4 @@ Document::Document(std::string_view text) : memory_(text.size() + 1024) {
   root_ = builder.root();
 }
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

@@ -10,7 +10,7 @@
 
 #include "tests/oracle/certificate/dyadic.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 
 /// Why a document, or a row of it, is not good.
 class Refusal : public std::runtime_error {
@@ -90,4 +90,4 @@ class Document {
   Value root_;
 };
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 namespace {
 
 constexpr long kBits = 384;  // of quotients and roots, at least
@@ -147,4 +147,4 @@ Dyadic length_above(const Vector& v) {
   return root_above(dot(v, v));
 }
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

@@ -6,7 +6,7 @@
 #include <array>
 #include <compare>
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 
 /// m 2^e, exactly. Quotients and roots are not among these numbers: their functions say to which side they round.
 class Dyadic {
@@ -62,4 +62,4 @@ Vector turned_back(const Rows& rows, const Vector& v);
 /// No less than |v|: root_above().
 Dyadic length_above(const Vector& v);
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

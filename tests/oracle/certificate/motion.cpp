@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <charconv>
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 namespace {
 
 // From here on blur() is not far above what rounding does.
@@ -266,4 +266,4 @@ MotionUncertainty Motion::uncertainty(Id id, const std::vector<Id>& frames, doub
   return uncertainty;
 }
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

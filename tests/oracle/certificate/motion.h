@@ -10,7 +10,7 @@
 #include "tests/oracle/certificate/piece.h"
 #include "tests/oracle/certificate/turns.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 
 using Id = std::int64_t;
 /// Of a body, or none: the world.
@@ -107,4 +107,4 @@ class Motion {
   mutable std::size_t depth_ = 0;
 };
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

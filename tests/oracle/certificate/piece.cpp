@@ -6,7 +6,7 @@
 #include <numeric>
 #include <optional>
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 namespace {
 
 // No product of such coordinates overflows; of larger ones all are computed exactly.
@@ -183,4 +183,4 @@ Dyadic Piece::off(const Vector& p) const {
   return across - radius + quotient_above((half + p[2]) * radius, half + half);
 }
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

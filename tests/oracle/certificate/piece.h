@@ -7,7 +7,7 @@
 
 #include "tests/oracle/certificate/document.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 
 /// A triangle between points of a list.
 using Face = std::array<std::size_t, 3>;
@@ -63,4 +63,4 @@ class Piece {
   std::vector<std::size_t> seeds_;  // of elements: vertices
 };
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

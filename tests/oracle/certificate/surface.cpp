@@ -4,7 +4,7 @@
 
 #include "tests/oracle/certificate/bounds.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 namespace {
 
 // Where rays begin, in units that are made small enough, and where they go: without pattern, so that one meets no edge.
@@ -108,4 +108,4 @@ void check_surface(const Value& witness, const std::vector<Vector>& points, cons
   require(turns(faces, points, ball) != 0, "the surface does not go around the origin");
 }
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

@@ -4,7 +4,7 @@
 
 #include "tests/oracle/certificate/document.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 namespace {
 
 // Numbers with a fixed point: x stands for x 2^-kFixed. What series and roots lose stays far behind kBits.
@@ -133,4 +133,4 @@ Dyadic chord_above(const Dyadic& angle) {
   return length_above(turn.rows[0] - Vector{1.0, 0.0, 0.0}) + blur();
 }
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

@@ -3,7 +3,7 @@
 
 #include "tests/oracle/certificate/dyadic.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 
 /// Poses that are computed are multiples of 2^-kBits, rounded down; what that moves a point by is below blur().
 constexpr long kBits = 320;
@@ -45,4 +45,4 @@ Pose composed(const Pose& outer, const Pose& inner);
 /// No less than 2 sin(angle / 2), how far a point moves that is 1 m from the axis; 2 from half a turn on.
 Dyadic chord_above(const Dyadic& angle);
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

@@ -4,7 +4,7 @@
 
 #include "tests/oracle/certificate/bounds.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 namespace {
 
 constexpr const char* kTooFar = "a point of a witness is too far away";
@@ -137,4 +137,4 @@ void check_witness(const Motion& motion, const IdPair& ids, const Value& witness
     check_points(witness, d, reach, normals(of_a, of_b, X_wa, X_wb));
 }
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

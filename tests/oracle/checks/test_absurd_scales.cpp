@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "engine/hull/piece.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 namespace {
@@ -41,7 +41,7 @@ TEST(AbsurdScales, AreNeverAnsweredWrongly) {
       }
     }
     const std::vector<Tally> tallies = try_cases(
-        cases, settings, 1, false, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+        cases, settings, 1, false, [&](std::size_t i, const Setting& s, const CheckResult& v, const std::string& answer) {
           if (v.violation.empty()) return;
           ADD_FAILURE() << "2^" << exponent << " case " << i << ", " << s.name() << ": " << v.violation << "\n  "
                         << answer << "\n"

@@ -8,7 +8,7 @@
 #include <map>
 #include <sstream>
 
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 #include "tests/source_file.h"
 
 namespace clearance::exact {
@@ -49,10 +49,10 @@ TEST_P(Containment, HoldsForEveryAnswer) {
   const std::vector<Setting> settings = standard_settings();
   int shown = 0;
   const std::vector<Tally> tallies = try_cases(
-      cases, settings, 1, true, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+      cases, settings, 1, true, [&](std::size_t i, const Setting& s, const CheckResult& v, const std::string& answer) {
         if (++shown > 5) return;
         ADD_FAILURE() << c.name << " case " << i << " of seed " << kSeed << ", " << s.name() << ": " << v.violation
-                      << " " << v.inaccuracy << "\n  " << answer << "\n  exact " << judge(cases[i]).distance.lower()
+                      << " " << v.inaccuracy << "\n  " << answer << "\n  exact " << exact_answer(cases[i]).distance.lower()
                       << "\n  " << as_initialiser(cases[i]);
       });
   for (std::size_t k = 0; k < settings.size(); ++k) {
@@ -83,7 +83,7 @@ TEST(MinedCases, KeepTheirExactAnswers) {
   ASSERT_GE(mined_cases().size(), 10u);
   for (std::size_t i = 0; i < mined_cases().size(); ++i) {
     const MinedCase& m = mined_cases()[i];
-    EXPECT_EQ(judge(m.pair).distance.lower(), m.exact) << "case " << i;
+    EXPECT_EQ(exact_answer(m.pair).distance.lower(), m.exact) << "case " << i;
   }
 }
 
@@ -92,7 +92,7 @@ TEST(MinedCases, AreAnsweredRight) {
   for (const MinedCase& m : mined_cases()) cases.push_back(m.pair);
   const std::vector<Tally> tallies =
       try_cases(cases, standard_settings(), 1, true,
-                [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+                [&](std::size_t i, const Setting& s, const CheckResult& v, const std::string& answer) {
                   ADD_FAILURE() << "mined case " << i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy
                                 << "\n  " << answer;
                 });

@@ -10,7 +10,7 @@
 #include "engine/narrow/group.h"
 #include "engine/narrow/piece_batch.h"
 #include "engine/selection/columns.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 #include "tests/oracle/cases/misleading_table.h"
 
 namespace clearance::exact {
@@ -32,7 +32,7 @@ struct Spheres {
       Case c = make_case(spheres, kSeed, i);
       set_gap(c, random.log_uniform(1e-2, 1) * scale_of(c));
       cases.push_back(c);
-      truth.push_back(judge(c));
+      truth.push_back(exact_answer(c));
     }
   }
 };
@@ -64,7 +64,7 @@ TEST(Contradictions, OfAMisleadingTableAreAnsweredAnewAndCounted) {
     for (const Setting& s : standard_settings({backend})) {
       const std::vector<Answer> answers = bench.ask(s);
       for (std::size_t i = 0; i < answers.size(); ++i) {
-        const Verdict v = hold_against(spheres.cases[i], spheres.truth[i], s, answers[i], false);
+        const CheckResult v = hold_against(spheres.cases[i], spheres.truth[i], s, answers[i], false);
         EXPECT_TRUE(v.violation.empty()) << s.name() << ", case " << i << ": " << v.violation << in_words(answers[i]);
       }
       if (s.max_distance > 1) {
@@ -170,7 +170,7 @@ TEST(Contradictions, OfABrokenLaneAreAnsweredAnewAndCounted) {
     EXPECT_GT(count, 15u) << "float32 " << f32;
     std::size_t apart = 0;
     for (std::size_t i = 0; i < found.size(); ++i) {
-      const Result truth = judge(cases[i], false);
+      const Result truth = exact_answer(cases[i], false);
       const Interval& b = found[i];
       EXPECT_TRUE(b.is_possible());
       if (truth.cores_overlap) continue;

@@ -84,7 +84,7 @@ void try_pair(Random& random, Kind kind, Found& found) {
                   : make_decomposed_piece(other.vertices, other.triangles, propose(random, other, kind), radius_b);
   for (int k = 0; k < 3; ++k) {
     Case c{a, b, random.rotation(), random.rotation(random.direction() * (size * random.uniform(0, 0.6)))};
-    const Result truth = judge(c, false);
+    const Result truth = exact_answer(c, false);
     const bool apart = truth.distance.compare(0) > 0;
     const double near = apart ? truth.distance.upper() : 0.1;
     const std::array<double, 4> limits{0.0, 0.5 * near, 0.999 * near, 1.01 * near};

@@ -55,7 +55,7 @@ Distance against(const Result& r, double bound) {
   return {r.distance.upper(), r.distance.compare(bound) > 0};
 }
 
-void judge_inner(Random& random, const Mesh& mesh, const Decomposition& d, double size, Tally& tally) {
+void check_inner(Random& random, const Mesh& mesh, const Decomposition& d, double size, Tally& tally) {
   double farthest = 0;
   std::vector<Vec3d> points = mesh.vertices;
   for (int i = 0; i < 120; ++i) {
@@ -78,7 +78,7 @@ void judge_inner(Random& random, const Mesh& mesh, const Decomposition& d, doubl
   tally.take(d.inner, farthest, 2e-3 * size);
 }
 
-void judge_outer(Random& random, const Mesh& mesh, const Decomposition& d, double size, Tally& tally) {
+void check_outer(Random& random, const Mesh& mesh, const Decomposition& d, double size, Tally& tally) {
   const BodyView truth{mesh.vertices, mesh.triangles, true, 0};
   for (std::size_t i = 0; i < d.pieces.size(); ++i) {
     const std::vector<Vec3d>& corners = d.pieces[i]->vertices;
@@ -107,8 +107,8 @@ void try_meshes(int count, bool ends, Tally& inner, Tally& outer) {
       const double size = size_of(mesh);
       const Surface truth(mesh.vertices, mesh.triangles, true);
       const ProvedDecomposition proved = prove_decomposition(truth, propose(random, mesh, kind));
-      judge_inner(random, mesh, proved.decomposition, size, inner);
-      judge_outer(random, mesh, proved.decomposition, size, outer);
+      check_inner(random, mesh, proved.decomposition, size, inner);
+      check_outer(random, mesh, proved.decomposition, size, outer);
     }
 }
 

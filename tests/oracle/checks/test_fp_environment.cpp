@@ -10,7 +10,7 @@
 
 #include "engine/engine.h"
 #include "engine/selection/columns.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 #include "tests/temporary_folder.h"
 
 namespace clearance::exact {

@@ -30,7 +30,7 @@ void hold(double lower, double upper, const Real& truth, Findings& findings) {
 }
 
 // All pairs of some configurations, and what reductions make of them.
-void judge(LinkScene& scene, bool by_joints, Findings& findings) {
+void check_robot(LinkScene& scene, bool by_joints, Findings& findings) {
   constexpr std::uint32_t kCount = 4;
   std::vector<double> rows;
   for (std::uint32_t k = 0; k < (by_joints ? kCount : 1); ++k) {
@@ -77,8 +77,8 @@ Findings run(const Draw& draw, int scenes, std::uint64_t seed) {
   Findings findings;
   for (int i = 0; i < scenes; ++i) {
     LinkScene scene(random, draw);
-    judge(scene, true, findings);
-    judge(scene, false, findings);
+    check_robot(scene, true, findings);
+    check_robot(scene, false, findings);
   }
   std::printf("%d answers: %d misses, %d wide\n", findings.asked, findings.misses, findings.wide);
   return findings;

@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "engine/engine.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 #include "tests/oracle/cases/cases.h"
 
 namespace clearance::exact {
@@ -144,7 +144,7 @@ TEST(Margins, DecisionsAreProofs) {
     std::vector<Result> truth;
     for (int i = 0; i < (cls.cost > 3 ? 1 : 3); ++i) {
       cases.push_back(make_case(cls, kSeed, static_cast<std::uint64_t>(i)));
-      truth.push_back(judge(cases.back()));
+      truth.push_back(exact_answer(cases.back()));
     }
     for (const char* backend : {"cpu", "reference"}) {
       const Bench bench(cases, backend);

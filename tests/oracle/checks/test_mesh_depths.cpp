@@ -7,7 +7,7 @@
 #include <string>
 
 #include "engine/engine.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 namespace {
@@ -58,7 +58,7 @@ bool has_points(const Case& c) {
 
 bool is_apart(Case c, const Vec3d& shift) {
   c.X_wb.translation += shift;
-  return judge(c, false).distance.compare(0) > 0;
+  return exact_answer(c, false).distance.compare(0) > 0;
 }
 
 TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
@@ -68,7 +68,7 @@ TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
     for (std::uint64_t i = kFirst; i < kFirst + kCases; ++i) {
       const Case c = make_case(cls, kSeed, i);
       if (has_points(c)) continue;
-      const Result truth = judge(c, false);
+      const Result truth = exact_answer(c, false);
       const Depth d = ask(c);
       const std::string where = std::string(cls.name) + " " + std::to_string(i);
       ASSERT_LE(d.lower, d.upper) << where;

@@ -58,15 +58,15 @@ struct Trial {
       stands[i - 1] = random.rotation(random.direction() * (size_of(mesh) * random.uniform(0.2, 1.1)));
     }
     for (Pose& place : places) place = random.rotation();
-    judge_all();
+    check_all();
   }
   /// To be filled; all stand at the origin.
   Trial() = default;
 
-  void judge_all() {
+  void check_all() {
     for (std::uint32_t k = 0; k < kPlaces; ++k)
       for (std::uint32_t i = 0; i < kOthers; ++i)
-        truth[k][i] = judge({solids[0], solids[1 + i], places[k], stands[i]}, false);
+        truth[k][i] = exact_answer({solids[0], solids[1 + i], places[k], stands[i]}, false);
   }
 
   void make(std::uint32_t at, Random& random, const Mesh& mesh, Kind kind, double radius) {
@@ -192,7 +192,7 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
     bool below = true, above = false, apart = true;
     for (const SolidPtr& a : solids_of(0))
       for (const SolidPtr& b : solids_of(1 + row)) {
-        const Result pieces = judge({a, b, trial.places[0], trial.stands[row]});
+        const Result pieces = exact_answer({a, b, trial.places[0], trial.stands[row]});
         below &= pieces.distance.compare(lower) >= 0;
         above |= pieces.distance.compare(upper) <= 0;
         apart &= pieces.distance.compare(0) > 0;
@@ -317,7 +317,7 @@ void look_at_tube(Found& found) {
   trial.pieces = {make_decomposed_piece(mesh.vertices, mesh.triangles, std::array{mesh.vertices}, 0),
                   make_piece({{0, 0, 0}}, 0.125)};
   for (std::uint32_t i = 2; i <= kOthers; ++i) trial.solids[i] = trial.solids[1], trial.pieces[i] = trial.pieces[1];
-  trial.judge_all();
+  trial.check_all();
   const Engine engine(trial.scene(), {.backend = "cpu", .threads = 1});
   const int apart = found.apart;
   for (const double limit : {0.0, 1.0}) look_at_rows(engine, trial, limit, Precision::kF64, found);

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "engine/engine.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 namespace {

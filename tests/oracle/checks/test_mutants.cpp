@@ -23,7 +23,7 @@ void try_class(const CaseClass& cls, Tried& tried) {
   std::vector<Result> truth;
   for (int i = 0; i < (cls.cost > 3 ? 10 : 40); ++i) {
     cases.push_back(make_case(cls, kSeed, static_cast<std::uint64_t>(i)));
-    truth.push_back(judge(cases.back()));
+    truth.push_back(exact_answer(cases.back()));
   }
   for (const char* backend : {"cpu", "reference"}) {
     const Bench bench(cases, backend);
@@ -70,7 +70,7 @@ TEST(Mutants, OfRoundingAreFoundByMinedCases) {
   ASSERT_FALSE(cases.empty());
   std::vector<bool> found(cases.size());
   try_cases(cases, standard_settings(), 1, false,
-            [&](std::size_t i, const Setting&, const Verdict& v, const std::string&) {
+            [&](std::size_t i, const Setting&, const CheckResult& v, const std::string&) {
               if (!v.violation.empty()) found[i] = true;
             });
   const auto count = std::count(found.begin(), found.end(), true);

@@ -159,7 +159,7 @@ PiecePtr round_piece(Random& random, bool extreme) {
 }
 
 // Apart, touching or deep, near the origin or 10 km away, with turns that are simple or not.
-struct Judged {
+struct CheckedBalls {
   int asked = 0, converged = 0, near = 0, deep = 0;
   int of_kind[5] = {};                // round pieces by their Primitive::Kind
   int depths = 0, narrow_depths = 0;  // of overlaps whose depth is asked for; not among the asked
@@ -188,10 +188,10 @@ Pose any_pose(Random& random, double far) {
 }
 
 // A ball beside a round piece: the distance is a closed form.
-Judged judge_balls(bool extreme, int count, std::uint64_t seed) {
+CheckedBalls check_balls(bool extreme, int count, std::uint64_t seed) {
   mpf_set_default_prec(kBits);
   Random random(seed);
-  Judged judged;
+  CheckedBalls checked;
   for (int i = 0; i < count; ++i) {
     const PiecePtr piece = round_piece(random, extreme);
     const PiecePtr ball = make_piece({{0, 0, 0}}, random.chance(0.5) ? random.log_uniform(1e-3, 1) : 0);
@@ -220,33 +220,33 @@ Judged judge_balls(bool extreme, int count, std::uint64_t seed) {
         const auto [lower, upper] = answer.bounds;
         EXPECT_TRUE(lower == -kInf || real(lower) <= exact + tiny) << i << ": " << lower << " > " << exact.get_d();
         EXPECT_TRUE(upper == kInf || real(upper) >= exact - tiny) << i << ": " << upper << " < " << exact.get_d();
-        judged.take(answer, depth);
+        checked.take(answer, depth);
       }
-    judged.near += abs(exact) < 1e-6;
-    judged.deep += exact < -1e-3;
-    ++judged.of_kind[static_cast<int>(piece->primitive->kind)];
+    checked.near += abs(exact) < 1e-6;
+    checked.deep += exact < -1e-3;
+    ++checked.of_kind[static_cast<int>(piece->primitive->kind)];
   }
-  judged.print(extreme ? "balls, extreme" : "balls");
-  return judged;
+  checked.print(extreme ? "balls, extreme" : "balls");
+  return checked;
 }
 
 TEST(RoundCores, HoldTheDistanceOfABall) {
-  const Judged judged = judge_balls(false, 1500, 1);
-  EXPECT_GT(judged.near, 200);
-  EXPECT_GT(judged.deep, 200);
+  const CheckedBalls checked = check_balls(false, 1500, 1);
+  EXPECT_GT(checked.near, 200);
+  EXPECT_GT(checked.deep, 200);
   for (const auto kind : {Primitive::Kind::kCone, Primitive::Kind::kEllipsoid, Primitive::Kind::kCylinder})
-    EXPECT_GT(judged.of_kind[static_cast<int>(kind)], 300);
-  EXPECT_GE(judged.converged, judged.asked * 0.999);
-  EXPECT_GT(judged.depths, 1000);
-  EXPECT_GE(judged.narrow_depths, judged.depths * 0.9);
-  EXPECT_LE(judged.widest_depth, 0.02);
+    EXPECT_GT(checked.of_kind[static_cast<int>(kind)], 300);
+  EXPECT_GE(checked.converged, checked.asked * 0.999);
+  EXPECT_GT(checked.depths, 1000);
+  EXPECT_GE(checked.narrow_depths, checked.depths * 0.9);
+  EXPECT_LE(checked.widest_depth, 0.02);
 }
 
 // Half axes from 1 um to 1 km, needles and discs: bounds hold, whether or not they are narrow.
 TEST(RoundCores, HoldItWhateverTheirShape) {
-  const Judged judged = judge_balls(true, 800, 2);
-  EXPECT_GT(judged.near, 100);
-  EXPECT_GE(judged.converged, judged.asked * 0.9);
+  const CheckedBalls checked = check_balls(true, 800, 2);
+  EXPECT_GT(checked.near, 100);
+  EXPECT_GE(checked.converged, checked.asked * 0.9);
 }
 
 PiecePtr any_piece(Random& random) {
@@ -274,7 +274,7 @@ bool holds_point(const Piece& piece, const Vec3d& p) {
 TEST(RoundCores, AreProvedByDirectionsAndPoints) {
   mpf_set_default_prec(kBits);
   Random random(3);
-  Judged judged;
+  CheckedBalls checked;
   for (int i = 0; i < 2000; ++i) {
     const PiecePtr a = any_piece(random), b = any_piece(random);
     if (!is_round(*a) && !is_round(*b)) continue;
@@ -292,9 +292,9 @@ TEST(RoundCores, AreProvedByDirectionsAndPoints) {
     const PoseMatrix pose_b = placed(X_wb);
     const NarrowAnswer answer = narrow_phase_proved(*a, pose_a, *b, pose_b, limits, proof);
     const auto [lower, upper] = answer.bounds;
-    judged.take(answer, limits.signed_distance);
-    judged.near += std::abs(upper) < 1e-6;
-    judged.deep += upper < -1e-3;
+    checked.take(answer, limits.signed_distance);
+    checked.near += std::abs(upper) < 1e-6;
+    checked.deep += upper < -1e-3;
     ASSERT_LE(lower, upper);
     if (lower > -kInf) {
       const auto exactly = [](const DoubleDouble& x) { return Real(real(x.hi) + real(x.lo)); };
@@ -309,11 +309,11 @@ TEST(RoundCores, AreProvedByDirectionsAndPoints) {
       EXPECT_NEAR(apart, upper, 1e-11 + 1e-9 * upper) << i;
     }
   }
-  judged.print("pairs");
-  EXPECT_GT(judged.asked, 1000);
-  EXPECT_GT(judged.near, 200);
-  EXPECT_GT(judged.deep, 100);
-  EXPECT_GE(judged.converged, judged.asked * 0.995);
+  checked.print("pairs");
+  EXPECT_GT(checked.asked, 1000);
+  EXPECT_GT(checked.near, 200);
+  EXPECT_GT(checked.deep, 100);
+  EXPECT_GE(checked.converged, checked.asked * 0.995);
 }
 
 }  // namespace

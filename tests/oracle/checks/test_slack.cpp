@@ -1,4 +1,4 @@
-// Slack before the judge (slack_judge.h). This file is linked once with the engine as it is, and once with each version
+// Slack before the judge (slack_oracle.h). This file is linked once with the engine as it is, and once with each version
 // of it that has a proof taken out (CMakeLists.txt): the same attempts must find nothing, and something.
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <functional>
 
 #include "engine/uncertainty/pose_uncertainty.h"
-#include "tests/oracle/slack_judge.h"
+#include "tests/oracle/slack_oracle.h"
 
 namespace clearance::exact {
 namespace {

@@ -58,7 +58,7 @@ TEST(Surface, IsProvedAndNeverDeeperThanExact) {
   int proved = 0, deep = 0;
   for_cases([&](const Surfaced& s, const std::string& where) {
     const double ball = s.ball();
-    const Result truth = judge(s.c);
+    const Result truth = exact_answer(s.c);
     deep += truth.cores_overlap && truth.distance.compare(-(s.pair.radius + 1e-9 * s.pair.scale)) < 0;
     if (!(ball > 0)) return;
     ++proved;

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "engine/engine.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 namespace {
@@ -58,10 +58,10 @@ TEST_P(Meshes, AnswersContainTheExactDistance) {
   const std::vector<Setting> settings = standard_settings({"cpu", "reference"}, false);
   int shown = 0;
   const std::vector<Tally> tallies = try_cases(
-      cases, settings, 1, true, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+      cases, settings, 1, true, [&](std::size_t i, const Setting& s, const CheckResult& v, const std::string& answer) {
         if (++shown > 5) return;
         ADD_FAILURE() << c.name << " case " << i << " of seed " << kSeed << ", " << s.name() << ": " << v.violation
-                      << " " << v.inaccuracy << "\n  " << answer << "\n  exact " << judge(cases[i]).distance.lower();
+                      << " " << v.inaccuracy << "\n  " << answer << "\n  exact " << exact_answer(cases[i]).distance.lower();
       });
   for (std::size_t k = 0; k < settings.size(); ++k) {
     const Tally& t = tallies[k];
@@ -114,7 +114,7 @@ struct Crowd {
       std::vector<Pose> at = poses;
       for (std::size_t i = 0; i < moved.size(); ++i) at[moved[i]] = configurations[k * moved.size() + i];
       std::vector<Result>& row = truth.emplace_back();
-      for (const BodyPair& p : pairs) row.push_back(judge({bodies[p.a], bodies[p.b], at[p.a], at[p.b]}));
+      for (const BodyPair& p : pairs) row.push_back(exact_answer({bodies[p.a], bodies[p.b], at[p.a], at[p.b]}));
     }
   }
   const Result& of(std::size_t k, BodyPair pair) const {
@@ -311,8 +311,8 @@ TEST(MeshCrowds, PiecesOfAllKindsMakeABody) {
       const Rows rows = ask(Engine(std::move(scene), options), {});
       Solid grown = *c.a, grown_other = *other.b;
       grown.radius = grown_other.radius = kPadding;
-      const Result truth[] = {judge({std::make_shared<const Solid>(grown), c.b, c.X_wa, c.X_wb}, false),
-                              judge({std::make_shared<const Solid>(grown_other), c.b, c.X_wa, c.X_wb}, false)};
+      const Result truth[] = {exact_answer({std::make_shared<const Solid>(grown), c.b, c.X_wa, c.X_wb}, false),
+                              exact_answer({std::make_shared<const Solid>(grown_other), c.b, c.X_wa, c.X_wb}, false)};
       const int nearer = truth[0].distance.compare(truth[1].distance) <= 0 ? 0 : 1;
       const bool is_apart = truth[nearer].distance.compare(0) > 0;
       (is_apart ? nearer == 0 ? first_is_nearer : second_is_nearer : overlapping)++;

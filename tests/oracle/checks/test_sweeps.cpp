@@ -9,7 +9,7 @@
 
 #include "engine/engine.h"
 #include "engine/hull/hull.h"
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 namespace {
@@ -113,7 +113,7 @@ TEST(Sweeps, OfPiecesAreConvexAndLipschitzAndContainTheExactDistance) {
         for (const Sample& x : s) {
           Case at = c;
           at.X_wb.translation = x.t;
-          const Value exact = judge(at).distance;
+          const Value exact = exact_answer(at).distance;
           ASSERT_GE(exact.compare(x.lower), 0) << what;
           ASSERT_LE(exact.compare(x.upper), 0) << what;
           apart += exact.compare(0) > 0;
@@ -168,7 +168,7 @@ TEST(Sweeps, OfBodiesOfSeveralPiecesAreLipschitzAndContainTheLeastOfTheirPairs) 
         bool all_above = true, one_below = false;  // the least of the pairs is in [lower, upper]
         for (const SolidPtr& p : a)
           for (const SolidPtr& q : b) {
-            const Value exact = judge({p, q, X_wa, {x.t, X_wb.qw, X_wb.qx, X_wb.qy, X_wb.qz}}).distance;
+            const Value exact = exact_answer({p, q, X_wa, {x.t, X_wb.qw, X_wb.qx, X_wb.qy, X_wb.qz}}).distance;
             all_above &= exact.compare(x.lower) >= 0;
             one_below |= exact.compare(x.upper) <= 0;
           }

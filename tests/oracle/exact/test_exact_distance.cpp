@@ -23,7 +23,7 @@ Vertices box(Vec3d low, Vec3d high) {
 
 /// The judge's answer, after checks that hold for every pair: the bracket is a tight one, and the direction attains the
 /// value.
-Result judge(const Vertices& a, double ra, const Pose& Xa, const Vertices& b, double rb, const Pose& Xb) {
+Result exact_answer(const Vertices& a, double ra, const Pose& Xa, const Vertices& b, double rb, const Pose& Xb) {
   const Result r = exact_distance({a, ra}, Xa, {b, rb}, Xb);
   const double low = r.distance.lower(), high = r.distance.upper();
   EXPECT_GE(r.distance.compare(low), 0);
@@ -32,59 +32,59 @@ Result judge(const Vertices& a, double ra, const Pose& Xa, const Vertices& b, do
   EXPECT_FALSE(r.direction.x == 0 && r.direction.y == 0 && r.direction.z == 0);
   return r;
 }
-Result judge(const Vertices& a, const Vertices& b) {
-  return judge(a, 0, {}, b, 0, {});
+Result exact_answer(const Vertices& a, const Vertices& b) {
+  return exact_answer(a, 0, {}, b, 0, {});
 }
 
 const double kInf = std::numeric_limits<double>::infinity();
 
 TEST(ExactDistance, Points) {
-  EXPECT_EQ(judge({{1, 2, 3}}, {{1 + 3, 2 + 4, 3 + 12}}).distance.compare(13), 0);
-  const Result same = judge({{1, 2, 3}}, 0.5, {}, {{1, 2, 3}}, 0.25, {});
+  EXPECT_EQ(exact_answer({{1, 2, 3}}, {{1 + 3, 2 + 4, 3 + 12}}).distance.compare(13), 0);
+  const Result same = exact_answer({{1, 2, 3}}, 0.5, {}, {{1, 2, 3}}, 0.25, {});
   EXPECT_TRUE(same.cores_overlap);
   EXPECT_EQ(same.distance.compare(-0.75), 0);
   // Irrational: sqrt(2) lies strictly between two neighbouring doubles.
-  const Value v = judge({{0, 0, 0}}, {{1, 1, 0}}).distance;
+  const Value v = exact_answer({{0, 0, 0}}, {{1, 1, 0}}).distance;
   EXPECT_EQ(v.lower(), std::nextafter(std::sqrt(2.0), 0.0));
   EXPECT_EQ(v.upper(), std::sqrt(2.0));
 }
 
 TEST(ExactDistance, SkewSegmentsAndTriangles) {
-  EXPECT_EQ(judge({{-1, 0, 0}, {1, 0, 0}}, {{0, -1, 2.5}, {0, 1, 2.5}}).distance.compare(2.5), 0);
+  EXPECT_EQ(exact_answer({{-1, 0, 0}, {1, 0, 0}}, {{0, -1, 2.5}, {0, 1, 2.5}}).distance.compare(2.5), 0);
   // From the triangle in x + y + z = 3 to the origin: sqrt(3), squared exactly 3.
-  const Result r = judge({{0, 0, 0}}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}});
+  const Result r = exact_answer({{0, 0, 0}}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}});
   EXPECT_EQ(r.distance.numerator, 3 * r.distance.denominator);
   ASSERT_EQ(r.simplex.size(), 3u);
   EXPECT_EQ(r.weights[0], r.weights[1]);
   EXPECT_EQ(r.weights[0], r.weights[2]);
   // Parallel overlapping segments, collinear segments, crossing segments.
-  EXPECT_EQ(judge({{0, 0, 0}, {4, 0, 0}}, {{1, 3, 4}, {2, 3, 4}}).distance.compare(5), 0);
-  EXPECT_EQ(judge({{0, 0, 0}, {4, 0, 0}}, {{5, 0, 0}, {9, 0, 0}}).distance.compare(1), 0);
-  EXPECT_EQ(judge({{0, 0, 0}, {4, 0, 0}}, {{2, -1, 0}, {2, 1, 0}}).distance.compare(0), 0);
+  EXPECT_EQ(exact_answer({{0, 0, 0}, {4, 0, 0}}, {{1, 3, 4}, {2, 3, 4}}).distance.compare(5), 0);
+  EXPECT_EQ(exact_answer({{0, 0, 0}, {4, 0, 0}}, {{5, 0, 0}, {9, 0, 0}}).distance.compare(1), 0);
+  EXPECT_EQ(exact_answer({{0, 0, 0}, {4, 0, 0}}, {{2, -1, 0}, {2, 1, 0}}).distance.compare(0), 0);
 }
 
 TEST(ExactDistance, Boxes) {
   const Vertices unit = box({0, 0, 0}, {1, 1, 1});
-  EXPECT_EQ(judge(unit, box({2, 0, 0}, {3, 1, 1})).distance.compare(1), 0);
-  EXPECT_EQ(judge(unit, box({4, 5, 13}, {5, 6, 14})).distance.compare(13), 0);                     // corners: 3, 4, 12
-  EXPECT_EQ(judge(unit, box({1, 0, 0}, {2, 1, 1})).distance.compare(0), 0);                        // faces touch
-  EXPECT_EQ(judge(unit, box({1, 1, 1}, {2, 2, 2})).distance.compare(0), 0);                        // corners touch
-  EXPECT_EQ(judge(unit, box({0.75, 0.5, 0.25}, {2, 2, 2})).distance.compare(-0.25), 0);            // depth
-  EXPECT_EQ(judge(unit, unit).distance.compare(-1), 0);                                            // coincident
-  EXPECT_EQ(judge(unit, box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75})).distance.compare(-0.75), 0);  // inside
-  EXPECT_EQ(judge(unit, 0.5, {}, box({0.5, 0, 0}, {2, 1, 1}), 0.25, {}).distance.compare(-1.25), 0);
+  EXPECT_EQ(exact_answer(unit, box({2, 0, 0}, {3, 1, 1})).distance.compare(1), 0);
+  EXPECT_EQ(exact_answer(unit, box({4, 5, 13}, {5, 6, 14})).distance.compare(13), 0);                     // corners: 3, 4, 12
+  EXPECT_EQ(exact_answer(unit, box({1, 0, 0}, {2, 1, 1})).distance.compare(0), 0);                        // faces touch
+  EXPECT_EQ(exact_answer(unit, box({1, 1, 1}, {2, 2, 2})).distance.compare(0), 0);                        // corners touch
+  EXPECT_EQ(exact_answer(unit, box({0.75, 0.5, 0.25}, {2, 2, 2})).distance.compare(-0.25), 0);            // depth
+  EXPECT_EQ(exact_answer(unit, unit).distance.compare(-1), 0);                                            // coincident
+  EXPECT_EQ(exact_answer(unit, box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75})).distance.compare(-0.75), 0);  // inside
+  EXPECT_EQ(exact_answer(unit, 0.5, {}, box({0.5, 0, 0}, {2, 1, 1}), 0.25, {}).distance.compare(-1.25), 0);
   // The last bit of a gap, and of a depth.
   const double more = std::nextafter(1.0, 2.0), less = std::nextafter(1.0, 0.0);
-  EXPECT_EQ(judge(unit, box({more, 0, 0}, {2, 1, 1})).distance.compare(more - 1), 0);
-  EXPECT_EQ(judge(unit, box({less, 0, 0}, {2, 1, 1})).distance.compare(less - 1), 0);
+  EXPECT_EQ(exact_answer(unit, box({more, 0, 0}, {2, 1, 1})).distance.compare(more - 1), 0);
+  EXPECT_EQ(exact_answer(unit, box({less, 0, 0}, {2, 1, 1})).distance.compare(less - 1), 0);
 }
 
 TEST(ExactDistance, RotationsAreExactAndOfAnyNorm) {
   // (w, x, y, z) = (2, 0, 0, 1): cos = 3/5, sin = 4/5, about z.
   for (const double s : {1.0, 1e-6, 3.0, 1e6}) {
-    const Result r = judge({{0, 0, 0}}, 0, {}, {{5, 0, 0}}, 0, {{0, 0, 0}, 2 * s, 0, 0, s});
+    const Result r = exact_answer({{0, 0, 0}}, 0, {}, {{5, 0, 0}}, 0, {{0, 0, 0}, 2 * s, 0, 0, s});
     EXPECT_EQ(r.distance.compare(5), 0) << s;
-    const Result shifted = judge({{3, 4, 0}}, 0, {}, {{5, 0, 0}}, 0, {{0, 0, 7}, 2 * s, 0, 0, s});
+    const Result shifted = exact_answer({{3, 4, 0}}, 0, {}, {{5, 0, 0}}, 0, {{0, 0, 7}, 2 * s, 0, 0, s});
     if (s == 1.0 || s == 3.0)
       EXPECT_EQ(shifted.distance.compare(7), 0) << s;
     else
@@ -92,40 +92,40 @@ TEST(ExactDistance, RotationsAreExactAndOfAnyNorm) {
   }
   // Both turned by the same rotation: the distance in the turned frame is the same.
   const Pose X{{1e9, -1e9, 1e8}, 2, 0, 0, 1};
-  EXPECT_EQ(judge(box({0, 0, 0}, {1, 1, 1}), 0, X, box({4, 5, 13}, {5, 6, 14}), 0, X).distance.compare(13), 0);
-  EXPECT_EQ(judge(box({0, 0, 0}, {1, 1, 1}), 0, X, box({0, 0, 0.75}, {1, 1, 14}), 0, X).distance.compare(-0.25), 0);
+  EXPECT_EQ(exact_answer(box({0, 0, 0}, {1, 1, 1}), 0, X, box({4, 5, 13}, {5, 6, 14}), 0, X).distance.compare(13), 0);
+  EXPECT_EQ(exact_answer(box({0, 0, 0}, {1, 1, 1}), 0, X, box({0, 0, 0.75}, {1, 1, 14}), 0, X).distance.compare(-0.25), 0);
 }
 
 TEST(ExactDistance, FlatDifferencesHaveDepthZero) {
   const Vertices square = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}};
   for (const Vertices& other :
        {square, Vertices{{1, 1, 0}}, Vertices{{1, -1, 0}, {1, 5, 0}}, Vertices{{1, 1, 0}, {1, 1, 0}}}) {
-    const Result r = judge(square, other);
+    const Result r = exact_answer(square, other);
     EXPECT_TRUE(r.cores_overlap);
     EXPECT_EQ(r.distance.compare(0), 0);
-    EXPECT_EQ(judge(square, 1, {}, other, 2, {}).distance.compare(-3), 0);
+    EXPECT_EQ(exact_answer(square, 1, {}, other, 2, {}).distance.compare(-3), 0);
   }
-  EXPECT_EQ(judge({{0, 0, 0}, {1, 1, 1}, {2, 2, 2}}, {{1, 1, 1}, {3, 3, 3}}).distance.compare(0), 0);
+  EXPECT_EQ(exact_answer({{0, 0, 0}, {1, 1, 1}, {2, 2, 2}}, {{1, 1, 1}, {3, 3, 3}}).distance.compare(0), 0);
   // A flat piece through a solid one, and a segment through a flat one, have depth.
-  EXPECT_EQ(judge(box({0, 0, -1}, {2, 2, 3}), square).distance.compare(-1), 0);
-  EXPECT_EQ(judge(square, {{1, 1, -0.5}, {1, 1, 4}}).distance.compare(-0.5), 0);
+  EXPECT_EQ(exact_answer(box({0, 0, -1}, {2, 2, 3}), square).distance.compare(-1), 0);
+  EXPECT_EQ(exact_answer(square, {{1, 1, -0.5}, {1, 1, 4}}).distance.compare(-0.5), 0);
 }
 
 TEST(ExactDistance, DuplicatedAndInnerVerticesChangeNothing) {
   Vertices a = box({0, 0, 0}, {1, 1, 1}), b = box({0.5, 0.5, 2}, {1, 1, 3});
-  const Result plain = judge(a, b);
+  const Result plain = exact_answer(a, b);
   a.insert(a.end(), {{0.5, 0.5, 0.5}, {0.5, 0.5, 1}, {1, 1, 1}, {1, 1, 1}});
   b.insert(b.end(), {{0.75, 0.75, 2}, {0.5, 0.5, 2}});
-  EXPECT_EQ(judge(a, b).distance.compare(plain.distance), 0);
+  EXPECT_EQ(exact_answer(a, b).distance.compare(plain.distance), 0);
 }
 
 TEST(ExactDistance, HugeTinyAndMixedScales) {
   const double tiny = 0x1p-400, huge = 0x1p190;
-  EXPECT_EQ(judge({{0, 0, 0}}, {{3 * tiny, 4 * tiny, 0}}).distance.compare(5 * tiny), 0);
-  EXPECT_EQ(judge({{0, 0, 0}}, {{3 * huge, 4 * huge, 0}}).distance.compare(5 * huge), 0);
-  EXPECT_EQ(judge(box({-huge, -huge, -huge}, {huge, huge, 0}), {{0, 0, tiny}}).distance.compare(tiny), 0);
+  EXPECT_EQ(exact_answer({{0, 0, 0}}, {{3 * tiny, 4 * tiny, 0}}).distance.compare(5 * tiny), 0);
+  EXPECT_EQ(exact_answer({{0, 0, 0}}, {{3 * huge, 4 * huge, 0}}).distance.compare(5 * huge), 0);
+  EXPECT_EQ(exact_answer(box({-huge, -huge, -huge}, {huge, huge, 0}), {{0, 0, tiny}}).distance.compare(tiny), 0);
   const double denormal = std::numeric_limits<double>::denorm_min();
-  EXPECT_EQ(judge({{0, 0, 0}}, {{0, 0, denormal}}).distance.compare(denormal), 0);
+  EXPECT_EQ(exact_answer({{0, 0, 0}}, {{0, 0, denormal}}).distance.compare(denormal), 0);
 }
 
 // The first face of the polytope is 1e-324 from the origin, the answer 1: found by clearance-mine, when the two did not
@@ -136,7 +136,7 @@ TEST(ExactDistance, DepthBesideADenormal) {
   for (int k = 0; k < 3; ++k) {
     Pose X;
     X.translation[k] = denormal;
-    const Value v = judge(cube, 0, {}, cube, 0, X).distance;
+    const Value v = exact_answer(cube, 0, {}, cube, 0, X).distance;
     EXPECT_EQ(v.compare(-1), 1);
     EXPECT_EQ(v.lower(), -1);
   }
@@ -227,7 +227,7 @@ TEST(ExactDistance, AgreesWithEnumerationOnLattices) {
       return v;
     };
     const Vertices a = points(1 + random() % 5, 0), b = points(1 + random() % 5, shift);
-    const Value v = judge(a, b).distance;
+    const Value v = exact_answer(a, b).distance;
     const mpq_class expected = signed_squared_gap_by_enumeration(differences(a, b));
     mpq_class found(v.sign * v.numerator, v.denominator);
     found.canonicalize();
@@ -260,7 +260,7 @@ TEST(ExactDistance, ValueIsAttainedAndSymmetric) {
     };
     const Vertices a = cloud(), b = cloud();
     const Pose Xa = pose(), Xb = pose();
-    const Result r = judge(a, 0.125, Xa, b, 0, Xb);
+    const Result r = exact_answer(a, 0.125, Xa, b, 0, Xb);
     overlaps += r.cores_overlap;
     ASSERT_EQ(exact_distance({b, 0}, Xb, {a, 0.125}, Xa).distance.compare(r.distance), 0);
     // The direction rounded to doubles loses about 2^-53 of the extent, not more.

@@ -43,7 +43,7 @@ TEST(ExactSurface, FindsTheLeastOfAllPairsOfTriangles) {
       const Case c = make_case(cls, kSeed, i);
       if (std::max<std::size_t>(c.a->triangles.size(), 1) * std::max<std::size_t>(c.b->triangles.size(), 1) > 2500)
         continue;
-      const Result r = judge(c);
+      const Result r = exact_answer(c);
       const Value least = least_of_all_pairs(c);
       if (least.sign == 0) {
         ++crossing;

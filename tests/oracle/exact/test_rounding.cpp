@@ -55,7 +55,7 @@ TEST(Rounding, TheLowerTermCoversEveryErrorAndIsOfItsSize) {
     for (int i = 0; i < kCases; ++i) {
       const Case c = make_case(cls, kSeed, static_cast<std::uint64_t>(i));
       const Placed p(c);
-      const Result truth = judge(c);
+      const Result truth = exact_answer(c);
       std::vector<Vec3d> directions = {to_doubles(truth.direction), random.direction(), {1, 0, 0}, {0, -1, 1}};
       directions.push_back(directions[0] * random.log_uniform(1e-9, 1e9));
       for (const Vec3d& n : directions) {
@@ -84,7 +84,7 @@ TEST(Rounding, TheUpperTermCoversEveryErrorAndIsOfItsSize) {
   for (const CaseClass& cls : case_classes())
     for (int i = 0; i < kCases; ++i) {
       const Case c = make_case(cls, kSeed, static_cast<std::uint64_t>(i));
-      const Result truth = judge(c, false);
+      const Result truth = exact_answer(c, false);
       if (truth.cores_overlap) continue;
       ++solved;
       const Placed p(c);

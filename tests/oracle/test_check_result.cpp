@@ -4,7 +4,7 @@
 #include <cmath>
 #include <functional>
 
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 namespace {
@@ -23,7 +23,7 @@ struct Apart {
     for (int i = 0; i < 8; ++i) box.push_back({i & 1 ? 0.5 : -0.5, i & 2 ? 0.5 : -0.5, i & 4 ? 0.5 : -0.5});
     c.a = c.b = std::make_shared<const Solid>(Solid{box, 0});
     c.X_wb.translation = {1 + gap, 0, 0};
-    truth = judge(c);
+    truth = exact_answer(c);
     const double exact = truth.distance.lower();
     setting.signed_distance = true;
     answer.distance = answer.lower = answer.upper = exact;
@@ -32,10 +32,10 @@ struct Apart {
     answer.point_b = {0.5 + exact, 0, 0};
     answer.normal = {1, 0, 0};
   }
-  Verdict verdict() const { return hold_against(c, truth, setting, answer); }
+  CheckResult verdict() const { return hold_against(c, truth, setting, answer); }
 };
 
-TEST(Verdict, AcceptsTheExactAnswer) {
+TEST(CheckResult, AcceptsTheExactAnswer) {
   for (const double gap : {1.0 / 3, 0.0, -0.25, 1e-16}) {
     const Apart a(gap);
     EXPECT_TRUE(a.verdict().good()) << gap << ": " << a.verdict().violation << a.verdict().inaccuracy;
@@ -51,7 +51,7 @@ struct Lie {
   bool is_violation = true;
 };
 
-TEST(Verdict, SeesEveryLie) {
+TEST(CheckResult, SeesEveryLie) {
   const auto up = [](double x) { return std::nextafter(x, kInf); };
   const auto down = [](double x) { return std::nextafter(x, -kInf); };
   const std::vector<Lie> lies = {
@@ -92,19 +92,19 @@ TEST(Verdict, SeesEveryLie) {
     Apart a(lie.gap);
     ASSERT_TRUE(a.verdict().good());
     lie.tell(a);
-    const Verdict v = a.verdict();
+    const CheckResult v = a.verdict();
     EXPECT_FALSE(v.good()) << lie.what;
     EXPECT_EQ(!v.violation.empty(), lie.is_violation) << lie.what << ": " << v.violation;
   }
 }
 
 // The engine's own bounds, each moved past the exact value by a last bit.
-TEST(Verdict, SeesALastBitOnEveryClass) {
+TEST(CheckResult, SeesALastBitOnEveryClass) {
   for (const CaseClass& cls : case_classes()) {
     int seen = 0;
     for (int i = 0; i < 10; ++i) {
       const Case c = make_case(cls, 9, static_cast<std::uint64_t>(i));
-      const Result truth = judge(c);
+      const Result truth = exact_answer(c);
       Setting s;
       s.signed_distance = true;
       Answer a;

@@ -1,4 +1,4 @@
-#include "tests/oracle/certificate/certificate_judge.h"
+#include "tests/oracle/certificate/certificate_oracle.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 
 #include "tests/oracle/certificate/bounds.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
@@ -154,7 +154,7 @@ void check_row(const Value& document, const Query& query, const std::map<Id, Mot
   if (row.contact.hit_at < kInf) check_hit(row, document["first_contact"], motion->second);
 }
 
-std::vector<std::string> judge_rows(const Value& document) {
+std::vector<std::string> check_rows(const Value& document) {
   require(document["format"].text() == "clearance certificate" && document["version"].integer() == 3,
           "another format or version");
   std::vector<Piece> pieces;
@@ -186,14 +186,14 @@ std::size_t Findings::proved() const {
   return static_cast<std::size_t>(std::count(why.begin(), why.end(), std::string()));
 }
 
-Findings judge_certificate(std::string_view document) {
+Findings prove_certificate(std::string_view document) {
   Findings findings;
   try {
-    findings.why = judge_rows(Document(document).root());
+    findings.why = check_rows(Document(document).root());
   } catch (const Refusal& refusal) {
     findings.no_certificate = refusal.what();
   }
   return findings;
 }
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

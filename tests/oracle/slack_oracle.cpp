@@ -1,4 +1,4 @@
-#include "tests/oracle/slack_judge.h"
+#include "tests/oracle/slack_oracle.h"
 
 #include <algorithm>
 #include <cmath>
@@ -123,10 +123,10 @@ void try_uncertain(Random& random, Findings& findings) {
   };
   nominal.a = grown(c.a, of_a.position + padding);
   nominal.b = grown(c.b, of_b.position);
-  const Value at_most = judge(nominal).distance;
+  const Value at_most = exact_answer(nominal).distance;
   findings.misses += at_most.compare(0.0) > 0 && row.upper < at_most.lower();
   // All that is allowed: the least of the samples is no less than the least of all.
-  const Result here = judge(c);
+  const Result here = exact_answer(c);
   const Vec3d way{here.direction.x.get_d(), here.direction.y.get_d(), here.direction.z.get_d()};
   const double bounds[] = {kInf, 0.5 * std::max(row.lower + row.upper, 0.0)};
   std::vector<Row> rows;
@@ -140,7 +140,7 @@ void try_uncertain(Random& random, Findings& findings) {
     auto padded = std::make_shared<Solid>(*c.a);
     padded->radius = padding;
     sample.a = padded;
-    const Value truth = judge(sample).distance;
+    const Value truth = exact_answer(sample).distance;
     hold(rows[0], truth, false, findings);
     for (std::size_t i = 1; i < rows.size(); ++i) hold(rows[i], truth, false, findings, bounds[1]);
   }
@@ -175,7 +175,7 @@ void try_shapes(Random& random, bool depth, Findings& findings) {
   add("a", *truth.a, truth.X_wa);
   add("b", *truth.b, truth.X_wb);
   const Engine engine(std::move(scene), kFewLanes);
-  const Value exact = judge(truth).distance;
+  const Value exact = exact_answer(truth).distance;
   for (const double max_distance : {kInf, 2 * h}) {
     const Row row = ask_one(engine, max_distance, depth);
     if (depth) {

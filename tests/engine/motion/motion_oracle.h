@@ -29,12 +29,12 @@ struct MotionFindings {
 
 /// All motions of a case: reduced to their least distance, decided by a margin beside it, and, where `each_pair`, every
 /// pair for itself.
-void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings);
+void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings);
 
 /// Cases of every kind in turn, four motions each: as many motions as asked for, or a few more. Those of a seed are
 /// always the same. \param only one kind, or all where it is negative. Ends early once something is wrong, if
 /// `until_wrong`. \param backend of EngineOptions; what a device does not answer the CPU does
-MotionFindings judge_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false,
+MotionFindings check_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false,
                           const std::string& backend = "cpu");
 
 /// What somebody else than the engine's CPU says of one motion.
@@ -49,7 +49,7 @@ struct MotionDecision {
 };
 using MotionDecider = std::function<MotionDecision(const Scene&, const QueryView&)>;
 /// Decisions and least distances alone, of motions that joints alone make, with first contact and without: cases as
-/// those of judge_many(). What is open counts as undecided.
-MotionFindings judge_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide);
+/// those of check_many(). What is open counts as undecided.
+MotionFindings check_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide);
 
 }  // namespace clearance::test

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 
 /// What is found of the rows of a document.
 struct Findings {
@@ -19,6 +19,6 @@ struct Findings {
 };
 
 /// Judges each row of a document. Throws nothing for what the document says.
-Findings judge_certificate(std::string_view document);
+Findings prove_certificate(std::string_view document);
 
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

@@ -9,7 +9,7 @@
 
 #include "engine/hull/piece.h"
 #include "engine/selection/query.h"
-#include "tests/oracle/verdict.h"
+#include "tests/oracle/check_result.h"
 
 namespace clearance {
 class Engine;
@@ -56,7 +56,7 @@ struct Tally {
   std::int64_t rounding_limited = 0;                      ///< wider than asked, but as narrow as the arithmetic allows
   double worst_error = 0;                                 ///< over what the contract allows
   double worst_width = 0;
-  void add(const Result& truth, const Answer& answer, const Verdict& verdict);
+  void add(const Result& truth, const Answer& answer, const CheckResult& verdict);
   void add(const Tally& other);
 };
 
@@ -74,6 +74,6 @@ std::string csv_key(const Setting& s);
 /// words. \returns one tally per setting.
 std::vector<Tally> try_cases(
     std::span<const Case> cases, std::span<const Setting> settings, int threads, bool columns,
-    const std::function<void(std::size_t index, const Setting&, const Verdict&, const std::string&)>& report);
+    const std::function<void(std::size_t index, const Setting&, const CheckResult&, const std::string&)>& report);
 
 }  // namespace clearance::exact

@@ -1,4 +1,4 @@
-#include "tests/oracle/verdict.h"
+#include "tests/oracle/check_result.h"
 
 #include <algorithm>
 #include <cmath>
@@ -29,16 +29,16 @@ double outside(const Solid& s, const Pose& X, const Vec3d& p) {
   return exact_distance(view(s), X, {std::span(&p, 1), 0}, {}, false).distance.upper();
 }
 
-class Judge {
+class ResultChecker {
  public:
-  Judge(const Case& c, const Result& truth, const Setting& setting, const Answer& answer)
+  ResultChecker(const Case& c, const Result& truth, const Setting& setting, const Answer& answer)
       : c_(c), setting_(setting), answer_(answer), truth_(truth), scale_(scale_of(c)) {
     // Not signed: the truth is clipped at 0, like the answer.
     clipped_ = !setting.signed_distance && truth.distance.compare(0) < 0;
     exact_ = clipped_ ? 0 : truth.distance.lower();
   }
 
-  Verdict all(bool columns) {
+  CheckResult all(bool columns) {
     bounds();
     if (!v_.violation.empty()) return v_;
     status();
@@ -169,7 +169,7 @@ class Judge {
   const Result& truth_;
   double scale_, exact_;
   bool clipped_;
-  Verdict v_;
+  CheckResult v_;
 };
 
 }  // namespace
@@ -184,8 +184,8 @@ std::string Setting::name() const {
   return s;
 }
 
-Verdict hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer, bool columns) {
-  return Judge(c, truth, setting, answer).all(columns);
+CheckResult hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer, bool columns) {
+  return ResultChecker(c, truth, setting, answer).all(columns);
 }
 
 std::string as_initialiser(const Case& c) {
@@ -200,7 +200,7 @@ std::string as_initialiser(const Case& c) {
     return out + text("{{%a, %a, %a}, %a, %a, %a, %a}", X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx,
                       X.qy, X.qz);
   };
-  return "{" + one(*c.a, c.X_wa) + ",\n " + one(*c.b, c.X_wb) + text(",\n %a},\n", judge(c).distance.lower());
+  return "{" + one(*c.a, c.X_wa) + ",\n " + one(*c.b, c.X_wb) + text(",\n %a},\n", exact_answer(c).distance.lower());
 }
 
 std::string in_words(const Answer& a) {

@@ -5,12 +5,12 @@
 #include <random>
 #include <sstream>
 
-#include "tests/oracle/certificate/certificate_judge.h"
+#include "tests/oracle/certificate/certificate_oracle.h"
 #include "tests/oracle/certificate/document.h"
 #include "tests/oracle/certificate/piece.h"
 #include "tests/oracle/certificate/turns.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 namespace {
 
 const Dyadic kTiny = Dyadic::power_of_two(-300);
@@ -23,7 +23,7 @@ Dyadic any_number(std::mt19937_64& random) {
   return random() % 4 == 0 ? sum * sum : sum;
 }
 
-TEST(CertificateJudge, RootsAndQuotientsAreRoundedToTheirSide) {
+TEST(CertificateOracle, RootsAndQuotientsAreRoundedToTheirSide) {
   std::mt19937_64 random(1);
   for (int k = 0; k < 2000; ++k) {
     const Dyadic x = any_number(random), y = any_number(random), more = Dyadic(1.0) + kTiny;
@@ -41,7 +41,7 @@ TEST(CertificateJudge, RootsAndQuotientsAreRoundedToTheirSide) {
   EXPECT_EQ(root_above({}).sign(), 0);
 }
 
-TEST(CertificateJudge, SumsAndProductsAreExact) {
+TEST(CertificateOracle, SumsAndProductsAreExact) {
   std::mt19937_64 random(2);
   for (int k = 0; k < 2000; ++k) {
     const Dyadic x = any_number(random), y = any_number(random), z = any_number(random);
@@ -56,7 +56,7 @@ void expect_near(const Vector& u, const Vector& v) {
   EXPECT_LT(length_above(u - v), kTiny) << u[0].mantissa() << ' ' << v[0].mantissa();
 }
 
-TEST(CertificateJudge, TurnsAddUpAndAreFoundAgain) {
+TEST(CertificateOracle, TurnsAddUpAndAreFoundAgain) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> number(-1, 1);
   int long_ways = 0;
@@ -81,7 +81,7 @@ TEST(CertificateJudge, TurnsAddUpAndAreFoundAgain) {
   EXPECT_GT(long_ways, 50);
 }
 
-TEST(CertificateJudge, AQuarterTurnsSineIsOne) {
+TEST(CertificateOracle, AQuarterTurnsSineIsOne) {
   // pi to 62 digits in float64 numbers that are added.
   const Dyadic pi = Dyadic(0x1.921fb54442d18p+1) + 0x1.1a62633145c07p-53 + -0x1.f1976b7ed8fbcp-109;
   const Pose quarter = turn_about({0.0, 0.0, 1.0}, Dyadic(0.5) * pi);
@@ -92,7 +92,7 @@ TEST(CertificateJudge, AQuarterTurnsSineIsOne) {
   EXPECT_EQ(chord_above(4.0), Dyadic(2.0));
 }
 
-TEST(CertificateJudge, WhatIsNoDocumentIsRefused) {
+TEST(CertificateOracle, WhatIsNoDocumentIsRefused) {
   for (const char* text : {"", "{", "[1,]", "{\"a\":1,\"a\":2}", "[NaN]", "[1e999]", "{\"a\":1} x", "\"\xff\""})
     EXPECT_THROW(Document{text}, Refusal) << text;
   EXPECT_THROW(Document{std::string(100'000, '[')}, Refusal);
@@ -114,7 +114,7 @@ void expect_just_above(const Dyadic& x, const Dyadic& y) {
   EXPECT_LT(x - y, kTiny);
 }
 
-TEST(CertificateJudge, RoundCoresReachAsFarAsTheyAreSaidTo) {
+TEST(CertificateOracle, RoundCoresReachAsFarAsTheyAreSaidTo) {
   const auto piece = [](const std::string& kind) {
     const Document document(R"({"radius":0.5,"core":{"kind":")" + kind +
                             R"(","size":[3,4,4]},"count":1,"vertices":[[0,0,0]]})");
@@ -175,7 +175,7 @@ struct Boxes {
          << contact << "}]}";
     return text.str();
   }
-  bool proved() const { return judge_certificate(text()).all_proved(); }
+  bool proved() const { return prove_certificate(text()).all_proved(); }
 };
 
 // Of boxes that come nearer by 1 m.
@@ -196,7 +196,7 @@ struct FirstContact {
   }
 };
 
-TEST(CertificateJudge, ABitTooMuchIsFound) {
+TEST(CertificateOracle, ABitTooMuchIsFound) {
   const auto with = [](auto change) {
     Boxes boxes;
     change(boxes);
@@ -216,7 +216,7 @@ TEST(CertificateJudge, ABitTooMuchIsFound) {
   EXPECT_FALSE(with([](Boxes& b) { b.inner = "0.25", b.slack = "0.4999999999999999", b.lower = "0.4"; }));
 }
 
-TEST(CertificateJudge, SpeedCountsToTheLastBit) {
+TEST(CertificateOracle, SpeedCountsToTheLastBit) {
   Boxes boxes;
   boxes.ends = "[[3,0,0,1,0,0,0],[2,0,0,1,0,0,0]]";
   for (const char* order : {"1", "2"}) {
@@ -268,11 +268,11 @@ struct BoxAndPlane {
   }
 };
 
-TEST(CertificateJudge, HalfSpacesCountToTheLastBit) {
+TEST(CertificateOracle, HalfSpacesCountToTheLastBit) {
   const auto with = [](auto change) {
     BoxAndPlane bodies;
     change(bodies);
-    return judge_certificate(bodies.text()).all_proved();
+    return prove_certificate(bodies.text()).all_proved();
   };
   EXPECT_TRUE(with([](BoxAndPlane&) {}));
   EXPECT_FALSE(with([](BoxAndPlane& b) { b.lower = b.upper = "1.0000000000000002"; }));
@@ -306,7 +306,7 @@ TEST(CertificateJudge, HalfSpacesCountToTheLastBit) {
 }
 
 // 2 - t apart at t, so that they are within 1.5 m at 1/2, and until 7/16 beyond 1.5625 m.
-TEST(CertificateJudge, FirstContactCountsToTheLastBit) {
+TEST(CertificateOracle, FirstContactCountsToTheLastBit) {
   const auto with = [](auto change) {
     Boxes boxes;
     boxes.ends = "[[3,0,0,1,0,0,0],[2,0,0,1,0,0,0]]";
@@ -345,7 +345,7 @@ TEST(CertificateJudge, FirstContactCountsToTheLastBit) {
   EXPECT_TRUE(with([](Boxes&, F& f) { f.witness = false, f.hit_at = "\"inf\""; })) << "it says nothing of a hit";
 }
 
-TEST(CertificateJudge, WhatIsProvedAllAlongIsFreeUntilTheEnd) {
+TEST(CertificateOracle, WhatIsProvedAllAlongIsFreeUntilTheEnd) {
   Boxes boxes;
   boxes.ends = "[[3,0,0,1,0,0,0],[2,0,0,1,0,0,0]]";
   boxes.contact = R"({"free_until":"inf","hit_at":"inf","bodies":[null,null],"witness":null})";
@@ -361,7 +361,7 @@ TEST(CertificateJudge, WhatIsProvedAllAlongIsFreeUntilTheEnd) {
   EXPECT_FALSE(boxes.proved());
 }
 
-TEST(CertificateJudge, TurnsBendWays) {
+TEST(CertificateOracle, TurnsBendWays) {
   Boxes boxes;
   boxes.piece = 1;
   boxes.ends = "[[3,0,0,1,0,0,0],[3,0,0,0.8775825618903728,0,0,0.479425538604203]]";  // a turn by 1 about z
@@ -379,4 +379,4 @@ TEST(CertificateJudge, TurnsBendWays) {
 }
 
 }  // namespace
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle

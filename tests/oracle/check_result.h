@@ -32,7 +32,7 @@ struct Answer {
   Vec3d normal{0, 0, 0};
 };
 
-struct Verdict {
+struct CheckResult {
   std::string
       violation;  ///< what is not true of the answer; empty if all is. Anything but accuracy: bounds, status, columns
   std::string inaccuracy;  ///< where it is true but not as accurate as promised; empty if it is
@@ -43,7 +43,7 @@ struct Verdict {
 
 /// Holds an answer against the exact truth. \param columns also prove witness points and normal, which costs three more
 /// exact solutions.
-Verdict hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer,
+CheckResult hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer,
                      bool columns = true);
 
 /// The case and its exact signed distance (rounded down) as a C++ initialiser in hexadecimal floats, as mined_cases.inc

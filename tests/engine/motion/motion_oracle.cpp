@@ -1,4 +1,4 @@
-#include "tests/engine/motion/motion_judge.h"
+#include "tests/engine/motion/motion_oracle.h"
 
 #include <unistd.h>
 
@@ -22,16 +22,16 @@ struct Look {
   double least;  // rounded, of all pairs
 };
 
-class MotionJudge {
+class MotionOracle {
  public:
-  MotionJudge(const MotionCase& c, Random& random, MotionFindings& findings, const std::string& backend)
+  MotionOracle(const MotionCase& c, Random& random, MotionFindings& findings, const std::string& backend)
       : case_(c), random_(random), findings_(findings), engine_(Scene(c.scene), {.backend = backend, .threads = 1}) {
     const bool all = random.below(8) == 0;
     for (const BodyPair pair : engine_.pairs(c.motions.view(Reduce::kNone)))
       if (c.exact.answers(pair) && (all || !overlaps_by_chance(pair))) pairs_.push_back(pair);
   }
 
-  void judge(bool each_pair) {
+  void check(bool each_pair) {
     Motions all = case_.motions;
     all.pairs = pairs_;
     const Answer min = ask(engine_, least_of(all));
@@ -43,15 +43,15 @@ class MotionJudge {
       motion_ = m;
       looks_.clear();
       look_around(min.view.time[m]);
-      judge_row(min, m, nullptr);
-      judge_contact(min.view.first_contact[2 * m], min.view.first_contact[2 * m + 1], 0);
-      if (each_pair) judge_pairs(none, m);
-      judge_decision();
+      check_row(min, m, nullptr);
+      check_contact(min.view.first_contact[2 * m], min.view.first_contact[2 * m + 1], 0);
+      if (each_pair) check_pairs(none, m);
+      check_decision();
     }
   }
 
   // What somebody else decides.
-  void judge_decisions(const MotionDecider& decide) {
+  void check_decisions(const MotionDecider& decide) {
     Motions all = case_.motions;
     all.pairs = pairs_;
     const Answer min = ask(engine_, all.view(Reduce::kMin));
@@ -61,8 +61,8 @@ class MotionJudge {
       looks_.clear();
       look_around(min.view.time[m]);
       for (const bool when : {false, true}) {
-        judge_decision_of(decide, when);
-        judge_least_of(decide, when);
+        check_decision_of(decide, when);
+        check_least_of(decide, when);
       }
     }
   }
@@ -133,7 +133,7 @@ class MotionJudge {
   }
 
   // A row of the least distance, of one pair or of all.
-  void judge_row(const Answer& answer, std::size_t row, const BodyPair* pair) {
+  void check_row(const Answer& answer, std::size_t row, const BodyPair* pair) {
     const ReplyView& view = answer.view;
     const double lower = view.lower[row], upper = view.upper[row], time = view.time[row];
     for (const Look& look : looks_) findings_.nearer += lower > 0 && is_within(look, lower, pair, false);
@@ -148,8 +148,8 @@ class MotionJudge {
       findings_.wide += upper - lower > kTolerance * 1.0001;
   }
 
-  void judge_pairs(const Answer& none, std::uint32_t m) {
-    for (std::size_t p = 0; p < pairs_.size(); ++p) judge_row(none, m * pairs_.size() + p, &pairs_[p]);
+  void check_pairs(const Answer& none, std::uint32_t m) {
+    for (std::size_t p = 0; p < pairs_.size(); ++p) check_row(none, m * pairs_.size() + p, &pairs_[p]);
   }
 
   // A margin that is 1e-6 to 1e-4 m less or more than the least distance that was seen.
@@ -159,7 +159,7 @@ class MotionJudge {
   }
 
   // First contact by a margin.
-  void judge_contact(double free_until, double contact, double margin) {
+  void check_contact(double free_until, double contact, double margin) {
     findings_.untrue += !(free_until <= contact);
     if (contact < kInf) findings_.untrue += !is_within(look_once(contact), margin, nullptr, true);
     look_before(free_until);
@@ -168,7 +168,7 @@ class MotionJudge {
   }
 
   // \param when first contact is asked for
-  void judge_least_of(const MotionDecider& decide, bool when) {
+  void check_least_of(const MotionDecider& decide, bool when) {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
     QueryView query = least_of(one);
@@ -185,11 +185,11 @@ class MotionJudge {
     if (!when) return;
     findings_.wide += found.contact < kInf && !(found.contact - found.free_until <= kContactTime);
     findings_.untrue += (found.contact < kInf) != (found.free_until < kInf);
-    judge_contact(found.free_until, found.contact, query.margin);
+    check_contact(found.free_until, found.contact, query.margin);
   }
 
   // \param when first contact is asked for
-  void judge_decision_of(const MotionDecider& decide, bool when) {
+  void check_decision_of(const MotionDecider& decide, bool when) {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
     QueryView query = one.view(Reduce::kAny, 512);
@@ -216,7 +216,7 @@ class MotionJudge {
       for (const Look& look : looks_) findings_.untrue += is_within(look, query.margin, nullptr, true);
   }
 
-  void judge_decision() {
+  void check_decision() {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
     QueryView query = one.view(Reduce::kAny, 512);
@@ -284,40 +284,40 @@ std::string MotionFindings::text() const {
          " farther than upper, " + n(untrue) + " untrue, " + n(wide) + " too wide";
 }
 
-void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings) {
-  MotionJudge(c, random, findings, "cpu").judge(each_pair);
+void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings) {
+  MotionOracle(c, random, findings, "cpu").check(each_pair);
 }
 
 namespace {
 
 // Cases of every kind in turn, or of one. \param judge returns whether to go on
-template <class Judge>
-void for_cases(std::uint64_t seed, int only, const Judge& judge) {
+template <class CheckCase>
+void for_cases(std::uint64_t seed, int only, const CheckCase& check) {
   const Folder folder;
   for (std::uint64_t i = 0;; ++i) {
     const int kind = only < 0 ? static_cast<int>(i % kMotionKinds) : only;
     Random random(seed * 1'000'003 + i * static_cast<std::uint64_t>(kMotionKinds) + static_cast<std::uint64_t>(kind));
     const MotionCase c(random, static_cast<MotionKind>(kind), 4, folder.path);
-    if (!judge(c, random, i)) return;
+    if (!check(c, random, i)) return;
   }
 }
 
 }  // namespace
 
-MotionFindings judge_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide) {
+MotionFindings check_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide) {
   MotionFindings findings;
   for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t) {
     if (c.motions.bodies.empty())
-      if (MotionJudge judge(c, random, findings, "cpu"); judge.has_pairs()) judge.judge_decisions(decide);
+      if (MotionOracle oracle(c, random, findings, "cpu"); oracle.has_pairs()) judge.check_decisions(decide);
     return findings.motions < motions;
   });
   return findings;
 }
 
-MotionFindings judge_many(std::uint64_t seed, int motions, int only, bool until_wrong, const std::string& backend) {
+MotionFindings check_many(std::uint64_t seed, int motions, int only, bool until_wrong, const std::string& backend) {
   MotionFindings findings;
   for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t i) {
-    MotionJudge(c, random, findings, backend).judge(i % 4 == 0 || until_wrong);
+    MotionOracle(c, random, findings, backend).check(i % 4 == 0 || until_wrong);
     return findings.motions < motions && !(until_wrong && findings.wrong() > 0);
   });
   return findings;

@@ -1,4 +1,4 @@
-#include "tests/oracle/campaign.h"
+#include "tests/oracle/oracle_run.h"
 
 #include <algorithm>
 #include <map>
@@ -121,7 +121,7 @@ std::vector<Answer> Bench::ask(const Setting& setting) const {
   return answers;
 }
 
-void Tally::add(const Result& truth, const Answer& answer, const Verdict& verdict) {
+void Tally::add(const Result& truth, const Answer& answer, const CheckResult& verdict) {
   ++cases;
   violations += !verdict.violation.empty();
   inaccurate += !verdict.inaccuracy.empty();
@@ -187,9 +187,9 @@ std::string csv_key(const Setting& s) {
 
 std::vector<Tally> try_cases(
     std::span<const Case> cases, std::span<const Setting> settings, int threads, bool columns,
-    const std::function<void(std::size_t, const Setting&, const Verdict&, const std::string&)>& report) {
+    const std::function<void(std::size_t, const Setting&, const CheckResult&, const std::string&)>& report) {
   std::vector<Result> truth;
-  for (const Case& c : cases) truth.push_back(judge(c));
+  for (const Case& c : cases) truth.push_back(exact_answer(c));
   std::map<std::string, Bench> benches;
   std::vector<Tally> tallies;
   for (const Setting& s : settings) {
@@ -198,7 +198,7 @@ std::vector<Tally> try_cases(
     const std::vector<Answer> answers = bench->second.ask(s);
     Tally& tally = tallies.emplace_back();
     for (std::size_t i = 0; i < cases.size(); ++i) {
-      const Verdict v = hold_against(cases[i], truth[i], s, answers[i], columns);
+      const CheckResult v = hold_against(cases[i], truth[i], s, answers[i], columns);
       tally.add(truth[i], answers[i], v);
       if (!v.good() && report) report(i, s, v, in_words(answers[i]));
     }

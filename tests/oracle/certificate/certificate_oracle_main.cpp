@@ -3,16 +3,16 @@
 #include <iostream>
 #include <sstream>
 
-#include "tests/oracle/certificate/certificate_judge.h"
+#include "tests/oracle/certificate/certificate_oracle.h"
 
-namespace clearance::judge {
+namespace clearance::certificate_oracle {
 namespace {
 
-bool judge_file(const std::string& name) {
+bool check_file(const std::string& name) {
   std::ifstream file(name, std::ios::binary);
   std::ostringstream text;
   text << file.rdbuf();
-  const Findings findings = file && text ? judge_certificate(text.view()) : Findings{"it cannot be read", {}};
+  const Findings findings = file && text ? prove_certificate(text.view()) : Findings{"it cannot be read", {}};
   if (!findings.no_certificate.empty()) {
     std::cout << name << ": no certificate: " << findings.no_certificate << '\n';
     return false;
@@ -24,7 +24,7 @@ bool judge_file(const std::string& name) {
 }
 
 }  // namespace
-}  // namespace clearance::judge
+}  // namespace clearance::certificate_oracle
 
 // Exit code 0: every row of every file is proved. 1: some are not, or a file is no certificate.
 int main(int argc, char** argv) {
@@ -33,6 +33,6 @@ int main(int argc, char** argv) {
     return argc < 2 ? 1 : 0;
   }
   bool good = true;
-  for (int k = 1; k < argc; ++k) good = clearance::judge::judge_file(argv[k]) && good;
+  for (int k = 1; k < argc; ++k) good = clearance::certificate_oracle::check_file(argv[k]) && good;
   return good ? 0 : 1;
 }

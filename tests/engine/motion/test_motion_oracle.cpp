@@ -3,15 +3,15 @@
 
 #include <cstdio>
 
-#include "tests/engine/motion/motion_judge.h"
+#include "tests/engine/motion/motion_oracle.h"
 
 namespace clearance::test {
 namespace {
 
-class MotionJudge : public ::testing::TestWithParam<int> {};
+class MotionOracleTest : public ::testing::TestWithParam<int> {};
 
-TEST_P(MotionJudge, NothingIsNearerThanIsSaidNorFarther) {
-  const MotionFindings found = judge_many(11, 40, GetParam());
+TEST_P(MotionOracleTest, NothingIsNearerThanIsSaidNorFarther) {
+  const MotionFindings found = check_many(11, 40, GetParam());
   std::printf("%s\n", found.text().c_str());
   EXPECT_EQ(found.wrong(), 0) << found.text();
   EXPECT_GE(found.motions, 40);
@@ -19,7 +19,7 @@ TEST_P(MotionJudge, NothingIsNearerThanIsSaidNorFarther) {
   EXPECT_GT(found.hits, 5);
 }
 
-INSTANTIATE_TEST_SUITE_P(Kinds, MotionJudge, ::testing::Range(0, kMotionKinds),
+INSTANTIATE_TEST_SUITE_P(Kinds, MotionOracleTest, ::testing::Range(0, kMotionKinds),
                          [](const auto& kind) { return name_of(static_cast<MotionKind>(kind.param)); });
 
 }  // namespace
