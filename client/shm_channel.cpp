@@ -445,7 +445,7 @@ class ShmChannel final : public Channel {
   UniqueFd wake_;  ///< eventfd that wakes the daemon
   SegmentPtr current_;
   std::vector<SegmentPtr> outgrown_;
-  TakenSlot room_;                                        ///< what begin() gave and send() has not taken yet
+  TakenSlot room_;                                   ///< what begin() gave and send() has not taken yet
   std::string dead_;                                 ///< why the connection is of no use any more; empty: it is
   std::uint64_t refused_reply_ = ~std::uint64_t{0};  ///< a reply capacity that the daemon has refused
   SpinGate spins_;

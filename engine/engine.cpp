@@ -18,9 +18,9 @@
 #include "engine/motion/free_scale.h"
 #include "engine/motion/motion_job.h"
 #include "engine/narrow/self_test.h"
-#include "engine/query/query_cost.h"
 #include "engine/query/job_state.h"
 #include "engine/query/kept_jobs.h"
+#include "engine/query/query_cost.h"
 #include "engine/selection/plan.h"
 #include "engine/state/pose_store.h"
 
@@ -233,7 +233,7 @@ PoseUpdateResult Engine::allow(std::uint32_t a, std::uint32_t b, bool allow) {
 }
 
 bool Engine::ids_valid_since(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors,
-                         bool with_parents) const {
+                             bool with_parents) const {
   const auto snapshot = impl_->poses.snapshot();
   return scene_revision == snapshot->scene_revision ||
          snapshot->history->ids_valid_since(scene_revision, snapshot->scene_changes, selectors, with_parents);

@@ -13,8 +13,8 @@
 #include "engine/base/counters.h"
 #include "engine/certificate/certificate.h"
 #include "engine/pose/body_pose.h"
-#include "engine/query/query_cost.h"
 #include "engine/query/job.h"
+#include "engine/query/query_cost.h"
 #include "engine/scene/scene.h"
 #include "engine/selection/query.h"
 

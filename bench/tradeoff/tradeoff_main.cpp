@@ -78,7 +78,8 @@ int main(int argc, char** argv) {
   app.add_option("--rounds", o.sweep.rounds, "how often each setting is timed")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_option("--judged", o.checked, "pairs of a scene that the exact judge looks at as well")->capture_default_str();
+  app.add_option("--judged", o.checked, "pairs of a scene that the exact judge looks at as well")
+      ->capture_default_str();
   app.add_flag("--brief", o.sweep.brief, "a few settings only");
   CLI11_PARSE(app, argc, argv);
   try {

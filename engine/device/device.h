@@ -159,7 +159,7 @@ struct ChunkSetup {
   std::function<void(Given, const void* end)> wait_for;
   std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
   std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
-  Group ungrouped{};                 ///< of pairs with hulls of their own; may be empty
+  Group ungrouped{};              ///< of pairs with hulls of their own; may be empty
   std::uint32_t ungrouped_tiles = 0;
   Group several{};  ///< of pairs of which a body has several pieces; may be empty
   std::uint32_t several_tiles = 0;
@@ -171,7 +171,7 @@ struct ChunkSetup {
 struct ChunkResult {
   ReplyView rows;                       ///< host memory, without what went to `direct` columns
   std::span<const std::uint32_t> rest;  ///< rows that are not settled, in no order
-  std::uint64_t converged = 0;            ///< rows that the narrow phase answered
+  std::uint64_t converged = 0;          ///< rows that the narrow phase answered
 };
 
 /// What a chunk of a reduced query came to. Views are valid until the slot is launched again.
@@ -181,7 +181,7 @@ struct ReducedResult {
   ReplyView rows;               ///< host memory; columns that went to `direct` are those
   std::uint64_t row_count = 0;  ///< of the reply
   std::uint64_t total = 0;      ///< the same without the limit of Reduce::kWithin
-  std::uint64_t converged = 0;    ///< pairs that the narrow phase answered
+  std::uint64_t converged = 0;  ///< pairs that the narrow phase answered
 };
 
 inline constexpr int kChunksUnderWay = 4;  ///< on each device
@@ -249,7 +249,7 @@ struct MotionResult {
   std::span<const std::uint32_t> steps;     ///< likewise: configurations that were looked at
   std::span<const double> free_until;       ///< likewise, as MotionRow has it; empty: first contact was not sought
   std::span<const MotionHitRow> hits;       ///< of those that hit, in no order
-  std::uint64_t converged = 0;                ///< pairs that the narrow phase answered
+  std::uint64_t converged = 0;              ///< pairs that the narrow phase answered
 };
 
 /// For motions of joints of which it is asked whether all pairs stay beyond their margins, or how near they come. A

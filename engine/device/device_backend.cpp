@@ -41,7 +41,8 @@ std::string device_name(int number) {
   return fake_device().open ? fake_device().info.name : installed_device_name(number);
 }
 std::shared_ptr<Device> make_device(const Scene& scene, int number, std::uint64_t memory_limit) {
-  return fake_device().open ? fake_device().open(scene, number, memory_limit) : open_device(scene, number, memory_limit);
+  return fake_device().open ? fake_device().open(scene, number, memory_limit)
+                            : open_device(scene, number, memory_limit);
 }
 
 DeviceBackend::DeviceBackend(const Scene& scene, const Options& options) : scene_(scene), options_(options) {

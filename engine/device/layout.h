@@ -207,7 +207,7 @@ struct MovesView {
   const std::uint8_t* slot_state;    ///< (moved,) kSlotUnplaced and so on
   FramesView frames;
   // Where something is doubted:
-  const UncertaintyStep* uncertainties;        ///< (moved,)
+  const UncertaintyStep* uncertainties;       ///< (moved,)
   const PlacedUncertainty* base_uncertainty;  ///< (moved,) of `base`
 };
 

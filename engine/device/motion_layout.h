@@ -117,7 +117,7 @@ struct MotionsView {
   std::uint64_t* hit;  ///< the least hit_key(); all bits set: none
   std::uint32_t* steps;
   std::uint8_t *open, *to_cpu;  ///< something is not proved; the CPU has to look whatever else is found
-  std::uint8_t* unresolved;      ///< where first contact is sought: the narrow phase leaves a pair open at some time
+  std::uint8_t* unresolved;     ///< where first contact is sought: the narrow phase leaves a pair open at some time
   MotionVerdict* verdicts;
   std::uint64_t* low;   ///< where the least distance is asked for: of what was left out; a double's bits
   std::uint64_t* seed;  ///< likewise, (motions, 2): the pair whose boxes are nearest at each end

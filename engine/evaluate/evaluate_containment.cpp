@@ -41,8 +41,8 @@ bool Evaluator::is_held(Search& search, WorkMeter& meter) {
   if (!(apart > 0) || (by_pieces && box_gap(scene_, *bodies.placement, bodies.pair) > 0)) return false;
   const Body &a = exact_piece_of(scene_.bodies()[bodies.pair.a]), &b = exact_piece_of(scene_.bodies()[bodies.pair.b]);
   Vec3d shared[2];
-  switch (either_contains(a, (*bodies.placement)[bodies.pair.a].pose, b, (*bodies.placement)[bodies.pair.b].pose,
-                              apart, meter, shared)) {
+  switch (either_contains(a, (*bodies.placement)[bodies.pair.a].pose, b, (*bodies.placement)[bodies.pair.b].pose, apart,
+                          meter, shared)) {
     case Containment::kNo:
       return false;
     case Containment::kUnknown:

@@ -65,7 +65,7 @@ class PartsOf {
 
 // Whether a part of `inner` lies within a solid of `outer`.
 Containment holds(const Body& outer, const PoseMatrix& outer_pose, const Body& inner, const PoseMatrix& inner_pose,
-           double apart, WorkMeter& meter, Vec3d* from_outer, Vec3d* from_inner) {
+                  double apart, WorkMeter& meter, Vec3d* from_outer, Vec3d* from_inner) {
   const Vec3d shift = inner_pose.t_w - outer_pose.t_w;
   // A point that is turned, shifted and turned back is off by less than 16 roundings of S; a gap may be by 30.
   const double wrong =
@@ -99,8 +99,8 @@ Containment holds(const Body& outer, const PoseMatrix& outer_pose, const Body& i
 
 }  // namespace
 
-Containment either_contains(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double apart,
-                         WorkMeter& meter, Vec3d (&point)[2]) {
+Containment either_contains(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b,
+                            double apart, WorkMeter& meter, Vec3d (&point)[2]) {
   const Containment b_in_a = holds(a, pose_a, b, pose_b, apart, meter, &point[0], &point[1]);
   if (b_in_a == Containment::kYes) return b_in_a;
   return std::max(b_in_a, holds(b, pose_b, a, pose_a, apart, meter, &point[1], &point[0]));

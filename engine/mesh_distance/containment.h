@@ -14,7 +14,7 @@ namespace clearance {
 /// \param apart metres: no element of one is nearer to one of the other \param point gets, of kYes, a point that both
 /// share, from the origin of either, world axes
 enum class Containment { kNo, kUnknown, kYes };
-Containment either_contains(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double apart,
-                         WorkMeter& meter, Vec3d (&point)[2]);
+Containment either_contains(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b,
+                            double apart, WorkMeter& meter, Vec3d (&point)[2]);
 
 }  // namespace clearance

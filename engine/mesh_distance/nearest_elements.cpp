@@ -107,8 +107,8 @@ NearestElements::NodeBounds NearestElements::bounds(const Body& body, std::uint3
 }
 
 // \param room for the corners of a triangle
-PartBounds NearestElements::part_bounds(const Body& body, std::uint32_t piece, std::uint32_t at, const NodeBounds& bounds,
-                                    std::array<Vec3d, 3>& room) {
+PartBounds NearestElements::part_bounds(const Body& body, std::uint32_t piece, std::uint32_t at,
+                                        const NodeBounds& bounds, std::array<Vec3d, 3>& room) {
   const Piece& whole = *body.pieces[piece];
   PartBounds part{bounds.centre, bounds.half};
   if (at == kNone) {

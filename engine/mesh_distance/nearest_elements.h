@@ -120,7 +120,7 @@ class NearestElements {
   void pair_triangles(const Entry& entry, const Surface::Node* leaf_a, const Surface::Node* leaf_b,
                       const Each& each) const;
   static PartBounds part_bounds(const Body& body, std::uint32_t piece, std::uint32_t at, const NodeBounds& bounds,
-                            std::array<Vec3d, 3>& room);
+                                std::array<Vec3d, 3>& room);
 
   const Body *a_ = nullptr, *b_ = nullptr;
   Mat3d R_wa_, R_, R_ba_;                                                         // R_: R_wa^T R_wb; its transpose

@@ -64,7 +64,8 @@ void MotionBlock::begin_search(std::uint64_t i, std::uint64_t motion) {
 }
 
 void MotionBlock::count_begun(WorkMeter& meter) const {
-  meter.count(count_ * (motion_query_.plan.moved.size() / kBodiesPerUnit + motion_query_.plan.size.pairs / kPairsPerUnit + 1));
+  meter.count(count_ *
+              (motion_query_.plan.moved.size() / kBodiesPerUnit + motion_query_.plan.size.pairs / kPairsPerUnit + 1));
 }
 
 bool MotionBlock::advance(WorkMeter& meter) {

@@ -112,7 +112,8 @@ bool MotionSearch::next(Node& node) {
 
 void MotionSearch::end_if_done() {
   if (done_ || under_way_ > 0) return;
-  const bool converged = std::all_of(goals_.begin(), goals_.end(), [&](const Goal& goal) { return has_converged(goal); });
+  const bool converged =
+      std::all_of(goals_.begin(), goals_.end(), [&](const Goal& goal) { return has_converged(goal); });
   if (!converged && may_ask()) return;
   give_up();
   done_ = !seek_contact();

@@ -90,7 +90,8 @@ class MotionSearch {
   /// What it asks for in its middle. Appends to both in the same order.
   void ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked, std::vector<PairRequest>& requests);
   /// The answers to that. The node is spent then.
-  void take(Node& node, const Moment& moment, std::span<const PairRequest> requests, std::span<const PairAnswer> answers);
+  void take(Node& node, const Moment& moment, std::span<const PairRequest> requests,
+            std::span<const PairAnswer> answers);
   /// Once is_done().
   void append_rows(std::vector<MotionRow>& rows) const;
   std::uint64_t evaluated() const { return evaluated_; }
@@ -146,7 +147,9 @@ class MotionSearch {
                        double half, bool of_boxes) const;
   void open_all();
   bool seek_contact();
-  bool may_ask() const { return !spans_.empty() && (spans_[0].has_steps || steps_ < motion_query_.plan.query.max_steps); }
+  bool may_ask() const {
+    return !spans_.empty() && (spans_[0].has_steps || steps_ < motion_query_.plan.query.max_steps);
+  }
   std::size_t nearest_of(const Node& node, const BodyPoses& placed) const;
   bool leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const BodyPoses& placed);
   bool leaves_along_boxes(const PairRequest& asked, const Node& node, BodyPair pair, const Moment& moment);

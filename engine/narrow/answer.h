@@ -16,7 +16,7 @@ struct NarrowLimits {
   double rel_tol = 1e-6;  ///< wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
   bool signed_distance = false;
   int max_iterations = 256;
-  double min_penetration = 0;             ///< no depth is asked for, but whether it is at least this; metres
+  double min_penetration = 0;            ///< no depth is asked for, but whether it is at least this; metres
   double stop_below = -__builtin_inf();  ///< an upper bound so low is all that is asked
 };
 

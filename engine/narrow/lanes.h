@@ -48,7 +48,7 @@ struct LanePair {
 /// What a lane proves, in the words of NarrowAnswer and GjkLimits.
 struct LaneAnswer {
   double lower, upper;  ///< -inf, +inf where nothing is proved yet
-  bool converged;         ///< apart, and as narrow as asked, beyond max_distance or near enough: no need to look further
+  bool converged;       ///< apart, and as narrow as asked, beyond max_distance or near enough: no need to look further
 };
 
 /// The witness of a settled pair: what Witness is made from.
@@ -67,8 +67,8 @@ struct LaneBatch {
   bool same_hulls;          ///< all pairs are of the first one's two hulls
   double abs_tol, rel_tol;  ///< wanted width, as in the query
   int max_iterations;
-  LaneAnswer* answers;     ///< (pairs,)
-  LaneWitness* witnesses;  ///< (pairs,) of the settled ones; null: not wanted
+  LaneAnswer* answers;      ///< (pairs,)
+  LaneWitness* witnesses;   ///< (pairs,) of the settled ones; null: not wanted
   Gjk<double>* unresolved;  ///< (pairs,) GJK's last state where the answer is not settled; not written by run_f32
 };
 

@@ -20,7 +20,7 @@ struct NarrowAnswer {
   Vec3d point_b{0, 0, 0};  ///< from the origin of b, world axes, on the grown piece
   Vec3d normal{0, 0, 0};   ///< unit, from a towards b: the direction that proves bounds.lower
   bool beyond = false;     ///< bounds.lower > max_distance; not refined further
-  bool converged = false;    ///< as narrow as asked
+  bool converged = false;  ///< as narrow as asked
   double rounding = 0;     ///< width that float64 bounds of this pair have from rounding alone, metres
 };
 

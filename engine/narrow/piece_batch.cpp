@@ -117,10 +117,10 @@ void PieceBatch::run_group(const Group& group, WorkMeter& meter) {
   }
   meter.count(units);
   const NarrowLimits& limits = options_.limits;
-  const LaneBatch batch{pairs_.data(),    count,
-                        group.same_hulls, limits.abs_tol,
-                        limits.rel_tol,   limits.max_iterations,
-                        answers_.data(),  options_.want_points ? witnesses_.data() : nullptr,
+  const LaneBatch batch{pairs_.data(),     count,
+                        group.same_hulls,  limits.abs_tol,
+                        limits.rel_tol,    limits.max_iterations,
+                        answers_.data(),   options_.want_points ? witnesses_.data() : nullptr,
                         unresolved_.data()};
   if (group.f32) {
     options_.lanes->run_f32(batch);
@@ -191,7 +191,7 @@ NarrowAnswer PieceBatch::answer_anew(const PieceTask& task) const {
 }
 
 NarrowAnswer PieceBatch::converged_answer(const PieceTask& task, const LaneAnswer& lane,
-                                        const LaneWitness& witness) const {
+                                          const LaneWitness& witness) const {
   NarrowAnswer answer;
   answer.bounds = {lane.lower, lane.upper};
   answer.beyond = lane.lower > task.max_distance;

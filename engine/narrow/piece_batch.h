@@ -28,10 +28,10 @@ struct NarrowOptions {
 struct PieceTask {
   const Piece *a, *b;
   const PoseMatrix *pose_a, *pose_b;
-  double max_distance;                                       ///< instead of the limits'
-  std::uint32_t id;                                          ///< the caller's own
-  WarmSimplex* warm = nullptr;                               ///< as for narrow_phase(); null: cold
-  double min_penetration = 0;                                     ///< instead of the limits'
+  double max_distance;                                           ///< instead of the limits'
+  std::uint32_t id;                                              ///< the caller's own
+  WarmSimplex* warm = nullptr;                                   ///< as for narrow_phase(); null: cold
+  double min_penetration = 0;                                    ///< instead of the limits'
   double stop_below = -std::numeric_limits<double>::infinity();  ///< the same
 };
 

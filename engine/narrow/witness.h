@@ -16,7 +16,7 @@ namespace clearance {
 /// The witness points of a settled pair, from their bodies' origins, world axes.
 template <class Hull>
 CLEARANCE_HD inline void converged_points(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
-                                        const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b) {
+                                          const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b) {
   Vec3d core_a{0, 0, 0}, core_b = core_a;
   CLEARANCE_UNROLL
   for (std::uint32_t i = 0; i < 3; ++i) {

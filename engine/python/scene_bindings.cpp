@@ -108,7 +108,8 @@ void bind_shapes(nb::class_<Scene>& scene) {
       .def(
           "add_mesh",
           [](Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz, int convexify,
-             bool y_up, double radius, const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+             bool y_up, double radius, const Parent& parent, bool fixed, const P& pose,
+             const BodyUncertainty& uncertainties) {
             const Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
             const GilRelease release;
             return s.add_mesh(name, path, {sx, sy, sz}, static_cast<Convexify>(convexify), o,
@@ -144,14 +145,17 @@ void bind_shapes(nb::class_<Scene>& scene) {
       .def(
           "add_box",
           [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
-             bool fixed, const P& pose,
-             const BodyUncertainty& uncertainties) { return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose, uncertainties)); },
+             bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+            return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose, uncertainties));
+          },
           nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
           nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_sphere",
           [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
-             const BodyUncertainty& uncertainties) { return s.add_sphere(name, radius, options(0, parent, fixed, pose, uncertainties)); },
+             const BodyUncertainty& uncertainties) {
+            return s.add_sphere(name, radius, options(0, parent, fixed, pose, uncertainties));
+          },
           nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
           nb::arg("doubts"))
       .def(
@@ -181,7 +185,9 @@ void bind_shapes(nb::class_<Scene>& scene) {
       .def(
           "add_half_space",
           [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
-             const BodyUncertainty& uncertainties) { return s.add_half_space(name, options(radius, parent, fixed, pose, uncertainties)); },
+             const BodyUncertainty& uncertainties) {
+            return s.add_half_space(name, options(radius, parent, fixed, pose, uncertainties));
+          },
           nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
           nb::arg("doubts"))
       .def(

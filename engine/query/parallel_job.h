@@ -65,8 +65,8 @@ class ParallelJob : public Job::State {
     options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_flags;
     if (boxes && needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
       for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
-        boxes_.push_back(
-            body_box(scene().bodies()[b], snapshot.placed[b], plan_.uncertainties.empty() ? Slack() : plan_.uncertainties[b].slack));
+        boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b],
+                                  plan_.uncertainties.empty() ? Slack() : plan_.uncertainties[b].slack));
     const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
     for (int i = 0; i < (serial ? 1 : context.threads); ++i) placements_.push_back({{}, ConfigurationPoses(plan_), {}});
     open_.assign(placements_.size(), kNone64);
@@ -306,7 +306,7 @@ class ParallelJob : public Job::State {
     std::vector<Mat3d> rotations;  // of the configurations that are being placed
   };
   std::vector<WorkerBodyPoses> placements_;  // of each worker
-  std::vector<std::uint64_t> open_;           // of each worker: the unit that a slice ended in, or kNone64
+  std::vector<std::uint64_t> open_;          // of each worker: the unit that a slice ended in, or kNone64
 };
 
 }  // namespace clearance

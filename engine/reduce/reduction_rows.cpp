@@ -103,7 +103,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
   struct Candidates {
     CandidateRank best;
     const PairAnswer* winner = nullptr;
-    double lower = kInf;                             // the least of all
+    double lower = kInf;                                  // the least of all
     std::uint64_t lower_place = CandidateRank::kNowhere;  // of the first that has it
   };
   std::vector<Candidates> groups(groups_);

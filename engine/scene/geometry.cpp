@@ -178,7 +178,7 @@ PiecePtr true_piece(const DisplayMesh& mesh, const MeshRecipe& recipe, std::uint
 // What a mesh is by default. The hull of a closed one that is convex but for its vertices' rounding is its proxy: what
 // it stands out by is slack. One that is open or hollow counts as its hull.
 void add_exact_geometry(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, const MeshRecipe& recipe,
-               std::uint64_t loaded, Geometry& out) {
+                        std::uint64_t loaded, Geometry& out) {
   constexpr double kOfRounding = 0x1p-20;  // share of the size: eight times what float32 moves a vertex by
   if (whole.triangles.empty() || !open_edge(whole.vertices, whole.triangles).empty())
     return add_hulls(submeshes, whole, recipe, loaded, out);

@@ -432,8 +432,9 @@ std::uint64_t Scene::revision() const {
     digest.add(std::uint64_t{body.is_static} | std::uint64_t{body.is_live} << 1);
     digest.add(body.model_error);
     const double uncertainties[] = {body.model_inner, body.uncertainty.position, body.uncertainty.angle, body.padding,
-                             body.max_speed};
-    if (std::any_of(std::begin(uncertainties), std::end(uncertainties), [](double uncertainty) { return uncertainty > 0; }))
+                                    body.max_speed};
+    if (std::any_of(std::begin(uncertainties), std::end(uncertainties),
+                    [](double uncertainty) { return uncertainty > 0; }))
       for (const double uncertainty : uncertainties) digest.add(uncertainty);
     digest.add(std::uint64_t{body.pose.has_value()});
     if (body.pose) {

@@ -66,7 +66,8 @@ BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb>
     first_piece_.push_back(static_cast<std::uint32_t>(pieces));
     pieces += scene.bodies()[b].pieces.size();
   }
-  for (const std::uint32_t b : plan.moved) travels_.push_back(plan.uncertainties.empty() ? 0 : plan.uncertainties[b].link.travel);
+  for (const std::uint32_t b : plan.moved)
+    travels_.push_back(plan.uncertainties.empty() ? 0 : plan.uncertainties[b].link.travel);
   moved_.resize(local_.size());
   rotation_of_.resize(local_.size(), nullptr);
   moved_boxes_.resize(local_.size());
@@ -103,8 +104,9 @@ void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::Block& give
           rotation_of_[i] ? points_age_s(snapshot, body, plan_.begun_ns) : pose_age_s(snapshot, body, plan_.begun_ns);
       PlacedLink link = plan_.uncertainties[body].link;
       link.travel = travels_[i];
-      moved_uncertainties_[i] = uncertainty_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
-                                  parent == kNone ? nullptr : &uncertainty(parent), on && is_composed(*on), link);
+      moved_uncertainties_[i] =
+          uncertainty_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
+                         parent == kNone ? nullptr : &uncertainty(parent), on && is_composed(*on), link);
     }
     if (boxes_.empty()) continue;
     Aabb* const pieces = piece_boxes_.data() + first_piece_[i];

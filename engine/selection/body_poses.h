@@ -35,7 +35,8 @@ class BodyPoses {
   bool has_uncertainties() const { return !plan_.uncertainties.empty(); }
   /// What is not known of a body, where anything is.
   const PoseUncertainty& uncertainty(std::uint32_t body) const {
-    return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.uncertainties[body] : moved_uncertainties_[moved_slot_[body]];
+    return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.uncertainties[body]
+                                                             : moved_uncertainties_[moved_slot_[body]];
   }
   Slack slack(std::uint32_t body) const {
     const Slack known = plan_.uncertainties.empty() ? Slack() : uncertainty(body).slack;
@@ -71,7 +72,7 @@ class BodyPoses {
   std::vector<double> travels_;            // of local_: PlacedLink::travel
   std::vector<BodyPlacement> moved_;
   std::vector<PoseUncertainty> moved_uncertainties_;  // empty where the plan has none
-  std::span<const double> errors_;       // of each moved body, beside those; empty: none
+  std::span<const double> errors_;                    // of each moved body, beside those; empty: none
   std::vector<Aabb> moved_boxes_;
   std::vector<Aabb> piece_boxes_;           // of all moved bodies
   std::vector<std::uint32_t> first_piece_;  // of each moved body: in piece_boxes_

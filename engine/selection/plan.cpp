@@ -97,10 +97,10 @@ std::uint32_t written_fields(const QueryView& q) {
 // each.
 /// \param bodies that the query moves
 bool ids_valid_since(const QueryView& query, std::span<const std::uint32_t> bodies, const PoseSnapshot& snapshot,
-                 const Scene& scene) {
-  return !query.all_pairs && snapshot.history->ids_valid_since({query.scene_revision, bodies, query.pairs, query.margins,
-                                                            query.reduce == Reduce::kNearest},
-                                                           snapshot.scene_changes, scene);
+                     const Scene& scene) {
+  return !query.all_pairs && snapshot.history->ids_valid_since({query.scene_revision, bodies, query.pairs,
+                                                                query.margins, query.reduce == Reduce::kNearest},
+                                                               snapshot.scene_changes, scene);
 }
 
 [[noreturn]] void refuse_scene(const QueryView& query, const PoseSnapshot& snapshot) {

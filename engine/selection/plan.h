@@ -32,8 +32,9 @@ struct Plan {
   PairList pairs;
   Margins margins;  ///< of the pairs, for Reduce::kAny and motions
   QuerySize size;
-  std::int64_t begun_ns = 0;         ///< monotonic_ns(): ages of poses are as of then
-  std::vector<PoseUncertainty> uncertainties;     ///< of each body in the snapshot, as of then; empty: nothing is doubted of any
+  std::int64_t begun_ns = 0;  ///< monotonic_ns(): ages of poses are as of then
+  std::vector<PoseUncertainty>
+      uncertainties;                 ///< of each body in the snapshot, as of then; empty: nothing is doubted of any
   std::optional<QueryKey> question;  ///< what it answers, if the same may be asked again; none: it is not kept
   std::uint64_t round = 0;           ///< how often it was asked again before
 

@@ -148,8 +148,8 @@ bool SceneHistory::pairs_unchanged(BodyPair pair, std::uint64_t since, const Sce
   });
 }
 
-bool SceneHistory::ids_valid_since(std::uint64_t revision, std::uint64_t changes, std::span<const std::uint32_t> selectors,
-                               bool with_parents) const {
+bool SceneHistory::ids_valid_since(std::uint64_t revision, std::uint64_t changes,
+                                   std::span<const std::uint32_t> selectors, bool with_parents) const {
   const std::lock_guard lock(mutex_);
   std::uint64_t since = 0;
   return find(revision, changes, since) && std::all_of(selectors.begin(), selectors.end(), [&](std::uint32_t selector) {

@@ -42,7 +42,7 @@ class SceneHistory {
   /// Whether body ids and group selectors of a revision mean the same after `changes` changes. \param with_parents also
   /// that those bodies have the parents that they had: their poses are relative to them.
   bool ids_valid_since(std::uint64_t revision, std::uint64_t changes, std::span<const std::uint32_t> selectors,
-                   bool with_parents) const;
+                       bool with_parents) const;
   /// What a query names of the scene.
   struct RevisionCheck {
     std::uint64_t revision;                 ///< the scene that it was asked of

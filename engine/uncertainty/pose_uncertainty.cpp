@@ -28,9 +28,10 @@ FrameUncertainty joints_of(const PlacedLink& link) {
   return {link.errors->shift(link.link, link.travel), link.errors->turn(link.link)};
 }
 
-PoseUncertainty uncertainty_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const PoseUncertainty* parent,
-                   bool composed, const PlacedLink& link) {
-  return {uncertainty_below(uncertainty_source(body), local.translation, t_w, age_s, parent, composed, joints_of(link)), link};
+PoseUncertainty uncertainty_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s,
+                               const PoseUncertainty* parent, bool composed, const PlacedLink& link) {
+  return {uncertainty_below(uncertainty_source(body), local.translation, t_w, age_s, parent, composed, joints_of(link)),
+          link};
 }
 
 namespace {
@@ -70,7 +71,8 @@ std::vector<PoseUncertainty> uncertainties_of(const Scene& scene, const PoseSnap
     const double age_s = body.is_static ? 0 : pose_age_s(snapshot, b, now_ns);
     const std::uint32_t on = snapshot.parent[b];
     uncertainties[b] = uncertainty_of(body, snapshot.local[b], snapshot.placed[b].pose.t_w, age_s,
-                         on == kNone ? nullptr : &uncertainties[on], on != kNone && is_composed(snapshot.placed[on]), link);
+                                      on == kNone ? nullptr : &uncertainties[on],
+                                      on != kNone && is_composed(snapshot.placed[on]), link);
   }
   return uncertainties;
 }

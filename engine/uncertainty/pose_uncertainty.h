@@ -31,8 +31,8 @@ FrameUncertainty joints_of(const PlacedLink& link);
 /// \param local its pose as given. \param t_w its origin in the world, as computed. \param age_s of that pose, seconds.
 /// \param parent of the body that it follows; null: none.
 /// \param composed its pose was composed with that body's, and rounded. \param link whose joints made `local`
-PoseUncertainty uncertainty_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const PoseUncertainty* parent,
-                   bool composed, const PlacedLink& link = {});
+PoseUncertainty uncertainty_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s,
+                               const PoseUncertainty* parent, bool composed, const PlacedLink& link = {});
 
 /// How long ago a body's points were received, seconds; 0: none were.
 double points_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t now_ns);

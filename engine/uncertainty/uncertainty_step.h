@@ -37,9 +37,9 @@ struct UncertaintySource {
 struct PlacedUncertainty {
   FrameUncertainty known;   ///< its frame, and all that follow it: by what the user knows and by the age of its pose
   FrameUncertainty placed;  ///< by the rounding of joints and of poses that follow one another
-  Slack slack;        ///< of its pieces
-  SlackParts parts;   ///< beside what its shape adds: Body::model_inner, model_error
-  Slack beside;       ///< of a link: without what moves all links on its root alike, and without the joints' rounding
+  Slack slack;              ///< of its pieces
+  SlackParts parts;         ///< beside what its shape adds: Body::model_inner, model_error
+  Slack beside;  ///< of a link: without what moves all links on its root alike, and without the joints' rounding
 };
 
 namespace detail {
@@ -63,8 +63,9 @@ CLEARANCE_HD inline double shift_below(const FrameUncertainty& parent, double al
 /// \param local translation of its pose as given. \param t_w its origin in the world, as computed. \param age_s of that
 /// pose, seconds. \param parent of the body that it follows; null: none. \param composed its pose was composed with
 /// that body's, and rounded. \param joints what is doubted of `local`, where joints made it
-CLEARANCE_HD inline PlacedUncertainty uncertainty_below(const UncertaintySource& body, const Vec3d& local, const Vec3d& t_w, double age_s,
-                                            const PlacedUncertainty* parent, bool composed, const FrameUncertainty& joints) {
+CLEARANCE_HD inline PlacedUncertainty uncertainty_below(const UncertaintySource& body, const Vec3d& local,
+                                                        const Vec3d& t_w, double age_s, const PlacedUncertainty* parent,
+                                                        bool composed, const FrameUncertainty& joints) {
   using detail::up;
   constexpr double kUnit = 0x1p-53;
   const FrameUncertainty none, above = parent ? parent->known : none, placed_above = parent ? parent->placed : none;

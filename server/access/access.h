@@ -46,11 +46,11 @@ inline constexpr std::uint64_t kGatewayBytes = std::uint64_t{2} << 30;
 
 /// Who may come in at the endpoints of a daemon.
 struct Access {
-  std::optional<gid_t> group;        ///< whose members may connect to Unix sockets; none: this user alone
-  Rights group_rights = kMayQuery;   ///< theirs
-  std::vector<uid_t> control_users;  ///< who have the class control at Unix sockets, if they may connect
-  std::shared_ptr<AuthorizedKeys> keys;     ///< of TCP; null: the loopback alone, without keys
-  std::uint32_t max_clients = 256;   ///< of one endpoint
+  std::optional<gid_t> group;            ///< whose members may connect to Unix sockets; none: this user alone
+  Rights group_rights = kMayQuery;       ///< theirs
+  std::vector<uid_t> control_users;      ///< who have the class control at Unix sockets, if they may connect
+  std::shared_ptr<AuthorizedKeys> keys;  ///< of TCP; null: the loopback alone, without keys
+  std::uint32_t max_clients = 256;       ///< of one endpoint
   std::uint64_t gateway_bytes = kGatewayBytes;
 
   /// Whether anybody may have the class control: only then is something kept for it.

@@ -4,8 +4,8 @@
 #include <unistd.h>
 
 #include "server/access/accepting.h"
-#include "server/access/fd_filter_proxy.h"
 #include "server/access/authorized_keys.h"
+#include "server/access/fd_filter_proxy.h"
 #include "server/base/log.h"
 #include "server/shm/shm_transport.h"
 #include "wire/default_socket.h"

@@ -32,7 +32,8 @@ void Stats::hand_out(Named counters) {
   there_.notify_all();
 }
 
-std::optional<Stats::MetricsSnapshot> Stats::read(std::chrono::nanoseconds patience, const std::function<void()>& wake) {
+std::optional<Stats::MetricsSnapshot> Stats::read(std::chrono::nanoseconds patience,
+                                                  const std::function<void()>& wake) {
   std::unique_lock lock(mutex_);
   metrics_.reset();
   wanted_ = true;

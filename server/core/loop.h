@@ -30,8 +30,8 @@
 #include "server/requests/reply_writer.h"
 #include "server/requests/transport.h"
 #include "server/tasks/background_request.h"
-#include "server/tasks/device_plans.h"
 #include "server/tasks/deferred_queries.h"
+#include "server/tasks/device_plans.h"
 #include "server/tasks/query_task.h"
 #include "server/tasks/scheduler.h"
 #include "server/tasks/worker.h"
@@ -47,11 +47,7 @@ class Loop final : public RequestHandler {
  public:
   using Clock = std::chrono::steady_clock;
 
-  struct Options : Quotas::Limits,
-                   SceneChanges::Limits,
-                   QueryTask::Limits,
-                   PointsLedger::Limits,
-                   PlanLedger::Limits {
+  struct Options : Quotas::Limits, SceneChanges::Limits, QueryTask::Limits, PointsLedger::Limits, PlanLedger::Limits {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
     std::chrono::nanoseconds spin =
         std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep
@@ -127,10 +123,10 @@ class Loop final : public RequestHandler {
   void begin_query(const wire::FrameHeader& header, const wire::QueryParts& parts, std::span<const std::byte> payload,
                    std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   void begin_held(DeferredQuery held);
-  void begin_elsewhere(std::unique_ptr<QueryTask> query, std::function<OwnPayload()> fetch,
-                       std::uint64_t payload_bytes, const QueryCost& extent, std::unique_ptr<ReplySink>& sink);
+  void begin_elsewhere(std::unique_ptr<QueryTask> query, std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
+                       const QueryCost& extent, std::unique_ptr<ReplySink>& sink);
   std::unique_ptr<QueryTask> new_query(const wire::FrameHeader& header, const ReplySink& sink, ServiceClass service,
-                                          Clock::time_point received, Clock::time_point due);
+                                       Clock::time_point received, Clock::time_point due);
   ServiceClass class_for(const ReplySink& sink, const QueryOptions& asked) const;
   Worker& worker_of(ServiceClass service) {
     return service == ServiceClass::kControl ? control_worker_ : planning_worker_;
@@ -139,7 +135,8 @@ class Loop final : public RequestHandler {
             std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   bool is_small(const QueryCost& extent) const;
   void reply_elsewhere(const wire::FrameHeader& header, std::uint64_t bytes, wire::FrameType type,
-                       BackgroundRequest::Make make, std::unique_ptr<ReplySink>& sink, BackgroundRequest::Done done = nullptr);
+                       BackgroundRequest::Make make, std::unique_ptr<ReplySink>& sink,
+                       BackgroundRequest::Done done = nullptr);
   BackgroundRequest::Done count_later(std::shared_ptr<const std::uint64_t> ignored);
   void echo_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
                       std::unique_ptr<ReplySink>& sink);

@@ -41,8 +41,8 @@ void Loop::open_plan(const FrameHeader& header, std::function<OwnPayload()> fetc
   };
   PendingRequest asked{nullptr, header, quotas_.take(client, service, bytes)};
   asked.sink = std::move(sink);
-  plan_worker_.add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, FrameType::kPlan, turn_began_,
-                                                 make, done, BackgroundRequest::Weight::kLight));
+  plan_worker_.add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, FrameType::kPlan,
+                                                       turn_began_, make, done, BackgroundRequest::Weight::kLight));
 }
 
 void Loop::run_plan(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
@@ -50,9 +50,11 @@ void Loop::run_plan(const FrameHeader& header, std::span<const std::byte> payloa
   DevicePlans::Open& open = plans_.find(client, number);
   const std::string named = "a plan on a device: plan " + std::to_string(number);
   if (header.scene_revision && header.scene_revision != engine_->scene_revision())
-    throw RejectedRequest{ErrorCode::kWrongScene, named + " was made for another scene than the daemon has now; open it again"};
+    throw RejectedRequest{ErrorCode::kWrongScene,
+                          named + " was made for another scene than the daemon has now; open it again"};
   if (open.is_running)
-    throw RejectedRequest{ErrorCode::kBusy, named + " is running already; wait for its rows, which are the same memory"};
+    throw RejectedRequest{ErrorCode::kBusy,
+                          named + " is running already; wait for its rows, which are the same memory"};
   const ServiceClass service = class_for(*sink, kDefaultOptions);
   quotas_.check_requests(client);
   PendingRequest asked{nullptr, header, quotas_.take(client, service, payload.size())};
@@ -74,8 +76,8 @@ void Loop::run_plan(const FrameHeader& header, std::span<const std::byte> payloa
   };
   asked.sink = std::move(sink);
   open.is_running = true;
-  run_worker_.add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, FrameType::kPlanDone, turn_began_,
-                                                make, done, BackgroundRequest::Weight::kLight));
+  run_worker_.add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, FrameType::kPlanDone,
+                                                      turn_began_, make, done, BackgroundRequest::Weight::kLight));
 }
 
 wire::PlanResult Loop::close_plan(std::span<const std::byte> payload, std::uint64_t client) {

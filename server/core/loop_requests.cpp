@@ -51,8 +51,9 @@ void Loop::on_frame(const FrameHeader& header, std::span<const std::byte> payloa
 
 void Loop::check_right(const FrameHeader& header, const ReplySink& sink) {
   if (const Rights needed = right_for(static_cast<FrameType>(header.type)); needed & ~sink.rights())
-    throw RejectedRequest{ErrorCode::kForbidden, wire::type_name(header.type) + " needs the right \"" + rights_text(needed) +
-                                             "\"; this client has " + rights_text(sink.rights())};
+    throw RejectedRequest{ErrorCode::kForbidden, wire::type_name(header.type) + " needs the right \"" +
+                                                     rights_text(needed) + "\"; this client has " +
+                                                     rights_text(sink.rights())};
 }
 
 void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
@@ -189,7 +190,7 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
 }
 
 std::unique_ptr<QueryTask> Loop::new_query(const FrameHeader& header, const ReplySink& sink, ServiceClass service,
-                                              Clock::time_point received, Clock::time_point due) {
+                                           Clock::time_point received, Clock::time_point due) {
   return std::make_unique<QueryTask>(daemon_, sink.client(), service, header, engine_, received, due);
 }
 
@@ -214,7 +215,7 @@ void Loop::reply_elsewhere(const FrameHeader& header, std::uint64_t bytes, Frame
   PendingRequest asked{nullptr, header, quotas_.take(sink->client(), service, bytes)};
   asked.sink = std::move(sink);
   worker_of(service).add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, type, turn_began_,
-                                                       std::move(make), std::move(done)));
+                                                             std::move(make), std::move(done)));
 }
 
 void Loop::echo_elsewhere(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
@@ -287,8 +288,9 @@ void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes
     }
     if (payload_bytes > kMostOfOthers)
       throw RejectedRequest{ErrorCode::kBadFrame, wire::type_name(header.type) + ": a payload of " +
-                                              std::to_string(payload_bytes) + " bytes, more than the " +
-                                              std::to_string(kMostOfOthers) + " that a request of this type has"};
+                                                      std::to_string(payload_bytes) + " bytes, more than the " +
+                                                      std::to_string(kMostOfOthers) +
+                                                      " that a request of this type has"};
     const OwnPayload payload = fetch();
     handle(header, payload.span(), sink);
   });

@@ -173,7 +173,7 @@ void Loop::set_points_elsewhere(const FrameHeader& header, std::function<OwnPayl
   PendingRequest asked{nullptr, header, quotas_.take(client, service, bytes)};
   asked.sink = std::move(sink);
   points_worker_.add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, FrameType::kPosesDone,
-                                                   turn_began_, make, done));
+                                                         turn_began_, make, done));
 }
 
 PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,

@@ -90,8 +90,8 @@ Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& uncertai
 
 /// Adds a body, unless there are as many as may be. Throws SceneError.
 Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std::uint32_t most) {
-  return [record = parts.record, uncertainties = parts.uncertainties, geometry = NewGeometry(parts), parent = std::move(parent),
-          most](SceneParts& scene) {
+  return [record = parts.record, uncertainties = parts.uncertainties, geometry = NewGeometry(parts),
+          parent = std::move(parent), most](SceneParts& scene) {
     if (scene.added.size() >= most)
       throw SceneError("add_body: " + std::to_string(most) +
                        " bodies were added already, and no more may be (limit max-added-bodies)");
@@ -165,7 +165,7 @@ void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byt
   const auto& bodies = engine_->scene().bodies();
   if (parent != kNone && parent >= bodies.size())
     throw RejectedRequest{ErrorCode::kBadQuery,
-                  "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
+                          "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
   check_size(parts);
   begin_edit(request, sink, wire::name_of(parts.record.name), false,
              addition(parts, parent == kNone ? "" : bodies[parent].name, limits_.max_added_bodies));
@@ -174,9 +174,9 @@ void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byt
 void SceneChanges::check_size(const wire::NewBodyParts& parts) const {
   const auto check = [](std::uint64_t got, std::uint64_t most, const std::string& what) {
     if (got > most)
-      throw RejectedRequest{ErrorCode::kTooLarge, "add_body: " + std::to_string(got) + " " + what + " are more than the " +
-                                              std::to_string(most) + " that an added body may have (limit max-added-" +
-                                              what + ")"};
+      throw RejectedRequest{ErrorCode::kTooLarge, "add_body: " + std::to_string(got) + " " + what +
+                                                      " are more than the " + std::to_string(most) +
+                                                      " that an added body may have (limit max-added-" + what + ")"};
   };
   check(parts.vertices.size(), limits_.max_added_vertices, "vertices");
   check(parts.triangles.size(), limits_.max_added_triangles, "triangles");
@@ -263,7 +263,8 @@ void SceneChanges::answer(Waiter& waiter, const Reloader::Outcome& outcome) {
   ReplySink& sink = *waiter.asked.sink;
   answers_.guard(sink, waiter.asked.header, [&] {
     if (!outcome.error.empty())
-      throw RejectedRequest{outcome.edit && outcome.bad_input ? ErrorCode::kBadQuery : ErrorCode::kReloadFailed, outcome.error};
+      throw RejectedRequest{outcome.edit && outcome.bad_input ? ErrorCode::kBadQuery : ErrorCode::kReloadFailed,
+                            outcome.error};
     wire::SceneChange change;
     change.scene_revision = engine_->scene_revision();
     change.body_count = static_cast<std::uint32_t>(engine_->scene().bodies().size());

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "server/core/reloader.h"
-#include "server/requests/reply_writer.h"
 #include "server/requests/pending_request.h"
+#include "server/requests/reply_writer.h"
 
 namespace clearance {
 
@@ -23,7 +23,8 @@ class SceneChanges {
   };
 
   /// What is passed must outlive this. \param engine the one that serves, which turn() replaces.
-  SceneChanges(std::shared_ptr<Engine>& engine, ReplyWriter& answers, Stats& stats, Quotas& quotas, const Limits& limits)
+  SceneChanges(std::shared_ptr<Engine>& engine, ReplyWriter& answers, Stats& stats, Quotas& quotas,
+               const Limits& limits)
       : engine_(engine), answers_(answers), stats_(stats), quotas_(quotas), limits_(limits) {}
 
   /// As Loop::reload_by(). \param wake called on another thread when turn() has something to do.

@@ -42,7 +42,7 @@ void LcmAnnouncer::hand_in(std::span<const std::byte> frame, LcmOwnSink::Take ta
   std::memcpy(&header, frame.data(), sizeof header);
   ++handed_in_;
   handler_.on_frame(header, frame.subspan(sizeof header),
-                  std::make_unique<LcmOwnSink>(link_, own_client_, guarded(std::move(take))));
+                    std::make_unique<LcmOwnSink>(link_, own_client_, guarded(std::move(take))));
 }
 
 void LcmAnnouncer::ask(wire::FrameType type, LcmOwnSink::Take take) {

@@ -7,8 +7,8 @@
 #include <optional>
 #include <string>
 
-#include "server/lcm/lcm_metrics.h"
 #include "server/lcm/lcm_link.h"
+#include "server/lcm/lcm_metrics.h"
 #include "server/requests/transport.h"
 
 namespace clearance {

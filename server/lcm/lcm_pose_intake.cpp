@@ -26,7 +26,8 @@ bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
   const Engine& engine = handler_.engine();
   static_assert(sizeof update.bodies[0] == sizeof(std::uint32_t));
   const std::span ids(reinterpret_cast<const std::uint32_t*>(update.bodies.data()), update.bodies.size());
-  if (update.scene_revision != 0 && !engine.ids_valid_since(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
+  if (update.scene_revision != 0 &&
+      !engine.ids_valid_since(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
     refuse_scene(update.scene_revision);
     return false;
   }
@@ -93,7 +94,7 @@ std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_
 void LcmPoseIntake::refuse_scene(std::int64_t revision) {
   ++metrics_.wrong_scene;
   metrics_.log_rate_limited("scene", "poses for scene " + std::to_string(revision) + " refused, this is " +
-                                 std::to_string(static_cast<std::int64_t>(handler_.engine().scene_revision())));
+                                         std::to_string(static_cast<std::int64_t>(handler_.engine().scene_revision())));
 }
 
 /// \param what with '%' for the name
@@ -148,8 +149,8 @@ bool LcmPoseIntake::apply(const Message& message, std::span<const std::uint32_t>
     const bool is_joint = &owners == &joint_owners_;
     const std::uint32_t first = contested.front();
     metrics_.log_rate_limited("contested", std::string("two publishers move ") + (is_joint ? "joint '" : "body '") +
-                                       (is_joint ? scene.joints()[first].name : scene.bodies()[first].name) +
-                                       "' in turns; one is " + std::to_string(message.publisher));
+                                               (is_joint ? scene.joints()[first].name : scene.bodies()[first].name) +
+                                               "' in turns; one is " + std::to_string(message.publisher));
   }
   if (ids.empty() && !allowed_poses_.any) return false;  // nothing that would be taken
   ++metrics_.poses;
@@ -189,7 +190,8 @@ bool LcmPoseIntake::is_in_order(const Message& message) {
       break;
     case PublisherLog::Sequencing::kGap:
       metrics_.gaps += note.missing;
-      log_rate_limited("gap", ": " + std::to_string(note.missing) + " messages missing before " + std::to_string(sequence));
+      log_rate_limited("gap",
+                       ": " + std::to_string(note.missing) + " messages missing before " + std::to_string(sequence));
       break;
     case PublisherLog::Sequencing::kRestart:
       ++metrics_.restarts;

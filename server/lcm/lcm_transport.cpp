@@ -13,8 +13,8 @@
 #include <stdexcept>
 
 #include "server/lcm/lcm_announcer.h"
-#include "server/lcm/lcm_metrics.h"
 #include "server/lcm/lcm_link.h"
+#include "server/lcm/lcm_metrics.h"
 #include "server/lcm/lcm_points.h"
 #include "server/lcm/lcm_pose_intake.h"
 #include "server/lcm/lcm_publishers.h"
@@ -230,8 +230,9 @@ class LcmTransport final : public Transport {
     const auto note = changes_.note(0, whole.client_id, sequence, 0, Clock::now());
     if (note.use()) return true;
     ++(note.sequencing == PublisherLog::Sequencing::kRepeated ? metrics_->repeated : metrics_->reordered);
-    metrics_->log_rate_limited("old", "client " + std::to_string(whole.client_id) + ": frame " + std::to_string(sequence) +
-                                  " is not newer than its last that changed something, left out");
+    metrics_->log_rate_limited("old", "client " + std::to_string(whole.client_id) + ": frame " +
+                                          std::to_string(sequence) +
+                                          " is not newer than its last that changed something, left out");
     return false;
   }
 
@@ -253,7 +254,8 @@ class LcmTransport final : public Transport {
     for (int i = 8; i < 16; ++i) id = id << 8 | std::to_integer<std::uint64_t>(packet[i]);
     if (static_cast<std::int64_t>(id) == link_->server_id) return;
     ++metrics_->other_daemons;
-    metrics_->log_rate_limited("other", "another clearanced publishes under the same channels; give one of them a prefix");
+    metrics_->log_rate_limited("other",
+                               "another clearanced publishes under the same channels; give one of them a prefix");
   }
 
   void serve() {

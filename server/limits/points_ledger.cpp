@@ -8,7 +8,7 @@ void PointsLedger::begin(std::uint64_t client, std::uint64_t count) {
   const auto refuse = [&](wire::ErrorCode code, std::uint64_t got, const char* whose, std::uint64_t most,
                           const char* option) {
     throw RejectedRequest{code, "points: " + std::to_string(got) + " points " + whose + " are more than the " +
-                            std::to_string(most) + " that there may be (" + option + ")"};
+                                    std::to_string(most) + " that there may be (" + option + ")"};
   };
   if (count > limits_.max_points_of_body)
     refuse(wire::ErrorCode::kTooLarge, count, "of one body", limits_.max_points_of_body, "limit max-body-points");

@@ -34,9 +34,10 @@ ReplyWriter::ReplyWriter(Stats& stats, const std::shared_ptr<Engine>& engine, bo
 void ReplyWriter::check_epoch(const FrameHeader& request, std::uint64_t named) const {
   if (named == epoch_) return;
   if (named)
-    throw RejectedRequest{ErrorCode::kNewEpoch,
-                  "the daemon was started anew, or is another one, since this client's first contact: poses, "
-                  "attachments and bodies that clients had sent are gone; acknowledge its epoch, and send them again"};
+    throw RejectedRequest{
+        ErrorCode::kNewEpoch,
+        "the daemon was started anew, or is another one, since this client's first contact: poses, "
+        "attachments and bodies that clients had sent are gone; acknowledge its epoch, and send them again"};
   using wire::FrameType;
   const auto type = static_cast<FrameType>(request.type);
   const bool is_harmless = type == FrameType::kPing || type == FrameType::kDescribe || type == FrameType::kGetStats;
@@ -57,7 +58,7 @@ std::vector<std::byte> ReplyWriter::records(const wire::PassedOver& passed_over,
 }
 
 void ReplyWriter::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType type,
-                    std::span<const std::byte> payload) {
+                        std::span<const std::byte> payload) {
   std::byte* frame = reserve(sink, payload.size());
   count_copied(payload.size());
   if (!payload.empty()) std::memcpy(frame + sizeof(FrameHeader), payload.data(), payload.size());
@@ -67,8 +68,8 @@ void ReplyWriter::reply(ReplySink& sink, const FrameHeader& request, wire::Frame
 std::byte* ReplyWriter::reserve(ReplySink& sink, std::uint64_t payload_bytes) {
   const std::uint64_t bytes = sizeof(FrameHeader) + payload_bytes + epoch_record_.size();
   const auto too_large = [bytes](const char* room) {
-    return RejectedRequest{ErrorCode::kTooLarge, "the reply needs " + std::to_string(bytes) + " bytes, more than " + room,
-                   bytes};
+    return RejectedRequest{ErrorCode::kTooLarge,
+                           "the reply needs " + std::to_string(bytes) + " bytes, more than " + room, bytes};
   };
   if (bytes > wire::kMaxFrameBytes) throw too_large("a frame may have");
   std::byte* frame = sink.reserve(bytes);
@@ -77,7 +78,7 @@ std::byte* ReplyWriter::reserve(ReplySink& sink, std::uint64_t payload_bytes) {
 }
 
 void ReplyWriter::publish(ReplySink& sink, const FrameHeader& request, wire::FrameType type, std::byte* frame,
-                      std::uint64_t payload_bytes) {
+                          std::uint64_t payload_bytes) {
   const auto header = wire::with_records(
       wire::make_reply_header(request, type, payload_bytes, engine_->scene_revision()), epoch_record_.size());
   std::memcpy(frame, &header, sizeof header);

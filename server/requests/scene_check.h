@@ -18,9 +18,9 @@ inline bool knows_scene(const Engine& engine, const wire::FrameHeader& request, 
 }
 
 [[noreturn]] inline void refuse_scene(const Engine& engine, const wire::FrameHeader& request) {
-  throw RejectedRequest{wire::ErrorCode::kWrongScene, "the request is for scene revision " +
-                                                  std::to_string(request.scene_revision) + ", the daemon's is " +
-                                                  std::to_string(engine.scene_revision()) + ": fetch the scene again"};
+  throw RejectedRequest{wire::ErrorCode::kWrongScene,
+                        "the request is for scene revision " + std::to_string(request.scene_revision) +
+                            ", the daemon's is " + std::to_string(engine.scene_revision()) + ": fetch the scene again"};
 }
 
 /// Throws a Refusal (kWrongScene) unless joint ids mean what their client thinks.

@@ -278,7 +278,8 @@ class ShmTransport final : public Transport {
   }
 
   /// \param frames \param bytes taken in this poll
-  void serve_requests(const std::shared_ptr<ShmSession>& session, RequestHandler& handler, int& frames, std::uint64_t& bytes) {
+  void serve_requests(const std::shared_ptr<ShmSession>& session, RequestHandler& handler, int& frames,
+                      std::uint64_t& bytes) {
     const int most = frames + kMaxFramesPerClient;
     // By index: the inbox may not touch the sessions, but be safe against growth all the same.
     for (std::size_t i = 0; i < session->segments.size(); ++i) {

@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "server/requests/reply_writer.h"
 #include "server/requests/pending_request.h"
+#include "server/requests/reply_writer.h"
 #include "server/tasks/scheduler.h"
 
 namespace clearance {
@@ -25,7 +25,7 @@ class BackgroundRequest final : public ScheduledQuery {
   enum class Weight { kHeavy, kLight };
 
   BackgroundRequest(ReplyWriter& answers, PendingRequest asked, ServiceClass service, wire::FrameType type,
-              Clock::time_point received, Make make, Done done = nullptr, Weight weight = Weight::kHeavy)
+                    Clock::time_point received, Make make, Done done = nullptr, Weight weight = Weight::kHeavy)
       : ScheduledQuery(asked.sink->client(), service, received),
         answers_(answers),
         asked_(std::move(asked)),

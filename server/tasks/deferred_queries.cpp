@@ -38,7 +38,8 @@ std::int64_t wait_of(const QueryOptions& query) {
 }
 
 /// Whether a query need not wait any longer.
-bool is_over(const DeferredQuery& held, const Engine& engine, Reached& reached, DeferredQueries::Clock::time_point now) {
+bool is_over(const DeferredQuery& held, const Engine& engine, Reached& reached,
+             DeferredQueries::Clock::time_point now) {
   if (now >= held.deadline) return true;
   try {
     return is_reached(reached, engine, held.asked.header, held.query);
@@ -59,23 +60,24 @@ RejectedRequest poses_late(const QueryOptions& query, bool waited) {
   return {wire::ErrorCode::kPosesLate, poses + "came within " + std::to_string(ms) + " ms"};
 }
 
-bool DeferredQueries::poses_are_there(const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query) {
+bool DeferredQueries::poses_are_there(const Engine& engine, const wire::FrameHeader& request,
+                                      const QueryOptions& query) {
   Reached reached(engine);
   return is_reached(reached, engine, request, query);
 }
 
 void DeferredQueries::hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query,
-                       OwnPayload payload, std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine,
-                       Clock::time_point received) {
+                           OwnPayload payload, std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine,
+                           Clock::time_point received) {
   if (query.pose_wait_ns == 0) throw poses_late(query, false);
   const std::uint64_t client = sink->client();
   quotas.check_bytes(client, service, payload.bytes, sink->unsent_bytes());
   DeferredQuery held{{nullptr, request, quotas.take(client, service, payload.bytes)},
-                 service,
-                 query,
-                 std::move(payload),
-                 received,
-                 received + std::chrono::nanoseconds(wait_of(query))};
+                     service,
+                     query,
+                     std::move(payload),
+                     received,
+                     received + std::chrono::nanoseconds(wait_of(query))};
   if (held_.empty()) looked_at_revision_ = engine.pose_revision();  // the others have not been looked at yet
   deadline_ = std::min(deadline_, held.deadline);
   held_.push_back(std::move(held));
@@ -88,8 +90,8 @@ void DeferredQueries::part(const Engine& engine, Clock::time_point now) {
   if (revision == looked_at_revision_ && now < deadline_) return;
   looked_at_revision_ = revision;
   Reached reached(engine);
-  const auto first = std::stable_partition(held_.begin(), held_.end(),
-                                           [&](const DeferredQuery& held) { return !is_over(held, engine, reached, now); });
+  const auto first = std::stable_partition(
+      held_.begin(), held_.end(), [&](const DeferredQuery& held) { return !is_over(held, engine, reached, now); });
   over_.insert(over_.end(), std::make_move_iterator(first), std::make_move_iterator(held_.end()));
   held_.erase(first, held_.end());
   deadline_ = Clock::time_point::max();

@@ -59,7 +59,7 @@ class DeferredQueries {
   void part(const Engine& engine, Clock::time_point now);
 
   std::vector<DeferredQuery> held_;
-  std::deque<DeferredQuery> over_;            // that need not wait any longer
+  std::deque<DeferredQuery> over_;        // that need not wait any longer
   std::uint64_t looked_at_revision_ = 0;  // of the poses
   Clock::time_point deadline_ = Clock::time_point::max();
 };

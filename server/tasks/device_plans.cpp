@@ -9,7 +9,7 @@ DevicePlans::Open& DevicePlans::find(std::uint64_t client, std::uint64_t number)
   const auto found = plans_.find(number);
   if (found == plans_.end() || found->second.client != client)
     throw RejectedRequest{wire::ErrorCode::kBadQuery,
-                  "a plan on a device: this client has no plan " + std::to_string(number) + " open"};
+                          "a plan on a device: this client has no plan " + std::to_string(number) + " open"};
   return found->second;
 }
 
@@ -34,7 +34,8 @@ std::vector<std::byte> PlanOpening::make(std::uint64_t number, std::uint64_t& ig
   answers_.check_epoch(request_, parts.epoch);
   const QueryOptions& asked = parts.options;
   if (asked.min_pose_stamp_ns != 0 || asked.deadline_ns != 0)
-    throw RejectedRequest{wire::ErrorCode::kNotSupported, "a plan on a device: without min_pose_stamp_ns and deadline_ns"};
+    throw RejectedRequest{wire::ErrorCode::kNotSupported,
+                          "a plan on a device: without min_pose_stamp_ns and deadline_ns"};
   plan_ = {new SharedPlan(std::exchange(engine_, nullptr), view_of(parts, request_.scene_revision), limits_,
                           std::move(share_)),
            [free = free_](SharedPlan* plan) { free(std::shared_ptr<SharedPlan>(plan)); }};

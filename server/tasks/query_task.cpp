@@ -82,17 +82,18 @@ std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vect
 
 void QueryTask::Limits::check(const QueryCost& extent) const {
   if (const std::uint64_t pieces = extent.piece_pairs; pieces > max_piece_pairs)
-    throw RejectedRequest{wire::ErrorCode::kTooLarge, "the pairs that this query names have " + std::to_string(pieces) +
-                                                  " pairs of pieces, more than the " + std::to_string(max_piece_pairs) +
-                                                  " that one query may ask about (limit max-piece-pairs): split it"};
+    throw RejectedRequest{wire::ErrorCode::kTooLarge,
+                          "the pairs that this query names have " + std::to_string(pieces) +
+                              " pairs of pieces, more than the " + std::to_string(max_piece_pairs) +
+                              " that one query may ask about (limit max-piece-pairs): split it"};
 }
 
 void QueryTask::Limits::check(const QuerySize& size) const {
   if (size.pairs && size.configurations > max_pairs / size.pairs)
     throw RejectedRequest{wire::ErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations of " +
-                                                  std::to_string(size.pairs) + " pairs are more than the " +
-                                                  std::to_string(max_pairs) +
-                                                  " that one query may ask about (limit max-pairs): split it"};
+                                                          std::to_string(size.pairs) + " pairs are more than the " +
+                                                          std::to_string(max_pairs) +
+                                                          " that one query may ask about (limit max-pairs): split it"};
 }
 
 void QueryTask::take_options(const QueryOptions& options, const QueryCost& extent) {
@@ -112,7 +113,7 @@ void QueryTask::check_deadline(Clock::time_point now) const {
 }
 
 void QueryTask::begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes,
-                              std::unique_ptr<ReplySink>& sink) {
+                           std::unique_ptr<ReplySink>& sink) {
   worked_ = Clock::now();
   const auto begun = worked_;
   on_loop_ = true;
@@ -128,7 +129,7 @@ void QueryTask::begin_here(const wire::QueryParts& parts, std::uint64_t payload_
 }
 
 void QueryTask::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
-                                   std::uint64_t listed_pairs, std::unique_ptr<ReplySink>& sink) {
+                                std::uint64_t listed_pairs, std::unique_ptr<ReplySink>& sink) {
   const std::uint64_t bytes = payload_bytes + std::min(listed_pairs, kMostListed) * sizeof(BodyPair);
   daemon_.quotas.check_bytes(client(), service_class(), bytes, sink->unsent_bytes());
   fetch_ = std::move(fetch);

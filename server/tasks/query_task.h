@@ -10,8 +10,8 @@
 #include <optional>
 
 #include "server/limits/forecast.h"
-#include "server/requests/reply_writer.h"
 #include "server/requests/pending_request.h"
+#include "server/requests/reply_writer.h"
 #include "server/tasks/scheduler.h"
 #include "wire/aligned_buffer.h"
 #include "wire/wire.h"
@@ -62,7 +62,7 @@ class QueryTask final : public ScheduledQuery {
   /// \param received when the request came. \param engine that answers, though another one may serve by the time that
   /// this ends.
   QueryTask(const Daemon& daemon, std::uint64_t client, ServiceClass service, const wire::FrameHeader& request,
-               std::shared_ptr<Engine> engine, Clock::time_point received, Clock::time_point due)
+            std::shared_ptr<Engine> engine, Clock::time_point received, Clock::time_point due)
       : ScheduledQuery(client, service, due),
         daemon_(daemon),
         asked_{nullptr, request, {}},

@@ -32,7 +32,7 @@ auto on_device(Work work) {
   } catch (const cuda::DeviceError& error) {
     const bool no_room = error.kind == cuda::DeviceError::kNoRoom;
     throw RejectedRequest{no_room ? wire::ErrorCode::kTooLarge : wire::ErrorCode::kNotSupported,
-                  std::string("a plan on a device: ") + error.what()};
+                          std::string("a plan on a device: ") + error.what()};
   }
 }
 
@@ -50,9 +50,10 @@ SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& qu
              positions = Wide(query.configuration_count) * joints_ * sizeof(double);
   constexpr std::uint64_t kMost = std::uint64_t{1} << 48;  // more than any device has; sums of such are no overflow
   if (poses > kMost || positions > kMost)
-    throw RejectedRequest{wire::ErrorCode::kTooLarge, "a plan on a device: " + std::to_string(query.configuration_count) +
-                                                  " configurations of " + std::to_string(bodies_) + " bodies and " +
-                                                  std::to_string(joints_) + " joints are more than one has room for"};
+    throw RejectedRequest{wire::ErrorCode::kTooLarge,
+                          "a plan on a device: " + std::to_string(query.configuration_count) + " configurations of " +
+                              std::to_string(bodies_) + " bodies and " + std::to_string(joints_) +
+                              " joints are more than one has room for"};
   positions_offset_ = aligned_up(static_cast<std::uint64_t>(poses));
   columns_offset_ = positions_offset_ + aligned_up(static_cast<std::uint64_t>(positions));
   share_.take(columns_offset_);  // before anything is made

@@ -134,7 +134,7 @@ class ZmqGatewayPort final : public ZmqPort {
       case Kind::kHandshakeFailed:
         if (keys_)
           keys_->refused(*handler_, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" +
-                                      log_text(arrival.identity));
+                                        log_text(arrival.identity));
         return false;
       default:
         break;

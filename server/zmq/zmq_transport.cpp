@@ -226,7 +226,8 @@ class ZmqTransport final : public Transport {
     }
     if (from.payload.bytes <= kLargePayload) return handler.on_frame(from.header, from.payload.span(), std::move(sink));
     const std::uint64_t bytes = from.payload.bytes;
-    handler.on_large_frame(from.header, bytes, [payload = std::move(from.payload)] { return payload; }, std::move(sink));
+    handler.on_large_frame(
+        from.header, bytes, [payload = std::move(from.payload)] { return payload; }, std::move(sink));
   }
 
   Access access_;

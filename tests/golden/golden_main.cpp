@@ -22,9 +22,9 @@ struct GoldenQuery {
   bool cut;  // with the scene's cut-off distance; kAny: as its margin
 };
 constexpr GoldenQuery kQuestions[] = {{"none", Reduce::kNone, false},    {"none_near", Reduce::kNone, true},
-                                   {"within", Reduce::kWithin, true}, {"nearest", Reduce::kNearest, false},
-                                   {"min", Reduce::kMin, false},      {"any", Reduce::kAny, true},
-                                   {"any_0", Reduce::kAny, false}};
+                                      {"within", Reduce::kWithin, true}, {"nearest", Reduce::kNearest, false},
+                                      {"min", Reduce::kMin, false},      {"any", Reduce::kAny, true},
+                                      {"any_0", Reduce::kAny, false}};
 
 struct Setting {
   GoldenQuery question;

@@ -76,7 +76,8 @@ struct Exact {
 };
 
 /// The exact distance of every pair in every configuration, in the order of a query's rows.
-std::vector<Exact> exact_answer(const Scene& scene, const std::vector<BodyPair>& pairs, const std::vector<Pose>& poses) {
+std::vector<Exact> exact_answer(const Scene& scene, const std::vector<BodyPair>& pairs,
+                                const std::vector<Pose>& poses) {
   std::vector<Exact> rows(kBatch * pairs.size());
   std::atomic<std::size_t> next{0};
   const auto work = [&] {

@@ -13,9 +13,9 @@
 #include <thread>
 
 #include "tests/engine/motion/motion_cases.h"
-#include "tests/oracle/oracle_run.h"
 #include "tests/oracle/certificate/certificate_oracle.h"
 #include "tests/oracle/in_parallel.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 namespace {
@@ -145,8 +145,8 @@ void check_motions_over_plane(const Options& o, const test::MotionCase& made, te
   query.margin = 1e-3;
   query.fields |= kFieldFirstContact;
   count.prove_document(o.out + "/plane_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
-              engine.certificate(query), asked.count() * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
-              number < o.python_motions);
+                       engine.certificate(query), asked.count() * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
+                       number < o.python_motions);
 }
 
 // Some motions of robots of all kinds of joints, and of bodies beside and on them, in a scene of their own.
@@ -171,8 +171,8 @@ void check_motions(const Options& o, test::MotionKind kind, std::uint64_t number
   query.margin = 1e-3;
   query.fields |= kFieldFirstContact;
   count.prove_document(o.out + "/motion_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
-              engine.certificate(query), kAtOnce * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
-              number < o.python_motions);
+                       engine.certificate(query), kAtOnce * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
+                       number < o.python_motions);
 }
 
 // Of clouds no depth is asked.
@@ -201,8 +201,9 @@ void check_cases(const Options& o, const CaseClass& c, std::uint64_t cases, std:
       Random random(o.seed * 7'919 + setting * each + i);
       made.back() = beside_plane(made.back(), random);
     }
-    count.prove_document(o.out + "/" + c.name + (beside_planes ? "_plane_" : "_") + name + "_" + std::to_string(begin) + ".json",
-                Bench(made, asked.backend).certificate(asked), made.size(), begin < kept);
+    count.prove_document(
+        o.out + "/" + c.name + (beside_planes ? "_plane_" : "_") + name + "_" + std::to_string(begin) + ".json",
+        Bench(made, asked.backend).certificate(asked), made.size(), begin < kept);
     begin = end;
   }
 }

@@ -9,8 +9,8 @@
 #include <thread>
 
 #include "tests/engine/motion/motion_oracle.h"
-#include "tests/oracle/oracle_run.h"
 #include "tests/oracle/in_parallel.h"
+#include "tests/oracle/oracle_run.h"
 #include "tests/oracle/slack_oracle.h"
 
 namespace clearance::exact {

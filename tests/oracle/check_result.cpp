@@ -184,7 +184,8 @@ std::string Setting::name() const {
   return s;
 }
 
-CheckResult hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer, bool columns) {
+CheckResult hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer,
+                         bool columns) {
   return ResultChecker(c, truth, setting, answer).all(columns);
 }
 

@@ -44,7 +44,7 @@ struct CheckResult {
 /// Holds an answer against the exact truth. \param columns also prove witness points and normal, which costs three more
 /// exact solutions.
 CheckResult hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer,
-                     bool columns = true);
+                         bool columns = true);
 
 /// The case and its exact signed distance (rounded down) as a C++ initialiser in hexadecimal floats, as mined_cases.inc
 /// holds it.

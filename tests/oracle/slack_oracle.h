@@ -9,9 +9,9 @@ namespace clearance::exact {
 /// What was found wrong. The engine as it is must leave all at 0; a mutant must not.
 struct Findings {
   int asked = 0;
-  int misses = 0;     ///< intervals without the truth
-  int untrue = 0;     ///< statuses and flags that the truth contradicts
-  int wide = 0;       ///< intervals wider than tolerance and slack
+  int misses = 0;      ///< intervals without the truth
+  int untrue = 0;      ///< statuses and flags that the truth contradicts
+  int wide = 0;        ///< intervals wider than tolerance and slack
   int unresolved = 0;  ///< wider than asked, or unproved, for slack alone
   int all() const { return misses + untrue + wide + unresolved; }
 };

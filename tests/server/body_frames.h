@@ -25,7 +25,8 @@ inline std::vector<std::byte> box_frame(const std::string& name, std::uint32_t p
 }
 /// The same with a record that says what is not known of it.
 template <class UncertaintyRecord>
-std::vector<std::byte> uncertain_frame(const std::string& name, const UncertaintyRecord& uncertainties, std::uint16_t tag = 20) {
+std::vector<std::byte> uncertain_frame(const std::string& name, const UncertaintyRecord& uncertainties,
+                                       std::uint16_t tag = 20) {
   std::vector<std::byte> frame = box_frame(name), records;
   wire::append_record(records, tag, wire::kRecordRequired, std::as_bytes(std::span(&uncertainties, 1)));
   wire::FrameHeader header;

@@ -80,7 +80,8 @@ void answer_uncertain_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream
   view.prove_at_once = view.pair_limits.prove_overlaps;
   view.blocks = tiles + chunk.several_tiles;
   if (tiles > 0) {
-    const auto kernel = f32 ? answer_ungrouped<true, false, kWarm, Slack> : answer_ungrouped<false, false, kWarm, Slack>;
+    const auto kernel =
+        f32 ? answer_ungrouped<true, false, kWarm, Slack> : answer_ungrouped<false, false, kWarm, Slack>;
     kernel<<<tiles, kTile, 0, stream>>>(view, singles);
   }
   if (chunk.several_tiles > 0) {

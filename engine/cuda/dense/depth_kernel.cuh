@@ -128,8 +128,8 @@ struct SurfaceVertices {
 // narrow_phase()'s words for a pair whose simplex holds the origin, where a depth is asked for. All threads of a warp
 // call it with the same pair, and each has the answer. False: the CPU answers.
 // \param room holds the pair
-__device__ __forceinline__ bool prove_depth(const PairLimits& q, const Enclosed& e, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                                            PolytopeRoom& room, PairAnswer& answer) {
+__device__ __forceinline__ bool prove_depth(const PairLimits& q, const Enclosed& e, const BodyPoseRef& at_a,
+                                            const BodyPoseRef& at_b, PolytopeRoom& room, PairAnswer& answer) {
   const Hull<SceneVertices>&a = room.a, &b = room.b;
   const PairFrame<double>& at = room.at;
   const double radius = a.head->radius + b.head->radius, scale = pair_scale(at.D, a.head->rho, b.head->rho, radius);

@@ -49,8 +49,8 @@ __device__ inline bool goes_first(const ChunkView& c, const HullHead& a, const H
 // Answers it and writes its row, unless it is not settled.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
 __device__ inline PairOutcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b,
-                                      const PairHulls<PointHull>& hulls, const PairFrame<typename Hull::T>& at,
-                                      Enclosed& enclosed, const S& slack = S()) {
+                                          const PairHulls<PointHull>& hulls, const PairFrame<typename Hull::T>& at,
+                                          Enclosed& enclosed, const S& slack = S()) {
   enclosed.pair = item.pair;
   enclosed.configuration = item.k;
   PairAnswer answer;
@@ -121,7 +121,8 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
 // Pairs that have too little company for a block of their own; where something is doubted all pairs of single pieces.
 // \param ungrouped their group.
 template <bool kBoth, bool kLean, bool kWarm, class S = NoSlack>
-__global__ void __launch_bounds__(kTile, kBlocks) answer_ungrouped(const __grid_constant__ ChunkView c, Group ungrouped) {
+__global__ void __launch_bounds__(kTile, kBlocks)
+    answer_ungrouped(const __grid_constant__ ChunkView c, Group ungrouped) {
   note_begin(c);
   const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = ungrouped.count * c.configurations;
   answer_alone<kBoth, kLean, kWarm, S>(c, GroupItem(c, ungrouped, place < count ? place : count - 1), place < count);

@@ -39,8 +39,9 @@ __device__ inline void write_lean(const ChunkView& c, const LeanItem& item, cons
 // \tparam Hull of the iteration, PointHull in float64
 template <bool kPoints, class Hull, class PointHull>
 __device__ inline PairOutcome answer_lean_item(const ChunkView& c, const LeanItem& item, const Hull& a, const Hull& b,
-                                           const PairHulls<PointHull>& hulls, const PairRef& ref, std::uint8_t states,
-                                           const PairFrame<typename Hull::T>& at, Enclosed& enclosed) {
+                                               const PairHulls<PointHull>& hulls, const PairRef& ref,
+                                               std::uint8_t states, const PairFrame<typename Hull::T>& at,
+                                               Enclosed& enclosed) {
   using T = typename Hull::T;
   PairAnswer answer;
   answer.point_a = answer.point_b = no_point();
@@ -58,7 +59,8 @@ __device__ inline PairOutcome answer_lean_item(const ChunkView& c, const LeanIte
     };
     outcome = run_to_end<false>(q, a, b, at, enclosed, nullptr, take);
   }
-  if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged) write_lean<kPoints>(c, item, answer);
+  if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged)
+    write_lean<kPoints>(c, item, answer);
   return outcome;
 }
 

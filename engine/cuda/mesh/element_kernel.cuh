@@ -31,19 +31,21 @@ struct ElementsAndHull {
   using Search = HullSearch<Elements>;
   static constexpr std::uint32_t kTaken = Elements::kTaken;
   static constexpr PairKind kKind = Elements::kIsMesh ? PairKind::kMeshAndHull : PairKind::kPointsAndHull;
-  __device__ static double upper_bound(const ReducedView& r, const Item& item, const BodyPoseRef& at_a, const BodyPoseRef& at_b);
+  __device__ static double upper_bound(const ReducedView& r, const Item& item, const BodyPoseRef& at_a,
+                                       const BodyPoseRef& at_b);
 };
 struct Meshes {
   using Search = MeshSearch;
   static constexpr std::uint32_t kTaken = kMeshesTaken;
   static constexpr PairKind kKind = PairKind::kMeshes;
-  __device__ static double upper_bound(const ReducedView& r, const Item& item, const BodyPoseRef& at_a, const BodyPoseRef& at_b);
+  __device__ static double upper_bound(const ReducedView& r, const Item& item, const BodyPoseRef& at_a,
+                                       const BodyPoseRef& at_b);
 };
 
 // Answers an item of elements. All the warp's threads call it, and one of them holds the answer.
 template <bool kAny, class Search>
-__device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& item, typename Search::SharedScratch& room,
-                                          PairAnswer& answer, bool& is_mine) {
+__device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& item,
+                                              typename Search::SharedScratch& room, PairAnswer& answer, bool& is_mine) {
   const ChunkView& c = r.chunk;
   const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
@@ -131,8 +133,8 @@ __device__ inline double upper_bound_of_parts(const ChunkView& c, const Part& a,
 
 // By the element at the end of one way down the tree, before the first of the other body's pieces.
 template <class Elements>
-__device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedView& r, const Item&, const BodyPoseRef& at_a,
-                                                                const BodyPoseRef& at_b) {
+__device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedView& r, const Item&,
+                                                                const BodyPoseRef& at_a, const BodyPoseRef& at_b) {
   const ChunkView& c = r.chunk;
   const bool elements_first = r.elements.of_body[at_a.body] != kNone;
   const ElementSet& set = r.elements.sets[r.elements.of_body[elements_first ? at_a.body : at_b.body]];
@@ -157,8 +159,9 @@ __device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedVie
     }
     const LoadedNode<Elements> one(set, at + 1), other(set, node.right);
     const double to_one = before.gap(one.bounds, kInf), to_other = before.gap(other.bounds, kInf);
-    const bool is_one = to_one != to_other ? to_one < to_other
-                                           : !(before.between_middles(other.bounds) < before.between_middles(one.bounds));
+    const bool is_one = to_one != to_other
+                            ? to_one < to_other
+                            : !(before.between_middles(other.bounds) < before.between_middles(one.bounds));
     at = is_one ? at + 1 : node.right;
   }
   const ElementHull<Elements> hull(set, at);
@@ -169,7 +172,8 @@ __device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedVie
 }
 
 // By the triangles at the end of one way down both trees.
-__device__ inline double Meshes::upper_bound(const ReducedView& r, const Item&, const BodyPoseRef& at_a, const BodyPoseRef& at_b) {
+__device__ inline double Meshes::upper_bound(const ReducedView& r, const Item&, const BodyPoseRef& at_a,
+                                             const BodyPoseRef& at_b) {
   const ElementSet &a = r.elements.sets[r.elements.of_body[at_a.body]],
                    &b = r.elements.sets[r.elements.of_body[at_b.body]];
   const PlacedFrame of_a = at_a.frame(), of_b = at_b.frame();
@@ -202,7 +206,8 @@ __global__ void __launch_bounds__(kItemThreads)
   const ElementSet& set = elements.sets[i];
   const BodyPoseRef at(bodies, 0, set.body, 0);
   if (at.status() != Status::kOk) return;
-  const Aabb box = box_of_elements(set, at, bodies.uncertainties.fixed ? bodies.uncertainties.fixed[set.body].all.inner : 0);
+  const Aabb box =
+      box_of_elements(set, at, bodies.uncertainties.fixed ? bodies.uncertainties.fixed[set.body].all.inner : 0);
   for (int k = 0; k < 3; ++k) {
     boxes[static_cast<std::size_t>(k) * n + set.body] = box.low[k];
     boxes[static_cast<std::size_t>(3 + k) * n + set.body] = box.high[k];
@@ -220,8 +225,8 @@ __global__ void __launch_bounds__(kItemThreads)
   const BodyPoseRef at(bodies, configurations, slot | kMovedBit, k);
   if (at.status() != Status::kOk) return;
   const std::size_t here = std::size_t{slot} * configurations + k;
-  const Aabb box =
-      box_of_elements(elements.sets[of], at, bodies.uncertainties.fixed ? bodies.uncertainties.moved[here].all.inner : 0);
+  const Aabb box = box_of_elements(elements.sets[of], at,
+                                   bodies.uncertainties.fixed ? bodies.uncertainties.moved[here].all.inner : 0);
   double* const out = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;
   for (std::uint32_t c = 0; c < 3; ++c) {
     out[std::size_t{kPoseComponents + c} * configurations] = box.low[static_cast<int>(c)];

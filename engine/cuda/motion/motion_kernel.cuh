@@ -277,8 +277,8 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
         for (bool again = false;; again = true) {
           outcome = look_at_margin<Slack>(c, q, decides ? margin : -__builtin_inf(), pair.ref, item.span, pair.at_a,
                                           pair.at_b, answer);
-          const bool is_unsure = outcome == PairOutcome::kConverged && answer.lower <= margin && answer.upper > margin &&
-                                 !span.late && (kLeast || q.rel_tol > wanted);
+          const bool is_unsure = outcome == PairOutcome::kConverged && answer.lower <= margin &&
+                                 answer.upper > margin && !span.late && (kLeast || q.rel_tol > wanted);
           if (again || !is_unsure) break;
           q.rel_tol = wanted;
           if (kLeast) q.abs_tol = 0;

@@ -122,8 +122,8 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_seeds(const __grid_con
   const MotionSpan span = m.spans[s];
   const MovingPair pair(m, item, span);
   PairAnswer answer = beyond_answer(0);
-  if (look_at_margin<Slack>(m.chunk, m.chunk.pair_limits, -__builtin_inf(), pair.ref, s, pair.at_a, pair.at_b, answer) ==
-      PairOutcome::kConverged)
+  if (look_at_margin<Slack>(m.chunk, m.chunk.pair_limits, -__builtin_inf(), pair.ref, s, pair.at_a, pair.at_b,
+                            answer) == PairOutcome::kConverged)
     take_nearest(m, row_of(m, pair, answer));
 }
 // Behind it: so far other pairs have to be there.

@@ -10,8 +10,8 @@ namespace clearance::cuda {
 // as max_distance. \tparam S a Slack where something is doubted, else NoSlack
 template <class S>
 __device__ inline PairOutcome narrow_to_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
-                                           std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b, PairAnswer& answer,
-                                           const S& slack) {
+                                               std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
+                                               PairAnswer& answer, const S& slack) {
   const HullHead *head_a = head_of(c, ref.a), *head_b = head_of(c, ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
@@ -33,7 +33,8 @@ __device__ inline PairOutcome narrow_to_margin(const ChunkView& c, const PairLim
 // The same, whatever its bodies are made of.
 template <class S>
 __device__ inline PairOutcome look_at_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
-                                         std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b, PairAnswer& answer) {
+                                             std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
+                                             PairAnswer& answer) {
   if (has_several(c.hulls, at_a.body, at_b.body)) return solve_pieces<false>(c, q, ref, k, at_a, at_b, answer, margin);
   if (answer_without_pieces(q, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
   return narrow_to_margin(c, q, margin, ref, k, at_a, at_b, answer, known_slack<S>(c, ref, k));

@@ -13,8 +13,8 @@ namespace clearance::cuda {
 template <class VertexA, class VertexB>
 __device__ inline bool prove_overlap_of(const PairLimits& q, const HullExtents& a, const VertexA& vertex_a,
                                         const HullExtents& b, const VertexB& vertex_b, const PairFrame<double>& at,
-                                        const Enclosed& e, const BodyPoseRef& at_a, const BodyPoseRef& at_b, double outer,
-                                        PairAnswer& answer) {
+                                        const Enclosed& e, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
+                                        double outer, PairAnswer& answer) {
   const double scale = pair_scale(at.D, a.rho, b.rho, a.radius + b.radius);
 
   Simplex<double> s;
@@ -52,8 +52,8 @@ __device__ inline bool prove_overlap_of(const PairLimits& q, const HullExtents& 
 
 // The same of two hulls. Not inlined: few pairs come here.
 __device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b,
-                                                  const Enclosed& e, const BodyPoseRef& at_a, const BodyPoseRef& at_b, double outer,
-                                                  PairAnswer& answer) {
+                                                  const Enclosed& e, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
+                                                  double outer, PairAnswer& answer) {
   const auto vertices_of = [&](const HullHead& hull) {
     return [&c, first = hull.first](std::uint32_t i) {
       return Vec3d{c.hulls.x[first + i], c.hulls.y[first + i], c.hulls.z[first + i]};
@@ -64,8 +64,8 @@ __device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const Hull
 }
 
 // What becomes of an enclosed pair of single pieces.
-__device__ inline PairOutcome proved(const ChunkView& c, const Enclosed& e, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                                 double outer, PairAnswer& answer) {
+__device__ inline PairOutcome proved(const ChunkView& c, const Enclosed& e, const BodyPoseRef& at_a,
+                                     const BodyPoseRef& at_b, double outer, PairAnswer& answer) {
   const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];
   return prove_overlap(c, a, b, e, at_a, at_b, outer, answer) ? PairOutcome::kConverged : PairOutcome::kUnresolved;
 }

@@ -20,7 +20,8 @@ template <class T>
 inline constexpr bool kIsF32 = std::is_same_v<T, float>;
 
 template <class T>
-__device__ inline PairFrame<T> place_pair(const BodyPoseRef& at_a, const HullHead& a, const BodyPoseRef& at_b, const HullHead& b) {
+__device__ inline PairFrame<T> place_pair(const BodyPoseRef& at_a, const HullHead& a, const BodyPoseRef& at_b,
+                                          const HullHead& b) {
   const PlacedFrame of_a = at_a.frame(), of_b = at_b.frame();
   return pair_frame<T>(a, of_a.R_wb, of_a.t_w, b, of_b.R_wb, of_b.t_w);
 }
@@ -178,8 +179,8 @@ struct PairHulls {
 // points for compact rows alone. \param slack of the pair: a Slack, or NoSlack
 template <bool kLean, class T, class Hull, class S = NoSlack>
 __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>& hulls, const BodyPoseRef& at_a,
-                                    const BodyPoseRef& at_b, const Gjk<T>& g, const RunBounds<T>& bounds, PairAnswer& answer,
-                                    const S& slack = S()) {
+                                      const BodyPoseRef& at_b, const Gjk<T>& g, const RunBounds<T>& bounds,
+                                      PairAnswer& answer, const S& slack = S()) {
   bool decided = false;
   if constexpr (kHasSlack<S>) {
     decided = slack.any();
@@ -201,8 +202,8 @@ __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>
 // \param stop_below of GjkRun::bounds()
 template <bool kWarm, class Hull, class Take, class... StopBelow>
 __device__ inline PairOutcome run_to_end(const PairLimits& q, const Hull& a, const Hull& b,
-                                     const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
-                                     const Take& take, const StopBelow&... stop_below) {
+                                         const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
+                                         const Take& take, const StopBelow&... stop_below) {
   using T = typename Hull::T;
   if (kIsF32<T> && !at.fits) return PairOutcome::kUnresolved;
   GjkRun<Hull> run(q, a, b, at);
@@ -222,9 +223,10 @@ __device__ inline PairOutcome run_to_end(const PairLimits& q, const Hull& a, con
 
 // Answers one pair that has poses, if it can be settled.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S>
-__device__ inline PairOutcome narrow(const PairLimits& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
-                                 const BodyPoseRef& at_a, const BodyPoseRef& at_b, const PairFrame<typename Hull::T>& at,
-                                 PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
+__device__ inline PairOutcome narrow(const PairLimits& q, const Hull& a, const Hull& b,
+                                     const PairHulls<PointHull>& hulls, const BodyPoseRef& at_a,
+                                     const BodyPoseRef& at_b, const PairFrame<typename Hull::T>& at, PairAnswer& answer,
+                                     Enclosed& enclosed, WarmRow* warm, const S& slack) {
   using T = typename Hull::T;
   const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
     take_converged<kLean>(q, hulls, at_a, at_b, g, bounds, answer, slack);
@@ -331,9 +333,10 @@ __device__ inline bool answer_without_pieces(const PairLimits& q, const BodyPose
 // Answers one item of a chunk, unless it is not settled.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
 __device__ inline PairOutcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
-                                     const PairHulls<PointHull>& hulls, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                                     const PairFrame<typename Hull::T>& at, PairAnswer& answer, Enclosed& enclosed,
-                                     WarmRow* warm = nullptr, const S& slack = S()) {
+                                         const PairHulls<PointHull>& hulls, const BodyPoseRef& at_a,
+                                         const BodyPoseRef& at_b, const PairFrame<typename Hull::T>& at,
+                                         PairAnswer& answer, Enclosed& enclosed, WarmRow* warm = nullptr,
+                                         const S& slack = S()) {
   if (answer_without_pieces(c.pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
   return narrow<kLean, kWarm>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
 }

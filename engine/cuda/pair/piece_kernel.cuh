@@ -52,9 +52,9 @@ __device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairR
 // Answers a pair, unless it is not settled. \tparam kBoth float32 goes first where it is asked for and fits. \param
 // margin if it is there: an upper bound so low is all that is asked
 template <bool kBoth, class... Margin>
-__device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits& pair_limits, PairRef ref, std::uint32_t k,
-                                       const BodyPoseRef& at_a, const BodyPoseRef& at_b, PairAnswer& answer,
-                                       const Margin&... margin) {
+__device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits& pair_limits, PairRef ref,
+                                           std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
+                                           PairAnswer& answer, const Margin&... margin) {
   if (answer_without_pieces(pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
   const Pieces a(c, ref.a, k, at_a.body), b(c, ref.b, k, at_b.body);
   const auto head_a = [&](std::uint32_t i) { return c.hulls.heads + a.hulls[i]; };
@@ -82,7 +82,7 @@ __device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits&
     }
     const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
     const PairOutcome outcome = run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed,
-                                              nullptr, take, slack_of_pair(c, ref, k).near_enough(margin)...);
+                                                  nullptr, take, slack_of_pair(c, ref, k).near_enough(margin)...);
     if (outcome == PairOutcome::kConverged) return PieceEnd::kApart;
     if (outcome != PairOutcome::kEnclosed) return PieceEnd::kOpen;
     const double outer = slack_of_pair(c, ref, k).outer;

@@ -9,7 +9,8 @@ namespace clearance::cuda {
 
 __device__ inline const BodySlack& slack_of(const ChunkView& c, std::uint32_t ref, std::uint32_t k) {
   const UncertaintyView& uncertainties = c.bodies.uncertainties;
-  return ref & kMovedBit ? uncertainties.moved[std::size_t{ref & ~kMovedBit} * c.configurations + k] : uncertainties.fixed[ref];
+  return ref & kMovedBit ? uncertainties.moved[std::size_t{ref & ~kMovedBit} * c.configurations + k]
+                         : uncertainties.fixed[ref];
 }
 
 // Not inlined: what it needs should not take registers from the iteration.

@@ -49,8 +49,9 @@ __device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, c
 // What is doubted of a moved body in configuration k: uncertainty_of()'s words. \param parent of what it follows; null:
 // nothing
 __device__ inline PlacedUncertainty uncertainty_of_moved(const MovesView& moves, std::uint32_t link, std::uint32_t k,
-                                             const Pose& local, const BodyPlacement& here, const PlacedUncertainty* parent,
-                                             bool composed, double& travel) {
+                                                         const Pose& local, const BodyPlacement& here,
+                                                         const PlacedUncertainty* parent, bool composed,
+                                                         double& travel) {
   const UncertaintyStep& m = moves.uncertainties[link];
   const bool slides = m.robot != kNone && m.joint_per_travel > 0;
   travel = slides ? travel_to(moves.frames, m.robot, moves.source[link] - moves.given_count, k) : m.travel;
@@ -79,8 +80,8 @@ __device__ inline LocalPose local_pose(const MovesView& moves, std::uint32_t slo
 // is doubted of its frames. \returns what is doubted of it, without that. \tparam kDoubted something is
 template <bool kUncertain>
 __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const BodiesView& bodies, const MovesView& moves,
-                                         std::uint32_t slot, std::uint32_t k, std::uint32_t configurations,
-                                         double beside = 0) {
+                                               std::uint32_t slot, std::uint32_t k, std::uint32_t configurations,
+                                               double beside = 0) {
   // What a body follows is placed again for each follower: chains are short, and threads need not wait for each other.
   BodyPlacement parent, here;
   bool follows = moves.has_base[slot] != 0;
@@ -96,8 +97,8 @@ __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const Bod
     if ((state & kSlotBeyondLimits) || (facts & kLinkBeyondLimits)) here.beyond_limits = true;
     if ((state & kSlotStale) && here.status == Status::kOk) here.status = Status::kStalePose;
     if (kUncertain && here.status == Status::kOk)
-      uncertainty = uncertainty_of_moved(moves, link, k, local, here, follows ? &uncertainty : nullptr, follows && is_composed(parent),
-                             travel);
+      uncertainty = uncertainty_of_moved(moves, link, k, local, here, follows ? &uncertainty : nullptr,
+                                         follows && is_composed(parent), travel);
     parent = here;
     follows = true;
   }
@@ -116,7 +117,8 @@ __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const Bod
   put(9, placed ? here.pose.t_w : zero);
   if (kUncertain) {
     const Slack more{beside, beside};
-    bodies.uncertainties.moved[std::size_t{slot} * configurations + k] = {uncertainty.slack + more, uncertainty.beside + more, travel};
+    bodies.uncertainties.moved[std::size_t{slot} * configurations + k] = {uncertainty.slack + more,
+                                                                          uncertainty.beside + more, travel};
   }
   const bool want_box = bodies.components > kPoseComponents;
   if (!want_box && !bodies.moved_piece_box) return uncertainty;

@@ -289,7 +289,8 @@ class Decision {
     reach_ = fminf(reach_, square_from_above(cutoff_));
     return !ends || settles;
   }
-  __device__ __forceinline__ void keep(const Look& pair, const GjkRun<Scene>& run, const RunBounds<double>& bounds) const {
+  __device__ __forceinline__ void keep(const Look& pair, const GjkRun<Scene>& run,
+                                       const RunBounds<double>& bounds) const {
     const Scene a = pair.a, b = pair.b;
     const BodyPoseRef at_a = pair.at_a, at_b = pair.at_b;
     PairAnswer answer = pair.answer;
@@ -354,7 +355,7 @@ class Decision {
   std::uint32_t next_ = 0, queued_ = 0;
   std::uint32_t hits_ = 0, first_hit_ = 0;  // of the boxes compared last: a bit for each that is still to be queued
   bool is_left_ = false;                    // such a bit, of any thread
-  CandidateRank best_;                           // the winner so far
+  CandidateRank best_;                      // the winner so far
   double lower_ = __builtin_inf();          // the group's
 };
 

@@ -149,8 +149,9 @@ __host__ __device__ inline std::uint32_t hit_word_count(const ReducedView& r) {
 }
 
 template <bool kWarm, class S>
-__device__ inline PairOutcome solve_candidate(const ChunkView& c, const Item& item, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                                          PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
+__device__ inline PairOutcome solve_candidate(const ChunkView& c, const Item& item, const BodyPoseRef& at_a,
+                                              const BodyPoseRef& at_b, PairAnswer& answer, Enclosed& enclosed,
+                                              WarmRow* warm, const S& slack) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairHulls<Hull<SceneVertices>> hulls{a, b};

@@ -106,7 +106,7 @@ class QuerySide : public Interface {
     UncertaintyView uncertainties{};
     if (!s.fixed_slack.empty())
       uncertainties = {setup_.at<BodySlack>(fixed_slack), nullptr, setup_.at<LinkPlace>(links),
-                setup_.at<LinkPairError>(link_pairs)};
+                       setup_.at<LinkPairError>(link_pairs)};
     send_bodies(s, uncertainties, stream);
     if (s.chunks > 1) check(cudaEventRecord(ready_.event, stream), "recording an event");
     for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)

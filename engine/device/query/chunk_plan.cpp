@@ -86,7 +86,7 @@ class Dealer {
                  other = static_cast<std::uint32_t>(order_[begin].hulls);
       if ((end - begin) * deal_.configurations < kCompany || !device_.shares(one) || !device_.shares(other)) {
         ungrouped.insert(ungrouped.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin),
-                      order_.begin() + static_cast<std::ptrdiff_t>(end));
+                         order_.begin() + static_cast<std::ptrdiff_t>(end));
         continue;
       }
       groups.push_back({one, other, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
@@ -122,7 +122,7 @@ class Dealer {
   std::size_t pieces_of(std::uint32_t body) const { return scene_.bodies()[body].pieces.size(); }
 
   ChunkPlan::Part::Groups add_groups(std::span<const Group> groups, const Group& ungrouped, const Group& several,
-                                    std::uint32_t configurations) {
+                                     std::uint32_t configurations) {
     ChunkPlan::Part::Groups g;
     g.first_tile = static_cast<std::uint32_t>(group_of_tile_.size());
     for (Group group : groups) {

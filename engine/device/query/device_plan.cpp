@@ -107,7 +107,7 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
   }
 
   std::shared_ptr<const PairListOnDevice> in_order_;
-  std::shared_ptr<const ChunkPlan> deal_;              // of Reduce::kNone
+  std::shared_ptr<const ChunkPlan> deal_;             // of Reduce::kNone
   std::uint64_t configurations_ = 1, most_rows_ = 0;  // of a chunk
   ReplyView own_;
   std::shared_ptr<StandingWorkspace> workspace_;  // the last member: the first to go, and to wait for the device

@@ -53,15 +53,15 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
   QuerySetup s;
   const bool has_uncertainty = uncertain_body(scene(), plan_) != kNone;
   s.pair_limits = {options_.limits.max_distance,
-                options_.limits.abs_tol,
-                options_.limits.rel_tol,
-                options_.limits.max_iterations,
-                options_.cull,
-                options_.want_points,
-                options_.want_flags,
-                !options_.limits.signed_distance,
-                options_.limits.signed_distance && plan_.query.reduce == Reduce::kNone && !has_uncertainty,
-                options_.f32};
+                   options_.limits.abs_tol,
+                   options_.limits.rel_tol,
+                   options_.limits.max_iterations,
+                   options_.cull,
+                   options_.want_points,
+                   options_.want_flags,
+                   !options_.limits.signed_distance,
+                   options_.limits.signed_distance && plan_.query.reduce == Reduce::kNone && !has_uncertainty,
+                   options_.f32};
   s.fields = fields_;
   s.boxes = options_.cull;
   place_fixed(workspace.room_for_bodies(plan_.snapshot->placed.size()));

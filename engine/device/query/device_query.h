@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "engine/device/device_job.h"
-#include "engine/device/query/device_uncertainty.h"
 #include "engine/device/query/device_movers.h"
+#include "engine/device/query/device_uncertainty.h"
 #include "engine/device/query/moved_chains.h"
 #include "engine/device/query/ordered_copy.h"
 #include "engine/query/parallel_job.h"
@@ -126,10 +126,10 @@ class DeviceQuery : public ParallelJob {
                 std::uint64_t count);
 
   std::unique_ptr<DeviceWarmTable> warm_;
-  Incoming incoming_[2];                // by what is given
-  std::optional<MovedChains> moved_;    // none: the query moves nothing
+  Incoming incoming_[2];                            // by what is given
+  std::optional<MovedChains> moved_;                // none: the query moves nothing
   std::optional<DeviceUncertainty> uncertainties_;  // none: nothing is doubted of any body that is asked for
-  std::optional<DeviceMovers> movers_;  // none: no gradient by joints is
+  std::optional<DeviceMovers> movers_;              // none: no gradient by joints is
   std::vector<RestScratch> rooms_;
   std::vector<Evaluator> evaluators_;
 };

@@ -60,7 +60,7 @@ struct HostChunk {
     view.bodies = bodies.view;
     const bool flags = (q.fields & kFieldFlags) != 0, points = flags || (q.fields & kFieldCompact) != 0;
     view.pair_limits = {q.max_distance,     q.abs_tol,         default_rel_tol(q.precision),  256, false, points, flags,
-                     !q.signed_distance, q.signed_distance, q.precision == Precision::kF32};
+                        !q.signed_distance, q.signed_distance, q.precision == Precision::kF32};
     view.group_of_tile = group_of_tile.data();
     view.pairs = pairs.data();
     view.position = position.data();

@@ -191,7 +191,7 @@ class HostReduction {
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;
     c.pair_limits = {q_.max_distance, q_.abs_tol, default_rel_tol(q_.precision), 256, true, true, true, true,
-                  false,           false};
+                     false,           false};
     c.pairs = pairs_.data();
     c.pair_count = P;
     c.configurations = K;

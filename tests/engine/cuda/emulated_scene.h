@@ -18,7 +18,7 @@
 #include "tests/engine/cuda/emulated_cuda.h"
 namespace clearance::emulated {
 using namespace clearance::cuda;
-using clearance::cuda::Group;     // not the scene's
+using clearance::cuda::Group;       // not the scene's
 using clearance::cuda::PairLimits;  // not a plan's
 }  // namespace clearance::emulated
 #define cuda emulated
@@ -81,13 +81,22 @@ struct HostBodies {
     view.uncertainties = {s.fixed_slack.data(), nullptr, s.links.data(), s.link_pairs.data()};
     for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
     make_room_for_moved(hulls, K, M);
-    moves = {plan.configurations.data(), s.given_count,      s.source.data(),      s.own.data(),
-             s.chain_begin.data(),       s.chain.data(),     s.base.data(),        s.has_base.data(),
-             s.slot_state.data(),        place_frames(s, K), s.uncertainty_steps.data(), s.base_uncertainty.data()};
+    moves = {plan.configurations.data(),
+             s.given_count,
+             s.source.data(),
+             s.own.data(),
+             s.chain_begin.data(),
+             s.chain.data(),
+             s.base.data(),
+             s.has_base.data(),
+             s.slot_state.data(),
+             place_frames(s, K),
+             s.uncertainty_steps.data(),
+             s.base_uncertainty.data()};
     const auto configurations = static_cast<std::uint32_t>(K);
     for_each_thread(K * M, [&] {
       uncertain ? place_bodies<true>(hulls, view, moves, configurations)
-              : place_bodies<false>(hulls, view, moves, configurations);
+                : place_bodies<false>(hulls, view, moves, configurations);
     });
   }
   HostBodies(const HostBodies&) = delete;

@@ -208,7 +208,8 @@ TEST(ElementKernels, HoldTheExactDistance) {
       };
       std::vector<Exact> exact;  // (K, P)
       for (std::uint32_t k = 0; k < kConfigurations; ++k)
-        for (const BodyPair p : c.pairs) exact.push_back(exact_answer(bodies[p.a], pose(k, p.a), bodies[p.b], pose(k, p.b)));
+        for (const BodyPair p : c.pairs)
+          exact.push_back(exact_answer(bodies[p.a], pose(k, p.a), bodies[p.b], pose(k, p.b)));
       const auto exact_of = [&](std::uint32_t k, BodyPair p) {
         return exact[k * c.pairs.size() +
                      static_cast<std::size_t>(std::find(c.pairs.begin(), c.pairs.end(), p) - c.pairs.begin())];

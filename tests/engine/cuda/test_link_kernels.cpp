@@ -2,8 +2,8 @@
 // bodies by them, without a GPU: held against the CPU's, bit by bit.
 #include <functional>
 
-#include "engine/selection/configuration_poses.h"
 #include "engine/selection/body_poses.h"
+#include "engine/selection/configuration_poses.h"
 #include "tests/engine/arm_scene.h"
 #include "tests/engine/cuda/same_answer.h"
 // Behind all that is included elsewhere.

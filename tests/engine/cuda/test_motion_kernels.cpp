@@ -199,7 +199,8 @@ TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
       const char* what;
       std::uint32_t pairs, spans, hits;
     };
-    for (const Capacity& room : {Capacity{"pairs", pairs - 20, 0, 0}, Capacity{"spans", 0, 60, 0}, Capacity{"hits", 0, 0, 5}}) {
+    for (const Capacity& room :
+         {Capacity{"pairs", pairs - 20, 0, 0}, Capacity{"spans", 0, 60, 0}, Capacity{"hits", 0, 0, 5}}) {
       SCOPED_TRACE(room.what);
       HostMotions host(edges.scene, q, room.pairs, room.spans, room.hits);
       const Found found = compare(edges, q, host);

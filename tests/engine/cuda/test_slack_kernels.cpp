@@ -1,8 +1,8 @@
 // What kernels make of bodies that are not known exactly (engine/cuda/pair/slack.cuh), without a GPU: what is doubted of
 // each pair in each configuration, and dense rows, held against the CPU's, bit by bit.
 #include "engine/device/query/device_movers.h"
-#include "engine/selection/configuration_poses.h"
 #include "engine/selection/body_poses.h"
+#include "engine/selection/configuration_poses.h"
 #include "tests/engine/cuda/uncertain_scene.h"
 // Behind all that is included elsewhere.
 #include "tests/engine/cuda/emulated_chunk.h"
@@ -185,8 +185,9 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
     chunk.view.prove_at_once = true;
     const Split split(chunk);
     chunk.launch(tiles_of(split.several, chunk), [&] { answer_several<false>(chunk.view, split.several); });
-    chunk.launch_last(tiles_of(split.singles, chunk),
-                      [&](const ChunkView& view) { answer_ungrouped<false, false, false, Slack>(view, split.singles); });
+    chunk.launch_last(tiles_of(split.singles, chunk), [&](const ChunkView& view) {
+      answer_ungrouped<false, false, false, Slack>(view, split.singles);
+    });
     chunk.expect_the_cpus(cpu, c.q, "within " + std::to_string(distance), 0.2);
     std::uint64_t slopes = 0, none = 0;
     for (std::size_t i = 0; i < chunk.rest.size() * c.joints.size(); ++i) {

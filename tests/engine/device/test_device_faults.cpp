@@ -81,7 +81,7 @@ TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
 TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
   const DeviceTestQuery questions[] = {query_about(Reduce::kNearest), query_about(Reduce::kMin),
-                                query_about(Reduce::kWithin), query_of_table(Reduce::kWithin)};
+                                       query_about(Reduce::kWithin), query_of_table(Reduce::kWithin)};
   int calls[2] = {};  // that there are, cold and warm
   for (const DeviceTestQuery& question : questions)
     for (const std::uint64_t client : {0, 1}) {

@@ -51,7 +51,7 @@ struct OracleResult {
 
 // Some configurations of a robot, each link and many pairs of links.
 void check_robot(const RobotModel& robot, Random& random, int configurations, double angle, double travel, double far,
-           OracleResult* out) {
+                 OracleResult* out) {
   const Kinematics kinematics(robot);
   constexpr double kRadius = 0.2, kOraclesOwn = 1e-50;
   std::vector<Pose> roots;

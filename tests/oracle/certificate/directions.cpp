@@ -165,7 +165,8 @@ Dyadic checked_slack(const Motion& motion, const IdPair& ids, const Value& said,
   const auto [a, b] = std::mismatch(of_a.begin(), of_a.end(), of_b.begin(), of_b.end());
   of_a.erase(of_a.begin(), a);
   of_b.erase(of_b.begin(), b);
-  const MotionUncertainty uncertainty_a = motion.uncertainty(ids[0], of_a, at, half), uncertainty_b = motion.uncertainty(ids[1], of_b, at, half);
+  const MotionUncertainty uncertainty_a = motion.uncertainty(ids[0], of_a, at, half),
+                          uncertainty_b = motion.uncertainty(ids[1], of_b, at, half);
   Dyadic counted;
   for (const Value& term : said["terms"].list()) counted += term["inner"].length();
   require(counted >= uncertainty_a.in_the_middle + uncertainty_b.in_the_middle, "slack is too little");

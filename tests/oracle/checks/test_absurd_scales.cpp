@@ -40,13 +40,14 @@ TEST(AbsurdScales, AreNeverAnsweredWrongly) {
         cases.push_back(scaled(c, exponent));
       }
     }
-    const std::vector<Tally> tallies = try_cases(
-        cases, settings, 1, false, [&](std::size_t i, const Setting& s, const CheckResult& v, const std::string& answer) {
-          if (v.violation.empty()) return;
-          ADD_FAILURE() << "2^" << exponent << " case " << i << ", " << s.name() << ": " << v.violation << "\n  "
-                        << answer << "\n"
-                        << as_initialiser(cases[i]);
-        });
+    const std::vector<Tally> tallies =
+        try_cases(cases, settings, 1, false,
+                  [&](std::size_t i, const Setting& s, const CheckResult& v, const std::string& answer) {
+                    if (v.violation.empty()) return;
+                    ADD_FAILURE() << "2^" << exponent << " case " << i << ", " << s.name() << ": " << v.violation
+                                  << "\n  " << answer << "\n"
+                                  << as_initialiser(cases[i]);
+                  });
     for (const Tally& t : tallies) answers += t.cases, undecided += t.contact;
   }
   EXPECT_GT(answers, 20000);

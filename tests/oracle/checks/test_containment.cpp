@@ -52,8 +52,8 @@ TEST_P(Containment, HoldsForEveryAnswer) {
       cases, settings, 1, true, [&](std::size_t i, const Setting& s, const CheckResult& v, const std::string& answer) {
         if (++shown > 5) return;
         ADD_FAILURE() << c.name << " case " << i << " of seed " << kSeed << ", " << s.name() << ": " << v.violation
-                      << " " << v.inaccuracy << "\n  " << answer << "\n  exact " << exact_answer(cases[i]).distance.lower()
-                      << "\n  " << as_initialiser(cases[i]);
+                      << " " << v.inaccuracy << "\n  " << answer << "\n  exact "
+                      << exact_answer(cases[i]).distance.lower() << "\n  " << as_initialiser(cases[i]);
       });
   for (std::size_t k = 0; k < settings.size(); ++k) {
     const Tally& t = tallies[k];

@@ -10,8 +10,8 @@
 #include "engine/narrow/group.h"
 #include "engine/narrow/piece_batch.h"
 #include "engine/selection/columns.h"
-#include "tests/oracle/oracle_run.h"
 #include "tests/oracle/cases/misleading_table.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 namespace {

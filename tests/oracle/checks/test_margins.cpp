@@ -9,8 +9,8 @@
 #include <limits>
 
 #include "engine/engine.h"
-#include "tests/oracle/oracle_run.h"
 #include "tests/oracle/cases/cases.h"
+#include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {
 namespace {

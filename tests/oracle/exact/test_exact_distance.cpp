@@ -66,11 +66,11 @@ TEST(ExactDistance, SkewSegmentsAndTriangles) {
 TEST(ExactDistance, Boxes) {
   const Vertices unit = box({0, 0, 0}, {1, 1, 1});
   EXPECT_EQ(exact_answer(unit, box({2, 0, 0}, {3, 1, 1})).distance.compare(1), 0);
-  EXPECT_EQ(exact_answer(unit, box({4, 5, 13}, {5, 6, 14})).distance.compare(13), 0);                     // corners: 3, 4, 12
-  EXPECT_EQ(exact_answer(unit, box({1, 0, 0}, {2, 1, 1})).distance.compare(0), 0);                        // faces touch
-  EXPECT_EQ(exact_answer(unit, box({1, 1, 1}, {2, 2, 2})).distance.compare(0), 0);                        // corners touch
-  EXPECT_EQ(exact_answer(unit, box({0.75, 0.5, 0.25}, {2, 2, 2})).distance.compare(-0.25), 0);            // depth
-  EXPECT_EQ(exact_answer(unit, unit).distance.compare(-1), 0);                                            // coincident
+  EXPECT_EQ(exact_answer(unit, box({4, 5, 13}, {5, 6, 14})).distance.compare(13), 0);           // corners: 3, 4, 12
+  EXPECT_EQ(exact_answer(unit, box({1, 0, 0}, {2, 1, 1})).distance.compare(0), 0);              // faces touch
+  EXPECT_EQ(exact_answer(unit, box({1, 1, 1}, {2, 2, 2})).distance.compare(0), 0);              // corners touch
+  EXPECT_EQ(exact_answer(unit, box({0.75, 0.5, 0.25}, {2, 2, 2})).distance.compare(-0.25), 0);  // depth
+  EXPECT_EQ(exact_answer(unit, unit).distance.compare(-1), 0);                                  // coincident
   EXPECT_EQ(exact_answer(unit, box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75})).distance.compare(-0.75), 0);  // inside
   EXPECT_EQ(exact_answer(unit, 0.5, {}, box({0.5, 0, 0}, {2, 1, 1}), 0.25, {}).distance.compare(-1.25), 0);
   // The last bit of a gap, and of a depth.
@@ -93,7 +93,8 @@ TEST(ExactDistance, RotationsAreExactAndOfAnyNorm) {
   // Both turned by the same rotation: the distance in the turned frame is the same.
   const Pose X{{1e9, -1e9, 1e8}, 2, 0, 0, 1};
   EXPECT_EQ(exact_answer(box({0, 0, 0}, {1, 1, 1}), 0, X, box({4, 5, 13}, {5, 6, 14}), 0, X).distance.compare(13), 0);
-  EXPECT_EQ(exact_answer(box({0, 0, 0}, {1, 1, 1}), 0, X, box({0, 0, 0.75}, {1, 1, 14}), 0, X).distance.compare(-0.25), 0);
+  EXPECT_EQ(exact_answer(box({0, 0, 0}, {1, 1, 1}), 0, X, box({0, 0, 0.75}, {1, 1, 14}), 0, X).distance.compare(-0.25),
+            0);
 }
 
 TEST(ExactDistance, FlatDifferencesHaveDepthZero) {

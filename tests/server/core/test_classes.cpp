@@ -118,7 +118,8 @@ TEST_F(Classes, WhatIsKeptForControlIsNotTakenTwice) {
   const auto first = take(3, ServiceClass::kControl, 200);
   EXPECT_NO_THROW(quotas.check_bytes(2, ServiceClass::kPlanning, 100, 0)) << "control took what is its own";
   const auto second = take(4, ServiceClass::kControl, 100);
-  EXPECT_THROW(quotas.check_bytes(2, ServiceClass::kPlanning, 1, 0), RejectedRequest) << "and now of what is everybody's";
+  EXPECT_THROW(quotas.check_bytes(2, ServiceClass::kPlanning, 1, 0), RejectedRequest)
+      << "and now of what is everybody's";
   EXPECT_THROW(quotas.check_bytes(4, ServiceClass::kControl, 1, 0), RejectedRequest);
 }
 
