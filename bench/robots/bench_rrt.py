@@ -19,7 +19,7 @@ where all solve it within --states states.
 """
 
 import time
-from typing import Any, Optional
+from typing import Any
 
 import numpy as np
 
@@ -83,8 +83,8 @@ def plan(checker, start, goal, limits, rng, resolution, most_states):
 class Ours:
     """One call an edge."""
 
-    def __init__(self, *files: Any, url: Optional[str] = None):
-        self.contender = contenders.Clearance(*files, url)
+    def __init__(self, resources, joints, robot, url=None):
+        self.contender = contenders.Clearance(resources, joints, robot, url)
         self.name = "Clearance over shared memory" if url else "Clearance in process"
 
     def begin(self, problem):
