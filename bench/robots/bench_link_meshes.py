@@ -18,9 +18,10 @@ import numpy as np
 
 import problems
 from bench_robots import limits_of, seconds_of
-from bench_surfaces import outside, ring, shelf
+from bench_surfaces import outside
 from contenders import Clearance, PinocchioCoal
 from harness import shown, stamped, write
+from surface_shapes import ring, shelf
 
 
 @dataclass

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 import harness
-from bench_surfaces import block, poses, ring, shelf
 from harness import parser, shown, timed
+from surface_shapes import block, poses, ring, shelf
 
 os.environ.setdefault("CLEARANCE_CACHE", "off")
 import clearance
