@@ -76,7 +76,7 @@ SUITES = {
         "bench/robots/bench_free_bodies.py", "free_bodies", "--motions 20", python=ROBOTS),
     "ompl": Suite(
         "These problems planned by OMPL, with sampled and with proved edges.",
-        "bench/robots/bench_ompl.py", "ompl", "--robots panda --problems 1", python=ROBOTS),
+        "bench/robots/bench_ompl.py", "ompl", "--robots panda --problems 1 --seconds 5", python=ROBOTS),
     "surfaces": Suite(
         "Meshes that are not convex, beside Coal.",
         "bench/surfaces/bench_surfaces.py", "surfaces", "--poses 8 --sizes 1000", python=ROBOTS),
