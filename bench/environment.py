@@ -15,15 +15,13 @@ ROOT = Path(__file__).resolve().parents[1]
 MODULES = ("build/python", "bench", "bench/peers", "bench/robots", "bench/surfaces", "tools")
 
 
-def python_of(folder=""):
-    """The Python with a folder's packages; without a folder, that of .venv."""
-    if not folder:
-        return ROOT / ".venv/bin/python"
+def python_of(folder, base=sys.executable):
+    """The Python with a folder's packages, made from the Python `base`, whose version is that of our modules."""
     wanted, venv = ROOT / folder / "requirements.txt", ROOT / "build" / Path(folder).name / "venv"
     stamp, python = venv / "installed", venv / "bin/python"
     if not stamp.exists() or stamp.read_text() != wanted.read_text():
         print(f"Install the packages of {folder} into {venv.relative_to(ROOT)} ...", flush=True)
-        subprocess.run([sys.executable, "-m", "venv", "--clear", venv], check=True)
+        subprocess.run([base, "-m", "venv", "--clear", venv], check=True)
         pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         subprocess.run([*pip, "-r", wanted], check=True)
         stamp.write_text(wanted.read_text())

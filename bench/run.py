@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from environment import ROOT, python_of, variables
 
+VENV = ROOT / ".venv/bin/python"
 ROBOTS = "bench/robots"
 
 
@@ -125,7 +126,7 @@ def call(*command, **more):
 
 
 def write_pages(*options):
-    call(python_of(), "bench/write_pages.py", *options)
+    call(VENV, "bench/write_pages.py", *options)
 
 
 def run(name, options, quick):
@@ -134,9 +135,10 @@ def run(name, options, quick):
     call("tools/build.sh", "release", *suite.targets.split())
     results = "out/bench" if quick else suite.results
     (ROOT / results).mkdir(parents=True, exist_ok=True)
-    command = [python_of(suite.python)] if suite.program.endswith(".py") else []
-    where = suite.options.format(results=results, name=name).split()
-    call(*command, suite.program, *where, *suite.quick.split() * quick, *options, env=variables())
+    command = [suite.program, *suite.options.format(results=results, name=name).split()]
+    if suite.program.endswith(".py"):
+        command.insert(0, python_of(suite.python, VENV) if suite.python else VENV)
+    call(*command, *suite.quick.split() * quick, *options, env=variables())
     if suite.pages and not quick:
         write_pages(*(["--draw", suite.draw] if suite.draw else []))
 
