@@ -121,7 +121,7 @@ std::vector<std::string> split(const std::string& line) {
 }
 
 // Configurations, one after another: the state's positions and --set's in each, those of the file's rows on top.
-std::vector<double> configurations(const RobotModel& robot, const RobotCommand& o) {
+std::vector<double> configurations(const RobotModel& robot, const RobotCommand& o) try {
   std::vector<double> first(robot.columns.size(), 0);
   if (!o.state.empty()) {
     const auto is_asked = [&](const GroupState& s) { return s.name == o.state || s.group + "/" + s.name == o.state; };
@@ -152,6 +152,8 @@ std::vector<double> configurations(const RobotModel& robot, const RobotCommand& 
   });
   if (!columns) throw RobotError(o.positions + ": expected a line of names, separated by commas");
   return all;
+} catch (const std::invalid_argument& unreadable) {
+  throw RobotError(unreadable.what());
 }
 
 void print_link_poses(const RobotCommand& o) {

@@ -68,8 +68,7 @@ def test_inspect_finds_packages_as_ros_does(tmp_path):
     assert code(AMENT_PREFIX_PATH=str(tmp_path / "prefix")) == 0
     (mesh.parent / "package.xml").write_text("<package><name>arm</name></package>")
     assert code(ROS_PACKAGE_PATH=str(tmp_path)) == 0
-    for option in ("--packages", "--package"):
-        assert code(option, f"arm={mesh.parent}") == 0
+    assert code("--packages", f"arm={mesh.parent}") == 0
 
 
 def test_an_srdf_of_macros_is_refused_and_a_default_counts(tmp_path):
@@ -132,7 +131,7 @@ def test_what_is_wrong_is_said(arguments, words, tmp_path):
 
 def test_mistakes_on_the_command_line():
     assert run("inspect").returncode == 2
-    for option, value in (("--packages", "panda"), ("--package", "panda="), ("--packages", "=folder")):
+    for option, value in (("--packages", "panda"), ("--packages", "panda="), ("--packages", "=folder")):
         answer = run("inspect", ARM, option, value)
         assert answer.returncode == 2 and f"--packages: expected NAME=FOLDER, got {value}" in answer.stderr
     assert "clearance robot" in run("--help").stdout
