@@ -77,13 +77,13 @@ void DeviceBackend::note(const DeviceError& error) {
 }
 
 std::unique_ptr<DeviceWarmTable> DeviceBackend::take_warm(const Plan& plan, std::uint64_t rows) {
-  const std::uint64_t pair_limits = warm_question(plan);
+  const std::uint64_t question = warm_question(plan);
   if (rows == 0 || rows > WarmStore::kMostSimplices) return nullptr;
   std::unique_ptr<DeviceWarmTable> table = warm_.take(plan.query.warm_slot);
-  if (table && table->pair_limits == pair_limits && table->rows == rows) return table;
+  if (table && table->question == question && table->rows == rows) return table;
   table = std::make_unique<DeviceWarmTable>();
   table->client = plan.query.warm_slot;
-  table->pair_limits = pair_limits;
+  table->question = question;
   table->rows = rows;
   try {
     table->memory = device_->make_warm(rows);
