@@ -1,7 +1,7 @@
-"""The client in Python alone: what the extension module clearance._client is elsewhere, over shared memory and ZeroMQ.
+"""The client in pure Python: a replacement of the extension module clearance._client, over shared memory and ZeroMQ.
 
-The front (_client_front.py) is the same for both. What the C++ headers say of structs and options is in contract.json,
-which the build writes.
+Both share the front (_client_front.py). The structs and options of the C++ headers come from contract.json, which the
+build writes.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ OPTIONS: dict[str, tuple[int, str, Any, str, str, str, int]] = {
     for name, row in _CONTRACT["options"].items()
 }
 
-#: How often a waiting call lets other threads use the connection.
+#: Interval at which a waiting call lets other threads use the connection.
 _SLICE_S = 0.01
 
 
 def wire_structs() -> dict[str, list[tuple[str, str]]]:
-    """{"FrameHeader": [("magic", "<u4"), ...], ...}: what numpy makes dtypes of."""
+    """Returns descriptions for numpy dtypes: {"FrameHeader": [("magic", "<u4"), ...], ...}."""
     return {name: [(member, format) for member, format in members] for name, members in _CONTRACT["structs"].items()}
 
 
 class Query:
-    """One call's arguments; every option of OPTIONS is an attribute."""
+    """Arguments of one query, with every option of OPTIONS as an attribute."""
 
     def __init__(
         self,
@@ -63,7 +63,7 @@ class Query:
         self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
 
     def at(self, configurations: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Query:
-        """The same in other configurations, whose shapes are for the caller to have checked."""
+        """Returns a copy with other configurations, whose shapes the caller has checked."""
         other = Query.__new__(Query)
         other.__dict__.update(self.__dict__, configurations=configurations, positions=positions)
         return other
@@ -113,20 +113,20 @@ class Client:
 
     def __init__(self, urls: Sequence[str], timeout_s: float, server_key: str, key: str, hang_s: Optional[float]):
         self._lock = threading.Lock()
-        self._trash: deque[int] = deque()  # requests that nobody wants any more
+        self._trash: deque[int] = deque()  # abandoned requests
         self._session = Session(Connection(urls, timeout_s, (server_key, key), hang_s), OPTIONS)
 
     def _with(self, call: Any, *args: Any) -> Any:
-        # Before the lock: another thread may have held it at the fork, and does not exist in the child.
+        # Before the lock, which another thread can have held at the fork; that thread does not exist in the child.
         self._session.connection.check_process()
         with self._lock:
             self._empty_trash()
             return call(*args)
 
     def _discard(self, request_id: int) -> None:
-        """Forgets a request, or closes the plan of minus its number, now or before the next call.
+        """Abandons a request or, for a negative number, closes that plan, now or before the next call.
 
-        Never waits for anybody: it is called from destructors.
+        Never blocks, since destructors call it.
         """
         self._trash.append(request_id)
         if not self._session.connection.forked() and self._lock.acquire(blocking=False):
@@ -165,7 +165,7 @@ class Client:
         return Pending(self, self._with(self._session.send_query, query), query, out, copy)
 
     def ask(self, query: Query, out: Optional[list], copy: bool, timeout_s: float) -> Optional[Answer]:
-        """The answer, or None if it did not come in time."""
+        """Returns the answer, or None after the timeout."""
         pending = self.submit(query, out, copy)
         return pending.answer() if pending.wait(timeout_s) else None
 
@@ -239,7 +239,7 @@ class Client:
 
 
 class Pending:
-    """A request under way; forgotten if it is left."""
+    """A pending request, abandoned by the destructor."""
 
     def __init__(self, client: Client, request_id: int, query: Query, out: Optional[list], copy: bool):
         self._client, self._request, self._out, self._copy = client, request_id, out, copy
@@ -248,7 +248,7 @@ class Pending:
         self._is_over = False
 
     def wait(self, timeout_s: float) -> bool:
-        """Whether the answer is there, after waiting for at most so long."""
+        """Waits for at most `timeout_s`, and returns whether the answer has arrived."""
         deadline = time.monotonic() + timeout_s
         while self._frame is None:
             if self._is_over:
@@ -261,7 +261,7 @@ class Pending:
         return True
 
     def answer(self) -> Answer:
-        """Once, after wait() returned true."""
+        """Returns the answer. Call once, after wait() has returned true."""
         self._is_over = True
         session, frame = self._client._session, self._frame
         self._client._with(session.interpret, frame, "REPLY")

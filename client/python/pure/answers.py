@@ -1,4 +1,4 @@
-"""A reply's columns: copied, or seen where the reply arrived."""
+"""A reply's columns: copies, or views of the reply."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _JOINTS_RECORD = 2  #: of a reply: ReplyRecord::kJoints
 
 
 class Answer(np.ndarray):
-    """(bytes,) uint8 that columns lie in, and what is known about the whole answer.
+    """(bytes,) uint8 memory of the columns, with the properties of the whole answer.
 
-    An array, since Python's own classes give others no memory to look at (before 3.12).
+    An array, since a pure Python class cannot export a buffer before Python 3.12.
     """
 
     fields: int
@@ -27,7 +27,7 @@ class Answer(np.ndarray):
     total: int
     configurations: int
     pairs: int
-    joints: int  #: numbers a row of gradient_joints; 0: without it
+    joints: int  #: numbers per row of gradient_joints, or 0 without it
     scene_revision: int
     snapshot_revision: int
     snapshot_stamp_ns: int
@@ -40,7 +40,7 @@ class Answer(np.ndarray):
     _lease: Any
 
     def offset(self, field: int) -> int:
-        """Where a column begins; -1: it is not there."""
+        """Returns the offset of a column, or -1."""
         return self._offsets.get(field, -1)
 
 
@@ -55,7 +55,7 @@ def answer_of(frame: Frame, reduce: int, out: Optional[list], copy: bool, url: s
         answer, offsets = _copied(frame, columns, given)
     else:
         first = min(columns.values(), default=(0, 0))[0]
-        # Arrays over this keep what they are made of alive, and pass over views of plain arrays in between.
+        # An array's base skips intermediate views of plain arrays, but not this class, which keeps the lease alive.
         whole = np.frombuffer(frame.payload, np.uint8).view(Answer)
         whole._lease = frame
         answer = whole[first:].view(Answer)
@@ -75,12 +75,12 @@ def answer_of(frame: Frame, reduce: int, out: Optional[list], copy: bool, url: s
 
 
 def column_shape(name: str, joints: int) -> tuple[int, ...]:
-    """What a row of a column has."""
+    """Returns the shape of a row of a column."""
     return (joints,) if name == "gradient_joints" else COLUMNS[name].shape
 
 
 def _parse(frame: Frame, joints: int, url: str) -> tuple[np.ndarray, dict[int, tuple[int, int]]]:
-    """The reply's header, and where each column lies in the payload: begin and bytes."""
+    """Returns the reply's header, and offset and size of each column in the payload."""
     size = wire._wire.ReplyHeader.itemsize
     if len(frame.payload) < size:
         raise malformed(url, "a reply without its header")
@@ -117,7 +117,7 @@ def _copied(
 
 
 def _check_out(given: dict[int, np.ndarray], reduce: int, header: np.ndarray, joints: int) -> None:
-    """Every array has the shape of the answer ("within": room for all rows), and memory of its own."""
+    """Checks that arrays have the shape of the answer (for "within", space for all rows), and do not overlap."""
     rows, k, pairs = int(header["rows"]), int(header["configurations"]), int(header["pairs"])
     names = {column.bit: name for name, column in COLUMNS.items()}
     arrays = list(given.items())

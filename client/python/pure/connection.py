@@ -1,4 +1,4 @@
-"""One connection to a daemon, whichever of the urls serves: its epoch, and whether its loop still goes round."""
+"""One connection to a daemon at any of the urls, with its epoch and a watchdog of its loop."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _ERROR = struct.Struct("<HxxI8x")
 
 
 class HangWatch:
-    """Looks at a channel's signs of life a few times within the patience, as long as somebody waits.
+    """Samples a channel's signs of life a few times within the patience, while a call waits.
 
-    It counts looks and not time: a process that was itself held up takes nobody for dead.
+    Counts samples instead of time, so that a process that was itself suspended does not report a hung daemon.
     """
 
     _LOOKS, _SLACK_S, _LARGE, _S_PER_BYTE = 8, 0.1, 1 << 20, 100e-9  # 10 MB/s, what a network of 100 Mbit/s takes
@@ -33,12 +33,12 @@ class HangWatch:
         self._last = self._still = 0
 
     def due(self) -> float:
-        """When to look next."""
+        """Returns the time of the next sample."""
         return self._due if self._step > 0 else float("inf")
 
     def look(self, channel: Any, now: float) -> bool:
-        """Whether the daemon has shown no sign of life in so many looks. Not before due()."""
-        is_late = now - self._due > max(self._step, self._SLACK_S)  # nobody waited meanwhile, or we did not run
+        """Takes a sample, not before due(). Returns whether the daemon has shown no sign of life in all samples."""
+        is_late = now - self._due > max(self._step, self._SLACK_S)  # no call was waiting, or this process did not run
         self._due = now + self._step
         if is_late or now < self._quiet_until:
             return False
@@ -48,13 +48,13 @@ class HangWatch:
         return self._still >= self._LOOKS
 
     def expect(self, size: int) -> None:
-        """Frames of so many bytes are on their way where signs of life queue up behind them."""
+        """Postpones samples while a frame of so many bytes delays the signs of life behind it."""
         if size >= self._LARGE:
             self._quiet_until = max(self._quiet_until, time.monotonic()) + size * self._S_PER_BYTE
 
 
 class Connection:
-    """Frames out, frames in, matched by request id. One thread at a time."""
+    """Sends and receives frames, matched by request id. Not thread-safe."""
 
     def __init__(self, urls: Sequence[str], timeout_s: float, keys: Keys, hang_s: Optional[float]):
         self._hang_s = max(1.0, timeout_s / 5) if hang_s is None else hang_s
@@ -62,7 +62,7 @@ class Connection:
             raise ValueError(f"hang: expected 0, or 10 ms and more, got {round(1e9 * self._hang_s)} ns")
         self._urls = list(urls)
         self._keys = keys
-        for url in self._urls:  # a bad one is said at once, not when its turn comes
+        for url in self._urls:  # reports an invalid url at once, not on its first use
             check_url(url)
         self.url = self._urls[0]
         self.timeout_s = timeout_s
@@ -95,7 +95,7 @@ class Connection:
         return self._next_request - 1
 
     def prepare(self) -> bytes:
-        """The record that a request ends in. Connects again after the daemon has gone."""
+        """Returns the record at the end of a request. Reconnects after the loss of the daemon."""
         self.check_process()
         if self._channel is None or self._channel.lost or self._has_hung:
             self._oldest_request = self._next_request
@@ -111,7 +111,7 @@ class Connection:
         self._channel.send(header, parts, reply_bytes)
 
     def wait_for(self, request_id: int, deadline: float) -> Optional[Frame]:
-        """The reply, or None after the deadline. Raises ConnectionError, DaemonHung."""
+        """Returns the reply, or None after the deadline. Raises ConnectionError, DaemonHung."""
         self.check_process()
         if request_id < self._oldest_request:
             raise ConnectionError(
@@ -142,7 +142,7 @@ class Connection:
         return self.epoch
 
     def _connect_to(self, first: int, patience_s: float) -> None:
-        """Connects to the url of that index, or to the next one that answers. patience_s: with the last of them."""
+        """Connects to the url of that index, or to the next one that responds. patience_s: timeout of the last one."""
         why: list[str] = []
         for i in range(len(self._urls)):
             is_last = i + 1 == len(self._urls)
@@ -161,7 +161,7 @@ class Connection:
                     self._meet(deadline)
                 return
             except RequestError:
-                return  # it is there, and too busy to say who it is: asked again with the first request
+                return  # the daemon is too busy to send its epoch, which the first request fetches again
             except ConnectionError as error:
                 if len(self._urls) == 1:
                     raise
@@ -179,7 +179,7 @@ class Connection:
         return ZmqChannel(url.partition("?")[0], keys_of(url, self._keys), deadline)
 
     def _meet(self, deadline: float) -> None:
-        """Asks who serves there. Raises RequestError if the daemon refuses to say."""
+        """Fetches the daemon's epoch. Raises RequestError if the daemon rejects the request."""
         self._next_own += 1
         self._channel.send(header_bytes(FrameType.PING, self._next_own, 0), [b""], 0)
         frame = self.wait_for(self._next_own, deadline)
@@ -194,7 +194,7 @@ class Connection:
 
 
 def parse_error(frame: Frame, url: str) -> tuple[int, str]:
-    """Code and text of an error frame."""
+    """Returns code and text of an error frame."""
     if len(frame.payload) < _ERROR.size:
         raise malformed(url, "an error without its header")
     code, size = _ERROR.unpack_from(frame.payload)
@@ -205,5 +205,5 @@ def parse_error(frame: Frame, url: str) -> tuple[int, str]:
 
 
 def refusal(code: int, text: str) -> Union[QueryError, RequestError]:
-    """The exception for an error frame's code."""
+    """Returns the exception for an error frame's code."""
     return (QueryError if code < 16 else RequestError)(code, text)

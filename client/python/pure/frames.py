@@ -9,16 +9,16 @@ from .._errors import ConnectionError
 from ..wire import MAGIC, RECORD_REQUIRED, VERSION, CommonRecord, FrameType
 
 HEADER = struct.Struct("<IHHQQQQQ16x")
-#: Request ids from here on are of what the library itself asks: a caller's requests count from 1.
+#: First id of the library's own requests; a caller's requests count from 1.
 OWN_REQUESTS = 1 << 62
-#: Of an echo that nobody reads: that it comes is a sign of life.
+#: Id of an echo request whose reply only serves as a sign of life.
 SIGN_REQUEST = OWN_REQUESTS | 1 << 61
 
 _RECORD = struct.Struct("<HHI")
 
 
 class Frame:
-    """A frame that arrived. `lease` keeps its memory: over shared memory the slot is given back with it."""
+    """A received frame. `lease` keeps its memory; over shared memory, releasing it returns the slot."""
 
     __slots__ = ("type", "request_id", "payload", "records", "lease")
 
@@ -35,7 +35,7 @@ class Frame:
         return self.number(CommonRecord.EPOCH, 8, url)
 
     def number(self, wanted: int, width: int, url: str) -> int:
-        """The unsigned number of so many bytes in the record of that tag; 0: there is none."""
+        """Returns the unsigned number of so many bytes in the record of that tag, or 0."""
         at, number = 0, 0
         while at < len(self.records):
             tag, _, size = _RECORD.unpack_from(self.records, at)
@@ -53,7 +53,7 @@ def malformed(url: str, why: str) -> ConnectionError:
 
 
 def record(tag: int, payload: bytes) -> bytes:
-    """A record that whoever does not know it must refuse."""
+    """Returns a required record, which a receiver must reject if it does not know the tag."""
     return _RECORD.pack(tag, RECORD_REQUIRED, len(payload)) + payload + bytes(-len(payload) % 8)
 
 
@@ -63,7 +63,7 @@ def header_bytes(type: int, request_id: int, payload_bytes: int, scene_revision:
 
 
 def name_of_type(type: int) -> str:
-    """As other clients name it: "kReply"."""
+    """Returns the C++ name, such as "kReply"."""
     try:
         return "k" + FrameType(type).name.title().replace("_", "")
     except ValueError:

@@ -1,4 +1,4 @@
-"""Homogeneous matrices to poses in numpy: what client/python/bindings/matrices.h does, which says why it is so."""
+"""Conversion of homogeneous matrices to poses in numpy, as in client/python/bindings/matrices.h, which explains it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def poses_of_matrices(m: np.ndarray, tolerance: float, poses: np.ndarray) -> int:
-    """m: (N, 4, 4) float64; poses: (N, 7), written to. Returns the index of the first that is not rigid, else -1."""
+    """Converts m, (N, 4, 4) float64, to poses, (N, 7). Returns the index of the first that is not rigid, or -1."""
     finite = np.isfinite(m).all(axis=(-2, -1))
     safe = m if finite.all() else np.where(finite[..., None, None], m, np.eye(4))
     r = safe[:, :3, :3]

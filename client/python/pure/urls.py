@@ -1,4 +1,4 @@
-"""Where a daemon is, and the keys for it. The words are those of the C++ client (client/url.cpp, wire/key_file.cpp)."""
+"""Urls and keys of daemons. Messages are those of the C++ client (client/url.cpp, wire/key_file.cpp)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _Z85 = set("0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^
 
 
 def check_url(url: str) -> None:
-    """Raises ValueError for a url of no known kind."""
+    """Raises ValueError for a url of an unknown kind."""
     kind, _, rest = url.partition("://")
     if kind == "shm":
         if not rest.startswith("/"):
@@ -39,7 +39,7 @@ def check_url(url: str) -> None:
 
 
 def keys_of(url: str, given: Keys) -> Optional[tuple[str, str, str]]:
-    """The daemon's public key, one's own public and secret one; of the options, the url or the environment."""
+    """Returns the daemon's public key and the client's key pair, from the options, the url or the environment."""
     if not url.startswith("tcp://"):
         return None
     in_url = dict(option.partition("=")[::2] for option in url.partition("?")[2].split("&"))
@@ -64,7 +64,7 @@ def keys_of(url: str, given: Keys) -> Optional[tuple[str, str, str]]:
 
 
 def _read_key(path: str) -> tuple[str, str]:
-    """Public and secret key of a file: one key, or "public" and "secret" with a key each."""
+    """Reads public and secret key from a file with one key, or with "public" and "secret" and a key each."""
     try:
         with open(path) as file:
             words = iter(file.read().split())

@@ -1,4 +1,4 @@
-"""A connection over ZeroMQ: DEALER to the daemon's ROUTER, a frame as two message parts."""
+"""A connection over ZeroMQ, from a DEALER to the daemon's ROUTER, with frames as two message parts."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from .._errors import ConnectionError
 from ..wire import COLUMN_ALIGNMENT, MAX_FRAME_BYTES, FrameType
 from .frames import HEADER, SIGN_REQUEST, Frame, header_bytes, malformed
 
-#: Longest wait for a reply before the monitor is looked at: how late a daemon's death is noticed.
+#: Interval between reads of the monitor while waiting, and so the maximum delay to detect a daemon's death.
 _NAP_S = 0.01
-#: Requests without a reply: for so many the daemon has room, should their replies wait.
+#: Maximum number of requests without a reply, for whose replies the daemon has queue space.
 _MOST_OUTSTANDING = 1000
 
 
 class ZmqChannel:
-    """One connection; one thread at a time."""
+    """One connection. Not thread-safe."""
 
     signs_queue_up = True
 
     def __init__(self, endpoint: str, keys: Optional[tuple[str, str, str]], deadline: float):
-        """keys: the daemon's public key, one's own public and secret one."""
+        """keys: the daemon's public key, the client's public and secret key."""
         self.url = endpoint
         self.lost = False
         self._with_keys = keys is not None
         self._connected, self._failure, self._arrived = False, 0, 0
         self._outstanding: set[int] = set()
         self._kept: dict[int, Frame] = {}
-        # The process's own, which never ends: ending one waits for all its sockets, also where garbage is collected.
+        # The process's context, which is never terminated, since that waits for all its sockets, even in a destructor.
         self._socket = zmq.Context.instance().socket(zmq.DEALER)
         self._socket.setsockopt(zmq.LINGER, 0)
         self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_FRAME_BYTES)
-        # A daemon that went away is an error, not a pause: a new one may serve another scene.
+        # No reconnection: a lost daemon is an error, since a new one can have another scene.
         self._socket.setsockopt(zmq.RECONNECT_IVL, -1)
         if keys:
             options = (zmq.CURVE_SERVERKEY, zmq.CURVE_PUBLICKEY, zmq.CURVE_SECRETKEY)
@@ -106,8 +106,8 @@ class ZmqChannel:
         self._kept.pop(request_id, None)
 
     def sign_of_life(self) -> int:
-        """Heartbeats of ZeroMQ are answered by its own thread, whatever the daemon's loop does; an echo by the loop."""
-        with contextlib.suppress(zmq.ZMQError):  # no sign then
+        """Requests an echo from the daemon's loop, since ZeroMQ's own thread answers ZeroMQ's heartbeats."""
+        with contextlib.suppress(zmq.ZMQError):  # without a sign of life
             self._socket.send_multipart([header_bytes(FrameType.PING, SIGN_REQUEST, 0), b""], zmq.DONTWAIT)
         return self._arrived + 1
 
@@ -144,8 +144,8 @@ class ZmqChannel:
                 self._failure = what
 
     def _why_refused(self) -> str:
-        # The first that went wrong: the connection is closed after it in any case.
-        is_ipc = self.url.startswith("ipc://")  # where keys have no part
+        # The first failure, after which the connection is closed in any case.
+        is_ipc = self.url.startswith("ipc://")  # which has no keys
         if self._failure == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
             return "the daemon refuses this client's key: it is not among those it has been told of (authorized)"
         if self._failure in (
@@ -170,7 +170,7 @@ class ZmqChannel:
 
 
 def _aligned(buffer: memoryview) -> Any:
-    """The bytes from a boundary that columns may start at: ZeroMQ aligns nothing."""
+    """Returns the bytes aligned for columns, since ZeroMQ does not align them."""
     array = np.frombuffer(buffer, np.uint8)
     if array.size == 0 or array.ctypes.data % COLUMN_ALIGNMENT == 0:
         return array
@@ -180,7 +180,7 @@ def _aligned(buffer: memoryview) -> Any:
 
 
 def aligned_bytes(size: int) -> np.ndarray:
-    """(size,) uint8, not set, from a boundary that columns may start at."""
+    """Allocates (size,) uninitialised uint8, aligned for columns."""
     room = np.empty(size + COLUMN_ALIGNMENT, np.uint8)
     start = -room.ctypes.data % COLUMN_ALIGNMENT
     return room[start : start + size]

@@ -1,10 +1,10 @@
-"""Many rows: a job of configurations or motions, answered in parts by many workers, on one machine or many.
+"""Sweeps: jobs of many configurations or motions, evaluated in parts by workers on one machine or many.
 
     job = Job.load("reach.yaml")
     run(job, workers=2)            # parts/*.parquet and manifest.json in the job's output
 
-The result depends on the job alone: not on how many workers there were, which of them were lost, or how often the run
-was killed and went on. docs/sweep.md has the keys of a job; clearance.ray is the same on many machines. Needs pyarrow.
+The result depends only on the job, not on the number of workers, on lost workers, or on interruptions of the run.
+docs/sweep.md lists the keys of a job; clearance.ray runs it on many machines. Requires pyarrow.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ def run(
     backend: BackendWord = "cpu",
     progress: Optional[TextIO] = None,
 ) -> Summary:
-    """Does a job, or what is left of it, in processes of this machine.
+    """Runs a job, or the rest of it, in processes on this machine.
 
-    output: a folder, in place of the job's own.
-    workers: processes; 0: one for each core that this process may use.
-    threads: of each worker's engine.
-    backend: of each worker's engine; answers have the same bits on all.
-    progress: where lines on rate and time left go; None: nowhere.
+    output: a folder that replaces the job's own.
+    workers: number of processes. The default, 0, starts one per core available to this process.
+    threads: threads of each worker's engine.
+    backend: backend of each worker's engine; answers have the same bits on all.
+    progress: stream for lines with the rate and the remaining time, or None.
 
-    Raises JobError for a job that cannot be done, SweepError for a run that cannot go on; what it has written stays.
+    Raises JobError for an invalid job, SweepError for a run that cannot continue. Written parts are kept.
     """
     plan = prepare(job, None if output is None else Path(output), backend, threads)
     count = workers or max(1, len(os.sched_getaffinity(0)) // max(threads, 1))

@@ -1,4 +1,4 @@
-"""clearance sweep JOB.yaml: does a job of many rows, or what is left of it."""
+"""clearance sweep JOB.yaml: runs a job of many rows, or the rest of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Edges of a roadmap: each node with its nearest, found once by the driver and then read by everybody."""
+"""Edges of a roadmap: each node and its nearest ones, computed once by the driver and read by all workers."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ._errors import JobError, SweepError
 from ._generators import Rows
 from ._parts import digest_of_file, write_whole
 
-_AT_ONCE = 65536  # nodes whose neighbours are looked for together
+_AT_ONCE = 65536  # nodes per search for neighbours
 
 
 @dataclass
 class Edges:
-    """Motions between nodes: an (E, 2) uint32 file in the output folder says which, lower node first."""
+    """Motions between nodes, from an (E, 2) uint32 file in the output folder, lower node first."""
 
     nodes: Rows
     path: Path
@@ -56,9 +56,9 @@ class Edges:
 
 
 def write_edges(nodes: Rows, nearest: int, radius: float, path: Path, what: str) -> None:
-    """Writes each node's pairs with its `nearest` others that are no farther than `radius`, each pair once.
+    """Writes the pairs of each node with its `nearest` others within `radius`, each pair once.
 
-    Distances are Euclidean in radians and metres. All nodes are in memory meanwhile, with a tree over them.
+    Distances are Euclidean in radians and metres. Keeps all nodes and a tree in memory.
     """
     if path.exists():
         return
@@ -80,7 +80,7 @@ def write_edges(nodes: Rows, nearest: int, radius: float, path: Path, what: str)
         some = all_nodes[first : first + _AT_ONCE]
         far, near = tree.query(some, k=nearest + 1, workers=-1)
         own = np.arange(first, first + len(some), dtype=np.int64)[:, None]
-        use = (near != own) & (far <= radius)  # the node itself is its nearest, or one at the same place is
+        use = (near != own) & (far <= radius)  # the nearest is the node itself, or one at the same position
         low, high = np.minimum(near, own), np.maximum(near, own)
         found.append((low << 32 | high)[use])
     pairs = np.unique(np.concatenate(found))

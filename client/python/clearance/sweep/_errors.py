@@ -1,4 +1,4 @@
-"""What a sweep raises."""
+"""Exceptions of sweeps."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from .._errors import ClearanceError
 
 
 class JobError(ClearanceError, ValueError):
-    """A job that cannot be done as it stands. The text names file, key, and what is allowed there."""
+    """An invalid job. The text names file, key and the allowed values."""
 
 
 class SweepError(ClearanceError, RuntimeError):
-    """A run that cannot go on. What it has written stays; the same job goes on from there."""
+    """A run that cannot continue. Written parts are kept, and the job can resume from them."""

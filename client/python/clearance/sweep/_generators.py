@@ -1,7 +1,7 @@
-"""Where rows come from. Row i depends on i alone, so any part of them is made again anywhere, and nothing holds all.
+"""Generators of rows. Row i depends only on i, so that any worker can generate any part.
 
-A generator knows `count`, `width` (numbers a configuration has), `motions` (whether a row has two ends), and
-`at(index)`: rows of an (n,) index as (n, width), of motions (n, 2, width), float64.
+A generator has `count`, `width` (numbers per configuration), `motions` (whether a row has two ends), and `at(index)`,
+which returns the rows of an (n,) index as float64 (n, width), or (n, 2, width) for motions.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 6
 
 
 class Rows(Protocol):
-    """What every generator is."""
+    """Interface of generators."""
 
     @property
     def count(self) -> int: ...
@@ -30,19 +30,19 @@ class Rows(Protocol):
     def motions(self) -> bool: ...
     def at(self, index: np.ndarray) -> np.ndarray: ...
     def identity(self) -> dict[str, Any]:
-        """What of its content the job file does not say."""
+        """Returns the parts of its content that are not in the job file."""
         ...
 
 
 @dataclass(frozen=True)
 class Box:
-    """The joint positions to draw from: one interval a joint, radians or metres."""
+    """The range of joint positions: one interval per joint, radians or metres."""
 
     lower: np.ndarray  #: (J,) float64
     upper: np.ndarray  #: (J,) float64
 
     def at(self, share: np.ndarray) -> np.ndarray:
-        """(n, J) positions at shares 0 to 1 of the way; 1 is the upper limit itself."""
+        """Returns (n, J) positions at fractions from 0 to 1 of the intervals; 1 is exactly the upper limit."""
         inside = np.minimum(self.lower + share * (self.upper - self.lower), self.upper)
         return np.where(share >= 1.0, self.upper, inside)
 
@@ -63,7 +63,7 @@ class _InBox:
 
 @dataclass(frozen=True)
 class Uniform(_InBox):
-    """Independent positions, uniform over the box: numbers of SplitMix64 (Steele, Lea, Flood 2014), by their places."""
+    """Independent positions, uniform over the box, from SplitMix64 (Steele, Lea, Flood 2014) with random access."""
 
     count: int
     seed: int
@@ -75,7 +75,7 @@ class Uniform(_InBox):
 
 @dataclass(frozen=True)
 class Halton(_InBox):
-    """Points of the Halton sequence in the box, from its second on: the first is a corner."""
+    """Points of the Halton sequence in the box, without its first, which is a corner."""
 
     count: int
     first: int
@@ -87,7 +87,7 @@ class Halton(_InBox):
 
 @dataclass(frozen=True)
 class Grid(_InBox):
-    """Every combination of equally spaced positions, both limits included; the last joint goes fastest."""
+    """Every combination of equally spaced positions, both limits included; the last joint varies fastest."""
 
     counts: tuple[int, ...]
 
@@ -107,7 +107,7 @@ class Grid(_InBox):
 
 @dataclass
 class ArrayFile:
-    """Rows of a .npy file, which is mapped and never read as a whole."""
+    """Rows of a memory-mapped .npy file."""
 
     path: Path
     width: int
@@ -153,7 +153,7 @@ class ArrayFile:
 
 @dataclass
 class ParquetFile:
-    """Rows of some columns of a Parquet file, of which one row group at a time is in memory."""
+    """Rows of some columns of a Parquet file, with one row group in memory at a time."""
 
     path: Path
     width: int
@@ -161,7 +161,7 @@ class ParquetFile:
     what: str
     columns: Optional[list[str]] = None
     _file: Any = field(default=None, repr=False)
-    _group: Any = field(default=None, repr=False)  #: number and rows of the row group that was read last
+    _group: Any = field(default=None, repr=False)  #: number and rows of the cached row group
 
     def __post_init__(self) -> None:
         import pyarrow as pa
@@ -222,7 +222,7 @@ class ParquetFile:
 
 
 def split_mix(seed: int, places: np.ndarray) -> np.ndarray:
-    """uint64 random numbers, one for each uint64 place of the seed's sequence."""
+    """Returns uint64 random numbers, one for each uint64 position in the seed's sequence."""
     with np.errstate(over="ignore"):
         start = _mixed(np.array([seed], dtype=np.uint64) + np.uint64(0x9E3779B97F4A7C15))
         return _mixed(start + (places + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15))
@@ -236,9 +236,9 @@ def _mixed(z: np.ndarray) -> np.ndarray:
 
 
 def _radical_inverse(number: np.ndarray, base: int) -> np.ndarray:
-    """The digits of numbers in a base, mirrored at the point: integers that float64 holds, divided once.
+    """Returns the radical inverses of numbers in a base, as a quotient of integers that float64 represents exactly.
 
-    Zeros in front of a number add the same factor above and below, so its neighbours in the array change nothing.
+    Leading zeros multiply numerator and denominator by the same factor, so the result does not depend on the array.
     """
     mirrored, scale, rest = np.zeros_like(number), 1, number
     while np.any(rest):

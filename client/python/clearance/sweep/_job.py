@@ -1,4 +1,4 @@
-"""What is asked of how many rows: a job file, read and checked."""
+"""Job files: parsing and validation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ._errors import JobError
 from ._keys import Keys, one_or, to_interval, to_length, to_names, to_positive, to_share
 from ._sources import Source, read_rows
 
-ANSWERS = {"validity": "any", "least": "min"}  #: what a row is reduced to, and how queries call it
+ANSWERS = {"validity": "any", "least": "min"}  #: the answer per row, and the reduction in queries
 _MOTION_COLUMNS = ("time", "first_contact", "steps")
 _LEAST_COLUMNS = (
     "lower", "upper", "distance", "status", "flags", "pair", "pair_lower", "point_a", "point_b", "normal", "gradient",
@@ -33,13 +33,13 @@ _PART_ROWS = {False: 65536, True: 4096}  # configurations, motions
 
 @dataclass(frozen=True)
 class Job:
-    """A job: everything that the bits of its result depend on, and where the result goes."""
+    """A job: everything that determines the bits of its result, and the output folder."""
 
-    file: str  #: how errors call it
-    folder: Path  #: what its paths are relative to
-    said: dict[str, Any]  #: what it says, but for where the result goes
+    file: str  #: its name in errors
+    folder: Path  #: base of its relative paths
+    said: dict[str, Any]  #: its keys without the output
     scene: Optional[Path]
-    robot: Optional[dict[str, Any]]  #: arguments of Scene.load_urdf(), in place of a scene
+    robot: Optional[dict[str, Any]]  #: arguments of Scene.load_urdf(), instead of a scene
     joints: Union[str, list[str], None]
     bodies: Optional[list[str]]
     limits: dict[str, tuple[float, float]]
@@ -48,13 +48,13 @@ class Job:
     columns: tuple[str, ...]
     asked: dict[str, Any]  #: further arguments of the query
     part_rows: int
-    positions: bool  #: whether parts hold the positions, too
-    check: float  #: the share of all rows that is asked again
+    positions: bool  #: whether parts contain the positions, too
+    check: float  #: the fraction of all rows that is evaluated twice
     output: Optional[Path]
 
     @classmethod
     def load(cls, path: Union[str, Path]) -> Job:
-        """Reads a job file, YAML or (by its ending) JSON. Raises JobError naming file, key and what is allowed."""
+        """Reads a job file, YAML or (by its suffix) JSON. Raises JobError naming file, key and the allowed values."""
         path = Path(to_path(path, "path"))
         try:
             text = path.read_text(encoding="utf-8")
@@ -64,7 +64,7 @@ class Job:
 
     @classmethod
     def from_dict(cls, said: Mapping[str, Any], folder: Union[str, Path] = ".", file: str = "job") -> Job:
-        """The job that a job file with these keys would be. Paths are relative to `folder`."""
+        """Creates a job from the keys of a job file. Paths are relative to `folder`."""
         keys, folder = Keys(said, file), Path(folder)
         source = keys.one_of("scene", "robot")
         scene = keys.take("scene", _file_in(folder)) if source == "scene" else None
@@ -137,7 +137,7 @@ def _robot(keys: Keys, folder: Path) -> dict[str, Any]:
         robot["packages"] = {
             name: folder / packages.take(name, lambda value, what: to_path(value, what)) for name in packages.names()
         }
-    robot["home"] = keys.take("home", lambda value, what: value, None)  # Scene.load_urdf() says what it may be
+    robot["home"] = keys.take("home", lambda value, what: value, None)  # validated by Scene.load_urdf()
     robot["static"] = keys.take("static", to_bool, True)
     keys.finish()
     return {name: value for name, value in robot.items() if value is not None}
@@ -219,7 +219,7 @@ def _margin(value: Any, what: str) -> Any:
 
 
 def columns_of(name: str, shape: tuple[int, ...]) -> list[str]:
-    """What the flat columns of a column are called whose rows have a shape: pair_a and pair_b of pair, for one."""
+    """Returns the names of the flat columns of a column with shaped rows, such as pair_a and pair_b for pair."""
     if not shape:
         return [name]
     if name.startswith("pair"):

@@ -1,6 +1,6 @@
-"""What a run has done so far, a line for each thing, and in the end the manifest of the result.
+"""The journal of a run, with a line per event, and the manifest of its result.
 
-The journal says who did what and when it was whole, so it differs from run to run; parts and manifest do not.
+The journal contains machines and times, and so differs between runs; parts and manifest do not.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from ._work import Checked, Done
 
 
 class Journal:
-    """The parts that are whole, by number, and those whose rows were asked again. One run at a time has it."""
+    """The complete parts by number, and the checked ones. Locked by one run at a time."""
 
     def __init__(self, plan: Plan):
-        """Opens or makes it, and believes no part that is not as it was written.
+        """Opens or creates the journal, and drops parts whose files have changed.
 
-        Raises SweepError if another run is writing there, or one of another job has.
+        Raises SweepError if another run holds the lock, or the journal belongs to another job.
         """
         self._plan = plan
         self._path = plan.output / "journal.jsonl"
         self.done: dict[int, Done] = {}
-        self.makers: dict[int, str] = {}  #: the machine of each part
+        self.makers: dict[int, str] = {}  #: the machine that made each part
         self.checked: set[int] = set()
-        self._file = open(self._path, "a+b")  # noqa: SIM115  # open as long as this lives: it is the lock
+        self._file = open(self._path, "a+b")  # noqa: SIM115  # stays open as the lock
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -53,7 +53,7 @@ class Journal:
             except ValueError:
                 entry = None
             if not isinstance(entry, dict):
-                break  # the line that a kill has cut off, and nothing after it
+                break  # a line that was truncated by a kill is the last one
             whole += len(line)
             if number == 0:
                 self._compare(entry)
@@ -93,17 +93,17 @@ class Journal:
         self.checked.discard(part)
 
     def add(self, done: Done, machine: str) -> None:
-        """Notes a part that is whole."""
+        """Records a complete part."""
         self.done[done.part], self.makers[done.part] = done, machine
         self._write({"done": asdict(done), "by": machine})
 
     def add_check(self, checked: Checked, machine: str) -> None:
-        """Notes that rows of a part came out as they are written."""
+        """Records that the check of a part found equal rows."""
         self.checked.add(checked.part)
         self._write({"checked": checked.part, "rows": checked.rows, "by": machine})
 
     def drop(self, part: int) -> None:
-        """Notes that a part is not to be believed."""
+        """Records that a part is invalid."""
         self._forget(part)
         self._write({"dropped": part})
 
@@ -113,8 +113,8 @@ class Journal:
         os.fsync(self._file.fileno())
 
     def write_manifest(self) -> None:
-        """Writes what the result is of, and each of its parts in order: the same for every run of the job."""
-        remove_temporary(self._plan.spec.folder)  # of workers that were lost in this run
+        """Writes the manifest: the header and all parts in order, equal for every run of the job."""
+        remove_temporary(self._plan.spec.folder)  # left by lost workers of this run
         spec = self._plan.spec
         entries = [self.done[part] for part in sorted(self.done)]
         manifest = {

@@ -1,4 +1,4 @@
-"""The keys of a job file, one map at a time: errors name the file, the way to the key, and what is allowed there."""
+"""Reader of the keys of a job file, with errors that name the file, the path of the key and the allowed values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NEEDED: Any = object()
 
 
 class Keys:
-    """A map of which each key is taken once. `finish()` refuses what nobody took."""
+    """A map whose keys are each taken once. `finish()` rejects the remaining ones."""
 
     def __init__(self, value: Any, file: str, path: str = "", expected: str = "a map"):
         self.file = file
@@ -24,7 +24,7 @@ class Keys:
         self._known: list[str] = []
 
     def at(self, name: str) -> str:
-        """How errors call a key of this map."""
+        """Returns a key's path, for errors."""
         return f"{self.file}: {self._path + '.' if self._path else ''}{name}"
 
     def has(self, name: str) -> bool:
@@ -34,7 +34,7 @@ class Keys:
         return list(self._given)
 
     def take(self, name: str, read: Callable[[Any, str], _T], default: Any = _NEEDED) -> _T:
-        """The value of a key, as `read(value, what it is called)` has it; without the key, `default`."""
+        """Returns `read(value, path)` for the value of a key, or `default` without the key."""
         self._known.append(name)
         if name not in self._given:
             if default is _NEEDED:
@@ -48,7 +48,7 @@ class Keys:
             raise JobError(str(error)) from None
 
     def one_of(self, *names: str, only: bool = False) -> str:
-        """The one of these keys that is there. only: the map has no others."""
+        """Returns the one of these keys in the map. only: whether the map must have no others."""
         self._known += names
         given = [name for name in names if name in self._given]
         if len(given) != 1:
@@ -61,7 +61,7 @@ class Keys:
         return given[0]
 
     def map(self, name: str, expected: str = "a map") -> Keys:
-        """The map under a key."""
+        """Returns the map under a key."""
         way = f"{self._path}.{name}" if self._path else name
         return self.take(name, lambda value, _: Keys(value, self.file, way, expected))
 
@@ -114,5 +114,5 @@ def to_names(value: Any, what: str) -> list[str]:
 
 
 def one_or(read: Callable[[Any, str], _T]) -> Callable[[Any, str], Optional[_T]]:
-    """The reader of what may also be null."""
+    """Returns a reader that also accepts null."""
     return lambda value, what: None if value is None else read(value, what)

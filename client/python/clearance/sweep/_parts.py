@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all: parts as Parquet, and whatever else a run writes once."""
+"""Atomic writing of files: parts as Parquet, and other files that a run writes once."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import numpy as np
 
 from ._errors import SweepError
 
-TEMPORARY = ".tmp"  #: how names end while their files are written
+TEMPORARY = ".tmp"  #: suffix of the names of incomplete files
 _BLOCK = 1 << 20
 
 
 def write_whole(path: Path, write: Callable[[Any], None]) -> None:
-    """Writes a file under another name, has it stored, and renames it: a kill leaves it whole, or not there."""
+    """Writes a file under another name, syncs and renames it, so that a kill never leaves an incomplete file."""
     other = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}{TEMPORARY}")
     try:
         with open(other, "wb") as file:
@@ -38,13 +38,13 @@ def write_whole(path: Path, write: Callable[[Any], None]) -> None:
 
 
 def remove_temporary(folder: Path) -> None:
-    """Removes what a killed run has left half written."""
+    """Removes the incomplete files of a killed run."""
     for path in folder.glob(f".*{TEMPORARY}"):
         path.unlink()
 
 
 def digest_of_file(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
+    """Returns the SHA-256 of a file, in hexadecimal."""
     digest = hashlib.sha256()
     with open(path, "rb") as file:
         while block := file.read(_BLOCK):
@@ -57,13 +57,13 @@ def part_name(part: int) -> str:
 
 
 def encoded(columns: Mapping[str, np.ndarray]) -> bytes:
-    """Columns as the bytes of a Parquet file: the same columns give the same bytes, by the same version of pyarrow."""
+    """Returns columns as the bytes of a Parquet file, which are deterministic for one version of pyarrow."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     table = pa.table({name: pa.array(column) for name, column in columns.items()})
     floats = [name for name, column in columns.items() if column.dtype.kind == "f"]
-    # Floats keep their bits (a dictionary might take one NaN for another); numbers of rows shrink to nothing.
+    # No dictionary for floats, which could merge NaNs of different bits; row numbers compress to almost nothing.
     encodings = {**dict.fromkeys(floats, "BYTE_STREAM_SPLIT"), "row": "DELTA_BINARY_PACKED"}
     words = [name for name in columns if name not in encodings]
     sink = pa.BufferOutputStream()
@@ -74,14 +74,14 @@ def encoded(columns: Mapping[str, np.ndarray]) -> bytes:
 
 
 def write_part(folder: Path, part: int, columns: Mapping[str, np.ndarray]) -> tuple[int, str]:
-    """Writes a part; its size in bytes and its SHA-256."""
+    """Writes a part. Returns its size in bytes and its SHA-256."""
     data = encoded(columns)
     write_whole(folder / part_name(part), lambda file: file.write(data))
     return len(data), hashlib.sha256(data).hexdigest()
 
 
 def read_part(folder: Path, part: int, digest: str) -> dict[str, np.ndarray]:
-    """The columns of a part. Raises SweepError if its bytes are not those that were written."""
+    """Reads the columns of a part. Raises SweepError if the file has changed."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,4 +1,4 @@
-"""A job made ready: its scene packed, its rows counted, one row of it answered, so that what is wrong shows at once."""
+"""Preparation of a job: packs the scene, counts the rows, and evaluates one row to find errors early."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from ._work import Spec, answer
 
 @dataclass(frozen=True)
 class Plan:
-    """What a run needs to know."""
+    """Input of a run."""
 
-    spec: Spec  #: what every worker needs to know
+    spec: Spec  #: input of every worker
     packed: Packed  #: the scene
-    header: dict[str, Any]  #: what the result is of: runs whose headers differ do not go on from each other
-    names: dict[str, Any]  #: of bodies and joints, which answers speak of by place
+    header: dict[str, Any]  #: identity of the result; a run resumes only one with the same header
+    names: dict[str, Any]  #: names of bodies and joints, to which answers refer by index
 
     @property
     def output(self) -> Path:
@@ -46,7 +46,7 @@ class Plan:
 
 
 def prepare(job: Job, output: Optional[Path] = None, backend: str = "cpu", threads: int = 1) -> Plan:
-    """Loads the scene, makes the generator, and asks about the first row. Raises JobError naming file and key."""
+    """Loads the scene, creates the generator, and evaluates the first row. Raises JobError naming file and key."""
     output = output or job.output
     if output is None:
         raise JobError(f"{job.file}: output: is needed: the folder that the result goes into")
@@ -102,7 +102,7 @@ def _needs_pyarrow(job: Job) -> None:
 
 def _scene(job: Job) -> Scene:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of hulls and robots: the scene's own, said when it was made
+        warnings.simplefilter("ignore")  # of hulls and robots, which were shown when the scene was loaded
         try:
             return Scene.load_urdf(**job.robot) if job.robot is not None else Scene.load(str(job.scene))
         except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Workers as processes of this machine: each is started as a program, since an engine does not survive a fork."""
+"""Workers as processes on this machine, each started as a program, since an engine does not survive a fork."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ._work import Failed, Outcome, Performs, Spec, Task, Worker, machine
 
 
 class Processes:
-    """A pool of processes. They end when this one does, whatever ends it: the socket between them closes then."""
+    """A pool of processes, which end with this process because their socket closes."""
 
     def __init__(self, spec: Spec, packed: Packed, count: int):
         self.size = count
@@ -34,7 +34,7 @@ class Processes:
         return [process.pid for process, _ in self._children.values()]
 
     def submit(self, worker: int, task: Task) -> None:
-        with contextlib.suppress(OSError):  # it is gone, which wait() will see
+        with contextlib.suppress(OSError):  # a lost worker is handled by wait()
             self._children[worker][1].send(task)
 
     def wait(self) -> Event:
@@ -81,7 +81,7 @@ class Processes:
 
 
 def importable_from() -> str:
-    """The folder that this package lies in."""
+    """Returns the folder that contains this package."""
     return str(Path(str(sys.modules[__name__.partition(".")[0]].__file__)).absolute().parent.parent)
 
 
@@ -91,8 +91,8 @@ def _end_of(process: Any) -> str:
 
 
 def serve(number: int) -> None:
-    """The whole life of a worker's process, at the other end of a socket."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's, who then closes the socket
+    """Main function of a worker's process, at the other end of a socket."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the driver handles Ctrl-C, and closes the socket
     connection = Connection(number)
     with contextlib.suppress(EOFError, OSError):
         spec, packed = connection.recv()

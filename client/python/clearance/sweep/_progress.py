@@ -1,4 +1,4 @@
-"""How far a run is, at which rate, and how long it will take."""
+"""Progress of a run: completed share, rate and remaining time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _EVERY_S = {True: 0.5, False: 10.0}  # terminals, files
 
 
 class Progress:
-    """Lines on a stream; on a terminal one that is kept up to date. None: silence."""
+    """Writes lines to a stream, or updates one line on a terminal. Without a stream, writes nothing."""
 
     def __init__(self, stream: Optional[TextIO]):
         self._stream = stream
@@ -31,13 +31,13 @@ class Progress:
             self._show(self.text(now - self._start))
 
     def text(self, seconds: float) -> str:
-        """The line after so many seconds of this run."""
+        """Returns the line after so many seconds of this run."""
         rate = self._made / max(seconds, 1e-9)
         left = (self._rows - self._done) / max(rate, 1e-9)
         return f"{self._done:,} of {self._rows:,} rows, {rate:,.0f} rows/s, {_duration(left)} left"
 
     def say(self, text: str) -> None:
-        """Something that happened."""
+        """Writes an event."""
         if self._stream is not None:
             print(f"\r\033[K{text}" if self._terminal else text, file=self._stream, flush=True)
 

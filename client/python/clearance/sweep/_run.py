@@ -1,4 +1,4 @@
-"""A run: gives parts to workers until all are there, whoever is lost meanwhile."""
+"""A run: distributes parts to workers until all are complete, and replaces lost workers."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ._plan import Plan
 from ._progress import Progress
 from ._work import Check, Checked, Done, Failed, Outcome, Part, Task, host_of
 
-DEPTH = 2  #: tasks that a worker has: the one that it is at, and the next
-_LOSSES = 3  #: workers that may be lost over one part, or one after the other at their start
+DEPTH = 2  #: tasks per worker: the current one and the next
+_LOSSES = 3  #: maximum lost workers for one part, or consecutively at their start
 
 
 @dataclass(frozen=True)
 class Ready:
-    """A worker has its scene."""
+    """A worker has loaded its scene."""
 
     worker: int
     machine: str
@@ -28,7 +28,7 @@ class Ready:
 
 @dataclass(frozen=True)
 class Result:
-    """A worker has done the oldest of its tasks."""
+    """A worker has completed the oldest of its tasks."""
 
     worker: int
     outcome: Outcome
@@ -36,7 +36,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Lost:
-    """A worker is gone, and with it its tasks. The pool has begun to start another, with a new number."""
+    """A worker and its tasks are lost. The pool is starting another, with a new number."""
 
     worker: int
     text: str
@@ -46,13 +46,13 @@ Event = Union[Ready, Result, Lost]
 
 
 class Pool(Protocol):
-    """Processes that hold workers, on one machine or many."""
+    """Processes with workers, on one machine or many."""
 
     @property
     def size(self) -> int: ...
     def submit(self, worker: int, task: Task) -> None: ...
     def wait(self) -> Event:
-        """The next thing that happens."""
+        """Waits for the next event, and returns it."""
         ...
 
     def close(self) -> None: ...
@@ -60,36 +60,36 @@ class Pool(Protocol):
 
 @dataclass(frozen=True)
 class Summary:
-    """What a run came to."""
+    """Result of a run."""
 
     rows: int
     parts: int
-    made: int  #: parts that this run made; the others were there
-    checked: int  #: rows that this run asked again
-    lost: int  #: workers
+    made: int  #: parts made by this run; the others existed
+    checked: int  #: rows evaluated twice by this run
+    lost: int  #: number of lost workers
     output: Path
 
 
 @dataclass
 class _Dispute:
-    """A part of which rows came out otherwise when they were asked again."""
+    """A part whose check found different rows."""
 
     check: Check
-    opinions: list[tuple[str, tuple[str, ...]]] = field(default_factory=list)  #: machine, differences it found
+    opinions: list[tuple[str, tuple[str, ...]]] = field(default_factory=list)  #: machine, differences
 
 
 class Run:
-    """The state of one run. `go()` does it."""
+    """The state of one run. `go()` executes it."""
 
     def __init__(self, plan: Plan, pool: Pool, journal: Journal, progress: Progress):
         self._plan, self._pool, self._journal, self._progress = plan, pool, journal, progress
         self._parts = deque(part for part in range(plan.parts) if part not in journal.done)
-        # By whom a part was made in this run; of one that was there nobody is left.
+        # The worker that made each part in this run; parts of earlier runs have none.
         self._made_by: dict[int, int] = {}
         unchecked = (done for part, done in journal.done.items() if part not in journal.checked)
         self._checks = deque(Check(done.part, done.digest) for done in unchecked) if plan.spec.check else deque()
         self._dispute: Optional[_Dispute] = None
-        self._asked: set[int] = set()  # workers that have had their say in the dispute
+        self._asked: set[int] = set()  # workers that have checked the disputed part
         self._machines: dict[int, str] = {}
         self._tasks: dict[int, deque[Task]] = {}
         self._losses: Counter[int] = Counter()
@@ -117,11 +117,11 @@ class Run:
             self._pool.submit(worker, task)
 
     def _next(self, worker: int) -> Optional[Task]:
-        """Checks come before parts: what is wrong shows early, and few wait."""
+        """Prefers checks to parts, so that errors show early and few checks wait."""
         alone = self._pool.size == 1
         if self._dispute is not None:
             if worker in self._asked:
-                return None  # no part is made before it is settled
+                return None  # makes no parts before the dispute is resolved
             self._asked.add(worker)
             return self._dispute.check
         for check in self._checks:
@@ -131,7 +131,7 @@ class Run:
         return Part(self._parts.popleft()) if self._parts else None
 
     def _is_other(self, worker: int, part: int) -> bool:
-        """Whether a worker is on another machine than a part's maker, or where all are on one, is another worker."""
+        """Whether a worker is on another machine than a part's maker or, with one machine, is another worker."""
         maker = self._made_by.get(part)
         if maker is None:
             return True
@@ -148,7 +148,7 @@ class Run:
             self._take_loss(event)
         else:
             if event.worker not in self._tasks:
-                assert isinstance(event.outcome, Failed)  # of its start
+                assert isinstance(event.outcome, Failed)  # at its start
                 raise SweepError(event.outcome.text)
             task = self._tasks[event.worker].popleft()
             self._lost_in_a_row = 0
@@ -165,7 +165,7 @@ class Run:
                 self._parts.appendleft(task.part)
             elif self._dispute is None:
                 self._checks.appendleft(task)
-            self._losses[task.part] += place == 0  # the one that it was at
+            self._losses[task.part] += place == 0  # the current task
             if self._losses[task.part] >= _LOSSES:
                 text = f"{_LOSSES} workers were lost over it; the last, {machine}: {event.text}"
                 raise SweepError(f"part {task.part}: {text}")
@@ -196,13 +196,13 @@ class Run:
             maker = self._made_by.get(task.part)
             self._dispute, self._asked = _Dispute(task), {worker} if maker is None else {worker, maker}
         elif self._dispute.check.part != task.part:
-            return  # one dispute ends the run
+            return  # a dispute ends the run
         self._dispute.opinions.append((machine, outcome.differences))
         if len(self._dispute.opinions) == 2 or self._pool.size <= len(self._asked):
             self._settle(self._dispute)
 
     def _settle(self, dispute: _Dispute) -> None:
-        """Says whose answer stands alone, as far as that is known, and believes none of its parts."""
+        """Drops the parts of the machines whose answers may be wrong, and raises an error that names them."""
         part = dispute.check.part
         maker = self._journal.makers[part]
         (second, differences), *others = dispute.opinions
@@ -224,7 +224,7 @@ class Run:
 
 
 def drive(plan: Plan, start_pool: Callable[[], Pool], progress: Progress) -> Summary:
-    """Does what is left of a job with the workers of a pool, and writes the manifest."""
+    """Runs the rest of a job with the workers of a pool, and writes the manifest."""
     with contextlib.closing(Journal(plan)) as journal, contextlib.closing(start_pool()) as pool:
         progress.start(plan.rows, sum(done.rows for done in journal.done.values()))
         return Run(plan, pool, journal, progress).go()

@@ -1,4 +1,4 @@
-"""A scene as one string of bytes, to be sent once to everybody who needs it."""
+"""A scene as one bytes object, sent once to each worker."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from .._scene import Scene
 
 @dataclass(frozen=True)
 class Packed:
-    """A scene with all that it needs, and the SHA-256 of it, which is its name."""
+    """A scene with its files, and their SHA-256 as its name."""
 
     digest: str
     data: bytes
 
 
 def pack(scene: Scene) -> Packed:
-    """What Scene.save() writes, by name, without times and owners: the same scene gives the same bytes."""
+    """Packs the files of Scene.save() by name, without times and owners, so that equal scenes give equal bytes."""
     archive = io.BytesIO()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "scene"
@@ -37,7 +37,7 @@ def pack(scene: Scene) -> Packed:
 
 
 def unpack(packed: Packed) -> Scene:
-    """The scene of these bytes: ids, pairs and the bits of answers are those of the one that was packed."""
+    """Unpacks a scene, with the ids, pairs and bits of answers of the packed one."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name).resolve()
         with tarfile.open(fileobj=io.BytesIO(packed.data)) as tar:

@@ -1,4 +1,4 @@
-"""The key `rows` of a job: which generator makes them, and what it needs to know."""
+"""The key `rows` of a job: the generator of the rows and its arguments."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _MOST_ROWS = 1 << 53
 
 @dataclass(frozen=True)
 class Space:
-    """What moves: the joints of a job with the limits to draw between, or its bodies."""
+    """The moving joints of a job with their limits, or its moving bodies."""
 
     names: tuple[str, ...]
-    width: int  #: numbers of a configuration: J, or 7 a body
-    lower: Optional[np.ndarray]  #: (J,); None: bodies
+    width: int  #: numbers per configuration: J, or 7 per body
+    lower: Optional[np.ndarray]  #: (J,), or None for bodies
     upper: Optional[np.ndarray]
 
     def box(self, what: str) -> Box:
@@ -42,16 +42,16 @@ class Space:
 
 @dataclass(frozen=True)
 class Source:
-    """One kind of rows as a job asks for them."""
+    """One kind of rows of a job."""
 
     kind: str
-    what: str  #: how errors call it
+    what: str  #: its name in errors
     options: Mapping[str, Any]
     motions: bool
-    nodes: Optional[Source] = None  #: of edges
+    nodes: Optional[Source] = None  #: nodes of edges
 
     def rows(self, space: Space, folder: Path) -> Rows:
-        """The generator. Edges are looked for first, and written into `folder`."""
+        """Creates the generator. Edges are first computed and written into `folder`."""
         o = self.options
         if self.kind == "file":
             kind = ParquetFile if o["path"].suffix == ".parquet" else ArrayFile
@@ -91,7 +91,7 @@ class Source:
 
 
 def read_rows(keys: Keys, folder: Path, bodies: bool, nodes: bool = False) -> Source:
-    """Reads the key `rows`, or of edges the key `of`."""
+    """Reads the key `rows` or, for edges, the key `of`."""
     kinds = tuple(kind for kind in KINDS if not (nodes and kind == "edges"))
     kind = keys.one_of(*kinds, only=True)
     what = keys.at(kind)

@@ -1,4 +1,4 @@
-"""What a worker does, whichever kind of process it lives in: answers parts, and asks rows of parts again."""
+"""A worker, in any kind of process: evaluates parts, and checks rows of parts."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from ._job import columns_of
 from ._parts import read_part, write_part
 from ._scenes import Packed, unpack
 
-_AT_ONCE = {False: 4096, True: 512}  # configurations, motions of a query: more would only take more memory
-_NAMED = 3  # differences that an error shows
+_AT_ONCE = {False: 4096, True: 512}  # configurations, motions per query; more only need more memory
+_NAMED = 3  # differences listed in an error
 
 
 @dataclass(frozen=True)
 class Spec:
-    """What a worker needs to know beside the scene."""
+    """Input of a worker, in addition to the scene."""
 
     rows: Rows
     asked: dict[str, Any]  #: arguments of distances() or motions()
@@ -35,17 +35,17 @@ class Spec:
     positions: bool
     part_rows: int
     check: float
-    folder: Path  #: of the parts
+    folder: Path  #: folder of the parts
     backend: str = "cpu"
     threads: int = 1
 
     def index(self, part: int) -> np.ndarray:
-        """(n,) rows of a part."""
+        """Returns the (n,) rows of a part."""
         first = part * self.part_rows
         return np.arange(first, min(first + self.part_rows, self.rows.count))
 
     def checked(self, part: int) -> np.ndarray:
-        """(n,) rows of a part that are asked again: always the same, scattered."""
+        """Returns the (n,) rows of a part that are checked: a fixed pseudo-random selection."""
         index = self.index(part)
         count = math.ceil(self.check * len(index))
         return np.sort(index[np.argsort(split_mix(part, index.astype(np.uint64)), kind="stable")[:count]])
@@ -53,14 +53,14 @@ class Spec:
 
 @dataclass(frozen=True)
 class Part:
-    """A task: answer the rows of a part and write them."""
+    """A task that evaluates the rows of a part and writes them."""
 
     part: int
 
 
 @dataclass(frozen=True)
 class Check:
-    """A task: ask some rows of a written part again, and compare them with the file."""
+    """A task that evaluates some rows of a written part again, and compares them with the file."""
 
     part: int
     digest: str
@@ -68,7 +68,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Done:
-    """A part is there."""
+    """A written part."""
 
     part: int
     rows: int
@@ -78,16 +78,16 @@ class Done:
 
 @dataclass(frozen=True)
 class Checked:
-    """Rows were asked again."""
+    """The result of a check."""
 
     part: int
     rows: int
-    differences: tuple[str, ...]  #: row, column and both values of the first few; none: equal, bit for bit
+    differences: tuple[str, ...]  #: row, column and both values of the first few; empty if equal, bit for bit
 
 
 @dataclass(frozen=True)
 class Failed:
-    """A task, or a worker's start, that would fail again."""
+    """A task, or a worker's start, with a permanent failure."""
 
     text: str
 
@@ -97,20 +97,20 @@ Outcome = Union[Done, Checked, Failed]
 
 
 class Performs(Protocol):
-    """What pools know of workers."""
+    """Interface of workers for pools."""
 
     def perform(self, task: Task) -> Outcome: ...
 
 
 class Worker:
-    """An engine with the scene, and what is to be asked of it."""
+    """An engine with the scene, and the query of the job."""
 
     def __init__(self, spec: Spec, packed: Packed):
         self.spec = spec
         self.engine = Engine(unpack(packed), backend=spec.backend, threads=spec.threads)  # type: ignore[arg-type]
 
     def perform(self, task: Task) -> Outcome:
-        """Does a task. What goes wrong is said, not raised: it would go wrong everywhere."""
+        """Executes a task. Returns errors instead of raising them, since they would occur on every worker."""
         try:
             return self._answer(task.part) if isinstance(task, Part) else self._check(task)
         except (ClearanceError, OSError) as error:
@@ -133,7 +133,7 @@ class Worker:
 
 
 def answer(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarray]:
-    """The flat columns of some rows, which depend on nothing but the rows."""
+    """Returns the flat columns of some rows, which depend only on these rows."""
     at_once = _AT_ONCE[spec.rows.motions]
     blocks = [_block(engine, spec, index[i : i + at_once]) for i in range(0, len(index), at_once)]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
@@ -155,7 +155,7 @@ def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarra
     for name in spec.columns:
         column = result.status == Status.BEYOND if name == "free" else getattr(result, name)
         if column.dtype.kind == "f":
-            column = np.where(np.isnan(column), np.nan, column)  # backends may give other bits of NaN
+            column = np.where(np.isnan(column), np.nan, column)  # backends can differ in the bits of NaN
         flat = column.reshape(len(index), -1)
         names = columns_of(name, column.shape[1:])
         columns.update((each, np.ascontiguousarray(flat[:, i])) for i, each in enumerate(names))
@@ -169,7 +169,7 @@ def _positions(rows: np.ndarray, motions: bool) -> Iterator[tuple[str, np.ndarra
 
 
 def differences_of(held: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> Iterator[str]:
-    """The first few places where two answers to the same rows differ in a bit."""
+    """Returns the first few bitwise differences between two answers for the same rows."""
     if list(held) != list(now):
         yield f"columns {', '.join(held)} and {', '.join(now)}"
         return
@@ -183,10 +183,10 @@ def differences_of(held: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> I
 
 
 def machine() -> str:
-    """How errors call this machine and process."""
+    """Returns the name of this machine and process, for errors."""
     return f"{socket.gethostname()} (process {os.getpid()})"
 
 
 def host_of(name: str) -> str:
-    """The machine of what machine() says."""
+    """Returns the machine in a name of machine()."""
     return name.partition(" (process ")[0]

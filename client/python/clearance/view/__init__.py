@@ -1,7 +1,7 @@
-"""`clearance view`: a browser page of a scene, its distances with their bounds, and what a daemon is doing.
+"""`clearance view`: a browser page of a scene, its distances with their bounds, and a daemon's activity.
 
-model.py makes a picture of what an Engine or a Client answers, of the meshes of shapes.py; edge.py one of a motion;
-shadow.py says where links would be; tables.py and plots.py have the words and numbers; session.py holds them together.
-None of these needs more than numpy. page.py, panel.py and viewer.py draw them by viser (the wheel's extra
-"view"), and command.py is the command.
+model.py combines the meshes of shapes.py with answers of an Engine or a Client; edge.py evaluates a motion; shadow.py
+computes poses of links for other joint positions; tables.py and plots.py format text and numbers; session.py connects
+them. These require only numpy. page.py, panel.py and viewer.py draw with viser (the wheel's extra "view"), and
+command.py is the command.
 """

@@ -1,4 +1,4 @@
-"""`clearance view`: what it is told, and what it says where it cannot."""
+"""The command `clearance view`: options and errors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .._scene import Scene
     from .session import Session
 
-_REFUSED, _COMMAND_LINE, _NO_CONNECTION = 1, 2, 3  # as the command `clearance` has them
+_REFUSED, _COMMAND_LINE, _NO_CONNECTION = 1, 2, 3  # as in the command `clearance`
 _EPILOG = """
 Example
   clearance view scenes/cell/robot.yaml                              a scene file, answered in this process
@@ -26,7 +26,7 @@ told nothing: sliders then ask what would be.
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's options."""
+    """Returns the parser of the command's options."""
     options = argparse.ArgumentParser(
         prog="clearance view",
         description="Shows a scene in a browser: bodies, the nearest points between them, certified intervals.",
@@ -81,7 +81,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
 
 
 def open_session(options: argparse.Namespace) -> Session:
-    """The session that options ask for. Raises ValueError for options that do not go together."""
+    """Creates the session for the options. Raises ValueError for inconsistent options."""
     from .model import all_joints, positions_now
     from .session import Session
 
@@ -99,13 +99,13 @@ def open_session(options: argparse.Namespace) -> Session:
     engine = Engine(scene)
     joints = all_joints(engine)
     if joints is not None:
-        engine.set_joints(positions_now(engine), joints)  # a robot without a home has no pose else
+        engine.set_joints(positions_now(engine), joints)  # otherwise a robot without a home has no pose
     return Session(engine, scene, str(options.scene))
 
 
 def load(file: Path, srdf: Optional[Path], packages: Sequence[str]) -> Scene:
-    """A scene file, or a scene of one robot."""
-    from .. import Scene  # says so where the engine is not there
+    """Loads a scene file, or a scene of one robot."""
+    from .. import Scene  # raises ImportError without the engine
 
     if file.suffix.lower() not in (".urdf", ".xml"):
         if srdf or packages:

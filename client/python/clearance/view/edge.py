@@ -1,4 +1,4 @@
-"""A motion between two rows of joint positions, in spans: which are proved free, and which pair decided each."""
+"""A motion between two rows of joint positions, in spans with their proofs and deciding pairs."""
 
 from __future__ import annotations
 
@@ -15,41 +15,41 @@ from .model import as_planner
 
 
 class Verdict(Enum):
-    """What is proved of a span."""
+    """Result of the proof for a span."""
 
-    FREE = "free"  #: every pair is farther than its margin all along
-    HIT = "hit"  #: some pair is within its margin at some time
-    OPEN = "undecided"  #: neither
+    FREE = "free"  #: every pair is farther than its margin throughout
+    HIT = "hit"  #: a pair is within its margin at some time
+    OPEN = "undecided"  #: neither is proved
 
 
 @dataclass(frozen=True)
 class Span:
-    """A part of an edge, asked about as a motion of its own."""
+    """A part of an edge, evaluated as a separate motion."""
 
     begin: float  #: 0 to 1 along the edge
     end: float
     verdict: Verdict
-    lower: float  #: metres: certified, of the least distance during the span
+    lower: float  #: metres: certified lower bound of the least distance during the span
     upper: float
-    decided_by: tuple[int, int]  #: ids: the pair that the lower bound is of where free, else the nearest
-    at: float  #: 0 to 1 along the edge: when its witness points are so near; NaN: there are none
-    segment: np.ndarray  #: (2, 3) those points, metres, world
-    steps: int  #: configurations that the proof asked for
+    decided_by: tuple[int, int]  #: ids: the pair of the lower bound if free, otherwise the nearest pair
+    at: float  #: 0 to 1 along the edge: time of the witness points, or NaN
+    segment: np.ndarray  #: (2, 3) witness points, metres, world
+    steps: int  #: evaluations of the proof
 
 
 @dataclass(frozen=True)
 class Edge:
-    """A motion in a straight line in joint space."""
+    """A straight motion in joint space."""
 
     joints: Joints
     start: np.ndarray  #: (J,) radians and metres
     end: np.ndarray
     margin: float  #: metres
-    whole: Span  #: the edge itself, as one motion: what a planner would be told
-    spans: tuple[Span, ...]  #: its parts, which say where and by whom
+    whole: Span  #: the whole edge as one motion, as a planner evaluates it
+    spans: tuple[Span, ...]  #: its parts, to locate a contact and its pair
 
     def at(self, t: float) -> np.ndarray:
-        """(J,) positions at a time, 0 to 1."""
+        """Returns (J,) positions at a time, 0 to 1."""
         return self.start + t * (self.end - self.start)
 
 
@@ -65,12 +65,12 @@ def certified_edge(
     spans: int = 16,
     max_steps: int = 256,
 ) -> Edge:
-    """Asks about the edge from (J,) `start` to `end`, and about equal spans of it, all in one question.
+    """Evaluates the edge from (J,) `start` to `end` and equal spans of it, in one query.
 
-    margin: metres >= 0, of every pair. spans: 1 or more. max_steps: of each motion.
+    margin: metres >= 0, of every pair. spans: 1 or more. max_steps: maximum evaluations of each motion.
 
-    Where two spans meet stands the same configuration, rounded to float64: the spans are the edge as it is drawn, and
-    `whole` is the edge as it was given. Raises ValueError for spans < 1, and as Front.motions() does.
+    Adjacent spans share one configuration, rounded to float64: the spans are the edge as drawn, `whole` is the exact
+    edge. Raises ValueError for spans < 1, and as Front.motions() does.
     """
     if spans < 1:
         raise ValueError(f"spans: expected 1 or more, got {spans}")
@@ -85,7 +85,7 @@ def certified_edge(
 
 
 def _span(r: Result, i: int, begin: float, end: float) -> Span:
-    """Row i of an answer, which is of the motion from one time to another."""
+    """Converts row i of an answer, for the motion between two times."""
     proved, within = r.first_contact[i].tolist()
     verdict = Verdict.FREE if math.isinf(proved) else Verdict.OPEN if math.isinf(within) else Verdict.HIT
     a, b = (r.pair_lower if verdict is Verdict.FREE else r.pair)[i].tolist()

@@ -1,4 +1,4 @@
-"""What a picture shows: shapes of bodies, where they are, and what an Engine or a Client answers about them."""
+"""Contents of a picture: shapes and poses of bodies, and the answers of an Engine or a Client."""
 
 from __future__ import annotations
 
@@ -19,42 +19,42 @@ if TYPE_CHECKING:
     from .._scene import Scene
 
 _FIELDS = ("default", "points", "pair", "pair_lower", "flags")
-_MOST_RESULTS = 10_000  # pairs that a question brings; of these the nearest are shown
+_MOST_RESULTS = 10_000  # maximum pairs of a query, of which the nearest are shown
 
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked each time."""
+    """The query of every picture."""
 
-    kind: Literal["within", "nearest"] = "within"  #: pairs that may be nearer than max_distance; or each body's nearest
-    max_distance: float = 0.25  #: metres, of "within"
-    most_rows: int = 100  #: shown, the nearest of them
+    kind: Literal["within", "nearest"] = "within"  #: pairs that may be nearer than max_distance, or each body's nearest
+    max_distance: float = 0.25  #: metres, for "within"
+    most_rows: int = 100  #: maximum number of rows shown, the nearest ones
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One answer, with all that a page shows of it."""
+    """One answer with everything that the page shows."""
 
-    names: tuple[str, ...]  #: of the N bodies, by id
-    poses: np.ndarray  #: (N, 7) X_wb, metres; meaningful where `placed`
+    names: tuple[str, ...]  #: names of the N bodies, by id
+    poses: np.ndarray  #: (N, 7) X_wb, metres; valid where `placed`
     placed: np.ndarray  #: (N,) bool
-    ages_s: np.ndarray  #: (N,) seconds since each pose was received; NaN: never was
+    ages_s: np.ndarray  #: (N,) seconds since each pose was received, or NaN
     pairs: np.ndarray  #: (R, 2) ids of a row's bodies, the nearest pair first
     status: np.ndarray  #: (R,) of clearance.Status
     flags: np.ndarray  #: (R,) bits of clearance.Flag
     lower: np.ndarray  #: (R,) metres, certified
     upper: np.ndarray  #: (R,) metres, certified
-    segments: np.ndarray  #: (R, 2, 3) witness points on a and on b, metres, world; NaN: there are none
-    total: int  #: pairs found, also those past most_rows
-    took_s: float  #: from the call to the answer
-    engine_s: float  #: of that in the engine
-    pose_age_s: float  #: of the oldest pose that the answer saw; NaN: none was received
+    segments: np.ndarray  #: (R, 2, 3) witness points on a and b, metres, world, or NaN
+    total: int  #: pairs found, including those past most_rows
+    took_s: float  #: time from the call to the answer
+    engine_s: float  #: part of that time in the engine
+    pose_age_s: float  #: age of the oldest pose of the answer, or NaN
     scene_revision: int
     pose_revision: int
 
     @property
     def overlapping(self) -> np.ndarray:
-        """(N,) bool: bodies of a row whose overlap is proved."""
+        """(N,) bool: bodies of the rows with a proved overlap."""
         marked = np.zeros(len(self.names), dtype=bool)
         marked[self.pairs[self.status == Status.OVERLAP].reshape(-1)] = True
         return marked
@@ -67,17 +67,17 @@ class Picture:
 
 @dataclass(frozen=True)
 class WhatIf:
-    """Joints somewhere else than they are: asked about, and not moved."""
+    """Hypothetical joint positions for a query, which moves no joints."""
 
     joints: Joints
     positions: np.ndarray  #: (J,) radians and metres
 
 
 def look(front: Front, question: Question, what_if: Optional[WhatIf] = None) -> Picture:
-    """Asks once, and gives all that the picture of the answer needs.
+    """Runs one query and returns the picture of its answer.
 
-    Poses are read just before the question is answered: of bodies that move meanwhile they may be a little older than
-    the answer, whose segments and bounds are of one snapshot. Raises as Front.distances() does.
+    Reads the poses just before the query, so that those of moving bodies can be slightly older than the answer.
+    Segments and bounds are from one snapshot. Raises as Front.distances() does.
     """
     states: Sequence[BodyState] = front.body_states()  # type: ignore[attr-defined]  # both have it, of their own
     names = tuple(body.name for body in front.bodies)
@@ -117,12 +117,12 @@ def look(front: Front, question: Question, what_if: Optional[WhatIf] = None) -> 
 
 
 def as_planner(front: Front) -> dict[str, Any]:
-    """The option by which a daemon's controllers come first, whatever class this client has."""
+    """Returns the option that gives a daemon's controllers priority over this client, whatever its class."""
     return {"as_planning": True} if front._waits else {}
 
 
 def _rows(pairs: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Places of the rows that have a pair, each pair once, the nearest first."""
+    """Returns the indices of rows with a pair, each pair once, the nearest first."""
     there = np.flatnonzero((pairs != NONE).all(axis=1))
     _, first = np.unique(np.sort(pairs[there], axis=1), axis=0, return_index=True)
     once = there[first]
@@ -130,7 +130,7 @@ def _rows(pairs: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray
 
 
 def shapes_of(front: Front, scene: Optional[Scene]) -> list[Shape]:
-    """The shape of each body of `front`: that of the scene's body of the same name, else the ball that holds it."""
+    """Returns the shape of each body of `front`: that of the scene's body of that name, or its bounding ball."""
     known = {} if scene is None else {body.name: body for body in scene.bodies}
     return [
         shape_of(scene, known[body.name]) if scene is not None and body.name in known else unknown_shape(body)
@@ -139,13 +139,13 @@ def shapes_of(front: Front, scene: Optional[Scene]) -> list[Shape]:
 
 
 def all_joints(front: Front) -> Optional[Joints]:
-    """Every joint of the scene's robots; None: there are none."""
+    """Returns every joint of the scene's robots, or None."""
     count = len(front.joint_states())
     return front.joints(np.arange(count, dtype=np.uint32)) if count else None
 
 
 def positions_now(front: Front) -> np.ndarray:
-    """(J,) where each joint is, by id; one without a position counts as 0, or as its limit that is nearest to 0."""
+    """Returns (J,) current positions by id; 0, clamped to the limits, for a joint without a position."""
     states = front.joint_states()
     joints = front.joints(np.arange(len(states), dtype=np.uint32))
     rest = np.clip(0.0, *slider_range(joints))
@@ -153,6 +153,6 @@ def positions_now(front: Front) -> np.ndarray:
 
 
 def slider_range(joints: Joints) -> tuple[np.ndarray, np.ndarray]:
-    """(J,) each: the limits of joints, and a turn about 0 for those that have none."""
+    """Returns the limits of joints, (J,) each, or a full turn around 0 for joints without limits."""
     limited = np.isfinite(joints.lower) & np.isfinite(joints.upper)
     return np.where(limited, joints.lower, -math.pi), np.where(limited, joints.upper, math.pi)

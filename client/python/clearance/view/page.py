@@ -1,4 +1,4 @@
-"""What viser draws: bodies, segments, an edge."""
+"""The drawing with viser: bodies, segments, an edge."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .model import Picture
 from .shapes import Shape
 from .tables import BLUE, COLOURS, HIT
 
-_FROM = np.array([1.25, -1.55, 0.9])  # where a camera looks at the middle of all from, in sizes of it
+_FROM = np.array([1.25, -1.55, 0.9])  # camera offset from the centre of the scene, relative to its size
 _STATIC, _UNKNOWN = (150, 156, 166), (196, 200, 206)
 
 
 def colour_of(name: str, is_static: bool) -> tuple[int, int, int]:
-    """Calm, and the same for the same name: red and blue are left to the meaning."""
+    """Returns a muted colour that depends on the name only; red and blue have a meaning."""
     if is_static:
         return _STATIC
     hue = 0.10 + 0.42 * (sum(name.encode()) * 0.61803398875 % 1.0)
@@ -28,14 +28,14 @@ def colour_of(name: str, is_static: bool) -> tuple[int, int, int]:
 
 
 class Drawn:
-    """One body on the page: a frame that moves, with what is shown of it below. What is not shown yet is not made."""
+    """One body on the page: a moving frame with child nodes, which are created when first shown."""
 
     def __init__(self, scene: viser.SceneApi, body: int, name: str, is_static: bool, known: bool, shape: Shape):
         self._scene, self._path, self._name, self._shape = scene, f"/bodies/{body}", name, shape
         self._colour = np.array(colour_of(name, is_static) if known else _UNKNOWN)
         self._opacity = None if known else 0.25
         self._frame = scene.add_frame(self._path, show_axes=False, visible=False)
-        self._looks: dict[str, list[tuple[Any, np.ndarray]]] = {}  # handles, and their own colours
+        self._looks: dict[str, list[tuple[Any, np.ndarray]]] = {}  # handles with their colours
         self._label: Any = None
         self._pose: Optional[bytes] = None
         self._red = False
@@ -66,7 +66,7 @@ class Drawn:
                 handle.visible = each == look
 
     def label(self, visible: bool) -> None:
-        """Says its name beside it, or does not."""
+        """Shows or hides its name."""
         if self._label is None and visible and len(self._shape.points):
             self._label = self._scene.add_label(f"{self._path}/label", self._name)
         if self._label is not None:
@@ -81,7 +81,7 @@ class Drawn:
                 handle.color = tuple(now.tolist())
 
     def place(self, pose: np.ndarray, placed: bool, red: bool) -> None:
-        """Moves it; says nothing to the browser where nothing has changed."""
+        """Moves it. Sends nothing to the browser if the pose is unchanged."""
         now = pose.tobytes() if placed else b""
         if now != self._pose:
             self._pose = now
@@ -115,7 +115,7 @@ class Page:
     def rebuild(
         self, picture: Picture, shapes: Sequence[Shape], is_static: Sequence[bool], known: Sequence[bool]
     ) -> None:
-        """Draws other bodies, and looks at them from where all can be seen."""
+        """Replaces the bodies, and places the camera so that all are visible."""
         with self._server.atomic():
             for body in self._bodies:
                 body.remove()
@@ -150,12 +150,12 @@ class Page:
             body.show(look)
 
     def label(self, visible: bool) -> None:
-        """Says each body's name beside it, or does not."""
+        """Shows or hides the names of bodies."""
         for body in self._bodies:
             body.label(visible)
 
     def draw(self, picture: Picture, segments: bool) -> None:
-        """Puts bodies where they are, and segments between them."""
+        """Updates the poses of bodies and the segments between them."""
         red = picture.overlapping
         with self._server.atomic():
             for body, pose, placed, marked in zip(self._bodies, picture.poses, picture.placed, red):
@@ -173,7 +173,7 @@ class Page:
             self._segments = _lines(self._scene, "/segments", points, _rgb(BLUE), 2.0)
 
     def draw_edge(self, edge: Optional[Edge], trace: Optional[np.ndarray]) -> None:
-        """Draws the way of what moves farthest, and the witness points of each span, coloured by what is proved."""
+        """Draws the path of the body that moves farthest, and each span's witness points, coloured by its proof."""
         for handle in self._edge:
             handle.remove()
         self._edge = []
@@ -181,7 +181,7 @@ class Page:
             return
         points = np.stack([span.segment for span in edge.spans])
         there = np.isfinite(points).all(axis=(1, 2))
-        for verdict, colour in COLOURS.items():  # a set of lines has one colour: viser shows several too light
+        for verdict, colour in COLOURS.items():  # one set per colour, since viser draws mixed ones too light
             decided = np.array([span.verdict is verdict for span in edge.spans])
             self._add_to_edge(f"witnesses/{verdict.name}", points[decided & there], _rgb(colour), 1.5)
             if trace is not None:

@@ -1,4 +1,4 @@
-"""The controls beside the picture: the question, the pairs, the joints, an edge, and how the service does."""
+"""The control panel: query, pairs, joints, an edge, and the daemon's state."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from .tables import BLUE, FREE, HIT, edge_table, pairs_table, paragraph, service
 
 _HISTORY_S = 30.0
 _MOST_SPANS = 64
-_PLOTS_S = 0.5  # between two plots of the service
+_PLOTS_S = 0.5  # interval between plots of the daemon's state
 
 
 @dataclass
 class History:
-    """What the plots show: one entry for each answer."""
+    """Data of the plots, one entry per answer."""
 
     rows: deque[tuple[float, float, float, float]] = field(default_factory=deque)
 
@@ -34,13 +34,13 @@ class History:
             self.rows.popleft()
 
     def columns(self, now: float) -> tuple[np.ndarray, ...]:
-        """Seconds before now; milliseconds of the answer, of the engine, of the oldest pose."""
+        """Returns times relative to now in seconds; answer time, engine time and age of the oldest pose in ms."""
         times, took, engine, age = np.array(self.rows or [(now, np.nan, np.nan, np.nan)]).T
         return times - now, took, engine, age
 
 
 class Panel:
-    """Controls, tables and plots. Callbacks only note what was asked: the loop that draws does it."""
+    """Controls, tables and plots. Callbacks only record requests, which the drawing loop executes."""
 
     def __init__(self, server: viser.ViserServer, session: Session):
         self._server = server
@@ -67,7 +67,7 @@ class Panel:
         with tabs.add_tab("Look"):
             self._make_look()
 
-    # ---- what there is --------------------------------------------------------------------------------------------
+    # ---- controls -------------------------------------------------------------------------------------------------
 
     def _make_question(self) -> None:
         gui = self._server.gui
@@ -87,7 +87,7 @@ class Panel:
         ends.on_click(self._on_end)
         ask.on_click(self._on_ask)
 
-    async def _on_end(self, event: Any) -> None:  # so that viser calls it in its own loop: it writes
+    async def _on_end(self, event: Any) -> None:  # async, so that viser calls it in its own loop, where it can write
         self.ends[event.target.value != "as start"] = self.positions()
         have = [name for name, end in zip(("start", "end"), self.ends) if end is not None]
         self.say_of_edge(f"Taken: {' and '.join(have)}.")
@@ -113,7 +113,7 @@ class Panel:
         self.look_changed = True
 
     def rebuild(self) -> None:
-        """Makes a slider for each joint there is now."""
+        """Creates a slider for each current joint."""
         for slider in self._sliders:
             slider.remove()
         self._sliders, self._moved, self.ends = [], False, [None, None]
@@ -135,13 +135,13 @@ class Panel:
                 self._sliders.append(back)
 
     def _on_slider(self, event: Any) -> None:
-        if event.client is not None:  # a person's, and not follow()'s
+        if event.client is not None:  # a change by the user, not by follow()
             self._moved = True
 
     def _on_follow(self, event: Any) -> None:
         self._moved = False
 
-    # ---- what was asked -------------------------------------------------------------------------------------------
+    # ---- requests -------------------------------------------------------------------------------------------------
 
     @property
     def question(self) -> Question:
@@ -169,29 +169,29 @@ class Panel:
         return int(self._spans.value)
 
     def positions(self) -> np.ndarray:
-        """(J,) as the sliders have them."""
+        """(J,) positions of the sliders."""
         count = 0 if self._session.joints is None else len(self._session.joints)
         return np.array([slider.value for slider in self._sliders[:count]], dtype=np.float64)
 
     def elsewhere(self) -> Optional[np.ndarray]:
-        """(J,) positions that somebody moved the sliders to; None: nobody did."""
+        """(J,) positions if the user has moved the sliders, otherwise None."""
         return self.positions() if self._moved else None
 
-    # ---- what is shown --------------------------------------------------------------------------------------------
+    # ---- display --------------------------------------------------------------------------------------------------
 
     def say(self, text: str) -> None:
-        """A line above everything; empty: none."""
+        """Shows a line at the top, or removes it if empty."""
         self._set(self._message, paragraph(text, HIT) if text else "")
 
     def follow(self, positions: np.ndarray) -> None:
-        """Puts sliders where joints are, unless somebody moved them."""
+        """Moves the sliders to the joints' positions, unless the user has moved them."""
         if not self._moved:
             for slider, position in zip(self._sliders, positions.tolist()):
                 if abs(slider.value - position) > 1e-9:
                     slider.value = min(max(position, slider.min), slider.max)
 
     def show(self, picture: Picture) -> None:
-        """Numbers of an answer."""
+        """Shows the numbers of an answer."""
         now = time.monotonic()
         self.history.add(now, picture)
         self._set(self._pairs, pairs_table(picture))
@@ -208,7 +208,7 @@ class Panel:
         self._set(self._age, plot("Age of the oldest pose [ms]", times, [Series("age", HIT, age)], span, " s"))
 
     def show_edge(self, edge: Edge, names: tuple[str, ...]) -> None:
-        """Spans of an edge, and a plot of their bounds."""
+        """Shows the spans of an edge, and a plot of their bounds."""
         self._set(self._edge, edge_table(edge, names))
         times = np.repeat([edge.spans[0].begin, *(span.end for span in edge.spans)], 2)[1:-1]
         lower, upper = (
@@ -223,7 +223,7 @@ class Panel:
         self._set(self._edge, paragraph(text))
 
     def _set(self, handle: Any, content: str) -> None:
-        """Writes HTML where it is not what stands there."""
+        """Writes HTML if it has changed."""
         if self._shown.get(id(handle)) != content:
             self._shown[id(handle)] = content
             handle.content = content

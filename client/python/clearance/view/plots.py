@@ -1,4 +1,4 @@
-"""Plots of the page, as SVG: a browser draws them wherever they stand, also in a tab that is not open yet."""
+"""Plots of the page as SVG, which a browser also draws in a tab that is not open."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Series:
 
     label: str
     colour: str
-    values: np.ndarray  #: (N,); NaN: the line has a gap there
+    values: np.ndarray  #: (N,); NaN leaves a gap
 
 
 def plot(title: str, x: np.ndarray, series: Sequence[Series], x_range: tuple[float, float], x_label: str) -> str:
-    """An SVG of (N,) x and the series over them. Values are to be >= 0; the axis begins with 0."""
+    """Returns an SVG of the series over (N,) x. Values must be >= 0; the axis starts at 0."""
     finite = [s.values[np.isfinite(s.values)] for s in series]
     most = max((float(values.max()) for values in finite if len(values)), default=0.0)
     step = nice_step(most)
@@ -53,7 +53,7 @@ def plot(title: str, x: np.ndarray, series: Sequence[Series], x_range: tuple[flo
 
 
 def nice_step(most: float) -> float:
-    """1, 2 or 5 times a power of ten, of which two to five reach `most`."""
+    """Returns 1, 2 or 5 times a power of ten, such that `most` is two to five steps."""
     if not 0 < most < math.inf:
         return 1.0
     power = 10.0 ** math.floor(math.log10(most / 2))
@@ -61,7 +61,7 @@ def nice_step(most: float) -> float:
 
 
 def _way(x: np.ndarray, y: np.ndarray) -> str:
-    """An SVG path through points, with gaps where they are not finite."""
+    """Returns an SVG path through points, with gaps at those that are not finite."""
     there = np.isfinite(x) & np.isfinite(y)
     words = []
     for i in np.flatnonzero(there).tolist():

@@ -1,4 +1,4 @@
-"""What a page looks at: an engine of its own, or a daemon that it is an ordinary client of."""
+"""Data source of a page: an engine in this process, or a daemon as its client."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 class Session:
     """Pictures of one front.
 
-    front: an Engine, whose joints the sliders move; or a Client, whose daemon is asked and never told anything.
-    scene: shapes, and where links would be if joints were elsewhere; None: bodies are drawn as balls that hold them.
+    front: an Engine, whose joints the sliders move; or a Client, whose daemon is queried but never changed.
+    scene: source of shapes and of link poses for other joint positions. Without it, bodies are bounding balls.
     """
 
     def __init__(self, front: Front, scene: Optional[Scene], source: str):
@@ -32,17 +32,17 @@ class Session:
         self.scene = scene
         self.source = source
         self.asks_only = front._waits
-        self.generation = 0  #: counts up when bodies have changed
+        self.generation = 0  #: incremented when bodies have changed
         self.warning = ""
         self.shapes: list[Shape] = []
-        self.known: list[bool] = []  #: whether a body's shape is the file's
+        self.known: list[bool] = []  #: whether the scene has a body's shape
         self.joints: Optional[Joints] = None
         self._shadow: Optional[Shadow] = None
         self._revision = -1
         self.refresh()
 
     def refresh(self) -> None:
-        """Learns anew which bodies and joints there are."""
+        """Fetches bodies and joints again."""
         self.shapes = shapes_of(self.front, self.scene)
         named = set() if self.scene is None else {body.name for body in self.scene.bodies}
         self.known = [body.name in named for body in self.front.bodies]
@@ -55,7 +55,7 @@ class Session:
         self.warning = ""
         if self.scene is None:
             return None
-        from .shadow import Shadow  # the engine is not there in a client-only install, nor is a scene
+        from .shadow import Shadow  # a client-only install has neither an engine nor a scene
 
         shadow = Shadow(self.scene)
         if shadow.fits(self.front):
@@ -64,18 +64,18 @@ class Session:
         return None
 
     def positions(self) -> np.ndarray:
-        """(J,) where the joints are now."""
+        """Returns (J,) current joint positions."""
         return positions_now(self.front)
 
     def picture(self, question: Question, elsewhere: Optional[np.ndarray] = None) -> Picture:
-        """Asks once. elsewhere: (J,) positions to ask about, or of an engine of this process to set.
+        """Returns one picture. elsewhere: (J,) hypothetical positions, which an engine in this process is set to.
 
-        After the scene has changed, or the daemon was started anew, it learns the new one. Raises as Front.distances().
+        Adopts a new scene after a change or a restart of the daemon. Raises as Front.distances().
         """
         try:
             return self._picture(question, elsewhere)
         except NewEpoch:
-            self.front.acknowledge_epoch()  # type: ignore[attr-defined]  # a Client: an Engine raises none
+            self.front.acknowledge_epoch()  # type: ignore[attr-defined]  # only a Client raises it
         except QueryError as error:
             if error.code != ErrorCode.WRONG_SCENE:
                 raise
@@ -98,13 +98,13 @@ class Session:
         return picture if poses is None else replace(picture, poses=poses)
 
     def edge(self, start: np.ndarray, end: np.ndarray, margin: float, spans: int) -> Edge:
-        """The edge between (J,) positions, as certified_edge() asks about it."""
+        """Returns the edge between (J,) positions, as certified_edge() does."""
         if self.joints is None:
             raise ValueError("edge: the scene has no robot")
         return certified_edge(self.front, self.joints, start, end, margin, spans)
 
     def trace(self, edge: Edge, each: int = 4) -> Optional[np.ndarray]:
-        """(S * each + 1, 3) metres: the way of the body that gets farthest; None: it is not known."""
+        """Returns the path of the body that moves farthest, (S * each + 1, 3) metres, or None without a scene."""
         times = np.linspace(0.0, 1.0, len(edge.spans) * each + 1)
         ways = [self._poses(WhatIf(edge.joints, edge.at(t))) for t in times.tolist()]
         there = [way for way in ways if way is not None]
@@ -120,5 +120,5 @@ class Session:
 
 
 def reason(error: Exception) -> str:
-    """What the page says of an error."""
+    """Returns the page's message for an error."""
     return f"{type(error).__name__}: {error}" if isinstance(error, ClearanceError) else str(error)

@@ -1,7 +1,7 @@
-"""Where links would be: a daemon answers about joints that are elsewhere, and does not say where that puts the links.
+"""Poses of links for hypothetical joint positions, which a daemon uses in queries but does not return.
 
-An Engine of the same scene in this process is told what the daemon says of bodies and joints, and then the other
-positions. It gives poses for the picture alone: every number on the page is the daemon's.
+An Engine of the same scene in this process copies the daemon's bodies and joints, and then moves the joints. It
+provides only the poses of the picture: all numbers on the page are the daemon's.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from .model import WhatIf
 
 
 class Shadow:
-    """Poses of all bodies for joints that are elsewhere."""
+    """Poses of all bodies for hypothetical joint positions."""
 
     def __init__(self, scene: Scene):
         self._engine = Engine(scene, threads=1)
         self._parents: dict[int, Optional[int]] = {body.id: body.parent for body in self._engine.bodies}
 
     def fits(self, front: Front) -> bool:
-        """Whether the scene has the bodies that `front` has, by the same ids, and its joints."""
+        """Whether the scene has the bodies of `front`, with the same ids, and its joints."""
         mine, others = ([body.name for body in each.bodies] for each in (self._engine, front))
         return mine == others and [s.name for s in front.joint_states()] == [
             s.name for s in self._engine.joint_states()
         ]
 
     def poses(self, front: Front, what_if: WhatIf) -> np.ndarray:
-        """(N, 7) X_wb with the joints of `what_if` where it says, and all else as `front` has it."""
+        """Returns (N, 7) X_wb with the joint positions of `what_if`, otherwise with the state of `front`."""
         bodies, states = front.bodies, front.body_states()  # type: ignore[attr-defined]
         joints = {s.name: s.position for s in front.joint_states() if s.status == Status.OK}
         joints.update(zip(what_if.joints.names, what_if.positions.tolist()))
@@ -53,7 +53,7 @@ class Shadow:
         return np.array([state.pose for state in self._engine.body_states()])
 
     def _follow(self, body: BodyInfo, states: Sequence[BodyState]) -> None:
-        """Has the engine's body follow whom the daemon's does."""
+        """Attaches the engine's body to the parent of the daemon's body."""
         parent = states[body.id].parent
         if self._parents[body.id] != parent and states[body.id].status == Status.OK:
             self._engine.attach(body.id, parent, pose=_within(states, body))
@@ -61,7 +61,7 @@ class Shadow:
 
 
 def _within(states: Sequence[BodyState], body: BodyInfo) -> np.ndarray:
-    """(7,) X_parent_body of a body that follows another, else X_wb."""
+    """Returns (7,) X_parent_body for a body with a parent, otherwise X_wb."""
     state = states[body.id]
     if state.parent is None:
         return state.pose
@@ -71,12 +71,12 @@ def _within(states: Sequence[BodyState], body: BodyInfo) -> np.ndarray:
 
 
 def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """The quaternion p q, scalar first."""
+    """Returns the quaternion p q, scalar first."""
     w = p[0] * q[0] - p[1:] @ q[1:]
     return np.concatenate([[w], p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])])
 
 
 def rotated(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(3,) v turned by the unit quaternion q."""
+    """Returns (3,) v rotated by the unit quaternion q."""
     twice = 2 * np.cross(q[1:], v)
     return v + q[0] * twice + np.cross(q[1:], twice)

@@ -1,4 +1,4 @@
-"""What a body looks like: triangles of its mesh, of its pieces, and its vertices, in its own frame and metres."""
+"""Display geometry of bodies: triangles of meshes and convex parts, and vertices, in the body's frame and metres."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ if TYPE_CHECKING:
     from .._names import BodyInfo
     from .._scene import Scene
 
-#: What a body may be drawn as.
+#: Ways to draw a body.
 LOOKS = ("mesh", "pieces", "points")
-#: Metres: how much of a half-space is drawn, which has no end.
+#: Size of the drawn part of a half-space, in metres.
 HALF_SPACE_EDGE = 4.0
-_FINENESS = 4  # a piece is drawn by its farthest points in 1026 directions
+_FINENESS = 4  # a convex part is drawn by its farthest points in 1026 directions
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles."""
+    """A triangle mesh."""
 
     vertices: np.ndarray  #: (V, 3) float64
     triangles: np.ndarray  #: (T, 3) uint32
@@ -32,12 +32,12 @@ class Mesh:
 class Shape:
     """A body in its own frame."""
 
-    mesh: Sequence[Mesh]  #: as it was given; none: it was given as pieces
-    hulls: Sequence[tuple[np.ndarray, float]]  #: vertices and radius of each convex piece; none: the mesh is what it is
-    points: np.ndarray  #: (V, 3) vertices of what bounds are about
+    mesh: Sequence[Mesh]  #: the given mesh; empty for a body given as convex parts
+    hulls: Sequence[tuple[np.ndarray, float]]  #: vertices and radius of each convex part; empty if the mesh is exact
+    points: np.ndarray  #: (V, 3) vertices of the geometry of the bounds
 
     def look(self, look: str) -> Sequence[Mesh]:
-        """The meshes of a look; of "points" none. Pieces are made anew each time, some milliseconds each."""
+        """Returns the meshes of a look, none for "points". Recomputes convex parts, in some milliseconds each."""
         if look == "points":
             return ()
         if not self.hulls or (look == "mesh" and self.mesh):
@@ -49,24 +49,24 @@ EMPTY = Shape((), (), np.zeros((0, 3)))
 
 
 def shape_of(scene: Scene, body: BodyInfo) -> Shape:
-    """The shape of a scene's body; of a frame, which has none, EMPTY."""
+    """Returns the shape of a scene's body, or EMPTY for a frame."""
     if not body.piece_count:
         return EMPTY
     if math.isinf(body.extent):
         square = Mesh(*_square(HALF_SPACE_EDGE))
         return Shape((square,), (), square.vertices)
-    given = scene._scene.display(body.id)  # Scene's own methods look through all names for each body
+    given = scene._scene.display(body.id)  # avoids Scene's methods, which build a table of all names in each call
     mesh = None if given is None else Mesh(*given)
     pieces = scene._scene.pieces(body.id)
     points = np.concatenate([vertices for vertices, _ in pieces])
-    # A point with a radius is a round shape, whose picture is finer than any made here; triangles are what they are.
+    # A point with a radius is a round shape, for which the display mesh is finer than hull_mesh(); triangles are exact.
     if mesh and (body.triangle_count or all(len(vertices) == 1 for vertices, _ in pieces)):
         return Shape((mesh,), (), mesh.vertices)
     return Shape((mesh,) if mesh else (), pieces, points)
 
 
 def unknown_shape(body: BodyInfo) -> Shape:
-    """Of a body whose shape this process does not have: the ball that holds it."""
+    """Returns the bounding ball of a body whose shape this process does not have."""
     if not body.piece_count or not math.isfinite(body.extent):
         return EMPTY
     directions, triangles = sphere_of_directions(2)
@@ -75,13 +75,14 @@ def unknown_shape(body: BodyInfo) -> Shape:
 
 
 def hull_mesh(vertices: np.ndarray, radius: float = 0.0) -> Mesh:
-    """The hull of (V, 3) vertices grown by a radius, as triangles between its farthest points in many directions.
+    """Returns the hull of (V, 3) vertices grown by a radius: triangles between its farthest points in many directions.
 
-    It lies within the hull, and has every vertex that is farthest in one of these directions: exact for a box.
+    The result lies within the hull, and includes every vertex that is farthest in one of these directions. It is exact
+    for a box.
     """
     directions, triangles = sphere_of_directions(_FINENESS)
     farthest = np.empty(len(directions), dtype=np.int64)
-    for first in range(0, len(directions), 256):  # a few MB at a time, however many vertices there are
+    for first in range(0, len(directions), 256):  # blocks, to limit memory to a few MB for any number of vertices
         farthest[first : first + 256] = np.argmax(directions[first : first + 256] @ vertices.T, axis=1)
     if radius > 0:
         return Mesh(vertices[farthest] + radius * directions, triangles)
@@ -89,7 +90,7 @@ def hull_mesh(vertices: np.ndarray, radius: float = 0.0) -> Mesh:
     corners = place.reshape(-1)[triangles]
     a, b, c = corners.T
     kept = (a != b) & (b != c) & (c != a)
-    # The same triangle comes again where a face is seen from several directions: each begins with its least corner.
+    # Rotates each triangle to start with its least corner, to find duplicates of a face from several directions.
     corners = corners[kept]
     order = (np.argmin(corners, axis=1)[:, None] + np.arange(3)) % 3
     unique = np.unique(np.take_along_axis(corners, order, axis=1), axis=0)
@@ -100,7 +101,7 @@ _SPHERES: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
 
 def sphere_of_directions(fineness: int) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 3) unit vectors and (T, 3) triangles between them: an octahedron, each triangle parted `fineness` times."""
+    """Returns (N, 3) unit vectors and (T, 3) triangles between them: an octahedron, subdivided `fineness` times."""
     known = _SPHERES.get(fineness)
     if known is not None:
         return known

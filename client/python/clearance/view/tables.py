@@ -1,4 +1,4 @@
-"""The page's tables: numbers rounded outward, so that an interval on the page holds the engine's, in HTML."""
+"""The page's tables in HTML. Numbers are rounded outward, so that a shown interval contains the engine's."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from .._words import Flag, Status
 from .edge import Edge, Span, Verdict
 from .model import Picture
 
-#: Colours, as a browser has them, of what is proved.
+#: CSS colours of the results of proofs.
 FREE, OPEN, HIT = "#2f9e62", "#d98a00", "#d64541"
-#: Of nearest points, and of lower bounds.
+#: Colours of nearest points and of lower bounds.
 BLUE = "#0b57d0"
 COLOURS = {Verdict.FREE: FREE, Verdict.OPEN: OPEN, Verdict.HIT: HIT}
 _STATUS_COLOURS = {Status.OVERLAP: HIT, Status.CONTACT: OPEN, Status.UNCONVERGED: OPEN}
@@ -26,12 +26,12 @@ _STYLE = (
 
 
 def rounded_down(value: float, digits: int = 6) -> str:
-    """`value` as text that is no larger."""
+    """Formats `value`, rounded down."""
     return _rounded(value, digits, ROUND_FLOOR)
 
 
 def rounded_up(value: float, digits: int = 6) -> str:
-    """`value` as text that is no smaller."""
+    """Formats `value`, rounded up."""
     return _rounded(value, digits, ROUND_CEILING)
 
 
@@ -43,7 +43,7 @@ def _rounded(value: float, digits: int, way: str) -> str:
 
 
 def interval(lower: float, upper: float) -> str:
-    """Two cells: what is shown holds the interval, and a pointer that rests on them gets all digits."""
+    """Returns two cells with an interval rounded outward, and tooltips with all digits."""
     return (
         f'<td class="lower" title="{lower!r}">{rounded_down(lower)}</td>'
         f'<td class="upper" title="{upper!r}">{rounded_up(upper)}</td>'
@@ -51,7 +51,7 @@ def interval(lower: float, upper: float) -> str:
 
 
 def pairs_table(picture: Picture) -> str:
-    """A row for each pair: bodies, interval in metres, status, flags."""
+    """Returns a table with a row per pair: bodies, interval in metres, status, flags."""
     rows = []
     for (a, b), status, flags, lower, upper in zip(
         picture.pairs.tolist(),
@@ -74,7 +74,7 @@ def pairs_table(picture: Picture) -> str:
 
 
 def edge_table(edge: Edge, names: Sequence[str]) -> str:
-    """The verdict, and a row for each span: times, interval in metres, the pair that decided it, steps of its proof."""
+    """Returns the result of an edge, and a row per span: times, interval in metres, deciding pair, evaluations."""
     rows = [_span_row(span, names, f"{span.begin:.3f} &ndash; {span.end:.3f}") for span in edge.spans]
     whole = _span_row(edge.whole, names, "all of it")
     head = ["time", "", "lower [m]", "upper [m]", "decided by", "steps"]
@@ -92,7 +92,7 @@ def _span_row(span: Span, names: Sequence[str], times: str) -> str:
 
 
 def service_table(picture: Picture, source: str) -> str:
-    """What answers, how fast, and how old what it knows is."""
+    """Returns a table of the backend, its response times and the age of its poses."""
     oldest = max(((age, i) for i, age in enumerate(picture.ages_s.tolist()) if not math.isnan(age)), default=None)
     rows = [
         ("answered by", html.escape(source)),
@@ -114,5 +114,5 @@ def _table(head: Sequence[str], rows: Sequence[str]) -> str:
 
 
 def paragraph(text: str, colour: str = "inherit") -> str:
-    """A line of text, which is HTML already."""
+    """Returns a line of text that is already HTML."""
     return f'<p style="padding:0 10px;margin:4px 0;font-size:12px;color:{colour}">{text}</p>'

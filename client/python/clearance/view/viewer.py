@@ -1,4 +1,4 @@
-"""The loop: asks at most so often, and only while somebody looks."""
+"""The drawing loop, with a limited rate, and only while a browser is connected."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _T = TypeVar("_T")
 class Viewer:
     """A page of a session, on an address of this machine.
 
-    rate_hz: pictures a second, at most.
+    rate_hz: maximum number of pictures per second.
     """
 
     def __init__(self, session: Session, host: str = "127.0.0.1", port: int = 8080, rate_hz: float = 10.0):
@@ -39,7 +39,7 @@ class Viewer:
         self._stopping = threading.Event()
         self._on_page(self._make)
         self._generation = -1
-        self.pictures = 0  #: drawn so far
+        self.pictures = 0  #: number drawn so far
         self.url = f"http://{'localhost' if host in ('127.0.0.1', '::1') else host}:{self._server.get_port()}"
 
     def _make(self) -> None:
@@ -50,9 +50,9 @@ class Viewer:
         self._panel = Panel(self._server, self._session)
 
     def _on_page(self, write: Callable[..., _T], *arguments: Any) -> Optional[_T]:
-        """Calls what writes to the page, in viser's own loop; None once the page is ended.
+        """Runs a function that writes to the page in viser's own loop. Returns None after the page has ended.
 
-        viser wakes its loop by an asyncio.Event, which is not for other threads: now and then that ended this one.
+        viser wakes its loop with an asyncio.Event, which is not thread-safe and occasionally ended this thread.
         """
         done: Future[_T] = Future()
 
@@ -81,12 +81,12 @@ class Viewer:
                 continue
             try:
                 self._turn()
-            except (ClearanceError, OSError, ValueError) as error:  # such as names of a scene that is gone
+            except (ClearanceError, OSError, ValueError) as error:  # for example names of a replaced scene
                 self._on_page(self._panel.say, html.escape(reason(error)))
                 due = time.monotonic() + _RETRY_S
 
     def stop(self) -> None:
-        """Ends run(), and the page with it. May be called from any thread."""
+        """Ends run() and the page. Thread-safe."""
         self._stopping.set()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
