@@ -1,5 +1,5 @@
-// Memory of replies, kept for the replies that follow. Fresh memory costs a page fault for every 4 KiB, which for a
-// large reply takes longer than its answer does.
+// Pool of memory for replies. Fresh memory costs a page fault per 4 KiB, which for a large reply takes longer than
+// computing it.
 #pragma once
 
 #include <algorithm>
@@ -15,24 +15,24 @@
 
 namespace clearance::python {
 
-/// Uninitialised memory on a 64-byte boundary. Throws std::bad_alloc.
+/// Allocates uninitialised memory on a 64-byte boundary. Throws std::bad_alloc.
 inline std::shared_ptr<void> allocate_block(std::size_t bytes) {
   void* block = std::aligned_alloc(64, bytes < 64 ? 64 : (bytes + 63) / 64 * 64);
   if (!block) throw std::bad_alloc();
   return {block, std::free};
 }
 
-/// Blocks of memory that come back when the last array over them is gone. Thread-safe. A pool outlives all its blocks:
-/// make it static, and never destroy it.
+/// Blocks of memory that return to the pool with the last array over them. Thread-safe. A pool must outlive its blocks,
+/// so make it static, and never destroy it.
 class BlockPool {
  public:
   using Allocate = std::function<std::shared_ptr<void>(std::size_t bytes)>;
-  static constexpr std::size_t kFewBytes = 128 << 10;  ///< smaller blocks: the heap keeps these by itself
-  static constexpr std::size_t kMostKept = 512 << 20;  ///< bytes that wait for a reply
+  static constexpr std::size_t kFewBytes = 128 << 10;  ///< smaller blocks are left to the heap, which reuses them
+  static constexpr std::size_t kMostKept = 512 << 20;  ///< maximum size of the unused blocks, in bytes
 
   explicit BlockPool(Allocate allocate) : allocate_(std::move(allocate)) {}
 
-  /// Uninitialised memory on a 64-byte boundary. Throws what `allocate` throws.
+  /// Returns uninitialised memory on a 64-byte boundary. Throws the exceptions of `allocate`.
   std::shared_ptr<void> take(std::size_t bytes) {
     if (bytes < kFewBytes) return allocate_block(bytes);
     const std::size_t size = size_class(bytes);
@@ -48,7 +48,7 @@ class BlockPool {
     std::shared_ptr<void> block;
   };
 
-  // Eight sizes for each power of two, so that replies of nearly the same size share blocks.
+  // Eight sizes per power of two, so that replies of similar size share blocks.
   static std::size_t size_class(std::size_t bytes) {
     const std::size_t step = std::bit_floor(bytes) / 8;
     return (bytes + step - 1) / step * step;
@@ -63,7 +63,7 @@ class BlockPool {
     return block;
   }
   void keep(std::size_t size, std::shared_ptr<void> block) {
-    std::list<Kept> too_much;  // let go of without the lock
+    std::list<Kept> too_much;  // freed without the lock
     const std::lock_guard lock(mutex_);
     kept_.push_front({size, std::move(block)});
     kept_bytes_ += size;
@@ -75,7 +75,7 @@ class BlockPool {
 
   Allocate allocate_;
   std::mutex mutex_;
-  std::list<Kept> kept_;  // the last one that came back first
+  std::list<Kept> kept_;  // most recently returned first
   std::size_t kept_bytes_ = 0;
 };
 

@@ -1,4 +1,4 @@
-// clearance._client: the C++ client in a Python process. The public face is clearance/_client_front.py.
+// clearance._client: the C++ client in a Python process. The public interface is clearance/_client_front.py.
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string_view.h>
@@ -26,7 +26,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// How often a waiting call looks whether Ctrl-C was pressed and lets other threads use the connection.
+/// Interval at which a waiting call checks for Ctrl-C and lets other threads use the connection.
 constexpr std::chrono::milliseconds kSlice{10};
 
 using RowNumbers = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
@@ -48,12 +48,12 @@ clearance::Query query_of(const Query& q) {
   query.positions = numbers_of(q.positions);
   copy_options(q, query);
   copy_margins(q, query);
-  // A query that stopped waiting for a stamp keeps how long it may wait.
+  // A query without a stamp can still have a maximum wait.
   if (!q.min_pose_stamp_ns) query.pose_wait_ns = 0;
   return query;
 }
 
-/// {"FrameHeader": [("magic", "<u4"), ...], ...}: what numpy makes dtypes of.
+/// Returns descriptions for numpy dtypes: {"FrameHeader": [("magic", "<u4"), ...], ...}.
 nb::dict wire_structs() {
   nb::dict structs;
   nb::list members;
@@ -113,7 +113,7 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
     connection->discard(std::move(reply));
     return a;
   }
-  // Views on the frame: from its first column to the end of its last.
+  // A view of the frame, from its first column to the end of its last.
   const std::byte* first = nullptr;
   const std::byte* last = nullptr;
   a.offset.fill(-1);
@@ -136,7 +136,7 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
   return a;
 }
 
-/// A request that is forgotten if it is left.
+/// A request that the destructor abandons.
 struct UnderWay {
   ConnectionPtr connection;
   std::optional<Pending> pending;
@@ -145,7 +145,7 @@ struct UnderWay {
   }
 };
 
-/// A request under way.
+/// A pending request.
 class PyPending {
  public:
   PyPending(ConnectionPtr connection, Pending pending, Reduce reduce, bool copy, OutArrays out)
@@ -168,7 +168,7 @@ class PyPending {
   }
 
  public:
-  /// Whether the answer is there, after waiting for at most `timeout_s`.
+  /// Waits for at most `timeout_s`, and returns whether the answer has arrived.
   bool wait(double timeout_s) {
     const auto deadline = Clock::now() + duration_of(timeout_s);
     while (true) {
@@ -180,7 +180,7 @@ class PyPending {
     }
   }
 
-  /// Once, after wait() returned true.
+  /// Returns the answer. Call once, after wait() has returned true.
   Answer answer() {
     Reply reply = use([](Pending& pending) { return pending.get(); });
     pending_.reset();
@@ -226,7 +226,7 @@ class PyClient {
                                        std::move(out));
   }
 
-  /// The answer, or nothing if it did not come in time: a submit, a wait and an answer in one call.
+  /// Returns the answer, or nothing after the timeout. Combines submit, wait and answer.
   std::optional<Answer> ask(const Query& query, nb::handle out_list, bool copy, double timeout_s) const {
     OutArrays out(out_list);
     UnderWay under_way{connection_, std::nullopt};
@@ -252,14 +252,14 @@ class PyClient {
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
   }
 
-  /// \param rows null: all
+  /// \param rows row numbers; null for all
   std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
     std::optional<std::span<const std::uint64_t>> numbers;
     if (rows) numbers.emplace(rows->data(), rows->shape(0));
     return use().with([&](Client& client) { return client.certificate(query_of(query), numbers); });
   }
 
-  /// \param configurations how many; 0: the current poses
+  /// \param configurations number of configurations; 0 for the current poses
   std::unique_ptr<PyRemotePlan> plan_on_device(const Query& asked, std::uint32_t configurations) const {
     clearance::Query query = query_of(asked);
     query.configurations = {};
@@ -295,7 +295,7 @@ class PyClient {
         use().with([&](Client& client) { return client.set_points(body, points, radius, stamp_ns, sequence); }));
   }
 
-  /// Joints as _joints.py has them, and groups.
+  /// Returns joints as in _joints.py, and groups.
   nb::tuple joints() const {
     const JointsInfo info = use().with([](Client& client) { return client.joints(); });
     nb::list joints, groups;
@@ -325,8 +325,11 @@ class PyClient {
   nb::tuple reload(double timeout_s) const {
     return changed(use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); }));
   }
-  /// \param shape a key of Client.add_body(); \param numbers its vertices (V, 3), or sizes (1, 3). \param triangles of
-  /// a mesh (T, 3), else none. \param uncertainties of position and angle, padding, max_speed. \param cloud its points (N, 3)
+  /// \param shape a shape argument of Client.add_body()
+  /// \param numbers vertices (V, 3), or sizes (1, 3)
+  /// \param uncertainties of position and angle, padding, max_speed
+  /// \param triangles (T, 3) of a mesh, otherwise empty
+  /// \param cloud (N, 3) points, otherwise empty
   nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
                      std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose,
                      const std::array<double, 4>& uncertainties, const TriangleRows& triangles, int convexify,
@@ -362,7 +365,7 @@ class PyClient {
     return changed(use().with([&](Client& client) { return client.remove_body(name); }));
   }
 
-  /// revision, backend, pair count, bodies as _names.BodyInfo has them, groups.
+  /// Returns revision, backend, pair count, bodies as in _names.BodyInfo, groups.
   nb::tuple scene(bool refresh) const {
     const SceneInfo info = use().with([&](Client& client) {
       if (refresh) client.refresh();
@@ -394,7 +397,7 @@ class PyClient {
   }
 
  private:
-  /// scene revision, bodies, id of the new one, seconds.
+  /// Returns scene revision, number of bodies, id of the new one, seconds.
   static nb::tuple changed(const SceneChanged& r) {
     return nb::make_tuple(r.scene_revision, r.body_count, r.body, r.seconds);
   }
@@ -408,7 +411,7 @@ class PyClient {
 }  // namespace
 
 NB_MODULE(_client, m) {
-  nb::set_leak_warnings(false);  // caches of a program that ends by exit() are no leak
+  nb::set_leak_warnings(false);  // a program that ends with exit() does not free its caches
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {
     try {
       std::rethrow_exception(p);

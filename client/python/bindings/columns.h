@@ -1,7 +1,7 @@
-// Answers and queries as the Python modules of the engine and of the client share them.
+// Answers and queries for the Python modules of the engine and of the client.
 //
-// An Answer is memory that holds columns, exposed through the buffer protocol: numpy arrays over it are made in Python
-// (client/python/clearance/_result.py) and keep it alive as their base. A Query is the parsed arguments of one call.
+// An Answer is memory with columns, exposed through the buffer protocol. Python creates numpy arrays over it
+// (client/python/clearance/_result.py), which keep it alive as their base. A Query has the parsed arguments of a call.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -44,9 +44,9 @@ using BytesOfMargins =
     nb::ndarray<const std::uint8_t, nb::shape<-1, sizeof(MarginEntry)>, nb::c_contig, nb::device::cpu>;
 using PairMargins = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 
-/// Keeps its arrays alive; they are not copied.
+/// Shares its arrays with Python, without copies.
 struct Query : QueryOptions {
-  std::optional<PairsArray> pairs;  ///< none: all enabled pairs
+  std::optional<PairsArray> pairs;  ///< by default all enabled pairs
   std::optional<BodiesArray> bodies;
   std::optional<PosesArray> configurations;  ///< (K, M, 7)
   std::optional<BodiesArray> joints;
@@ -54,10 +54,10 @@ struct Query : QueryOptions {
   std::optional<BytesOfMargins> margins;
   std::optional<PairMargins> pair_margins;
   std::optional<PositionRow> weights;  ///< (J,)
-  bool points_by_default;              ///< add points and normal if there are few rows
+  bool points_by_default;              ///< whether to add points and normal if there are few rows
 };
 
-/// The margins and weights of a query, for whatever has such members.
+/// Copies the margins and weights of a query to a type with such members.
 template <class To>
 void copy_margins(const Query& q, To& to) {
   if (q.margins) to.margins = {reinterpret_cast<const MarginEntry*>(q.margins->data()), q.margins->shape(0)};
@@ -65,7 +65,7 @@ void copy_margins(const Query& q, To& to) {
   if (q.weights) to.weights = {q.weights->data(), q.weights->shape(0)};
 }
 
-/// How Python sees an option of type T.
+/// Python's type of an option of type T.
 template <class T>
 using OptionInPython = std::conditional_t<std::is_enum_v<T>, std::uint8_t, T>;
 
@@ -121,8 +121,8 @@ inline void bind_query(nb::module_& m) {
   });
 }
 
-/// The rows of query_options.h that Asked has as members: {name: (tag, kind, default, words, unit, text,
-/// bytes of it in a record)}.
+/// Returns the rows of query_options.h that are members of Asked: {name: (tag, kind, default, words, unit, text,
+/// bytes in a record)}.
 template <class Asked>
 nb::dict query_options() {
   nb::dict rows;
@@ -143,13 +143,13 @@ nb::dict query_options() {
   return rows;
 }
 
-/// Where each column lies in a block: in the order of Field, each from a 64-byte boundary (wire/protocol.h).
+/// Offset of each column in a block: in the order of Field, aligned to 64 bytes (wire/protocol.h).
 struct Layout {
-  std::array<std::int64_t, kFieldCount> offset;  ///< -1: not there
+  std::array<std::int64_t, kFieldCount> offset;  ///< -1 if absent
   std::uint64_t bytes = 0;
 };
 
-/// \param joints of the query: J
+/// \param joints number of the query's joints
 inline Layout layout_of(std::uint32_t fields, std::uint64_t rows, std::uint64_t joints) {
   Layout layout;
   for (int i = 0; i < kFieldCount; ++i) {
@@ -161,7 +161,7 @@ inline Layout layout_of(std::uint32_t fields, std::uint64_t rows, std::uint64_t 
   return layout;
 }
 
-/// Columns and what is known about the whole answer.
+/// Columns and the properties of the whole answer.
 struct Answer {
   std::shared_ptr<void> owner;  ///< of `base`
   const std::byte* base = nullptr;
@@ -208,8 +208,8 @@ inline constexpr const char* kFieldNames[kFieldCount] = {
     "normal",     "pieces", "gradient",      "pair",   "configuration", "compact",   "gradient_joints",
     "pair_lower", "time",   "first_contact", "steps",  "bounds",        "free_scale"};
 
-/// Arrays of the caller to write columns into: a list with one entry for each field, None where there is none.
-/// dtype and contiguity were checked in Python; shapes are checked here, once the answer's size is known.
+/// Output arrays of the caller: a list with an array or None for each field. Python has checked dtype and contiguity;
+/// shapes are checked here, once the answer's size is known.
 class OutArrays {
  public:
   OutArrays() = default;
@@ -243,8 +243,8 @@ class OutArrays {
   std::uint32_t fields() const { return fields_; }
   std::byte* data(int field) const { return static_cast<std::byte*>(view_[static_cast<std::size_t>(field)].buf); }
 
-  /// Throws ValueError unless every array has the shape of the answer (kWithin: room for all rows) and memory of its
-  /// own.
+  /// Throws ValueError unless every array has the shape of the answer (for kWithin, space for all rows) and no arrays
+  /// overlap.
   void check(Reduce reduce, std::uint64_t configurations, std::uint64_t pairs, std::uint64_t joints,
              std::uint64_t rows) const {
     check_apart();
@@ -312,7 +312,7 @@ inline void raise_ours(const char* name, int code, const char* text) {
   });
 }
 
-/// Handles are of the process that made them: threads and locks do not survive a fork.
+/// A handle is valid only in the process that created it, since threads and locks do not survive a fork.
 class ProcessGuard {
  public:
   void check(const char* what) const {

@@ -1,4 +1,4 @@
-// A daemon's connection as Python holds it: several objects share it, and are freed on any thread.
+// A daemon's connection in Python, shared by several objects that are freed on any thread.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -27,8 +27,8 @@ inline std::chrono::nanoseconds duration_of(double seconds) {
 }
 
 /// One connection, shared by the client object, its futures and the answers that view its memory. A clearance::Client
-/// is for one thread at a time, while Python frees objects on any: whatever a free cannot do at once is left for the
-/// next call.
+/// is not thread-safe, but Python frees objects on any thread: work that a free cannot do at once is left to the next
+/// call.
 class Connection {
  public:
   Connection(const std::vector<std::string>& urls, const ConnectOptions& options)
@@ -36,10 +36,10 @@ class Connection {
     name_ = client_.url();
   }
 
-  /// Runs f(client) alone, with the GIL released.
+  /// Runs f(client) exclusively, with the GIL released.
   template <class F>
   auto with(F&& f) {
-    // Before the lock: another thread may have held it at the fork, and does not exist in the child.
+    // Before the lock, which another thread can have held at the fork; that thread does not exist in the child.
     if (fork_guard_.forked())
       throw ConnectionError(name_ + ": this connection was opened before a fork; the child process must connect anew");
     const GilRelease release;
@@ -52,7 +52,7 @@ class Connection {
   template <class T>
   void discard(T&& object) {
     if (fork_guard_.forked()) {
-      (void)new T(std::move(object));  // the parent's: neither used nor given back here
+      (void)new T(std::move(object));  // the parent's, so neither used nor freed here
       return;
     }
     if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) {
@@ -79,7 +79,7 @@ class Connection {
   ForkGuard fork_guard_;
   std::mutex mutex_;
   Client client_;
-  std::string name_;  // the url at first
+  std::string name_;  // initially the url
   double timeout_s_;
   std::mutex trash_mutex_;
   std::vector<std::variant<Reply, Pending, RemotePlan>> trash_;

@@ -1,8 +1,8 @@
-// The GIL around C++ work, safe where the interpreter ends while a daemon thread is at work.
+// The GIL around C++ work, safe if the interpreter ends while a daemon thread runs.
 //
-// CPython before 3.14 ends a daemon thread that wants the GIL during finalization by pthread_exit(). Its unwinding
-// passes neither a noexcept destructor nor nanobind's catch (...): both abort the process. So such a thread is parked
-// where it is, as CPython 3.14 does; the process then ends without it.
+// CPython before 3.14 calls pthread_exit() in a daemon thread that requests the GIL during finalization. The unwinding
+// aborts the process in noexcept destructors and in nanobind's catch (...). So this code suspends such a thread
+// forever, as CPython 3.14 does, and the process ends without it.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -10,8 +10,8 @@
 
 namespace clearance::python {
 
-/// Calls a function of CPython that may give up or take the GIL, and that throws nothing. A thread that CPython ends
-/// within it stays here for ever.
+/// Calls a function of CPython that may release or acquire the GIL, and does not throw. A thread that CPython ends
+/// within it is suspended forever.
 template <class Call>
 [[gnu::noinline]] auto or_park(const Call& call) {
   struct Parking {
@@ -25,7 +25,7 @@ template <class Call>
   return result;
 }
 
-/// Releases the GIL for as long as it lives.
+/// Releases the GIL for its lifetime.
 class GilRelease {
  public:
   GilRelease() : state_(PyEval_SaveThread()) {}
@@ -42,7 +42,7 @@ class GilRelease {
   PyThreadState* state_;
 };
 
-/// Runs the handlers of signals that have come. Throws what they raise, as nanobind::python_error.
+/// Runs the handlers of pending signals. Throws their exceptions as nanobind::python_error.
 inline void check_signals() {
   if (or_park([] { return PyErr_CheckSignals(); }) != 0) throw nanobind::python_error();
 }

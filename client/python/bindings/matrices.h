@@ -1,4 +1,4 @@
-// Homogeneous matrices to poses, for clearance/_poses.py, which says what it means and words the errors.
+// Conversion of homogeneous matrices to poses, for clearance/_poses.py, which documents it and writes the errors.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace clearance::python {
 
-/// Whether a matrix (4, 4) is rigid: entries of R^T R - 1, and of the last row, within `tolerance`; not mirrored.
+/// Whether a (4, 4) matrix is rigid: errors of R^T R - 1 and of the last row within `tolerance`, and no mirroring.
 inline bool is_rigid(const double* m, double tolerance) {
   const double last[4] = {0, 0, 0, 1};
   double off = 0;
@@ -25,10 +25,10 @@ inline bool is_rigid(const double* m, double tolerance) {
   return off <= tolerance && determinant > 0;
 }
 
-/// x, y, z, qw, qx, qy, qz of a rigid matrix (4, 4), qw >= 0. For an exact rotation `k` is 4 q q^T: every column is a
-/// multiple of q. The column of the largest component loses nothing to cancellation (Shepperd 1978). One more product
-/// with k, whose other eigenvalues are about 0, gives the quaternion nearest to a matrix that is orthogonal only to
-/// within the tolerance (Bar-Itzhack 2000).
+/// Returns x, y, z, qw, qx, qy, qz of a rigid (4, 4) matrix, qw >= 0. For an exact rotation, `k` is 4 q q^T, and every
+/// column is a multiple of q. The column of the largest component has no cancellation (Shepperd 1978). A further
+/// product with k, whose other eigenvalues are about 0, gives the quaternion nearest to a matrix that is orthogonal
+/// only within the tolerance (Bar-Itzhack 2000).
 inline void pose_of_matrix(const double* m, double* pose) {
   const double xx = m[0], yy = m[5], zz = m[10];
   const double wx = m[9] - m[6], wy = m[2] - m[8], wz = m[4] - m[1];
@@ -51,8 +51,8 @@ inline void pose_of_matrix(const double* m, double* pose) {
   for (int i = 0; i < 4; ++i) pose[3 + i] = q[i] * scale;
 }
 
-/// Matrices (count, 4, 4) to poses (count, 7); of one with NaN or Inf NaN. Returns the index of the first that is not
-/// rigid, -1 if there is none.
+/// Converts (count, 4, 4) matrices to (count, 7) poses, with NaN for a matrix with NaN or Inf. Returns the index of the
+/// first that is not rigid, or -1.
 inline std::int64_t poses_of_matrices(const double* matrices, std::size_t count, double tolerance, double* poses) {
   for (std::size_t i = 0; i < count; ++i) {
     const double* m = matrices + 16 * i;

@@ -1,4 +1,4 @@
-// Plans in the memory of a daemon's GPU: what _remote_plan.py holds of one.
+// Plans in the memory of a daemon's GPU, for _remote_plan.py.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -24,7 +24,7 @@ class PyRemotePlan {
   PyRemotePlan(const PyRemotePlan&) = delete;
   PyRemotePlan& operator=(const PyRemotePlan&) = delete;
 
-  /// Handle, UUID, and as PlanInfo has them: bytes, offsets of poses and positions, configurations, pairs, columns,
+  /// Handle, UUID, and the members of PlanInfo: bytes, offsets of poses and positions, configurations, pairs, columns,
   /// revisions of scene and snapshot.
   nb::tuple info() const {
     const PlanInfo& info = plan().info();
@@ -38,7 +38,8 @@ class PyRemotePlan {
         info.snapshot_revision);
   }
 
-  /// The revision of the daemon's poses, and nanoseconds. \param timeout_s none: the connection's
+  /// Runs the plan. Returns the revision of the daemon's poses, and the time in nanoseconds.
+  /// \param timeout_s by default the connection's
   std::pair<std::uint64_t, std::int64_t> run(std::optional<double> timeout_s, bool check_scene) {
     RemotePlan& plan = this->plan();
     std::optional<std::chrono::nanoseconds> timeout;

@@ -1,4 +1,4 @@
-"""What a client asks, in frames, and which scene its ids are of. The rules are those of the C++ client (client.cpp)."""
+"""Requests of a client as frames, and the scene of its ids. The rules are those of the C++ client (client.cpp)."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from .connection import Connection, parse_error, refusal
 from .frames import Frame, header_bytes, malformed, name_of_type, record
 
 _SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder", "half_space", "cone", "ellipsoid", "points")
-#: How a record holds an option of each kind and of so many bytes.
+#: struct format of an option in a record, by kind and size in bytes.
 _OPTION_FORMATS = {
     ("bool", 1): "<B", ("word", 1): "<B", ("number", 8): "<d", ("integer", 8): "<q", ("count", 8): "<Q",
     ("count", 4): "<I",
 }  # fmt: skip
 
 
-#: Records of a query that hold arrays, in the order of their tags: above those of options.
+#: Array records of a query, in the order of their tags, which are above those of options.
 _ARRAY_TAGS = {record.name.lower(): record for record in QueryRecord if record != QueryRecord.ROWS}
-_ATTACH_ALLOW = 1  #: tag of the record of an attachment that names what the child may touch
-_BODY_DOUBTS = 20  #: tag of the record of a new body that says what is not known of it
-_BODY_TRIANGLES = 21  #: of a mesh, whose vertices are the body's
-_BODY_CONVEXIFY = 22  #: what that mesh is
-_BODY_POINTS = 23  #: of a cloud
+_ATTACH_ALLOW = 1  #: tag of the record of an attachment with the bodies that the child may touch
+_BODY_DOUBTS = 20  #: tag of the record of a new body with its uncertainty
+_BODY_TRIANGLES = 21  #: tag of a mesh's triangles, whose vertices are the body's
+_BODY_CONVEXIFY = 22  #: tag of the kind of body made from that mesh
+_BODY_POINTS = 23  #: tag of a cloud's points
 
 
-#: More than any reply about a plan has.
+#: Upper bound on the size of a reply about a plan.
 _PLAN_BYTES = 1024
 
 
@@ -43,27 +43,27 @@ def _plan_record(number: int) -> bytes:
 
 
 class Scene(NamedTuple):
-    """What the daemon says of its scene."""
+    """Description of the daemon's scene."""
 
     revision: int
     backend: str
     pair_count: int
-    bodies: list[tuple]  #: name, parent and what BodyInfo has after that
+    bodies: list[tuple]  #: name, parent and the further members of BodyInfo
     groups: list[tuple[str, list[int]]]
 
 
 class Session:
-    """Requests of one client. One thread at a time."""
+    """Requests of one client. Not thread-safe."""
 
     def __init__(self, connection: Connection, options: dict[str, Any]):
         self.connection = connection
         self._options = options
-        self._scene: Optional[Scene] = None  # as the caller has seen it
-        self._scene_is_old = False  # the daemon has said so: fetched anew before the caller's next look
-        self._changed_by_us = False  # since, in a way that may have given bodies other ids
-        self._known_revision = 0  # of the scene that the caller's ids are of; 0: it has not looked
-        self._poses_revision = 0  # of the last one known in which they are of the same bodies with the same parents
-        self._sent_in_records: dict[int, str] = {}  # names of such options, by request under way
+        self._scene: Optional[Scene] = None  # the scene that the caller has read
+        self._scene_is_old = False  # reported by the daemon; the caller's next read fetches the scene again
+        self._changed_by_us = False  # whether this client has since made a change that can alter ids
+        self._known_revision = 0  # revision of the scene of the caller's ids, or 0
+        self._poses_revision = 0  # last known revision in which these ids have the same bodies and parents
+        self._sent_in_records: dict[int, str] = {}  # names of options sent in records, by pending request
 
     # ---- frames ---------------------------------------------------------------------------------------------------
 
@@ -96,7 +96,7 @@ class Session:
         self.connection.forget(request_id)
 
     def interpret(self, frame: Frame, type: str) -> Frame:
-        """The frame if it is of that type; errors are raised."""
+        """Returns the frame if it has that type; raises the error of an error frame."""
         sent = self._sent_in_records.pop(frame.request_id, "")
         url = self.connection.url
         if frame.type == FrameType.ERROR:
@@ -127,7 +127,7 @@ class Session:
         return self._receive(self._send(request, parts, scene_revision), reply)
 
     def _records(self, frame: Frame, at: int, struct_name: str, count: Optional[int] = None) -> np.ndarray:
-        """`count` structs from a place in the payload; None: as many as there are."""
+        """Returns `count` structs at an offset of the payload, by default all of them."""
         dtype = wire._wire.RECORDS[struct_name]
         left = len(frame.payload) - at
         count = left // dtype.itemsize if count is None else count
@@ -150,7 +150,7 @@ class Session:
         rows: Optional[np.ndarray] = None,
         plan: Optional[int] = None,
     ) -> int:
-        """plan: of OPEN_PLAN, how many configurations it has."""
+        """Sends a query. plan: number of configurations of OPEN_PLAN."""
         asked = query.__dict__
         is_query, has_configurations = type == FrameType.QUERY, type not in (FrameType.PAIRS, FrameType.OPEN_PLAN)
         revision = self._revision_of_ids()
@@ -163,7 +163,7 @@ class Session:
             all_pairs=pairs is None,
             **{name: asked[name] for name, row in self._options.items() if not row[0]},
         )
-        if not asked["min_pose_stamp_ns"]:  # a query that stopped waiting for a stamp keeps how long it may wait
+        if not asked["min_pose_stamp_ns"]:  # a query without a stamp can still have a maximum wait
             header["pose_wait_ns"] = 0
         parts = [header]
         if pairs is not None:
@@ -198,7 +198,7 @@ class Session:
         return np.frombuffer(frame.payload, np.uint32, 2 * count, 16).reshape(-1, 2).copy() if count else _NO_PAIRS
 
     def open_plan(self, query: Any, configurations: int) -> tuple[Any, list[tuple[int, int, int]]]:
-        """A PlanHeader, and its columns as [(field, bytes a row, offset)]."""
+        """Opens a plan. Returns its PlanHeader, and its columns as [(field, bytes per row, offset)]."""
         frame = self._receive(self.send_query(query, FrameType.OPEN_PLAN, None, configurations), "PLAN")
         header = self._records(frame, 0, "PlanHeader", 1)[0]
         columns = self._records(frame, header.nbytes, "PlanColumnRecord")
@@ -221,7 +221,7 @@ class Session:
         self._receive(self.send_close_plan(number), "PLAN_DONE")
 
     def certificate(self, query: Any, rows: Optional[np.ndarray]) -> str:
-        """The document. rows: (R,) numbers; None: all."""
+        """Returns the document of a certificate. rows: (R,) row numbers, by default all."""
         frame = self._receive(self.send_query(query, FrameType.CERTIFY, rows), "CERTIFICATE")
         try:
             return bytes(frame.payload).decode()
@@ -229,7 +229,7 @@ class Session:
             raise malformed(self.connection.url, f"the certificate is no UTF-8: {error}") from None
 
     def _expected_reply_bytes(self, q: np.ndarray, pairs: Optional[np.ndarray], joints: int) -> int:
-        """Bytes of the reply, as far as can be said; 0: the daemon knows better."""
+        """Estimates the size of the reply in bytes; 0 leaves the size to the daemon."""
         rows = max(int(q["configuration_count"]), 1)
         reduce, scene = int(q["reduce"]), self._scene
         if reduce not in (Reduce.MIN, Reduce.ANY):
@@ -247,7 +247,7 @@ class Session:
         fields = int(q["fields"]) | (Field.COMPACT if q["format"] else 0)
         if reduce != Reduce.NONE:
             fields |= Field.PAIR | Field.CONFIGURATION
-        size = 64 + wire._wire.ReplyHeader.itemsize + 2 * 16  # of records: the epoch, and how many joints there are
+        size = 64 + wire._wire.ReplyHeader.itemsize + 2 * 16  # records with the epoch and the number of joints
         for name, column in COLUMNS.items():
             if fields >> column.bit & 1:
                 each = int(np.prod(column_shape(name, joints), dtype=int))
@@ -257,7 +257,7 @@ class Session:
     # ---- scene ----------------------------------------------------------------------------------------------------
 
     def look_at_scene(self, refresh: bool) -> Scene:
-        """The scene as the caller knows it from now on."""
+        """Returns the scene to which the caller's ids refer from now on."""
         if refresh or self._scene is None or self._scene_is_old:
             self._scene = self._fetch_scene()
             self._scene_is_old = self._changed_by_us = False
@@ -290,10 +290,10 @@ class Session:
         return Scene(int(head["scene_revision"]), _text(head["backend"]), int(head["pair_count"]), infos, lists)
 
     def _revision_of_ids(self) -> int:
-        """The revision of the scene that the caller's ids are of; 0: it knows none.
+        """Returns the revision of the scene of the caller's ids, or 0.
 
-        What somebody else has changed is refused (WRONG_SCENE) until the caller looks at the scene again, since its ids
-        may mean other bodies; what this client has changed itself is not, where they mean the same.
+        After a change by another client, requests are rejected (WRONG_SCENE) until the caller reads the scene again,
+        since ids can refer to other bodies. After a change by this client, they are accepted if ids are unchanged.
         """
         if self._known_revision and self._changed_by_us:
             self._changed_by_us = False
@@ -303,7 +303,7 @@ class Session:
         return self._known_revision
 
     def _ids_mean_the_same(self, now: Scene, parents: bool) -> bool:
-        """Whether the ids that both scenes have are of the same names, and if asked for of the same parents."""
+        """Whether the ids common to both scenes have the same names and, with `parents`, the same parents."""
         assert self._scene is not None
         bodies = zip(self._scene.bodies, now.bodies)
         groups = zip(self._scene.groups, now.groups)
@@ -343,10 +343,10 @@ class Session:
         convexify: int,
         cloud: np.ndarray,
     ) -> tuple:
-        """shape: "mesh", or one of _SHAPES.
+        """Adds a body. shape: "mesh", or one of _SHAPES.
 
-        numbers: vertices (V, 3), or sizes (1, 3). doubts: of position and angle, padding, max_speed. triangles: of a
-        mesh, (T, 3) uint32, else none. cloud: its points, (N, 3) float32, else none.
+        numbers: vertices (V, 3), or sizes (1, 3). doubts: uncertainty of position and angle, padding, max_speed.
+        triangles: (T, 3) uint32 of a mesh, otherwise empty. cloud: (N, 3) float32 points, otherwise empty.
         """
         is_hull = shape in ("vertices", "mesh")
         body = np.zeros((), wire._wire.NewBodyRecord)
@@ -387,9 +387,9 @@ class Session:
         except QueryError as error:
             if error.code != ErrorCode.WRONG_SCENE or self._scene is None:
                 raise
-            # The scene changed, by an attachment perhaps. Where an id still means the same body with the same parent,
-            # so does its pose, and the update can be sent again. The caller has not seen the new scene: its queries
-            # stay those for the old.
+            # The scene changed, for example by an attachment. If the ids still have the same bodies and parents, the
+            # poses keep their meaning, and the update is sent again. Queries still refer to the old scene, since the
+            # caller has not read the new one.
             now = self._fetch_scene()
             known = self._scene.bodies
             for body in ids.tolist():
@@ -421,7 +421,7 @@ class Session:
         return self._poses_done(self._call(FrameType.SET_POINTS, [head, xyz], "POSES_DONE", self._revision_of_ids()))
 
     def joints(self) -> tuple:
-        """Joints as _joints.py has them, and groups."""
+        """Returns joints as in _joints.py, and groups."""
         revision = self.look_at_scene(False).revision
         frame = self._call(FrameType.GET_JOINTS, [], "JOINTS")
         head = self._records(frame, 0, "JointsHeader", 1)[0]
@@ -467,10 +467,10 @@ class Session:
         self._scene_is_old = True
         done = self._poses_done(frame)
         if revision:
-            self._known_revision = self._poses_revision = done[1]  # ids stay
+            self._known_revision = self._poses_revision = done[1]  # ids are unchanged
         return done
 
-    # ---- what the daemon says of itself ---------------------------------------------------------------------------
+    # ---- state of the daemon --------------------------------------------------------------------------------------
 
     def body_states(self) -> list[tuple]:
         frame = self._call(FrameType.GET_STATES, [], "BODY_STATES")

@@ -1,4 +1,4 @@
-"""A connection over shared memory. wire/shm_layout.h draws the layout and says the rules."""
+"""A connection over shared memory. wire/shm_layout.h specifies layout and protocol."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from ..wire import MAX_FRAME_BYTES, MAX_REQUEST_BYTES, VERSION, ErrorCode, Frame
 from .frames import HEADER, Frame
 from .shm_segment import ARRIVED, DROPPED, IDLE, POSTED, Lease, Segment
 
-#: Longest sleep before the socket is looked at: how late a daemon's death is noticed.
+#: Interval between reads of the socket while waiting, and so the maximum delay to detect a daemon's death.
 _NAP_S = 0.01
-#: How long send() waits for the daemon: for a larger segment, or for a slot whose reply nobody wants any more.
+#: Timeout of send() for a larger segment, or for a slot with an abandoned reply.
 _SEND_TIMEOUT_S = 5.0
 
 _MESSAGE = struct.Struct("<IHHIIQQ32x192s")
@@ -52,19 +52,19 @@ class _Message(NamedTuple):
 
 
 class ShmChannel:
-    """One connection; one thread at a time."""
+    """One connection. Not thread-safe."""
 
     signs_queue_up = False
 
     def __init__(self, target: str, deadline: float):
-        """target: the socket's absolute path, and options behind a question mark."""
+        """target: the socket's absolute path, and options after a question mark."""
         self.url = "shm://" + target
         if platform.machine() != "x86_64":
             raise ConnectionError(
                 f"{self.url}: shared memory from Python alone relies on x86-64's order of stores, and this is "
                 f"{platform.machine()}; use ipc://, or install the wheel clearance-*.whl"
             )
-        self._dead = ""  # why the connection is of no use any more; empty: it is
+        self._dead = ""  # reason that the connection is unusable, or empty
         self._outgrown: list[Segment] = []
         self._path, user = _options(target)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -145,7 +145,7 @@ class ShmChannel:
             return
         segment, index = found
         slot = segment.slots[index]
-        slot.forgotten = True  # its slot comes back with the reply
+        slot.forgotten = True  # the reply will return its slot
         if slot.state != POSTED:
             slot.state = IDLE
             segment.free.add(index)
@@ -174,9 +174,9 @@ class ShmChannel:
         return frame
 
     def _send_again(self, segment: Segment, index: int, reply: Frame) -> bool:
-        """If the reply says that it would need more room, sends the request again from a larger segment.
+        """Sends the request again from a larger segment if the reply reports a lack of space.
 
-        The frame still leases the slot, so the request is still there. False if the reply is to be taken as it is.
+        The frame still leases the slot, so that the request is intact. Returns false to accept the reply.
         """
         old = segment.slots[index]
         needed = _room_needed(reply)
@@ -198,7 +198,7 @@ class ShmChannel:
     # ---- segments and slots ---------------------------------------------------------------------------------------
 
     def _find(self, request_id: int) -> Optional[tuple[Segment, int]]:
-        """The segment and slot of a request that is under way."""
+        """Returns segment and slot of a pending request, or None."""
         for segment in (self._current, *self._outgrown):
             for index, slot in enumerate(segment.slots):
                 if slot.request_id == request_id and slot.state != IDLE and not slot.forgotten:
@@ -229,8 +229,8 @@ class ShmChannel:
                 self._look_at_socket()
 
     def _grow(self, request_bytes: int, reply_bytes: int, deadline: float) -> Optional[str]:
-        """Moves on to a segment whose slots hold so much. Why the daemon refuses one; None: it does not."""
-        # Doubling keeps a caller whose batches grow little by little from asking each time; near the limits, be exact.
+        """Changes to a segment with slots of this size. Returns None, or the daemon's reason to reject it."""
+        # Doubling avoids a new segment for every slightly larger batch; near the limits, sizes are exact.
         larger = _doubled(request_bytes, MAX_REQUEST_BYTES), _doubled(reply_bytes, MAX_FRAME_BYTES)
         why: Optional[str] = ""
         for wanted in dict.fromkeys([larger, (request_bytes, reply_bytes), (request_bytes, 0)]):
@@ -249,7 +249,7 @@ class ShmChannel:
         try:
             answer, fds = self._await_answer(deadline)
         except TimeoutError as error:
-            self._dead = str(error)  # a late answer would be taken for that to another question
+            self._dead = str(error)  # a late answer would be assigned to another request
             raise
         if answer.kind == _REFUSED:
             return answer.why()
@@ -262,7 +262,7 @@ class ShmChannel:
         return None
 
     def _retire_outgrown(self) -> None:
-        """Gives back outgrown segments that hold no request, reply or frame any more."""
+        """Releases outgrown segments without requests, replies or frames."""
         self._outgrown = [s for s in self._outgrown if not (s.all_free() and self._say(_RETIRE, s.id))]
 
     # ---- the socket -----------------------------------------------------------------------------------------------
@@ -282,7 +282,7 @@ class ShmChannel:
             ours = f"ours (user {os.geteuid()}); ?user=NAME says whose daemon is meant"
             whose = ours if user is None else f"user {user}'s"
             raise ConnectionError(f"{self.url}: the socket is user {peer}'s, not {whose}")
-        self._say(_HELLO)  # if it fails, the daemon has refused us: its reason can be read
+        self._say(_HELLO)  # on failure, the daemon has rejected the connection, and its reason follows
         answer, fds = self._await_answer(deadline)
         if answer.kind == _REFUSED:
             raise ConnectionError(f"{self.url}: refused: {answer.why()}")
@@ -309,7 +309,7 @@ class ShmChannel:
             return False
 
     def _await_answer(self, deadline: float) -> tuple[_Message, list[int]]:
-        """The daemon's next message, a segment or a refusal, and the descriptors that came with it."""
+        """Returns the daemon's next message, a segment or a rejection, with its descriptors."""
         was_reset = False
         while True:
             self._socket.settimeout(max(deadline - time.monotonic(), 1e-3))
@@ -318,7 +318,7 @@ class ShmChannel:
             except (socket.timeout, BlockingIOError):
                 raise TimeoutError(f"{self.url}: the daemon does not answer on its socket") from None
             except ConnectionResetError as error:
-                # The daemon closed before it read what we sent: its last message is still to be had.
+                # The daemon closed the socket with unread data. Its last message can still be received.
                 if was_reset:
                     self._die(str(error.strerror))
                 was_reset = True
@@ -339,7 +339,7 @@ class ShmChannel:
             return message, list(fds)
 
     def _look_at_socket(self) -> None:
-        """Notices a daemon that is gone. Replies that it had posted can still be received."""
+        """Detects the loss of the daemon. Replies that it had posted can still be received."""
         self._socket.setblocking(False)
         try:
             data = self._socket.recv(_MESSAGE.size)
@@ -360,7 +360,7 @@ class ShmChannel:
 
 
 def _options(target: str) -> tuple[str, Optional[int]]:
-    """The path, and the user whose daemon is meant."""
+    """Returns the path and the user of the intended daemon."""
     path, _, options = target.partition("?")
     user = None
     for option in filter(None, options.split("&")):
@@ -381,7 +381,7 @@ def _options(target: str) -> tuple[str, Optional[int]]:
 
 
 def _room_needed(frame: Frame) -> int:
-    """Whether a reply means: this needs more room than the slot has. The room needed, else 0."""
+    """Returns the size that a reply needs if it reports a lack of space, otherwise 0."""
     if frame.type != FrameType.ERROR or len(frame.payload) < _ERROR.size:
         return 0
     code, _, needed = _ERROR.unpack_from(frame.payload)

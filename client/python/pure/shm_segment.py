@@ -1,8 +1,8 @@
-"""A client's side of a shared segment (wire/shm_layout.h draws it): its mapping, its slots and the rings in it.
+"""The client's side of a shared segment (wire/shm_layout.h): mapping, slots and rings.
 
-Stores are made in the order in which the daemon must see them. Python has no barriers: that they are seen in that order
-is x86-64's doing, and shm_channel.py refuses other machines. Where the contract asks for a store and then a load, this
-side asks the kernel instead, which is a barrier: it wakes the daemon whether that sleeps or not, and waits by a futex.
+Stores are made in the order in which the daemon must see them. Python has no memory barriers; x86-64 keeps the order of
+stores, and shm_channel.py rejects other machines. Where the protocol requires a store before a load, this side makes a
+system call, which is a barrier: it wakes the daemon unconditionally, and waits with a futex.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .frames import HEADER
 IDLE, POSTED, ARRIVED, DROPPED = range(4)
 
 _MAGIC, _LAYOUT_VERSION, _PAGE, _RING_ENTRIES = 0x4D534C43, 1, 4096, 64
-# Places of the words, in units of four and of eight bytes.
+# Indices of the words, in units of four and of eight bytes.
 _VERSION, _SLEEPING, _REQUEST_HEAD, _REPLY_HEAD, _WAITING = 56 // 4, 64 // 4, 128 // 4, 192 // 4, 256 // 4
 _REQUESTS, _REPLIES, _TURNS = 320 // 8, 1344 // 8, 2368 // 8
 
@@ -35,11 +35,11 @@ class _Timespec(ctypes.Structure):
 
 @dataclass
 class Slot:
-    """What this side knows about one slot."""
+    """The client's state of one slot."""
 
     state: int = IDLE
-    forgotten: bool = False  #: nobody wants the reply
-    retried: bool = False  #: this request was already sent again because its reply did not fit
+    forgotten: bool = False  #: whether the request was abandoned
+    retried: bool = False  #: whether the request was sent again because its reply did not fit
     generation: int = 0
     request_id: int = 0
     request_bytes: int = 0
@@ -47,7 +47,7 @@ class Slot:
 
 
 class Lease:
-    """A slot whose bytes are in use; it is free again when this is gone. Any thread may let go of it."""
+    """A slot with bytes in use, which the destructor frees on any thread."""
 
     __slots__ = ("segment", "index", "process")
 
@@ -60,7 +60,7 @@ class Lease:
 
 
 class Segment:
-    """One thread at a time, but for leases."""
+    """A mapped segment. Not thread-safe, except for leases."""
 
     def __init__(self, memfd: int, url: str):
         size = os.fstat(memfd).st_size
@@ -88,19 +88,19 @@ class Segment:
         self._request_head = self._reply_tail = 0
 
     def request_area(self, slot: int) -> np.ndarray:
-        """(request_capacity,) uint8."""
+        """Returns the request area of a slot, (request_capacity,) uint8."""
         start = self._requests_at + slot * self.request_capacity
         return self.bytes[start : start + self.request_capacity]
 
     def reply(self, slot: int) -> np.ndarray:
-        """(reply_bytes,) uint8 of a slot whose reply has arrived; read-only."""
+        """Returns the received reply of a slot, (reply_bytes,) uint8, read-only."""
         start = self._replies_at + slot * self.reply_capacity
         view = self.bytes[start : start + self.slots[slot].reply_bytes]
         view.flags.writeable = False
         return view
 
     def take_slot(self) -> int:
-        """The free slot of the lowest number; -1: none is free."""
+        """Returns the lowest free slot, or -1."""
         if not self.free:
             return -1
         index = min(self.free)
@@ -112,7 +112,7 @@ class Segment:
         return len(self.free) == len(self.slots)
 
     def post(self, index: int) -> None:
-        """Posts the frame in a slot's request area; the daemon must then be woken."""
+        """Posts the frame in a slot's request area. The caller must then wake the daemon."""
         slot = self.slots[index]
         slot.state = POSTED
         slot.generation = (slot.generation + 1) & 0xFFFFFFFF
@@ -123,7 +123,7 @@ class Segment:
         self._words[_REQUEST_HEAD] = self._request_head
 
     def collect(self) -> bool:
-        """Takes in the replies that were posted since. False if what the daemon posted makes no sense."""
+        """Receives the newly posted replies. Returns false for an invalid entry."""
         head = int(self._words[_REPLY_HEAD])
         if (head - self._reply_tail) & 0xFFFFFFFF > len(self.slots):
             return False
@@ -149,11 +149,11 @@ class Segment:
         return int(self._words[_REPLY_HEAD]) == self._reply_tail
 
     def turns(self) -> int:
-        """Turns of the daemon's loop so far; 0: it does not count them."""
+        """Returns the iterations of the daemon's loop so far, or 0 if it does not count them."""
         return int(self._longs[_TURNS])
 
     def sleep(self, seconds: float) -> None:
-        """Sleeps until a reply is posted, at most so long. May return early."""
+        """Sleeps until a reply is posted, for at most so long. May return early."""
         if seconds <= 0:
             return
         self._words[_WAITING] = 1
