@@ -120,7 +120,7 @@ PosesDone Client::set_points(std::uint32_t body, std::span<const std::array<floa
 JointsInfo Client::joints() {
   const std::uint64_t revision = scene().revision;
   JointsInfo info = impl().fetch_joints();
-  if (info.scene_revision != revision) impl().scene_is_old = true;  // ids are of the scene that the caller sees next
+  if (info.scene_revision != revision) impl().scene_is_old = true;  // ids refer to the scene that the caller reads next
   return info;
 }
 
@@ -270,7 +270,7 @@ Pending::~Pending() {
   try {
     client_->connection.forget(request_id_);
   } catch (const std::exception&) {
-    // The connection is gone, and the reply with it.
+    // The connection and its reply are lost.
   }
 }
 
@@ -281,14 +281,14 @@ bool Pending::ready() {
 bool Pending::wait_for(std::chrono::nanoseconds timeout) {
   if (!client_) throw std::logic_error("this reply was fetched already");
   if (frame_) return true;
-  // Taken as it is, so that an error frame is thrown where the answer is asked for.
+  // Not interpreted here, so that get() throws the error of an error frame.
   frame_ = client_->connection.await(request_id_, deadline_in(timeout));
   return frame_ != nullptr;
 }
 
 Reply Pending::get() {
   if (!client_) throw std::logic_error("this reply was fetched already");
-  // Given up first: whatever is thrown, the request is over.
+  // Released first, so that the request ends even if this throws.
   const std::shared_ptr<Client::Impl> client = std::move(client_);
   if (!frame_) return Reply(client->receive(request_id_, FrameType::kReply));
   return Reply(client->interpret(std::move(frame_), FrameType::kReply));

@@ -1,4 +1,4 @@
-// The inside of a Client: a connection, the requests under way, and the scene as its caller knows it.
+// Implementation of Client: a connection, the pending requests, and the scene that the caller has read.
 #pragma once
 
 #include <chrono>
@@ -23,7 +23,7 @@ struct Client::Impl {
 
   const std::string& url() const { return connection.url(); }
 
-  /// Runs a parser; what it refuses is the daemon's fault.
+  /// Runs a parser of the daemon's data, and converts its errors to ConnectionError.
   template <class Parse>
   auto checked(Parse parse) const {
     try {
@@ -33,7 +33,7 @@ struct Client::Impl {
     }
   }
 
-  /// Room for a request; throws RequestError for one that no transport takes.
+  /// Returns memory for a request; throws RequestError beyond the maximum size of every transport.
   std::byte* begin(std::uint64_t payload_bytes, std::uint64_t reply_bytes) {
     const std::uint64_t bytes = sizeof(wire::FrameHeader) + payload_bytes;
     if (bytes > wire::kMaxRequestBytes)
@@ -43,7 +43,7 @@ struct Client::Impl {
     return connection.begin(bytes, reply_bytes ? reply_bytes + wire::kEpochRecordBytes : 0);
   }
 
-  /// What a reply says, without its records.
+  /// Returns the payload of a reply without its records.
   std::span<const std::byte> body_of(const Frame& frame) const {
     return checked([&] { return wire::split_payload(frame.header(), frame.payload()).body; });
   }
@@ -53,7 +53,7 @@ struct Client::Impl {
                      std::uint64_t scene_revision = 0, std::vector<std::byte> records = {}) {
     return send(type, payload, {}, reply_bytes, scene_revision, std::move(records));
   }
-  /// \param rest of the payload
+  /// \param rest remainder of the payload
   std::uint64_t send(wire::FrameType type, std::span<const std::byte> payload, std::span<const std::byte> rest,
                      std::uint64_t reply_bytes, std::uint64_t scene_revision, std::vector<std::byte> records) {
     const std::uint64_t bytes = payload.size() + rest.size();
@@ -72,7 +72,8 @@ struct Client::Impl {
     return header.request_id;
   }
 
-  /// \param rows of kCertify; none: all. \param plan of kOpenPlan: how many configurations it has
+  /// \param rows row numbers of kCertify, by default all
+  /// \param plan number of configurations of kOpenPlan
   std::uint64_t send_query(wire::FrameType type, const Query& query,
                            std::optional<std::span<const std::uint64_t>> rows = {},
                            std::optional<std::uint32_t> plan = {}) {
@@ -83,7 +84,8 @@ struct Client::Impl {
       throw RequestError(static_cast<std::uint16_t>(error.code), error.what());
     }
     const bool is_query = type == wire::FrameType::kQuery, has_configurations = wire::has_configurations(type);
-    const std::uint64_t scene_revision = query.check_scene ? revision_of_ids() : 0;  // before the room: it may ask, too
+    // Before begin(), since it can send a request.
+    const std::uint64_t scene_revision = query.check_scene ? revision_of_ids() : 0;
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
     std::vector<std::byte> records = query_records(query);
@@ -109,7 +111,7 @@ struct Client::Impl {
     return header.request_id;
   }
 
-  /// What arrived, if it is of `type`; errors and malformed frames are thrown.
+  /// Returns the frame if it has `type`; throws for error frames and malformed ones.
   std::unique_ptr<Frame> interpret(std::unique_ptr<Frame> frame, wire::FrameType type) {
     const std::uint16_t got = frame->header().type;
     const auto sent = sent_in_records.extract(frame->header().request_id);
@@ -147,7 +149,7 @@ struct Client::Impl {
     return receive(send(request, payload, reply_bytes, scene_revision), reply);
   }
 
-  /// The scene as the caller knows it from now on.
+  /// Returns the scene to which the caller's ids refer from now on.
   const SceneInfo& get_scene() {
     if (!scene || scene_is_old) look_at_scene();
     return *scene;
@@ -159,18 +161,19 @@ struct Client::Impl {
   }
   SceneInfo fetch_scene();
   JointsInfo fetch_joints();
-  /// The joints of a scene with their limits, kept. \param snapshot_revision where they are at that one; 0: no matter
+  /// Returns the cached joints of a scene with their limits.
+  /// \param snapshot_revision snapshot of their positions; 0 for any
   const JointsInfo& joints_at(std::uint64_t scene_revision, std::uint64_t snapshot_revision);
-  /// The revision of the scene that the caller's ids are of, for a request that uses them; 0: it knows none. What
-  /// somebody else has changed is refused (kWrongScene) until the caller looks at the scene again, since its ids may
-  /// mean other bodies; what this client has changed itself is not, where they mean the same.
+  /// Returns the revision of the scene of the caller's ids, for a request that uses them, or 0. After a change by
+  /// another client, requests are rejected (kWrongScene) until the caller reads the scene again, since ids can refer to
+  /// other bodies. After a change by this client, they are accepted if ids are unchanged.
   std::uint64_t revision_of_ids() {
     if (known_revision && std::exchange(changed_by_us, false))
       if (const SceneInfo now = fetch_scene(); ids_mean_the_same(now, false))
         known_revision = poses_revision = now.revision;
     return known_revision;
   }
-  /// Whether the ids that both scenes have are of bodies and groups of the same names, and if asked for of the same
+  /// Whether the ids common to both scenes have the same names of bodies and groups and, with `parents`, the same
   /// parents.
   bool ids_mean_the_same(const SceneInfo& now, bool parents) const;
 
@@ -181,7 +184,7 @@ struct Client::Impl {
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
   }
 
-  /// \param later names what is in the records, for a daemon that does not know of it
+  /// \param later name of the records' contents, for the error of a daemon that does not support them
   std::uint64_t send_with(wire::FrameType type, std::span<const std::byte> payload, std::uint64_t revision,
                           std::vector<std::byte> records, const char* later) {
     const bool has_records = !records.empty();
@@ -190,7 +193,7 @@ struct Client::Impl {
     return request;
   }
 
-  /// A request that changes which pairs are enabled, and no ids.
+  /// Sends a request that changes the enabled pairs but no ids.
   PosesDone change_pairs(wire::FrameType type, std::span<const std::byte> payload,
                          std::vector<std::byte> records = {}) {
     const std::uint64_t revision = revision_of_ids();
@@ -202,8 +205,8 @@ struct Client::Impl {
     return done;
   }
 
-  /// A request that is answered when the daemon has another scene. \param scene_revision of the ids in it; 0: there are
-  /// none.
+  /// Sends a request that is answered when the daemon has a new scene.
+  /// \param scene_revision scene of its ids; 0 without ids
   SceneChanged change_scene(wire::FrameType type, std::span<const std::byte> payload, std::chrono::nanoseconds limit,
                             std::uint64_t scene_revision = 0, std::vector<std::byte> records = {}) {
     const std::uint64_t request =
@@ -215,14 +218,14 @@ struct Client::Impl {
   }
 
   Connection connection;
-  std::map<std::uint64_t, std::string> sent_in_records;  // names of such options, by request under way
-  std::optional<SceneInfo> scene;                        // as the caller has seen it
-  std::optional<JointsInfo> joints;                      // of joints_at()
+  std::map<std::uint64_t, std::string> sent_in_records;  // names of such options, by pending request
+  std::optional<SceneInfo> scene;                        // the scene that the caller has read
+  std::optional<JointsInfo> joints;                      // cache of joints_at()
   std::uint64_t joints_snapshot = 0;
-  bool scene_is_old = false;         // the daemon has said so: fetched anew before the caller's next look
-  bool changed_by_us = false;        // since, in a way that may have given bodies other ids
-  std::uint64_t known_revision = 0;  // of the scene that the caller's ids are of; 0: it has not looked
-  std::uint64_t poses_revision = 0;  // of the last one known in which they are of the same bodies with the same parents
+  bool scene_is_old = false;         // reported by the daemon; the caller's next read fetches it again
+  bool changed_by_us = false;        // whether this client has since made a change that can alter ids
+  std::uint64_t known_revision = 0;  // revision of the scene of the caller's ids, or 0
+  std::uint64_t poses_revision = 0;  // last known revision in which these ids have the same bodies and parents
 };
 
 }  // namespace clearance

@@ -15,7 +15,7 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-/// How often the greeting is sent again where it may have been lost.
+/// Interval between greetings over a transport that can lose them.
 constexpr auto kAskAgain = 200ms;
 constexpr auto kShortestHang = 10ms;
 
@@ -42,12 +42,12 @@ Deadline deadline_in(std::chrono::nanoseconds duration) {
 Connection::Connection(std::span<const std::string> urls, const ConnectOptions& options)
     : urls_(urls.begin(), urls.end()), options_(options), hang_(hang_of(options)), watch_(hang_) {
   if (urls_.empty()) throw std::invalid_argument("connect: expected at least one url");
-  for (const std::string& url : urls_) parse_url(url);  // a bad one is said at once, not when its turn comes
+  for (const std::string& url : urls_) parse_url(url);  // reports an invalid url at once, not on its first use
   connect_to(0, options.timeout);
 }
 
 Connection::~Connection() {
-  // In a forked child the channel's sockets, threads and slots are the parent's: they are left alone, not closed.
+  // In a forked child, the channel's sockets, threads and slots belong to the parent, and stay open.
   if (fork_guard_.forked()) (void)channel_.release();
 }
 
@@ -56,7 +56,8 @@ void Connection::check_process() const {
     throw ConnectionError(url_ + ": this connection was opened before a fork; the child process must connect anew");
 }
 
-/// Connects to the url of that index, or to the next one that answers. \param patience with the last of them
+/// Connects to the url of that index, or to the next one that responds.
+/// \param patience timeout of the last one
 void Connection::connect_to(std::size_t first, std::chrono::nanoseconds patience) {
   std::string why;
   for (std::size_t i = 0; i < urls_.size(); ++i) {
@@ -72,7 +73,7 @@ void Connection::connect_to(std::size_t first, std::chrono::nanoseconds patience
       if (!has_met_) meet(deadline);
       return;
     } catch (const RequestError&) {
-      return;  // it is there, and too busy to say who it is: asked again with the first request
+      return;  // the daemon is too busy to send its epoch, which the first request fetches again
     } catch (const ConnectionError& error) {
       if (urls_.size() == 1) throw;
       why += (why.empty() ? "" : "; ") + std::string(error.what());
@@ -81,14 +82,14 @@ void Connection::connect_to(std::size_t first, std::chrono::nanoseconds patience
   throw ConnectionError(why);
 }
 
-/// After a call has thrown because the daemon went away or hung. The epoch and the scene that the caller knows stay
-/// what its requests are for: another daemon refuses them (kNewEpoch, kWrongScene).
+/// Reconnects after a call has thrown because the daemon was lost or hung. Requests keep their epoch and scene, so that
+/// another daemon rejects them (kNewEpoch, kWrongScene).
 void Connection::connect_anew() {
   oldest_request_id_ = next_request_id_;
   connect_to((at_ + 1) % urls_.size(), has_hung_ ? std::min(timeout_, hang_) : timeout_);
 }
 
-/// Asks who serves there. Throws RequestError if the daemon refuses to say.
+/// Fetches the daemon's epoch. Throws RequestError if the daemon rejects the request.
 void Connection::meet(Deadline deadline) {
   std::unique_ptr<Frame> frame;
   while (!frame) {
@@ -140,7 +141,7 @@ std::unique_ptr<Frame> Connection::await(std::uint64_t request_id, Deadline dead
   }
 }
 
-/// Throws DaemonHung. Returns when to look again.
+/// Throws DaemonHung. Returns the time of the next check.
 Deadline Connection::look_for_hang(Deadline now) {
   if (now >= watch_.due() && watch_.look(*channel_, now)) {
     has_hung_ = true;

@@ -1,4 +1,4 @@
-// What a client talks to: the daemon behind one of its urls, which may go away, hang, or be another one the next time.
+// A client's connection to the daemon at one of its urls, which can be lost, hang, or be replaced by another daemon.
 #pragma once
 
 #include <chrono>
@@ -15,16 +15,16 @@
 
 namespace clearance {
 
-/// `duration` from now, kept inside what the clock can hold.
+/// Returns `duration` from now, clamped to the range of the clock.
 Deadline deadline_in(std::chrono::nanoseconds duration);
 
-/// "1.5 s", for messages.
+/// Formats a duration for messages, such as "1.5 s".
 std::string seconds(std::chrono::nanoseconds duration);
 
-/// Not thread-safe, as the channel underneath.
+/// Not thread-safe, like its channel.
 class Connection {
  public:
-  /// Connects to the first url that answers. Throws ConnectionError, and std::invalid_argument for a bad url.
+  /// Connects to the first url that responds. Throws ConnectionError, and std::invalid_argument for an invalid url.
   Connection(std::span<const std::string> urls, const ConnectOptions& options);
   ~Connection();
   Connection(const Connection&) = delete;
@@ -35,23 +35,23 @@ class Connection {
   std::chrono::nanoseconds timeout() const { return timeout_; }
   void set_timeout(std::chrono::nanoseconds timeout) { timeout_ = timeout; }
 
-  /// Connects anew if the last connection was lost. Returns the records that each request ends in: the epoch, if there
-  /// is one. Before begin().
+  /// Reconnects if the last connection was lost. Returns the records at the end of each request: the epoch, if any.
+  /// Call it before begin().
   const std::vector<std::byte>& prepare();
-  /// As of the channel.
+  /// As in Channel.
   std::byte* begin(std::uint64_t frame_bytes, std::uint64_t reply_bytes);
   void send() { channel_->send(); }
-  /// The reply, or null once `deadline` has passed. Throws ConnectionError, DaemonHung.
+  /// Returns the reply, or null after `deadline`. Throws ConnectionError, DaemonHung.
   std::unique_ptr<Frame> await(std::uint64_t request_id, Deadline deadline);
   void forget(std::uint64_t request_id) { channel_->forget(request_id); }
 
   std::uint64_t next_request_id() { return next_request_id_++; }
-  /// Those below it went out over a connection that was lost.
+  /// Requests with lower ids were sent over a lost connection.
   std::uint64_t oldest_request_id() const { return oldest_request_id_; }
 
-  /// Of the daemon that requests are for; 0: it has none.
+  /// Epoch of the daemon that requests are for, or 0.
   std::uint64_t epoch() const { return epoch_; }
-  /// Requests are for the daemon that serves now. Returns its epoch.
+  /// Accepts the current daemon for requests, and returns its epoch.
   std::uint64_t acknowledge_epoch();
 
  private:
@@ -68,7 +68,7 @@ class Connection {
   ForkGuard fork_guard_;
   std::unique_ptr<Channel> channel_;
   HangWatch watch_;
-  std::size_t at_ = 0;  ///< of urls_
+  std::size_t at_ = 0;  ///< index into urls_
   std::string url_;
   bool has_hung_ = false;
   bool has_met_ = false;

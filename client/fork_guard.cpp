@@ -7,7 +7,7 @@
 namespace clearance {
 namespace {
 
-// Counts the forks between the first process and this one. getpid() would say the same, by a system call each time.
+// Counts the forks between the first process and this one. getpid() would need a system call each time.
 std::atomic<std::uint64_t> generation{0};
 
 [[maybe_unused]] const int registered =

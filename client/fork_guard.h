@@ -1,18 +1,18 @@
-// Notices that this process is a fork of the one that opened a connection.
+// Detects that this process is a fork of the one that opened a connection.
 //
-// A connection belongs to one process: its threads, sockets and shared slots are the parent's. The child must neither
-// use nor close them, and connect anew.
+// Threads, sockets and shared slots of a connection belong to the process that opened it. A child must neither use nor
+// close them, and must connect again.
 #pragma once
 
 #include <cstdint>
 
 namespace clearance {
 
-/// Remembers the process that made it.
+/// Identifies the process that constructed it.
 class ForkGuard {
  public:
   ForkGuard() : generation_(current()) {}
-  /// True in a child that was forked since. As cheap as a load: no system call.
+  /// True in a child forked since. Costs a load, without a system call.
   bool forked() const { return generation_ != current(); }
 
  private:

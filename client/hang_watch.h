@@ -1,4 +1,4 @@
-// Notices a daemon whose loop stands still while somebody waits for an answer.
+// Detects a daemon whose loop stands still while a call waits for an answer.
 #pragma once
 
 #include <algorithm>
@@ -9,18 +9,18 @@
 
 namespace clearance {
 
-/// Looks at a channel's signs of life a few times within the patience, as long as somebody waits. It counts looks and
-/// not time: a process that was itself held up, or suspended together with the daemon, takes nobody for dead.
+/// Samples a channel's signs of life a few times within the patience, while a call waits. Counts samples instead of
+/// time, so that a process that was itself suspended, alone or with the daemon, does not report a hung daemon.
 class HangWatch {
  public:
-  /// \param patience zero: never.
+  /// \param patience zero disables the watch
   explicit HangWatch(std::chrono::nanoseconds patience) : step_(patience / kLooks) {}
 
-  /// When to look next; the end of time if there is nothing to look for.
+  /// Returns the time of the next sample, or the maximum time if disabled.
   Deadline due() const { return step_.count() > 0 ? due_ : Deadline::max(); }
-  /// Whether the daemon has shown no sign of life in so many looks. Not before due().
+  /// Takes a sample, not before due(). Returns whether the daemon has shown no sign of life in all samples.
   bool look(Channel& channel, Deadline now) {
-    const bool is_late = now - due_ > std::max(step_, kSlack);  // nobody waited meanwhile, or we did not run
+    const bool is_late = now - due_ > std::max(step_, kSlack);  // no call was waiting, or this process did not run
     due_ = now + step_;
     if (is_late || now < quiet_until_) return false;
     const std::uint64_t sign = channel.sign_of_life();
@@ -31,8 +31,7 @@ class HangWatch {
     last_ = sign;
     return still_ >= kLooks;
   }
-  /// Frames of so many bytes are on their way over a channel that shows whole frames alone: signs of life queue up
-  /// behind them.
+  /// Postpones samples for a frame of so many bytes on a channel where it delays the signs of life behind it.
   void expect(std::uint64_t bytes) {
     if (bytes < kLarge) return;
     quiet_until_ = std::max(quiet_until_, Deadline::clock::now()) + std::chrono::nanoseconds(bytes * kNsPerByte);
@@ -42,7 +41,7 @@ class HangWatch {
   static constexpr int kLooks = 8;
   static constexpr std::chrono::nanoseconds kSlack = std::chrono::milliseconds(100);
   static constexpr std::uint64_t kLarge = 1 << 20;
-  static constexpr std::uint64_t kNsPerByte = 100;  // 10 MB/s, what a network of 100 Mbit/s takes
+  static constexpr std::uint64_t kNsPerByte = 100;  // 10 MB/s, for a network of 100 Mbit/s
 
   std::chrono::nanoseconds step_;
   Deadline due_{}, quiet_until_{};

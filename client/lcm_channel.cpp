@@ -1,8 +1,8 @@
-// A connection over LCM: frames in parts, out on CLEARANCE_FRAME_IN and back on CLEARANCE_FRAME_OUT.
+// A connection over LCM: frames in parts, sent on CLEARANCE_FRAME_IN and received on CLEARANCE_FRAME_OUT.
 //
-// There is no connection underneath: nothing says that the daemon is gone, and any part may be lost. A frame arrives
-// whole or not at all; one that does not arrive is a deadline passed. Every daemon of the network receives each
-// request, so the channel is bound to one of them, by its server id, and takes answers from that one alone.
+// LCM has no connections: the loss of a daemon is not reported, and any part can be lost. A frame arrives completely or
+// not at all, which the receiver detects by its deadline. Every daemon of the network receives each request, so the
+// channel is bound to one of them by its server id, and accepts answers of that one only.
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -26,14 +26,14 @@ namespace {
 
 constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kMaxReplyBytes = std::uint64_t{64} << 20;
-/// Messages that liblcm keeps between two calls of receive(): parts of 24 MB.
+/// Maximum messages in liblcm between two calls of receive(): parts of 24 MB.
 constexpr int kQueue = 512;
 constexpr std::chrono::milliseconds kAskAgain{200};
-/// Wait for greetings of further daemons, after the first.
+/// Time to wait for greetings of further daemons after the first.
 constexpr std::chrono::milliseconds kSettle{50};
-/// Silence of the bound daemon after which the refusal of another one is the answer.
+/// Silence of the bound daemon after which another daemon's rejection is the answer.
 constexpr std::chrono::milliseconds kSilence{500};
-/// Request ids of greetings: apart from those of Connection's own requests.
+/// Request ids of greetings, distinct from those of Connection's own requests.
 constexpr std::uint64_t kGreetings = kOwnRequests | std::uint64_t{1} << 60;
 
 class LcmFrame final : public Frame {
@@ -53,16 +53,15 @@ class LcmFrame final : public Frame {
 class LcmChannel final : public Channel {
  public:
   LcmChannel(const LcmAddress& address, Deadline deadline) : bus_(address), url_(address.url()) {
-    // Our own replies are known by the client's id, the second field behind the type's hash; the others' are not
-    // decoded.
+    // This client's replies have its id in the second field after the type's hash; others are not decoded.
     bus_.subscribe("CLEARANCE_FRAME_OUT", kQueue, [this](std::span<const std::byte> packet) {
       if (client_id_of(packet) == client_id_) take(packet);
     });
     bind(deadline);
   }
 
-  /// Pings until a daemon answers: it may not be up yet, and packets may be lost. Keeps the daemon bound so far if that
-  /// one answers.
+  /// Pings until a daemon responds, since it may still be starting and packets can be lost. Stays with the bound daemon
+  /// if that one responds.
   void bind(Deadline deadline) override {
     greeted_.clear();
     first_greeting_ = next_greeting_;
@@ -145,7 +144,7 @@ class LcmChannel final : public Channel {
   std::string url() const override { return url_; }
   bool may_lose() const override { return true; }
 
-  /// Parts that the bound daemon sent us; where none comes, an echo brings one.
+  /// Counts the parts from the bound daemon; requests an echo to get one.
   std::uint64_t sign_of_life() override {
     probe_due_ = false;
     ping(kSignRequest);
@@ -166,7 +165,7 @@ class LcmChannel final : public Channel {
     return node ? std::move(node.mapped()) : nullptr;
   }
 
-  /// An echo, whose arrival alone counts.
+  /// Requests an echo as a sign of life.
   void ping(std::uint64_t request_id) {
     const wire::FrameHeader header = wire::make_header(wire::FrameType::kPing, request_id, 0);
     std::memcpy(begin(sizeof header, 0), &header, sizeof header);
@@ -174,7 +173,7 @@ class LcmChannel final : public Channel {
     forget(request_id);
   }
 
-  /// Takes one message that waits; false if none does.
+  /// Receives one waiting message; returns false if there is none.
   bool handle() {
     try {
       return bus_.handle();
@@ -182,7 +181,7 @@ class LcmChannel final : public Channel {
       throw ConnectionError(url_ + ": " + error.what());
     }
   }
-  /// Takes one message, or waits for one; false once `deadline` has passed.
+  /// Receives one message, waiting if necessary; returns false after `deadline`.
   bool pump(Deadline deadline) { return Deadline::clock::now() < deadline && (handle() || bus_.wait(deadline)); }
 
   std::string several_answer() const {
@@ -192,7 +191,8 @@ class LcmChannel final : public Channel {
            "), and each has poses of its own; give each a prefix of its own (prefix= in the url)";
   }
 
-  /// A part for us. What is malformed, late or of another request is dropped: anybody may send on this network.
+  /// Handles a part for this client. Drops malformed and late parts and those of other requests, since every program on
+  /// the network can send.
   void take(std::span<const std::byte> packet) {
     clearance_lcm::frame_t part;
     if (!decode_checked(packet, part).empty()) return;
@@ -204,7 +204,7 @@ class LcmChannel final : public Channel {
     }
     const auto request_id = static_cast<std::uint64_t>(part.request_id);
     if (request_id >= first_greeting_ && request_id < next_greeting_) greeted_.insert(part.server_id);
-    // The refusals of other daemons are short: their answers to clients without an epoch are not put together.
+    // Rejections of other daemons are short. Their answers to clients without an epoch are not joined.
     if (!outstanding_.contains(request_id) || (!is_bound && part.parts != 1)) return;
     auto whole = assembler_.add(part, FrameAssembler::Clock::now());
     if (!whole) return;
@@ -219,8 +219,8 @@ class LcmChannel final : public Channel {
     }
   }
 
-  /// Keeps the kNewEpoch of another daemon. It is the answer if the bound daemon, which is pinged, proves to be gone:
-  /// it may have been restarted, with another server id.
+  /// Keeps the kNewEpoch of another daemon, and pings the bound one. If that is lost, perhaps restarted with another
+  /// server id, the kNewEpoch is the answer.
   void hold_refusal(std::uint64_t request_id, std::unique_ptr<Frame> frame) {
     if (frame->header().type != static_cast<std::uint16_t>(wire::FrameType::kError)) return;
     const auto error = wire::parse_error(wire::split_payload(frame->header(), frame->payload()).body);
@@ -236,11 +236,11 @@ class LcmChannel final : public Channel {
   std::string url_;
   std::int64_t client_id_ = draw_lcm_id();
   std::int64_t sequence_ = 0;
-  std::int64_t server_id_ = 0;      // of the bound daemon; 0: none yet
-  std::set<std::int64_t> greeted_;  // daemons that answered the greetings of the last bind()
+  std::int64_t server_id_ = 0;      // of the bound daemon, or 0
+  std::set<std::int64_t> greeted_;  // daemons that responded to the last bind()
   std::uint64_t first_greeting_ = kGreetings, next_greeting_ = kGreetings;
   std::uint64_t arrived_ = 0;             // parts from the bound daemon
-  std::optional<Deadline> silent_since_;  // first refusal of another daemon since the bound one was heard
+  std::optional<Deadline> silent_since_;  // first rejection by another daemon since the bound one's last part
   bool probe_due_ = false;
   LcmPacer pacer_;
   FrameBytes room_;

@@ -8,7 +8,7 @@
 namespace clearance {
 namespace {
 
-/// The keys of a url, options or environment, in this order: whoever is more explicit has the word.
+/// Returns the keys of the url, the options or the environment, in this order of precedence.
 ChannelKeys keys_of(const std::string& url, const Url& parsed, const ConnectOptions& options) {
   const auto choose = [](const std::string& option, const std::string& in_url, const char* variable) {
     const char* value = std::getenv(variable);

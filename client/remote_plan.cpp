@@ -11,7 +11,7 @@ namespace clearance {
 
 using wire::FrameType;
 
-/// By which it was opened, and is run and closed. Kept by the plan: it lasts as long.
+/// The connection that opens, runs and closes the plan, which keeps it open.
 struct RemotePlan::Connection {
   std::shared_ptr<Client::Impl> client;
 
@@ -73,7 +73,7 @@ RemotePlan::~RemotePlan() {
   try {
     connection_->client->connection.forget(connection_->send(FrameType::kClosePlan, info_.number));
   } catch (const std::exception&) {
-    // The connection is gone, and the plan with it.
+    // The connection and its plan are lost.
   }
 }
 
@@ -89,7 +89,7 @@ PlanRun RemotePlan::run(std::optional<std::chrono::nanoseconds> timeout, bool ch
 
 void RemotePlan::close() {
   if (!connection_) throw std::logic_error("this plan was closed");
-  // Given up first: whatever is thrown, it is over.
+  // Released first, so that the plan ends even if this throws.
   const std::shared_ptr<Connection> connection = std::move(connection_);
   connection->client->receive(connection->send(FrameType::kClosePlan, info_.number), FrameType::kPlanDone);
 }

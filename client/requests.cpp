@@ -10,7 +10,7 @@ wire::QueryHeader header_of(const Query& query, std::optional<std::uint32_t> pla
   if (plan && !(query.configurations.empty() && query.positions.empty()))
     throw std::invalid_argument("plan_on_device: poses and positions go into the plan's memory, not into its query");
   const std::uint64_t configurations = plan ? *plan : configuration_count(query);
-  // Throws if a count does not fit.
+  // Throws for a count that is too large.
   wire::query_payload_bytes(query.pairs.size(), query.bodies.size(), plan ? 0 : configurations);
   wire::QueryHeader q;
   copy_options(query, q);
@@ -74,7 +74,7 @@ std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const I
     return sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) +
            wire::columns_bytes(static_cast<std::uint64_t>(rows), fields, joints);
   } catch (const wire::WireError&) {
-    return 0;  // the daemon knows better, and will say so
+    return 0;  // only the daemon knows the size, and reports it
   }
 }
 

@@ -1,4 +1,4 @@
-// What a caller asks for, as the wire has it.
+// Conversion of a caller's requests to the wire format.
 #pragma once
 
 #include <cstddef>
@@ -14,27 +14,28 @@
 
 namespace clearance {
 
-/// Throws std::invalid_argument for configurations and bodies that do not match, wire::WireError for more than fits.
-/// \param plan of kOpenPlan: how many configurations its runs will have; the query has none then
+/// Throws std::invalid_argument for inconsistent configurations and bodies, wire::WireError for counts that are too
+/// large.
+/// \param plan number of configurations of each run of kOpenPlan, whose query has none
 wire::QueryHeader header_of(const Query& query, std::optional<std::uint32_t> plan = {});
 
-/// Names of its options that travel in records, which not every daemon knows.
+/// Returns the names of the options in records, which older daemons may not support.
 std::string options_in_records(const Query& query);
 
-/// The records of a query: its options and arrays that have no place in the header.
+/// Returns the records of a query: options and arrays outside the header.
 std::vector<std::byte> query_records(const Query& query);
 
-/// Bytes of the whole frame that answers a query, at most; 0 if only the daemon knows.
-/// \param scene what is known of it; null: nothing.
+/// Returns an upper bound on the size of the reply's frame in bytes, or 0 if only the daemon knows.
+/// \param scene the known scene, or null
 std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, std::size_t joints,
                                    const SceneInfo* scene);
 
-/// Throws std::invalid_argument for a name that has no room.
+/// Throws std::invalid_argument for a name that is too long.
 void set_body_name(char (&field)[64], std::string_view name);
 
-/// The payload of kAddBody. Throws std::invalid_argument unless there is exactly one shape.
+/// Returns the payload of kAddBody. Throws std::invalid_argument unless there is exactly one shape.
 std::vector<std::byte> payload_of(const NewBody& body);
-/// The records of kAddBody: what is not known of the body; empty where nothing is said of that.
+/// Returns the records of kAddBody with the body's uncertainty, or none if it is 0.
 std::vector<std::byte> records_of(const NewBody& body);
 
 }  // namespace clearance

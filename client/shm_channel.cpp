@@ -1,4 +1,4 @@
-// A channel over shared memory. The layout and the rules are drawn in shm_layout.h.
+// A channel over shared memory. shm_layout.h specifies layout and protocol.
 #include <poll.h>
 
 #include <algorithm>
@@ -33,9 +33,9 @@ using shm::UniqueFd;
 using SegmentPtr = std::shared_ptr<ClientSegment>;
 using State = ClientSegment::State;
 
-/// Longest sleep before the socket is looked at: how late a daemon's death is noticed.
+/// Interval between reads of the socket while waiting, and so the maximum delay to detect a daemon's death.
 constexpr std::chrono::nanoseconds kNap = 10ms;
-/// How long begin() waits for the daemon: for a larger segment, or for a slot whose reply nobody wants any more.
+/// Timeout of begin() for a larger segment, or for a slot with an abandoned reply.
 constexpr std::chrono::seconds kBeginTimeout{5};
 constexpr int kSpinsPerClockLook = 16;
 
@@ -58,7 +58,7 @@ class ShmFrame final : public Frame {
   wire::FrameHeader header_;
 };
 
-/// Whether a reply means: this needs more room than the slot has. Returns the room needed, else 0.
+/// Returns the size that a reply needs if it reports a lack of space, otherwise 0.
 std::uint64_t room_needed(const Frame& frame) {
   wire::ErrorHeader error;
   if (frame.header().type != static_cast<std::uint16_t>(wire::FrameType::kError) ||
@@ -71,7 +71,7 @@ std::uint64_t room_needed(const Frame& frame) {
 class ShmChannel final : public Channel {
  public:
   ShmChannel(const std::string& target, Deadline deadline) : target_(target), options_(parse_shm_options(target)) {
-    if (std::thread::hardware_concurrency() == 1) options_.spin = 0ns;  // the daemon could not run meanwhile
+    if (std::thread::hardware_concurrency() == 1) options_.spin = 0ns;  // spinning would block the daemon
     open(deadline);
   }
 
@@ -97,7 +97,7 @@ class ShmChannel final : public Channel {
         throw RequestError(static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge),
                            url() + ": a request of " + std::to_string(frame_bytes) + " bytes does not fit: " + why);
     } else if (reply_bytes > current_->reply_capacity() && reply_bytes < refused_reply_) {
-      std::string why;  // only a guess of the caller's: if it is refused, the daemon will say what is really needed
+      std::string why;  // the size is an estimate; after a rejection, the reply reports the required size
       if (!grow(frame_bytes, reply_bytes, Clock::now() + kBeginTimeout, why)) refused_reply_ = reply_bytes;
     }
     room_.slot = take_slot();
@@ -153,7 +153,7 @@ class ShmChannel final : public Channel {
     const auto [segment, index] = find(request_id);
     if (!segment) return;
     ClientSegment::Slot& slot = segment->slots()[index];
-    slot.forgotten = true;  // its slot comes back with the reply
+    slot.forgotten = true;  // the reply will return its slot
     if (slot.state != State::kPosted) {
       slot.state = State::kIdle;
       segment->give_slot(index);
@@ -211,7 +211,7 @@ class ShmChannel final : public Channel {
     Message hello;
     hello.wire_version = wire::kVersion;
     hello.kind = static_cast<std::uint32_t>(MessageKind::kHello);
-    shm::send_message(socket_.get(), hello);  // if it fails, the daemon has refused us: its reason can be read
+    shm::send_message(socket_.get(), hello);  // on failure, the daemon has rejected us, and its reason follows
     std::array<UniqueFd, shm::kMaxPassedFds> fds;
     const Message answer = await_answer(deadline, fds);
     if (static_cast<MessageKind>(answer.kind) == MessageKind::kRefused)
@@ -221,7 +221,7 @@ class ShmChannel final : public Channel {
     wake_ = std::move(fds[1]);
   }
 
-  /// The daemon's next message: kSegment or kRefused. Throws ConnectionError, TimeoutError, what the watch throws.
+  /// Returns the daemon's next message, kSegment or kRefused. Throws ConnectionError, TimeoutError, DaemonHung.
   Message await_answer(Deadline deadline, std::array<UniqueFd, shm::kMaxPassedFds>& fds) {
     for (bool reset = false;;) {
       Message message;
@@ -234,7 +234,7 @@ class ShmChannel final : public Channel {
         ::poll(&waiting, 1, static_cast<int>(std::min<std::chrono::milliseconds>(left, 1h).count()));
         continue;
       }
-      // The daemon closed before it read what we sent: its last message is still to be had.
+      // The daemon closed the socket with unread data. Its last message can still be received.
       if (received < 0 && errno == ECONNRESET && !std::exchange(reset, true)) continue;
       if (received <= 0) die(received < 0 ? std::strerror(errno) : "the daemon closed the connection");
       message.text[sizeof message.text - 1] = '\0';
@@ -254,7 +254,7 @@ class ShmChannel final : public Channel {
     throw ConnectionError(dead_);
   }
 
-  /// Notices a daemon that is gone. Replies that it had posted can still be received.
+  /// Detects the loss of the daemon. Replies that it had posted can still be received.
   void look_at_socket() {
     Message message;
     const ssize_t received = shm::receive_message(socket_.get(), message);
@@ -268,9 +268,9 @@ class ShmChannel final : public Channel {
 
   // --- segments and slots
 
-  /// Moves on to a segment whose slots hold so much. False with `why` if the daemon refuses one.
+  /// Changes to a segment with slots of this size. Returns false and sets `why` if the daemon rejects it.
   bool grow(std::uint64_t request_bytes, std::uint64_t reply_bytes, Deadline deadline, std::string& why) {
-    // Doubling keeps a caller whose batches grow little by little from asking each time; near the limits, be exact.
+    // Doubling avoids a new segment for every slightly larger batch; near the limits, sizes are exact.
     const auto doubled = [](std::uint64_t bytes, std::uint64_t limit) {
       return bytes > limit / 2 ? bytes : std::bit_ceil(bytes);
     };
@@ -295,7 +295,7 @@ class ShmChannel final : public Channel {
     try {
       answer = await_answer(deadline, fds);
     } catch (const ConnectionError& error) {
-      if (dead_.empty()) dead_ = error.what();  // a late answer would be taken for that to another question
+      if (dead_.empty()) dead_ = error.what();  // a late answer would be assigned to another request
       throw;
     }
     if (static_cast<MessageKind>(answer.kind) == MessageKind::kRefused) {
@@ -310,7 +310,7 @@ class ShmChannel final : public Channel {
     return true;
   }
 
-  /// Gives back outgrown segments that hold no request, reply or frame any more.
+  /// Releases outgrown segments without requests, replies or frames.
   void retire_outgrown() {
     std::erase_if(outgrown_, [this](const SegmentPtr& segment) {
       if (!segment->all_free()) return false;
@@ -322,7 +322,7 @@ class ShmChannel final : public Channel {
     });
   }
 
-  /// The segment and slot of a request that is under way; a null segment if there is none.
+  /// Returns segment and slot of a pending request; a null segment if there is none.
   std::pair<SegmentPtr, std::uint32_t> find(std::uint64_t request_id) const {
     const auto look = [&](const SegmentPtr& segment) -> int {
       const auto& slots = segment->slots();
@@ -384,7 +384,7 @@ class ShmChannel final : public Channel {
     if (!sane && dead_.empty()) dead_ = url() + ": the shared segment is garbled";
   }
 
-  /// Waits until something was posted to `segment`, or a while has passed.
+  /// Waits for a new entry in `segment`, for a limited time.
   void wait(ClientSegment& segment, Clock::time_point now, Deadline deadline) {
     if (options_.spin > 0ns && spins_.opens()) {
       const auto end = std::min<Clock::time_point>(now + options_.spin, deadline);
@@ -415,8 +415,8 @@ class ShmChannel final : public Channel {
     return frame;
   }
 
-  /// If the reply says that it would need more room, sends the request again from a larger segment. The frame still
-  /// leases the slot, so the request is still there. False if the reply is to be taken as it is.
+  /// Sends the request again from a larger segment if the reply reports a lack of space. The frame still leases the
+  /// slot, so that the request is intact. Returns false to accept the reply.
   bool send_again(const SegmentPtr& segment, std::uint32_t index, const Frame& reply) {
     const ClientSegment::Slot old = segment->slots()[index];
     const std::uint64_t needed = room_needed(reply);
@@ -445,9 +445,9 @@ class ShmChannel final : public Channel {
   UniqueFd wake_;  ///< eventfd that wakes the daemon
   SegmentPtr current_;
   std::vector<SegmentPtr> outgrown_;
-  TakenSlot room_;                                   ///< what begin() gave and send() has not taken yet
-  std::string dead_;                                 ///< why the connection is of no use any more; empty: it is
-  std::uint64_t refused_reply_ = ~std::uint64_t{0};  ///< a reply capacity that the daemon has refused
+  TakenSlot room_;                                   ///< memory given by begin(), until send()
+  std::string dead_;                                 ///< reason that the connection is unusable, or empty
+  std::uint64_t refused_reply_ = ~std::uint64_t{0};  ///< a reply capacity that the daemon has rejected
   SpinGate spins_;
 };
 

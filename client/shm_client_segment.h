@@ -1,4 +1,4 @@
-// The client's side of a shared segment: its mapping, its slots and the rings in it.
+// The client's side of a shared segment: mapping, slots and rings.
 #pragma once
 
 #include <atomic>
@@ -14,28 +14,28 @@
 
 namespace clearance {
 
-/// A mapped segment and what this side knows about its slots. Frames and the channel keep it alive together.
+/// A mapped segment with the client's state of its slots, shared by frames and the channel.
 ///
-/// One thread at a time, except give_slot(): a frame may be let go of anywhere.
+/// Not thread-safe, except give_slot(), since frames are freed on any thread.
 class ClientSegment {
  public:
   enum class State : std::uint8_t {
     kIdle,     ///< free, being written to, or leased to a frame
-    kPosted,   ///< the daemon has it
-    kArrived,  ///< its reply is there and was not asked for yet
-    kDropped,  ///< the daemon gave it back unanswered
+    kPosted,   ///< posted to the daemon
+    kArrived,  ///< with a reply that was not fetched yet
+    kDropped,  ///< returned by the daemon without an answer
   };
   struct Slot {
     State state = State::kIdle;
-    bool forgotten = false;  ///< nobody wants the reply
-    bool retried = false;    ///< this request was already sent again because its reply did not fit
+    bool forgotten = false;  ///< whether the request was abandoned
+    bool retried = false;    ///< whether the request was sent again because its reply did not fit
     std::uint32_t generation = 0;
     std::uint64_t request_id = 0;
     std::uint64_t request_bytes = 0;
     std::uint64_t reply_bytes = 0;
   };
 
-  /// Maps what the daemon handed over. Throws ConnectionError, naming `url`, if it is not a segment of this layout.
+  /// Maps the daemon's segment. Throws ConnectionError naming `url` if it does not have this layout.
   ClientSegment(const shm::UniqueFd& memfd, const std::string& url);
   ~ClientSegment();
   ClientSegment(const ClientSegment&) = delete;
@@ -48,21 +48,21 @@ class ClientSegment {
   std::byte* request_area(std::uint32_t slot) { return requests_ + slot * request_capacity_; }
   const std::byte* reply_area(std::uint32_t slot) const { return replies_ + slot * reply_capacity_; }
 
-  /// Takes the free slot of the lowest number, whose pages are likely to be there and warm; -1: none is free.
+  /// Takes the lowest free slot, whose pages are likely mapped and cached. Returns -1 if there is none.
   int take_slot();
   void give_slot(std::uint32_t slot) { free_.fetch_or(std::uint64_t{1} << slot, std::memory_order_release); }
   bool all_free() const { return free_.load(std::memory_order_acquire) == all_slots_; }
 
-  /// Posts the frame in a slot's request area. Returns true if the daemon sleeps and must be woken.
+  /// Posts the frame in a slot's request area. Returns true if the caller must wake the daemon.
   bool post(std::uint32_t slot);
-  /// Takes in the replies that were posted since. False if what the daemon posted makes no sense.
+  /// Receives the newly posted replies. Returns false for an invalid entry.
   bool collect();
   /// Whether no reply was posted since the last collect().
   bool nothing_new() const { return header_->reply_head.load(std::memory_order_acquire) == reply_tail_; }
-  /// Turns of the daemon's loop so far; 0: it does not count them.
+  /// Iterations of the daemon's loop so far, or 0 if it does not count them.
   std::uint64_t turns() const { return header_->turns.load(std::memory_order_relaxed); }
   bool daemon_sleeps() const { return header_->daemon_sleeping.load(std::memory_order_seq_cst) != 0; }
-  /// Sleeps until a reply is posted, at most `timeout`. May return early.
+  /// Sleeps until a reply is posted, for at most `timeout`. May return early.
   void sleep(std::chrono::nanoseconds timeout);
 
  private:
@@ -76,9 +76,9 @@ class ClientSegment {
   std::uint64_t request_capacity_ = 0, reply_capacity_ = 0;
   std::vector<Slot> slots_;
   std::uint64_t all_slots_ = 0;
-  std::atomic<std::uint64_t> free_{0};  ///< a bit for each slot that is neither in use nor leased to a frame
+  std::atomic<std::uint64_t> free_{0};  ///< a bit per slot that is neither in use nor leased to a frame
   std::uint32_t request_head_ = 0;      ///< requests posted
-  std::uint32_t reply_tail_ = 0;        ///< replies taken in
+  std::uint32_t reply_tail_ = 0;        ///< replies received
 };
 
 }  // namespace clearance

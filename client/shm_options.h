@@ -1,4 +1,4 @@
-// What the url of a shared-memory daemon says.
+// Options in the url of a shared-memory daemon.
 #pragma once
 
 #include <sys/types.h>
@@ -12,10 +12,10 @@ namespace clearance {
 struct ShmOptions {
   std::string path;
   std::chrono::nanoseconds spin = std::chrono::microseconds(20);
-  std::optional<uid_t> user = {};  ///< whose daemon it is; none: our own
+  std::optional<uid_t> user = {};  ///< user of the daemon, by default this user
 };
 
-/// "path?spin_us=20&user=clearance". Throws std::invalid_argument for an option that it does not know.
+/// Parses "path?spin_us=20&user=clearance". Throws std::invalid_argument for an unknown option.
 ShmOptions parse_shm_options(const std::string& target);
 
 }  // namespace clearance

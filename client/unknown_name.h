@@ -1,4 +1,4 @@
-// What is said of a name that a scene does not have.
+// Error texts for names that a scene does not have.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace clearance {
 
-/// Letters to insert, delete or replace to make one word of the other.
+/// Edit distance: letters to insert, delete or replace to convert one word into the other.
 inline std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), 0);
@@ -26,7 +26,7 @@ inline std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-/// "no body \"lnk1\" in the scene; did you mean \"link1\"?"
+/// Returns a text such as "no body \"lnk1\" in the scene; did you mean \"link1\"?"
 template <class Named>
 [[noreturn]] void unknown_name(const char* what, std::string_view name, const std::vector<Named>& known) {
   std::vector<std::pair<std::size_t, std::string_view>> near;

@@ -9,7 +9,7 @@ bool starts_with(const std::string& text, const char* prefix) {
   return text.rfind(prefix, 0) == 0;
 }
 
-/// Takes "NAME=..." out of the options behind the '?' of a url. Empty: it is not there.
+/// Removes "NAME=..." from the options after the '?' of a url. Returns its value, or empty.
 std::string take_option(std::string& url, const std::string& name) {
   const std::size_t question = url.find('?');
   if (question == std::string::npos) return "";

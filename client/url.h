@@ -1,4 +1,4 @@
-// What a client's url says.
+// Parsed urls of daemons.
 #pragma once
 
 #include <string>
@@ -9,14 +9,14 @@ enum class UrlKind { kShm, kZmq, kLcm };
 
 struct Url {
   UrlKind kind = UrlKind::kShm;
-  std::string target;      ///< kShm: the socket's path, with its options; kZmq: the endpoint; kLcm: the LCM url
-  std::string prefix;      ///< kLcm: of the channels' names
-  std::string server_key;  ///< tcp: file of the daemon's public key; empty: no keys
-  std::string key;         ///< tcp: file of the client's own pair
+  std::string target;      ///< the socket's path with options (kShm), the endpoint (kZmq) or the LCM url (kLcm)
+  std::string prefix;      ///< prefix of the channels' names, for kLcm
+  std::string server_key;  ///< file of the daemon's public key, for tcp; empty without keys
+  std::string key;         ///< file of the client's own pair, for tcp
 };
 
-/// "shm:///path", "ipc:///path", "tcp://host:port?server_key=FILE&key=FILE", "udpm://group:port?ttl=0&prefix=NAME_".
-/// Throws std::invalid_argument saying which kinds there are.
+/// Parses "shm:///path", "ipc:///path", "tcp://host:port?server_key=FILE&key=FILE" or
+/// "udpm://group:port?ttl=0&prefix=NAME_". Throws std::invalid_argument with the list of kinds.
 Url parse_url(const std::string& url);
 
 }  // namespace clearance

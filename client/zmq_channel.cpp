@@ -1,4 +1,4 @@
-// A connection over ZeroMQ: DEALER to the daemon's ROUTER, a frame as two message parts.
+// A connection over ZeroMQ, from a DEALER to the daemon's ROUTER, with frames as two message parts.
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -20,18 +20,18 @@
 namespace clearance {
 namespace {
 
-/// Payloads from this size on are handed to ZeroMQ without a copy.
+/// Minimum size of payloads that ZeroMQ gets without a copy.
 constexpr std::uint64_t kHandOverBytes = 64 * 1024;
-/// Requests without a reply: for so many the daemon has room, should their replies wait.
+/// Maximum number of requests without a reply, for whose replies the daemon has queue space.
 constexpr std::size_t kMostOutstanding = 1000;
-/// Longest wait for a reply before the monitor is looked at: how late a daemon's death is noticed.
+/// Interval between reads of the monitor while waiting, and so the maximum delay to detect a daemon's death.
 constexpr std::chrono::milliseconds kPollNap{10};
 
 class ZmqFrame final : public Frame {
  public:
   ZmqFrame(const wire::FrameHeader& header, zmq::message_t payload) : header_(header), message_(std::move(payload)) {
     data_ = message_.data<std::byte>();
-    // ZeroMQ aligns nothing: small messages lie where they arrived in its receive buffer.
+    // ZeroMQ does not align messages; small ones stay in its receive buffer.
     if (reinterpret_cast<std::uintptr_t>(data_) % wire::kColumnAlignment && message_.size()) {
       copy_ = aligned_bytes(message_.size());
       std::memcpy(copy_.get(), data_, message_.size());
@@ -59,7 +59,7 @@ class ZmqChannel final : public Channel {
         monitor_(context_, zmq::socket_type::pair) {
     socket_.set(zmq::sockopt::linger, 0);
     socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(wire::kMaxFrameBytes));
-    // A daemon that went away is an error, not a pause: a new one may serve another scene.
+    // No reconnection: a lost daemon is an error, since a new one can have another scene.
     socket_.set(zmq::sockopt::reconnect_ivl, -1);
     if (with_keys_) {
       set_key(ZMQ_CURVE_SERVERKEY, keys.server);
@@ -140,14 +140,14 @@ class ZmqChannel final : public Channel {
   std::string url() const override { return endpoint_; }
   bool lost() const override { return gone_; }
 
-  /// Heartbeats of ZeroMQ's own are answered by its thread, whatever the daemon's loop does; an echo by the loop.
+  /// Requests an echo from the daemon's loop, since ZeroMQ's own thread answers ZeroMQ's heartbeats.
   std::uint64_t sign_of_life() override {
     const wire::FrameHeader echo = wire::make_header(wire::FrameType::kPing, kSignRequest, 0);
     zmq::message_t first(&echo, sizeof echo), second;
     try {
       if (clearance::send(socket_, first, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
         clearance::send(socket_, second, zmq::send_flags::none);
-    } catch (const zmq::error_t&) {  // no sign then
+    } catch (const zmq::error_t&) {  // without a sign of life
     }
     return arrived_ + 1;
   }
@@ -160,14 +160,14 @@ class ZmqChannel final : public Channel {
   }
 
   std::string why_refused() const {
-    // The first that went wrong: the connection is closed after it in any case.
+    // The first failure, after which the connection is closed in any case.
     switch (failure_) {
       case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
         return "the daemon refuses this client's key: it is not among those it has been told of (authorized)";
       case ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL:
       case ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL:
       case ZMQ_EVENT_DISCONNECTED:
-        if (endpoint_.rfind("ipc://", 0) == 0)  // where keys have no part
+        if (endpoint_.rfind("ipc://", 0) == 0)  // which has no keys
           return "the daemon hung up before the first word: it is ending, or has no descriptor for another client";
         return with_keys_ ? "the daemon there has another key than server_key, or uses none"
                           : "the daemon there wants keys: give server_key=FILE&key=FILE in the url, or "
@@ -184,12 +184,11 @@ class ZmqChannel final : public Channel {
     return "no daemon listens there";
   }
 
-  /// Takes every message that is there, up to and including the reply to `request_id`; waits for the first one for
-  /// `nap`.
+  /// Receives all available messages up to the reply to `request_id`; waits up to `nap` for the first one.
   void take_arrived(std::uint64_t request_id, std::chrono::milliseconds nap) {
     if (kept_.count(request_id)) return;
     try {
-      // One blocking call, where zmq::poll() on this socket and the monitor's takes half a dozen system calls.
+      // One blocking call, since zmq::poll() on this socket and the monitor's needs half a dozen system calls.
       if (nap.count() > 0) socket_.set(zmq::sockopt::rcvtimeo, static_cast<int>(nap.count()));
       auto flags = nap.count() > 0 ? zmq::recv_flags::none : zmq::recv_flags::dontwait;
       zmq::message_t part;
@@ -221,7 +220,7 @@ class ZmqChannel final : public Channel {
       kept_[header.request_id] = std::make_unique<ZmqFrame>(header, std::move(parts_[1]));
   }
 
-  /// False after the deadline.
+  /// Returns false after the deadline.
   bool wait(std::vector<zmq::pollitem_t>& items, Deadline deadline) {
     const auto left = deadline - std::chrono::steady_clock::now();
     if (left <= left.zero()) return false;
