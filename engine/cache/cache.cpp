@@ -21,14 +21,14 @@ namespace clearance {
 
 namespace {
 
-constexpr std::uint64_t kMagic = 0x3165686361634c43;  // "CLcache1": also tells the order of bytes
-constexpr const char* kUnfinished = "unfinished-";    // begins the name of what is being written
-constexpr std::chrono::hours kUnfinishedFor{1};       // after that its writer is taken for dead
-constexpr std::uint64_t kLooks = 32;                  // in the time in which this process could fill the cache
+constexpr std::uint64_t kMagic = 0x3165686361634c43;  // "CLcache1", which also identifies the byte order
+constexpr const char* kUnfinished = "unfinished-";    // prefix of files that are being written
+constexpr std::chrono::hours kUnfinishedFor{1};       // age at which the writer counts as dead
+constexpr std::uint64_t kLooks = 32;                  // scans while this process writes as much as the cache can hold
 
 struct Header {
   std::uint64_t magic, payload_bytes;
-  Sha256Digest digest;  // of the name and the payload
+  Sha256Digest digest;  // digest of the name and the payload
 };
 static_assert(sizeof(Header) == 48);
 
@@ -61,12 +61,12 @@ bool write_all(int fd, const void* from, std::size_t bytes) {
   return true;
 }
 
-// Whether the file is one that this user has written and nobody else can have.
+// Whether the file can only have been written by this user.
 bool is_own(const struct stat& info) {
   return S_ISREG(info.st_mode) && info.st_uid == ::geteuid() && !(info.st_mode & (S_IWGRP | S_IWOTH));
 }
 
-// The payload of an open entry, if everything about it is right.
+// Returns the payload of an open entry if it is valid.
 std::optional<std::vector<std::byte>> payload_of(int fd, const std::string& name, std::uint64_t most_bytes) {
   struct stat info{};
   Header header{};
@@ -79,7 +79,7 @@ std::optional<std::vector<std::byte>> payload_of(int fd, const std::string& name
   return payload;
 }
 
-// "KIND" of "KIND-DIGEST"; empty for a file that is no entry.
+// Returns "KIND" of "KIND-DIGEST", or empty for a file that is no entry.
 std::string kind_of(const std::string& name) {
   constexpr std::size_t kDigits = 2 * sizeof(Sha256Digest);
   if (name.size() < kDigits + 2 || name[name.size() - kDigits - 1] != '-') return "";
@@ -176,7 +176,7 @@ std::optional<std::vector<std::byte>> Cache::read(const std::string& name) const
   if (!payload)
     ::unlinkat(folder_.get(), name.c_str(), 0);
   else
-    ::futimens(file.get(), nullptr);  // used now
+    ::futimens(file.get(), nullptr);  // marks it as used now
   return payload;
 }
 
@@ -205,7 +205,7 @@ void Cache::write(const std::string& name, std::span<const std::byte> payload) c
     make_room();
 }
 
-// Other processes write, too: each looks again after it has written a small part of what the folder may hold.
+// Other processes write, too, so each scans the folder again after writing a small part of its maximum size.
 void Cache::make_room() const {
   std::vector<File> files = files_in(folder_);
   std::uint64_t held = 0;

@@ -1,9 +1,9 @@
-// What was long in the making, kept for the next time in one folder that is this user's alone.
+// Cache of expensive results in a folder that only this user can write.
 //
-// An entry is a few bytes of header and a payload. Its name is a SHA-256 digest of everything that the payload depends
-// on, the version of what made it included, so an entry is never out of date: what has changed has another name. It is
-// believed only if it belongs to this user, nobody else may write it, and length and digest are those of its header.
-// Otherwise it is removed, and whoever asked makes it anew: nothing in the cache, and no cache, is ever an error.
+// An entry is a short header and a payload. Its name is a SHA-256 digest of everything that the payload depends on,
+// including the version of the code that makes it, so that entries never become stale. An entry is valid only if it
+// belongs to this user, no other user can write it, and length and digest match its header. Invalid entries are
+// removed, and their payloads are computed again. Neither an invalid entry nor a missing cache is an error.
 #pragma once
 
 #include <chrono>
@@ -21,17 +21,18 @@
 
 namespace clearance {
 
-/// What an entry is made from, put together part by part.
+/// Key of an entry, built part by part from the inputs of its payload.
 class CacheKey {
  public:
-  /// \param kind of entry, lower-case letters and '-'. \param version of what makes entries of this kind.
+  /// \param kind kind of entry, lower-case letters and '-'
+  /// \param version version of the code that makes entries of this kind
   CacheKey(std::string_view kind, std::string_view version);
-  /// Each part goes in with its length: "ab", "c" and "a", "bc" are two keys.
+  /// Adds a part with its length, so that "ab", "c" and "a", "bc" are different keys.
   CacheKey& add(std::string_view part);
   CacheKey& add(const Sha256Digest& part);
   CacheKey& add(std::uint64_t part);
   CacheKey& add(double part);  ///< by its bits
-  /// "KIND-DIGEST", the name of the entry's file. Once, after the last part.
+  /// Returns "KIND-DIGEST", the name of the entry's file. Call once, after the last part.
   std::string name();
 
  private:
@@ -39,40 +40,39 @@ class CacheKey {
   Sha256 digest_;
 };
 
-/// One entry, as `clearance cache list` shows it.
+/// One entry, as shown by `clearance cache list`.
 struct CacheEntry {
   std::string name, kind;
   std::uint64_t bytes = 0;
   std::chrono::system_clock::time_point used;  ///< last read or written
 };
 
-/// May be used by several threads, and by many processes at a time on one folder.
+/// Thread-safe. Many processes can share one folder.
 class Cache {
  public:
   static constexpr std::uint64_t kMostBytes = std::uint64_t{2} << 30;
 
-  /// The cache that the environment asks for. CLEARANCE_CACHE: `off`, or the folder's absolute path; else `clearance`
-  /// in $XDG_CACHE_HOME or ~/.cache. CLEARANCE_CACHE_MIB: how much it may hold, 2048 by default.
+  /// Opens the cache that the environment configures. CLEARANCE_CACHE is `off` or the folder's absolute path, by
+  /// default `clearance` in $XDG_CACHE_HOME or ~/.cache. CLEARANCE_CACHE_MIB is its maximum size, by default 2048.
   static Cache of_environment();
 
-  /// A folder, made if it is not there (private_folder.h says which are refused), that may hold so many bytes.
+  /// Opens a folder of at most so many bytes, and creates it if necessary (private_folder.h lists rejected ones).
   explicit Cache(const std::string& folder, std::uint64_t most_bytes = kMostBytes);
 
-  /// Whether anything is kept. \return why not, in `why_off()`: empty if it was asked for.
+  /// Whether the cache is on. why_off() returns the reason if not, or empty if it was switched off.
   bool is_on() const { return bool(folder_); }
   const std::string& why_off() const { return why_off_; }
   const std::string& path() const { return path_; }
   std::uint64_t most_bytes() const { return most_bytes_; }
 
-  /// The payload of an entry; none if there is no such entry, or none that can be believed.
+  /// Returns the payload of an entry, or nothing without a valid entry.
   std::optional<std::vector<std::byte>> read(const std::string& name) const;
-  /// Keeps a payload, unless it is too large or cannot be written. Entries that were not used for longest go to make
-  /// room.
+  /// Stores a payload, unless it is too large or cannot be written. Evicts the least recently used entries.
   void write(const std::string& name, std::span<const std::byte> payload) const;
 
-  /// All entries, last used first.
+  /// Returns all entries, most recently used first.
   std::vector<CacheEntry> list() const;
-  /// Removes all entries; how many there were.
+  /// Removes all entries, and returns their number.
   std::size_t clear() const;
 
  private:
@@ -84,7 +84,7 @@ class Cache {
   Fd folder_;
   std::uint64_t most_bytes_ = 0;
   mutable std::mutex mutex_;
-  mutable std::uint64_t room_ = 0;  ///< bytes that may be written before the folder is looked through again
+  mutable std::uint64_t room_ = 0;  ///< bytes that can be written before the next scan of the folder
 };
 
 }  // namespace clearance

@@ -12,9 +12,9 @@ namespace clearance {
 
 namespace {
 
-constexpr int kMostLinks = 40;  // as the kernel
+constexpr int kMostLinks = 40;  // as in the kernel
 
-/// Walks along a path, one name at a time, and looks whose each step is.
+/// Walks along a path, one name at a time, and checks the owner of each step.
 class Walk {
  public:
   explicit Walk(std::string* why) : at_(::open("/", O_PATH | O_DIRECTORY | O_CLOEXEC)), why_(why) {}
@@ -36,7 +36,7 @@ class Walk {
   }
   bool fail(int error) { return fail(std::generic_category().message(error)); }
 
-  // The names of a path, before those that are left.
+  // Puts the names of a path before the remaining ones.
   void push(const std::string& path) {
     std::deque<std::string> names;
     for (std::size_t begin = 0, end; begin < path.size(); begin = end + 1) {
@@ -52,7 +52,7 @@ class Walk {
     if (::fstatat(at_.get(), name.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) {
       if (errno != ENOENT || (::mkdirat(at_.get(), name.c_str(), 0700) != 0 && errno != EEXIST)) return fail(errno);
     }
-    // What is looked at is what is gone on with, whatever happens to the name meanwhile.
+    // Checks and continues with the same descriptor, so that a concurrent rename has no effect.
     Fd next(::openat(at_.get(), name.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
     if (!next || ::fstat(next.get(), &info) != 0) return fail(errno);
     if (info.st_uid != 0 && info.st_uid != ::geteuid()) return fail("belongs to somebody else");

@@ -1,4 +1,4 @@
-// A folder that nobody but this user can have put anything into.
+// A folder whose contents can only come from this user.
 #pragma once
 
 #include <string>
@@ -7,11 +7,12 @@
 
 namespace clearance {
 
-/// Opens the folder, which is made (mode 0700, and so are folders above it) if it is not there.
+/// Opens the folder, and creates it and its parents if necessary (mode 0700).
 ///
-/// Refused: a folder that somebody else owns or may write to; a path that leads through a link or folder of somebody
-/// else than this user and root, or through a folder that everybody may write to (except sticky ones, such as /tmp).
-/// \param path absolute. Returns no descriptor and sets *why if it is refused or cannot be made.
+/// Rejects a folder that another user owns or can write to, and a path through a link or folder of a user other than
+/// this one and root, or through a world-writable folder (except sticky ones, such as /tmp). Returns no descriptor and
+/// sets *why if the folder is rejected or cannot be created.
+/// \param path absolute path
 Fd open_private_folder(const std::string& path, std::string* why);
 
 }  // namespace clearance

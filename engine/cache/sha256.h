@@ -1,4 +1,4 @@
-// Cryptographic digests (SHA-256, by libcrypto): two inputs of the same digest have not been found by anybody.
+// Cryptographic digests (SHA-256, by libcrypto), for which no collisions are known.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ struct evp_md_ctx_st;
 namespace clearance {
 
 using Sha256Digest = std::array<unsigned char, 32>;
-/// Lower-case hexadecimal digits.
+/// Formats a digest as lower-case hexadecimal digits.
 std::string hex(const Sha256Digest& digest);
 
 class Sha256 {
@@ -23,7 +23,7 @@ class Sha256 {
   ~Sha256();
   void add(const void* data, std::size_t bytes);
   void add(std::span<const std::byte> data) { add(data.data(), data.size()); }
-  /// Of all that was added; nothing can be added after it.
+  /// Returns the digest of all added data. No data can be added afterwards.
   Sha256Digest digest();
 
  private:

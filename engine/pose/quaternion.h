@@ -1,4 +1,4 @@
-// Quaternions over any scalar: what kinematics is made of, for one configuration, SIMD lanes and a GPU alike.
+// Quaternions over any scalar, for kinematics in single configurations, SIMD lanes and GPU threads.
 #pragma once
 
 #include "engine/base/vec.h"
@@ -10,15 +10,15 @@ struct Quaternion {
   T w, x, y, z;
 };
 
-/// The turn b and then, seen from outside, a. Each component errs by 3 roundings of the sum of its terms' sizes at
-/// most.
+/// The rotation b followed by a in fixed axes. The error of each component is at most 3 roundings of the sum of its
+/// terms' magnitudes.
 template <class T>
 CLEARANCE_INLINE Quaternion<T> product(const Quaternion<T>& a, const Quaternion<T>& b) {
   return {(a.w * b.w - a.x * b.x) - (a.y * b.y + a.z * b.z), (a.w * b.x + a.x * b.w) + (a.y * b.z - a.z * b.y),
           (a.w * b.y + a.y * b.w) + (a.z * b.x - a.x * b.z), (a.w * b.z + a.z * b.w) + (a.x * b.y - a.y * b.x)};
 }
 
-/// M(q) v: for a q of length 1 + d, v turned and longer by a factor of (1 + d)^2.
+/// M(q) v. For a q of length 1 + d, rotates v and scales it by (1 + d)^2.
 template <class T>
 CLEARANCE_INLINE Vec3<T> turned(const Quaternion<T>& q, const Vec3<T>& v) {
   const T two(2.0);
@@ -29,7 +29,7 @@ CLEARANCE_INLINE Vec3<T> turned(const Quaternion<T>& q, const Vec3<T>& v) {
           two * (xz - wy) * v.x + two * (yz + wx) * v.y + ((ww + zz) - (xx + yy)) * v.z};
 }
 
-/// Of a q that is within 20 roundings of length 1: the same turn, within 4 roundings of length 1.
+/// Normalises a q within 20 roundings of length 1 to within 4 roundings of it.
 template <class T>
 CLEARANCE_INLINE Quaternion<T> renormalised(const Quaternion<T>& q) {
   const T f = T(1.5) - T(0.5) * ((q.w * q.w + q.x * q.x) + (q.y * q.y + q.z * q.z));

@@ -1,12 +1,12 @@
-// Sine and cosine of our own: additions and products alone, so that a scalar, a SIMD lane and a GPU thread give the
-// same bits, with an error that is proved (docs/bounds.md, "Sine and cosine").
+// Sine and cosine from additions and products only, so that a scalar, a SIMD lane and a GPU thread give the same bits,
+// with a proved error bound (docs/bounds.md, "Sine and cosine").
 #pragma once
 
 #include "engine/base/lane.h"
 
 namespace clearance {
 
-/// Largest angle, in radians, that sin_cos() is proved for.
+/// Largest angle, in radians, for which the bound of sin_cos() is proved.
 inline constexpr double kMaxAngle = 1e6;
 
 template <class T>
@@ -14,7 +14,7 @@ struct SinCos {
   T sine, cosine;
 };
 
-/// value + rest, exactly some number.
+/// Unevaluated sum value + rest, which represents a number exactly.
 template <class T>
 struct TwoPart {
   T value, rest;
@@ -57,7 +57,7 @@ CLEARANCE_INLINE SinCos<T> sin_cos(const T& x, const T& rest) {
   const TwoPart<T> r = exact_sum(x - n * T(kHalfPi[0]), -(n * T(kHalfPi[1])));
   const T low = (r.rest - n * T(kHalfPi[2])) + rest;
   const T& high = r.value;
-  // Taylor's series: up to pi/4 what is left out is below 2^-63 and 2^-58.
+  // Taylor's series: up to pi/4, the remainders are below 2^-63 and 2^-58.
   const T z = high * high;
   const T s = polynomial(z, -1 / 6.0, 1 / 120.0, -1 / 5040.0, 1 / 362880.0, -1 / 39916800.0, 1 / 6227020800.0,
                          -1 / 1307674368000.0, 1 / 355687428096000.0);

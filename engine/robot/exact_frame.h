@@ -1,4 +1,4 @@
-// Frames of a URDF to about 95 bits, from which constants are rounded once.
+// Frames of a URDF to about 95 bits, from which constants are rounded only once.
 #pragma once
 
 #include "engine/base/double_double.h"
@@ -7,7 +7,7 @@
 
 namespace clearance {
 
-/// A frame in another, to about 95 bits.
+/// Pose of a frame in another, to about 95 bits.
 struct ExactFrame {
   Quaternion<DoubleDouble> q{1, 0, 0, 0};
   Vec3<DoubleDouble> t{0, 0, 0};
@@ -20,7 +20,8 @@ inline ExactFrame operator*(const ExactFrame& a, const ExactFrame& b) {
 /// Rz(yaw) Ry(pitch) Rx(roll), then xyz.
 ExactFrame exact_frame(const Origin& origin);
 
-/// The float64 nearest to v. \param off how far that is: the length of what rounding took away
+/// Returns the float64 vector nearest to v.
+/// \param off set to the length of the rounding error
 Vec3d rounded(const Vec3<DoubleDouble>& v, double* off);
 Quaternion<double> rounded(const Quaternion<DoubleDouble>& q, double* off);
 

@@ -1,4 +1,4 @@
-// Joint positions to poses of links, with a bound on how far each link is from where the exact numbers put it.
+// Forward kinematics, with a bound on each link's deviation from exact arithmetic.
 #pragma once
 
 #include <cstddef>
@@ -13,73 +13,77 @@
 
 namespace clearance {
 
-/// One instruction set's version of place_batch(); all give the same bits.
+/// place_batch() for one instruction set; all versions give the same bits.
 struct KinematicKernel {
   std::string_view name;  ///< "avx512", "avx2", "baseline", "scalar"
   void (*run)(const KinematicBatch&);
 };
-/// Those that this machine can run, the fastest first.
+/// Returns the versions that this machine can run, the fastest first.
 std::span<const KinematicKernel> kinematic_kernels();
 
-/// How far any point of a link may be from where reals put it, in metres: a sum of what holds for all configurations,
-/// what grows with how far its sliding joints are out, and what grows with how far the robot's base is from the origin.
+/// Bound on the deviation of any point of a link from its position in exact arithmetic, in metres: the sum of a
+/// constant, a term that grows with the travel of its sliding joints, and one that grows with the distance of the
+/// robot's base.
 struct PlacementError {
   double fixed = 0, per_travel = 0, per_distance = 0;
-  double turn = 0;  ///< radians that the link may be turned by: `fixed` counts it for the points farthest out
+  double turn = 0;  ///< bound on the link's rotation error, radians; `fixed` includes it for the farthest points
 
-  /// \param travel largest |position| of a sliding or planar joint on the way to the link, metres; 0 if there is none.
-  /// \param distance |t| of the pose that the link's root was given, metres
+  /// \param travel largest |position| of a sliding or planar joint between root and link, metres; 0 if there is none
+  /// \param distance |t| of the root's pose, metres
   double at(double travel, double distance) const;
 };
 
-/// A robot's joints as steps. Immutable; any number of threads may use one.
+/// A robot's joints as steps. Immutable and thread-safe.
 ///
-/// What is exact: the numbers of the URDF as float64, its roll, pitch and yaw, axes of length 1, mimic joints, sine and
-/// cosine in reals; the poses of the roots as design's poses are (M(q)/|q|^2). The poses that come out are float64, and
-/// error() says how far each is off (docs/bounds.md, "Kinematics").
+/// The exact reference takes the numbers of the URDF as float64, with its roll, pitch and yaw, axes of length 1, mimic
+/// joints, sine and cosine in real arithmetic, and the rotations of the roots' poses as M(q)/|q|^2. The resulting poses
+/// are float64, and error() bounds their deviation from it (docs/bounds.md, "Kinematics").
 class Kinematics {
  public:
   explicit Kinematics(const RobotModel& robot);
 
   std::size_t columns() const { return columns_; }
   std::size_t links() const { return nodes_.size(); }
-  /// Links whose poses are given: the base, then the children of floating joints in the order of the joints.
+  /// Links with given poses: the base, then the children of floating joints in the order of the joints.
   const std::vector<std::uint32_t>& roots() const { return roots_; }
-  /// Which of them a link hangs on.
+  /// Returns the root of a link.
   std::uint32_t root_of(std::uint32_t link) const;
-  /// What places the other links, each after what carries it.
+  /// Steps that place the other links, each after the step of its parent.
   const std::vector<KinematicStep>& steps() const { return steps_; }
-  /// Which of them places a link; null: it is a root.
+  /// Returns the step that places a link, or null for a root.
   const KinematicStep* step_of(std::uint32_t link) const {
     const std::uint32_t frame = nodes_[link].frame;
     return frame < roots_.size() ? nullptr : &steps_[frame - roots_.size()];
   }
-  /// The link whose frame carries what a step places.
+  /// Returns the parent link of a step.
   std::uint32_t carrier_of(const KinematicStep& step) const {
     return step.from < roots_.size() ? roots_[step.from] : steps_[step.from - roots_.size()].link;
   }
 
-  /// Poses of all links. \param positions (K, columns()), radians and metres. \param roots X_w of each of roots(); none
-  /// may be kBad. \param poses (K, links()) X_w; those of a bad configuration are NaN, but for roots. \param status
-  /// (K,) kOk, or kBadPose where a position is NaN or beyond 1e6.
+  /// Computes the poses of all links.
+  /// \param positions (K, columns()), radians and metres
+  /// \param roots X_w of each of roots(), none of them kBad
+  /// \param poses (K, links()) X_w; NaN for a bad configuration, except for roots
+  /// \param status (K,) kOk, or kBadPose if a position is NaN or beyond 1e6
   void place(std::span<const double> positions, std::span<const Pose> roots, std::span<Pose> poses,
              std::span<Status> status, const KinematicKernel& kernel = kinematic_kernels()[0]) const;
 
-  /// Of points of a link up to `radius` metres from its origin.
+  /// Returns the error of points of a link within `radius` metres of its origin.
   PlacementError error(std::uint32_t link, double radius) const;
-  /// The same of how two links of one robot are to each other: only what the joints between them make. An exact
-  /// distance of theirs differs by no more from that of the poses. Of links under different roots, the sum of both.
+  /// Returns the relative error of two links, due to the joints between them. It bounds the difference between their
+  /// exact distance and that of the poses. For links under different roots, the sum of both errors.
   PlacementError error_between(std::uint32_t a, double radius_a, std::uint32_t b, double radius_b) const;
-  /// The travel of a configuration, of all joints. \param positions (columns(),); one that is no number or beyond
-  /// kMaxPosition places no link, and counts for nothing
+  /// Returns the travel of a configuration over all joints.
+  /// \param positions (columns(),); NaN and positions beyond kMaxPosition place no link, and are ignored
   double travel(std::span<const double> positions) const;
-  /// The travel of each link: of the joints on the way to it, as PlacementError needs it. \param links (links(),)
+  /// Computes the travel of each link, over the joints from its root, for PlacementError.
+  /// \param links (links(),) results
   void travels(std::span<const double> positions, std::span<double> links) const;
-  /// Metres: how far the link's farthest point can be from its root, sliding joints at 0.
+  /// Returns a bound on the distance of the link's points from its root with sliding joints at 0, in metres.
   double reach(std::uint32_t link, double radius) const;
 
  private:
-  // Rounding terms of one step, and how long it is; lengths in metres, `_travel` for each metre of travel.
+  // Rounding terms and length of one step; lengths in metres, `_travel` per metre of travel.
   struct StepError {
     double turn = 0;  // radians
     double length = 0, length_travel = 0, shift = 0, shift_travel = 0;
@@ -96,7 +100,7 @@ class Kinematics {
   friend class KinematicsBuilder;
 
   std::size_t columns_ = 0;
-  bool slides_ = false;  // some joint slides or is planar
+  bool slides_ = false;  // whether a joint slides or is planar
   std::vector<std::uint32_t> roots_;
   std::vector<KinematicStep> steps_;
   std::vector<StepError> step_errors_;

@@ -1,5 +1,5 @@
-// One joint's part of a robot's kinematics: the same text for a scalar, a SIMD pack (a configuration in each lane) and
-// a GPU thread. Nothing here needs more than additions and products.
+// Kinematics of one joint, from the same source for a scalar, a SIMD pack (a configuration per lane) and a GPU thread.
+// Uses only additions and products.
 #pragma once
 
 #include <cstddef>
@@ -12,20 +12,20 @@
 
 namespace clearance {
 
-/// A link in the frame that carries it: still, turning, sliding along a direction, or moving in a plane and turning in
-/// it. Fixed joints in between are part of the constants, which are exact ones rounded once.
+/// A link in its parent frame: fixed, revolute, sliding along a direction, or planar. The constants include fixed
+/// joints in between, and are exact values rounded once.
 struct KinematicStep {
   enum class Kind : std::uint8_t { kFixed, kTurning, kSliding, kPlanar };
   Kind kind = Kind::kFixed;
-  std::uint32_t from = 0;             ///< frame that carries the link: a root, or roots + the index of an earlier step
-  std::uint32_t link = 0;             ///< whose frame this is
-  std::uint32_t column = 0;           ///< of its position, or of the first of three
-  bool mimics = false;                ///< its position is multiplier * q + offset
-  double multiplier = 1, offset = 0;  ///< of a mimic joint
+  std::uint32_t from = 0;                   ///< parent frame: a root, or roots + the index of an earlier step
+  std::uint32_t link = 0;                   ///< the link of this frame
+  std::uint32_t column = 0;                 ///< column of its position, or of the first of three
+  bool mimics = false;                      ///< whether its position is multiplier * q + offset
+  double multiplier = 1, offset = 0;        ///< of a mimic joint
   Quaternion<double> still{1, 0, 0, 0};     ///< the turn at position 0 ...
   Quaternion<double> turning{0, 0, 0, 0};   ///< ... which is cos(q/2) still + sin(q/2) turning elsewhere
-  Vec3d at{0, 0, 0};                        ///< of the joint, in the frame that carries it, metres
-  Vec3d along[2] = {{0, 0, 0}, {0, 0, 0}};  ///< metres a metre of travel
+  Vec3d at{0, 0, 0};                        ///< origin of the joint in the parent frame, metres
+  Vec3d along[2] = {{0, 0, 0}, {0, 0, 0}};  ///< metres per metre of travel
 };
 
 /// Largest position, in radians or metres.
@@ -63,8 +63,9 @@ CLEARANCE_INLINE Quaternion<T> turn_of(const KinematicStep& step, const TwoPart<
 
 }  // namespace detail
 
-/// Where a step's link is. \param positions of the configuration, by column: `stride` apart. \param good cleared where
-/// a position cannot be used.
+/// Returns the frame of a step's link.
+/// \param positions positions of the configuration, by column, `stride` apart
+/// \param good cleared for an invalid position
 template <class T, class Mask, class Load>
 CLEARANCE_INLINE KinematicFrame<T> carried(const KinematicFrame<T>& from, const KinematicStep& step,
                                            const Load& position, Mask* good) {
@@ -93,8 +94,8 @@ CLEARANCE_INLINE KinematicFrame<T> carried(const KinematicFrame<T>& from, const 
   return {renormalised(product(from.q, turn)), from.t + turned(from.q, offset)};
 }
 
-/// What a step's joint adds to a configuration's travel (Kinematics::travel(), their largest): metres, rounded up; 0 of
-/// a joint that does not slide, and of a position that cannot be used.
+/// Returns the travel of a step's joint (Kinematics::travel() is their maximum), in metres, rounded up. The value is 0
+/// for a joint that does not slide, and for an invalid position.
 template <class Load>
 CLEARANCE_INLINE double travel_of(const KinematicStep& step, const Load& position) {
   const auto out = [&](double q) {
@@ -108,22 +109,23 @@ CLEARANCE_INLINE double travel_of(const KinematicStep& step, const Load& positio
   return along < across ? across : along;
 }
 
-/// Configurations to be placed, as a kernel takes them: plain arrays.
+/// A batch of configurations for a kernel, as plain arrays.
 struct KinematicBatch {
-  const KinematicStep* steps;  ///< each after what carries it
-  std::size_t count;           ///< of steps
-  const double* roots;         ///< (root_count, 7) qw, qx, qy, qz, x, y, z; of length 1 within 4 roundings
+  const KinematicStep* steps;  ///< each after its parent
+  std::size_t count;           ///< number of steps
+  const double* roots;         ///< (root_count, 7) qw, qx, qy, qz, x, y, z; unit quaternions within 4 roundings
   std::size_t root_count;
   const double* positions;  ///< (configurations, columns)
   std::size_t columns, configurations;
-  Pose* poses;  ///< (configurations, links): those of the steps' links are written
+  Pose* poses;  ///< (configurations, links); only those of the steps' links are written
   std::size_t links;
-  std::uint8_t* bad;  ///< (configurations,) 1: a position is no number, or beyond kMaxPosition; its poses are NaN
+  std::uint8_t* bad;  ///< (configurations,) 1 for NaN or a position beyond kMaxPosition; the poses are then NaN
   double* scratch;    ///< (columns + 7 (root_count + count), kMostLanes), aligned to 64 bytes
 };
 inline constexpr std::size_t kMostLanes = 8;
 
-/// Frames of a block of lanes to the poses of their configurations. \param usable 0 for a lane of bad positions
+/// Writes the frames of a block of lanes to the poses of their configurations.
+/// \param usable 0 for a lane with invalid positions
 template <std::size_t kLanes>
 CLEARANCE_INLINE void hand_out(const KinematicBatch& batch, std::size_t first, std::size_t lanes, const double* frames,
                                const double* usable) {
@@ -139,7 +141,8 @@ CLEARANCE_INLINE void hand_out(const KinematicBatch& batch, std::size_t first, s
   }
 }
 
-/// Runs a batch, `Io::kLanes` configurations side by side. \param Io how a T is loaded and stored.
+/// Runs a batch, `Io::kLanes` configurations at a time.
+/// \tparam Io loads and stores a T
 template <class T, class Io>
 CLEARANCE_INLINE void place_batch(const KinematicBatch& batch) {
   constexpr std::size_t kLanes = Io::kLanes;

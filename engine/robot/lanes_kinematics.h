@@ -1,5 +1,4 @@
-// place_batch() in SIMD lanes, compiled once for each instruction set: see lanes_kinematics_avx512.cpp and its
-// neighbours.
+// place_batch() in SIMD lanes, compiled once for each instruction set (lanes_kinematics_avx512.cpp and similar).
 #pragma once
 
 #include "engine/base/pack.h"

@@ -1,4 +1,4 @@
-// How fast the links of a robot move while its positions change: the first derivative of its kinematics.
+// Velocities of a robot's links for changing positions: the first derivative of its kinematics.
 #pragma once
 
 #include <cstdint>
@@ -10,21 +10,22 @@
 
 namespace clearance {
 
-/// Rounded: an axis is off by no more than its link is turned, and lies beside its place by no more than its link is
-/// (Kinematics::error).
+/// Subject to rounding: direction and position of an axis have the errors of its link (Kinematics::error).
 class LinkTwists {
  public:
-  /// \param robot must outlive this.
+  /// \param robot must outlive this object
   explicit LinkTwists(const Kinematics& robot);
 
-  /// As seen from the roots. \param poses (links,) as placed by Kinematics::place() under roots at the identity.
-  /// \param change (columns,) of each position in a unit of time. \param twists (links,) in the axes of their roots
+  /// Computes the twists of all links relative to their roots.
+  /// \param poses (links,) results of Kinematics::place() with roots at the identity
+  /// \param change (columns,) change of each position per unit of time
+  /// \param twists (links,) results, in the axes of their roots
   void at(std::span<const Pose> poses, std::span<const double> change, std::span<Twist> twists) const;
 
  private:
   const Kinematics& robot_;
-  std::vector<Vec3d> axes_;           // of the steps that turn, in their links' axes
-  std::vector<std::uint32_t> links_;  // of the frames that the steps start from
+  std::vector<Vec3d> axes_;           // axes of the turning steps, in their links' frames
+  std::vector<std::uint32_t> links_;  // links of the steps' parent frames
 };
 
 }  // namespace clearance

@@ -1,4 +1,4 @@
-// How fast the points of a link go and how fast the link turns, joint by joint: the same text for a CPU and for a GPU
+// Bounds on the speed of a link's points and its rotation, joint by joint, from the same source for a CPU and a GPU
 // thread (docs/bounds.md, "Motion").
 #pragma once
 
@@ -8,41 +8,42 @@
 
 namespace clearance {
 
-/// How fast a body moves.
+/// Velocity of a body.
 struct Twist {
-  Vec3d turn{0, 0, 0};   ///< radians in a unit of time, about that axis
-  Vec3d shift{0, 0, 0};  ///< metres in a unit of time, of the body's origin
+  Vec3d turn{0, 0, 0};   ///< angular velocity, radians per unit of time
+  Vec3d shift{0, 0, 0};  ///< velocity of the body's origin, metres per unit of time
 };
 
-/// What one position moves on a path.
+/// Effect of one position on a path.
 struct Mover {
   std::uint32_t column = 0;
-  bool turns = false;  ///< else it slides
-  double scale = 1;    ///< the joint moves by so much a unit of the position: |multiplier| of a mimic joint
-  double reach = 1;    ///< metres a radian: no point is farther from the axis, sliding joints at 0; 1 of what slides
-  double reach_travel = 0;  ///< and so much farther for each metre of travel
+  bool turns = false;       ///< whether it turns rather than slides
+  double scale = 1;         ///< motion of the joint per unit of the position: |multiplier| of a mimic joint
+  double reach = 1;         ///< metres per radian: maximum distance from the axis, sliding joints at 0; 1 if sliding
+  double reach_travel = 0;  ///< increase of `reach` per metre of travel
 };
 
-/// Rounding of the sums below, and of the constants that they are made of, which err by a few 2^-53 of their size.
+/// Covers the rounding of the sums below and of their constants, whose relative errors are a few 2^-53.
 inline constexpr double kMotionSlack = 1 + 0x1p-30;
 
-/// Of points while positions change uniformly, in a unit of time. Rounded up.
+/// Bounds for points while positions change uniformly, per unit of time. Rounded up.
 struct MotionRates {
-  double speed = 0;         ///< metres: none goes faster
-  double acceleration = 0;  ///< metres: none is accelerated by more
-  double turn = 0;          ///< radians: what carries them turns no faster
+  double speed = 0;         ///< bound on the speed, metres
+  double acceleration = 0;  ///< bound on the acceleration, metres
+  double turn = 0;          ///< bound on the angular speed of their frame, radians
 
-  /// Of the same points where what they move before (`outer`, of which all rates are about these points) moves, too.
+  /// Combines the rates with those of a moving outer frame (`outer`, whose rates are for the same points).
   MotionRates within(const MotionRates& outer) const;
 };
 
-/// Metres that a mover takes a point along at most, for a change of 1.
+/// Bound on the displacement of a point by a mover for a change of 1, in metres.
 CLEARANCE_HD inline double way_of_mover(const Mover& mover, double travel) {
   return (mover.reach + mover.reach_travel * travel) * mover.scale * kMotionSlack;
 }
 
-/// \param movers of the path, the nearest to who sees the points first. \param change of each position in a unit of
-/// time, by column, >= 0. \param travel, beyond as MotionPath::rates() has them
+/// \param movers movers of the path, the nearest to the observing frame first
+/// \param change change of each position per unit of time, by column, >= 0
+/// \param travel, beyond as in MotionPath::rates()
 template <class Change>
 CLEARANCE_HD inline MotionRates rates_of_path(const Mover* movers, std::size_t count, const Change& change,
                                               double travel, double beyond) {
@@ -58,15 +59,17 @@ CLEARANCE_HD inline MotionRates rates_of_path(const Mover* movers, std::size_t c
   return {sum.speed * kMotionSlack, sum.acceleration * kMotionSlack, sum.turn * kMotionSlack};
 }
 
-/// The axis that a step turns about, in its link's own frame: still^-1 turning is (0, axis).
+/// Returns the axis of a turning step in its link's frame: still^-1 turning is (0, axis).
 CLEARANCE_HD inline Vec3d axis_of_step(const KinematicStep& step) {
   const Quaternion<double>& q = step.still;
   const Quaternion<double> axis = product(Quaternion<double>{q.w, -q.x, -q.y, -q.z}, step.turning);
   return {axis.x, axis.y, axis.z};
 }
 
-/// How fast a step's link moves. \param from, to where what carries it is, and the link. \param axis axis_of_step().
-/// \param change of a position in a unit of time, by column
+/// Returns the velocity of a step's link.
+/// \param from, to poses of the parent and of the link
+/// \param axis axis_of_step()
+/// \param change change of each position per unit of time, by column
 template <class Change>
 CLEARANCE_HD inline Twist twist_of_step(const KinematicStep& step, const Vec3d& axis,
                                         const KinematicFrame<double>& from, const Twist& carrier,

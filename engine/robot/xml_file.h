@@ -1,5 +1,4 @@
-// A file in XML as a tree of elements, each of which knows its line; what is wrong with it names file, line and
-// element.
+// An XML file as a tree of elements with their lines, for errors that name file, line and element.
 #pragma once
 
 #include <cstdint>
@@ -14,47 +13,49 @@
 
 namespace clearance {
 
-/// A robot's description that cannot be used. The text names cause and place: "panda.urdf:12: joint "j1": limit: lower:
-/// expected a finite number, got "nan"".
+/// Error in a robot's description. The text names cause and place: "panda.urdf:12: joint "j1": limit: lower: expected a
+/// finite number, got "nan"".
 struct RobotError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// An element of the file. Handles are small; each keeps the whole file alive. Attributes are taken as they stand: none
-/// has a default here.
+/// Handle of an element of the file, which keeps the whole file alive. Attributes have no defaults here.
 class XmlElement {
  public:
-  /// The outermost element. Throws RobotError for a file that cannot be read, is no XML, is larger than 8 MiB or nested
-  /// deeper than 64 elements, or begins with an element of another name. \param root its name
+  /// Reads a file and returns its root element. Throws RobotError for a file that cannot be read, is no XML, is larger
+  /// than 8 MiB or nested deeper than 64 elements, or has a root element of another name.
+  /// \param root expected name of the root element
   static XmlElement load(const std::string& path, const char* root);
-  /// The same of a file's text. \param file its name, for errors
+  /// Parses the text of a file.
+  /// \param file its name, for errors
   static XmlElement parse(std::string_view text, const std::string& file, const char* root);
 
   std::string name() const;
-  /// "panda.urdf:12: joint "j1": limit": where this element stands.
+  /// Returns the place of this element, such as "panda.urdf:12: joint "j1": limit".
   std::string place() const;
-  /// Throws RobotError at this place.
+  /// Throws RobotError with this place.
   [[noreturn]] void fail(const std::string& message) const;
 
   enum class Macros { kName, kAttributes, kInside };
-  /// Throws RobotError for what the program xacro replaces: elements of its namespace, ${...} and $(find ...).
-  /// \param where in the element's name, in its attributes as well, or in the elements inside as well
-  /// \param example name of a file without
+  /// Throws RobotError for input of the program xacro: elements of its namespace, ${...} and $(find ...).
+  /// \param where whether to check the element's name, its attributes as well, or the elements inside as well
+  /// \param example name of a file without them, for the error
   void refuse_macros(Macros where, const char* example) const;
 
-  /// Elements directly inside, in the file's order. \param name of the ones wanted; null: all
+  /// Returns the child elements, in the file's order.
+  /// \param name only those of this name; null for all
   std::vector<XmlElement> children(const char* name = nullptr) const;
-  /// The only one of that name; none: there is none. A second one is an error.
+  /// Returns the only child of that name, if any. Throws RobotError for a second one.
   std::optional<XmlElement> child(const char* name) const;
   XmlElement required_child(const char* name) const;
 
   bool has(const char* attribute) const;
-  /// An attribute that must be there, and not be empty.
+  /// Returns a required attribute, which must not be empty.
   std::string text(const char* attribute) const;
-  /// The finite float64 nearest to a decimal, which must be there.
+  /// Returns the finite float64 nearest to a required decimal.
   double number(const char* attribute) const;
   double positive(const char* attribute) const;
-  /// Three of them, with spaces between.
+  /// Returns three of them, separated by spaces.
   Vec3d vector(const char* attribute) const;
 
  private:
@@ -64,13 +65,13 @@ class XmlElement {
   [[noreturn]] void fail_attribute(const char* attribute, const std::string& message) const;
 
   std::shared_ptr<const File> file_;
-  void* node_;  // pugi::xml_node's, so that no user of this header compiles pugixml's
+  void* node_;  // of pugi::xml_node, so that users of this header do not compile pugixml's
 };
 
-/// A file's text, of a little more than 8 MiB at most, which XmlElement::parse() refuses. Throws RobotError.
+/// Reads a file's text, up to slightly more than 8 MiB, which XmlElement::parse() rejects. Throws RobotError.
 std::string read_text(const std::string& path);
 
-/// A text of a file as an error quotes it: its beginning, in quotes, nothing unprintable.
+/// Returns the beginning of a file's text in quotes, without unprintable characters, for errors.
 std::string excerpt(std::string_view text);
 
 }  // namespace clearance
