@@ -2,11 +2,9 @@
 """Draws docs/edge.gif: an edge whose samples are all free, and the contact between two of them (tools/edge.py)."""
 import sys
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 
 import clearance
@@ -65,16 +63,15 @@ class Film:
             for i, (v, t) in enumerate(self.meshes(time))
         ]
         image = render.shrink(render.render(coloured, self.camera)[0], OVERSAMPLING)
-        figure = plt.figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100)
+        figure = Figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100)
+        canvas = FigureCanvasAgg(figure)
         axes = figure.add_axes((0, 0, 1, 1))
         axes.imshow(image, interpolation="nearest", extent=(0, WIDTH, HEIGHT, 0))
         axes.axis("off")
         axes.text(18, HEIGHT - 22, line, color=colour, fontsize=12, weight="bold", va="center",
                   bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none"})
-        figure.canvas.draw()
-        pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()
-        plt.close(figure)
-        return Image.fromarray(pixels)
+        canvas.draw()
+        return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 
 def main(path):
