@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the tables of docs/*.md from docs/results. Exit code 1 if figures contradict a page's words.
+"""Writes the tables of docs/*.md from docs/results. Exit code 1 if results contradict a page's words.
 
     bench/write_pages.py [--draw NAME...]    and draws pictures: peers, report, robots, tradeoff
     bench/write_pages.py --check             changes nothing; exit code 1 if pages do not show docs/results
@@ -28,7 +28,7 @@ def filled(pages):
 
 
 def broken_claims(pages):
-    """Claims of the pages that the figures contradict."""
+    """Claims of the pages that the results contradict."""
     claims = {name: holds for module in MODULES if hasattr(module, "claims") for name, holds in module.claims().items()}
     made = {name for text in pages.values() for name in re.findall(r"<!-- claim (.*?) -->", text)}
     if made != set(claims):

@@ -56,7 +56,7 @@ DecomposedMesh decompose(const DecomposeOptions& options, const std::atomic<bool
   {
     // As a solid first: whether the mesh encloses something, and what there is of it.
     MeshFile file(options.mesh);
-    const Geometry solid = geometry_of_mesh(file.mesh(), {1, 1, 1}, Convexify::kSolid, 0, options.mesh);
+    const Geometry solid = geometry_of_mesh(file.mesh(), {.convexify = Convexify::kSolid}, options.mesh);
     const DisplayMesh& mesh = *solid.display;
     out.triangles = mesh.triangles.size();
     out.size = 2 * norm(solid.pieces[0]->half);

@@ -1,7 +1,7 @@
 """Tables, claims and pictures of the pages, made from docs/results by bench/write_pages.py.
 
 A module here has TABLES: by name, a function that makes the text between `<!-- table NAME -->` and `<!-- end -->`.
-It may have claims(): by name, whether the figures support the words before `<!-- claim NAME -->`. It may have PICTURE,
+It may have claims(): by name, whether the results support the words before `<!-- claim NAME -->`. It may have PICTURE,
 a file in docs, and draw(path).
 """
 

@@ -64,7 +64,7 @@ def table():
     )
 
 
-# What the page says of edges in its own words, as conditions on the figures.
+# What the page says of edges in its own words, as conditions on the results.
 CLAIMS = {
     "edges proved": lambda e: all(r["wrong"] == "0" for r in e.rows),
     "a proof is cheaper than samples": lambda e: min(e.ratio(e.sampled(0.02, m)) for m in e.sampled_margins) > 3,

@@ -262,7 +262,7 @@ MAKERS = {
 TABLES = {name: lambda make=make: make(machines()) for name, make in MAKERS.items()}
 
 
-# What the page says in its own words, as conditions on the figures.
+# What the page says in its own words, as conditions on the results.
 # Each takes the results of all machines; where a GPU or many cores matter, those of machines that have them.
 CLOSE = [f"1000 meshes; margin {m}" for m in ("0", "1", "inf")]
 CLAIMS = {

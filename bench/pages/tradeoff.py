@@ -102,7 +102,7 @@ def unused(s, **setting):
 
 
 def sentences(s):
-    """What the figures say, in words that hold whatever they are."""
+    """What the results say, in words that hold whatever they are."""
     others = [x for x in s.scenes if x != "touching"]
     answers = sum(int(r["pairs"]) * int(r["steps"]) for r in s.rows)
     wrong = sum(int(r["violations"]) for r in s.rows)
@@ -167,7 +167,7 @@ def no_more_than(values, limit):
     return all(v <= limit for v in values)
 
 
-# What the page says in its own words about the CPU, as conditions on the figures.
+# What the page says in its own words about the CPU, as conditions on the results.
 CLAIMS = {
     "contained": lambda s: all(r["violations"] == "0" for r in s.rows),
     # Loosening from 1e-6 to 1e-2 saves less than two fifths wherever bodies do not touch.
