@@ -66,10 +66,10 @@ const char* status_name(Status status) {
 }
 
 std::string flag_names(std::uint16_t flags) {
-  constexpr const char* kNames[] = {"stale", "renormalised", "rounding_limited", "nonsmooth", "pieces", "incomplete"};
+  constexpr const char* kNames[] = {"renormalised", "rounding_limited", "nonsmooth", "pieces", "incomplete"};
   std::string text;
   for (std::size_t i = 0; i < std::size(kNames); ++i)
-    if (flags >> i & 1) text += (text.empty() ? "" : "|") + std::string(kNames[i]);
+    if (flags >> (i + 1) & 1) text += (text.empty() ? "" : "|") + std::string(kNames[i]);
   return text;
 }
 
@@ -178,7 +178,9 @@ void add_query(CLI::App& app) {
   command.add_option("--max-results", q.max_results, "rows that --reduce within may bring")
       ->type_name("N")
       ->capture_default_str();
-  command.add_option("--max-pose-age", options->max_pose_age_s, "older poses are flagged stale; 0: never")
+  command
+      .add_option("--max-pose-age", options->max_pose_age_s,
+                  "pairs with an older pose have the status stale_pose, and no distance; 0: any age")
       ->check(quiet(CLI::Range(0.0, 1e9)))
       ->type_name("S");
   for_each_query_option([&](const QueryOption& option, auto member) {  // those that came after the ones above

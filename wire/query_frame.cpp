@@ -115,8 +115,6 @@ QueryOptions read_options(std::span<const std::byte> records, QueryParts& parts)
   });
   if (options.pose_wait_ns && !options.min_pose_stamp_ns)
     bad_query("query: pose_wait_ns is for a query with min_pose_stamp_ns");
-  if (options.stale_status && !options.max_pose_age_ns)
-    bad_query("query: stale_status is for a query with max_pose_age_ns");
   return options;
 }
 

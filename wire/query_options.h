@@ -40,7 +40,7 @@
   X(std::uint64_t, max_results, 1u << 20, 0, Legal::anything(),                                                        \
     "rows", "most rows of reduce `within`")                                                                            \
   X(std::int64_t, max_pose_age_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                   \
-    "ns", "older poses set the flag `stale`; 0: never")                                                                \
+    "ns", "pairs with an older pose have the status `stale_pose`, and no distance; 0: any age")                        \
   X(bool, warm, false, 0, Legal::word("false true"),                                                                   \
     "", "keep warm state for this client: faster, but bits may differ from call to call")                              \
   X(std::int64_t, min_pose_stamp_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                 \
@@ -49,8 +49,6 @@
     "ns", "wait at most so long for them; then `kPosesLate`")                                                          \
   X(std::uint32_t, wait_for, kEveryBody, 0, Legal::anything(),                                                         \
     "", "body, or selector of a group; bodies that never had a stamp do not count, but at least one must have one")                   \
-  X(bool, stale_status, false, 2, Legal::word("false true"),                                                           \
-    "", "poses older than max_pose_age_ns are none: the status `stale_pose`, and no distance")                         \
   X(bool, as_planning, false, 3, Legal::word("false true"),                                                            \
     "", "in the class `planning`, also where the caller has the class `control`")                                      \
   X(std::int64_t, deadline_ns, 0, 4, Legal::range(0, 3'600'000'000'000),                                               \

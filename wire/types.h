@@ -19,12 +19,11 @@ enum class Status : std::uint8_t {
   kBadPose = 5,      ///< a pose with NaN, Inf or a quaternion that cannot be normalised
   kNoPose = 6,       ///< a movable body without a pose
   kUnknownBody = 7,  ///< a body id outside the scene
-  kStalePose = 8,    ///< a pose older than max_pose_age_ns, in a query with stale_status
+  kStalePose = 8,    ///< a pose older than max_pose_age_ns
 };
 
 /// Facts about one answer, as bits.
 enum Flag : std::uint16_t {
-  kFlagStale = 1 << 0,            ///< a pose was older than max_pose_age_ns
   kFlagRenormalised = 1 << 1,     ///< a quaternion's norm was off by more than 1e-3
   kFlagRoundingLimited = 1 << 2,  ///< as narrow as the arithmetic allows
   kFlagNonsmooth = 1 << 3,        ///< witness points are not unique; the gradient is one of several

@@ -181,7 +181,7 @@ class MotionCertificateJob final : public CertificateJob {
   }
 
   MotionBounds bounds_;
-  MotionQuery motion_query_{scene(), plan_, bounds_, options_.stale, options_.want_flags};
+  MotionQuery motion_query_{scene(), plan_, bounds_};
   std::optional<MotionBlock> block_;
   MotionMoment moment_;
   MovingBodies moving_;

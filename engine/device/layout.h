@@ -115,7 +115,7 @@ inline constexpr std::uint32_t kTile = 128;  ///< pair-configurations of one blo
 /// neighbouring numbers: component c of the body at `index` is at c * stride + index.
 inline constexpr std::uint32_t kPoseComponents = 12, kBoxComponents = 6;
 /// A body's state: its Status in the low bits, then these.
-inline constexpr std::uint8_t kStateStatus = 15, kStateRenormalised = 16, kStateStale = 32, kStateBeyondLimits = 64;
+inline constexpr std::uint8_t kStateStatus = 15, kStateRenormalised = 16, kStateBeyondLimits = 64;
 
 /// A body's box rounded outward to float32, for tests that may be loose; low > high: the body has no usable pose.
 struct alignas(16) OuterBox {
@@ -189,9 +189,9 @@ struct UncertaintyStep {
   double travel = 0;                                             ///< where the query's joints do not say it
   std::uint32_t robot = kNone;                                   ///< in FramesView; kNone: the travel is `travel`
 };
-/// What becomes of a moved body whatever its pose, as bits: it has none, or one that is too old for one; a joint that
-/// the query leaves as it is, and that places it, is beyond its limits; the flag that its pose is old.
-inline constexpr std::uint8_t kSlotUnplaced = 1, kSlotStale = 2, kSlotBeyondLimits = 4, kSlotOld = 8;
+/// Facts about a moved body that its poses do not change, as bits: it has no pose, or one that is too old; a joint that
+/// the query leaves as it is, and that places it, is beyond its limits.
+inline constexpr std::uint8_t kSlotUnplaced = 1, kSlotStale = 2, kSlotBeyondLimits = 4;
 
 /// How the moved bodies get their poses. Each follows a chain of moved bodies, from the top down to itself, under a
 /// body that stays (or the world).

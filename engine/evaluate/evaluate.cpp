@@ -24,10 +24,9 @@ bool is_unusable(const Scene& scene, const BodyPoses& placement, BodyPair pair) 
   return false;
 }
 
-std::uint16_t pose_flags(const BodyPoses& placement, BodyPair pair, std::span<const std::uint8_t> stale) {
+std::uint16_t pose_flags(const BodyPoses& placement, BodyPair pair) {
   std::uint16_t flags = placement[pair.a].renormalised || placement[pair.b].renormalised ? kFlagRenormalised : 0;
   if (placement[pair.a].beyond_limits || placement[pair.b].beyond_limits) flags |= kFlagBeyondLimits;
-  if (!stale.empty() && (stale[pair.a] || stale[pair.b])) flags |= kFlagStale;
   return flags;
 }
 
@@ -50,7 +49,7 @@ bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const
     answer = no_answer(Status::kUnknownBody);
     return true;
   }
-  const std::uint16_t flags = options.want_flags ? pose_flags(placement, pair, options.stale) : 0;
+  const std::uint16_t flags = options.want_flags ? pose_flags(placement, pair) : 0;
   const auto is_nowhere = [&](std::uint32_t body) { return scene.bodies()[body].cloud == CloudState::kEmpty; };
   if (scene.has_surfaces() && (is_nowhere(pair.a) || is_nowhere(pair.b)) && !is_unusable(scene, placement, pair)) {
     answer = beyond_answer(kInf);

@@ -23,7 +23,6 @@ struct EvaluateOptions : NarrowOptions {
   bool cull = false;          ///< compare bounding boxes with max_distance first
   bool drops_beyond = false;  ///< of pairs beyond max_distance nobody wants to know how far
   bool want_flags = false;
-  std::span<const std::uint8_t> stale;            ///< of each body
   const JointGradient* joint_gradient = nullptr;  ///< where its column is asked for
 };
 
@@ -127,9 +126,8 @@ class Evaluator {
 
 /// A lower bound on a pair's distance from boxes alone; +inf if one of them cannot be placed.
 double box_gap(const Scene& scene, const BodyPoses& placement, BodyPair pair);
-/// The flags that a pair of known bodies has for its poses alone: kFlagRenormalised, kFlagStale,
-/// kFlagBeyondLimits.
-std::uint16_t pose_flags(const BodyPoses& placement, BodyPair pair, std::span<const std::uint8_t> stale);
+/// Flags of the poses of a pair of known bodies: kFlagRenormalised, kFlagBeyondLimits.
+std::uint16_t pose_flags(const BodyPoses& placement, BodyPair pair);
 /// Whether a pair's answer is a bad or missing pose or an unknown body.
 bool is_unusable(const Scene& scene, const BodyPoses& placement, BodyPair pair);
 /// The answer for such a pair: its status says why, and the bounds are -inf and inf.

@@ -62,7 +62,7 @@ class MotionJob final : public ParallelJob {
   }
 
   MotionBounds bounds_;
-  MotionQuery motion_query_{scene(), plan_, bounds_, options_.stale, options_.want_flags};
+  MotionQuery motion_query_{scene(), plan_, bounds_};
   std::vector<MotionBlock> blocks_;           // of each worker
   std::vector<std::vector<MotionRow>> rows_;  // of the units that are under way
   std::uint64_t block_ = 1, first_ = 0, next_ = 0, written_ = 0;

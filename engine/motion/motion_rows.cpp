@@ -29,10 +29,6 @@ void MotionSearch::decide_any(const Goal& goal, Row& row) const {
     take_unusable(goal, row);
   } else {
     row = {{kNone, kNone}, row.configuration, beyond_answer(std::max(low, std::nextafter(plan.margins.least(), kInf)))};
-    for (std::uint64_t i = 0; motion_query_.want_flags && !motion_query_.stale.empty() && i < plan.pairs.size(); ++i) {
-      const BodyPair pair = plan.pairs.at(i);
-      if (motion_query_.stale[pair.a] || motion_query_.stale[pair.b]) row.answer.flags |= kFlagStale;
-    }
   }
 }
 

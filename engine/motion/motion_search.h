@@ -42,8 +42,6 @@ struct MotionQuery {
   const Scene& scene;
   const Plan& plan;
   const MotionBounds& bounds;
-  std::span<const std::uint8_t> stale;  ///< as EvaluateOptions has it
-  bool want_flags = false;
 };
 
 /// The search for one motion's rows: a tree of spans of time, each looked at in its middle. A pair leaves where what it

@@ -15,8 +15,8 @@ struct PoseMatrix {
 
 /// A body in the world.
 struct BodyPlacement {
-  PoseMatrix pose;                  ///< valid if `status` is kOk
-  Status status = Status::kNoPose;  ///< kOk, kNoPose, kBadPose; kStalePose in a query with stale_status
+  PoseMatrix pose;                  ///< meaningful if `status` is kOk
+  Status status = Status::kNoPose;  ///< kOk, kNoPose, kBadPose; kStalePose in a query with max_pose_age_ns
   bool renormalised = false;        ///< the body's own quaternion was off by more than 1e-3
   bool beyond_limits = false;       ///< a joint that places it or a parent of it is beyond its limits
 };

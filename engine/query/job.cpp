@@ -181,7 +181,7 @@ class DenseJob final : public ParallelJob {
     room.flags.resize(pairs.size());
     const std::size_t n = scene().bodies().size();
     for (std::size_t i = 0; i < pairs.size(); ++i)
-      room.flags[i] = pairs[i].a < n && pairs[i].b < n ? pose_flags(here, pairs[i], options_.stale) : 0;
+      room.flags[i] = pairs[i].a < n && pairs[i].b < n ? pose_flags(here, pairs[i]) : 0;
     return room.flags.data();
   }
 

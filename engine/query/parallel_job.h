@@ -42,7 +42,7 @@ class ParallelJob : public Job::State {
   ParallelJob(const JobContext& context, Plan&& plan, const ReplyView& reply, bool boxes = true)
       : context_(context), plan_(std::move(plan)), reply_(reply) {
     plan_.begun_ns = monotonic_ns();
-    find_stale();
+    take_stale_for_none();
     plan_.uncertainties = uncertainties_of(scene(), *plan_.snapshot, plan_.begun_ns);
     const QueryView& q = plan_.query;
     const PoseSnapshot& snapshot = *plan_.snapshot;
@@ -242,28 +242,35 @@ class ParallelJob : public Job::State {
     if (failure) std::rethrow_exception(failure);
   }
 
-  void find_stale() {
+  /// Gives bodies whose poses are older than max_pose_age_ns the status kStalePose, and what follows them.
+  void take_stale_for_none() {
     if (plan_.query.max_pose_age_ns == 0) return;
     const PoseSnapshot& snapshot = *plan_.snapshot;
     const std::int64_t oldest_allowed = plan_.begun_ns - plan_.query.max_pose_age_ns;
-    stale_.resize(scene().bodies().size());
-    for (std::uint32_t b = 0; b < stale_.size(); ++b) {
+    std::vector<std::uint8_t> stale(scene().bodies().size());
+    for (std::uint32_t b = 0; b < stale.size(); ++b) {
       const std::int64_t receipt = snapshot.receipt_of_chain(b);
-      stale_[b] = !scene().bodies()[b].is_static && (receipt == 0 || receipt < oldest_allowed);
+      stale[b] = !scene().bodies()[b].is_static && (receipt == 0 || receipt < oldest_allowed);
     }
     if (plan_.query.configuration_count > 0) {
       for (const std::uint32_t b : plan_.moved) {  // the query itself says where they are, but not what is there
         const ReceivedPoints* const points = snapshot.points_of(b);
-        stale_[b] = points && points->receipt_ns < oldest_allowed;
+        stale[b] = points && points->receipt_ns < oldest_allowed;
       }
-      for (const LinkMotion& motion : plan_.motions) find_stale_links(motion, oldest_allowed);
+      for (const LinkMotion& motion : plan_.motions) find_stale_links(motion, oldest_allowed, stale);
     }
-    options_.stale = stale_;
-    if (plan_.query.stale_status) take_stale_for_none();
+    if (std::find(stale.begin(), stale.end(), 1) == stale.end()) return;
+    auto own = std::make_shared<PoseSnapshot>(snapshot);
+    for (std::uint32_t b = 0; b < stale.size(); ++b)
+      if (stale[b] && own->placed[b].status == Status::kOk) own->placed[b].status = Status::kStalePose;
+    if (plan_.query.configuration_count > 0)
+      for (const std::uint32_t b : plan_.moved)  // also where only the query gives them a pose
+        if (stale[b]) own->placed[b].status = Status::kStalePose;
+    plan_.snapshot = std::move(own);
   }
 
   /// Links stand where the query's joints put them, and also where the robot's base and its other joints are.
-  void find_stale_links(const LinkMotion& motion, std::int64_t oldest_allowed) {
+  void find_stale_links(const LinkMotion& motion, std::int64_t oldest_allowed, std::vector<std::uint8_t>& stale) const {
     const PoseSnapshot& snapshot = *plan_.snapshot;
     const SceneRobot& robot = motion.robot();
     std::vector<std::uint8_t> old(robot.model.columns.size());
@@ -275,30 +282,17 @@ class ParallelJob : public Job::State {
     const std::vector<std::uint8_t> is_old = bits_along_links(robot, old);
     for (const std::uint32_t link : motion.links()) {
       const std::uint32_t on = snapshot.parent[robot.bodies[link]];
-      stale_[robot.bodies[link]] = is_old[link] || stale_[on];
+      stale[robot.bodies[link]] = is_old[link] || stale[on];
     }
-    std::vector<std::uint8_t> on_old(stale_.size(), 0);
+    std::vector<std::uint8_t> on_old(stale.size(), 0);
     for (const std::uint32_t b : plan_.moved) {  // those, and what follows them
       const std::uint32_t on = snapshot.parent[b];
-      on_old[b] = scene().bodies()[b].robot != kNone ? stale_[b] : on != kNone && on_old[on];
-      stale_[b] |= on_old[b];
+      on_old[b] = scene().bodies()[b].robot != kNone ? stale[b] : on != kNone && on_old[on];
+      stale[b] |= on_old[b];
     }
-  }
-
-  /// From here on the plan's snapshot has no pose for them, nor for what follows them.
-  void take_stale_for_none() {
-    if (std::find(stale_.begin(), stale_.end(), 1) == stale_.end()) return;
-    auto own = std::make_shared<PoseSnapshot>(*plan_.snapshot);
-    for (std::uint32_t b = 0; b < stale_.size(); ++b)
-      if (stale_[b] && own->placed[b].status == Status::kOk) own->placed[b].status = Status::kStalePose;
-    for (const LinkMotion& motion : plan_.motions)  // also where only the query's joints give them a pose
-      for (const std::uint32_t link : motion.links())
-        if (const std::uint32_t b = motion.robot().bodies[link]; stale_[b]) own->placed[b].status = Status::kStalePose;
-    plan_.snapshot = std::move(own);
   }
 
   std::vector<Aabb> boxes_;
-  std::vector<std::uint8_t> stale_;
   std::optional<JointGradient> joint_gradient_;
   struct WorkerBodyPoses {
     std::vector<BodyPoses> placements;

@@ -13,7 +13,7 @@
 namespace clearance {
 
 /// What Reduce::kAny answers where each pair is proved farther than its margin.
-PairAnswer beyond_all_margins(const Plan& plan, const EvaluateOptions& options);
+PairAnswer beyond_all_margins(const Plan& plan);
 
 /// Works in stages, each a number of independent units, so that a large configuration can be sliced and spread over
 /// threads and a small one run by one thread. First the pair of least box distance of each group is evaluated (a group:

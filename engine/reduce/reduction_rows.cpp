@@ -14,23 +14,11 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Whether a pose that a pair rests on may be too old: of all pairs one with any old pose will do.
-bool is_any_stale(const Plan& plan, const EvaluateOptions& options) {
-  const std::span<const std::uint8_t> stale = options.stale;
-  if (!options.want_flags || std::find(stale.begin(), stale.end(), 1) == stale.end()) return false;
-  if (plan.pairs.is_whole_table()) return true;
-  const auto is_stale = [&](BodyPair p) { return stale[p.a] || stale[p.b]; };
-  return std::any_of(plan.pairs.list().begin(), plan.pairs.list().end(), is_stale);
-}
-
 }  // namespace
 
 // Pairs that boxes alone answer leave no bound behind, but for that they are farther than their margins.
-PairAnswer beyond_all_margins(const Plan& plan, const EvaluateOptions& options) {
-  PairAnswer beyond =
-      plan.pairs.size() == 0 ? empty_answer() : beyond_answer(std::nextafter(plan.margins.least(), kInf));
-  if (is_any_stale(plan, options)) beyond.flags |= kFlagStale;
-  return beyond;
+PairAnswer beyond_all_margins(const Plan& plan) {
+  return plan.pairs.size() == 0 ? empty_answer() : beyond_answer(std::nextafter(plan.margins.least(), kInf));
 }
 
 Row Reduction::row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration,
@@ -69,7 +57,7 @@ Row Reduction::decision(std::uint32_t configuration, const BodyPoses& placement)
     row.answer.flags |= unusable_[0] != kNobody ? kFlagIncomplete : 0;
     return row;
   }
-  return row_of({kNone, kNone}, beyond_all_margins(plan_, options_), configuration, placement);
+  return row_of({kNone, kNone}, beyond_all_margins(plan_), configuration, placement);
 }
 
 void Reduction::widen(Row& row, double lower, const BodyPoses& placement) const {

@@ -65,7 +65,6 @@ void check_numbers(const QueryView& q) {
   if (any && q.signed_distance) refuse("signed_distance: reduce any asks for no depth");
   if ((q.fields & kFieldGradientJoints) && q.joints.empty())
     refuse("fields: gradient_joints is for a query with joints");
-  if (q.stale_status && q.max_pose_age_ns == 0) refuse("stale_status: is for a query with max_pose_age_ns");
   check_motions(q);
   check_free_scale(q);
 }

@@ -51,8 +51,7 @@ struct QueryView {
   Format format = Format::kFull;
   std::uint32_t fields = kDefaultFields;  ///< Field bits
   std::uint64_t max_results = 1u << 20;   ///< rows of Reduce::kWithin that may come back
-  std::int64_t max_pose_age_ns = 0;       ///< older poses set kFlagStale; 0: never
-  bool stale_status = false;              ///< they are none: kStalePose in place of an answer
+  std::int64_t max_pose_age_ns = 0;       ///< pairs with an older pose get kStalePose in place of an answer; 0: any age
   std::uint64_t scene_revision = 0;       ///< the scene the caller knows, whose bodies and pairs are meant; 0: any
   /// Warm state of this client; 0: none (answers repeat bit for bit). The CPU's reductions begin cold all the same.
   std::uint64_t warm_slot = 0;
@@ -144,7 +143,7 @@ struct ReplyInfo {
   std::int64_t snapshot_stamp_ns = 0;   ///< newest publisher's stamp among the poses
   std::int64_t snapshot_sequence = 0;   ///< its publisher's count of the update that brought that stamp; 0: not counted
   std::int64_t oldest_receipt_ns = 0;   ///< oldest monotonic receipt among poses of movable bodies; 0: none
-  std::int64_t pose_age_ns = -1;        ///< from that receipt to the query's begin, which kFlagStale goes by; -1: none
+  std::int64_t pose_age_ns = -1;  ///< from that receipt to the query's begin, which max_pose_age_ns limits; -1: none
   std::uint64_t scene_revision = 0;
   std::uint64_t pairs_evaluated = 0;  ///< pair-configurations that boxes alone did not answer
   std::string_view backend;           ///< that answered: "cpu", "cuda" or "reference"

@@ -409,7 +409,7 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
   query_t query = question();
   query.pair_count = 3;
   query.pairs = {{1, 2}, {2, 3}, {0, 1}};
-  query.fields = kFieldDistance | kFieldStatus | kFieldFlags;
+  query.fields = kFieldDistance | kFieldStatus;
   bool told_apart = false;
   for (int attempt = 0; attempt < 100 && !told_apart; ++attempt) {
     one.sequence = 2 + attempt;
@@ -426,13 +426,13 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
     const std::int64_t answered = monotonic_ns();
     ASSERT_TRUE(reply);
     ASSERT_EQ(reply->error_code, 0) << reply->error_text;
-    ASSERT_EQ(reply->flags.size(), 3u);
-    EXPECT_TRUE(reply->flags[0] & reply_t::FLAG_STALE);
-    EXPECT_TRUE(reply->flags[1] & reply_t::FLAG_STALE);
+    ASSERT_EQ(reply->status.size(), 3u);
+    EXPECT_EQ(reply->status[0], reply_t::STATUS_STALE_POSE);
+    EXPECT_EQ(reply->status[1], reply_t::STATUS_STALE_POSE);
     EXPECT_EQ(reply->oldest_receipt_ns, old);
     if (answered - asked >= young - old) continue;
     told_apart = true;
-    EXPECT_FALSE(reply->flags[2] & reply_t::FLAG_STALE) << "the table never moves, and ball 0 is young";
+    EXPECT_NE(reply->status[2], reply_t::STATUS_STALE_POSE) << "the table never moves, and ball 0 is young";
   }
   EXPECT_TRUE(told_apart);
   Job job = engine_->start({}, {});
@@ -440,7 +440,7 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
   query.max_pose_age_ns = std::int64_t{3600} * 1'000'000'000;
   const auto reply = ask(query);
   ASSERT_TRUE(reply);
-  for (const auto flags : reply->flags) EXPECT_FALSE(flags & reply_t::FLAG_STALE);
+  for (const auto status : reply->status) EXPECT_NE(status, reply_t::STATUS_STALE_POSE);
 }
 
 }  // namespace

@@ -233,7 +233,6 @@ TEST_F(LcmTransportTest, PosesThatDoNotComeAreSaidSo) {
   set_poses(1, 0.1);
   const auto ask_for = [&](query_t query) {
     query.request_id = question().request_id;
-    query.max_pose_age_ns = query.stale_status ? 1 : 0;
     answers_.clear();
     EXPECT_TRUE(bus_->publish_message("CLEARANCE_QUERY", query));
     EXPECT_TRUE(until([&] { return answers_.size() == 1; }));
@@ -258,7 +257,7 @@ TEST_F(LcmTransportTest, PosesThatDoNotComeAreSaidSo) {
   query.wait_for_one = true;  // the table has no stamp, and none of its own
   EXPECT_EQ(ask_for(query).error_code, reply_t::ERROR_POSES_LATE);
   query.wait_for = 1;
-  query.stale_status = true;
+  query.max_pose_age_ns = 1;
   reply = ask_for(query);
   EXPECT_EQ(reply.error_code, 0) << reply.error_text;
   EXPECT_EQ(std::count(reply.status.begin(), reply.status.end(), reply_t::STATUS_STALE_POSE), reply.row_count);

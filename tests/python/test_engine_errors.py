@@ -45,13 +45,13 @@ def test_unknown_ids_are_statuses(engine):
     assert (done.applied, done.unknown, done.fixed) == (1, 1, 1)
 
 
-def test_renormalised_and_stale_are_flags(engine):
+def test_renormalised_is_a_flag_and_stale_a_status(engine):
     engine.set_poses({"link1": at(0, 0, 0.4, (2, 0, 0, 0))}, stamp_ns=12)
-    r = engine.distances(fields=("lower", "flags"), max_pose_age_ns=1)
+    r = engine.distances(fields=("lower", "flags"))
     has_link1 = (r.pairs == 1).any(axis=1)
     assert (r.flags[0, has_link1] & Flag.RENORMALISED).all() and not (r.flags[0, ~has_link1] & Flag.RENORMALISED).any()
-    assert (r.flags & Flag.STALE).all()
-    assert not (engine.distances(fields=("lower", "flags")).flags & Flag.STALE).any()
+    assert (engine.distances(max_pose_age_ns=1).status == Status.STALE_POSE).all()
+    assert not (engine.distances().status == Status.STALE_POSE).any()
     assert r.snapshot_stamp_ns == 12 and engine.body_states()[1].stamp_ns == 12
 
 

@@ -191,7 +191,6 @@ TEST(LiveBodies, HaveNoPoseUntilOneIsReceivedAlsoAfterAReload) {
   EXPECT_EQ(statuses(), std::vector<Status>(3, Status::kOk));
   Query query;
   query.max_pose_age_ns = 1;
-  query.stale_status = true;
   const Reply reply = client.distances(query);
   EXPECT_EQ(std::vector<Status>(reply.status().begin(), reply.status().end()),
             std::vector<Status>(3, Status::kStalePose));

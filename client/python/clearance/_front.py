@@ -239,7 +239,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         out: a dict of arrays or an earlier result to write into; its columns set `fields`.
         timeout_s: seconds. Default: the client's timeout; no limit in process.
         max_results: maximum number of rows of reduce="within".
-        max_pose_age_ns: poses older than this set Flag.STALE. The default, 0, disables the flag.
+        max_pose_age_ns: pairs with an older pose have no distance, but Status.STALE_POSE. 0 accepts any age.
         warm: keeps warm-start state between calls. Faster, but the last bits then depend on earlier calls. The CPU
             reduces without it.
         copy: if False, a client's columns are read-only views of the transport's memory, which is released with the

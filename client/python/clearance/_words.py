@@ -22,13 +22,12 @@ class Status(enum.IntEnum):
     BAD_POSE = 5  #: a pose with NaN, Inf or a quaternion that cannot be normalised
     NO_POSE = 6  #: a movable body without a pose
     UNKNOWN_BODY = 7  #: a body id outside the scene
-    STALE_POSE = 8  #: a pose older than max_pose_age_ns, in a query with stale_status
+    STALE_POSE = 8  #: a pose older than max_pose_age_ns
 
 
 class Flag(enum.IntFlag):
     """Facts about one answer, as bits."""
 
-    STALE = 1 << 0  #: a pose was older than max_pose_age_ns
     RENORMALISED = 1 << 1  #: a quaternion's norm was off by more than 1e-3
     ROUNDING_LIMITED = 1 << 2  #: as narrow as the arithmetic allows
     NONSMOOTH = 1 << 3  #: witness points are not unique; the gradient is one of several

@@ -259,8 +259,7 @@ struct SpreadList {
 
 __device__ inline std::uint16_t flags_of(const BodyPoseRef& a, const BodyPoseRef& b) {
   const std::uint8_t states = a.state | b.state;
-  return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0) |
-         (states & kStateBeyondLimits ? kFlagBeyondLimits : 0);
+  return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateBeyondLimits ? kFlagBeyondLimits : 0);
 }
 // In two pieces of 16 bytes.
 __device__ inline void write_compact(CompactAnswer* row, const PairAnswer& answer) {

@@ -102,9 +102,9 @@ __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const Bod
     parent = here;
     follows = true;
   }
-  bodies.moved_state[std::size_t{slot} * configurations + k] =
-      static_cast<std::uint8_t>(here.status) | (here.renormalised ? kStateRenormalised : 0) |
-      (here.beyond_limits ? kStateBeyondLimits : 0) | (moves.slot_state[slot] & kSlotOld ? kStateStale : 0);
+  bodies.moved_state[std::size_t{slot} * configurations + k] = static_cast<std::uint8_t>(here.status) |
+                                                               (here.renormalised ? kStateRenormalised : 0) |
+                                                               (here.beyond_limits ? kStateBeyondLimits : 0);
   double* out = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;
   const auto put = [&](std::uint32_t c, const Vec3d& v) {
     out[std::size_t{c} * configurations] = v.x;

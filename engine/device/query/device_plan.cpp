@@ -200,7 +200,7 @@ class StandingReduction final : public StandingQuery {
     if (plan_.query.reduce != Reduce::kAny) return;
     setup.margins = plan_.margins.each();
     setup.margin = plan_.margins.most();
-    setup.beyond = beyond_all_margins(plan_, options_);
+    setup.beyond = beyond_all_margins(plan_);
   }
   std::uint64_t first_unknown() const {
     for (std::uint64_t index = 0; index + 1 < plan_.size.pairs; ++index) {

@@ -72,7 +72,7 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
     } else {
       plan_.keep_configurations();
     }
-    moved_.emplace(scene(), plan_, options_.stale).tell(s);
+    moved_.emplace(scene(), plan_).tell(s);
   }
   if (has_uncertainty) uncertainties_.emplace(scene(), plan_).tell(s);
   if (options_.joint_gradient) movers_.emplace(*options_.joint_gradient, plan_).tell(s);
@@ -94,10 +94,9 @@ void DeviceQuery::place_fixed(const FixedBodies& fixed) {
 #pragma omp parallel for num_threads(workers()) schedule(static) if (n >= kParallelBodies)
   for (std::size_t b = 0; b < n; ++b) {
     const BodyPlacement& at = placed[b];
-    const bool stale = !options_.stale.empty() && options_.stale[b];
     fixed.state[b] =
         static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
-                                  (stale ? kStateStale : 0) | (at.beyond_limits ? kStateBeyondLimits : 0));
+                                  (at.beyond_limits ? kStateBeyondLimits : 0));
     if (at.status != Status::kOk) continue;
     const auto put = [&](std::size_t c, const Vec3d& v) {
       for (int i = 0; i < 3; ++i) fixed.components[(c + static_cast<std::size_t>(i)) * n + b] = v[i];

@@ -42,7 +42,7 @@ class MotionDeviceQuery final : public DeviceQuery {
     motions_ = std::clamp((K + chunks - 1) / chunks, kFewestMotions, kMostMotions);
     motions_ = std::clamp<std::uint64_t>(std::min(motions_, kMostPairMotions / P), 1, K);
     chunks_ = (K + motions_ - 1) / motions_;
-    beyond_ = {{kNone, kNone}, 0, beyond_all_margins(plan_, options_)};
+    beyond_ = {{kNone, kNone}, 0, beyond_all_margins(plan_)};
     QuerySetup s = setup(*workspace_);
     s.pair_limits.abs_tol = motion_options_.limits.abs_tol;
     s.pair_limits.rel_tol = motion_options_.limits.rel_tol;
@@ -167,7 +167,7 @@ class MotionDeviceQuery final : public DeviceQuery {
   MotionArrays arrays_;
   bool fits_ = false;
   EvaluateOptions motion_options_;
-  MotionQuery motion_query_{scene(), plan_, bounds_, options_.stale, options_.want_flags};
+  MotionQuery motion_query_{scene(), plan_, bounds_};
   // Once something is open:
   std::vector<Aabb> boxes_;
   std::vector<MotionBlock> blocks_;  // of each worker

@@ -4,7 +4,7 @@
 
 namespace clearance::cuda {
 
-MovedChains::MovedChains(const Scene& scene, const Plan& plan, std::span<const std::uint8_t> stale)
+MovedChains::MovedChains(const Scene& scene, const Plan& plan)
     : moved_(plan.moved), links_(plan), given_count_(static_cast<std::uint32_t>(plan.given_bodies)) {
   const PoseSnapshot& snapshot = *plan.snapshot;
   std::vector<std::uint32_t> slot_of(scene.bodies().size(), kNone);
@@ -17,7 +17,7 @@ MovedChains::MovedChains(const Scene& scene, const Plan& plan, std::span<const s
   for (std::uint32_t i = 0; i < moved_.size(); ++i) {
     const std::uint32_t body = moved_[i];
     own_.push_back(snapshot.local[body]);
-    slot_state_.push_back(state_of(scene, plan, i, stale));
+    slot_state_.push_back(state_of(scene, plan, i));
     const std::size_t first = chain_.size();
     std::uint32_t b = body;
     for (; b != kNone && slot_of[b] != kNone; b = snapshot.parent[b]) chain_.push_back(slot_of[b]);
@@ -29,8 +29,7 @@ MovedChains::MovedChains(const Scene& scene, const Plan& plan, std::span<const s
 }
 
 // What BodyPoses::configure() makes of a body beside its pose.
-std::uint8_t MovedChains::state_of(const Scene& scene, const Plan& plan, std::uint32_t slot,
-                                   std::span<const std::uint8_t> stale) const {
+std::uint8_t MovedChains::state_of(const Scene& scene, const Plan& plan, std::uint32_t slot) const {
   const PoseSnapshot& snapshot = *plan.snapshot;
   const std::uint32_t body = moved_[slot];
   const bool by_query = source_[slot] != kNone;
@@ -39,7 +38,6 @@ std::uint8_t MovedChains::state_of(const Scene& scene, const Plan& plan, std::ui
     state |= kSlotUnplaced;
   if (snapshot.placed[body].status == Status::kStalePose) state |= kSlotStale;
   if (!by_query && snapshot.beyond_limits[body]) state |= kSlotBeyondLimits;
-  if (!stale.empty() && stale[body]) state |= kSlotOld;
   return state;
 }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "engine/device/query/moved_links.h"
@@ -13,14 +12,12 @@ namespace clearance::cuda {
 /// Its arrays live as long as this.
 class MovedChains {
  public:
-  /// \param stale of each body; empty: no pose is too old.
-  MovedChains(const Scene& scene, const Plan& plan, std::span<const std::uint8_t> stale);
+  MovedChains(const Scene& scene, const Plan& plan);
   /// Points a setup to the arrays.
   void tell(QuerySetup& setup) const;
 
  private:
-  std::uint8_t state_of(const Scene& scene, const Plan& plan, std::uint32_t slot,
-                        std::span<const std::uint8_t> stale) const;
+  std::uint8_t state_of(const Scene& scene, const Plan& plan, std::uint32_t slot) const;
 
   const std::vector<std::uint32_t>& moved_;
   MovedLinks links_;

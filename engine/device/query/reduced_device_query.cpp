@@ -63,7 +63,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     if (plan_.query.reduce == Reduce::kAny) {  // which begins cold
       s.margins = plan_.margins.each();
       s.margin = plan_.margins.most();
-      s.beyond = beyond_all_margins(plan_, options_);
+      s.beyond = beyond_all_margins(plan_);
     } else {
       s.warm = take_warm(K * P);
     }

@@ -130,7 +130,7 @@ class Bridge:
         stale = self.stale(max_age_s)
         asked: dict[str, Any] = {"pairs": ("*", "*"), "fields": ("default", "pair")}
         if stale and max_age_s > 0:
-            asked |= {"max_pose_age_ns": int(max_age_s * 1e9), "stale_status": True}
+            asked["max_pose_age_ns"] = int(max_age_s * 1e9)
         r = self.client.distances(reduce="within", max_distance=within, **asked)
         names = [body.name for body in self.client.bodies]
         rows = zip(r.pairs.tolist(), r.status.tolist(), r.lower.tolist(), r.upper.tolist())

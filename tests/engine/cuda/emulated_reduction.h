@@ -234,7 +234,7 @@ class HostReduction {
     const Plan& plan = bodies_.plan;
     r_.margins = plan.margins.each().empty() ? nullptr : plan.margins.each().data();
     r_.margin = plan.margins.most();
-    r_.beyond = beyond_all_margins(plan, {});
+    r_.beyond = beyond_all_margins(plan);
     launch(r_.rows, kScanThreads, [&] { find_near_pairs(r_); });
     launch(r_.rows / 4, kItemThreads,
            [&] { bodies_.uncertain ? look_at_near_pairs<Slack>(r_) : look_at_near_pairs<NoSlack>(r_); });

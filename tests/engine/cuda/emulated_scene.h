@@ -70,7 +70,7 @@ struct HostBodies {
 
   HostBodies(const Scene& scene, const HullsView& hulls, const QueryView& q)
       : plan(plan_of(scene, q)),
-        chains(scene, plan, {}),
+        chains(scene, plan),
         uncertainties(uncertainties_for(scene)),
         uncertain(uncertain_body(scene, plan) != kNone) {
     QuerySetup s;

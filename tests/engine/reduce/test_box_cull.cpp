@@ -101,7 +101,6 @@ TEST(BoxCull, RowsAreThoseOfPairsOneByOne) {
           query.max_distance = max_distance;
           query.format = format;
           query.fields = format == Format::kFull ? kAllFields : kFieldStatus | kFieldFlags | kFieldPieces;
-          query.max_pose_age_ns = 1;  // long ago
           query.configuration_count = configurations;
           if (configurations > 0) query.bodies = moved;
           query.configurations = poses;

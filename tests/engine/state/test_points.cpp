@@ -123,25 +123,29 @@ TEST(Points, OfAnOlderStampAreRefused) {
 }
 
 TEST(Points, GrowOlderAsPosesDo) {
-  Engine engine(scene_of({}, 0, true));
-  engine.set_poses(std::vector<BodyPose>{{kCloud, Pose{}}, {kBall, Pose{{10, 0, 0}}}});
-  engine.set_points(kCloud, std::vector<CloudPoint>{{0, 0, 0}}, {}, 77, 3);
   const BodyPair pair{kCloud, kBall};
-  const std::uint32_t moved = kCloud;
-  const Pose at{};
-  QueryView query;
-  query.pairs = std::span(&pair, 1);
-  query.all_pairs = false;
-  query.fields = kDefaultFields | kFieldFlags;
-  query.max_pose_age_ns = 1;  // of which nothing is that was received
-  query.bodies = std::span(&moved, 1);
-  query.configurations = std::span(&at, 1);
-  query.configuration_count = 1;
-  const Answer reply = ask(engine, query);
-  EXPECT_TRUE(reply.view.flags[0] & kFlagStale) << "the query says where the cloud is, but not what is there";
-  EXPECT_EQ(reply.info.snapshot_stamp_ns, 77);
-  EXPECT_EQ(reply.info.snapshot_sequence, 3);
-  EXPECT_GT(reply.info.pose_age_ns, 0);
+  const std::uint32_t moved[] = {kCloud, kBall};
+  const Pose at[] = {Pose{}, Pose{{10, 0, 0}}};
+  for (const bool has_pose : {true, false}) {
+    SCOPED_TRACE(has_pose);
+    Engine engine(scene_of({}, 0, true));
+    if (has_pose) engine.set_poses(std::vector<BodyPose>{{kCloud, Pose{}}, {kBall, Pose{{10, 0, 0}}}});
+    engine.set_points(kCloud, std::vector<CloudPoint>{{0, 0, 0}}, {}, 77, 3);
+    QueryView query;
+    query.pairs = std::span(&pair, 1);
+    query.all_pairs = false;
+    query.bodies = moved;
+    query.configurations = at;
+    query.configuration_count = 1;
+    EXPECT_EQ(ask(engine, query).view.status[0], std::uint8_t(Status::kOk)) << "any age";
+    query.max_pose_age_ns = 1;  // nothing that was received is so young
+    const Answer reply = ask(engine, query);
+    EXPECT_EQ(reply.view.status[0], std::uint8_t(Status::kStalePose))
+        << "the query says where the cloud is, but not what is there";
+    EXPECT_EQ(reply.info.snapshot_stamp_ns, 77);
+    EXPECT_EQ(reply.info.snapshot_sequence, 3);
+    EXPECT_GT(reply.info.pose_age_ns, 0);
+  }
 }
 
 TEST(Points, GoOverToAnotherEngine) {
