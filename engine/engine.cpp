@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -71,6 +72,29 @@ struct Engine::Impl {
   // decisions: those that are small enough to be kept take the CPU less time than a device needs to be asked.
   bool keeps_job_of(const QueryView& query) const {
     return (!device || (router && query.reduce == Reduce::kAny)) && kept.keeps(query);
+  }
+
+  // Backend of a query.
+  struct Route {
+    cuda::QueryKind kind;
+    std::uint64_t pairs;
+    bool to_device;
+    cuda::Router* router;  // learns from the answer; null: the backend was no choice
+  };
+
+  // Throws QueryError if the device lacks the query and the CPU may not answer in its place.
+  Route route_of(const Plan& plan, const Scene& of, bool keep_on_cpu) const {
+    Route route{cuda::kind_of(plan.query), plan.size.configurations * plan.size.pairs, false, nullptr};
+    std::string missing = cuda::beyond_the_device(plan);
+    if (missing.empty() && of.has_stand_ins()) missing = "the model pieces";
+    if (!missing.empty() && device && !router && !options.device_fallback)
+      throw QueryError(QueryErrorCode::kNotSupported,
+                       missing + ": backend cuda does not answer it, and the CPU may not");
+    const bool is_kept = plan.question && KeptJobs::keeps(plan.size);
+    if (keep_on_cpu || is_kept || !missing.empty()) return route;
+    route.router = router.get();
+    route.to_device = device && (!router || router->to_device(route.kind, route.pairs));
+    return route;
   }
 
   // OpenMP's threads do not survive a fork: a child that used them would hang.
@@ -339,6 +363,27 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
   return start(prepare(query), reply);
 }
 
+namespace {
+
+// Job makers of the CPU by kind of query. The first that matches makes the job.
+struct CpuJobKind {
+  bool (*matches)(const QueryView&);
+  std::unique_ptr<Job::State> (*make)(const JobContext&, Plan, const ReplyView&);
+};
+constexpr CpuJobKind kCpuJobKinds[] = {
+    {[](const QueryView& query) { return query.max_steps > 0; }, make_motion_job},
+    {[](const QueryView& query) { return (query.fields & kFieldFreeScale) != 0; }, make_free_scale_job},
+    {[](const QueryView&) { return true; }, make_cpu_job},
+};
+
+std::unique_ptr<Job::State> make_job_on_cpu(const JobContext& context, Plan plan, const ReplyView& reply) {
+  const auto kind = std::find_if(std::begin(kCpuJobKinds), std::end(kCpuJobKinds),
+                                 [&](const CpuJobKind& one) { return one.matches(plan.query); });
+  return kind->make(context, std::move(plan), reply);
+}
+
+}  // namespace
+
 Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const FpEnvironment environment;
   impl_->check_process();
@@ -354,27 +399,13 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   }
   Plan plan = std::move(query.planner_->plan());
   const JobContext context = impl_->context(Impl::scene_of(*plan.snapshot, plan.query.model));
-  const bool motions = plan.query.max_steps > 0, scales = plan.query.fields & kFieldFreeScale,
-             is_kept = plan.question && KeptJobs::keeps(plan.size), by_pieces = context.scene->has_stand_ins();
-  // Nor has the router its say where no kernel answers yet.
-  std::string unknown = cuda::beyond_the_device(plan);
-  if (unknown.empty() && by_pieces) unknown = "the model pieces";
-  const bool for_cpu = query.keep_on_cpu_ || is_kept || !unknown.empty();
-  if (!unknown.empty() && impl_->device && !impl_->router && !impl_->options.device_fallback)
-    throw QueryError(QueryErrorCode::kNotSupported, unknown + ": backend cuda does not answer it, and the CPU may not");
-  cuda::Router* const router = for_cpu ? nullptr : impl_->router.get();
-  const cuda::QueryKind kind = cuda::kind_of(plan.query);
-  const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
+  const Impl::Route route = impl_->route_of(plan, *context.scene, query.keep_on_cpu_);
   std::unique_ptr<Job::State> state;
-  const bool has_device = impl_->device && !for_cpu;
-  if (has_device && (!router || router->to_device(kind, pairs))) state = cuda::make_device_job(context, plan, reply);
-  if (!state) {
-    const auto make = motions ? make_motion_job : scales ? make_free_scale_job : make_cpu_job;
-    state = make(context, std::move(plan), reply);
-  }
-  if (router)
-    state->when_done = [router, kind, pairs](const ReplyInfo& info, std::chrono::nanoseconds took) {
-      router->learn(kind, pairs, info.backend == "cuda", took);
+  if (route.to_device) state = cuda::make_device_job(context, plan, reply);
+  if (!state) state = make_job_on_cpu(context, std::move(plan), reply);
+  if (route.router)
+    state->when_done = [route](const ReplyInfo& info, std::chrono::nanoseconds took) {
+      route.router->learn(route.kind, route.pairs, info.backend == "cuda", took);
     };
   return Job(Job::StatePtr(state.release()));
 }
