@@ -295,7 +295,7 @@ class HostReduction {
       placement.configure(k, given, rotations);
       const std::uint64_t p = r_.rest_rows[i] % r_.chunk.pair_count;
       PlacedBodies asked{plan.pairs.at(p), &placement, q_.max_distance};
-      if (any()) asked.max_distance = asked.enough = plan.margins.of(p);
+      if (any()) asked.max_distance = asked.stop_below = plan.margins.of(p);
       evaluator.run({&asked, 1}, {&answers[i], 1});
     }
     launch(answers.size() + 1, kItemThreads,

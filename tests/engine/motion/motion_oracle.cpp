@@ -308,7 +308,7 @@ MotionFindings check_decisions(std::uint64_t seed, int motions, int only, const 
   MotionFindings findings;
   for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t) {
     if (c.motions.bodies.empty())
-      if (MotionOracle oracle(c, random, findings, "cpu"); oracle.has_pairs()) judge.check_decisions(decide);
+      if (MotionOracle oracle(c, random, findings, "cpu"); oracle.has_pairs()) oracle.check_decisions(decide);
     return findings.motions < motions;
   });
   return findings;
