@@ -78,7 +78,7 @@ class Planner:
         for _ in range(attempts):
             self.request += 1
             self.replies.clear()
-            message.query.query.client_id, message.query.query.request_id = self.id, self.request
+            message.query.client_id, message.query.request_id = self.id, self.request
             self.lcm.publish(self.prefix + "CLEARANCE_JOINT_QUERY", message.encode())
             deadline = time.monotonic() + patience
             while time.monotonic() < deadline:

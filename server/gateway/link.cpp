@@ -120,6 +120,8 @@ std::optional<Message> Link::receive() {
     const ssize_t got = ::recv(socket_.get(), buffer_.data(), buffer_.size(), MSG_TRUNC);
     if (got < 0 && errno == EINTR) continue;
     if (got < 0 && errno == EAGAIN) return std::nullopt;
+    // A peer that closes with unread input resets the connection; what it sent before can still be received.
+    if (got < 0 && errno == ECONNRESET && !std::exchange(was_reset_, true)) continue;
     if (got < 0) throw Broken(std::strerror(errno));
     if (got == 0) throw Broken("it has gone");
     if (static_cast<std::size_t>(got) > buffer_.size()) throw Broken("it sends more at once than may be");

@@ -142,6 +142,7 @@ class Link {
   FairQueue<Leaving, InOrder> leaving_;
   std::unordered_map<std::string, Coming> coming_;
   std::uint64_t sequence_ = 0, waiting_bytes_ = 0, coming_bytes_ = 0, allowance_ = kBytesPerTurn;
+  bool was_reset_ = false;  ///< the peer closed with unread input
   bool listens_for_room_ = false;
   std::function<void(std::shared_ptr<void>)> drop_;
 };

@@ -150,7 +150,7 @@ TEST_F(LoopTest, RepliesUnderWayAreBoundedInBytes) {
   loop_->turn();
   turn_until_idle();
   ASSERT_EQ(a_.replies.size(), 2u);
-  EXPECT_EQ(error_of(a_.replies[0]).text, "the requests and replies under way take 592 bytes already; ask again");
+  EXPECT_EQ(error_of(a_.replies[0]).text, "the requests and replies under way take 608 bytes already; ask again");
   EXPECT_EQ(a_.replies[1]->type(), FrameType::kReply);
 }
 

@@ -29,7 +29,7 @@ class LinkTest : public testing::Test {
     return *other_;
   }
   ~LinkTest() override {
-    if (!other_) ::close(raw_);
+    if (!other_ && raw_ >= 0) ::close(raw_);
   }
 
   static Message message(const std::string& name, std::size_t bytes, std::uint64_t number = 1) {
@@ -231,6 +231,20 @@ TEST(LinkOfAnyBytes, GivesMessagesWithinItsLimitsOrBreaks) {
   EXPECT_GT(in_parts, 300);
   EXPECT_GT(broken, 1000);
   EXPECT_LT(broken, 2900);
+}
+
+TEST_F(LinkTest, LastMessagesOfAPeerThatClosesWithUnreadInputAreReceived) {
+  other().send(message("a", 10));
+  other().turn();
+  core_->send(message("b", 10));
+  core_->turn();
+  other_.reset();  // closes its end, and does not read what has come
+  raw_ = -1;
+  core_->turn();
+  const auto last = core_->receive();
+  ASSERT_TRUE(last);
+  EXPECT_EQ(last->name, "a");
+  EXPECT_EQ(why(), "it has gone");
 }
 
 TEST_F(LinkTest, ItsEndIsNoticed) {
