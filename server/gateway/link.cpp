@@ -120,7 +120,7 @@ std::optional<Message> Link::receive() {
     const ssize_t got = ::recv(socket_.get(), buffer_.data(), buffer_.size(), MSG_TRUNC);
     if (got < 0 && errno == EINTR) continue;
     if (got < 0 && errno == EAGAIN) return std::nullopt;
-    // A peer that closes with unread input resets the connection; what it sent before can still be received.
+    // A peer that closes with unread input resets the connection; its earlier messages can still be received.
     if (got < 0 && errno == ECONNRESET && !std::exchange(was_reset_, true)) continue;
     if (got < 0) throw Broken(std::strerror(errno));
     if (got == 0) throw Broken("it has gone");

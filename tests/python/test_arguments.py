@@ -161,8 +161,8 @@ SCENE = {
         "name": TEXTS, "points": VERTICES, "voxel": [*NUMBERS, None], "radius": [*NUMBERS, None], "live": BOOLS,
         **OF_A_BODY, **DOUBTS}),
     "add_mesh": ({"name": "x", "path": "x.obj"}, {
-        "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:2], *SIZES[3:], None, True], "convexify": WORDS, "up": WORDS,
-        "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
+        "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:2], *SIZES[3:], None, True], "convexify": WORDS,
+        "up": WORDS, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
     "add_body": CLIENT["add_body"],
     "add_box": ({"name": "x", "size": [1, 1, 1]},
                 {"name": TEXTS, "size": SIZES, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),

@@ -238,7 +238,7 @@ TEST_F(LinkTest, LastMessagesOfAPeerThatClosesWithUnreadInputAreReceived) {
   other().turn();
   core_->send(message("b", 10));
   core_->turn();
-  other_.reset();  // closes its end, and does not read what has come
+  other_.reset();  // closes its end with unread input
   raw_ = -1;
   core_->turn();
   const auto last = core_->receive();
