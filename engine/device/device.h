@@ -1,6 +1,7 @@
-// A CUDA device with a scene resident in its memory, in words that need no CUDA: what the engine sees of it.
+// Interface between the engine and a CUDA device that holds a scene. Needs no CUDA headers.
 //
-// The kernels are in a library of their own (device_module.h). Without it there is no device, and DeviceInfo says why.
+// The kernels are in a separate library (device_module.h). If it is missing, no device is present and DeviceInfo holds
+// the reason.
 #pragma once
 
 #include <cstdint>
@@ -26,234 +27,235 @@ struct Piece;
 namespace clearance::cuda {
 
 struct MotionHitRow;                      // motion_layout.h
-enum class MotionVerdict : std::uint8_t;  // likewise
+enum class MotionVerdict : std::uint8_t;  // motion_layout.h
 
-/// A device that the backend can use.
+/// The devices available to the backend.
 struct DeviceInfo {
   bool present = false;
   std::string name;    ///< "NVIDIA H100 80GB HBM3"
-  std::string reason;  ///< why there is none: where the library of the kernels is missing, or what the driver says
-  int count = 0;       ///< how many there are, numbered from 0
+  std::string reason;  ///< if not present: the missing kernel library, or the driver's message
+  int count = 0;       ///< number of devices, numbered from 0
 };
-inline constexpr int kCurrentDevice = -1;  ///< in place of a number: the calling thread's
+inline constexpr int kCurrentDevice = -1;  ///< device number for the calling thread's current device
 
-/// Numbers that a device keeps about itself.
+/// Device counters.
 struct DeviceCounters {
-  std::uint64_t scene_bytes = 0;   ///< geometry, uploaded once
-  std::uint64_t query_bytes = 0;   ///< device memory of queries, kept for the next ones
-  std::uint64_t pinned_bytes = 0;  ///< host memory of queries, likewise
-  std::uint64_t allocations = 0;   ///< how often either had to grow
-  std::uint64_t kernel_ns =
-      0;  ///< time in kernels: of dense queries by the device's clock, of reductions by its events
-  std::uint64_t broad_phase_ns = 0;  ///< of it, of queries over a whole table: from poses to the list of near pairs
-  std::uint64_t launches = 0;        ///< chunks of pair-configurations
+  std::uint64_t scene_bytes = 0;     ///< geometry, uploaded once
+  std::uint64_t query_bytes = 0;     ///< device memory of queries, kept for reuse
+  std::uint64_t pinned_bytes = 0;    ///< pinned host memory of queries, kept for reuse
+  std::uint64_t allocations = 0;     ///< number of times either of these had to grow
+  std::uint64_t kernel_ns = 0;       ///< kernel time: dense queries by the device's clock, reductions by events
+  std::uint64_t broad_phase_ns = 0;  ///< the part of it from poses to the list of near pairs (whole-table queries)
+  std::uint64_t launches = 0;        ///< chunks launched
 };
 
-/// Lists of pairs in device memory: those of all chunks of a query, one chunk after another.
+/// Lists of pairs in device memory: all chunks of a query, one after another.
 class ResidentPairs {
  public:
   virtual ~ResidentPairs() = default;
 };
 
-/// A scene's table of pairs in device memory, which knows each pair and lists none.
+/// A scene's pair table in device memory. Implicit: no list of pairs is stored.
 class ResidentTable {
  public:
   virtual ~ResidentTable() = default;
 };
 
-/// Warm state of a client's query in device memory: a WarmRow for each of its configurations and pairs.
+/// Warm-start state of a client's query in device memory: one WarmRow per configuration and pair.
 class ResidentWarm {
  public:
   virtual ~ResidentWarm() = default;
 };
 
-/// A surface's elements and their tree in device memory.
+/// Elements of a `Surface` and their tree in device memory.
 class ResidentElements {
  public:
   virtual ~ResidentElements() = default;
 };
-/// A body that a query asks for of points, voxels or triangles, or of several pieces with such among them.
+/// A query's body that consists of points, voxels or triangles, or of several parts that include some.
 struct ElementBody {
   std::uint32_t body;
-  HullExtents hull;                  ///< around all of it
+  HullExtents hull;                  ///< around the whole body
   bool is_empty;                     ///< a cloud without points
-  const ResidentElements* resident;  ///< its elements; null: its pairs are the CPU's
+  const ResidentElements* resident;  ///< its elements; if null, the CPU answers its pairs
 };
 
-/// Where the snapshot's bodies go, as BodiesView has them; without boxes.
+/// Buffers for the snapshot's bodies, laid out as in BodiesView without boxes.
 struct FixedBodies {
   double* components;
   std::uint8_t* state;
 };
 
-/// How narrow the least distance of motions is to be, where it is asked for.
+/// Requested tolerance of the least distance of motions.
 struct LeastAsked {
   bool is_wanted = false;
   double abs_tol = 0, rel_tol = 0;
 };
 
-/// A query's part that stays the same for all its chunks. Spans are copied from.
+/// The part of a query that all its chunks share. Spans are copied.
 struct QuerySetup {
   PairLimits pair_limits;
   std::uint32_t fields = 0;  ///< columns that come back, Field bits
   bool boxes = false;        ///< whether boxes are compared
-  // The moved ones, as MovesView has them. Empty without configurations.
+  // Moved bodies, as in MovesView. Empty without configurations.
   std::uint32_t given_count = 0;
   std::span<const std::uint32_t> moved_body, source, chain_begin, chain;
   std::span<const Pose> own;
   std::span<const BodyPlacement> base;
   std::span<const std::uint8_t> has_base, slot_state;
-  // The robots of which joints move, as FramesView has them.
+  // Robots with moving joints, as in FramesView.
   std::span<const KinematicStep> steps;
   std::span<const JointColumn> columns;
   std::span<const JointRobot> robots;
-  std::uint32_t frames = 0;  ///< of all of them
+  std::uint32_t frames = 0;  ///< of all robots
   std::uint32_t joints = 0;  ///< positions in a row
-  // What is doubted, as BodiesView and MovesView have it. Empty where nothing is doubted of any body that is asked for.
+  // Uncertainty, as in BodiesView and MovesView. Empty if no body of the query is uncertain.
   std::span<const BodySlack> fixed_slack;
   std::span<const LinkPlace> links;
   std::span<const LinkPairError> link_pairs;
   std::span<const UncertaintyStep> uncertainty_steps;
   std::span<const PlacedUncertainty> base_uncertainty;
-  // Where the column gradient_joints is wanted, as MoversView has it.
+  // For the column gradient_joints, as in MoversView.
   std::span<const JointMover> movers;
   std::span<const std::uint32_t> mover_of_body;
   const ResidentPairs* pairs = nullptr;
-  const ResidentTable* table = nullptr;  ///< of Reduce::kWithin over a whole table, in place of pairs
+  const ResidentTable* table = nullptr;  ///< replaces `pairs` for Reduce::kWithin over a whole table
   std::uint64_t chunks = 1;
-  ResidentWarm* warm = nullptr;  ///< null: cold
+  ResidentWarm* warm = nullptr;  ///< null for a cold start
   std::uint64_t all_pairs = 0;   ///< rows of one configuration of the query
-  // Of a reduced query.
+  // Reduced queries:
   Reduce reduce = Reduce::kNone;
-  std::uint32_t groups = 1;     ///< of one configuration
-  std::uint64_t most_rows = 0;  ///< of Reduce::kWithin
-  bool by_teams = false;  ///< of Reduce::kMin: one launch decides each configuration. Without depths and float32 only
-  std::span<const ElementBody> elements;  ///< among the bodies of its pairs; by_teams is false where there are any
+  std::uint32_t groups = 1;     ///< per configuration
+  std::uint64_t most_rows = 0;  ///< Reduce::kWithin only
+  bool by_teams = false;        ///< one launch decides each configuration (Reduce::kMin without depths and float32)
+  std::span<const ElementBody> elements;  ///< among the bodies of its pairs; if any, by_teams is false
   ElementKinds element_kinds;             ///< of its pairs
-  // Of Reduce::kAny, as ReducedView has it.
-  std::span<const double> margins;  ///< empty: each pair has `margin`
+  // Reduce::kAny, as in ReducedView:
+  std::span<const double> margins;  ///< per pair; if empty, all pairs have `margin`
   double margin = 0;
   PairAnswer beyond{};
-  // Of motions.
+  // Motions:
   const MotionArrays* motions = nullptr;
   std::uint32_t max_steps = 0;
   LeastAsked least;
 };
 
-/// What a query gives for each configuration.
+/// Kind of input per configuration.
 enum class Given : std::uint8_t { kPoses, kPositions };
 
-/// One chunk: a run of rows that are consecutive in every column.
+/// One chunk: a range of rows, consecutive in every column.
 struct ChunkSetup {
   std::uint32_t configurations = 1;
   std::uint64_t first_configuration = 0;
   std::uint64_t first_row = 0;   ///< in the query
   std::uint32_t first_pair = 0;  ///< in QuerySetup::pairs
   std::uint32_t pair_count = 0;  ///< rows of one configuration
-  /// (configurations, given_count) and (configurations, joints), in pinned memory that stays until the chunk is
-  /// finished
+  /// (configurations, given_count) and (configurations, joints), in pinned memory that must stay valid until the chunk
+  /// is finished.
   const Pose* poses = nullptr;
   const double* positions = nullptr;
-  bool given_on_device = false;  ///< they are in device memory, until the chunk is done
-  /// Returns once those before `end` are there; empty: all are.
+  bool given_on_device = false;  ///< the input is in device memory and stays there until the chunk is done
+  /// Returns once the input before `end` has arrived. If empty, all of it has.
   std::function<void(Given, const void* end)> wait_for;
-  std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
-  std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
-  Group ungrouped{};              ///< of pairs with hulls of their own; may be empty
+  std::uint32_t first_tile = 0;   ///< in the list of each tile's group
+  std::uint32_t group_tiles = 0;  ///< tiles of groups that share both hulls
+  Group ungrouped{};              ///< pairs with hulls of their own; may be empty
   std::uint32_t ungrouped_tiles = 0;
-  Group several{};  ///< of pairs of which a body has several pieces; may be empty
+  Group several{};  ///< pairs with a body of several convex parts; may be empty
   std::uint32_t several_tiles = 0;
   std::uint32_t tiles() const { return group_tiles + ungrouped_tiles + several_tiles; }
   std::uint64_t rows() const { return std::uint64_t{configurations} * pair_count; }
 };
 
-/// What a chunk came to. Views are valid until the slot is launched again.
+/// Result of a chunk. The views are valid until the slot's next launch.
 struct ChunkResult {
-  ReplyView rows;                       ///< host memory, without what went to `direct` columns
-  std::span<const std::uint32_t> rest;  ///< rows that are not settled, in no order
-  std::uint64_t converged = 0;          ///< rows that the narrow phase answered
+  ReplyView rows;                       ///< host memory, without the `direct` columns
+  std::span<const std::uint32_t> rest;  ///< unresolved rows, in no order
+  std::uint64_t converged = 0;          ///< rows answered by the narrow phase
 };
 
-/// What a chunk of a reduced query came to. Views are valid until the slot is launched again.
+/// Result of a chunk of a reduced query. The views are valid until the slot's next launch.
 struct ReducedResult {
-  /// Rows that the device left open. Where there are any, nothing else is valid: see settle().
+  /// Rows that the device left unresolved. If any, pass the CPU's answers to `settle()` first: all other members are
+  /// invalid.
   std::span<const std::uint32_t> rest;
-  ReplyView rows;               ///< host memory; columns that went to `direct` are those
-  std::uint64_t row_count = 0;  ///< of the reply
-  std::uint64_t total = 0;      ///< the same without the limit of Reduce::kWithin
-  std::uint64_t converged = 0;  ///< pairs that the narrow phase answered
+  ReplyView rows;               ///< host memory; includes the `direct` columns
+  std::uint64_t row_count = 0;  ///< rows of the reply
+  std::uint64_t total = 0;      ///< row count without the limit of Reduce::kWithin
+  std::uint64_t converged = 0;  ///< pairs answered by the narrow phase
 };
 
 inline constexpr int kChunksUnderWay = 4;  ///< on each device
 
-/// Memory and streams for one query at a time, with a few chunks under way. Everything here may throw DeviceError.
+/// Memory and streams for one query at a time, with a few chunks in flight. All members may throw DeviceError.
 class QueryWorkspace {
  public:
   virtual ~QueryWorkspace() = default;
-  /// Slots for chunks, once begin() was called. The query's chunks take them in turn.
+  /// Number of chunk slots, valid after begin(). Chunks use the slots in turn.
   virtual int slots() const { return kChunksUnderWay; }
-  /// Where the snapshot's bodies go before begin().
+  /// Buffers that the caller fills with the snapshot's bodies before begin().
   virtual FixedBodies room_for_bodies(std::size_t bodies) = 0;
   virtual void begin(const QuerySetup& setup) = 0;
-  /// Pinned memory for what configurations give, of a slot's next chunk or of the whole query.
+  /// Pinned memory for input: of a slot's next chunk, or of the whole query.
   virtual std::byte* room_for(Given given, int slot, std::size_t bytes) = 0;
   virtual std::byte* room_for_all(Given given, std::size_t bytes) = 0;
 };
 
-/// For a row of every configuration and pair.
+/// Workspace of dense queries: a row per configuration and pair.
 class Workspace : public QueryWorkspace {
  public:
-  /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once, from row 0 on; the
-  /// others (null) wait in the workspace.
+  /// Starts a chunk and returns.
+  /// \param direct columns in pinned memory that receive rows directly, from row 0 on; rows of null columns stay in the
+  /// workspace.
   virtual void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) = 0;
   /// Waits for a slot's chunk.
   virtual ChunkResult finish(int slot) = 0;
 };
 
-/// For a query whose poses or positions are in device memory already and whose rows stay there. All of it goes into the
-/// caller's stream: nothing waits for the host or takes memory once room was made, so that it can be captured in a
-/// graph.
+/// Workspace of a query whose poses or positions and rows stay in device memory. All work goes into the caller's
+/// stream. After make_room() nothing waits for the host or allocates memory, so a graph can capture it.
 class StandingWorkspace : public QueryWorkspace {
  public:
-  /// Room for chunks of so many pair-configurations and configurations at most, once begin() was called. All that
-  /// begin() sent is there when it returns.
+  /// Allocates memory for chunks of at most this many pair-configurations and configurations; call after begin(). All
+  /// data of begin() is on the device when it returns.
   virtual void make_room(std::uint64_t rows, std::uint32_t configurations) = 0;
-  virtual int device() const = 0;           ///< its number
-  virtual std::uint64_t bytes() const = 0;  ///< of device memory that it holds
-  /// Device memory of its own for rows. Once.
+  virtual int device() const = 0;           ///< device number
+  virtual std::uint64_t bytes() const = 0;  ///< device memory held
+  /// Allocates device memory for rows. Call at most once.
   virtual std::byte* room_for_rows(std::size_t bytes) = 0;
-  /// Starts a chunk, whose poses and positions (ChunkSetup) are in device memory. \param rows columns in device memory
-  /// \param in_order the query's pairs in their order, where a chunk has them in another. \param first_in_order the
-  /// chunk's first among them
+  /// Starts a chunk whose poses and positions (ChunkSetup) are in device memory.
+  /// \param rows columns in device memory
+  /// \param in_order the query's pairs in query order, since a chunk may order them differently
+  /// \param first_in_order index of the chunk's first pair in `in_order`
   /// \param stream cudaStream_t
   virtual void launch(const ChunkSetup& chunk, const ReplyView& rows, const ResidentPairs& in_order,
                       std::uint64_t first_in_order, void* stream) = 0;
 };
 
-/// For reduced queries. A chunk's pairs are those of ChunkSetup, all of one part; what says how they are grouped by
-/// hulls is not looked at.
+/// Workspace of reduced queries. A chunk has the pairs of ChunkSetup, all of one part; their grouping by hulls is
+/// ignored.
 class ReducedWorkspace : public QueryWorkspace {
  public:
-  /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once; the others (null) wait
-  /// in the workspace.
+  /// Starts a chunk and returns.
+  /// \param direct columns in pinned memory that receive rows directly; rows of null columns stay in the workspace.
   virtual void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) = 0;
   /// Waits for a slot's chunk.
   virtual ReducedResult finish(int slot) = 0;
-  /// Takes the CPU's answers to the rows that finish() named, in their order.
+  /// Takes the CPU's answers for the rows in ReducedResult::rest, in their order.
   virtual ReducedResult settle(int slot, std::span<const PairAnswer> answers) = 0;
 };
 
-/// What a chunk of motions came to. Views are valid until the slot is launched again.
+/// Result of a chunk of motions. The views are valid until the slot's next launch.
 struct MotionResult {
-  std::span<const MotionVerdict> verdicts;  ///< of each
-  std::span<const std::uint32_t> steps;     ///< likewise: configurations that were looked at
-  std::span<const double> free_until;       ///< likewise, as MotionRow has it; empty: first contact was not sought
-  std::span<const MotionHitRow> hits;       ///< of those that hit, in no order
-  std::uint64_t converged = 0;              ///< pairs that the narrow phase answered
+  std::span<const MotionVerdict> verdicts;  ///< per motion
+  std::span<const std::uint32_t> steps;     ///< configurations evaluated, per motion
+  std::span<const double> free_until;       ///< per motion, as in MotionRow; empty if first contact was not requested
+  std::span<const MotionHitRow> hits;       ///< one per motion that hits, in no order
+  std::uint64_t converged = 0;              ///< pairs answered by the narrow phase
 };
 
-/// For motions of joints of which it is asked whether all pairs stay beyond their margins, or how near they come. A
-/// chunk's configurations are motions, with positions (motions, 2, joints).
+/// Workspace of joint motions: tests whether all pairs stay beyond their margins, or finds their least distance. A
+/// chunk's configurations are motions, with positions of shape (motions, 2, joints).
 class MotionWorkspace : public QueryWorkspace {
  public:
   /// Starts a chunk and returns.
@@ -265,50 +267,52 @@ class MotionWorkspace : public QueryWorkspace {
 class Device {
  public:
   virtual ~Device() = default;
-  /// Chunks that a large query should have at least, to keep all of it busy.
+  /// Minimum number of chunks that keeps the device busy in a large query.
   virtual int chunks_wanted() const { return kChunksUnderWay; }
-  /// Index of the body's hull on the device; kSeveral: it has several pieces; kNone: the CPU answers its pairs.
+  /// Device index of the body's hull. kSeveral if it has several convex parts; kNone if the CPU answers its pairs.
   virtual std::uint32_t hull_of(std::uint32_t body) const = 0;
-  /// Whether blocks of threads can hold the hull in their shared memory, beside another one.
+  /// Whether a thread block's shared memory can hold the hull together with a second one.
   virtual bool shares(std::uint32_t) const { return true; }
-  /// Copies pairs to the device. \param position of each within its chunk.
-  /// \param group_of_tile of each tile of 128 pair-configurations of the same two hulls.
+  /// Copies pairs to the device.
+  /// \param position of each pair within its chunk
+  /// \param group_of_tile group of each tile of 128 pair-configurations that share both hulls
   virtual std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs,
                                                       std::span<const std::uint32_t> position,
                                                       std::span<const Group> group_of_tile) = 0;
   virtual std::shared_ptr<const ResidentTable> upload(const PairTable& table) = 0;
-  /// Copies a surface's elements and tree to the device. \param room of elements that nobody needs any more, in whose
-  /// memory they may go; may be null. Null: this device holds none.
+  /// Copies a surface's elements and tree to the device. The second argument holds unused elements whose memory may be
+  /// reused, or null. Returns null if this device does not hold elements.
   virtual std::shared_ptr<ResidentElements> upload(const Surface&, std::shared_ptr<ResidentElements>) {
     return nullptr;
   }
-  /// Cold state for so many rows. Throws DeviceError where there is no room.
+  /// Cold warm-start state for this many rows. Throws DeviceError if memory is short.
   virtual std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) = 0;
-  /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.
+  /// An unused workspace, created if needed. It is returned when the pointer is released.
   virtual std::shared_ptr<Workspace> borrow() = 0;
   virtual std::shared_ptr<ReducedWorkspace> borrow_reduced() = 0;
-  /// Null: the CPU answers motions.
+  /// Null if the CPU answers motions.
   virtual std::shared_ptr<MotionWorkspace> borrow_motions() { return nullptr; }
-  /// One more, for as long as its owner keeps it; null: what there is are several devices.
+  /// A new workspace, owned by the caller. Null for several devices.
   /// \param reduce none, min or any
   virtual std::shared_ptr<StandingWorkspace> make_standing(Reduce) { return nullptr; }
   virtual DeviceCounters counters() const = 0;
 };
 
-/// The current CUDA device of this process, if there is one.
+/// The current CUDA device of this process, if any.
 const DeviceInfo& installed_device();
 std::string installed_device_name(int number);
-/// Copies the scene's hulls to a device. \param number of the device, or kCurrentDevice. \param memory_limit bytes of
-/// its memory that may be taken.
+/// Opens a device and copies the scene's hulls to it.
+/// \param number of the device, or kCurrentDevice
+/// \param memory_limit maximum device memory, in bytes
 std::shared_ptr<Device> open_device(const Scene& scene, int number, std::uint64_t memory_limit);
 
 struct SharedMemoryCalls;
 
-/// Stands in for the installed devices while it lives: tests of what follows from a device's faults need none.
+/// Replaces the installed devices during its lifetime, so that tests of device faults need no GPU.
 class FakeDevice {
  public:
   using Open = std::function<std::shared_ptr<Device>(const Scene&, int number, std::uint64_t memory_limit)>;
-  /// \param memory of SharedMemory; null: the installed devices'
+  /// \param memory of SharedMemory; if null, the installed devices' calls are used
   FakeDevice(DeviceInfo info, Open open, const SharedMemoryCalls* memory = nullptr);
   ~FakeDevice();
   FakeDevice(const FakeDevice&) = delete;
@@ -317,19 +321,18 @@ class FakeDevice {
 
 bool has_fake_device();
 
-/// The devices that the backend uses: the installed ones or what stands in for them.
+/// The devices that the backend uses: the installed ones, or the fake ones.
 const DeviceInfo& device_info();
 std::string device_name(int number);
 std::shared_ptr<Device> make_device(const Scene& scene, int number, std::uint64_t memory_limit);
 
-/// Whether the memory is pinned, so that the device can write to it.
+/// Whether the memory is pinned and therefore writable by the device.
 bool is_pinned(const void* memory);
 
-/// Makes memory that is there already pinned while it lives, whichever the devices of this process.
+/// Pins existing memory during its lifetime, for all devices of this process.
 class RegisteredMemory {
  public:
-  /// \param memory a mapping, from its beginning. All its pages are taken now, which lasts milliseconds. Throws
-  /// DeviceError.
+  /// \param memory start of a mapping. All its pages are populated now, which takes milliseconds. Throws DeviceError.
   RegisteredMemory(std::byte* memory, std::size_t bytes);
   ~RegisteredMemory();
   RegisteredMemory(const RegisteredMemory&) = delete;
@@ -339,7 +342,7 @@ class RegisteredMemory {
   std::byte* memory_;
 };
 
-/// Pinned host memory: replies in it need no copy on the host.
+/// Pinned host memory. Replies in it need no copy on the host.
 class PinnedMemory {
  public:
   explicit PinnedMemory(std::size_t bytes);

@@ -1,4 +1,4 @@
-// The engine's device: opened, lost, counted; and what may stand in for it.
+// The engine's device: opening, loss, counters, and the fake device of tests.
 #include <algorithm>
 
 #include "engine/device/device_job.h"

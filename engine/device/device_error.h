@@ -1,4 +1,4 @@
-// Why a device did not answer.
+// Reasons why a device did not answer.
 #pragma once
 
 #include <stdexcept>
@@ -8,9 +8,9 @@ namespace clearance::cuda {
 
 struct DeviceError : std::runtime_error {
   enum Kind {
-    kLost,     ///< it answers nothing any more in this process
-    kOneLost,  ///< the same of one of several devices: the others go on
-    kNoRoom,   ///< not this time: memory would be needed that it lacks, or that the budget does not allow
+    kLost,     ///< permanent in this process
+    kOneLost,  ///< one of several devices is lost; the others go on
+    kNoRoom,   ///< temporary: out of memory, or over the memory budget
   };
   DeviceError(Kind k, const std::string& what) : std::runtime_error(what), kind(k) {}
   Kind kind;

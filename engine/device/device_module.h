@@ -1,5 +1,5 @@
-// What the library of the kernels (libclearance-cuda.so) gives the engine, which opens it when it is first asked for a
-// device. So nothing of ours needs CUDA to start, and no program carries the kernels.
+// Interface of the kernel library (libclearance-cuda.so), which the engine opens when a device is first requested. So
+// no program of the project needs CUDA to start, and none contains the kernels.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@
 
 namespace clearance::cuda {
 
-/// The functions behind those of device.h.
+/// Implementations of the functions in device.h.
 struct DeviceModule {
   const DeviceInfo& (*installed_device)();
   std::string (*device_name)(int number);
@@ -26,8 +26,8 @@ struct DeviceModule {
 };
 
 inline constexpr const char* kModuleFile = "libclearance-cuda.so";
-/// What the library shows: a DeviceModule, and as a text the digest of the code that it was built from. The engine
-/// hands it its own objects, so it takes none but that of its own code.
+/// Exported symbols: a DeviceModule, and as a string the digest of the code it was built from. The engine passes its
+/// own objects to the library, so it rejects a library with another digest.
 inline constexpr const char* kModuleSymbol = "clearance_device_module";
 inline constexpr const char* kModuleCodeSymbol = "clearance_device_module_code";
 

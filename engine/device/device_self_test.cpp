@@ -56,7 +56,7 @@ void ask(SelfTest& test, const std::vector<int>& devices) {
   options.devices = devices;
   options.fallback = false;
   DeviceBackend device(scene, options);
-  const PoseStore poses(scene, std::chrono::nanoseconds(0));  // no pose here has a stamp
+  const PoseStore poses(scene, std::chrono::nanoseconds(0));  // no pose here is stamped
   WarmStore warm(0);
   BoxTreeStore trees;
   std::atomic<std::uint64_t> evaluated{0}, contradictions{0};
@@ -105,7 +105,7 @@ SelfTest self_test_devices(const std::vector<int>& devices) {
 
 const SelfTest& device_self_test(const std::vector<int>& devices) {
   static std::mutex mutex;
-  static auto& tests = *new std::map<std::vector<int>, SelfTest>();  // engines may outlast main()
+  static auto& tests = *new std::map<std::vector<int>, SelfTest>();  // never destroyed: engines may outlast main()
   static const SelfTest untested{"cuda"};
   if (has_fake_device()) return untested;
   const std::lock_guard lock(mutex);

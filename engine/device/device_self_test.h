@@ -1,4 +1,4 @@
-// The self-test of devices: known pairs asked of their kernels.
+// Self-test of devices: runs pairs with known answers through their kernels.
 #pragma once
 
 #include <vector>
@@ -7,13 +7,12 @@
 
 namespace clearance::cuda {
 
-/// Asks devices all known pairs in one query, in float64 and in float32. What they leave to the CPU it answers, as
-/// always. Without answers where they cannot be asked: whoever opens them next is told why. \param devices numbers;
-/// none: the current
+/// Runs all known pairs in one query, in float64 and in float32. The CPU finishes unresolved pairs, as always. The
+/// result is without answers if the devices cannot run them; opening them later reports the reason.
+/// \param devices numbers; if empty, the current device
 SelfTest self_test_devices(const std::vector<int>& devices);
 
-/// The same once in a process for each list of devices, before they are used. Passed where something stands in for
-/// them.
+/// The same, once per process for each list of devices, before they are used. Passes if devices are fake.
 const SelfTest& device_self_test(const std::vector<int>& devices);
 
 }  // namespace clearance::cuda

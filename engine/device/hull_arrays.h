@@ -1,4 +1,4 @@
-// A scene's hulls as they lie in a device's memory, made on the host.
+// A scene's hulls in the layout of device memory, built on the host.
 #pragma once
 
 #include <algorithm>
@@ -13,12 +13,12 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::size_t kMostVertices = 1u << 16;  // that 16 bits can name
+inline constexpr std::size_t kMostVertices = 1u << 16;  // limit of 16-bit indices
 inline constexpr std::size_t kMostSharedVertices =
-    512;  // of a hull in shared memory; larger ones are read where the scene has them
-inline constexpr std::size_t kTableVertices = 16;          // fewer are scanned as fast
-inline constexpr std::size_t kFewVertices = 4;             // of a list of a table that is not worth dividing further
-inline constexpr std::uint32_t kFinerGrid = 1;             // than the CPU's: a list is found in fewer steps
+    512;  // of a hull in shared memory; larger ones are read from global memory
+inline constexpr std::size_t kTableVertices = 16;          // smaller hulls are scanned as fast without a table
+inline constexpr std::size_t kFewVertices = 4;             // lists of a table are not divided below this size
+inline constexpr std::uint32_t kFinerGrid = 1;             // finer than the CPU's grid: a list is found in fewer steps
 inline constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
 
 /// The arrays of a HullsView.
@@ -30,7 +30,7 @@ class HullArrays {
   std::vector<std::uint16_t> words;
   std::vector<std::uint32_t> of_body, piece_begin{0}, piece_hull;
 
-  /// \param most_shared bytes that two hulls may take of a block's shared memory.
+  /// \param most_shared bytes of a block's shared memory that two hulls may use
   HullArrays(const Scene& scene, std::uint32_t most_shared) : most_shared_(most_shared) {
     std::vector<std::uint32_t> hulls;
     std::unordered_map<const Piece*, std::uint32_t> index;
@@ -49,16 +49,16 @@ class HullArrays {
     }
   }
 
-  /// Of the arrays where they are, in host memory.
+  /// The arrays in host memory.
   HullsView view() const {
     return {heads.data(), x.data(),       y.data(),           z.data(),         f32.data(),
             words.data(), of_body.data(), piece_begin.data(), piece_hull.data()};
   }
 
  private:
-  // Its index; kNone: the device cannot hold it.
+  // Returns the hull's index, or kNone if the device cannot hold it.
   std::uint32_t add_hull(const Piece& p) {
-    // Kernels know hulls alone: no triangles, and no closed forms.
+    // Kernels support hulls alone: no triangles and no closed forms.
     if (p.surface || p.primitive || p.vertices.size() > kMostVertices) return kNone;
     HullHead head{p.extents(),
                   p.table ? std::numeric_limits<double>::infinity() : p.spread + p.radius,
@@ -82,8 +82,8 @@ class HullArrays {
     heads.push_back(head);
     return static_cast<std::uint32_t>(heads.size() - 1);
   }
-  // Finer than the CPU's: threads that run side by side wait for the longest list. A table that leaves no room for
-  // another hull is left out.
+  // Finer than the CPU's table, since the threads of a warp wait for the longest list. Omitted if it would leave too
+  // little space for a second hull.
   void add_table(const Piece& p, HullHead& head) {
     if (p.vertices.size() < kTableVertices) return;
     const DirectionTable table =
@@ -93,8 +93,8 @@ class HullArrays {
     with_table.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
     if (2 * (p.table ? shared_bytes(with_table) : shared_bytes_f32(with_table)) <= most_shared_) put_table(table, head);
   }
-  // The finest of a few that 16 bits can index. False: none, and vertex by vertex the device would be slower than the
-  // CPU.
+  // Uses the finest of a few tables that 16 bits can index. Returns false if none fits: a scan of all vertices would be
+  // slower than the CPU.
   bool add_large_table(const Piece& p, HullHead& head) {
     for (const auto& [few, finer] :
          {std::pair{kFewVertices, kFinerGrid}, {std::size_t{6}, 0u}, {std::size_t{16}, 0u}, {std::size_t{40}, 0u}}) {

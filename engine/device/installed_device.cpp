@@ -1,4 +1,4 @@
-// The devices of this machine, as the library of the kernels sees them; without it there are none.
+// The devices of this machine, as reported by the kernel library. Without the library there are none.
 #include <dlfcn.h>
 
 #include <cstdint>
@@ -16,7 +16,7 @@ namespace {
 
 struct Opened {
   const DeviceModule* module = nullptr;
-  DeviceInfo none;  ///< says why there is no module
+  DeviceInfo none;  ///< holds the reason if the module is missing
 };
 
 #ifdef CLEARANCE_CUDA_MODULE_BUILT

@@ -1,4 +1,4 @@
-// What host and device share of motions: how the joints move the bodies of each pair, and what is found of each motion.
+// Motion data shared by host and device: how joints move the bodies of each pair, and the result of each motion.
 #pragma once
 
 #include <algorithm>
@@ -13,29 +13,30 @@ namespace clearance::cuda {
 struct MotionTables {
   const Mover* movers;
   const MotionChain* chains;
-  const std::uint32_t* chain_of_slot;  ///< (moved,) from the world; kNone: nothing moves it
+  const std::uint32_t* chain_of_slot;  ///< (moved,) from the world; kNone if nothing moves it
   const MotionViews* views;
-  const std::uint32_t* views_of_pair;  ///< (pairs,); kNone: both are seen from the world
-  const double* reach;                 ///< (bodies,) metres: no point of a body is farther from its origin
+  const std::uint32_t* views_of_pair;  ///< (pairs,); kNone if both bodies are described from the world
+  const double* reach;                 ///< (bodies,) metres: upper bound on the distance of a body's points from its
+                                       ///< origin
 };
 
-/// A part of a motion that is looked at in its middle. Of its least distance it is asked at its ends, too: spans
-/// without length.
+/// Part of a motion, evaluated at its middle. If the least distance is requested, both ends are evaluated too, as spans
+/// of zero length.
 struct MotionSpan {
   std::uint32_t motion;
-  std::uint32_t late;  ///< not 0: nothing that is within its margin here is the first
-  double begin, end;   ///< of it, 0 to 1
-  double enough;       ///< metres: so far pairs have to be all along by enough_for(); -inf: it does not matter
+  std::uint32_t late;  ///< nonzero if a pair within its margin here cannot be the first
+  double begin, end;   ///< within the motion, 0 to 1
+  double enough;       ///< metres: required distance of pairs over the whole span, by enough_for(); -inf if irrelevant
 
   CLEARANCE_HD double middle() const { return 0.5 * begin + 0.5 * end; }
   CLEARANCE_HD double half() const { return 0.5 * (end - begin); }
 };
-/// A pair in a span; of those that go on in half a span, 2 pair + 1 for the second half.
+/// A pair in a span. If the pair goes on in half a span, `pair` is 2 * pair, plus 1 for the second half.
 struct SpanPair {
   std::uint32_t span, pair;
 };
 
-/// What is known of a span's moved bodies beside where they are, each component for all spans side by side.
+/// Motion bounds of a span's moved bodies, in addition to their poses. Each component is contiguous over all spans.
 enum MotionNumber : std::uint32_t {
   kOwnSpeed,
   kOwnAcceleration,
@@ -45,42 +46,41 @@ enum MotionNumber : std::uint32_t {
   kMotionNumbers = 9
 };
 
-/// A pair that is within its margin at a time; or the nearest that was found, where the least distance is asked for.
+/// A pair within its margin at some time, or the nearest pair found if the least distance is requested.
 struct MotionHitRow {
-  std::uint64_t key;  ///< hit_key(): the least of a motion stands for it
+  std::uint64_t key;  ///< hit_key(); the hit with the least key represents the motion
   std::uint32_t motion, pair;
   double time;
   Vec3d origin_a, origin_b;
   PairAnswer answer;
-  // Of the nearest alone:
-  double slack;    ///< Slack::outer of the pair then
-  double low;      ///< no pair is nearer all along
-  double contact;  ///< where first contact is sought: a pair is within its margin then; inf: none is
+  // Nearest pair only:
+  double slack;    ///< Slack::outer of the pair at that time
+  double low;      ///< lower bound on the distance of all pairs over the whole motion
+  double contact;  ///< if first contact is requested: time of a pair within its margin; inf if there is none
 };
-/// What became of a motion.
+/// Result of a motion.
 enum class MotionVerdict : std::uint8_t {
   kFree,  ///< no pair is within its margin
-  kHit,   ///< one is, or the least distance is known: there is a MotionHitRow
-  kOpen,  ///< the CPU has to look
+  kHit,   ///< a pair is, or the least distance is found; a MotionHitRow exists
+  kOpen,  ///< left to the CPU
 };
 
-/// Places in MotionsView::counts: of each level spans, pairs that boxes leave, pairs that are asked, pairs that go on,
-/// hits that were found.
+/// Indices into MotionsView::counts, per level: spans, pairs left by boxes, pairs evaluated, pairs that go on, hits.
 inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kAskedCount = 2, kOnCount = 3, kHitCount = 4,
                                kCountsOfLevel = 5;
-/// Levels: spans of the k-th are at most 2^-k of a motion. What is left then is the CPU's. Where first contact is
-/// sought there are more, since a span goes on until it is as short as contact is narrowed to, and half of it is
-/// proved.
+/// Spans of level k are at most 2^-k of a motion; what remains after the last level is left to the CPU. First contact
+/// needs more levels: a span is halved until it is as short as the contact interval, and half of it is proved.
 inline constexpr std::uint32_t kMotionLevels = 8, kContactLevels = 12;
-/// Where the least distance is asked for there is one more, the first, which looks at the ends.
+/// One more level if the least distance is requested: the first, which evaluates the ends.
 inline constexpr std::uint32_t kMostLevels = 1 + kContactLevels;
-/// Behind those of the levels: rows of hits, pairs that the narrow phase settled.
+/// After the counts of the levels: rows of hits, pairs resolved by the narrow phase.
 inline constexpr std::uint32_t kHitRowCount = kCountsOfLevel * (kMostLevels + 1), kConvergedCount = kHitRowCount + 1,
                                kMotionCounts = kHitRowCount + 2;
 
-/// For how much a chunk's lists have room, at each level. What does not fit makes motions the CPU's: nearly all of them
-/// where pairs do not fit, since a motion's pairs lie all over a list. So there is room for twice as many as the first
-/// level has: each may go on in both halves. Both ends of all motions are spans, too (begin_at_ends()).
+/// Capacity of a chunk's lists at each level. Motions that do not fit are left to the CPU. A motion's pairs are spread
+/// over a whole list, so if pairs do not fit, nearly all motions are affected: the capacity is therefore twice the
+/// pairs of the first level, each of which may go on in both halves. Both ends of all motions are spans too
+/// (begin_at_ends()).
 struct MotionRoom {
   static constexpr std::uint32_t kMoreSpans = 256, kHitsOfMotion = 4;
   static constexpr std::uint64_t kMostPairs = 1u << 23;
@@ -96,46 +96,50 @@ struct MotionRoom {
 
 /// One chunk of motions at one level.
 struct MotionsView {
-  ChunkView chunk;  ///< pairs in the query's order; its configurations are the spans that there is room for
-  MovesView moves;  ///< of the spans' middles
+  ChunkView chunk;  ///< pairs in query order; its configurations are the spans, up to their capacity
+  MovesView moves;  ///< at the middles of the spans
   MotionTables tables;
-  const double* margins;  ///< (pairs,) metres; null: each has `margin`
+  const double* margins;  ///< (pairs,) metres; if null, all pairs have `margin`
   double margin;
-  bool seeks_contact;  ///< not only whether pairs are within their margins, but when one first is
-  bool finds_least;    ///< the least distance is asked for, within these tolerances
+  bool seeks_contact;  ///< finds the first time at which a pair is within its margin, not only whether one is
+  bool finds_least;    ///< the least distance is requested, with these tolerances
   double abs_tol, rel_tol;
   std::uint32_t motions, level, levels;
   std::uint32_t span_capacity, pair_capacity, hit_capacity;
   std::uint32_t max_steps;
   const double* ends;  ///< (motions, 2, joints)
-  double* positions;   ///< (spans, joints) in their middles
-  double* travels;     ///< (motions, robots) the largest of both ends
-  double* twists;      ///< (frames, 6, spans) of links before their roots: turn, shift
+  double* positions;   ///< (spans, joints) at their middles
+  double* travels;     ///< (motions, robots) maximum over both ends
+  double* twists;      ///< (frames, 6, spans) of links relative to their roots: turn, shift
   double* numbers;     ///< (moved, kMotionNumbers, spans)
-  float* speeds;       ///< (moved, spans) metres in a unit of time, rounded up, with the drift
-  // Of each motion:
-  std::uint64_t* hit;  ///< the least hit_key(); all bits set: none
+  float* speeds;       ///< (moved, spans) metres per unit of time including the drift, rounded up
+  // Per motion:
+  std::uint64_t* hit;  ///< least hit_key(); all bits set if none
   std::uint32_t* steps;
-  std::uint8_t *open, *to_cpu;  ///< something is not proved; the CPU has to look whatever else is found
-  std::uint8_t* unresolved;     ///< where first contact is sought: the narrow phase leaves a pair open at some time
+  std::uint8_t *open, *to_cpu;  ///< a pair is unproved; the motion is left to the CPU regardless of other findings
+  std::uint8_t* unresolved;     ///< if first contact is requested: the narrow phase left a pair unresolved at some time
   MotionVerdict* verdicts;
-  std::uint64_t* low;   ///< where the least distance is asked for: of what was left out; a double's bits
-  std::uint64_t* seed;  ///< likewise, (motions, 2): the pair whose boxes are nearest at each end
-  std::uint32_t* lock;  ///< likewise: of `best`
-  double* free_until;   ///< where first contact is sought: all pairs are beyond their margins before; inf: all along
-  // Of this level's spans and of the next level's:
+  std::uint64_t* low;   ///< if the least distance is requested: lower bound on skipped pairs, as the bits of a double
+  std::uint64_t* seed;  ///< if the least distance is requested, (motions, 2): the pair with the nearest boxes at each
+                        ///< end
+  std::uint32_t* lock;  ///< if the least distance is requested: guards `best`
+  double* free_until;   ///< if first contact is requested: all pairs are beyond their margins before this time; inf if
+                        ///< always
+  // Of the spans of this level and of the next:
   MotionSpan *spans, *next_spans;
-  std::uint32_t* shares;                    ///< (spans, 2) of each half proved so far, float bits; all set: wholly
-  std::uint32_t *children, *next_children;  ///< (spans, 2) where it goes on at the next level; kNone: it does not
+  std::uint32_t* shares;                    ///< (spans, 2) proved share of each half, float bits; all bits set if the
+                                            ///< whole half is proved
+  std::uint32_t *children, *next_children;  ///< (spans, 2) index of each half at the next level; kNone if it does not
+                                            ///< go on
   SpanPair *on, *next_on;                   ///< pairs that go on
   SpanPair *near, *asked;
   MotionHitRow* hits;
-  // Of motions that hit: the hit that stands for each so far; these rows in no order.
+  // Of motions that hit: the best hit so far, then these rows in no order.
   MotionHitRow *best, *hit_rows;
   std::uint32_t* counts;
 };
 
-/// How many levels there are.
+/// Number of levels.
 inline std::uint32_t levels_of(const MotionsView& m) {
   return (m.finds_least ? 1 : 0) + (m.seeks_contact ? kContactLevels : kMotionLevels);
 }

@@ -9,24 +9,23 @@ namespace clearance::cuda {
 
 namespace {
 
-// A first guess, by kind: ns for each pair-configuration on one thread of a CPU and on a device, and what a query costs
-// besides. Of the order that machines have (docs/results/gpu_*.csv), rather too near each other than too far: only a
-// backend that is not thought much slower is tried, and then what it took counts.
+// Initial estimate per kind: ns per pair-configuration on one CPU thread and on a device, and the fixed cost of a
+// query. The magnitudes are those of measured machines (docs/results/gpu_*.csv), with ratios chosen too small rather
+// than too large: only a backend estimated as not much slower is tried, and then its measured time counts.
 struct Guess {
   double cpu, device;
 };
 constexpr std::array<Guess, kQueryKinds> kGuesses{
     {{400, 1}, {200, 1}, {20, 1}, {2000, 30}, {20, 0.5}, {10, 0.3}, {60, 0.7}, {10, 0.3}, {500, 5}, {1000, 10}}};
 constexpr double kCpuQueryNs = 1000, kDeviceQueryNs = 30'000;
-constexpr double kPairsPerThread = 300;  // fewer are not worth waking a thread for
+constexpr double kPairsPerThread = 300;  // smaller shares are not worth waking a thread
 
-// The slower backend is tried again while it is thought to take at most so many times as long.
+// The slower backend is retried while its estimate is at most this many times as long.
 constexpr double kMostSlower = 4;
-// Until it has answered so many of a size it may be thought slower: the first one is cold, and others may have been at
-// work.
+// The limit until it has answered kKnown queries of a size: the first one is cold, and other load may have slowed it.
 constexpr double kMostSlowerUnknown = 16;
 constexpr std::uint64_t kKnown = 2;
-// A query that was slower than the fastest of its size counts by this share: others' work only ever adds to a time.
+// Weight of a query slower than the fastest of its size: load only ever adds to a time.
 constexpr double kForget = 1.0 / 8;
 
 int size_of(std::uint64_t pairs) {
@@ -53,7 +52,7 @@ double Router::guess(QueryKind kind, Backend backend, double pairs) const {
   return kCpuQueryNs + each.cpu * pairs / std::clamp(pairs / kPairsPerThread, 1.0, static_cast<double>(threads_));
 }
 
-// Where a size was not seen: the guess, by as much as it was wrong at the nearest size that was.
+// Estimate for an unseen size: the guess, corrected by its error at the nearest size seen.
 double Router::estimate(QueryKind kind, Backend backend, int size) const {
   const auto& seen = kinds_[static_cast<std::size_t>(kind)].ns[backend];
   const double wanted = guess(kind, backend, std::ldexp(1.5, size));
@@ -84,7 +83,7 @@ bool Router::to_device(QueryKind kind, std::uint64_t pairs) {
 void Router::learn(QueryKind kind, std::uint64_t pairs, bool on_device, std::chrono::nanoseconds took) {
   const int size = size_of(pairs);
   if (size >= kSizes) return;
-  // Of the size's middle, so that queries of different sizes in it can be compared.
+  // Scaled to the middle of the size class, so that its queries can be compared.
   const Backend backend = on_device ? kDevice : kCpu;
   const double middle = std::ldexp(1.5, size), count = static_cast<double>(std::max<std::uint64_t>(pairs, 1));
   const double ns = static_cast<double>(std::max<std::int64_t>(took.count(), 1)) * guess(kind, backend, middle) /

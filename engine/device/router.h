@@ -1,4 +1,4 @@
-// Backend auto: whether the CPU or the device answers a query, by how long each took for queries like it.
+// Backend auto: sends each query to the CPU or the device by measured times of similar queries.
 #pragma once
 
 #include <array>
@@ -11,37 +11,37 @@
 
 namespace clearance::cuda {
 
-/// Kinds of queries that take different time.
+/// Kinds of queries with different running times.
 enum class QueryKind : std::uint8_t {
-  kDense,           ///< a row for each pair
-  kWarm,            ///< the same, begun where the client's last one ended
-  kNear,            ///< the same, with a max_distance
-  kDepth,           ///< the same, with penetration depths
-  kTable,           ///< nearest, or least, of the current poses
-  kWithin,          ///< within a distance, likewise
+  kDense,           ///< a row per pair
+  kWarm,            ///< dense with a warm start
+  kNear,            ///< dense with a max_distance
+  kDepth,           ///< dense with penetration depths
+  kTable,           ///< nearest or min, at the current poses
+  kWithin,          ///< within a distance, at the current poses
   kConfigurations,  ///< reduced, over configurations
-  kDecision,        ///< reduced to whether each pair is farther than its margin
-  kMotion,          ///< the same all along motions
-  kLeastMotion,     ///< how near they come along motions
+  kDecision,        ///< reduced to whether each pair is beyond its margin
+  kMotion,          ///< the same over whole motions
+  kLeastMotion,     ///< the least distance over motions
 };
 inline constexpr int kQueryKinds = 10;
-/// Depth before max_distance before warm: what costs most decides.
+/// The costliest property decides: depth before max_distance before warm start.
 QueryKind kind_of(const QueryView& query);
 
-/// Learns from every query how long its kind and size take on each backend, and sends the next one to the faster. Both
-/// give the same bits, so only time is at stake. A size that was not seen yet is guessed from the nearest that was, and
-/// before there is any from figures of one machine. So that a wrong guess does not stay, the slower backend is tried
-/// again at the 2nd, 4th, 8th ... query of a kind and size, unless it is known to be much slower. Thread-safe.
+/// Learns the time of each kind and size of query on each backend and sends the next one to the faster. Both give the
+/// same bits, so only time is affected. An unseen size is estimated from the nearest one seen, initially from one
+/// machine's measurements. To correct wrong estimates, the slower backend is retried at the 2nd, 4th, 8th ... query of
+/// a kind and size, unless it is known to be much slower. Thread-safe.
 class Router {
  public:
   /// \param threads of the CPU
   explicit Router(int threads) : threads_(threads) {}
 
-  /// Whether the device is to answer a query of so many pair-configurations.
+  /// Whether the device answers a query of this many pair-configurations.
   bool to_device(QueryKind kind, std::uint64_t pairs);
-  /// How long a query took, where it was answered.
+  /// Records the time of a query on its backend.
   void learn(QueryKind kind, std::uint64_t pairs, bool on_device, std::chrono::nanoseconds took);
-  /// Adds what stats() shows: how often each backend was asked, and how often to try it again.
+  /// Adds the counters shown by stats(): queries per backend, and retries of the slower one.
   void append(Counters& counters) const;
 
  private:
@@ -49,8 +49,8 @@ class Router {
   static constexpr int kSizes = 41;  // powers of two: 1, 2-3, 4-7, ...
   static constexpr double kUnknown = 0;
   struct Kind {
-    std::array<std::array<double, kSizes>, 2> ns{};  // that a query of a size takes, by backend; kUnknown: not seen
-    std::array<std::array<std::uint64_t, kSizes>, 2> answered{};  // of a size, by backend
+    std::array<std::array<double, kSizes>, 2> ns{};  // time of a query of each size, by backend; kUnknown if not seen
+    std::array<std::array<std::uint64_t, kSizes>, 2> answered{};  // per size, by backend
     std::array<std::uint64_t, kSizes> queries{};
     std::uint64_t to_device = 0, to_cpu = 0, tried_again = 0;
   };

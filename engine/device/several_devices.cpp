@@ -9,14 +9,14 @@ namespace clearance::cuda {
 namespace {
 
 struct PairsOfAll final : ResidentPairs {
-  std::vector<std::shared_ptr<const ResidentPairs>> of;  // each member; null: it is lost
+  std::vector<std::shared_ptr<const ResidentPairs>> of;  // per member; null if lost
 };
 struct TablesOfAll final : ResidentTable {
   std::vector<std::shared_ptr<const ResidentTable>> of;
 };
 struct WarmOfAll final : ResidentWarm {
-  std::vector<std::unique_ptr<ResidentWarm>> of;  // each member, likewise
-  std::vector<std::size_t> order;                 // in which they get chunks, so that rows come to the same ones again
+  std::vector<std::unique_ptr<ResidentWarm>> of;  // per member; null if lost
+  std::vector<std::size_t> order;                 // of members that get chunks, so that rows return to the same member
 };
 
 /// \tparam Interface Workspace or ReducedWorkspace
@@ -35,7 +35,7 @@ class WorkspaceOfAll : public Interface {
     bodies_ = bodies;
     return source_bodies_ = ask(source_, [&](Interface& w) { return w.room_for_bodies(bodies); });
   }
-  std::byte* room_for_all(Given given, std::size_t bytes) override {  // pinned memory serves all devices
+  std::byte* room_for_all(Given given, std::size_t bytes) override {  // pinned memory is usable by all devices
     return ask(source_, [&](Interface& w) { return w.room_for_all(given, bytes); });
   }
   std::byte* room_for(Given given, int slot, std::size_t bytes) override {
@@ -76,7 +76,7 @@ class WorkspaceOfAll : public Interface {
   }
 
  private:
-  // The members that are left of an order.
+  // Keeps the members of an order that are still usable.
   void keep_to(const std::vector<std::size_t>& order) {
     std::vector<std::size_t> left;
     for (const std::size_t m : order)
@@ -90,8 +90,8 @@ class WorkspaceOfAll : public Interface {
 
   std::shared_ptr<SeveralDevices> owner_;
   Borrow borrow_;
-  std::vector<std::shared_ptr<Interface>> parts_;  // of each member; null: not needed so far
-  std::vector<std::size_t> order_;                 // members that chunks go to
+  std::vector<std::shared_ptr<Interface>> parts_;  // per member; null if not used yet
+  std::vector<std::size_t> order_;                 // members that get chunks
   std::size_t source_ = 0;                         // the member whose pinned memory the caller writes to
   FixedBodies source_bodies_{};
   std::size_t bodies_ = 0;
@@ -148,8 +148,8 @@ std::vector<std::size_t> SeveralDevices::usable_from(std::size_t turn) const {
   return usable;
 }
 
-// Each chunk takes the one host thread some time: no more of them than let every device begin a second while it ends
-// the first.
+// Each chunk takes time of the single host thread, so there are just enough for each device to start a second chunk
+// while its first ends.
 int SeveralDevices::chunks_wanted() const {
   return std::max(kChunksUnderWay, 2 * static_cast<int>(members_.size()));
 }

@@ -1,4 +1,4 @@
-// Several devices of one host as one: each holds the whole scene, and a query's chunks go to them in turn.
+// Several devices of one host, used as one. Each holds the whole scene; a query's chunks are distributed in turn.
 #pragma once
 
 #include <atomic>
@@ -12,17 +12,17 @@ namespace clearance::cuda {
 
 struct NumberedDevice {
   int number;
-  std::shared_ptr<Device> device;  ///< null: it could not be opened
+  std::shared_ptr<Device> device;  ///< null if it could not be opened
 };
 
-/// The error with the device's number in its words.
+/// The error with the device's number in its message.
 DeviceError of_device(int number, const DeviceError& error);
 
-/// A device that is lost is left out from then on. Whoever was using it is told so (kOneLost; kLost if it was the last)
-/// and begins again.
+/// A lost device is excluded from then on. The query that was using it gets kOneLost (kLost if it was the last) and
+/// restarts.
 class SeveralDevices final : public Device, public std::enable_shared_from_this<SeveralDevices> {
  public:
-  /// \param devices at least one of them was opened.
+  /// \param devices of which at least one was opened
   explicit SeveralDevices(std::vector<NumberedDevice> devices);
 
   int chunks_wanted() const override;
@@ -31,13 +31,13 @@ class SeveralDevices final : public Device, public std::enable_shared_from_this<
   std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
                                               std::span<const Group> group_of_tile) override;
   std::shared_ptr<const ResidentTable> upload(const PairTable& table) override;
-  /// For all rows on every device: which of them go where is known when the query begins.
+  /// Memory for all rows on every device, since the distribution of rows is decided when the query begins.
   std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) override;
   std::shared_ptr<Workspace> borrow() override;
   std::shared_ptr<ReducedWorkspace> borrow_reduced() override;
   /// Sums.
   DeviceCounters counters() const override;
-  /// Adds what stats() shows of each device.
+  /// Adds the counters of each device shown by stats().
   void append(Counters& counters) const;
 
   struct Member {
@@ -45,7 +45,7 @@ class SeveralDevices final : public Device, public std::enable_shared_from_this<
     std::atomic<bool> usable{false};
   };
   std::vector<std::unique_ptr<Member>>& members() { return members_; }
-  /// Calls f(), which asks this member.
+  /// Calls f(), which uses this member.
   template <class F>
   auto ask(Member& member, F f) {
     try {
@@ -54,16 +54,16 @@ class SeveralDevices final : public Device, public std::enable_shared_from_this<
       fail(member, error);
     }
   }
-  /// The members that can be asked, another one first each time.
+  /// The usable members, each time starting with the next one.
   std::vector<std::size_t> in_turn() { return usable_from(turn_++); }
 
  private:
   std::vector<std::size_t> usable_from(std::size_t turn) const;
-  const Device& any() const;  // what is known of the scene is the same on each
+  const Device& any() const;  // for scene data, which is the same on each
   [[noreturn]] void fail(Member& member, const DeviceError& error);
 
   std::vector<std::unique_ptr<Member>> members_;
-  std::atomic<std::size_t> turn_{0}, warm_turn_{0};  // who comes first
+  std::atomic<std::size_t> turn_{0}, warm_turn_{0};  // index of the next first member
 };
 
 }  // namespace clearance::cuda

@@ -1,4 +1,5 @@
-// Device memory that another process of this machine maps: a plan's poses and rows, for who plans elsewhere.
+// Device memory that another process of this machine can map: a device query's poses and rows, for planners in other
+// processes.
 #pragma once
 
 #include <array>
@@ -7,13 +8,14 @@
 
 namespace clearance::cuda {
 
-/// What another process finds the memory by. It says nothing of rights: who knows it may read and write all of it.
+/// Identifies the memory to another process. It carries no access rights: any process that has it may read and write
+/// all of the memory.
 struct MemoryHandle {
   std::array<std::byte, 64> ipc{};   ///< cudaIpcMemHandle_t
-  std::array<std::byte, 16> uuid{};  ///< of the device, whose number may be another one over there
+  std::array<std::byte, 16> uuid{};  ///< of the device, whose number may differ in the other process
 };
 
-/// What the library of the kernels keeps of it.
+/// The kernel library's record of the memory.
 struct SharedBlock {
   std::byte* data = nullptr;
   void* stream = nullptr;  ///< cudaStream_t
@@ -21,43 +23,45 @@ struct SharedBlock {
   int device = 0;
 };
 
-/// What makes such memory: functions of the library of the kernels, or what stands in for them.
+/// Functions that create such memory: those of the kernel library, or fakes.
 struct SharedMemoryCalls {
   SharedBlock (*share)(int device, std::size_t bytes);
   void (*wait)(const SharedBlock& block);
   void (*release)(const SharedBlock& block);
   bool (*is_done)(const SharedBlock& block);
 };
-/// Throws DeviceError where there is no such library.
+/// Throws DeviceError if the library is missing.
 const SharedMemoryCalls& installed_memory();
-/// The installed ones, or what stands in for them. Throws DeviceError.
+/// The installed functions, or the fake ones. Throws DeviceError.
 const SharedMemoryCalls& memory_calls();
 
-/// This process owns it: a process that maps it and dies, or never unmaps, takes nothing from it. While it lives its
-/// bytes may change under whoever reads them here: nothing in it may be believed. When it goes, other mappings of it
-/// end being of use.
+/// Owned by this process: a client that dies or never unmaps it keeps nothing. During its lifetime its bytes may change
+/// while this process reads them, so its contents are untrusted. Destruction invalidates all other mappings.
 class SharedMemory {
  public:
-  /// CUDA maps whole pieces of so many bytes elsewhere, with whatever else lies there: it takes them whole.
+  /// CUDA exports memory in whole blocks of this size, including unrelated data in the block. Allocations are therefore
+  /// whole blocks.
   static constexpr std::size_t kPiece = std::size_t{2} << 20;
 
-  /// All bytes are 0: they were somebody else's. Throws DeviceError, also where the device cannot share.
-  /// \param device its number \param bytes at least one
+  /// Zero-filled, since the memory may have held other data. Throws DeviceError, also if the device cannot share
+  /// memory.
+  /// \param device its number
+  /// \param bytes at least one
   SharedMemory(int device, std::size_t bytes);
-  /// Waits for what is under way in its stream.
+  /// Waits for the work in its stream.
   ~SharedMemory();
   SharedMemory(const SharedMemory&) = delete;
   SharedMemory& operator=(const SharedMemory&) = delete;
 
   std::byte* data() const { return block_.data; }
-  /// That were taken.
+  /// Bytes allocated.
   std::size_t size() const { return bytes_; }
   const MemoryHandle& handle() const { return block_.handle; }
-  /// cudaStream_t of its own, which waits for no other.
+  /// Its own cudaStream_t, which does not wait for other streams.
   void* stream() const { return block_.stream; }
-  /// For all that is in its stream. Then it is there for the other process, too. Throws DeviceError.
+  /// Waits for the work in its stream, after which the other process sees the results. Throws DeviceError.
   void wait();
-  /// Whether all that is in its stream is over, without waiting. Throws DeviceError.
+  /// Whether the work in its stream is finished; does not wait. Throws DeviceError.
   bool is_done();
 
  private:

@@ -1,4 +1,4 @@
-// Dealing a query's pairs to chunks, and within a chunk to groups of the same two hulls.
+// Assigns a query's pairs to chunks, and within a chunk to groups that share both hulls.
 #include <algorithm>
 #include <cassert>
 #include <numeric>
@@ -11,10 +11,10 @@ namespace clearance::cuda {
 
 namespace {
 
-// Rows of a chunk: enough to fill a large device several times over, and a few chunks of a query that is no larger than
-// that, so that the first answers are on their way while the last are computed.
+// Rows of a chunk: enough to fill a large device several times. Smaller queries still get a few chunks, so that the
+// first answers are copied while the last are computed.
 constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 19;
-constexpr std::uint64_t kCompany = kTile / 2;  // pair-configurations below which a group of its own would waste a block
+constexpr std::uint64_t kCompany = kTile / 2;  // smaller groups of pair-configurations would waste a block
 
 std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
   return static_cast<std::uint32_t>((pairs * configurations + kTile - 1) / kTile);
@@ -37,7 +37,7 @@ class Dealer {
       for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) ref_[plan.moved[slot]] = slot | kMovedBit;
   }
 
-  /// \param growing whether the first of few chunks are small, as rows are waited for
+  /// \param growing whether the first of few chunks are small, since the caller waits for rows
   void run(std::uint64_t chunk_rows, bool growing) {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
     const std::uint64_t parts = K == 1 || P >= chunk_rows ? (P + chunk_rows - 1) / chunk_rows : 1;
@@ -45,8 +45,8 @@ class Dealer {
     const std::uint64_t chunks = parts > 1 ? K : (K * P + chunk_rows - 1) / chunk_rows;
     deal_.configurations = chunks == 0 ? 1 : static_cast<std::uint32_t>((K + chunks - 1) / chunks);
     deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
-    // The first of few parts is small, so that rows are soon on their way; each of the next is made while those before
-    // it are.
+    // The first of few parts is small, so that its rows are copied early. Each later part is computed while the rows
+    // before it are copied.
     const std::uint64_t shares = growing && K == 1 && parts <= kChunksUnderWay ? parts * (parts + 1) / 2 : 0;
     for (std::uint64_t first = 0, i = 1; first < P; ++i) {
       const std::uint64_t size = shares > 0 ? (i * P / shares + kTile - 1) / kTile * kTile : per_part;
@@ -76,8 +76,8 @@ class Dealer {
         order_.push_back({std::uint64_t{hull_[a]} << 32 | hull_[b], i});
     }
     if (!std::is_sorted(order_.begin(), order_.end())) std::sort(order_.begin(), order_.end());
-    std::sort(several.begin(), several.end());  // threads side by side have as many piece pairs
-    // Groups first, then the pairs without company, then those of several pieces.
+    std::sort(several.begin(), several.end());  // neighbouring threads get equal numbers of part pairs
+    // Groups first, then ungrouped pairs, then pairs of several convex parts.
     std::vector<Entry> ungrouped;
     std::vector<Group> groups;
     for (std::size_t begin = 0, end; begin < order_.size(); begin = end) {
@@ -100,7 +100,7 @@ class Dealer {
   }
 
   struct Entry {
-    std::uint64_t hulls;  // what is dealt side by side
+    std::uint64_t hulls;  // the sort key
     std::uint32_t position;
     auto operator<=>(const Entry&) const = default;
   };
@@ -111,7 +111,7 @@ class Dealer {
     position_.push_back(e.position);
   }
 
-  // A group of pairs that have no hulls in common.
+  // A group of pairs that share no hulls.
   Group add_apart(const ChunkPlan::Part& part, std::span<const BodyPair> pairs, std::span<const Entry> entries) {
     const Group group{kNone, kNone, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
                       static_cast<std::uint32_t>(entries.size()), 0};
@@ -149,8 +149,8 @@ class Dealer {
   std::vector<Group> group_of_tile_;
 };
 
-// What a body is to a device, in reductions. kLeft: of clouds and meshes, but none that it can look at. kUnknown: it
-// has no box there either.
+// Kind of a body for reductions on a device. kLeft is a cloud or mesh that the device cannot evaluate. kUnknown has no
+// box on the device either.
 enum class BodyKind : std::uint8_t { kHull, kPoints, kMesh, kLeft, kUnknown };
 BodyKind kind_of(const Scene& scene, const Device& device, std::uint32_t body) {
   if (body >= scene.bodies().size()) return BodyKind::kUnknown;
@@ -161,7 +161,7 @@ BodyKind kind_of(const Scene& scene, const Device& device, std::uint32_t body) {
   return of.pieces.size() == 1 ? BodyKind::kMesh : BodyKind::kLeft;
 }
 
-// Which kernel looks at pairs of two such bodies, of which one is no hull; null: none, and they are left to the CPU.
+// The kernel for pairs of two such bodies, one of which is not a hull. Null if the CPU answers them.
 bool ElementKinds::* kernel_for(BodyKind a, BodyKind b) {
   if (a == BodyKind::kMesh && b == BodyKind::kMesh) return &ElementKinds::meshes;
   if (a != BodyKind::kHull && b != BodyKind::kHull) return nullptr;
@@ -175,8 +175,7 @@ bool ElementKinds::* kernel_for(BodyKind a, BodyKind b) {
   }
 }
 
-// Puts the pairs into the list in their order, or none where the device can look at none of them, or does not know of
-// a body where it is.
+// Lists the pairs in their order. Lists none if the device can evaluate none of them or lacks the pose of a body.
 void list_in_order(const Scene& scene, const Device& device, const Plan& plan, std::vector<PairRef>& refs,
                    PairListOnDevice& list) {
   std::vector<std::uint32_t> ref(scene.bodies().size());
@@ -271,7 +270,7 @@ std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const Scene& sce
     if (is_empty || of.pieces.size() != 1) continue;
     KnownElements& known = elements_[body];
     if (known.surface != of.pieces[0]->surface) {
-      // A query that still asks for the points before these keeps them where they are.
+      // A query still in flight keeps the previous points in place.
       std::shared_ptr<ResidentElements> room = std::exchange(known.resident, nullptr);
       known.surface = nullptr;
       if (room.use_count() > 1) room = nullptr;

@@ -1,4 +1,4 @@
-// Dense queries on a device: a row for every configuration and pair.
+// Dense queries on a device: a row per configuration and pair.
 #include <algorithm>
 
 #include "engine/device/query/device_query.h"
@@ -8,7 +8,7 @@ namespace clearance::cuda {
 
 namespace {
 
-// A row of each configuration and pair.
+// A row per configuration and pair.
 class DenseDeviceQuery final : public DeviceQuery {
  public:
   DenseDeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply)
@@ -68,7 +68,7 @@ class DenseDeviceQuery final : public DeviceQuery {
     cpu_rows_.assign(r.rest.begin(), r.rest.end());
     evaluated_ += r.converged;
     backend_.converged.fetch_add(r.converged, std::memory_order_relaxed);
-    if (launched_ < chunks_) launch(launched_++);  // the device goes on while the CPU finishes this chunk
+    if (launched_ < chunks_) launch(launched_++);  // keeps the device busy while the CPU finishes this chunk
     for (std::uint32_t k = 0; k < c.configurations; ++k)
       for (const std::uint32_t p : c.part->on_cpu) cpu_rows_.push_back(k * c.part->count + p);
     std::sort(cpu_rows_.begin(), cpu_rows_.end());
@@ -86,7 +86,7 @@ class DenseDeviceQuery final : public DeviceQuery {
 
   std::shared_ptr<const ChunkPlan> deal_;
   std::vector<std::uint32_t> cpu_rows_;
-  std::shared_ptr<Workspace> workspace_;  // the last member: the first to go, and to wait for the device
+  std::shared_ptr<Workspace> workspace_;  // last member: destroyed first, which waits for the device
 };
 
 }  // namespace

@@ -12,28 +12,28 @@ namespace clearance::cuda {
 
 namespace {
 
-// Pair-configurations of a chunk: what its lists take is bounded. Of a reduction it is 130 bytes each.
+// Maximum pair-configurations of a chunk, which bounds the memory of its lists: 130 bytes each for a reduction.
 constexpr std::uint64_t kMostPlanRows = 1u << 22;
 
 [[noreturn]] void refuse(const std::string& why) {
   throw QueryError(QueryErrorCode::kNotSupported, "a plan on a device: " + why);
 }
 
-// What plans do not answer; empty: nothing.
+// Reason why device queries do not support this request, or empty.
 std::string beyond_plans(const Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
   if (q.reduce == Reduce::kNearest || q.reduce == Reduce::kWithin) return "reduce: expected none, min or any";
   if (q.max_steps > 0) return "max_steps: motions are not for plans yet";
   if (q.fields & kFieldFreeScale) return "the column free_scale";
   if (q.signed_distance) return "signed_distance: depths are the CPU's";
-  // Its poses come later than the plan, which knows no time.
+  // Its poses arrive after the request, which has no clock.
   if (q.max_pose_age_ns > 0) return "max_pose_age_ns: a plan does not know how old poses are when it runs";
   if (const std::uint32_t body = ageing_body(scene, plan); body != kNone)
     return "'" + scene.bodies()[body].name + "' has slack that grows as time goes by (max_speed)";
   return {};
 }
 
-// The device's part of a query, begun once and launched as often as it is asked.
+// The device's part of a query, begun once and launched on every run.
 class StandingQuery : public DevicePlan, protected DeviceQuery {
  public:
   StandingQuery(const JobContext& context, Plan&& plan) : DeviceQuery(context, std::move(plan), {}) {}
@@ -94,9 +94,10 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
   }
 
  protected:
-  /// Says which pairs there are, and sets how many configurations and rows chunks have.
+  /// Assigns the pairs to chunks, and sets the number of configurations and rows of a chunk.
   virtual void deal(QuerySetup& setup) = 0;
-  /// Launches those of some configurations. \param chunk what is the same for all
+  /// Launches some configurations.
+  /// \param chunk settings shared by all
   virtual void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) = 0;
 
   [[noreturn]] void refuse_pair(std::uint64_t index) {
@@ -107,10 +108,10 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
   }
 
   std::shared_ptr<const PairListOnDevice> in_order_;
-  std::shared_ptr<const ChunkPlan> deal_;             // of Reduce::kNone
+  std::shared_ptr<const ChunkPlan> deal_;             // Reduce::kNone only
   std::uint64_t configurations_ = 1, most_rows_ = 0;  // of a chunk
   ReplyView own_;
-  std::shared_ptr<StandingWorkspace> workspace_;  // the last member: the first to go, and to wait for the device
+  std::shared_ptr<StandingWorkspace> workspace_;  // last member: destroyed first, which waits for the device
 
  private:
   void check_columns(const ReplyView& rows) const {
@@ -127,7 +128,7 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
       refuse("rows: gradient_joints of " + std::to_string(rows.joints) + " joints, and the plan has " +
              std::to_string(plan_.size.joints));
   }
-  static std::size_t alignof_rows(const CompactAnswer&) { return 16; }  // written in pieces of 16 bytes
+  static std::size_t alignof_rows(const CompactAnswer&) { return 16; }  // written in units of 16 bytes
   template <class T>
   static std::size_t alignof_rows(const T&) {
     return alignof(T);
@@ -144,13 +145,13 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
     launch_chunks(s, rows, stream);
   }
 
-  // A DeviceQuery's, which a plan has no use for.
+  // Members of DeviceQuery that device queries do not use.
   void launch(std::uint64_t) override { assert(false); }
   void finish(std::uint64_t) override { assert(false); }
   void end() override { assert(false); }
 };
 
-// A row for each configuration and pair.
+// A row per configuration and pair.
 class StandingRows final : public StandingQuery {
  public:
   using StandingQuery::StandingQuery;
@@ -181,7 +182,7 @@ class StandingRows final : public StandingQuery {
   }
 };
 
-// A row for each configuration.
+// A row per configuration.
 class StandingReduction final : public StandingQuery {
  public:
   using StandingQuery::StandingQuery;

@@ -10,8 +10,8 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr std::size_t kParallelBodies = 4096;  // that are worth several threads
-constexpr std::size_t kMostPinned = 1u << 26;  // bytes; more go to pinned memory a chunk at a time
+constexpr std::size_t kParallelBodies = 4096;  // minimum number worth several threads
+constexpr std::size_t kMostPinned = 1u << 26;  // bytes; larger inputs are copied to pinned memory chunk by chunk
 
 }  // namespace
 
@@ -87,7 +87,7 @@ void DeviceQuery::take_in(QueryWorkspace& workspace, Given given, std::span<cons
   in.copy.emplace(all.data(), in.pinned, all.size_bytes(), CopyReader::kDevice);
 }
 
-// The snapshot's bodies, one component after another.
+// The snapshot's bodies as component arrays.
 void DeviceQuery::place_fixed(const FixedBodies& fixed) {
   const std::vector<BodyPlacement>& placed = plan_.snapshot->placed;
   const std::size_t n = placed.size();
@@ -112,7 +112,7 @@ void DeviceQuery::begin_chunks(QueryWorkspace& workspace, const QuerySetup& setu
     slots_ = static_cast<std::uint64_t>(workspace.slots());
     launch_ahead();
   };
-  std::exception_ptr failure;  // an exception may not leave a parallel region
+  std::exception_ptr failure;  // exceptions may not leave a parallel region
   bool is_large = false;
   for (const Incoming& in : incoming_) is_large = is_large || (in.copy && in.copy->is_large());
 #pragma omp parallel num_threads(workers()) if (is_large)

@@ -1,5 +1,5 @@
-// What dense and reduced queries on a device have in common: poses on their way there, chunks that follow each other,
-// and rows that the CPU answers.
+// Common parts of dense and reduced queries on a device: uploading poses, pipelining chunks, and answering rows on the
+// CPU.
 #pragma once
 
 #include <atomic>
@@ -15,7 +15,7 @@
 
 namespace clearance::cuda {
 
-/// What a deal says of a chunk of a part, in so many configurations as `groups` are for.
+/// Settings of a chunk of a part, for the number of configurations that `groups` are made for.
 inline ChunkSetup chunk_of(const ChunkPlan::Part& part, const ChunkPlan::Part::Groups& groups) {
   ChunkSetup s;
   s.first_pair = part.first_pair;
@@ -34,36 +34,37 @@ class DeviceQuery : public ParallelJob {
   DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply);
   ~DeviceQuery() override;
 
-  /// Sends what the query needs to the device. Throws DeviceError, as advance() does.
+  /// Uploads the query to the device. Throws DeviceError, as advance() does.
   virtual void begin() = 0;
   bool go_on(WorkMeter& slice) final;
-  /// The plan, for the CPU to answer it from the beginning.
+  /// Returns the plan, so that the CPU can answer it from the beginning.
   Plan give_up();
 
  protected:
-  /// A row of some chunk: which configuration and pair of the query.
+  /// A row of some chunk, by configuration and pair of the query.
   struct OpenRow {
     std::uint64_t configuration, pair;
   };
 
-  /// Copies poses of bodies, and says what is asked. What the setup points to lives as long as this.
+  /// Copies the poses of bodies and fills in the request. The setup points to data owned by this object.
   QuerySetup setup(QueryWorkspace& workspace);
-  /// The client's warm state of so many rows, if it keeps one. The workspace must be let go before this is.
+  /// The client's warm-start state for this many rows, if it keeps one. Release the workspace before this object.
   ResidentWarm* take_warm(std::uint64_t rows);
-  /// Begins chunks_ chunks: the first ones at once, while other threads copy the poses of configurations, so that the
-  /// caller's memory is free once the query has begun.
+  /// Starts chunks_ chunks: the first ones at once, while other threads copy the poses of configurations. The caller
+  /// may reuse its memory once the query has begun.
   void begin_chunks(QueryWorkspace& workspace, const QuerySetup& setup);
-  /// Starts a chunk on the device, and takes what it has made of one. Both come in order.
+  /// Starts a chunk on the device, and takes a chunk's results. Both are called in order.
   virtual void launch(std::uint64_t chunk) = 0;
   virtual void finish(std::uint64_t chunk) = 0;
-  /// Says in `info` how many rows there are, once all chunks are finished.
+  /// Writes the number of rows to `info`, after all chunks are finished.
   virtual void end() = 0;
   /// The poses and positions of a slot's next chunk, pinned. Chunks come in order.
   void give_configurations(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
   /// Copies rows of a column that the device could not write itself.
   void copy_column(const void* from, void* to, std::size_t bytes);
 
-  /// Answers rows on the CPU. `open`: of each index the row, ascending; `take(index, asked, answer)`.
+  /// Answers rows on the CPU. `open(index)` returns the row, ascending; `take(index, asked, answer)` receives the
+  /// answer.
   template <class Open, class Take>
   void answer_on_cpu(std::size_t count, Open open, Take take) {
     if (count == 0) return;
@@ -93,14 +94,14 @@ class DeviceQuery : public ParallelJob {
   }
 
   DeviceBackend& backend_;
-  std::uint32_t fields_ = 0;  ///< columns that are wanted, Field bits
-  ReplyView direct_;          ///< those of them in pinned memory
+  std::uint32_t fields_ = 0;  ///< requested columns, Field bits
+  ReplyView direct_;          ///< the requested columns in pinned memory
   std::atomic<std::uint64_t> evaluated_{0};
-  std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0;  ///< chunks take the workspace's slots in turn
+  std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0;  ///< chunks use the workspace's slots in turn
 
  private:
-  static constexpr std::uint64_t kUnitsPerChunk = 1024;  // what waiting for one counts
-  static constexpr std::uint64_t kRestUnit = 16;         // rows that a thread finishes at a time
+  static constexpr std::uint64_t kUnitsPerChunk = 1024;  // work units counted for waiting for a chunk
+  static constexpr std::uint64_t kRestUnit = 16;         // rows per thread and unit
   struct RestScratch {
     std::vector<PlacedBodies> asked;
     std::vector<PairAnswer> answers;
@@ -114,10 +115,10 @@ class DeviceQuery : public ParallelJob {
   void find_direct_columns();
   void copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader);
   void place_fixed(const FixedBodies& fixed);
-  // Numbers that configurations give, on their way to the device.
+  // Input of the configurations, during its upload.
   struct Incoming {
-    std::byte* pinned = nullptr;      // of all configurations; null: too many, or none
-    std::optional<OrderedCopy> copy;  // on their way there
+    std::byte* pinned = nullptr;      // for all configurations; null if too large or unused
+    std::optional<OrderedCopy> copy;  // the copy in progress
   };
   template <class T>
   void take_in(QueryWorkspace& workspace, Given given, std::span<const T> all);
@@ -126,10 +127,10 @@ class DeviceQuery : public ParallelJob {
                 std::uint64_t count);
 
   std::unique_ptr<DeviceWarmTable> warm_;
-  Incoming incoming_[2];                            // by what is given
-  std::optional<MovedChains> moved_;                // none: the query moves nothing
-  std::optional<DeviceUncertainty> uncertainties_;  // none: nothing is doubted of any body that is asked for
-  std::optional<DeviceMovers> movers_;              // none: no gradient by joints is
+  Incoming incoming_[2];                            // by kind of input
+  std::optional<MovedChains> moved_;                // empty if the query moves nothing
+  std::optional<DeviceUncertainty> uncertainties_;  // empty if no body of the query is uncertain
+  std::optional<DeviceMovers> movers_;              // empty without gradients by joints
   std::vector<RestScratch> rooms_;
   std::vector<Evaluator> evaluators_;
 };
@@ -138,9 +139,9 @@ class DeviceQuery : public ParallelJob {
 bool is_for_teams(const Scene& scene, const Plan& plan);
 
 std::unique_ptr<DeviceQuery> make_dense_device_query(const JobContext& context, Plan&& plan, const ReplyView& reply);
-/// Null, and the plan untouched, where the device does not know all bodies.
+/// Null, with the plan untouched, if the device does not hold all bodies.
 std::unique_ptr<DeviceQuery> make_motion_device_query(const JobContext& context, Plan& plan, const ReplyView& reply);
-/// Likewise.
+/// Null, with the plan untouched, if the device does not hold all bodies.
 std::unique_ptr<DeviceQuery> make_reduced_device_query(const JobContext& context, Plan& plan, const ReplyView& reply);
 
 }  // namespace clearance::cuda

@@ -7,7 +7,7 @@ namespace clearance::cuda {
 
 namespace {
 
-// The first body of the query's pairs that is so.
+// The body of the query's pairs with the least id that satisfies `is_so`.
 template <class IsSo>
 std::uint32_t first_body(const Scene& scene, const Plan& plan, const IsSo& is_so) {
   std::uint32_t found = kNone;
@@ -66,8 +66,8 @@ void DeviceUncertainty::take_links(const Scene& scene) {
 
 void DeviceUncertainty::take_moved(const Scene& scene, const Plan& plan) {
   const PoseSnapshot& snapshot = *plan.snapshot;
-  constexpr std::uint32_t kGiven = kNone - 1;                          // the query places it, and no joint
-  std::vector<std::uint32_t> placed_by(scene.bodies().size(), kNone);  // kGiven, or which motion
+  constexpr std::uint32_t kGiven = kNone - 1;                          // placed by the query, not by a joint
+  std::vector<std::uint32_t> placed_by(scene.bodies().size(), kNone);  // kGiven, or the index of the motion
   for (std::size_t i = 0; i < plan.given_bodies; ++i) placed_by[plan.bodies[i]] = kGiven;
   std::size_t at = plan.given_bodies;
   for (std::uint32_t m = 0; m < plan.motions.size(); ++m)
@@ -78,7 +78,7 @@ void DeviceUncertainty::take_moved(const Scene& scene, const Plan& plan) {
   for (const std::uint32_t body : plan.moved) {
     UncertaintyStep move;
     move.source = uncertainty_source(scene.bodies()[body]);
-    // What the query itself places is there now.
+    // Bodies placed by the query are up to date.
     move.age_s = placed_by[body] == kNone ? pose_age_s(snapshot, body, plan.begun_ns)
                                           : points_age_s(snapshot, body, plan.begun_ns);
     const PlacedLink& link = plan.uncertainties[body].link;

@@ -1,4 +1,4 @@
-// What is not known of a query's bodies, as kernels know it.
+// Uncertainty of a query's bodies, in the layout of kernels.
 #pragma once
 
 #include <cstdint>
@@ -9,14 +9,13 @@
 
 namespace clearance::cuda {
 
-/// A body of the query's pairs that is not known exactly (docs/bounds.md, "Slack"), the first by its id; kNone: there
-/// is none.
+/// The uncertain body with the least id in the query's pairs (docs/bounds.md, "Slack"), or kNone.
 std::uint32_t uncertain_body(const Scene& scene, const Plan& plan);
 
-/// The same of one whose doubt grows as time goes by: its pose ages, or that of what it follows.
+/// The same for bodies whose uncertainty grows with time: their pose, or that of a parent, ages.
 std::uint32_t ageing_body(const Scene& scene, const Plan& plan);
 
-/// Made of a plan with its doubts; its arrays live as long as this.
+/// Built from a plan and its uncertainty. Owns the arrays that kernels get.
 class DeviceUncertainty {
  public:
   DeviceUncertainty(const Scene& scene, const Plan& plan);

@@ -1,4 +1,4 @@
-// How large a body is of which a device has no pieces.
+// Extents of a body whose convex parts are not on a device.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace clearance {
 
-/// Around all that a body is made of.
+/// Extents around the whole body.
 inline HullExtents extents_around(const Body& body) {
   if (body.pieces.size() == 1) return body.pieces[0]->extents();
   constexpr double kMore = 1 + 0x1p-48;

@@ -1,4 +1,4 @@
-// A query on the device that the CPU takes over where the device fails.
+// A query on the device that the CPU takes over if the device fails.
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -21,7 +21,7 @@ std::unique_ptr<DeviceQuery> make_device_query(const JobContext& context, Plan& 
                                             : make_reduced_device_query(context, plan, reply);
 }
 
-// Null, and the plan as it was, where the CPU has to answer it. Throws QueryError where the CPU may not take over.
+// Null, with the plan untouched, if the CPU has to answer it. Throws QueryError if fallback is off.
 std::unique_ptr<DeviceQuery> begin_on_device(const JobContext& context, Plan& plan, const ReplyView& reply) {
   DeviceBackend& backend = *context.device;
   while (backend.usable()) {
@@ -33,7 +33,7 @@ std::unique_ptr<DeviceQuery> begin_on_device(const JobContext& context, Plan& pl
     } catch (const DeviceError& error) {
       if (query) plan = query->give_up();
       backend.note(error);
-      if (error.kind == DeviceError::kOneLost) continue;  // the others are asked
+      if (error.kind == DeviceError::kOneLost) continue;  // try the remaining devices
       if (!backend.fallback()) refuse(error.what());
       return nullptr;
     }
@@ -59,7 +59,7 @@ class FallbackJob final : public Job::State {
       }
     }
     assert(!query_);
-    if (!on_cpu_) refuse(context_.device->error());  // again
+    if (!on_cpu_) refuse(context_.device->error());  // repeats the error
     const bool done = on_cpu_->advance(budget);
     info = on_cpu_->info;
     units = on_cpu_->units;
@@ -69,7 +69,7 @@ class FallbackJob final : public Job::State {
   const QuerySize& size() const override { return size_; }
 
  private:
-  // On the devices that are left, or on the CPU. Rows that came are written again.
+  // Restarts on the remaining devices or on the CPU. Rows already written are written again.
   void begin_elsewhere(const DeviceError& error) {
     DeviceBackend& backend = *context_.device;
     backend.note(error);

@@ -1,5 +1,5 @@
-// Motions on the device: whether all pairs stay beyond their margins all along, or how near they come. What it leaves
-// open the CPU's search answers, whole motions at a time.
+// Motions on the device: whether all pairs stay beyond their margins, or their least distance. The CPU's search answers
+// motions that the device leaves open, each as a whole.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -15,10 +15,10 @@ namespace clearance::cuda {
 namespace {
 
 constexpr std::uint64_t kFewestMotions = 1024, kMostMotions = 16384;  // of a chunk
-constexpr std::uint64_t kMostPairMotions = 1u << 22;                  // likewise: its lists have room for them
+constexpr std::uint64_t kMostPairMotions = 1u << 22;                  // of a chunk: its lists have the capacity
 constexpr std::uint64_t kMostPairsOfMotion = 1u << 16;
-constexpr std::uint64_t kOpenMotions = 16;     // that a thread finishes at a time
-constexpr std::uint64_t kRowsOfThread = 1024;  // that a thread writes at a time
+constexpr std::uint64_t kOpenMotions = 16;     // per thread and unit
+constexpr std::uint64_t kRowsOfThread = 1024;  // written per thread and unit
 
 class MotionDeviceQuery final : public DeviceQuery {
  public:
@@ -33,7 +33,7 @@ class MotionDeviceQuery final : public DeviceQuery {
     fits_ = bounds_.flatten(arrays_);
   }
 
-  /// Whether kernels know what moves the bodies.
+  /// Whether kernels support the movers of the bodies.
   bool fits() const { return fits_; }
 
   void begin() override {
@@ -47,8 +47,10 @@ class MotionDeviceQuery final : public DeviceQuery {
     s.pair_limits.abs_tol = motion_options_.limits.abs_tol;
     s.pair_limits.rel_tol = motion_options_.limits.rel_tol;
     s.pair_limits.max_distance = motion_options_.limits.max_distance;
-    s.pair_limits.want_points = true;                                        // the directions that keep pairs apart
-    s.pair_limits.want_nonsmooth |= plan_.query.format == Format::kCompact;  // which stands for all flags of ends
+    s.pair_limits.want_points = true;                                        // includes the directions that separate
+                                                                             // pairs
+    s.pair_limits.want_nonsmooth |= plan_.query.format == Format::kCompact;  // compact replies carry all flags of both
+                                                                             // ends
     s.pairs = list_->resident.get();
     s.chunks = chunks_;
     s.reduce = plan_.query.reduce;
@@ -87,7 +89,7 @@ class MotionDeviceQuery final : public DeviceQuery {
     backend_.converged.fetch_add(r.converged, std::memory_order_relaxed);
   }
 
-  // Those that are free, and those that are not.
+  // Writes motions that are free and motions that hit.
   void write_decided(std::uint64_t first, const MotionResult& r) {
     const std::uint64_t free_units = (r.verdicts.size() + kRowsOfThread - 1) / kRowsOfThread,
                         hit_units = (r.hits.size() + kRowsOfThread - 1) / kRowsOfThread;
@@ -114,7 +116,7 @@ class MotionDeviceQuery final : public DeviceQuery {
     made.steps = steps;
     write_motion_row(reply_, motion, made);
   }
-  // Of a decision nothing is known of what the motion does elsewhere: its least distance may be 0.
+  // A decision knows nothing of the rest of the motion, so the least distance may be 0.
   void write_hit(std::uint64_t first, const MotionHitRow& hit, const MotionResult& r) {
     MotionRow made;
     const BodyPair pair = plan_.pairs.at(hit.pair);
@@ -168,13 +170,13 @@ class MotionDeviceQuery final : public DeviceQuery {
   bool fits_ = false;
   EvaluateOptions motion_options_;
   MotionQuery motion_query_{scene(), plan_, bounds_};
-  // Once something is open:
+  // Allocated if a motion is left open:
   std::vector<Aabb> boxes_;
-  std::vector<MotionBlock> blocks_;  // of each worker
+  std::vector<MotionBlock> blocks_;  // per worker
   std::vector<std::uint64_t> open_;
   Row beyond_{};
   std::uint64_t motions_ = 1;                   // of a chunk
-  std::shared_ptr<MotionWorkspace> workspace_;  // the last member: the first to go, and to wait for the device
+  std::shared_ptr<MotionWorkspace> workspace_;  // last member: destroyed first, which waits for the device
 };
 
 }  // namespace
@@ -185,7 +187,7 @@ std::unique_ptr<DeviceQuery> make_motion_device_query(const JobContext& context,
   auto workspace = context.device->device().borrow_motions();
   if (!workspace) return nullptr;
   auto list = context.device->list(plan);
-  if (!list->resident || !list->of_elements.empty()) return nullptr;  // hulls are all that these kernels know
+  if (!list->resident || !list->of_elements.empty()) return nullptr;  // these kernels support hulls only
   auto query =
       std::make_unique<MotionDeviceQuery>(context, std::move(plan), reply, std::move(list), std::move(workspace));
   if (query->fits()) return query;

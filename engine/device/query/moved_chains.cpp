@@ -28,7 +28,7 @@ MovedChains::MovedChains(const Scene& scene, const Plan& plan)
   }
 }
 
-// What BodyPoses::configure() makes of a body beside its pose.
+// The state that BodyPoses::configure() derives for a body in addition to its pose.
 std::uint8_t MovedChains::state_of(const Scene& scene, const Plan& plan, std::uint32_t slot) const {
   const PoseSnapshot& snapshot = *plan.snapshot;
   const std::uint32_t body = moved_[slot];

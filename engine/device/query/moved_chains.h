@@ -1,4 +1,4 @@
-// The bodies that a query moves, each with the chain of bodies that it follows, as kernels know them.
+// The bodies that a query moves, each with the chain of bodies it follows, in the layout of kernels.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace clearance::cuda {
 
-/// Its arrays live as long as this.
+/// Owns the arrays that kernels get.
 class MovedChains {
  public:
   MovedChains(const Scene& scene, const Plan& plan);

@@ -19,7 +19,7 @@ void MovedLinks::add(const LinkMotion& motion) {
     columns_.push_back({motion.positions()[c], column.lower, column.upper, kNone, motion.column_facts()[c]});
   }
   for (const LinkMotion::Moving& m : motion.moving()) columns_[first + m.column].at = m.at;
-  for (const std::uint32_t link : motion.links()) {  // none is a root: a joint is on the way to it
+  for (const std::uint32_t link : motion.links()) {  // links are never roots: a joint leads to each
     const auto step = static_cast<std::uint32_t>(robot.kinematics.step_of(link) - steps.data());
     frames_.push_back(frame_count_ + roots + step);
   }

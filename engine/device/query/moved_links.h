@@ -1,4 +1,4 @@
-// The robots whose joints a query moves, as kernels know them.
+// The robots whose joints a query moves, in the layout of kernels.
 #pragma once
 
 #include <cstdint>
@@ -9,13 +9,13 @@
 
 namespace clearance::cuda {
 
-/// Its arrays live as long as this.
+/// Owns the arrays that kernels get.
 class MovedLinks {
  public:
   explicit MovedLinks(const Plan& plan);
   /// Points a setup to the arrays.
   void tell(QuerySetup& setup) const;
-  /// Of each body that joints place, in the order of Plan::bodies behind those that the query gives: its frame.
+  /// Frame of each body placed by joints, in the order of Plan::bodies after the given ones.
   const std::vector<std::uint32_t>& frames() const { return frames_; }
 
  private:

@@ -1,5 +1,4 @@
-// A copy of host memory by several threads, from the beginning on, so that its first part can be used before the last
-// is there.
+// Parallel copy of host memory in order, so that its first part can be used before the last part is copied.
 #pragma once
 
 #include <algorithm>
@@ -14,12 +13,13 @@
 
 namespace clearance::cuda {
 
-/// Who reads the copy next. A device reads what several cores wrote twice as fast from memory as from their caches.
+/// Next reader of the copy. A device reads data written by several cores twice as fast from memory as from their
+/// caches.
 enum class CopyReader : std::uint8_t { kHost, kDevice };
 
 class OrderedCopy {
  public:
-  /// \param to for a device: on 16 bytes.
+  /// \param to aligned to 16 bytes if a device reads it
   OrderedCopy(const void* from, void* to, std::size_t bytes, CopyReader reader)
       : from_(static_cast<const std::byte*>(from)),
         to_(static_cast<std::byte*>(to)),
@@ -28,7 +28,7 @@ class OrderedCopy {
         done_((bytes + kBlock - 1) / kBlock) {}
 
   bool is_large() const { return bytes_ >= 3u << 18; }  ///< worth several threads
-  /// Copies the first block that no thread has taken. \returns false: there is none.
+  /// Copies the next unclaimed block. \returns false if none is left
   bool copy_block() {
     const std::size_t block = next_.fetch_add(1, std::memory_order_relaxed);
     if (block >= done_.size()) return false;
@@ -40,7 +40,7 @@ class OrderedCopy {
     done_[block].store(true, std::memory_order_release);
     return true;
   }
-  /// Copies blocks until the first `bytes` are there. For one thread.
+  /// Copies blocks until the first `bytes` are copied. For one thread only.
   void wait_for(std::size_t bytes) {
     const std::size_t wanted = (bytes + kBlock - 1) / kBlock;
     while (there_ < wanted)
@@ -69,9 +69,9 @@ class OrderedCopy {
   std::byte* to_;
   std::size_t bytes_;
   bool past_caches_;
-  std::vector<std::atomic<bool>> done_;  // of each block
+  std::vector<std::atomic<bool>> done_;  // per block
   std::atomic<std::size_t> next_{0};
-  std::size_t there_ = 0;  // blocks that wait_for() has seen done
+  std::size_t there_ = 0;  // blocks that wait_for() has seen finished
 };
 
 }  // namespace clearance::cuda

@@ -9,15 +9,14 @@ namespace clearance::cuda {
 
 namespace {
 
-// Rows of a chunk of configurations: a few chunks, so that poses of the next are on their way while one is answered.
+// Rows of a chunk of configurations: a few chunks, so that the next one's poses are uploaded while one is answered.
 constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 20;
 constexpr std::uint64_t kMostGroups = 1u << 20;  // of a chunk
-constexpr std::uint64_t kMostMembers = 4096;     // pairs of a configuration that a team of threads goes through
+constexpr std::uint64_t kMostMembers = 4096;     // pairs of a configuration for one team of threads
 
 }  // namespace
 
-// Not where the device settles nothing, and the CPU
-// finishes it all.
+// Teams are not used if the device could not resolve any pair and the CPU would finish all of them.
 bool is_for_teams(const Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
   return q.reduce == Reduce::kMin && plan.size.pairs <= kMostMembers && !q.signed_distance &&
@@ -29,8 +28,9 @@ namespace {
 
 class ReducedDeviceQuery final : public DeviceQuery {
  public:
-  /// \param list of the pairs, or their \param table. \param elements of bodies of the list;
-  /// null: all are hulls
+  /// \param list of the pairs; null if `table` is set
+  /// \param table the whole table; null if `list` is set
+  /// \param elements of bodies in the list; if null, all are hulls
   ReducedDeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply,
                      std::shared_ptr<const PairListOnDevice> list, std::shared_ptr<const TableOnDevice> table,
                      std::shared_ptr<const ElementsOnDevice> elements)
@@ -43,7 +43,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
   void begin() override {
     workspace_ = backend_.device().borrow_reduced();
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    // A launch takes as long as its slowest configurations: half as many.
+    // A launch takes as long as its slowest configurations, so use half as many chunks.
     const auto chunks = static_cast<std::uint64_t>(backend_.device().chunks_wanted() / 2);
     const std::uint64_t rows = std::clamp((K * P + chunks - 1) / chunks, kFewestRows, kMostRows);
     configurations_ = std::clamp<std::uint64_t>(std::min(rows / P, kMostGroups / groups_), 1, K);
@@ -60,7 +60,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
       s.elements = elements_->bodies;
       s.element_kinds = list_->kinds;
     }
-    if (plan_.query.reduce == Reduce::kAny) {  // which begins cold
+    if (plan_.query.reduce == Reduce::kAny) {  // which always starts cold
       s.margins = plan_.margins.each();
       s.margin = plan_.margins.most();
       s.beyond = beyond_all_margins(plan_);
@@ -84,7 +84,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
     s.first_row = s.first_configuration * plan_.size.pairs;
     give_configurations(*workspace_, slot, s);
-    ReplyView direct;  // where rows go is known beforehand unless they are only those within a distance
+    ReplyView direct;  // the place of rows is known in advance except for Reduce::kWithin
     const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
       to = column && !within() ? column + s.first_configuration * groups_ * width : nullptr;
     };
@@ -111,7 +111,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     backend_.converged.fetch_add(r.converged, std::memory_order_relaxed);
   }
 
-  // Answers what a chunk left open, in its order.
+  // Answers a chunk's unresolved rows, in its order.
   void answer_open_rows(std::uint64_t first_configuration, std::span<const std::uint32_t> rows) {
     order_.clear();
     for (std::uint32_t i = 0; i < rows.size(); ++i) order_.emplace_back(rows[i], i);
@@ -124,14 +124,14 @@ class ReducedDeviceQuery final : public DeviceQuery {
         [&](std::size_t i, const PlacedBodies&, const PairAnswer& answer) { answers_[order_[i].second] = answer; });
   }
 
-  std::shared_ptr<const PairListOnDevice> list_;  // one of the two
+  std::shared_ptr<const PairListOnDevice> list_;  // one of list_ and table_ is set
   std::shared_ptr<const TableOnDevice> table_;
   std::shared_ptr<const ElementsOnDevice> elements_;
-  std::uint64_t groups_, configurations_ = 1;  // of one configuration; of one chunk
+  std::uint64_t groups_, configurations_ = 1;  // per configuration; per chunk
   std::uint64_t written_ = 0;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> order_;
   std::vector<PairAnswer> answers_;
-  std::shared_ptr<ReducedWorkspace> workspace_;  // the last member: the first to go, and to wait for the device
+  std::shared_ptr<ReducedWorkspace> workspace_;  // last member: destroyed first, which waits for the device
 };
 
 }  // namespace

@@ -1,11 +1,11 @@
-// The columns of a reply, one after another.
+// Operations on all columns of a reply.
 #pragma once
 
 #include "engine/selection/query.h"
 
 namespace clearance::cuda {
 
-/// The view, with the columns of `direct` in place of its own where there are such.
+/// The view, with columns of `direct` replacing its own where set.
 inline ReplyView preferring(ReplyView view, const ReplyView& direct) {
   const auto prefer = [](auto*& column, auto* other, int) {
     if (other) column = other;
@@ -14,7 +14,7 @@ inline ReplyView preferring(ReplyView view, const ReplyView& direct) {
   return view;
 }
 
-/// The view's columns from a row on.
+/// The view's columns, starting at a row.
 inline ReplyView rows_from(std::uint64_t row, const ReplyView& view) {
   ReplyView from = view;
   const auto shift = [&](auto*& column, int width) {
