@@ -1,4 +1,4 @@
-// The device's side of the cuda backend: resident hulls, workspaces, launches. A library of its own (device_module.h).
+// Device side of the cuda backend: resident hulls, workspaces, launches. A separate library (device_module.h).
 #include <memory>
 #include <mutex>
 
@@ -15,7 +15,7 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr int kMostShared = 96 * 1024;  // bytes of a block's two hulls; devices that have less get smaller tables
+constexpr int kMostShared = 96 * 1024;  // bytes for a block's two hulls; devices with less get smaller tables
 
 DeviceInfo probe() {
   DeviceInfo info;
@@ -28,7 +28,7 @@ DeviceInfo probe() {
   cudaDeviceProp properties{};
   cudaError_t error = cudaGetDevice(&device);
   if (error == cudaSuccess) error = cudaGetDeviceProperties(&properties, device);
-  // Also asks whether this build has code for it.
+  // Also checks that this build contains code for the device.
   cudaFuncAttributes attributes{};
   if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, answer_lean<double, false>);
   info.name = properties.name;
@@ -38,7 +38,7 @@ DeviceInfo probe() {
   return info;
 }
 
-// Of a block, for its two hulls.
+// Bytes of shared memory for a block's two hulls.
 int most_shared() {
   int device = 0, bytes = 0;
   check(cudaGetDevice(&device), "asking for the device");
@@ -55,7 +55,7 @@ void allow_shared_memory() {
           "asking for shared memory");
 }
 
-// Workspaces that nobody uses.
+// Unused workspaces.
 template <class Kind>
 class Pool {
  public:
@@ -63,7 +63,8 @@ class Pool {
   Pool(const ResidentHulls& hulls, WorkCounters& counters, Make make)
       : hulls_(hulls), counters_(counters), make_(make) {}
 
-  /// One that goes back when the pointer is let go. \param owner of this; kept that long.
+  /// A workspace that returns to the pool when the pointer is released.
+  /// \param owner of this pool; kept alive until then
   std::shared_ptr<Kind> borrow(std::shared_ptr<void> owner) {
     std::unique_ptr<Kind> workspace;
     {
@@ -79,7 +80,7 @@ class Pool {
     }
     return {workspace.release(), [this, owner = std::move(owner)](Kind* w) {
               std::unique_ptr<Kind> returned(w);
-              returned->wait_for_all();  // a job that was given up may still write to its caller's memory
+              returned->wait_for_all();  // an abandoned job may still write to its caller's memory
               const std::lock_guard lock(mutex_);
               free_.push_back(std::move(returned));
             }};
@@ -149,7 +150,7 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
     else
       made = make_standing_reduced(hulls_, work_);
     return {made.release(), [owner = shared_from_this()](StandingWorkspace* w) {
-              // What a caller's stream still does may read and write its memory.
+              // The caller's stream may still read and write its memory.
               const OnDevice there(owner->hulls_.device());
               cudaDeviceSynchronize();
               delete w;
@@ -179,7 +180,7 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
 };
 
 const DeviceInfo& installed() {
-  static const auto& info = *new DeviceInfo(probe());  // queries may outlast main()
+  static const auto& info = *new DeviceInfo(probe());  // never destroyed: queries may outlast main()
   return info;
 }
 

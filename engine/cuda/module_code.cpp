@@ -1,4 +1,4 @@
-// Apart from the kernels, which need not be compiled again when code of the engine's changes that they do not include.
+// Separate from the kernels, so that they are not recompiled when engine code that they do not include changes.
 #include "engine_code.h"
 
 extern "C" __attribute__((visibility("default"))) const char* const clearance_device_module_code =

@@ -1,4 +1,4 @@
-// The kernels of a dense chunk, one after another in a stream.
+// Launches the kernels of a dense chunk, one after another in a stream.
 #pragma once
 
 #include <algorithm>
@@ -11,15 +11,16 @@
 
 namespace clearance::cuda {
 
-// What float32 leaves open, and what overlaps, takes long. How many pairs that are is not known when their kernels
-// start: all that these do not take, the next chunk's blocks do.
+// Pairs left open by float32 and overlapping pairs take long. Their number is unknown when their kernels start, so
+// these get few blocks and leave the rest to the next chunk.
 inline constexpr std::uint32_t kLateBlocks = 66, kLateWarps = 64;
 
 inline bool f32_goes_first(const PairLimits& pair_limits, const ChunkSetup& chunk, const CudaPairs& pairs) {
   return pair_limits.f32 && chunk.group_tiles > 0 && pairs.most_shared_f32 > 0;
 }
 
-// What answers pairs of the same two hulls. \param points whether rows have any
+// The kernel for pairs that share both hulls.
+// \param points whether rows have points
 template <class T, bool kLean, bool kWarm>
 auto group_kernel(bool points) {
   if constexpr (kLean && !kWarm)
@@ -28,14 +29,14 @@ auto group_kernel(bool points) {
     return answer_groups<T, kLean, kWarm>;
 }
 
-// The last kernel hands the counts over.
+// The last kernel hands over the counts.
 template <bool kLean, bool kWarm>
 void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, cudaStream_t stream) {
   view.group_of_tile = pairs.group_of_tile + chunk.first_tile;
   const bool f32 = view.pair_limits.f32;
   const bool f32_first = f32_goes_first(view.pair_limits, chunk, pairs), only_f32 = f32_first && pairs.all_fit_f32;
   const bool proof_follows = view.enclosed && (chunk.ungrouped_tiles > 0 || (chunk.group_tiles > 0 && !only_f32));
-  ChunkView before = view;  // of a kernel that another follows
+  ChunkView before = view;  // for a kernel with a successor
   before.host_counts = nullptr;
   view.blocks = chunk.tiles();
   const ChunkView& first = f32_first || proof_follows ? before : view;
@@ -70,8 +71,8 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
   }
 }
 
-// The same where something is doubted of a body: all pairs of single pieces in one list, whose hulls are read where the
-// scene has them, and whose overlaps are proved by who finds them.
+// The same if a body is uncertain: one list of all pairs of single convex parts, whose hulls are read from the scene's
+// arrays. Overlaps are proved by the thread that finds them.
 template <bool kWarm>
 void answer_uncertain_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream_t stream) {
   const Group singles{kNone, kNone, 0, chunk.ungrouped.first + chunk.ungrouped.count, 0};
@@ -90,7 +91,8 @@ void answer_uncertain_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream
   }
 }
 
-// \param fields columns that are wanted, Field bits. \param warm whether the view has warm rows
+// \param fields requested columns, Field bits
+// \param warm whether the view has warm-start rows
 inline void answer_chunk(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, std::uint32_t fields,
                          bool warm, cudaStream_t stream) {
   const bool lean = (fields & ~kLeanFields) == 0;

@@ -1,4 +1,4 @@
-// Dense queries on the device: a row for every configuration and pair.
+// Dense queries on the device: a row per configuration and pair.
 #pragma once
 
 #include <algorithm>
@@ -11,9 +11,10 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint64_t kSmallRows = 16384;     // of a chunk that is answered with as few calls as can be
-inline constexpr std::uint64_t kFirstRows = 1u << 16;  // of a first chunk that proves overlaps at once
-inline constexpr std::chrono::microseconds kFlagPatience{200};  // few pairs take a tenth of that
+inline constexpr std::uint64_t kSmallRows = 16384;     // largest chunk that is answered with the fewest possible driver
+                                                       // calls
+inline constexpr std::uint64_t kFirstRows = 1u << 16;  // largest first chunk that proves overlaps at once
+inline constexpr std::chrono::microseconds kFlagPatience{200};  // few pairs take a tenth of this
 
 struct DenseSlot : QuerySlot {
   DenseSlot(MemoryCounters& c, int priority)
@@ -60,13 +61,13 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     slot.host_view = reply_view_over(slot.host_reply.reserve(reply_bytes), slot.rows, fields_, nullptr, joints_);
     slot.host_counts =
         reinterpret_cast<std::uint32_t*>(slot.host_rest.reserve((kCounts + slot.rows) * sizeof(std::uint32_t)));
-    // Counts and rows that are left to the CPU go straight to host memory, and counts are left cleared: calls less for
-    // each chunk.
+    // Kernels write the counts and the CPU's rows directly to host memory and leave the counts cleared, which saves
+    // driver calls.
     if (!slot.device_counts.data()) {
       const std::size_t bytes = sizeof(std::uint64_t) + kCounts * sizeof(std::uint32_t);
       check(cudaMemsetAsync(slot.device_counts.reserve(bytes), 0, bytes, slot.stream), "clearing counters");
     }
-    // Time stamps by the kernels: an event's, after a copy in the same stream, would wait for the copies of all
+    // Kernels record the times: an event recorded after a copy in the same stream would wait for the copies of all
     // streams.
     view.begun = reinterpret_cast<std::uint64_t*>(slot.device_counts.data());
     view.finished = reinterpret_cast<Finished*>(slot.host_finished.reserve(sizeof(Finished)));
@@ -77,12 +78,12 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     view.rest = slot.host_counts + kCounts;
     view.host_counts = slot.host_counts;
     if (chunk.tiles() == 0) std::fill_n(slot.host_counts, kCounts, 0u);
-    if (slot.is_small)  // so do the answers: a copy would take as long as the kernel
+    if (slot.is_small)  // answers go directly to host memory too: a copy would take as long as the kernel
       view.reply = preferring(slot.host_view, direct);
     else
       view.reply = reply_view_over(slot.device_reply.reserve(reply_bytes), slot.rows, fields_, nullptr, joints_);
-    // The first rows are waited for: a kernel of their own for proofs would have to wait for room among the next
-    // chunk's blocks.
+    // The caller waits for the first rows. A separate proof kernel would have to wait for space among the next chunk's
+    // blocks.
     const bool prove_at_once =
         !pair_limits_.prove_depths && (slot.is_small || (chunk.first_row == 0 && slot.rows <= kFirstRows));
     if (pair_limits_.prove_depths || (pair_limits_.prove_overlaps && !prove_at_once))
@@ -98,7 +99,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
   ChunkResult finish(int index) override {
     DenseSlot& slot = *slots_[index];
     wait_for(slot);
-    // Since its kernels began, or since the chunk before ended if they ran side by side.
+    // Time since its kernels began, or since the previous chunk ended if they overlapped.
     const Finished& times = *slot.device_view.finished;
     counters_.kernel_ns += std::max(times.ended, last_ended_) - std::max(times.begun, last_ended_);
     last_ended_ = std::max(times.ended, last_ended_);
@@ -106,8 +107,8 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
   }
 
  private:
-  // Until all that the chunk writes is there. A flag is seen 2 us before the stream is known to be done; where it takes
-  // long, the stream also says what failed.
+  // Waits until the chunk has written everything. The flag is visible 2 us before the stream reports completion. After
+  // kFlagPatience the stream is used instead, which also reports errors.
   static void wait_for(DenseSlot& slot) {
     const std::uint32_t number = slot.device_view.number;
     const std::atomic_ref<std::uint32_t> flag(slot.device_view.finished->number);
@@ -123,7 +124,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     answer_chunk(slot.device_view, chunk, *pairs_, fields_, warm_ != nullptr, slot.stream);
   }
 
-  // Copies columns to where they are wanted; those that wait in the workspace lie side by side and go at once.
+  // Copies columns to their destinations. Columns that stay in the workspace are contiguous and are copied together.
   void bring(DenseSlot& slot, const ReplyView& direct) {
     const std::byte *from = nullptr, *to = nullptr;
     std::byte* target = nullptr;
@@ -153,9 +154,9 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     flush();
   }
 
-  WarmRow* warm_ = nullptr;  // of the query's rows; null: cold
+  WarmRow* warm_ = nullptr;  // of the query's rows; null for a cold start
   std::uint64_t all_pairs_ = 0;
-  std::uint64_t last_ended_ = 0;  // of the chunks that are finished, in the device's nanoseconds
+  std::uint64_t last_ended_ = 0;  // of the finished chunks, in device nanoseconds
 };
 
 }  // namespace clearance::cuda

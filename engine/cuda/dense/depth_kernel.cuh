@@ -1,6 +1,6 @@
-// Depths of pairs whose simplex holds the origin: the expanding polytope (engine/narrow/epa.h), a warp for each pair,
-// with the polytope in shared memory. Few polytopes have no room there; these, and what float64 leaves open, are the
-// CPU's.
+// Depths of pairs whose simplex encloses the origin: the expanding polytope algorithm (engine/narrow/epa.h), one warp
+// per pair, with the polytope in shared memory. The CPU answers the few pairs whose polytope does not fit and those
+// that float64 cannot resolve.
 #pragma once
 
 #include "engine/cuda/pair/pair_kernel.cuh"
@@ -9,14 +9,15 @@
 
 namespace clearance::cuda {
 
-// Of a polytope on the device. Its surface is a sphere's, so that it has at most two faces and three edges a vertex.
+// Limits of a polytope on the device. Its surface is a topological sphere, with at most two faces and three edges per
+// vertex.
 inline constexpr std::uint32_t kMostCorners = 44, kMostFaces = 2 * kMostCorners, kMostEdges = 3 * kMostCorners + 1,
                                kMostFan = 32;
-// Of a block, whose warps end together: one. And how many blocks a multiprocessor's shared memory holds: their
-// registers should fit, too.
+// One warp per block, since the warps of a block end together. The number of blocks per multiprocessor fits both its
+// shared memory and its registers.
 inline constexpr std::uint32_t kDepthWarps = 1, kDepthThreads = 32 * kDepthWarps, kDepthBlocksOfOne = 20;
 
-// The pair stands there, too: registers for the polytope are few, and spilled ones come from far.
+// Includes the pair: registers for the polytope are few, and spilled ones are slow.
 struct PolytopeRoom {
   Hull<SceneVertices> a, b;
   PairFrame<double> at;
@@ -31,7 +32,8 @@ struct PolytopeRoom {
 };
 inline constexpr std::uint32_t kDepthBytes = kDepthWarps * sizeof(PolytopeRoom);
 
-// A list in a warp's memory; each thread knows its length. Who reads what another has written waits for it before.
+// A list in a warp's shared memory, whose length every thread holds. Before reading data written by another thread, a
+// thread must synchronize.
 template <class T>
 class WarpList {
  public:
@@ -61,7 +63,7 @@ class WarpList {
   std::size_t size_ = 0;
 };
 
-// GrowingPolytope's words, in shared memory.
+// GrowingPolytope in shared memory.
 struct WarpPolytope {
   using Team = WarpTeam;
   static constexpr bool kGrows = false;
@@ -88,7 +90,7 @@ struct WarpPolytope {
   }
 };
 
-// What a thread finds among its share of the vertices that may be farthest along n.
+// The farthest vertex along n in this thread's share of the candidates.
 __device__ inline Ranked<double> farthest_of_share(const Hull<SceneVertices>& hull, const Vec3d& n) {
   const Vec3<float> f = cast<float>(n);
   const bool listed = hull.has_table && hull.is_on_map(f);
@@ -104,7 +106,7 @@ __device__ inline bool is_farther(const Ranked<double>& p, const Ranked<double>&
   return p.value > q.value || (p.value == q.value && p.index < q.index);
 }
 
-// The CSO of two hulls where the scene has them, as EPA sees it.
+// The Minkowski difference (CSO) of two hulls in the scene's arrays, for EPA.
 struct SceneCso {
   const Hull<SceneVertices>&a, &b;
   const PairFrame<double>& at;
@@ -119,15 +121,15 @@ struct SceneCso {
   }
 };
 
-// The vertices of a surface, by their numbers.
+// Vertices of a surface, by index.
 struct SurfaceVertices {
   const CsoVertex<double>* at;
   __device__ const Vec3d& operator[](std::uint32_t i) const { return at[i].w; }
 };
 
-// narrow_phase()'s words for a pair whose simplex holds the origin, where a depth is asked for. All threads of a warp
-// call it with the same pair, and each has the answer. False: the CPU answers.
-// \param room holds the pair
+// Same steps as narrow_phase() for a pair whose simplex encloses the origin, if a depth is requested. All threads of a
+// warp call it with the same pair, and each gets the answer. Returns false if the CPU has to answer. The scratch holds
+// the pair.
 __device__ __forceinline__ bool prove_depth(const PairLimits& q, const Enclosed& e, const BodyPoseRef& at_a,
                                             const BodyPoseRef& at_b, PolytopeRoom& room, PairAnswer& answer) {
   const Hull<SceneVertices>&a = room.a, &b = room.b;
@@ -157,7 +159,7 @@ __device__ __forceinline__ bool prove_depth(const PairLimits& q, const Enclosed&
   const auto vertex_b = [&](std::uint32_t i) { return b.vertex(i); };
   const CsoPoint<double> point(epa.nearest(), R_wa, vertex_a, at_b.rotation(), vertex_b);
   const double upper_error = rounding_error(units_upper, scale);
-  // Rounding left the surface concave: a matter for double-double.
+  // Rounding left the surface concave, which needs double-double.
   if (norm(point.w) - ball > tolerance_at(ball, q.abs_tol, q.rel_tol) + 2 * upper_error) return false;
 
   decide(limits_of(q), lower, upper, [&] { return rounding_width(scale); }, answer);

@@ -7,7 +7,7 @@ namespace clearance::cuda {
 
 namespace {
 
-// How many pairs there are nobody knows yet. More blocks than a device holds at a time: they take unequal times.
+// The number of pairs is not yet determined. More blocks than fit on a device at a time, since their times differ.
 constexpr std::uint64_t kMostBlocks = 9600;
 
 }  // namespace

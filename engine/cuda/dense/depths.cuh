@@ -1,4 +1,4 @@
-// What starts the kernel of depths, which is compiled by itself: nvcc takes minutes for the others.
+// Launch of the depth kernel. Compiled separately, since the other kernels take nvcc minutes.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -7,8 +7,8 @@
 
 namespace clearance::cuda {
 
-/// Takes ChunkView::enclosed from the kernels before it in the stream; the last kernel of its chunk.
-/// \param view `blocks` is set
+/// Takes ChunkView::enclosed from earlier kernels of the stream. Must be the chunk's last kernel.
+/// \param view receives `blocks`
 void start_depths(ChunkView& view, std::uint64_t rows, cudaStream_t stream);
 
 }  // namespace clearance::cuda

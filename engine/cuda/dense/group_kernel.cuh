@@ -1,4 +1,5 @@
-// Dense chunks: pairs of the same two hulls in blocks of their own, pairs without company, and pairs of several pieces.
+// Kernels of dense chunks: groups that share both hulls, in blocks of their own; ungrouped pairs; and pairs of several
+// convex parts.
 #pragma once
 
 #include "engine/cuda/dense/overlap_rows.cuh"
@@ -12,7 +13,7 @@ struct SharedHull {
   Hull<SharedVertices> hull;
   Hull<SharedFloats> hull_f32;
 };
-// \param begin bytes from where shared memory begins
+// \param begin byte offset in shared memory
 template <class T>
 __device__ inline SharedHull share(const HullsView& hulls, const HullHead* head, std::uint32_t begin) {
   const std::uint32_t blocks = (head->words + 7) / 8, count = head->count;
@@ -40,13 +41,13 @@ __device__ inline SharedPair share_pair(const ChunkView& c, const Group& group) 
   if (group.hull_a == group.hull_b) return {a, a};
   return {a, share<T>(c.hulls, head_b, kIsF32<T> ? shared_bytes_f32(*head_a) : shared_bytes(*head_a))};
 }
-// Whether a group's pairs are answered in T first.
+// Whether a group's pairs are first answered in T.
 template <class T>
 __device__ inline bool goes_first(const ChunkView& c, const HullHead& a, const HullHead& b) {
   return kIsF32<T> == (c.pair_limits.f32 && fit_f32(a, b));
 }
 
-// Answers it and writes its row, unless it is not settled.
+// Answers an item and writes its row, if it converges.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
 __device__ inline PairOutcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b,
                                           const PairHulls<PointHull>& hulls, const PairFrame<typename Hull::T>& at,
@@ -63,19 +64,20 @@ __device__ inline PairOutcome answer_item(const ChunkView& c, const GroupItem& i
   return outcome;
 }
 
-// Blocks of pairs of the same two hulls, which lie in shared memory. In float32 those of hulls that it fits; what it
-// leaves open is listed. \tparam T of the iteration
+// Blocks of pairs that share both hulls, which are copied to shared memory. The float32 kernel takes the hulls that fit
+// it, and lists unresolved pairs.
+// \tparam T scalar of the iteration
 template <class T, bool kLean, bool kWarm>
 __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
     answer_groups(const __grid_constant__ ChunkView c) {
   note_begin(c);
   const Group group = c.group_of_tile[blockIdx.x];
   const HullHead *head_a = c.hulls.heads + group.hull_a, *head_b = c.hulls.heads + group.hull_b;
-  if (!goes_first<T>(c, *head_a, *head_b)) return;  // the other kernel's
+  if (!goes_first<T>(c, *head_a, *head_b)) return;  // handled by the other kernel
   const std::uint32_t place = (blockIdx.x - group.first_tile) * kTile + threadIdx.x,
                       count = group.count * c.configurations;
   const GroupItem item(c, group, place < count ? place : count - 1);
-  // Poses are on their way while hulls are copied.
+  // Poses are loaded while hulls are copied.
   const PairFrame<T> at = place_pair<T>(item.at_a, *head_a, item.at_b, *head_b);
   const auto [a, b] = share_pair<T>(c, group);
   __syncthreads();
@@ -93,8 +95,9 @@ __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
   hand_over_counts(c);
 }
 
-// One item whose hulls are read where the scene has them. \tparam kBoth float32 goes first where it is asked for and
-// fits. \tparam S of its slack: a Slack, or NoSlack
+// One item, with hulls read from the scene's arrays.
+// \tparam kBoth float32 is tried first where requested and possible
+// \tparam S Slack, or NoSlack
 template <bool kBoth, bool kLean, bool kWarm, class S = NoSlack>
 __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, bool is_there) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
@@ -118,8 +121,8 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
   report(c, outcome, item.row, enclosed);
 }
 
-// Pairs that have too little company for a block of their own; where something is doubted all pairs of single pieces.
-// \param ungrouped their group.
+// Pairs too few to fill a block of their own group; with uncertainty, all pairs of single convex parts.
+// \param ungrouped their group
 template <bool kBoth, bool kLean, bool kWarm, class S = NoSlack>
 __global__ void __launch_bounds__(kTile, kBlocks)
     answer_ungrouped(const __grid_constant__ ChunkView c, Group ungrouped) {
@@ -129,7 +132,8 @@ __global__ void __launch_bounds__(kTile, kBlocks)
   hand_over_counts(c);
 }
 
-// Pairs of which a body has several pieces. They begin cold. \param several their group.
+// Pairs with a body of several convex parts. Always a cold start.
+// \param several their group
 template <bool kBoth>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_constant__ ChunkView c, Group several) {
   note_begin(c);
@@ -144,7 +148,8 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
   hand_over_counts(c);
 }
 
-// What float32 has left open, in float64. \param most_warps at a time
+// Answers pairs in float64 that float32 left open.
+// \param most_warps at a time
 template <bool kLean, bool kWarm>
 __global__ void __launch_bounds__(kTile, kBlocks)
     answer_open(const __grid_constant__ ChunkView c, std::uint32_t most_warps) {

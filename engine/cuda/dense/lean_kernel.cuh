@@ -1,17 +1,17 @@
-// Pairs of the same two hulls where no more is asked than their bounds, or compact rows: group_kernel.cuh's blocks,
-// which iterate and certify and nothing else. What overlaps or is not settled is listed for the kernels that follow.
+// Pairs that share both hulls, for queries that need only bounds or compact rows: the blocks of group_kernel.cuh
+// reduced to iteration and certification. Overlapping and unresolved pairs are listed for later kernels.
 #pragma once
 
 #include "engine/cuda/dense/group_kernel.cuh"
 
 namespace clearance::cuda {
 
-// Blocks of kTile threads on a multiprocessor, as kBlocks: in float64 some poses are spilled for that, in float32
-// nothing in the loop is (docs/notes/cuda.md).
+// Blocks of kTile threads per multiprocessor, as kBlocks. This number spills some poses in float64, and nothing inside
+// the loop in float32 (docs/notes/cuda.md).
 inline constexpr int kLeanBlocks = 4;
 
-// Which item of a group's tile a thread has. Where it lies is looked up when it is needed, and again when its row is
-// written: registers are short in between.
+// A thread's item in a tile of a group. Its bodies are looked up when needed, and again when its row is written, since
+// registers are scarce in between.
 struct LeanItem {
   std::uint32_t pair, k, row;
 
@@ -23,7 +23,7 @@ struct LeanItem {
   }
 };
 
-// The row of an answer, with its points if kPoints.
+// Writes the row of an answer, with its points if kPoints.
 template <bool kPoints>
 __device__ inline void write_lean(const ChunkView& c, const LeanItem& item, const PairAnswer& answer) {
   write_interval(c.reply, item.row, answer);
@@ -36,7 +36,8 @@ __device__ inline void write_lean(const ChunkView& c, const LeanItem& item, cons
   if (kPoints && c.reply.compact) write_compact(c.reply.compact + item.row, answer);
 }
 
-// \tparam Hull of the iteration, PointHull in float64
+// \tparam Hull of the iteration
+// \tparam PointHull in float64
 template <bool kPoints, class Hull, class PointHull>
 __device__ inline PairOutcome answer_lean_item(const ChunkView& c, const LeanItem& item, const Hull& a, const Hull& b,
                                                const PairHulls<PointHull>& hulls, const PairRef& ref,
@@ -69,13 +70,13 @@ __global__ void __launch_bounds__(kTile, kLeanBlocks) answer_lean(const __grid_c
   note_begin(c);
   const Group group = c.group_of_tile[blockIdx.x];
   const HullHead *head_a = c.hulls.heads + group.hull_a, *head_b = c.hulls.heads + group.hull_b;
-  if (!goes_first<T>(c, *head_a, *head_b)) return;  // the other kernel's
+  if (!goes_first<T>(c, *head_a, *head_b)) return;  // handled by the other kernel
   const std::uint32_t place = (blockIdx.x - group.first_tile) * kTile + threadIdx.x,
                       count = group.count * c.configurations;
   const LeanItem item(c, group, place < count ? place : count - 1);
   const PairRef ref = c.pairs[item.pair];
   const BodyPoseRef at_a(c.bodies, c.configurations, ref.a, item.k), at_b(c.bodies, c.configurations, ref.b, item.k);
-  // Poses are on their way while hulls are copied.
+  // Poses are loaded while hulls are copied.
   const PairFrame<T> at = place_pair<T>(at_a, *head_a, at_b, *head_b);
   const auto [a, b] = share_pair<T>(c, group);
   __syncthreads();

@@ -1,11 +1,11 @@
-// Rows of dense chunks that the device could not settle, where no CPU finishes them.
+// Unresolved rows of dense chunks, for queries without a CPU to finish them.
 #pragma once
 
 #include "engine/cuda/pair/open_pair.cuh"
 
 namespace clearance::cuda {
 
-// \param in_order the chunk's pairs in the order of its rows
+// \param in_order the chunk's pairs in row order
 __global__ void __launch_bounds__(kTile)
     answer_open_rows(const __grid_constant__ ChunkView c, const PairRef* in_order, std::uint32_t most_warps) {
   const SpreadList list(c.counts[kRest], most_warps);

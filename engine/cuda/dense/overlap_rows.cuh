@@ -1,4 +1,4 @@
-// Enclosed pairs of dense chunks: those that are proved to overlap get their rows, the others go to the CPU.
+// Enclosed pairs of dense chunks: proved overlaps get their rows, the other pairs are left to the CPU.
 #pragma once
 
 #include "engine/cuda/pair/overlap_kernel.cuh"
@@ -8,7 +8,7 @@ namespace clearance::cuda {
 __device__ inline std::uint64_t row_of(const ChunkView& c, const Enclosed& e) {
   return std::uint64_t{e.configuration} * c.pair_count + c.position[e.pair];
 }
-// What becomes of one, whose row is written. Not inlined: what it needs would take registers from the iteration.
+// Outcome of a pair, with its row written if proved. Not inlined, so that it takes no registers from the iteration.
 __device__ __noinline__ inline PairOutcome prove_row(const ChunkView& c, Enclosed e) {
   const PairRef pair = c.pairs[e.pair];
   const BodyPoseRef at_a(c.bodies, c.configurations, pair.a, e.configuration),

@@ -1,4 +1,4 @@
-// Plans of a row for each configuration and pair.
+// Device queries with a row per configuration and pair.
 #pragma once
 
 #include "engine/cuda/dense/dense_launch.cuh"

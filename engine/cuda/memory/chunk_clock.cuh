@@ -1,4 +1,4 @@
-// How long the kernels of a query's chunks take, some of which run side by side.
+// Kernel time of a query's chunks, some of which run concurrently.
 #pragma once
 
 #include <algorithm>
@@ -8,17 +8,17 @@
 
 namespace clearance::cuda {
 
-/// What a slot keeps of the chunk in it.
+/// Timing of the chunk in a slot.
 struct ChunkTime {
   Event begun;
-  std::uint64_t chunk = 0;  // of the query
+  std::uint64_t chunk = 0;  // index in the query
 };
 
 class ChunkClock {
  public:
-  /// Another query's chunks come.
+  /// Starts another query.
   void restart() { chunks_ = 0; }
-  /// Before a chunk's kernels are started, and behind them.
+  /// Call before and after launching a chunk's kernels.
   void begin(ChunkTime& time, cudaStream_t stream) {
     check(cudaEventRecord(time.begun.event, stream), "recording an event");
   }
@@ -26,7 +26,7 @@ class ChunkClock {
     time.chunk = chunks_++;
     check(cudaEventRecord(ended(time.chunk), stream), "recording an event");
   }
-  /// Of a chunk that is done: since its kernels began, or since the chunk before ended if they ran side by side.
+  /// Time of a finished chunk: since its kernels began, or since the previous chunk ended if they overlapped.
   std::uint64_t nanoseconds(const ChunkTime& time) const {
     float milliseconds = 0;
     check(cudaEventElapsedTime(&milliseconds, time.begun.event, ended(time.chunk)), "reading events");
@@ -39,12 +39,12 @@ class ChunkClock {
   }
 
  private:
-  // One more than run side by side: a chunk is asked about while the one before it is still known.
+  // One more than run concurrently: a chunk's time is read while the previous chunk's event is still kept.
   static constexpr std::uint64_t kKept = kChunksUnderWay + 1;
   cudaEvent_t ended(std::uint64_t chunk) const { return ended_[chunk % kKept].event; }
 
   Event ended_[kKept];
-  std::uint64_t chunks_ = 0;  // of the query, so far
+  std::uint64_t chunks_ = 0;  // chunks of the query so far
 };
 
 }  // namespace clearance::cuda

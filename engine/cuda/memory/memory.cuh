@@ -1,4 +1,4 @@
-// Device and pinned memory that grows rarely and counts it, and CUDA errors as exceptions.
+// Device and pinned memory that grows rarely and is counted, and CUDA errors as exceptions.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -17,7 +17,7 @@ namespace clearance::cuda {
 inline void check(cudaError_t error, const char* what) {
   if (error == cudaSuccess) return;
   const bool no_room = error == cudaErrorMemoryAllocation;
-  cudaGetLastError();  // else the next call of this thread is told so too, which may be for another device
+  cudaGetLastError();  // clears the error, which this thread's next call, maybe for another device, would return too
   throw DeviceError(no_room ? DeviceError::kNoRoom : DeviceError::kLost,
                     std::string("CUDA: ") + what + ": " + cudaGetErrorString(error));
 }
@@ -29,12 +29,12 @@ struct Event {
   Event(const Event&) = delete;
 };
 
-/// Blocks of so many threads for so many of something.
+/// Number of blocks of `threads` threads for `count` elements.
 inline unsigned blocks_of(std::uint64_t count, std::uint32_t threads) {
   return static_cast<unsigned>((count + threads - 1) / threads);
 }
 
-/// Makes a device the calling thread's while it lives: kernels, events and memory go to that one.
+/// Makes a device the calling thread's current one during its lifetime. Kernels, events and memory then use it.
 class OnDevice {
  public:
   explicit OnDevice(int number) {
@@ -53,7 +53,7 @@ class OnDevice {
   bool moved_ = false;
 };
 
-/// Device memory that may be taken, of the scene and of queries together.
+/// Limit on device memory, shared by the scene and queries.
 struct MemoryBudget {
   std::uint64_t limit = ~std::uint64_t{0};  ///< bytes
   std::atomic<std::uint64_t> used{0};
@@ -63,11 +63,11 @@ struct MemoryCounters {
   MemoryCounters() = default;
   explicit MemoryCounters(MemoryBudget& b) : budget(&b) {}
 
-  MemoryBudget* budget = nullptr;  ///< null: what there is
+  MemoryBudget* budget = nullptr;  ///< null for no limit
   std::atomic<std::uint64_t> device_bytes{0}, pinned_bytes{0}, allocations{0};
 };
 
-/// Memory of one kind that is kept between queries. Growing loses the contents.
+/// Memory of one kind, kept between queries. Growing discards the contents.
 template <class Kind>
 class Buffer {
  public:
@@ -76,7 +76,7 @@ class Buffer {
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;
 
-  /// Room for so many bytes, with some to spare when it has to grow.
+  /// Ensures a capacity, with some spare if it has to grow.
   std::byte* reserve(std::size_t bytes) {
     if (bytes > bytes_) {
       release();
@@ -153,13 +153,13 @@ struct PinnedKind {
 using DeviceBuffer = Buffer<DeviceKind>;
 using PinnedBuffer = Buffer<PinnedKind>;
 
-/// Arrays packed one after another in pinned memory and copied to the device in one go.
+/// Arrays packed into pinned memory and copied to the device in one transfer.
 class Upload {
  public:
   explicit Upload(MemoryCounters& counters) : host_(counters), device_(counters) {}
 
   void clear() { arrays_.clear(), bytes_ = 0; }
-  /// \returns the array's offset.
+  /// \returns the array's offset
   template <class T>
   std::size_t add(std::span<const T> array) {
     const std::size_t at = bytes_;
@@ -177,7 +177,7 @@ class Upload {
           "copying a query to the device");
   }
   std::size_t device_size() const { return device_.size(); }
-  /// For what is sent once.
+  /// Frees the host copy of data that is sent only once.
   void forget_host() { host_.release(); }
   template <class T>
   const T* at(std::size_t offset) const {

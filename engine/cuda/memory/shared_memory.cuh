@@ -1,4 +1,4 @@
-// Device memory that other processes map (engine/device/shared_memory.h).
+// Device memory that other processes can map (engine/device/shared_memory.h).
 #pragma once
 
 #include <cstring>
@@ -12,7 +12,7 @@ namespace clearance::cuda {
 static_assert(sizeof(cudaIpcMemHandle_t) == sizeof(MemoryHandle::ipc));
 static_assert(sizeof(cudaUUID_t) == sizeof(MemoryHandle::uuid));
 
-// Whatever there is of it: also what share() had made when it failed.
+// Accepts partially created blocks, which share() leaves when it fails.
 inline void release_shared(const SharedBlock& block) {
   try {
     const OnDevice here(block.device);
@@ -23,7 +23,7 @@ inline void release_shared(const SharedBlock& block) {
     if (block.data) cudaFree(block.data);
     cudaGetLastError();
   } catch (const DeviceError&) {
-    // The device is lost, and its memory with it.
+    // The device and its memory are lost.
   }
 }
 
@@ -36,7 +36,7 @@ inline bool is_shared_done(const SharedBlock& block) {
   const OnDevice here(block.device);
   const cudaError_t now = cudaStreamQuery(static_cast<cudaStream_t>(block.stream));
   if (now == cudaErrorNotReady) {
-    cudaGetLastError();  // it is no error, and the next call of this thread is not to find one
+    cudaGetLastError();  // clears the status, which is no error but would be returned by this thread's next call
     return false;
   }
   check(now, "waiting for a plan in shared memory");

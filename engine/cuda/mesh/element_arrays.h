@@ -1,4 +1,4 @@
-// A surface's elements as they lie in a device's memory, made on the host.
+// A surface's elements in the layout of device memory, built on the host.
 #pragma once
 
 #include <span>
@@ -20,7 +20,7 @@ struct ElementArrays {
   std::span<const CloudPoint> points;    ///< of a cloud
   std::vector<double> corners;           ///< of a mesh
   std::vector<std::uint32_t> parts;      ///< of a mesh
-  ElementSet set{};                      ///< but for what says where the arrays are, and of which body they are
+  ElementSet set{};                      ///< complete except for the array pointers and the body
 
   /// \param surface must outlive this
   explicit ElementArrays(const Surface& surface)
@@ -34,7 +34,7 @@ struct ElementArrays {
     for (std::uint32_t i = 0; i < surface.size(); ++i)
       for (int axis = 0; axis < 3; ++axis)
         for (const Vec3d& corner : surface.corners(i)) corners.push_back(corner[axis]);
-    // A triangle of each part, where the surface has a vertex.
+    // One triangle per connected part: the first one at the vertex that the surface names.
     std::vector<std::uint8_t> stands(surface.vertices().size(), 0);
     for (const std::uint32_t vertex : surface.parts()) stands[vertex] = 1;
     for (std::uint32_t i = 0; i < surface.size(); ++i)

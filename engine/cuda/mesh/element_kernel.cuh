@@ -1,6 +1,6 @@
-// Pairs of which one body is a cloud or a mesh, or both are meshes: a warp for each goes down the trees
-// (engine/mesh_distance/nearest_elements.h has the CPU's way through them), and its threads answer the elements that are left
-// by GJK, side by side.
+// Pairs of a cloud or mesh and another body, or of two meshes. A warp per pair descends the trees
+// (engine/mesh_distance/nearest_elements.h is the CPU's traversal), and its threads evaluate the remaining elements by
+// GJK in parallel.
 #pragma once
 
 #include "engine/cuda/mesh/element_search.cuh"
@@ -11,20 +11,20 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kElementThreads = 64, kElementBlocks = 1056;
-inline constexpr std::uint32_t kElementsAtOnce = 2;  // items that a warp takes from the list at a time
-inline constexpr int kElementSeedSteps = 4;          // of GJK, for a bound that leaves pairs out
+inline constexpr std::uint32_t kElementsAtOnce = 2;  // items that a warp claims from the list at a time
+inline constexpr int kElementSeedSteps = 4;          // GJK steps for a bound that excludes other pairs
 
-// No pair of this one's groups need be known better than that it is farther. Infinite: nothing is cut off yet.
+// Distance beyond which none of the item's groups needs the pair's exact bounds. Infinite without a cutoff.
 __device__ inline double group_cut_off(const ReducedView& r, const Item& item) {
   double most = 0;
   for_groups(r, item, [&](std::size_t g) {
     const double cut = __longlong_as_double(static_cast<long long>(r.cutoff[g]));
-    most = cut >= 0 ? fmax(most, cut) : __builtin_inf();  // all bits set: a NaN
+    most = cut >= 0 ? fmax(most, cut) : __builtin_inf();  // all bits set, a NaN
   });
   return most;
 }
 
-// The kinds of pairs that a warp looks at: kernels are compiled for each.
+// Kinds of pairs that a warp evaluates. Kernels are compiled per kind.
 template <class Elements_>
 struct ElementsAndHull {
   using Elements = Elements_;
@@ -42,7 +42,7 @@ struct Meshes {
                                        const BodyPoseRef& at_b);
 };
 
-// Answers an item of elements. All the warp's threads call it, and one of them holds the answer.
+// Answers an item with elements. All threads of the warp call it, and one of them gets the answer.
 template <bool kAny, class Search>
 __device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& item,
                                               typename Search::SharedScratch& room, PairAnswer& answer, bool& is_mine) {
@@ -64,12 +64,12 @@ __device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& 
   const PairOutcome outcome = search.run(answer);
   if (outcome != PairOutcome::kConverged) return outcome;
   is_mine = search.has_answer();
-  // Neither farther than its margin nor within it, as far as is known.
+  // Undecided if proved neither beyond its margin nor within it.
   const bool is_decided = !kAny || answer.upper <= q.max_distance || answer.status == Status::kBeyond;
   return __all_sync(~0u, !is_mine || is_decided) ? PairOutcome::kConverged : PairOutcome::kUnresolved;
 }
 
-// Of the pairs that are listed, those of one kind. What is not settled goes where the others' goes.
+// Evaluates the candidates of one kind. Unresolved pairs go to the common list.
 template <bool kAny, class Kind>
 __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid_constant__ ReducedView r) {
   constexpr std::uint32_t kWarps = kElementThreads / 32;
@@ -84,7 +84,7 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
     for (std::uint32_t i = first; i < count && i < first + kElementsAtOnce; ++i) {
       const Item item = listed_item(r, i);
       if (kind_of(r, item) != Kind::kKind) continue;
-      PairAnswer answer = beyond_answer(0);  // of what is passed over
+      PairAnswer answer = beyond_answer(0);  // for skipped items
       bool is_mine = lane == 0;
       PairOutcome outcome = PairOutcome::kNone;
       if (!kAny || !__any_sync(~0u, is_decided_before(r, item))) {
@@ -112,8 +112,7 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
   }
 }
 
-// An upper bound on how far a pair is apart, or where boxes alone are farther than max_distance a lower one:
-// cutoff_of().
+// Upper bound on the pair's distance; if the boxes alone are beyond max_distance, a lower bound. As by cutoff_of().
 template <class Kind>
 __device__ inline double element_cutoff_of(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;
@@ -123,7 +122,7 @@ __device__ inline double element_cutoff_of(const ReducedView& r, const Item& ite
   if (gap > c.pair_limits.max_distance) return gap;
   return slack_of_pair(c, item.ref, item.k).true_upper(Kind::upper_bound(r, item, at_a, at_b));
 }
-// By a few steps of GJK with two parts of the pair.
+// By a few GJK steps on two parts of the pair.
 __device__ inline double upper_bound_of_parts(const ChunkView& c, const Part& a, const Part& b,
                                               const PairFrame<double>& at) {
   GjkRun<Part> run(c.pair_limits, a, b, at);
@@ -131,7 +130,7 @@ __device__ inline double upper_bound_of_parts(const ChunkView& c, const Part& a,
   return upper_so_far(run);
 }
 
-// By the element at the end of one way down the tree, before the first of the other body's pieces.
+// Uses the element at the end of a single descent of the tree, towards the first convex part of the other body.
 template <class Elements>
 __device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedView& r, const Item&,
                                                                 const BodyPoseRef& at_a, const BodyPoseRef& at_b) {
@@ -171,7 +170,7 @@ __device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedVie
   return upper_bound_of_parts(c, a, b, place_pair<double>(at_a, *a.head, at_b, *b.head));
 }
 
-// By the triangles at the end of one way down both trees.
+// Uses the triangles at the end of a single descent of both trees.
 __device__ inline double Meshes::upper_bound(const ReducedView& r, const Item&, const BodyPoseRef& at_a,
                                              const BodyPoseRef& at_b) {
   const ElementSet &a = r.elements.sets[r.elements.of_body[at_a.body]],
@@ -183,7 +182,7 @@ __device__ inline double Meshes::upper_bound(const ReducedView& r, const Item&, 
   return upper_bound_of_parts(r.chunk, of_one.part(), of_other.part(), at);
 }
 
-// solve_seeds() of the seeds that are pairs of one kind.
+// solve_seeds() for seeds of one pair kind.
 template <class Kind>
 __global__ void __launch_bounds__(kItemThreads) seed_elements(const __grid_constant__ ReducedView r) {
   cut_off_by_seed(
@@ -191,14 +190,14 @@ __global__ void __launch_bounds__(kItemThreads) seed_elements(const __grid_const
       [&](const Item& item, std::uint32_t) { return element_cutoff_of<Kind>(r, item); });
 }
 
-// The box of a body of elements where it stands: what kernels that place bodies make of hulls. Metres.
+// Box of a placed body of elements, in metres, as the placing kernels compute it for hulls.
 // \param inner of its slack
 __device__ inline Aabb box_of_elements(const ElementSet& set, const BodyPoseRef& at, double inner) {
   const HullExtents& h = set.hull;
   return grown(certify_box(h.centre, h.half, h.spread, h.rho, h.radius, at.rotation(), at.translation()), inner);
 }
 
-// Boxes of those that stay where the snapshot has them.
+// Boxes of fixed bodies at the snapshot's poses.
 __global__ void __launch_bounds__(kItemThreads)
     box_elements(ElementsView elements, BodiesView bodies, double* boxes, OuterBox* outer_boxes) {
   const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x, n = bodies.bodies;
@@ -215,7 +214,7 @@ __global__ void __launch_bounds__(kItemThreads)
   outer_boxes[set.body] = outer_box(box);
 }
 
-// Boxes of those that the query moves, where they have been placed: a thread for each moved body and configuration.
+// Boxes of bodies moved by the query, after placing: one thread per moved body and configuration.
 __global__ void __launch_bounds__(kItemThreads)
     box_moved_elements(ElementsView elements, BodiesView bodies, std::uint32_t configurations) {
   const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x, slot = i / configurations, k = i % configurations;

@@ -1,20 +1,20 @@
-// A set of elements and one convex piece before each other: lower bounds on how far parts of the set are from it.
+// Lower bounds on the distance between parts of a set of elements and one convex part.
 #pragma once
 
 #include "engine/cuda/mesh/element_set.cuh"
 
 namespace clearance::cuda {
 
-// Rounding units of a gap, and what is left of 1 over the length of a direction, or of a plane's normal: as the CPU has
-// them (engine/mesh_distance/nearest_elements.cpp, part_gaps.cpp; docs/bounds.md, "Surfaces").
+// Rounding units of a gap, and lower bounds on the computed length of a unit direction and of a unit plane normal. Same
+// values as on the CPU (engine/mesh_distance/nearest_elements.cpp, part_gaps.cpp; docs/bounds.md, "Surfaces").
 inline constexpr double kGapUnits = 256 * 0x1p-53, kShortUnit = 1 - 0x1p-45, kShortNormal = 1 - 0x1p-13;
 
 __device__ inline double above_zero(double x) {
   return x > 0 ? x : 0;
 }
 
-// The other body's piece as the set sees it, and lower bounds on how far from it are parts of the set. Metres, the
-// set's axes.
+// The other body's convex part in the frame of the set, with lower bounds on its distance from parts of the set.
+// Metres, the set's axes.
 class PieceBefore {
  public:
   __device__ PieceBefore(const ElementSet& set, const PlacedFrame& elements, const HullHead& piece,
@@ -29,7 +29,8 @@ class PieceBefore {
         radii + (kGapUnits * (norm(D_) + set.hull.rho + piece.rho + radii) + Arithmetic<double>::kUnderflowLength);
   }
 
-  // Not below 0. \param cut_off no more is asked than whether it is greater
+  // Lower bound, at least 0.
+  // \param cut_off the result may stop improving once it is greater
   template <class ElementBounds>
   __device__ double gap(const ElementBounds& x, double cut_off) const {
     const Vec3d d = box_.centre - x.centre;
@@ -47,7 +48,8 @@ class PieceBefore {
   }
   __device__ double between_middles(const ElementBox& x) const { return squared_norm(box_.centre - x.centre); }
 
-  // From here on gaps along this direction count, too. \param n_c from the set towards the piece, of any length
+  // Adds a direction along which later gaps are measured.
+  // \param n_c from the set towards the convex part, of any length
   __device__ void look_along(const Vec3d& n_c, const Part& piece) {
     const double length = norm(n_c);
     if (!(length > 1e-140 && length < __builtin_inf())) return;
@@ -55,23 +57,23 @@ class PieceBefore {
     from_ = dot(n_, D_) - support(piece, R_.transpose_times(-n_)).value;
     looks_ = true;
   }
-  // Turns a direction of the piece's axes.
+  // Rotates a direction from the convex part's axes to the set's.
   __device__ Vec3d turned(const Vec3d& v) const { return R_ * v; }
 
  private:
-  // Where its box begins along n.
+  // Least coordinate of its box along n.
   __device__ double before(const Vec3d& n) const { return dot(n, D_) - own_.reach(R_.transpose_times(-n)); }
-  // Across the planes of x, on the side that faces the piece. Without planes it is 0.
+  // Gap across the planes of x, on the side facing the convex part; 0 without planes.
   __device__ double gap_across(const TriangleBounds& x, const Vec3d& d) const {
     const bool is_ahead = !(dot(x.normal, d) < 0);
     const double end = is_ahead ? x.high : -x.low;
     return above_zero((before(is_ahead ? x.normal : -x.normal) - end) * kShortNormal - margin_);
   }
 
-  Mat3d R_;  // takes the piece's coordinates, with D_, to the set's
+  Mat3d R_;  // with D_, maps the convex part's coordinates to the set's
   Vec3d D_;
-  ElementBox own_, box_;  // in its own axes, in the set's
-  double margin_;         // what of a gap between cores is none between the grown elements, as computed
+  ElementBox own_, box_;  // in its own axes, and in the set's
+  double margin_;         // part of a computed core gap that may be no gap between the grown elements
   bool looks_ = false;
   Vec3d n_{0, 0, 0};
   double from_ = 0;

@@ -1,11 +1,11 @@
-// The nearest elements of a cloud or mesh and of a body of convex pieces, looked for by a warp.
+// Search of a warp for the nearest elements of a cloud or mesh and a body of convex parts.
 //
-// Subtrees wait on a stack in shared memory, each with a lower bound on its distance to the other body's piece: by
-// boxes, along the line of their middles, and along the direction that the nearest point so far was proved by;
-// docs/bounds.md, "Surfaces". What is proved to be farther than an upper bound is left out, and its gap counts in the
-// lower bound. So the interval is one that contains the distance, as narrow as asked; which one of those may be another
-// than the CPU's, who goes another way. Which one it is depends on the pair alone, and on what its group's seed cuts
-// off. Where all triangles of a solid are apart from a piece, one of the piece's points says whether it lies within.
+// Subtrees wait on a stack in shared memory, each with a lower bound on its distance from the other body's convex part:
+// by boxes, along the line between their centres, and along the direction that proved the nearest point so far
+// (docs/bounds.md, "Surfaces"). A subtree proved farther than an upper bound is skipped, and its gap counts in the
+// lower bound. The resulting interval contains the distance and is as narrow as requested, but the traversal order
+// differs from the CPU's, so the interval may too. It depends only on the pair and on the cutoff of its group's seed.
+// If all triangles of a solid are apart from a convex part, one point of the part decides whether it lies inside.
 #pragma once
 
 #include "engine/cuda/mesh/element_parts.cuh"
@@ -15,14 +15,13 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kStackEntries = 320, kWaitingEntries = 32 + 32 * 4;
-inline constexpr std::uint32_t kWayDown = 32;  // entries that one node's way down takes, of as many levels
+inline constexpr std::uint32_t kWayDown = 32;  // entries for the descent from one node, of as many levels
 
-// A pair of elements (Points or Triangles) and of convex pieces, of which all of a warp's threads look for the nearest
-// element.
+// A pair of elements (Points or Triangles) and convex parts. All threads of a warp search for the nearest element.
 template <class Elements>
 class HullSearch : public WarpSearch {
  public:
-  // Where nodes and elements of one warp's search wait, each with its gap: in shared memory.
+  // Waiting nodes and elements of one warp's search, each with its gap. In shared memory.
   struct SharedScratch {
     std::uint32_t node[kStackEntries], element[kWaitingEntries];
     float node_gap[kStackEntries], element_gap[kWaitingEntries];
@@ -39,7 +38,8 @@ class HullSearch : public WarpSearch {
     pieces_ = c_.hulls.piece_begin[body + 1] - first_piece_;
   }
 
-  // kSettled: the thread that has_answer() holds the answer. \param answer has the pair's flags
+  // If kConverged, the thread with has_answer() holds the answer.
+  // \param answer has the pair's flags
   __device__ PairOutcome run(PairAnswer& answer) {
     for (std::uint32_t piece = 0; piece < pieces_ && !is_over(); ++piece) search(piece, answer);
     if (is_open_) return PairOutcome::kUnresolved;
@@ -68,7 +68,7 @@ class HullSearch : public WarpSearch {
     leave_out_all(room_.node_gap, stacked_);
     leave_out_all(room_.element_gap, waiting_);
     __syncwarp();
-    if (is_over())  // of the other pieces nothing is known
+    if (is_over())  // the other convex parts are not searched
       for (std::uint32_t other = piece + 1 + lane(); other < pieces_; other += 32) {
         const HullHead& of = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + other]];
         const PieceBefore there(set_, elements_first_ ? of_a_ : of_b_, of, elements_first_ ? of_b_ : of_a_);
@@ -80,8 +80,8 @@ class HullSearch : public WarpSearch {
     const double limit = this->limit(), gap = before.gap(LoadedNode<Elements>(set_, 0).bounds, limit);
     put(lane() == 0, 0u, gap, limit, room_.node, room_.node_gap, stacked_);
   }
-  // Divides the nodes on top of the stack, a thread for each: as many as their children leave room for, and beside that
-  // for one node's way down. Where no more is left, that goes down alone.
+  // Divides the nodes on top of the stack, one per thread: as many as fit with their children and the descent from one
+  // node. If even that does not fit, one node descends alone.
   __device__ void open(const PieceBefore& before) {
     if (stacked_ == kStackEntries) {
       is_open_ = true;
@@ -135,7 +135,7 @@ class HullSearch : public WarpSearch {
     __syncwarp();
   }
 
-  // Answers the elements that wait, a thread for each.
+  // Evaluates waiting elements, one per thread.
   __device__ void look(std::uint32_t piece, const HullHead& head, PieceBefore& before, PairAnswer& answer) {
     __syncwarp();
     const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
@@ -144,7 +144,7 @@ class HullSearch : public WarpSearch {
     bool there = lane() < count;
     const std::uint32_t element = there ? room_.element[waiting_ + lane()] : 0;
     if (there) {
-      // Along what was found since, too.
+      // Includes the direction found since.
       const double known = fmax(static_cast<double>(room_.element_gap[waiting_ + lane()]),
                                 before.gap(Elements::of_element(set_, element), limit));
       if (known > limit) {
@@ -168,8 +168,8 @@ class HullSearch : public WarpSearch {
     answer.piece_b = elements_first_ ? piece : 0;
   }
 
-  // Whether a piece lies within the solid, all of whose triangles are farther than `apart`: docs/bounds.md, "Surfaces".
-  // kNone: none does.
+  // Whether a convex part lies inside the solid, given that all triangles are farther than `apart` (docs/bounds.md,
+  // "Surfaces"). kNone if none does.
   __device__ PairOutcome look_within(double apart, PairAnswer& answer) {
     const PlacedFrame &outer = elements_first_ ? of_a_ : of_b_, &inner = elements_first_ ? of_b_ : of_a_;
     const Vec3d shift = inner.t_w - outer.t_w;
@@ -177,7 +177,7 @@ class HullSearch : public WarpSearch {
       const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + piece]];
       if (PieceBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bounds, 0) > 0) continue;
       if (!knows_side(apart, shift, set_.hull, head)) return PairOutcome::kUnresolved;
-      // All of the piece lies on one side: where float64 is not sure of one of its points, it may be of another.
+      // The whole part lies on one side, so if float64 is unsure of one of its points, another may decide.
       Winding winding{0, false};
       Vec3d turned{0, 0, 0};
       for (std::uint32_t i = 0; i < kWindingPoints && i < head.count && !winding.is_sure; ++i) {
@@ -200,7 +200,7 @@ class HullSearch : public WarpSearch {
     set_pieces(best_.one, answer);
   }
 
-  // Of a Room. By these four the compiler spills fewer registers than by one reference.
+  // Pointers into a SharedScratch. With these four the compiler spills fewer registers than with one reference.
   struct Lists {
     std::uint32_t *node, *element;
     float *node_gap, *element_gap;

@@ -1,5 +1,5 @@
-// Elements (points, voxels, triangles) as a thread finds them in device memory: what a node or an element lies within,
-// and an element as a hull for GJK.
+// Elements (points, voxels, triangles) in device memory: bounds of a node or an element, and an element as a hull for
+// GJK.
 #pragma once
 
 #include "engine/cuda/pair/pair_kernel.cuh"
@@ -7,13 +7,13 @@
 
 namespace clearance::cuda {
 
-// A piece of a body, or an element.
+// Vertices of a body's convex part or of an element.
 struct PartVertices {
   using Scalar = double;
   using Words = const std::uint16_t*;
-  const double *x, *y, *z;  // null: a point or a voxel
+  const double *x, *y, *z;  // null for a point or a voxel
   Vec3d middle;
-  double half;  // of a voxel; 0: a point
+  double half;  // of a voxel; 0 for a point
   __device__ Vec3d operator[](std::uint32_t i) const {
     if (x) return {__ldg(x + i), __ldg(y + i), __ldg(z + i)};
     return {middle.x + (i & 1 ? half : -half), middle.y + (i & 2 ? half : -half), middle.z + (i & 4 ? half : -half)};
@@ -33,10 +33,10 @@ __device__ inline Vec3d absolute(const Vec3d& v) {
 
 struct ElementBox {
   Vec3d centre, half;
-  // How far it reaches along n.
+  // Support value along n.
   __device__ double reach(const Vec3d& n) const { return dot(n, centre) + dot(absolute(n), half); }
 };
-// A node of the tree, its box as seen from the tree's centre.
+// A node of the tree. Its box is relative to the tree's centre.
 struct LoadedBox {
   Vec3d low, high;
   std::uint32_t right, few;
@@ -52,8 +52,8 @@ struct LoadedBox {
   __device__ std::uint32_t begin() const { return few / 4; }
   __device__ std::uint32_t count() const { return few % 4 + 1; }
 };
-// The kinds of elements. Each says what a node and an element lie within (metres, the body's axes), and what an element
-// is as a hull: kernels are compiled for either, so that points do without what triangles need.
+// Kinds of elements. Each defines the bounds of a node and of an element (metres, the body's axes) and the hull of an
+// element. Kernels are compiled per kind, so that points do not pay for triangles.
 
 struct Points {
   static constexpr std::uint32_t kTaken = kPointsTaken;
@@ -79,12 +79,13 @@ struct Points {
   }
 };
 
-// A box, and two planes.
+// A box and two planes.
 struct TriangleBounds : ElementBox {
-  Vec3d normal{0, 0, 0};     // no longer than 1 + 2^-14; 0: there are no planes
-  double low = 0, high = 0;  // of normal . x
-  PartVertices corners{};    // of a triangle, whose hull it is; else x is null
-  // Of a node by its box, or by its planes and what is left of n along its box.
+  Vec3d normal{0, 0, 0};     // length at most 1 + 2^-14; 0 without planes
+  double low = 0, high = 0;  // range of normal . x
+  PartVertices corners{};    // of a triangle, which is its own hull; x is null for nodes
+  // Support value. For a node it is the lesser of two bounds: by its box, and by its planes plus the rest of n along
+  // its box.
   __device__ double reach(const Vec3d& n) const {
     if (corners.x) return fmax(fmax(dot(n, corners[0]), dot(n, corners[1])), dot(n, corners[2]));
     const double along = dot(n, normal);
@@ -135,7 +136,7 @@ struct Triangles {
   }
 };
 
-// An element as a hull. Its part() is of use as long as this is there.
+// An element as a hull. part() refers to this object.
 template <class Elements>
 class ElementHull {
  public:

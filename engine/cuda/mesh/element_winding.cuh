@@ -1,5 +1,5 @@
-// How often the triangles of a solid wind around a point, counted by a warp: winding_number() where float64 is sure of
-// each sign.
+// Winding number of a solid's triangles around a point, counted by a warp: winding_number() if float64 is sure of every
+// sign.
 #pragma once
 
 #include "engine/bvh/crossing.h"
@@ -12,8 +12,9 @@ struct Winding {
   bool is_sure;
 };
 
-// All the warp's threads call it. \param p in the solid's axes, as winding_number() has it \param stack in shared
-// memory, of `entries` nodes
+// All threads of the warp call it.
+// \param p in the solid's axes, as in winding_number()
+// \param stack in shared memory, of `entries` nodes
 __device__ inline Winding count_winding(const ElementSet& set, const Vec3d& p, std::uint32_t* stack,
                                         std::uint32_t entries) {
   const std::uint32_t lane = threadIdx.x % 32;

@@ -8,7 +8,7 @@ namespace clearance::cuda {
 
 namespace {
 
-// Of those kinds of pairs that there are.
+// Visits the kinds of pairs that exist.
 template <class Visit>
 void for_kinds(const ElementKinds& kinds, const Visit& visit) {
   if (kinds.points_and_hull) visit(ElementsAndHull<Points>());

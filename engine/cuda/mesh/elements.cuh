@@ -1,4 +1,4 @@
-// Clouds and meshes in device memory, and what starts the kernels that look at them, which are compiled by themselves.
+// Clouds and meshes in device memory, and launches of their kernels, which are compiled separately.
 #pragma once
 
 #include <vector>
@@ -12,24 +12,24 @@ namespace clearance::cuda {
 class CudaElements final : public ResidentElements {
  public:
   explicit CudaElements(MemoryCounters& counters) : memory_(counters) {}
-  /// In the place of what was there. Waits until it is on the calling thread's device.
+  /// Replaces the contents. Returns when they are on the calling thread's device.
   void take(const Surface& surface);
 
-  /// But for the body and its hull.
+  /// Complete except for the body and its hull.
   const ElementSet& set() const { return set_; }
 
  private:
-  Upload memory_;  // its pinned memory stays, for the next points
+  Upload memory_;  // its pinned memory is kept for the next points
   ElementSet set_{};
 };
 
-/// The bodies of elements of a query.
+/// Bodies with elements of a query.
 class QueryElements {
  public:
   explicit QueryElements(MemoryCounters& counters) : memory_(counters) {}
   /// \param bodies of the scene
   void begin(const QuerySetup& s, std::size_t bodies, cudaStream_t stream);
-  /// Null where there are none.
+  /// Its pointers are null if there are none.
   const ElementsView& view() const { return view_; }
 
  private:
@@ -39,13 +39,13 @@ class QueryElements {
   ElementsView view_{};
 };
 
-/// Boxes of those that stay, where those of other bodies are.
+/// Boxes of fixed bodies with elements, written where those of other bodies are.
 void start_element_boxes(const ElementsView& elements, const BodiesView& bodies, cudaStream_t stream);
-/// The same of those that a chunk moves, once they are placed.
+/// The same for bodies moved by a chunk, after placing.
 void start_moved_element_boxes(const ChunkView& chunk, const ElementsView& elements, cudaStream_t stream);
-/// What the seeds that are pairs of elements cut off.
+/// Cutoffs by the seeds that are pairs with elements.
 void start_element_seeds(const ReducedView& r, cudaStream_t stream);
-/// Looks at those of the listed pairs that are of elements.
+/// Evaluates the candidates with elements.
 void start_elements(const ReducedView& r, cudaStream_t stream);
 
 }  // namespace clearance::cuda

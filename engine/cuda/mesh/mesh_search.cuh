@@ -1,9 +1,9 @@
-// The nearest triangles of two meshes, looked for by a warp.
+// Search of a warp for the nearest triangles of two meshes.
 //
-// As in element_search.cuh, but what waits on the stack is a part of one mesh and one of the other, each a subtree or a
-// triangle. The larger subtree of both is divided. Two triangles wait until there are 32 such pairs, and then a thread
-// asks GJK about one. Where no triangles touch, a corner of each part of a mesh that hangs together says whether that
-// part lies within the other mesh, if that is a solid.
+// As in element_search.cuh, but a stack entry is a part of one mesh and a part of the other, each a subtree or a
+// triangle; the larger subtree is divided. Triangle pairs wait until there are 32, then each thread evaluates one by
+// GJK. If no triangles touch, a corner of each connected part of a mesh decides whether that part lies inside the other
+// mesh, if that is a solid.
 #pragma once
 
 #include "engine/cuda/mesh/element_parts.cuh"
@@ -13,11 +13,11 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kMeshStackEntries = 512, kWaitingTriangles = 32 + 32 * 4;
-// Two parts on their way down take an entry more for each level of both trees, and some for a leaf's triangles.
+// A descent of two parts adds an entry per level of both trees, and some for a leaf's triangles.
 inline constexpr std::uint32_t kMeshWayDown = 2 * 32 + 4;
-inline constexpr std::uint32_t kMostWindings = 64;  // of a pair; what asks for more is the CPU's
+inline constexpr std::uint32_t kMostWindings = 64;  // per pair; if more are needed, the CPU answers it
 
-// A part of a mesh: a node's number, or with this bit a triangle's.
+// A part of a mesh: a node's index, or a triangle's with this bit set.
 inline constexpr std::uint32_t kIsTriangle = 1u << 31;
 struct MeshParts {
   std::uint32_t a, b;
@@ -28,11 +28,12 @@ __device__ inline TriangleBounds bounds_of_part(const ElementSet& set, std::uint
   return Triangles::of_node(set, part, LoadedBox(set, part));
 }
 
-// What two parts divide into: one of them into two nodes or up to four triangles, each of these with the other.
+// Children of two parts: one of the two divides into two nodes or up to four triangles, each paired with the other
+// part.
 class Division {
  public:
-  Division() = default;  // into none
-  // The larger subtree is divided, a leaf only where there is no other.
+  Division() = default;  // without children
+  // Divides the larger subtree; a leaf only if the other part is a leaf or a triangle.
   __device__ Division(const ElementSet& a, const ElementSet& b, const MeshParts& whole) : whole_(whole) {
     const bool has_triangle = ((whole.a | whole.b) & kIsTriangle) != 0;
     const LoadedBox of_a(a, whole.a & kIsTriangle ? 0 : whole.a), of_b(b, whole.b & kIsTriangle ? 0 : whole.b);
@@ -60,7 +61,7 @@ class Division {
   std::uint32_t first_ = 0, right_ = 0, count_ = 0;
 };
 
-// Lower bounds on how far parts of two meshes are apart: metres, in the axes of a.
+// Lower bounds on the distance between parts of two meshes: metres, in the axes of a.
 class MeshesBefore {
  public:
   __device__ MeshesBefore(const ElementSet& a, const ElementSet& b, const PairFrame<double>& at)
@@ -70,8 +71,9 @@ class MeshesBefore {
         radii + (kGapUnits * (norm(at.D) + a.hull.rho + b.hull.rho + radii) + Arithmetic<double>::kUnderflowLength);
   }
 
-  // Not below 0. \param cut_off no more is asked than whether it is greater \param middles gets the square of how far
-  // the middles are apart
+  // Lower bound, at least 0.
+  // \param cut_off the result may stop improving once it is greater
+  // \param middles receives the squared distance of the centres
   __device__ double gap(const MeshParts& parts, double cut_off, double& middles) const {
     const TriangleBounds a = bounds_of_part(a_, parts.a), b = bounds_of_part(b_, parts.b);
     const Vec3d d = at_.R * b.centre + at_.D - a.centre;
@@ -81,7 +83,7 @@ class MeshesBefore {
     double gap = above_zero(norm(apart) - margin_);
     if (gap > cut_off) return gap;
     if (looks_) gap = fmax(gap, along(n_, a, b));
-    if (!(gap > cut_off)) {  // across the planes of one, on the side that faces the other
+    if (!(gap > cut_off)) {  // across the planes of one, on the side facing the other
       const bool is_ahead = !(dot(a.normal, d) < 0);
       const Vec3d n = is_ahead ? a.normal : -a.normal;
       gap = fmax(gap, across(n, is_ahead ? a.high : -a.low, b.reach(at_.R.transpose_times(-n))));
@@ -103,7 +105,7 @@ class MeshesBefore {
   }
   __device__ Division divided(const MeshParts& whole) const { return {a_, b_, whole}; }
 
-  // The triangles at the end of one way down both trees, each time to the nearest.
+  // The triangles at the end of a single descent of both trees, each time to the nearest child.
   __device__ MeshParts one_way_down() const {
     MeshParts at{0, 0};
     while (!at.are_triangles()) {
@@ -121,7 +123,8 @@ class MeshesBefore {
     return at;
   }
 
-  // From here on gaps along this direction count, too. \param n from a towards b, of any length
+  // Adds a direction along which later gaps are measured.
+  // \param n from a towards b, of any length
   __device__ void look_along(const Vec3d& n) {
     const double length = norm(n);
     if (!(length > 1e-140 && length < __builtin_inf())) return;
@@ -134,26 +137,28 @@ class MeshesBefore {
   __device__ double along(const Vec3d& n, const TriangleBounds& a, const TriangleBounds& b) const {
     return above_zero((dot(n, at_.D) - b.reach(at_.R.transpose_times(-n)) - a.reach(n)) * kShortUnit - margin_);
   }
-  // \param n a plane's normal, or 0 \param far_a, far_b how far either reaches towards the other
+  // \param n a plane's normal, or 0
+  // \param far_a how far a reaches towards b
+  // \param far_b how far b reaches towards a
   __device__ double across(const Vec3d& n, double far_a, double far_b) const {
     return above_zero((dot(n, at_.D) - far_b - far_a) * kShortNormal - margin_);
   }
 
   const ElementSet &a_, &b_;
   const PairFrame<double>& at_;
-  double margin_;  // what of a gap between cores is none between the grown triangles, as computed
+  double margin_;  // part of a computed core gap that may be no gap between the grown triangles
   bool looks_ = false;
   Vec3d n_{0, 0, 0};
 };
 
-// A pair of meshes, of which all of a warp's threads look for the nearest triangles.
+// A pair of meshes. All threads of a warp search for the nearest triangles.
 class MeshSearch : public WarpSearch {
  public:
-  // Where parts and triangles of one warp's search wait, each two with their gap: in shared memory.
+  // Waiting pairs of parts and of triangles of one warp's search, each with its gap. In shared memory.
   struct SharedScratch {
     union {
       MeshParts parts[kMeshStackEntries];
-      std::uint32_t nodes[kMeshStackEntries];  // once no parts wait, where triangles are counted along a ray
+      std::uint32_t nodes[kMeshStackEntries];  // used after the search, to count triangles along a ray
     };
     MeshParts triangles[kWaitingTriangles];
     float gap[kMeshStackEntries], triangle_gap[kWaitingTriangles];
@@ -167,7 +172,8 @@ class MeshSearch : public WarpSearch {
         b_(r.elements.sets[r.elements.of_body[at_b.body]]),
         before_(a_, b_, at_) {}
 
-  // kSettled: the thread that has_answer() holds the answer. \param answer has the pair's flags
+  // If kConverged, the thread with has_answer() holds the answer.
+  // \param answer has the pair's flags
   __device__ PairOutcome run(PairAnswer& answer) {
     const double limit = this->limit();
     put(lane() == 0, MeshParts{0, 0}, before_.gap({0, 0}, limit), limit, room_.parts, room_.gap, stacked_);
@@ -194,11 +200,11 @@ class MeshSearch : public WarpSearch {
   }
 
  private:
-  // Divides what is on top of the stack, a thread for each two parts: as many as what they divide into leaves room for,
-  // and beside that for the way down of one of them. Where no more is left, that goes down alone.
+  // Divides pairs on top of the stack, one per thread: as many as fit with their children and the descent of one pair.
+  // If even that does not fit, one pair descends alone.
   __device__ void open() {
     const std::uint32_t room = kMeshStackEntries - stacked_;
-    if (room < 3) {  // a leaf's four triangles come in the place of it
+    if (room < 3) {  // a leaf's four triangles replace it
       is_open_ = true;
       return;
     }
@@ -217,7 +223,7 @@ class MeshSearch : public WarpSearch {
     }
     Division division;
     if (there) division = before_.divided(whole);
-    // The nearer one of two nodes comes on top of the other.
+    // The nearer of two nodes goes on top.
     const bool are_nodes = division.is_into_nodes();
     MeshParts near{0, 0};
     double near_gap = 0, near_middles = 0;
@@ -244,7 +250,7 @@ class MeshSearch : public WarpSearch {
     __syncwarp();
   }
 
-  // Answers the triangles that wait, a thread for each two.
+  // Evaluates waiting triangle pairs, one per thread.
   __device__ void look(PairAnswer& answer) {
     __syncwarp();
     const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
@@ -253,7 +259,7 @@ class MeshSearch : public WarpSearch {
     bool there = lane() < count;
     const MeshParts parts = there ? room_.triangles[waiting_ + lane()] : MeshParts{kIsTriangle, kIsTriangle};
     if (there) {
-      // Along what was found since, too.
+      // Includes the direction found since.
       const double known = fmax(static_cast<double>(room_.triangle_gap[waiting_ + lane()]), before_.gap(parts, limit));
       if (known > limit) {
         leave_out(known);
@@ -268,7 +274,8 @@ class MeshSearch : public WarpSearch {
     if (ask(there, limit, a.part(), b.part(), {i, j}, answer, along)) before_.look_along(along);
   }
 
-  // Whether one mesh holds a part of the other, all of whose triangles are farther than `apart`. kNone: none does.
+  // Whether a mesh contains a part of the other, given that all triangles are farther than `apart`. kNone if neither
+  // does.
   __device__ PairOutcome look_within(double apart, PairAnswer& answer) {
     if (before_.gap({0, 0}, 0) > 0) return PairOutcome::kNone;
     if (!knows_side(apart, of_b_.t_w - of_a_.t_w, a_.hull, b_.hull)) return PairOutcome::kUnresolved;
@@ -277,7 +284,7 @@ class MeshSearch : public WarpSearch {
     const PairOutcome by_b = look_within(false, apart, answer);
     return by_b == PairOutcome::kNone ? by_a : by_b;
   }
-  // \param a_holds whether a is asked for parts of b, else b for those of a
+  // \param a_holds whether a may contain parts of b, else b parts of a
   __device__ PairOutcome look_within(bool a_holds, double apart, PairAnswer& answer) {
     const ElementSet &solid = a_holds ? a_ : b_, &other = a_holds ? b_ : a_;
     const PlacedFrame &outer = a_holds ? of_a_ : of_b_, &inner = a_holds ? of_b_ : of_a_;
@@ -286,13 +293,13 @@ class MeshSearch : public WarpSearch {
     bool all_are_known = true;
     for (std::uint32_t first = 0; first < other.part_count; first += 32) {
       const std::uint32_t part = first + lane(), triangle = part < other.part_count ? other.parts[part] : 0;
-      // Of most parts their box says that they are outside.
+      // Boxes prove that most parts are outside.
       const MeshParts parts = a_holds ? MeshParts{0, kIsTriangle | triangle} : MeshParts{kIsTriangle | triangle, 0};
       const bool may_be_within = part < other.part_count && !(before_.gap(parts, 0) > 0);
       for (std::uint32_t left = __ballot_sync(~0u, may_be_within); left != 0; left &= left - 1) {
         if (++asked > kMostWindings) return PairOutcome::kUnresolved;
         const std::uint32_t at = __shfl_sync(~0u, triangle, static_cast<int>(first_of(left)));
-        // All of the part lies on one side: where float64 is not sure of a corner, it may be of another.
+        // The whole part lies on one side, so if float64 is unsure of one corner, another may decide.
         const PartVertices corners = Triangles::corners(other, at);
         Winding winding{0, false};
         Vec3d turned{0, 0, 0};

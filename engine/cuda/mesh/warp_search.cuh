@@ -1,5 +1,5 @@
-// What all of a warp's threads know of a pair of which one body or both have elements, while they look for the nearest:
-// its bounds so far, and what becomes of them. element_search.cuh and mesh_search.cuh say how they look.
+// State that all threads of a warp share while they search a pair with elements for the nearest: bounds so far, and the
+// final decision. element_search.cuh and mesh_search.cuh implement the searches.
 #pragma once
 
 #include "engine/cuda/mesh/element_set.cuh"
@@ -7,7 +7,7 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint32_t kWindingPoints = 4;  // of a piece that are asked whether they lie within a solid
+inline constexpr std::uint32_t kWindingPoints = 4;  // points of a convex part tested for lying inside a solid
 
 template <class T>
 __device__ inline T least_of_warp(T x) {
@@ -24,18 +24,18 @@ __device__ inline std::uint32_t first_of(std::uint32_t bits) {
 class WarpSearch {
  public:
   WarpSearch(const WarpSearch&) = delete;
-  // Of what run() has settled: whether this is the thread that holds the answer.
+  // After run() converged: whether this thread holds the answer.
   __device__ bool has_answer() const { return is_writer_; }
 
  protected:
-  // Which two parts, as the search numbers them.
+  // Two parts, as the search numbers them.
   struct Parts {
     std::uint32_t one, other;
   };
 
-  // \param q what is asked of the pair's bodies. \param cut_off of its pieces: no more need be known of what is
-  // farther.
-  // \param stop_below an upper bound so low is all that is asked
+  // \param q request parameters of the bodies
+  // \param cut_off of the convex parts: distance beyond which no better bounds are needed
+  // \param stop_below an upper bound this low ends the search
   __device__ WarpSearch(const ReducedView& r, const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                         const Slack& slack, double cut_off, double stop_below)
       : c_(r.chunk),
@@ -54,20 +54,20 @@ class WarpSearch {
     return is_open_ || overlaps_ || upper_ <= stop_below_ || slack_.true_upper(upper_) <= 0;
   }
 
-  // Beyond which parts are left out. Around a nearest one many are as near as it is: what keeps the interval as narrow
-  // as half of what is asked is left out.
+  // Parts farther than this are skipped. Many parts are about as near as the nearest one, so skipping uses half of the
+  // requested interval width.
   __device__ double limit() const {
     if (!(upper_ < cut_off_)) return cut_off_;
     if (!(upper_ > 0)) return 0;
     return fmax(0.5 * upper_, upper_ - 0.5 * tolerance_at(upper_, q_.abs_tol, q_.rel_tol));
   }
   __device__ void leave_out(double gap) { lower_ = gap < lower_ ? gap : lower_; }
-  // What still waits is no nearer than its gap.
+  // Waiting entries are no nearer than their gaps.
   __device__ void leave_out_all(const float* gaps, std::uint32_t count) {
     for (std::uint32_t i = lane(); i < count; i += 32) leave_out(gaps[i]);
   }
 
-  // All threads call it; those that have something to put, in the order of their lanes.
+  // Appends the entries of all threads with something to put, in lane order. All threads of the warp call it.
   template <class What>
   __device__ void put(bool there, const What& what, double gap, double limit, What* list, float* gaps,
                       std::uint32_t& count) {
@@ -82,9 +82,10 @@ class WarpSearch {
     count += static_cast<std::uint32_t>(__popc(all));
   }
 
-  // Asks GJK about two parts, a thread for each two. \param there whether this thread has some
-  // \returns whether what is known to be nearest is nearer now. \param along gets the direction, from a towards b in
-  // the axes of a, that has proved it
+  // Evaluates two parts per thread by GJK.
+  // \param there whether this thread has parts
+  // \param along receives the direction that proves the new nearest, from a towards b in the axes of a
+  // \returns whether the upper bound decreased
   __device__ bool ask(bool there, double limit, const Part& a, const Part& b, const Parts& parts, PairAnswer& answer,
                       Vec3d& along) {
     PairLimits q = q_;
@@ -101,7 +102,7 @@ class WarpSearch {
         open = !overlaps;
       } else {
         const RunBounds<double> bounds = run.bounds(stop_below_);
-        // Grown elements that overlap, while their cores do not, are nobody's to refine where no depth is asked for.
+        // If grown elements overlap but their cores do not, no refinement is needed, since no depth is requested.
         const bool converged = bounds.converged || (bounds.upper <= 0 && bounds.lower <= bounds.upper);
         open = !converged;
         if (converged) {
@@ -133,13 +134,13 @@ class WarpSearch {
     return true;
   }
 
-  // What bounds say of a pair of which no body holds the other. \param add gets whether the parts overlap, adds the
-  // points of the best of them
+  // Decides by bounds a pair in which neither body contains the other.
+  // \param add called with whether the parts overlap; adds the points of the best parts
   template <class Add>
   __device__ PairOutcome decide_by_bounds(double lower, PairAnswer& answer, const Add& add) {
     const double upper = upper_;
     const std::uint16_t flags = answer.flags;
-    if (lower > cut_off_ || !(upper < __builtin_inf())) {  // all are proved beyond the cut-off
+    if (lower > cut_off_ || !(upper < __builtin_inf())) {  // all are proved beyond the cutoff
       answer = beyond_answer(slack_.true_lower(lower));
       answer.flags = flags;
       is_writer_ = lane() == 0;
@@ -147,7 +148,7 @@ class WarpSearch {
     }
     is_writer_ = lane() == first_of(__ballot_sync(~0u, best_upper_ == upper));
     const bool overlaps = slack_.true_upper(upper) <= 0;
-    if (upper <= 0 && !overlaps) return PairOutcome::kUnresolved;  // nobody knows whether the true bodies do
+    if (upper <= 0 && !overlaps) return PairOutcome::kUnresolved;  // it is open whether the exact bodies overlap
     decide(limits_of(q_), upper <= 0 ? -__builtin_inf() : lower, upper, [] { return 0.0; }, answer, slack_);
     if (is_writer_ && q_.want_points) add(upper <= 0);
     return PairOutcome::kConverged;
@@ -155,7 +156,7 @@ class WarpSearch {
   __device__ void add_points_of_best(const Part& a, const Part& b, bool overlap, PairAnswer& answer) const {
     add_points(a, at_a_, b, at_b_, witness_, q_.want_nonsmooth, answer);
     if (!overlap) return;
-    // Both are halfway between the cores, in the share of what these are grown by.
+    // Both points are between the cores, divided in proportion to the radii.
     const double length = witness_.separation_length, radius = a.extents().radius + b.extents().radius,
                  share = a.extents().radius / radius;
     const Vec3d outward = witness_.separation * (1 / length);
@@ -163,8 +164,9 @@ class WarpSearch {
     answer.point_b = answer.point_b + outward * (b.extents().radius - length * (1 - share));
   }
 
-  // Whether a point as computed is on the side of every triangle of a solid that it is on. \param apart all of these
-  // are farther \param shift from the solid's origin to that of the other body, world axes
+  // Whether the computed point is on the same side of every triangle of a solid as the exact point.
+  // \param apart distance that all these triangles exceed
+  // \param shift from the solid's origin to that of the other body, world axes
   __device__ static bool knows_side(double apart, const Vec3d& shift, const HullExtents& solid,
                                     const HullExtents& other) {
     const double radii = solid.radius + other.radius,
@@ -172,8 +174,10 @@ class WarpSearch {
                                         pair_scale(shift, solid.rho, other.rho, radii));
     return apart + radii > wrong;
   }
-  // \param a_holds which body's solid holds a part of the other. \param from_outer, from_inner a point that both share,
-  // from the origin of either
+  // Decides a pair in which one body contains the other.
+  // \param a_holds whether a's solid contains a part of b, else the reverse
+  // \param from_outer a common point, relative to the containing body's origin
+  // \param from_inner the same point, relative to the other body's origin
   __device__ void add_held(bool a_holds, const Vec3d& from_outer, const Vec3d& from_inner, double apart,
                            PairAnswer& answer) {
     const bool has_best = upper_ < __builtin_inf();
@@ -196,9 +200,9 @@ class WarpSearch {
   const PlacedFrame of_a_, of_b_;
   const PairFrame<double> at_;
   bool is_open_ = false, overlaps_ = false, is_writer_ = false;
-  double lower_ = __builtin_inf();  // of what this thread has looked at or left out
-  double upper_ = __builtin_inf();  // of all
-  Parts best_{0, 0};                // the nearest that this thread has answered
+  double lower_ = __builtin_inf();  // over the parts that this thread evaluated or skipped
+  double upper_ = __builtin_inf();  // over all threads
+  Parts best_{0, 0};                // the nearest parts that this thread evaluated
 
  private:
   __device__ bool prove(const Part& a, const Part& b, const Enclosed& enclosed, PairAnswer& answer) const {

@@ -1,15 +1,15 @@
-// Motions of which it is asked whether all pairs stay farther apart than their margins: all of a chunk, level by level.
-// A level looks at spans in their middles; what is not proved of a pair until both ends goes on in a span of the next
-// one (engine/motion/motion_search.h's words, with bounds from engine/motion/motion_step.h). How many there are nobody
-// knows but the device: kernels read it there, and none waits for the host.
+// Motions of a chunk, level by level: whether all pairs stay beyond their margins. A level evaluates spans at their
+// middles; the part of a pair that this does not prove up to both ends goes on in a span of the next level. Same steps
+// as engine/motion/motion_search.h, with the bounds of engine/motion/motion_step.h. The number of spans stays on the
+// device: kernels read it there, and nothing waits for the host.
 //
-// Where first contact is sought, too, a pair that is within its margin ends what comes behind it, no more: what lies
-// before goes on until the time is as narrow as the CPU makes it. That is looked at between levels alone, so that a
-// motion's row does not depend on which thread comes first. A pair that is not settled goes on, too: mostly it is deep
-// inside another one, and so behind first contact. As long as no hit says so its motion is the CPU's.
+// If first contact is requested, a pair within its margin ends only the search after it; the part before goes on until
+// the time is as narrow as on the CPU. Hits are compared between levels only, so a motion's row does not depend on the
+// order of threads. An unresolved pair also goes on: mostly it is deep inside another body and thus after first
+// contact. Until a hit confirms that, its motion is left to the CPU.
 //
-// What a list has no room for, what the narrow phase does not settle and what the last level leaves makes a motion the
-// CPU's.
+// A motion is also left to the CPU if a list overflows, if the narrow phase leaves a pair unresolved, or if the last
+// level does not finish it.
 #pragma once
 
 #include "engine/cuda/motion/motion_least.cuh"
@@ -18,10 +18,10 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kMostUnresolvedSteps = 24;
-inline constexpr double kRoughMotion = 0.02;  // of a distance: what a first look at a pair asks for
-inline constexpr double kFineMotion = 1e-6;   // likewise: on which side of its margin it is
+inline constexpr double kRoughMotion = 0.02;  // relative tolerance of a pair's first evaluation
+inline constexpr double kFineMotion = 1e-6;   // relative tolerance for deciding on which side of its margin a pair is
 
-// A thread for each motion: nothing is known of it yet, but for what its ends say.
+// One thread per motion: resets it, and checks the positions at its ends.
 __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_constant__ MotionsView m) {
   const std::uint32_t i = thread_index();
   if (i < kMotionCounts) m.counts[i] = i != kSpanCount ? 0 : m.finds_least ? 2 * m.motions : m.motions;
@@ -35,7 +35,7 @@ __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_con
   else
     m.spans[i] = {i, 0, 0, 1, -__builtin_inf()};
   const FramesView& f = m.moves.frames;
-  bool is_bad = false;  // a position is none
+  bool is_bad = false;  // a position is invalid
   for (std::uint32_t r = 0; r < f.robot_count; ++r) {
     const JointRobot& robot = f.robots[r];
     double travel = 0;
@@ -53,14 +53,14 @@ __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_con
   m.to_cpu[i] = is_bad;
 }
 
-// A thread for each joint in each span: the positions in its middle.
+// One thread per joint and span: the position at the span's middle.
 __global__ void __launch_bounds__(kMotionThreads) place_spans(const __grid_constant__ MotionsView m) {
   const std::uint32_t joints = m.moves.frames.joints;
   const std::uint32_t s = thread_index() / joints, j = thread_index() % joints;
   if (s >= span_count(m)) return;
   const MotionSpan span = m.spans[s];
   const double* const ends = m.ends + std::size_t{span.motion} * 2 * joints + j;
-  // The end is where it is said to be: rounded it might be beyond the joint's limits.
+  // Use the end's exact position: rounding could place it beyond the joint's limits.
   const bool is_end = span.begin == 1;
   m.positions[std::size_t{s} * joints + j] = is_end ? ends[joints] : position_at(ends[0], ends[joints], span.middle());
   if (j != 0) return;
@@ -68,7 +68,7 @@ __global__ void __launch_bounds__(kMotionThreads) place_spans(const __grid_const
   atomicAdd(m.steps + span.motion, 1);
 }
 
-// An end beyond a joint's limits is said of the links that it places all along: MotionPoses' words.
+// An end beyond a joint's limits flags the links that the joint places over the whole motion, as in MotionPoses.
 __device__ inline void tell_ends(const MotionsView& m, const JointRobot& robot, std::uint32_t s) {
   const FramesView& f = m.moves.frames;
   const double* const ends = m.ends + std::size_t{m.spans[s].motion} * 2 * f.joints;
@@ -84,7 +84,7 @@ __device__ inline void tell_ends(const MotionsView& m, const JointRobot& robot, 
   }
 }
 
-// A thread for each robot in each span: where its links are, and how fast they move.
+// One thread per robot and span: poses and velocities of its links.
 __global__ void __launch_bounds__(kMotionThreads) place_span_links(const __grid_constant__ MotionsView m) {
   const FramesView& f = m.moves.frames;
   const std::uint32_t which = thread_index() / m.span_capacity, s = thread_index() % m.span_capacity;
@@ -107,7 +107,7 @@ __global__ void __launch_bounds__(kMotionThreads) place_span_links(const __grid_
   if (m.chunk.pair_limits.want_nonsmooth) tell_ends(m, robot, s);
 }
 
-// A thread for each moved body in each span: where it is, what is not known of it there, and how fast it moves.
+// One thread per moved body and span: its pose, uncertainty and speed.
 __global__ void __launch_bounds__(kMotionThreads) place_span_bodies(const __grid_constant__ MotionsView m) {
   const std::uint32_t slot = thread_index() / m.span_capacity, s = thread_index() % m.span_capacity;
   if (slot >= m.chunk.bodies.moved_count || s >= span_count(m)) return;
@@ -123,7 +123,7 @@ __global__ void __launch_bounds__(kMotionThreads) place_span_bodies(const __grid
   m.speeds[std::size_t{slot} * m.span_capacity + s] = __double2float_ru((own.rates.speed + drift) * kMotionSlack);
 }
 
-// Behind them: the twists of bodies in world axes, down the chain that carries each.
+// Runs after place_span_bodies(): twists of bodies in world axes, down the chain that carries each.
 __global__ void __launch_bounds__(kMotionThreads) move_span_bodies(const __grid_constant__ MotionsView m) {
   const std::uint32_t slot = thread_index() / m.span_capacity, s = thread_index() % m.span_capacity;
   if (slot >= m.chunk.bodies.moved_count || s >= span_count(m)) return;
@@ -133,7 +133,7 @@ __global__ void __launch_bounds__(kMotionThreads) move_span_bodies(const __grid_
     const std::uint32_t body = m.moves.chain[i], source = m.moves.source[body];
     const PlacedFrame here = moved_frame(m, body, s);
     Twist own;
-    if (source != kNone) {  // in the axes of what it follows
+    if (source != kNone) {  // in the axes of its parent
       own = load_twist(m, source, s);
       if (!is_first || m.moves.has_base[slot]) {
         const Mat3d R_wp = is_first ? m.moves.base[slot].pose.R_wb : moved_frame(m, m.moves.chain[i - 1], s).R_wb;
@@ -153,7 +153,7 @@ __global__ void __launch_bounds__(kMotionThreads) move_span_bodies(const __grid_
   }
 }
 
-// Whether a pair is so far apart by its bodies' boxes that it stays beyond its target, however they move.
+// Whether the boxes prove that a pair stays beyond its target, however the bodies move.
 __device__ inline bool leaves_by_boxes(const MotionsView& m, PairRef ref, std::uint32_t pair, std::uint32_t s,
                                        const MotionSpan& span) {
   const OuterBox a = load_box(m.chunk.bodies, ref.a, s), b = load_box(m.chunk.bodies, ref.b, s);
@@ -171,8 +171,8 @@ __device__ inline bool leaves_by_boxes(const MotionsView& m, PairRef ref, std::u
   return true;
 }
 
-// Lists the pairs that boxes leave. Of the first level all pairs of all spans, those of one pair side by side; then
-// those that go on.
+// Lists the pairs that boxes do not exclude. The first level has all pairs of all spans, with those of one pair
+// consecutive; later levels have the pairs that go on.
 template <bool kFirst>
 __global__ void __launch_bounds__(kMotionThreads) find_near_in_spans(const __grid_constant__ MotionsView m) {
   const std::uint32_t spans = span_count(m);
@@ -204,7 +204,7 @@ __global__ void __launch_bounds__(kMotionThreads) find_near_in_spans(const __gri
   }
 }
 
-// Lists those of them that come near along the way from one box to the other, as they move there.
+// Lists those of them that may come within their target along the direction between the boxes.
 __global__ void __launch_bounds__(kMotionThreads) look_along_boxes(const __grid_constant__ MotionsView m) {
   const std::uint32_t count = listed(count_of(m, kNearCount, m.level), m.pair_capacity);
   for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
@@ -228,11 +228,12 @@ __global__ void __launch_bounds__(kMotionThreads) look_along_boxes(const __grid_
   }
 }
 
-// Takes note of a pair that is within its margin.
+// Records a pair within its margin.
 __device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const MovingPair& pair,
                                const PairAnswer& answer) {
   const MotionSpan& span = pair.span;
-  const double time = pair.way > 0 ? span.middle() : span.begin;  // what does not move is there from the beginning on
+  const double time = pair.way > 0 ? span.middle() : span.begin;  // a pair without relative motion is there from the
+                                                                  // start
   const std::uint64_t key = hit_key(m, item.pair, time);
   if (__ldcg(m.hit + span.motion) < key) return;
   const std::uint32_t at = atomicAdd(&count_of(m, kHitCount, m.level), 1);
@@ -244,7 +245,7 @@ __device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const
   take_least(m.hit + span.motion, key);
 }
 
-// Looks at the pairs that are left, a thread for each, and lists in which half of the span each goes on.
+// Evaluates the remaining pairs, one per thread, and lists the halves of the span in which each goes on.
 template <bool kLeast>
 __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __grid_constant__ MotionsView m) {
   const ChunkView& c = m.chunk;
@@ -262,14 +263,14 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
         const MovingPair pair(m, item, span);
         const double margin = margin_of(m, item.pair),
                      target = kLeast ? target_of(m, span, item.pair, pair.inner()) : margin;
-        // Whether no more is asked than on which side of its margin it is.
+        // Whether only the side of the margin is needed.
         const bool decides = !kLeast || span.enough == -__builtin_inf();
         PairLimits q = c.pair_limits;
         q.max_distance = sum_above(target, pair.way);
         PairAnswer answer = beyond_answer(0);
         PairOutcome outcome = PairOutcome::kNone;
-        // A rough look mostly says on which side of its margin it is. Of the least distance tolerances are too wide for
-        // that: pairs that are nearly in contact would go on to the last level.
+        // A rough evaluation mostly decides the side of the margin. The tolerances of the least distance are too wide
+        // for that: pairs nearly in contact would go on to the last level.
         const double wanted = kLeast ? kFineMotion : q.rel_tol;
         if (decides) q.rel_tol = wanted < kRoughMotion ? kRoughMotion : wanted;
         if (kLeast && decides) q.abs_tol = 0;
@@ -285,7 +286,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
         }
         converged = outcome == PairOutcome::kConverged;
         if (outcome == PairOutcome::kUnresolved && kLeast && span.half() == 0) {
-          // spans with a length look at it again
+          // spans with a length evaluate the pair again
         } else if (outcome == PairOutcome::kUnresolved && m.seeks_contact) {
           m.unresolved[motion] = 1;
           pair.go_on_around(goes_on);
@@ -313,7 +314,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
   }
 }
 
-// Of each motion the hit that stands for it stays, so that the next level's have room.
+// Keeps the best hit of each motion, to free the list for the next level.
 __global__ void __launch_bounds__(kMotionThreads) keep_hits(const __grid_constant__ MotionsView m) {
   const std::uint32_t count = listed(count_of(m, kHitCount, m.level), m.hit_capacity);
   for (std::uint32_t i = blockIdx.x * kMotionThreads + threadIdx.x; i < count; i += gridDim.x * kMotionThreads) {
@@ -322,20 +323,20 @@ __global__ void __launch_bounds__(kMotionThreads) keep_hits(const __grid_constan
   }
 }
 
-// Whether pairs that are not settled would multiply spans: none is behind a hit, or many are before it.
+// Whether unresolved pairs would multiply spans: the motion has no hit, or many spans already.
 __device__ inline bool is_hopeless(const MotionsView& m, std::uint32_t motion) {
   return m.unresolved[motion] && (m.hit[motion] == kNoHit || m.steps[motion] > kMostUnresolvedSteps);
 }
 
-// What is left of half a span. \param share of it, from the middle on, that is proved of all pairs
+// Unproved rest of half a span.
+// \param share of the half, from the middle on, that is proved for all pairs
 __device__ inline MotionSpan rest_of_span(const MotionSpan& span, bool is_after, float share) {
   const double middle = span.middle(), proved = static_cast<double>(share) * span.half();
   const double rest = rest_of_half(middle, proved, 0.5 * span.half(), is_after);
   return {span.motion, span.late, is_after ? rest : span.begin, is_after ? span.end : rest, span.enough};
 }
 
-// A thread for each half of each span: what is left of it becomes a span of the next level, behind what is proved of
-// all of its pairs.
+// One thread per half of each span: its unproved rest becomes a span of the next level.
 __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_constant__ MotionsView m) {
   const std::uint32_t i = thread_index(), s = i / 2;
   bool wanted = s < span_count(m);
@@ -368,13 +369,13 @@ __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_cons
   m.next_children[i] = at;
 }
 
-// What became of each motion, and the rows of those that hit.
+// Decides each motion, and writes the rows of those that hit.
 __global__ void __launch_bounds__(kMotionThreads) conclude_motions(const __grid_constant__ MotionsView m) {
   const std::uint32_t i = thread_index();
   bool has_row = false;
   if (i < m.motions) {
     const bool is_hit = m.hit[i] != kNoHit;
-    const bool matters = m.finds_least || m.seeks_contact || !is_hit;  // what is not proved elsewhere
+    const bool matters = m.finds_least || m.seeks_contact || !is_hit;  // whether unproved parts matter
     const bool is_open = m.to_cpu[i] != 0 || (matters && m.open[i] != 0) || m.steps[i] > m.max_steps ||
                          (m.finds_least && !has_least(m, i));
     has_row = (is_hit || m.finds_least) && !is_open;

@@ -1,10 +1,10 @@
-// The least distance of motions, beside when pairs first are within their margins: what motion_kernel.cuh's levels do
-// for it alone.
+// The least distance of motions, in addition to first contact: the parts of motion_kernel.cuh's levels that only it
+// needs.
 //
-// The first level looks at both ends, since there the least distance mostly is, and halving spans would come near it
-// slowly. After each level what was found says how far pairs have to be in the next one (MotionSpan::enough), and spans
-// of which nothing more is asked are left out. Within a level nothing is asked of what other threads have found: rows
-// do not depend on which of them comes first.
+// The first level evaluates both ends, since the least distance is mostly there and halving would approach it slowly.
+// After each level its results set the required distance of pairs in the next one (MotionSpan::enough), and spans that
+// need nothing more are dropped. Within a level no thread reads other threads' results, so rows do not depend on their
+// order.
 #pragma once
 
 #include "engine/cuda/motion/motion_marks.cuh"
@@ -18,14 +18,15 @@ __device__ inline bool has_least(const MotionsView& m, std::uint32_t motion) {
   return m.best[motion].answer.upper < __builtin_inf();
 }
 
-// How far all pairs are to be where one has this upper bound; -inf: what is known is enough. inf: nothing is.
+// Required distance of all pairs, given one with this upper bound. -inf if the bounds suffice already, inf if no bound
+// is known.
 __device__ inline double enough_beside(const MotionsView& m, double upper, double slack) {
   if (!(upper < __builtin_inf())) return upper;
   const double enough = enough_for(upper, m.abs_tol, m.rel_tol, slack, 0);
   return upper > 0 && enough > 0 ? enough : -__builtin_inf();
 }
 
-// Nothing is known of a motion, whose ends are looked at first.
+// Resets a motion; its ends are evaluated first.
 __device__ inline void begin_at_ends(const MotionsView& m, std::uint32_t motion) {
   m.best[motion].answer.upper = __builtin_inf();
   m.low[motion] = static_cast<std::uint64_t>(__double_as_longlong(__builtin_inf()));
@@ -37,7 +38,7 @@ __device__ inline void begin_at_ends(const MotionsView& m, std::uint32_t motion)
   }
 }
 
-// Between levels: what is asked of a span. False: nothing is, and it is left out.
+// Called between levels: sets the requirements of a span. Returns false if it needs nothing more and is dropped.
 __device__ inline bool is_still_asked(const MotionsView& m, MotionSpan& span) {
   const MotionHitRow& best = m.best[span.motion];
   span.enough = enough_beside(m, best.answer.upper, best.slack);
@@ -48,12 +49,12 @@ __device__ inline bool is_still_asked(const MotionsView& m, MotionSpan& span) {
   return false;
 }
 
-// The order in which rows stand for a motion.
+// Order by which one row is chosen to represent a motion.
 __device__ inline bool stands_before(const MotionHitRow& p, const MotionHitRow& q) {
   if (p.answer.upper != q.answer.upper) return p.answer.upper < q.answer.upper;
   return p.time != q.time ? p.time < q.time : p.pair < q.pair;
 }
-// Takes note of how near a pair is at a time. Whoever comes first, the same row is left in the end.
+// Records the distance of a pair at a time. The final row does not depend on the order of threads.
 __device__ inline void take_nearest(const MotionsView& m, const MotionHitRow& row) {
   MotionHitRow& best = m.best[row.motion];
   if (!(row.answer.upper < __builtin_inf()) || row.answer.upper > __ldcg(&best.answer.upper)) return;
@@ -68,7 +69,8 @@ __device__ inline void take_nearest(const MotionsView& m, const MotionHitRow& ro
 }
 __device__ inline MotionHitRow row_of(const MotionsView& m, const MovingPair& pair, const PairAnswer& answer) {
   const MotionSpan& span = pair.span;
-  const double time = pair.way > 0 ? span.middle() : span.begin;  // what does not move is there from the beginning on
+  const double time = pair.way > 0 ? span.middle() : span.begin;  // a pair without relative motion is there from the
+                                                                  // start
   return {hit_key(m, pair.item.pair, time),
           span.motion,
           pair.item.pair,
@@ -81,8 +83,8 @@ __device__ inline MotionHitRow row_of(const MotionsView& m, const MovingPair& pa
           0};
 }
 
-// What an answer says of the least distance, of first contact, and of both halves of a span. \param asked the target
-// that the pair was asked with
+// Applies an answer to the least distance, to first contact, and to both halves of a span. `asked` is the target of the
+// pair's evaluation.
 __device__ inline void look_for_least(const MotionsView& m, const MovingPair& pair, double asked,
                                       const PairAnswer& answer, bool (&goes_on)[2]) {
   const MotionSpan& span = pair.span;
@@ -92,15 +94,15 @@ __device__ inline void look_for_least(const MotionsView& m, const MovingPair& pa
   take_nearest(m, row);
   if (!span.late && is_within) take_least(m.hit + span.motion, row.key);
   if (span.half() == 0) return;
-  // What is proved of this pair need not be more than what it says itself.
+  // This pair's bounds need not be narrower than its own answer requires.
   const double own = enough_beside(m, answer.upper, row.slack), least = own < span.enough ? own : span.enough;
   const double enough = least - pair.inner(), free = margin < enough ? enough : margin;
-  // Behind a pair that is within its margin nothing is sought of first contact; nor before, if it does not move.
+  // First contact is not sought after a pair within its margin, nor before it if it does not move.
   const bool before = !span.late && !(is_within && pair.way == 0), behind = !span.late && !is_within;
   pair.divide(answer, asked, {before ? free : enough, behind ? free : enough}, goes_on);
 }
 
-// Of each end the pair whose boxes are nearest: any would do. Pairs without usable poses are the CPU's.
+// Finds at each end the pair with the nearest boxes; any pair would do. Pairs without usable poses are left to the CPU.
 __global__ void __launch_bounds__(kMotionThreads) find_seeds_at_ends(const __grid_constant__ MotionsView m) {
   const std::uint32_t spans = span_count(m);
   const std::uint64_t count = std::uint64_t{spans} * m.chunk.pair_count;
@@ -114,7 +116,7 @@ __global__ void __launch_bounds__(kMotionThreads) find_seeds_at_ends(const __gri
   }
 }
 
-// Looks at them, a thread for each end, so that few other pairs need a look.
+// Evaluates these pairs, one thread per end, so that few other pairs need evaluation.
 __global__ void __launch_bounds__(kMotionThreads) look_at_seeds(const __grid_constant__ MotionsView m) {
   const std::uint32_t s = thread_index();
   if (s >= span_count(m) || m.seed[s] == ~std::uint64_t{0}) return;
@@ -126,7 +128,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_seeds(const __grid_con
                             answer) == PairOutcome::kConverged)
     take_nearest(m, row_of(m, pair, answer));
 }
-// Behind it: so far other pairs have to be there.
+// Runs after look_at_seeds(): sets the required distance of other pairs there.
 __global__ void __launch_bounds__(kMotionThreads) aim_at_ends(const __grid_constant__ MotionsView m) {
   const std::uint32_t s = thread_index();
   if (s >= span_count(m)) return;
@@ -134,7 +136,7 @@ __global__ void __launch_bounds__(kMotionThreads) aim_at_ends(const __grid_const
   m.spans[s].enough = enough_beside(m, best.answer.upper, best.slack);
 }
 
-// Once both ends are looked at: whole motions are the next level's spans.
+// Runs after both ends: whole motions become the spans of the next level.
 __global__ void __launch_bounds__(kMotionThreads) begin_whole_motions(const __grid_constant__ MotionsView m) {
   const std::uint32_t i = thread_index();
   MotionSpan span{i, 0, 0, 1, 0};
@@ -143,7 +145,7 @@ __global__ void __launch_bounds__(kMotionThreads) begin_whole_motions(const __gr
   if (wanted) m.next_spans[at] = span;
 }
 
-// What is known of a motion beside its nearest pair, once all levels are done.
+// Adds the remaining results of a motion to its nearest pair's row, after all levels.
 __device__ inline void complete_least(const MotionsView& m, std::uint32_t motion, MotionHitRow& row) {
   row.low = __longlong_as_double(static_cast<long long>(m.low[motion]));
   row.contact = time_of_hit(m, motion);

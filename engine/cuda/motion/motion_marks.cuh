@@ -1,4 +1,4 @@
-// What kernels note down of motions while they look at spans, in the words of engine/device/motion_layout.h.
+// Per-motion records that kernels keep while evaluating spans (engine/device/motion_layout.h).
 #pragma once
 
 #include "engine/cuda/motion/motion_rates.cuh"
@@ -22,33 +22,34 @@ __device__ inline std::uint32_t thread_index() {
 __device__ inline double margin_of(const MotionsView& m, std::uint32_t pair) {
   return m.margins ? m.margins[pair] : m.margin;
 }
-// How far a pair is to be all along a span. \param inner of its slack
+// Required distance of a pair over a whole span.
+// \param inner of its slack
 __device__ inline double target_of(const MotionsView& m, const MotionSpan& span, std::uint32_t pair, double inner) {
   const double enough = span.enough - inner;
   if (span.late) return enough;
   const double margin = margin_of(m, pair);
   return margin < enough ? enough : margin;
 }
-// Of the pairs that are within their margins the first in the query's order stands for a motion, at the earliest time
-// found; where first contact is sought the earliest pair. A time is a multiple of 2^-31: of the middles of spans that
-// are cut at multiples of 2^-12, and halved no more than kContactLevels times.
+// Key that orders the hits of a motion: by pair in query order, then by time; with first contact, by time, then by
+// pair. A time is a multiple of 2^-31, since it is the middle of a span that is cut at multiples of 2^-12 and halved at
+// most kContactLevels times.
 static_assert(kSpanGrid * 0x1p-19 == 0x1p-31 && kContactLevels < 19);
 __device__ inline std::uint64_t hit_key(const MotionsView& m, std::uint32_t pair, double time) {
   const auto at = static_cast<std::uint64_t>(time * 0x1p31);
   return m.seeks_contact ? at << 32 | pair : std::uint64_t{pair} << 32 | at;
 }
 constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
-// Where first contact is sought: when the earliest pair that is known to be within its margin is; inf: none is.
+// With first contact: time of the earliest pair known to be within its margin; inf if none is.
 __device__ inline double time_of_hit(const MotionsView& m, std::uint32_t motion) {
   const std::uint64_t key = m.hit[motion];
   return key == kNoHit ? __builtin_inf() : static_cast<double>(key >> 32) * 0x1p-31;
 }
-// Whether a motion is decided by a pair before this one.
+// Whether a pair before this one decides the motion.
 __device__ inline bool is_hit_before(const MotionsView& m, std::uint32_t motion, std::uint32_t pair) {
   return !m.seeks_contact && __ldcg(m.hit + motion) < hit_key(m, pair, 0);
 }
-// Before that time all pairs are beyond their margins, so far as this tells. Times, none of them negative, are in the
-// order of their bits.
+// Limits the time before which all pairs are beyond their margins. Times are non-negative, so their order is that of
+// their bits.
 __device__ inline void free_no_longer(const MotionsView& m, std::uint32_t motion, double time) {
   take_least(reinterpret_cast<std::uint64_t*>(m.free_until) + motion,
              static_cast<std::uint64_t>(__double_as_longlong(time)));

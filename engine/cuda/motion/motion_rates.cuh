@@ -1,5 +1,5 @@
-// How fast bodies move in a span of a motion, and what a pair's distance in its middle says of the whole of it:
-// MotionBounds' and MotionSearch's words, with bounds from engine/motion/motion_step.h.
+// Speeds of bodies in a span of a motion, and conclusions from a pair's distance at its middle. Same steps as
+// MotionBounds and MotionSearch, with the bounds of engine/motion/motion_step.h.
 #pragma once
 
 #include "engine/cuda/pair/hull.cuh"
@@ -10,7 +10,7 @@
 
 namespace clearance::cuda {
 
-// A motion's joints, by their places in a row of positions.
+// A motion's joints, by their index in a row of positions.
 struct MotionOf {
   const double* ends;
   std::uint32_t joints;
@@ -20,7 +20,7 @@ struct MotionOf {
   __device__ JointChange joint(std::uint32_t at) const { return joint_change(ends[at], ends[joints + at]); }
 };
 
-// What is to be said of the joints of a step that the query moves.
+// LinkFact bits of the joints of a step that the query moves.
 __device__ inline std::uint8_t moving_fact_of_step(const KinematicStep& step, const JointRow& row) {
   using Kind = KinematicStep::Kind;
   const std::uint32_t width = step.kind == Kind::kFixed ? 0 : step.kind == Kind::kPlanar ? 3 : 1;
@@ -30,7 +30,7 @@ __device__ inline std::uint8_t moving_fact_of_step(const KinematicStep& step, co
   return fact;
 }
 
-// Twists of links before their roots.
+// Twists of links relative to their roots.
 __device__ inline void store_twist(const MotionsView& m, std::uint32_t frame, std::uint32_t s, const Twist& twist) {
   double* const p = m.twists + std::size_t{frame} * 6 * m.span_capacity + s;
   for (int c = 0; c < 3; ++c) {
@@ -48,7 +48,7 @@ __device__ inline Twist load_twist(const MotionsView& m, std::uint32_t frame, st
   return twist;
 }
 
-// MotionNumber of a moved body in a span.
+// A MotionNumber of a moved body in a span.
 __device__ inline void set_number(const MotionsView& m, std::uint32_t number, std::uint32_t slot, std::uint32_t s,
                                   double x) {
   m.numbers[(std::size_t{slot} * kMotionNumbers + number) * m.span_capacity + s] = x;
@@ -69,7 +69,7 @@ __device__ inline PlacedFrame moved_frame(const MotionsView& m, std::uint32_t sl
   return {at.rotation(), at.translation()};
 }
 
-// How fast a chain's points move in a motion, and how far they may be off their places.
+// Speed of a chain's points in a motion, and bounds on their position error.
 struct ChainMotion {
   MotionRates rates;
   double error = 0, turn_error = 0;
@@ -93,7 +93,7 @@ __device__ inline ChainMotion motion_of_chain(const MotionsView& m, std::uint32_
   return {rates_of_chain(m, chain, motion), (rounding.speed + placed) * kMotionSlack, rounding.turn};
 }
 
-// How far the pieces of a body reach along a direction, world axes, from its origin.
+// Support value of a body's convex parts along a direction in world axes, from the body's origin.
 __device__ __noinline__ inline double reach_of_pieces(const HullsView& hulls, std::uint32_t body, const Mat3d& R_wb,
                                                       const Vec3d& n) {
   const Vec3d n_b = R_wb.transpose_times(n);
@@ -107,18 +107,18 @@ __device__ __noinline__ inline double reach_of_pieces(const HullsView& hulls, st
   return most;
 }
 
-// Where the least distance is asked for: no pair of those that are left out in a span is nearer. Bits of doubles that
-// are not negative are in their order.
+// If the least distance is requested: records a lower bound on the pairs skipped in a span. The order of non-negative
+// doubles is that of their bits.
 __device__ inline void leave_out(const MotionsView& m, const MotionSpan& span, double low) {
   if (!m.finds_least || span.half() == 0) return;
   take_least(m.low + span.motion, static_cast<std::uint64_t>(__double_as_longlong(low > 0 ? low : 0.0)));
 }
-// Distances are not negative: whatever is proved is beyond -inf.
+// Distances are non-negative, so any proved bound is beyond -inf.
 __device__ inline bool is_past(double low, double target) {
   return low > target || target == -__builtin_inf();
 }
 
-// A pair in the middle of a span, with how fast it can come nearer.
+// A pair at the middle of a span, with bounds on its approach speed.
 struct MovingPair {
   const MotionsView& m;
   const SpanPair& item;
@@ -126,7 +126,7 @@ struct MovingPair {
   const PairRef ref;
   const BodyPoseRef at_a, at_b;
   PairRates rates;
-  double way;  // metres that it can come nearer until the ends, at most
+  double way;  // metres: upper bound on its approach until the ends
 
   __device__ MovingPair(const MotionsView& view, const SpanPair& of, const MotionSpan& in)
       : m(view),
@@ -154,8 +154,8 @@ struct MovingPair {
 
   __device__ double inner() const { return pair_slack(m.chunk, ref, item.span).inner; }
 
-  // How far it stays apart along the way from one box to the other. Boxes hold what is not known of bodies. -inf where
-  // that is not beyond its target.
+  // Lower bound on its distance over the span, along the direction between the boxes, which include the uncertainty of
+  // bodies. -inf if not beyond the target.
   __device__ double low_along_boxes(double target) const {
     const Aabb a = at_a.box(), b = at_b.box();
     if (way == 0) return -__builtin_inf();
@@ -167,9 +167,10 @@ struct MovingPair {
     return gaps.before < gaps.after ? gaps.before : gaps.after;
   }
 
-  // What an answer proves of both halves: MotionSearch::divide()'s words. \param asked it is beyond it all along, if
-  // its status says so \param targets of both halves \param goes_on where it is not enough; what is proved of all pairs
-  // of the half is made less
+  // Applies an answer to both halves, as MotionSearch::divide(), and reduces the halves' proved shares. If the answer's
+  // status is kBeyond, the pair is beyond `asked` over the whole span.
+  // \param targets of both halves
+  // \param goes_on set for halves whose proof is not sufficient
   __device__ void divide(const PairAnswer& answer, double asked, const double (&targets)[2], bool (&goes_on)[2]) const {
     const double by_speed = difference_below(answer.lower, way);
     const bool is_beyond = answer.status == Status::kBeyond;
@@ -177,7 +178,7 @@ struct MovingPair {
       leave_out(m, span, is_beyond && by_speed < asked ? asked : by_speed);
       return;
     }
-    if (way == 0) {  // it does not move, and is neither beyond its target nor within
+    if (way == 0) {  // no relative motion, and neither beyond its target nor within
       m.open[span.motion] = 1;
       return;
     }
@@ -205,7 +206,7 @@ struct MovingPair {
       go_on(h, most.share, goes_on);
     }
   }
-  // Nothing is proved of the half before the middle; of both.
+  // Goes on with nothing proved of the half before the middle, or of both halves.
   __device__ void go_on_before(bool (&goes_on)[2]) const { go_on(0, 0, goes_on); }
   __device__ void go_on_around(bool (&goes_on)[2]) const {
     for (int h = 0; h < 2; ++h) go_on(h, 0, goes_on);
@@ -224,7 +225,7 @@ struct MovingPair {
                                       span.half(), bend_of_pair(rates, span.half()));
     return without_uncertainty(gaps, inner, rates.drift, span.half());
   }
-  // As the seer with the least acceleration sees it.
+  // Relative to the seer with the least acceleration.
   __device__ Twist twist(std::uint32_t body, const Vec3d& t_w) const {
     const Twist own = body & kMovedBit ? twist_of_slot(m, body & ~kMovedBit, item.span) : Twist{};
     if (rates.seer == kNone) return own;

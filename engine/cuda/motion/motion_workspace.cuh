@@ -1,4 +1,4 @@
-// Motions on the device: a chunk's levels, one after another in a stream. Nothing waits for the host in between.
+// Motions on the device: a chunk's levels, one after another in a stream, without waiting for the host in between.
 #pragma once
 
 #include <algorithm>
@@ -92,19 +92,20 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
   }
 
  private:
-  static constexpr std::uint32_t kListBlocks = 2112;  // for lists whose length nobody knows: all that an H100 holds
+  static constexpr std::uint32_t kListBlocks = 2112;  // for lists whose length is only on the device: as many blocks as
+                                                      // an H100 holds
   static constexpr std::uint32_t kMostPairBlocks = 1u << 16;
 
   bool seeks_contact() const { return (fields_ & kFieldFirstContact) != 0; }
   static std::size_t rounded(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
-  // Counts, times, steps and verdicts lie one after another, and go to the host together.
+  // Counts, times, steps and `verdicts` are contiguous, and are copied to the host together.
   static std::size_t counts_bytes() { return rounded(kMotionCounts * sizeof(std::uint32_t)); }
   std::size_t motions_bytes(std::size_t motions) const {
     const std::size_t time = seeks_contact() ? sizeof(double) : 0;
     return counts_bytes() + motions * (time + sizeof(std::uint32_t) + sizeof(MotionVerdict));
   }
 
-  // Parts of a buffer, one after another. Without memory they are counted.
+  // Consecutive parts of a buffer. If `memory` is null, only counts their bytes.
   struct Parts {
     std::byte* memory;
     std::size_t bytes = 0;

@@ -1,4 +1,4 @@
-// Who makes the workspaces of motions, whose kernels are compiled by themselves.
+// Factory of the workspaces of motions, whose kernels are compiled separately.
 #pragma once
 
 #include <memory>
@@ -7,13 +7,13 @@
 
 namespace clearance::cuda {
 
-/// One that a pool lends.
+/// A pooled workspace.
 class LentMotions : public MotionWorkspace {
  public:
   virtual void wait_for_all() = 0;
 };
 
-/// On the calling thread's device, which is that of the hulls.
+/// The calling thread's device must be that of the hulls.
 std::unique_ptr<LentMotions> make_motions(const ResidentHulls& hulls, WorkCounters& counters);
 
 }  // namespace clearance::cuda

@@ -1,4 +1,4 @@
-// A hull and a placed body as a thread sees them.
+// A hull and a placed body, as one thread accesses them.
 #pragma once
 
 #include <cstddef>
@@ -10,8 +10,7 @@
 
 namespace clearance::cuda {
 
-// What a kernel finds in its block's shared memory, by bytes from where that begins: an address then has 32 bits, and
-// is known to be there.
+// Array in the block's shared memory, addressed by a 32-bit byte offset. The compiler then knows the address space.
 template <class T>
 struct Shared {
   std::uint32_t at;
@@ -21,8 +20,8 @@ struct Shared {
   }
 };
 
-// Vertices in float64 from the body's origin, or in float32 from the hull's centre, and the words of the table: a
-// block's copy, or the scene's.
+// Vertices in float64 relative to the body's origin, or in float32 relative to the hull's centre, and the table's
+// words: a block's copy in shared memory, or the scene's.
 struct SharedVertices {
   using Scalar = double;
   using Words = Shared<std::uint16_t>;
@@ -58,7 +57,7 @@ struct SceneFloats {
   }
 };
 
-// 1 / x to within 2^-23 of it, of an x whose reciprocal float32 holds.
+// 1 / x to within 2^-23 of its value, for x whose reciprocal float32 can represent.
 __device__ inline float quick_reciprocal(float x) {
 #ifdef __CUDA_ARCH__
   float r;
@@ -69,7 +68,7 @@ __device__ inline float quick_reciprocal(float x) {
 #endif
 }
 
-// A hull: its vertices, and its direction table if it has one.
+// A hull: its vertices, and its direction table if any.
 template <class Vertices>
 struct Hull {
   using T = typename Vertices::Scalar;
@@ -91,7 +90,7 @@ struct Hull {
   __device__ std::uint32_t count() const { return size; }
   __device__ const HullExtents& extents() const { return *head; }
 
-  // The farthest vertex along n, ties to the lowest index, as support() of a Piece.
+  // The farthest vertex along n; ties go to the lowest index, as in support() of a `Piece`.
   __device__ friend SupportPoint<T> support(const Hull& hull, const Vec3<T>& n) {
     const Vec3<float> f = cast<float>(n);
     if (!hull.has_table || !is_on_map(f)) return hull.scan(n);
@@ -105,13 +104,13 @@ struct Hull {
   __device__ static void take_farther(const SupportPoint<T>& p, SupportPoint<T>& best) {
     if (p.value > best.value) best = p;
   }
-  // Whether float32 holds a direction well enough for the tables, which are blurred for it (float_blur()). Directions
-  // that it does not hold are rare, and the vertices are then looked at one by one.
+  // Whether float32 represents a direction accurately enough for the tables, which are blurred for it (float_blur()).
+  // Other directions are rare and scan all vertices.
   __device__ static bool is_on_map(const Vec3<float>& n) {
     const float length = fabsf(n.x) + fabsf(n.y) + fabsf(n.z);
     return length > 1e-29f && length < 1e29f;
   }
-  // Where the list along a direction begins among the words.
+  // Index of the first word of the list along a direction.
   __device__ std::uint32_t list_along(const Vec3<float>& n) const {
     const CellPoint at = cell_point(n, quick_reciprocal(fabsf(n.x) + fabsf(n.y) + fabsf(n.z)));
     return lists + find_list(words, grid_bits, at.u, at.v);
@@ -127,9 +126,9 @@ struct Hull {
   }
 };
 
-// Both hulls' farthest vertices, along n and along the same direction in the axes of b, as long up to rounding. Where
-// both have tables the lists are walked side by side, so that one's loads fill the other's waits; who has the shorter
-// list looks at its last vertex again, which changes nothing.
+// Farthest vertices of both hulls, along n_a and along the same direction in the axes of b, n_b, whose length is equal
+// up to rounding. If both have tables, the lists are walked in step, so that loads of one hide the latency of the
+// other. The shorter list repeats its last vertex, which changes nothing.
 template <class Vertices, class T>
 __device__ inline void find_farthest(const Hull<Vertices>& a, const Vec3<T>& n_a, SupportPoint<T>& in_a,
                                      const Hull<Vertices>& b, const Vec3<T>& n_b, SupportPoint<T>& in_b) {
@@ -156,7 +155,7 @@ __device__ inline void find_farthest(const Hull<Vertices>& a, const Vec3<T>& n_a
 __device__ inline std::uint32_t body_of(const BodiesView& bodies, std::uint32_t ref) {
   return ref & kMovedBit ? bodies.moved_body[ref & ~kMovedBit] : ref;
 }
-// A body's hull where the scene has it.
+// A body's hull in the scene's arrays.
 __device__ inline const HullHead* head_of(const ChunkView& c, std::uint32_t ref) {
   return c.hulls.heads + c.hulls.of_body[body_of(c.bodies, ref)];
 }
@@ -167,18 +166,18 @@ __device__ inline Hull<SceneFloats> scene_hull_f32(const HullsView& hulls, const
   return {{reinterpret_cast<const float4*>(hulls.f32) + head->first}, hulls.words + head->first_word, head};
 }
 
-// Whether a body of a pair has several pieces.
+// Whether a body of the pair has several convex parts.
 __device__ inline bool has_several(const HullsView& hulls, std::uint32_t body_a, std::uint32_t body_b) {
   return hulls.of_body[body_a] == kSeveral || hulls.of_body[body_b] == kSeveral;
 }
 
-// A placed body's axes and origin.
+// Rotation and origin of a placed body.
 struct PlacedFrame {
   Mat3d R_wb;
   Vec3d t_w;
 };
 
-// A body where this thread finds it.
+// Reference to a body's pose and state in one configuration.
 struct BodyPoseRef {
   const double* components;
   std::size_t stride;
@@ -204,7 +203,7 @@ struct BodyPoseRef {
   }
   __device__ Mat3d rotation() const { return {{at(0), at(3), at(6)}}; }
   __device__ Vec3d translation() const { return at(9); }
-  // Both of them; where they lie side by side, 16 bytes at a time.
+  // Rotation and translation. If contiguous, they are loaded 16 bytes at a time.
   __device__ PlacedFrame frame() const {
     if (stride != 1) return {rotation(), translation()};
     const auto* const p = reinterpret_cast<const double2*>(components);

@@ -1,5 +1,5 @@
-// Pairs of a reduced query that are looked at (its items), and what becomes of their answers: what the kernels of its
-// stages share, whichever looks at an item.
+// Candidate pairs of a reduced query (its items) and the use of their answers: code shared by the kernels of all
+// stages.
 #pragma once
 
 #include "engine/cuda/pair/least.cuh"
@@ -21,25 +21,25 @@ struct Item {
   __device__ explicit Item(PairRef of_table) : k(0), p(0), ref(of_table) {}
 };
 
-// The pair at a place of the list of those that are looked at.
+// The pair at position i in the list of candidates.
 __device__ inline Item listed_item(const ReducedView& r, std::uint32_t i) {
   if (!r.keys) return Item(r, r.items[i]);
   return Item(PairRef{static_cast<std::uint32_t>(r.keys[i] >> r.key_bits),
                       static_cast<std::uint32_t>(r.keys[i]) & ((1u << r.key_bits) - 1)});
 }
-// What stands for it in Reduce::kWithin's words.
+// Its bit in the words of Reduce::kWithin.
 __device__ inline std::uint32_t listed_bit(const ReducedView& r, std::uint32_t i) {
   return r.keys ? i : r.items[i];
 }
-// Its row in a reply that holds all.
+// Its row in a reply that contains all pairs.
 __device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i) {
   if (!r.keys) return r.items[i];
   const PairRef ref = listed_item(r, i).ref;
   return position_of(r.table, ref.a, ref.b);
 }
 
-// What a pair's bodies are made of, where one of them is a cloud or a mesh: element_kernel.cuh has a kernel for each
-// kind of pairs. kLeft: the CPU has to look at it.
+// Kind of a pair by its bodies' geometry. If one is a cloud or a mesh, element_kernel.cuh has a kernel per kind; kLeft
+// is answered by the CPU.
 enum class PairKind : std::uint8_t { kHulls, kPointsAndHull, kMeshAndHull, kMeshes, kLeft };
 __device__ inline PairKind kind_of(const ReducedView& r, const Item& item) {
   const std::uint32_t* const of_body = r.elements.of_body;
@@ -53,7 +53,7 @@ __device__ inline PairKind kind_of(const ReducedView& r, const Item& item) {
   return !one.is_there() ? PairKind::kLeft : one.is_mesh() ? PairKind::kMeshAndHull : PairKind::kPointsAndHull;
 }
 
-// Where a row's last run has ended; null: it begins cold.
+// The final simplex of the row's previous run; null for a cold start.
 __device__ inline WarmRow* warm_row(const ReducedView& r, std::uint32_t row) {
   return r.chunk.warm ? r.chunk.warm + row : nullptr;
 }
@@ -65,7 +65,8 @@ __device__ inline void for_groups(const ReducedView& r, const Item& item, Visit 
   visit(std::size_t{item.k} * r.groups + body_of(r.chunk.bodies, item.ref.b));
 }
 
-// take_least() for a warp, whose keys are often of one group. All its threads call it; ~0: no key.
+// take_least() for a whole warp, whose keys often belong to one group. All threads of the warp call it; ~0 means no
+// key.
 __device__ inline void take_least_of_warp(std::uint64_t* where, std::size_t group, std::uint64_t key) {
   const std::size_t first = __shfl_sync(~0u, group, 0);
   if (__all_sync(~0u, group == first || key == ~std::uint64_t{0})) {
@@ -79,7 +80,7 @@ __device__ inline void take_least_of_warp(std::uint64_t* where, std::size_t grou
   }
 }
 
-// Numbers in the order of their keys. -0 counts as 0.
+// Keys in the order of their numbers. -0 counts as 0.
 __device__ inline std::uint64_t order_key(double x) {
   const auto bits = static_cast<std::uint64_t>(__double_as_longlong(x + 0.0));
   return bits >> 63 ? ~bits : bits | std::uint64_t{1} << 63;
@@ -88,7 +89,7 @@ __device__ inline std::uint32_t order_key(float x) {
   const std::uint32_t bits = __float_as_uint(x);
   return bits >> 31 ? ~bits : bits | 1u << 31;
 }
-inline constexpr std::uint32_t kUnusable = ~0u;  // more than any number's key
+inline constexpr std::uint32_t kUnusable = ~0u;  // greater than the key of any number
 __device__ inline double from_order_key(std::uint64_t key) {
   return __longlong_as_double(static_cast<long long>(key >> 63 ? key & ~(std::uint64_t{1} << 63) : ~key));
 }
@@ -100,20 +101,19 @@ __device__ inline bool has_usable_pair(std::uint64_t seed) {
   return static_cast<std::uint32_t>(seed >> 32) != kUnusable;
 }
 
-// An upper bound on the distance, wherever a run is, and not below 0; infinite: none is proved. What has not ended has
-// a simplex all the same.
+// Upper bound on the distance from any state of a run, even before its end: at least 0, infinite if none is proved.
 template <class Hull>
 __device__ inline double upper_so_far(const GjkRun<Hull>& run) {
   const Simplex<double>& s = run.g.simplex;
-  const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then its weights are of no use
+  const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then the weights are meaningless
   const double length = norm(encloses ? s.vertex[0].w : SimplexPoint<double>(s).w);
   const double upper =
       upper_from_point(length, run.radius, rounding_error(double(RoundingUnits<double>::kUpper), run.scale));
   return upper <= 0 ? 0 : upper < __builtin_inf() ? upper : __builtin_inf();
 }
 
-// What the seeds cut off, a thread for each group. \param asks of a seed whether it is this kernel's. \param cutoff of
-// one; gets its row in the chunk, too
+// Computes the cutoffs of the seeds, one thread per group. `asks(item)` returns whether a seed belongs to this kernel;
+// `cutoff(item, row)` returns its cutoff.
 template <class Asks, class Cutoff>
 __device__ inline void cut_off_by_seed(const ReducedView& r, const Asks& asks, const Cutoff& cutoff) {
   const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
@@ -135,7 +135,7 @@ __device__ inline std::uint32_t item_count(const ReducedView& r) {
   return count < r.capacity ? count : r.capacity;
 }
 
-// Brings an answer before its groups.
+// Lower bound for the pair's groups, improved by the gap of the boxes.
 __device__ inline double group_lower(const PairAnswer& answer, const BodyPoseRef& at_a, const BodyPoseRef& at_b) {
   return lower_with_box(answer.lower, certify_box_gap(at_a.box(), at_b.box()));
 }
@@ -154,30 +154,30 @@ __device__ inline void offer(const ReducedView& r, const Item& item, std::uint32
   });
 }
 
-// What became of an item. All threads of a warp call it.
+// Records the outcome of an item. All threads of the warp call it.
 __device__ inline void report_item(const ReducedView& r, PairOutcome outcome, std::uint32_t i) {
   const std::uint32_t rest = take_place(r.chunk.counts + kRest, outcome == PairOutcome::kUnresolved);
   if (outcome == PairOutcome::kUnresolved) {
     r.chunk.rest[rest] = i;
     r.rest_rows[rest] = listed_row(r, i);
-    r.answers[i] = no_answer(Status::kOk);  // the CPU's comes later
+    r.answers[i] = no_answer(Status::kOk);  // the CPU's answer follows
   }
   add_count(r.chunk.counts + kConvergedRows, outcome == PairOutcome::kConverged);
 }
 
-// Of Reduce::kAny.
+// Margin of a pair, for Reduce::kAny.
 __device__ inline double margin_of(const ReducedView& r, std::uint32_t p) {
   return r.margins ? r.margins[p] : r.margin;
 }
 __device__ inline std::uint64_t place_key(const Item& item, std::uint32_t i) {
   return std::uint64_t{item.p} << 32 | i;
 }
-// Whether a pair within its margin comes before an item.
+// Whether a pair within its margin precedes an item.
 __device__ inline bool is_decided_before(const ReducedView& r, const Item& item) {
   return __ldcg(r.winner + item.k) < place_key(item, 0);
 }
 
-// Brings an answer before its configuration.
+// Offers an answer to its configuration.
 __device__ inline void offer_to_decision(const ReducedView& r, const Item& item, std::uint32_t i,
                                          const PairAnswer& answer) {
   if (answer.upper <= margin_of(r, item.p))

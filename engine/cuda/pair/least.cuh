@@ -1,11 +1,11 @@
-// The least of what many threads find.
+// Minimum over values found by many threads.
 #pragma once
 
 #include <cstdint>
 
 namespace clearance::cuda {
 
-// The least of many keys. Most keys are not less than what is there already: a look spares the atomic operation.
+// Atomic minimum. A plain read first avoids most atomic operations, since most keys are not less than the current one.
 __device__ inline void take_least(std::uint64_t* where, std::uint64_t key) {
   static_assert(sizeof(unsigned long long) == sizeof(std::uint64_t));
   auto* p = reinterpret_cast<unsigned long long*>(where);

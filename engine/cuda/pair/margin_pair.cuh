@@ -1,4 +1,4 @@
-// A pair of which no more is asked than on which side of a margin it is.
+// Decides only on which side of a margin a pair is.
 #pragma once
 
 #include "engine/cuda/pair/overlap_kernel.cuh"
@@ -6,8 +6,10 @@
 
 namespace clearance::cuda {
 
-// A pair of single pieces. \param margin an upper bound so low is all that is asked. \param q with what is to be known
-// as max_distance. \tparam S a Slack where something is doubted, else NoSlack
+// A pair of single convex parts.
+// \param q whose max_distance is the distance up to which bounds are needed
+// \param margin at which an upper bound is low enough
+// \tparam S Slack for uncertain pairs, else NoSlack
 template <class S>
 __device__ inline PairOutcome narrow_to_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
                                                std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
@@ -30,7 +32,7 @@ __device__ inline PairOutcome narrow_to_margin(const ChunkView& c, const PairLim
   return proved(c, enclosed, at_a, at_b, slack_of_pair(c, ref, k).outer, answer);
 }
 
-// The same, whatever its bodies are made of.
+// The same for pairs of any geometry.
 template <class S>
 __device__ inline PairOutcome look_at_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
                                              std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,

@@ -1,5 +1,5 @@
-// Pairs that the device could not settle, where no CPU finishes them: they get what their run proves, with the status
-// that this deserves.
+// Pairs that the device cannot resolve, for queries without a CPU to finish them. They get the bounds that their run
+// proves, with the corresponding status.
 #pragma once
 
 #include "engine/cuda/pair/overlap_kernel.cuh"
@@ -7,8 +7,8 @@
 
 namespace clearance::cuda {
 
-// The part of a simplex that is nearest to the origin, with the weights of that point: a run that ended on the origin
-// has none.
+// The face of a simplex that is nearest to the origin, with the weights of the nearest point. A run that ended on the
+// origin has no weights.
 __device__ __noinline__ inline Simplex<double> weighed(const Simplex<double>& s) {
   Simplex<double> best;
   double least = __builtin_inf();
@@ -29,10 +29,12 @@ __device__ __noinline__ inline Simplex<double> weighed(const Simplex<double>& s)
   return best.size > 0 ? best : s;
 }
 
-// Bounds of a pair of hulls by one more run in float64. The nearest point of its last simplex is one of the CSO,
-// however the run ended; the planes of the run prove a lower bound, or nothing does and it is 0.
-// \param q what is asked of it. \param whole whether the hulls are the bodies: else other pieces may be nearer than
-// these. \param slack of the pair
+// Bounds of a pair of hulls by one more run in float64. The nearest point of its last simplex belongs to the Minkowski
+// difference (CSO), however the run ended, so it gives an upper bound. The lower bound comes from the run's planes, or
+// is 0.
+// \param q request parameters of the pair
+// \param whole whether the hulls are the whole bodies; if not, other convex parts may be nearer
+// \param slack of the pair
 __device__ __noinline__ inline void answer_open_pair(const ChunkView& c, const PairLimits& q, const PairHeads& heads,
                                                      bool whole, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                                      const Slack& slack, PairAnswer& answer) {
@@ -51,7 +53,7 @@ __device__ __noinline__ inline void answer_open_pair(const ChunkView& c, const P
   const double upper =
       upper_from_point(length, radius, rounding_error(double(RoundingUnits<double>::kUpper), run.scale) + at.extra);
   const double lower = whole ? bounds.lower : -__builtin_inf();
-  if (!(lower <= upper)) {  // no number, or bounds that contradict each other
+  if (!(lower <= upper)) {  // NaN, or bounds that contradict each other
     const std::uint16_t flags = answer.flags;
     answer = unproved_answer();
     answer.flags = flags;
@@ -62,7 +64,7 @@ __device__ __noinline__ inline void answer_open_pair(const ChunkView& c, const P
   answer.piece_a = answer.piece_b = whole ? 0 : kNone;
   const double share = radius > 0 ? heads.a->radius / radius : 0.5;
   const bool apart = length > 0 && upper > 0;
-  // Of rounded cores the points are on their surfaces; where the pieces overlap both are halfway.
+  // For rounded cores the points lie on the rounded surfaces. If the convex parts overlap, both points are halfway.
   const Vec3d n = length > 0 ? point.separation * (1 / length) : Vec3d{1, 0, 0};
   const double from_a = apart ? heads.a->radius : length * share,
                from_b = apart ? heads.b->radius : length * (1 - share);
@@ -73,7 +75,7 @@ __device__ __noinline__ inline void answer_open_pair(const ChunkView& c, const P
   if (q.want_nonsmooth) answer.flags |= kFlagNonsmooth;
 }
 
-// The same of a pair in a configuration, whatever its bodies are made of. \returns its answer
+// The same for a pair of any geometry in a configuration. \returns its answer
 __device__ inline PairAnswer open_answer(const ChunkView& c, const PairLimits& q, PairRef ref, std::uint32_t k,
                                          const BodyPoseRef& at_a, const BodyPoseRef& at_b) {
   const bool several = has_several(c.hulls, at_a.body, at_b.body);

@@ -1,4 +1,4 @@
-// Bodies' boxes in float32, as kernels compare them.
+// Bodies' boxes in float32, as compared by kernels.
 #pragma once
 
 #include <cstddef>
@@ -17,8 +17,8 @@ __device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref,
 __device__ inline bool is_empty(const OuterBox& box) {
   return box.low_x > box.high_x;
 }
-// No more than certify_box_gap() of the boxes: 2^-20 is more than the few roundings take. Finite. Below 0: how far the
-// boxes overlap.
+// Finite lower bound on certify_box_gap() of the boxes; the factor 1 - 2^-20 exceeds the few roundings. If negative,
+// its magnitude is the overlap of the boxes.
 __device__ inline float gap_below(const OuterBox& a, const OuterBox& b) {
   constexpr float kMost = 3.4028234e38f;
   float x = fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), y = fmaxf(b.low_y - a.high_y, a.low_y - b.high_y),
@@ -32,16 +32,16 @@ __device__ inline float gap_below(const OuterBox& a, const OuterBox& b) {
   return fminf(gap, kMost) * (1 - 0x1p-20f);
 }
 
-// The square of how far boxes are apart, up to a few roundings; 0: they touch. Infinite for those of bodies without a
-// usable pose, and where it overflows.
+// Squared gap between boxes, up to a few roundings; 0 if they touch. Infinite if a body has no usable pose, and on
+// overflow.
 __device__ inline float squared_gap(const OuterBox& a, const OuterBox& b) {
   const float x = fmaxf(fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), 0.0f),
               y = fmaxf(fmaxf(b.low_y - a.high_y, a.low_y - b.high_y), 0.0f),
               z = fmaxf(fmaxf(b.low_z - a.high_z, a.low_z - b.high_z), 0.0f);
   return __fmaf_rn(x, x, __fmaf_rn(y, y, z * z));
 }
-// What squared_gap() is not above unless boxes are proved to be farther apart than the distance. The margin is more
-// than its few roundings take.
+// Threshold for squared_gap(): a greater value proves that boxes are farther apart than the distance. Its margin
+// exceeds the few roundings of squared_gap().
 __host__ __device__ inline float square_from_above(double distance) {
   return detail::float_above(distance * distance * (1 + 0x1p-18));
 }

@@ -1,5 +1,5 @@
-// Pairs whose simplex holds the origin: the proof that they overlap, and a common point. narrow_phase()'s words where
-// no depth is asked for.
+// Pairs whose simplex encloses the origin: the proof of overlap, and a common point. Same steps as narrow_phase()
+// without depths.
 #pragma once
 
 #include "engine/cuda/pair/pair_kernel.cuh"
@@ -7,9 +7,10 @@
 
 namespace clearance::cuda {
 
-// False: the proof fails, or double-double would make a better common point; the CPU finishes the pair.
-// \param vertex_a, vertex_b of the pieces, by their numbers \param outer of the pair's slack: the pieces must overlap
-// by as much
+// Returns false if the proof fails or double-double would give a better common point; the CPU then finishes the pair.
+// \param vertex_a vertex of a by index
+// \param vertex_b vertex of b by index
+// \param outer of the pair's slack: the required depth of overlap
 template <class VertexA, class VertexB>
 __device__ inline bool prove_overlap_of(const PairLimits& q, const HullExtents& a, const VertexA& vertex_a,
                                         const HullExtents& b, const VertexB& vertex_b, const PairFrame<double>& at,
@@ -29,7 +30,7 @@ __device__ inline bool prove_overlap_of(const PairLimits& q, const HullExtents& 
   const SurfaceView<double> view = view_surface(w, faces, 4, scale);
   const double ball = view.ball, sure = ball - rounding_error(double(RoundingUnits<double>::kBall), scale);
   if (!(ball > 0) || !(sure > 0)) return false;
-  // Clearly deep enough, so that the CPU, which rounds otherwise, finds it so, too.
+  // With a margin, so that the CPU, which rounds differently, also proves it.
   if (outer > 0 && !((sure + a.radius + b.radius) * (1 - 0x1p-40) > outer)) return false;
   if (!view.one_side() && !is_surrounded(w, faces, 4, ball)) return false;
 
@@ -50,7 +51,7 @@ __device__ inline bool prove_overlap_of(const PairLimits& q, const HullExtents& 
   return true;
 }
 
-// The same of two hulls. Not inlined: few pairs come here.
+// The same for two hulls. Not inlined, since few pairs get here.
 __device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b,
                                                   const Enclosed& e, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                                   double outer, PairAnswer& answer) {
@@ -63,7 +64,7 @@ __device__ __noinline__ inline bool prove_overlap(const ChunkView& c, const Hull
                           at_a, at_b, outer, answer);
 }
 
-// What becomes of an enclosed pair of single pieces.
+// Outcome of an enclosed pair of single convex parts.
 __device__ inline PairOutcome proved(const ChunkView& c, const Enclosed& e, const BodyPoseRef& at_a,
                                      const BodyPoseRef& at_b, double outer, PairAnswer& answer) {
   const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];

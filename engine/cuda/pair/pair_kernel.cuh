@@ -1,7 +1,7 @@
-// One pair in one thread: gjk.h's iteration, bounds by certify.h's, columns by columns.h's.
+// One pair per thread: iteration of gjk.h, bounds of certify.h, columns of columns.h.
 //
-// Every operation is rounded as on the CPU (--fmad=false, IEEE division and roots), so that an answer has the bits of
-// the CPU's lanes (lanes_kernel.h), in float64 and in float32, whose kernel this is with a thread for a lane.
+// Every operation is rounded as on the CPU (--fmad=false, IEEE division and roots), so an answer has the bits of the
+// CPU's lanes (lanes_kernel.h) in float64 and in float32. A thread here corresponds to a lane there.
 #pragma once
 
 #include <type_traits>
@@ -13,7 +13,7 @@
 
 namespace clearance::cuda {
 
-// Blocks of kTile threads on a multiprocessor, among which its registers are shared out: with more, they spill.
+// Blocks of kTile threads per multiprocessor. They share its registers; with more blocks the kernels spill.
 inline constexpr int kBlocks = 3, kBlocksF32 = 5;
 
 template <class T>
@@ -26,7 +26,7 @@ __device__ inline PairFrame<T> place_pair(const BodyPoseRef& at_a, const HullHea
   return pair_frame<T>(a, of_a.R_wb, of_a.t_w, b, of_b.R_wb, of_b.t_w);
 }
 
-// The points and flags of a settled pair. Not inlined: what it needs should not take registers from the iteration.
+// Adds the points and flags of a converged pair. Not inlined, so that it takes no registers from the iteration.
 template <class Hull>
 __device__ __noinline__ void add_points(const Hull& a, const BodyPoseRef& at_a, const Hull& b, const BodyPoseRef& at_b,
                                         const LaneWitness& witness, bool want_nonsmooth, PairAnswer& answer) {
@@ -40,14 +40,14 @@ __device__ __noinline__ void add_points(const Hull& a, const BodyPoseRef& at_a, 
     answer.flags |= kFlagNonsmooth;
 }
 
-// The columns of queries that need no more than a pair's bounds, and of compact ones. Kernels for these alone take
-// fewer registers and fewer instructions.
+// Columns of queries that need only a pair's bounds, and of compact ones. Kernels for these alone use fewer registers
+// and instructions.
 inline constexpr std::uint32_t kLeanFields =
     kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact | kFieldBounds;
 
 enum class PairOutcome { kNone, kWithoutPieces, kConverged, kUnresolved, kEnclosed };
 
-// One pair's run of GJK, and what its bounds need.
+// GJK run of one pair, and the data for its bounds.
 template <class Hull>
 struct GjkRun {
   using T = typename Hull::T;
@@ -67,7 +67,7 @@ struct GjkRun {
     else
       g.v = first_direction(at.cso_vertex(a.head->centre, b.head->centre));
   }
-  // Begins where an earlier run ended.
+  // Starts at the final simplex of an earlier run.
   __device__ void begin_at(const WarmRow& warm) {
     const int size = warm.size < 3 ? warm.size : 3;
     if (size == 0) return;
@@ -98,7 +98,7 @@ struct GjkRun {
     else
       g.close(end);
   }
-  // To its end.
+  // Runs to the end.
   __device__ __forceinline__ void run() {
     GjkEnd end;
     for (int steps = 0;;) {
@@ -112,7 +112,7 @@ struct GjkRun {
     }
     g.close(end);
   }
-  /// \param stop_below if it is there: an upper bound so low is all that is asked
+  /// \param stop_below optional: the run may stop at an upper bound this low
   template <class... StopBelow>
   __device__ RunBounds<T> bounds(const StopBelow&... stop_below) const {
     return {g,
@@ -126,7 +126,7 @@ struct GjkRun {
   }
 
  private:
-  // \param next what the run goes on with, if it does
+  // \param next state of the next step, if the run goes on
   __device__ __forceinline__ GjkEnd look(Nearest<T>& next) {
     SupportPoint<T> fa, fb;
     find_farthest(a_, -g.v, fa, b_, at_.R.transpose_times(g.v), fb);
@@ -143,7 +143,7 @@ struct GjkRun {
   GjkLimits<T> limits_;
 };
 
-// Whether the simplex holds the origin, so that its vertices may prove an overlap.
+// Whether the simplex encloses the origin, so that its vertices may prove an overlap.
 __device__ inline bool take_enclosed(const Gjk<double>& g, Enclosed& enclosed) {
   if (g.end != Gjk<double>::code(GjkEnd::kEncloses) || g.simplex.size != 4) return false;
   CLEARANCE_UNROLL
@@ -154,7 +154,7 @@ __device__ inline bool take_enclosed(const Gjk<double>& g, Enclosed& enclosed) {
   return true;
 }
 
-// What copy_witness() of the lanes makes of a settled run.
+// Witness of a converged run, as copy_witness() of the lanes makes it.
 template <class T>
 __device__ inline LaneWitness witness_of(const Gjk<T>& g, const RunBounds<T>& bounds, const Mat3d& R_wa) {
   LaneWitness w;
@@ -169,14 +169,15 @@ __device__ inline LaneWitness witness_of(const Gjk<T>& g, const RunBounds<T>& bo
   return w;
 }
 
-// A pair's two hulls for points, in float64.
+// A pair's two hulls in float64, for points.
 template <class Hull>
 struct PairHulls {
   const Hull &a, &b;
 };
 
-// The answer of a run whose bounds are settled. \tparam kLean only kLeanFields are wanted: no flags, no normal, and
-// points for compact rows alone. \param slack of the pair: a Slack, or NoSlack
+// Writes the answer of a run with converged bounds.
+// \param slack of the pair: a Slack, or NoSlack
+// \tparam kLean only kLeanFields are requested: no flags, no normal, and points for compact rows alone
 template <bool kLean, class T, class Hull, class S = NoSlack>
 __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>& hulls, const BodyPoseRef& at_a,
                                       const BodyPoseRef& at_b, const Gjk<T>& g, const RunBounds<T>& bounds,
@@ -197,8 +198,10 @@ __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>
   }
 }
 
-// Runs GJK on a pair that has poses, to its end. \param enclosed the simplex is left here if that holds the origin.
-// \param warm with kWarm: where the run begins and what it leaves. \param take is called with what settles the pair.
+// Runs GJK on a placed pair to its end.
+// \param enclosed receives the simplex if it encloses the origin
+// \param warm with kWarm: the first simplex of the run; receives the last one
+// \param take called with the converged run and its bounds
 // \param stop_below of GjkRun::bounds()
 template <bool kWarm, class Hull, class Take, class... StopBelow>
 __device__ inline PairOutcome run_to_end(const PairLimits& q, const Hull& a, const Hull& b,
@@ -210,7 +213,7 @@ __device__ inline PairOutcome run_to_end(const PairLimits& q, const Hull& a, con
   if (kWarm) run.begin_at(*warm);
   run.run();
   if (kWarm) *warm = run.end();
-  if (run.g.end == Gjk<T>::code(GjkEnd::kEncloses)) {  // which bounds never settle
+  if (run.g.end == Gjk<T>::code(GjkEnd::kEncloses)) {  // bounds never converge then
     if constexpr (!kIsF32<T>)
       if ((q.prove_overlaps || q.prove_depths) && take_enclosed(run.g, enclosed)) return PairOutcome::kEnclosed;
     return PairOutcome::kUnresolved;
@@ -221,7 +224,7 @@ __device__ inline PairOutcome run_to_end(const PairLimits& q, const Hull& a, con
   return PairOutcome::kConverged;
 }
 
-// Answers one pair that has poses, if it can be settled.
+// Answers one placed pair, if it converges.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S>
 __device__ inline PairOutcome narrow(const PairLimits& q, const Hull& a, const Hull& b,
                                      const PairHulls<PointHull>& hulls, const BodyPoseRef& at_a,
@@ -240,9 +243,8 @@ __device__ inline PairOutcome narrow(const PairLimits& q, const Hull& a, const H
   }
 }
 
-// How a grid's threads take a list of pairs that each take long. The threads of one warp wait for each other: only so
-// many of each take a pair that few pairs have a warp to themselves, and more of them share `most_warps` as long as
-// that can be.
+// Distribution of a list of slow pairs over a grid's threads. The threads of a warp wait for each other, so few pairs
+// get a warp each; more pairs share at most `most_warps` warps while 32 lanes suffice.
 struct SpreadList {
   std::uint32_t count, lanes, step, place;
 
@@ -253,7 +255,7 @@ struct SpreadList {
     step = warps * lanes;
     place = threadIdx.x % 32 < lanes ? warp * lanes + threadIdx.x % 32 : count;
   }
-  // Of the pairs from `first` on this thread's; `count` or more: none.
+  // Index of this thread's pair in the round that starts at `first`; `count` or more if it has none.
   __device__ std::uint32_t at(std::uint32_t first) const { return place < count ? first + place : count; }
 };
 
@@ -261,14 +263,14 @@ __device__ inline std::uint16_t flags_of(const BodyPoseRef& a, const BodyPoseRef
   const std::uint8_t states = a.state | b.state;
   return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateBeyondLimits ? kFlagBeyondLimits : 0);
 }
-// In two pieces of 16 bytes.
+// As two stores of 16 bytes.
 __device__ inline void write_compact(CompactAnswer* row, const PairAnswer& answer) {
   const CompactAnswer r = detail::compact(answer);
   auto* halves = reinterpret_cast<float4*>(row);
   halves[0] = {r.lower, r.upper, r.point_a[0], r.point_a[1]};
   halves[1] = {r.point_a[2], r.point_b[0], r.point_b[1], r.point_b[2]};
 }
-// A row of the column gradient_joints. Not inlined: what it needs should not take registers from other columns.
+// Writes a row of the column gradient_joints. Not inlined, so that it takes no registers from other columns.
 __device__ __noinline__ inline void write_gradient_joints(const ChunkView& c, std::uint64_t row, std::uint32_t k,
                                                           const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                                           const PairAnswer& answer) {
@@ -280,7 +282,7 @@ __device__ __noinline__ inline void write_gradient_joints(const ChunkView& c, st
                        at_a.translation(), at_b.translation(), pose_of, c.reply.joints,
                        c.reply.gradient_joints + row * c.reply.joints);
 }
-// The row of no pair.
+// Writes a row that belongs to no pair.
 __device__ inline void write_no_pair(const ChunkView& c, std::uint64_t row, std::uint32_t k, BodyPair pair,
                                      const PairAnswer& answer) {
   write_row(c.reply, row, pair, static_cast<std::uint32_t>(c.first_configuration + k), answer, {0, 0, 0}, {0, 0, 0});
@@ -302,7 +304,7 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
   if (c.reply.gradient_joints) write_gradient_joints(c, row, k, at_a, at_b, answer);
 }
 
-// An item of a group: a pair in a configuration, and where its bodies are.
+// An item of a group: a pair in a configuration, with the poses of its bodies.
 struct GroupItem {
   std::uint32_t pair, k;
   PairRef ref;
@@ -321,7 +323,7 @@ struct GroupItem {
                   c.configurations == 1 ? 0 : item % c.configurations) {}
 };
 
-// The answer of an item of a chunk that needs no look at the hulls, if it has one, and the flags of its bodies.
+// Sets the flags of an item's bodies, and its answer if no hull is needed for it. Returns whether it is answered.
 __device__ inline bool answer_without_pieces(const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                              PairAnswer& answer) {
   return answer_without_pieces(
@@ -329,7 +331,7 @@ __device__ inline bool answer_without_pieces(const PairLimits& q, const BodyPose
       [&] { return certify_box_gap(at_a.box(), at_b.box()); }, answer);
 }
 
-// Answers one item of a chunk, unless it is not settled.
+// Answers one item of a chunk, if it converges.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
 __device__ inline PairOutcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
                                          const PairHulls<PointHull>& hulls, const BodyPoseRef& at_a,
@@ -340,7 +342,7 @@ __device__ inline PairOutcome solve_item(const ChunkView& c, const Hull& a, cons
   return narrow<kLean, kWarm>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
 }
 
-// Counts a warp's outcomes and lists the rows that are not settled. All its threads call these.
+// Reserves list positions, and counts, with one atomic operation per warp. All threads of the warp call these.
 __device__ inline std::uint32_t take_place(std::uint32_t* count, bool wanted) {
   const unsigned all = __ballot_sync(~0u, wanted), lane = threadIdx.x % 32;
   if (all == 0) return 0;
@@ -352,7 +354,7 @@ __device__ inline void add_count(std::uint32_t* count, bool wanted) {
   const unsigned all = __ballot_sync(~0u, wanted);
   if (all != 0 && threadIdx.x % 32 == 0) atomicAdd(count, __popc(all));
 }
-// \tparam kIsFirst float32 went first: what it left open is listed for float64.
+// \tparam kIsFirst this is the float32 pass: unresolved pairs are listed for float64
 template <bool kIsFirst = false>
 __device__ inline void report(const ChunkView& c, PairOutcome outcome, std::uint64_t row, const Enclosed& enclosed) {
   if (__all_sync(~0u, outcome == PairOutcome::kConverged)) {
@@ -371,7 +373,7 @@ __device__ inline void report(const ChunkView& c, PairOutcome outcome, std::uint
   add_count(c.counts + kConvergedRows, outcome == PairOutcome::kConverged);
 }
 
-// The device's clock, in nanoseconds.
+// Device clock, in nanoseconds.
 __device__ inline std::uint64_t clock_ns() {
 #ifdef __CUDA_ARCH__
   std::uint64_t ns;
@@ -381,13 +383,13 @@ __device__ inline std::uint64_t clock_ns() {
   return 1;
 #endif
 }
-// With this begins what may be the first kernel of a dense chunk.
+// Records the start of a dense chunk. Called by every kernel that may be its first.
 __device__ inline void note_begin(const ChunkView& c) {
   if (blockIdx.x == 0 && threadIdx.x == 0 && c.begun && *c.begun == 0) *c.begun = clock_ns();
 }
 
-// The last block hands the counts over, each by a thread of its own, and leaves them cleared for the next chunk. All
-// threads of a block call it.
+// The last block copies the counts to the host, one thread per count, and clears them for the next chunk. All threads
+// of a block call it.
 __device__ inline void hand_over_counts(const ChunkView& c) {
   if (!c.host_counts) return;
   __shared__ bool is_last;

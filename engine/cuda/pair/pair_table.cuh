@@ -1,11 +1,12 @@
-// engine/state/pair_table.h's words on the device.
+// Device-side lookups of engine/state/pair_table.h.
 #pragma once
 
 #include "engine/device/layout.h"
 
 namespace clearance::cuda {
 
-// Whether a's row leaves b out, a < b. \param before how many of it that are less than b.
+// Whether a's row excludes b, a < b.
+// \param before number of excluded bodies in the row that are less than b
 __device__ inline bool is_excluded(const TableView& t, std::uint32_t a, std::uint32_t b, std::uint32_t& before) {
   const std::uint32_t* const begin = t.excluded + t.excluded_begin[a];
   std::uint32_t low = 0, high = t.excluded_begin[a + 1] - t.excluded_begin[a];
@@ -19,7 +20,7 @@ __device__ inline bool is_excluded(const TableView& t, std::uint32_t a, std::uin
   before = low;
   return low < t.excluded_begin[a + 1] - t.excluded_begin[a] && begin[low] == b;
 }
-// PairTable::enabled() and position(), of a < b.
+// PairTable::enabled() and position(), for a < b.
 __device__ inline bool is_enabled(const TableView& t, std::uint32_t a, std::uint32_t b) {
   std::uint32_t before;
   return !(t.is_static[a] && t.is_static[b]) && !is_excluded(t, a, b, before);

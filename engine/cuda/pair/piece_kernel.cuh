@@ -1,5 +1,5 @@
-// Pairs of bodies of which one has several pieces: engine/narrow/piece_search.h's words, a thread for each, which
-// answers the piece pairs that it asks one after another.
+// Pairs with a body of several convex parts, by the search of engine/narrow/piece_search.h: one thread per pair, which
+// evaluates its part pairs in sequence.
 #pragma once
 
 #include "engine/cuda/pair/overlap_kernel.cuh"
@@ -7,10 +7,10 @@
 
 namespace clearance::cuda {
 
-// Piece pairs of a pair that are put in order at a time: most pairs need no more than three rounds.
+// Part pairs of a pair that are sorted at a time. Most pairs need at most three rounds.
 inline constexpr int kOrderedPieces = 8;
 
-// A body's pieces where this thread finds them, with their boxes.
+// A body's convex parts in one configuration, with their boxes.
 struct Pieces {
   const double* boxes;
   std::size_t stride;
@@ -36,7 +36,7 @@ struct Pieces {
   }
 };
 
-// The hulls of a pair's pieces with the nearest boxes.
+// The hulls of a pair's convex parts with the nearest boxes.
 struct PairHeads {
   const HullHead *a, *b;
 };
@@ -49,8 +49,9 @@ __device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairR
   return {c.hulls.heads + a.hulls[p.a], c.hulls.heads + b.hulls[p.b]};
 }
 
-// Answers a pair, unless it is not settled. \tparam kBoth float32 goes first where it is asked for and fits. \param
-// margin if it is there: an upper bound so low is all that is asked
+// Answers a pair, if it converges.
+// \param margin optional: an upper bound this low is sufficient
+// \tparam kBoth float32 is tried first where requested and possible
 template <bool kBoth, class... Margin>
 __device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits& pair_limits, PairRef ref,
                                            std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
@@ -67,7 +68,7 @@ __device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits&
     const HullHead *of_a = head_a(p.a), *of_b = head_b(p.b);
     PairLimits q = pair_limits;
     q.max_distance = cut_off;
-    q.prove_depths = false;  // of several pieces the deepest decides
+    q.prove_depths = false;  // the deepest of several convex parts decides
     Enclosed enclosed;
     const auto take = [&](const auto& g, const auto& bounds) {
       if (!search.take(p.gap, bounds.lower, bounds.upper)) return;

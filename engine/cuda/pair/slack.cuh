@@ -1,4 +1,5 @@
-// What is not known of the bodies of a pair (docs/bounds.md, "Slack"): pair_slack() of engine/selection/body_poses.h.
+// Slack of a pair from the uncertainty of its bodies (docs/bounds.md, "Slack"): pair_slack() of
+// engine/selection/body_poses.h.
 #pragma once
 
 #include <type_traits>
@@ -13,7 +14,7 @@ __device__ inline const BodySlack& slack_of(const ChunkView& c, std::uint32_t re
                          : uncertainties.fixed[ref];
 }
 
-// Not inlined: what it needs should not take registers from the iteration.
+// Not inlined, so that it takes no registers from the iteration.
 __device__ __noinline__ inline Slack pair_slack(const ChunkView& c, PairRef ref, std::uint32_t k) {
   const UncertaintyView& uncertainties = c.bodies.uncertainties;
   const BodySlack a = slack_of(c, ref.a, k), b = slack_of(c, ref.b, k);
@@ -31,12 +32,13 @@ __device__ __noinline__ inline Slack pair_slack(const ChunkView& c, PairRef ref,
 __device__ inline bool has_uncertainties(const ChunkView& c) {
   return c.bodies.uncertainties.fixed != nullptr;
 }
-// None where nothing is doubted.
+// Zero slack without uncertainty.
 __device__ inline Slack slack_of_pair(const ChunkView& c, PairRef ref, std::uint32_t k) {
   return has_uncertainties(c) ? pair_slack(c, ref, k) : Slack();
 }
 
-// In place of a Slack in kernels of pairs that have none, so that they are what they would be without it.
+// Replaces Slack in kernels of pairs without uncertainty, so that they compile to the code they would have without
+// slack.
 struct NoSlack {};
 template <class S>
 inline constexpr bool kHasSlack = std::is_same_v<S, Slack>;
@@ -49,7 +51,7 @@ __device__ inline S known_slack(const ChunkView& c, PairRef ref, std::uint32_t k
     return S();
 }
 
-// What decide() is asked.
+// Limits for decide().
 __device__ inline NarrowLimits limits_of(const PairLimits& q) {
   return {q.max_distance, q.abs_tol, q.rel_tol, !q.prove_overlaps};
 }

@@ -1,4 +1,4 @@
-// The threads of a warp as a team (engine/narrow/team.h): all of them call these together.
+// The threads of a warp as a team (engine/narrow/team.h). All of them call these functions together.
 #pragma once
 
 #include "engine/narrow/team.h"
@@ -26,10 +26,10 @@ struct WarpTeam {
   }
   template <class Work>
   __device__ static std::uint32_t lead(const Work& work) {
-    __syncwarp();  // what it changes, all have read
+    __syncwarp();  // all threads have read the data that `work` changes
     std::uint32_t number = 0;
     if (rank() == 0) number = work();
-    __syncwarp();  // what it has changed, all read
+    __syncwarp();  // all threads see its changes
     return __shfl_sync(~0u, number, 0);
   }
 };

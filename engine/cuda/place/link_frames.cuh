@@ -1,4 +1,4 @@
-// Joint positions to the frames of links, by the words of engine/robot/kinematics_step.h.
+// Computes link frames from joint positions, using engine/robot/kinematics_step.h.
 #pragma once
 
 #include "engine/device/layout.h"
@@ -6,7 +6,7 @@
 
 namespace clearance::cuda {
 
-// A robot's columns in a configuration: LinkMotion's words.
+// A robot's joint columns in a configuration, with the rules of LinkMotion.
 struct JointRow {
   const JointColumn* columns;
   const double* row;
@@ -30,7 +30,7 @@ __device__ inline std::uint8_t fact_of_step(const KinematicStep& step, const Joi
   return fact;
 }
 
-// A frame in a configuration, of FramesView::numbers: neighbouring threads read neighbouring numbers.
+// Accesses a frame in FramesView::numbers. Neighbouring threads access neighbouring numbers.
 __device__ inline KinematicFrame<double> load_frame(const FramesView& f, std::uint32_t frame, std::uint32_t k,
                                                     std::uint32_t configurations) {
   const double* p = f.numbers + std::size_t{frame} * 7 * configurations + k;
@@ -50,8 +50,8 @@ __device__ inline void store_frame(const FramesView& f, std::uint32_t frame, std
   put(6, x.t.z);
 }
 
-// Puts a robot's links into their frames in configuration k. \param seen is told of each step which it is among those
-// of its robot, the frame of what carries its link, and the link's own.
+// Places a robot's links in configuration k.
+// \param seen called for each step with its index in the robot, the frame of the parent link, and the link's frame
 struct NothingSeen {
   __device__ void operator()(std::uint32_t, const KinematicFrame<double>&, const KinematicFrame<double>&) const {}
 };
@@ -63,9 +63,9 @@ __device__ inline void place_links_of(const FramesView& f, std::uint32_t which, 
   const auto facts = [&](std::uint32_t frame) -> std::uint8_t& {
     return f.facts[std::size_t{robot.first_frame + frame} * configurations + k];
   };
-  KinematicFrame<double> last{{1, 0, 0, 0}, {0, 0, 0}};  // each link is wanted relative to its root
+  KinematicFrame<double> last{{1, 0, 0, 0}, {0, 0, 0}};  // links are placed relative to their root
   std::uint8_t last_fact = 0;
-  std::uint32_t at = 0;  // the frame that `last` is
+  std::uint32_t at = 0;  // index of the frame in `last`
   for (; at < robot.roots; ++at) {
     store_frame(f, robot.first_frame + at, k, configurations, last);
     facts(at) = 0;
@@ -86,10 +86,10 @@ __device__ inline void place_links_of(const FramesView& f, std::uint32_t which, 
     facts(at - 1) = last_fact;
   }
   if (good) return;
-  for (std::uint32_t i = 0; i < robot.steps; ++i) facts(robot.roots + i) |= kLinkBad;  // a mimic joint is too far out
+  for (std::uint32_t i = 0; i < robot.steps; ++i) facts(robot.roots + i) |= kLinkBad;  // a mimic joint is out of range
 }
 
-// Kinematics::travels() of what a frame of a robot places in configuration k.
+// Kinematics::travels() for a robot's frame in configuration k.
 __device__ inline double travel_to(const FramesView& f, std::uint32_t which, std::uint32_t frame, std::uint32_t k) {
   const JointRobot robot = f.robots[which];
   const JointRow row{f.columns + robot.first_column, f.positions + std::size_t{k} * f.joints};

@@ -1,4 +1,4 @@
-// Poses of configurations to placed bodies.
+// Places bodies from the poses of configurations.
 #pragma once
 
 #include "engine/cuda/place/link_frames.cuh"
@@ -24,14 +24,15 @@ __device__ inline Aabb box_of(const HullHead& h, const Mat3d& R_wb, const Vec3d&
   return certify_box(h.centre, h.half, h.spread, h.rho, h.radius, R_wb, t_w);
 }
 
-// Whether a body is on the device and has a piece. Frames have none: a box of theirs would be written where the next
-// body's is.
+// Whether a body is on the device and has a convex part. Frames have no convex part, and their box would be written
+// into the next body's.
 __device__ inline bool has_box(const HullsView& hulls, std::uint32_t body) {
   return hulls.of_body[body] != kNone && hulls.piece_begin[body] < hulls.piece_begin[body + 1];
 }
 
-// The box of a placed body that is on the device: body_box()'s words. `put(i, box)` takes those of its pieces.
+// The box of a placed body on the device, as by body_box().
 // \param inner of its slack
+// \param put called as `put(i, box)` with the boxes of its convex parts
 template <class Put>
 __device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, const Mat3d& R_wb, const Vec3d& t_w,
                                    double inner, const Put& put) {
@@ -46,8 +47,8 @@ __device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, c
   return grown(all, inner);
 }
 
-// What is doubted of a moved body in configuration k: uncertainty_of()'s words. \param parent of what it follows; null:
-// nothing
+// Uncertainty of a moved body in configuration k, as by uncertainty_of().
+// \param parent uncertainty of its parent, or null
 __device__ inline PlacedUncertainty uncertainty_of_moved(const MovesView& moves, std::uint32_t link, std::uint32_t k,
                                                          const Pose& local, const BodyPlacement& here,
                                                          const PlacedUncertainty* parent, bool composed,
@@ -59,7 +60,7 @@ __device__ inline PlacedUncertainty uncertainty_of_moved(const MovesView& moves,
   return uncertainty_below(m.source, local.translation, here.pose.t_w, m.age_s, parent, composed, joints);
 }
 
-// Where a moved body is told to be, in the frame of what it follows, and what LinkFact bits say of that.
+// Pose of a moved body relative to its parent, with LinkFact bits.
 struct LocalPose {
   Pose pose;
   std::uint8_t facts = 0;
@@ -76,13 +77,15 @@ __device__ inline LocalPose local_pose(const MovesView& moves, std::uint32_t slo
   return {facts & kLinkBad ? Pose{{bad, bad, bad}, bad, bad, bad, bad} : Pose{t, q.w, q.x, q.y, q.z}, facts};
 }
 
-// Places a moved body in configuration k, with its boxes. \param beside metres: it may be off by so much besides what
-// is doubted of its frames. \returns what is doubted of it, without that. \tparam kDoubted something is
+// Places a moved body in configuration k, with its boxes. `beside` is a position error in metres, in addition to the
+// uncertainty of its frames.
+// \returns its uncertainty, without `beside`
+// \tparam kUncertain whether any body is uncertain
 template <bool kUncertain>
 __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const BodiesView& bodies, const MovesView& moves,
                                                std::uint32_t slot, std::uint32_t k, std::uint32_t configurations,
                                                double beside = 0) {
-  // What a body follows is placed again for each follower: chains are short, and threads need not wait for each other.
+  // Parents are placed again for each follower: chains are short, and threads need no synchronization.
   BodyPlacement parent, here;
   bool follows = moves.has_base[slot] != 0;
   if (follows) parent = moves.base[slot];

@@ -1,4 +1,4 @@
-// Poses of configurations to placed bodies: one thread for each moved body in each configuration.
+// Places bodies from the poses of configurations: one thread per moved body and configuration.
 #pragma once
 
 #include "engine/cuda/place/link_kernel.cuh"
@@ -6,9 +6,8 @@
 
 namespace clearance::cuda {
 
-// Boxes of the bodies that stay where the snapshot has them, and of their pieces; of those that are not on the device,
-// none.
-// \param boxes, outer_boxes null: only those of the pieces are wanted.
+// Boxes of fixed bodies at the snapshot's poses, and of their convex parts. Bodies that are not on the device get none.
+// \param boxes null together with `outer_boxes` if only the boxes of the parts are needed
 __global__ void __launch_bounds__(128)
     box_fixed_bodies(HullsView hulls, BodiesView bodies, double* boxes, OuterBox* outer_boxes) {
   const std::uint32_t body = blockIdx.x * blockDim.x + threadIdx.x, n = bodies.bodies;
@@ -37,7 +36,7 @@ __global__ void __launch_bounds__(128)
   outer_boxes[body] = outer_box(box);
 }
 
-// \tparam kDoubted something is doubted
+// \tparam kUncertain whether any body is uncertain
 template <bool kUncertain>
 __global__ void __launch_bounds__(128)
     place_bodies(HullsView hulls, BodiesView bodies, MovesView moves, std::uint32_t configurations) {

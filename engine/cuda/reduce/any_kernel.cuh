@@ -1,10 +1,10 @@
-// Reduce::kAny: whether every pair is farther apart than its margin. What decides a configuration is what decides it in
-// Reduction::decision(): the first pair within its margin; else the first that is proved neither farther nor within;
-// else the first without usable poses; else all pairs together. Rows have the bits that they have there.
+// Reduce::kAny: whether every pair is farther apart than its margin. A configuration is decided as by
+// Reduction::decision(): by the first pair within its margin; else by the first pair proved neither beyond nor within
+// it; else by the first without usable poses; else by all pairs together. Rows have the same bits as there.
 //
-// Boxes leave out what is farther than its margin. The others are looked at in no order, and which of them is the first
-// is found by atomicMin(), which knows none: ReducedView::winner, `lowest` and `unusable` are those three firsts. A
-// pair behind one that is within its margin changes nothing and is passed over where that is known in time.
+// Boxes exclude pairs beyond their margins. The other pairs are evaluated in no order, and atomicMin(), which is
+// order-independent, finds the first of each kind: ReducedView::winner, `lowest` and `unusable`. A pair after one
+// within its margin changes nothing, and is skipped if that is known in time.
 #pragma once
 
 #include "engine/cuda/pair/margin_pair.cuh"
@@ -12,7 +12,7 @@
 
 namespace clearance::cuda {
 
-// Lists the pairs whose boxes are within their margins, in no order, and finds those without usable poses.
+// Lists the pairs whose boxes are within their margins, in no order, and finds pairs without usable poses.
 __global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_constant__ ReducedView r) {
   const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
   bool wanted = false;
@@ -39,7 +39,7 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
     const PairKind kind = i < count ? kind_of(r, Item(r, r.items[i])) : PairKind::kMeshes;
     if (kind == PairKind::kHulls || kind == PairKind::kLeft) {
       const Item item(r, r.items[i]);
-      PairAnswer answer = beyond_answer(0);  // of what is passed over
+      PairAnswer answer = beyond_answer(0);  // for skipped pairs
       if (!is_decided_before(r, item)) {
         const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
             at_b(c.bodies, c.configurations, item.ref.b, item.k);
@@ -49,7 +49,7 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
                       ? PairOutcome::kUnresolved
                       : look_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
         if (outcome == PairOutcome::kUnresolved)
-          answer = no_answer(Status::kOk);  // list_open_pairs() knows it by this
+          answer = no_answer(Status::kOk);  // the mark that list_open_pairs() tests
         else
           offer_to_decision(r, item, i, answer);
       }
@@ -59,7 +59,7 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
   }
 }
 
-// Those that are not settled go to the CPU, unless a pair before them has decided.
+// Lists unresolved pairs for the CPU, unless an earlier pair has decided.
 __global__ void __launch_bounds__(kItemThreads) list_open_pairs(const __grid_constant__ ReducedView r) {
   const std::uint32_t count = item_count(r);
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
@@ -76,7 +76,7 @@ __global__ void __launch_bounds__(kItemThreads) list_open_pairs(const __grid_con
   }
 }
 
-// The CPU's answers to these, in the order of chunk.rest.
+// Stores the CPU's answers, in the order of chunk.rest.
 __global__ void __launch_bounds__(kItemThreads)
     take_open_answers(const __grid_constant__ ReducedView r, const PairAnswer* answers, std::uint32_t count) {
   const std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x;
@@ -87,7 +87,7 @@ __global__ void __launch_bounds__(kItemThreads)
   offer_to_decision(r, Item(r, r.items[at]), at, answer);
 }
 
-// The row of a pair that stands for its configuration.
+// Writes the row of the pair that decides its configuration.
 __device__ inline void write_decision(const ReducedView& r, std::uint32_t k, std::uint64_t key, bool within) {
   const ChunkView& c = r.chunk;
   const PairRef ref = c.pairs[key >> 32];
@@ -98,7 +98,7 @@ __device__ inline void write_decision(const ReducedView& r, std::uint32_t k, std
   write_answer(c, k, k, at_a, at_b, answer);
 }
 
-// A row for each configuration.
+// Writes a row per configuration.
 __global__ void __launch_bounds__(kItemThreads) write_decisions(const __grid_constant__ ReducedView r) {
   pass_counts(r);
   const std::uint32_t k = blockIdx.x * kItemThreads + threadIdx.x;

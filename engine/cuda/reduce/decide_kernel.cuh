@@ -1,11 +1,10 @@
-// Reduce::kMin in one launch, where a configuration's pairs are few enough for some threads of a warp to go through
-// them.
+// Reduce::kMin in one launch, for configurations with few enough pairs for a team of a warp's threads.
 //
-// A team of threads compares the boxes of its configuration's pairs, then looks at those that may be nearest, a thread
-// for each, side by side and in their order: without depths the first pair that overlaps wins whatever comes after it,
-// so the team stops as soon as each pair before that one is proved to be apart. What a thread cannot settle leaves the
-// configuration open: its pairs are listed, and answered as reduce_kernel.cuh does. Rows have the bits that they have
-// there. Not where something is doubted of a body, nor where pair_lower is asked for.
+// A team compares the boxes of its configuration's pairs, then evaluates in order those that may be nearest, one per
+// thread. Without depths the first overlapping pair wins regardless of later ones, so the team stops as soon as every
+// earlier pair is proved apart. If a thread cannot resolve its pair, the configuration stays open: its pairs are listed
+// and answered as in reduce_kernel.cuh. Rows have the same bits as there. Not used with uncertain bodies, nor if
+// pair_lower is requested.
 #pragma once
 
 #include "engine/cuda/reduce/reduce_kernel.cuh"
@@ -13,9 +12,9 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kDecideThreads = 64;
-inline constexpr int kDecideBlocks = 4;  // on a multiprocessor, among which its registers are shared out
+inline constexpr int kDecideBlocks = 4;  // per multiprocessor, sharing its registers
 
-// Threads of a warp that share a configuration. All the warp's threads call what asks others.
+// Threads of a warp that share a configuration. All threads of the warp call the collective members.
 template <std::uint32_t kLanes>
 struct Team {
   std::uint32_t lane = threadIdx.x % kLanes, first = threadIdx.x % 32 / kLanes * kLanes;
@@ -41,8 +40,8 @@ __device__ inline std::uint32_t first_bit(std::uint32_t bits) {
   return static_cast<std::uint32_t>(__ffs(static_cast<int>(bits))) - 1;
 }
 
-// How far two bodies may well be whose boxes are so far: balls in boxes of these sizes that face each other by a
-// corner. Squared.
+// Squared distance at which two bodies are likely to be, given the squared gap of their boxes: that of balls inscribed
+// in boxes of these sizes that face each other corner to corner.
 __device__ inline float likely_reach(const OuterBox& a, const OuterBox& b, float squared) {
   const auto size = [](const OuterBox& x) {
     return (x.high_x - x.low_x) + (x.high_y - x.low_y) + (x.high_z - x.low_z);
@@ -51,7 +50,7 @@ __device__ inline float likely_reach(const OuterBox& a, const OuterBox& b, float
   return squared > 0 ? fminf(fmaxf(reach * reach, squared), 3.4028234e38f) : 0.0f;
 }
 
-// A configuration's pairs, in the query's order.
+// A configuration's pairs, in query order.
 struct ConfigurationPairs {
   const ReducedView& r;
   std::uint32_t k;
@@ -63,12 +62,12 @@ struct ConfigurationPairs {
   __device__ bool has_poses(std::uint32_t i) const { return !is_empty(box_a(i)) && !is_empty(box_b(i)); }
   __device__ std::uint32_t row(std::uint32_t i) const {
     return k * r.chunk.pair_count + i;
-  }  // of all pairs in the chunk
+  }  // in the chunk, over all pairs
 };
 
-// What a team's comparison of all boxes finds.
+// Result of a team's comparison of all boxes.
 struct FirstLook {
-  float reach = __builtin_inff();    // how far the nearest pair may well be, squared; infinite: no pair has poses
+  float reach = __builtin_inff();    // squared likely distance of the nearest pair; infinite if no pair has poses
   std::uint32_t unusable = kNoPair;  // first pair without usable poses
 };
 template <std::uint32_t kLanes>
@@ -79,7 +78,7 @@ __device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, con
   std::uint32_t nearest = kNone;
   bool all_placed = true;
 #pragma unroll 4
-  for (std::uint32_t i = team.lane; i < members.count(); i += kLanes) {  // no branches: loads go side by side
+  for (std::uint32_t i = team.lane; i < members.count(); i += kLanes) {  // without branches, so that loads overlap
     const float squared = squared_gap(members.box_a(i), members.box_b(i));
     const bool is_nearer = squared < least;
     least = is_nearer ? squared : least;
@@ -88,7 +87,7 @@ __device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, con
   }
   if (nearest != kNone) look.reach = likely_reach(members.box_a(nearest), members.box_b(nearest), least);
   look.reach = team.least(look.reach);
-  // Some may have no poses, or be farther than a float's square.
+  // Some pairs may lack poses, or their squared gap may overflow a float.
   if (__any_sync(~0u, !all_placed)) {
     const bool any = look.reach == kInf;
     for (std::uint32_t i = team.lane; i < members.count() && !all_placed; i += kLanes) {
@@ -104,7 +103,7 @@ __device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, con
   return look;
 }
 
-// One configuration's search for its winner, as each thread of its team sees it.
+// Search of a configuration for its winner; each thread of its team has a copy of the state.
 template <std::uint32_t kLanes, bool kWarm>
 class Decision {
  public:
@@ -128,8 +127,8 @@ class Decision {
  private:
   __device__ bool is_usable() const { return first_.reach < __builtin_inff(); }
 
-  // A pair for each thread, if there are as many: boxes of 32 pairs a thread at a time, whose hits are then queued in
-  // order.
+  // Queues a pair per thread, if there are enough. Each thread compares the boxes of up to 32 pairs at a time; hits are
+  // then queued in order.
   __device__ void gather() {
     for (;;) {
       std::uint32_t hits = team_.all(hits_);
@@ -163,19 +162,19 @@ class Decision {
     next_ += 32 * kLanes;
   }
 
-  // The pair that a thread looks at. It lives in registers, as long as nobody keeps the address of a part of it: its
-  // run, which does, is none of its members, and functions that are not inlined get copies.
+  // The pair that a thread evaluates. It stays in registers as long as no address of a part of it is kept. So its run,
+  // which does keep addresses, is not a member, and functions that are not inlined get copies.
   using Scene = Hull<SceneVertices>;
   struct Look {
-    const bool there;  // else it goes along with another thread's pair, and adds nothing
+    const bool there;  // if false, the thread duplicates another thread's pair and contributes nothing
     const std::uint32_t member;
     const BodyPoseRef at_a, at_b;
     const HullHead *head_a, *head_b;
     const Scene a, b;
     const PairFrame<double> place;
     PairAnswer answer;
-    const bool runs;  // its poses and boxes do not answer it
-    bool apart;       // is proved, so far
+    const bool runs;  // neither its poses nor its boxes answer it
+    bool apart;       // proved so far
 
     __device__ __forceinline__ Look(const ChunkView& c, bool is_there, std::uint32_t i, PairRef ref, std::uint32_t k)
         : there(is_there),
@@ -191,7 +190,7 @@ class Decision {
           apart(is_there && !runs) {}
   };
 
-  // Looks at the pairs that are queued, a thread for each.
+  // Evaluates the queued pairs, one per thread.
   __device__ void look() {
     const bool there = !decided_ && team_.lane < queued_ && members_.has_poses(queue_[team_.lane]);
     const std::uint32_t all_there = __ballot_sync(~0u, there);
@@ -223,9 +222,8 @@ class Decision {
     if (__any_sync(~0u, opens)) list(opens);
   }
 
-  // Runs GJK on the team's pairs, side by side. Without depths the first pair that overlaps has won: what comes after
-  // it waits, and before it all that is asked is whether a pair is proved to be apart. Returns a bit for each pair
-  // whose simplex holds the origin.
+  // Runs GJK on the team's pairs in lockstep. Without depths the first overlapping pair wins: later pairs wait, and
+  // earlier ones only need to be proved apart. Returns a bit for each pair whose simplex encloses the origin.
   __device__ __forceinline__ std::uint32_t race(Look& pair, GjkRun<Scene>& run) const {
     const double margin = run.radius + rounding_error(double(RoundingUnits<double>::kLower), run.scale);
     const double apart_from = margin * margin * (1 + 0x1p-30);
@@ -243,7 +241,7 @@ class Decision {
     }
   }
 
-  // Whether this thread's pair is the first that encloses, and is proved to overlap.
+  // Whether this thread's pair is the first one that encloses the origin and is proved to overlap.
   __device__ __forceinline__ bool proves_overlap(Look& pair, const GjkRun<Scene>& run, std::uint32_t enclosing) const {
     if (enclosing == 0 || !pair.there || team_.lane != first_bit(enclosing)) return false;
     Enclosed enclosed;
@@ -254,15 +252,16 @@ class Decision {
     pair.answer = answer;
     return overlaps;
   }
-  // Whether it leaves open which pair overlaps first.
+  // Whether this thread's pair leaves the first overlapping pair undetermined.
   __device__ __forceinline__ bool is_unsure_of_overlap(const Look& pair, std::uint32_t enclosing, bool overlaps) const {
     if (enclosing == 0 || !pair.there) return false;
     const std::uint32_t first = first_bit(enclosing);
     return team_.lane == first ? !overlaps : pair.runs && team_.lane < first && !pair.apart;
   }
 
-  // Takes the team's bounds, where no pair encloses, before the configuration. All the warp's threads call it.
-  // \param ends this thread's pair has come to its end. False: its bounds are not settled.
+  // Merges the bounds of the team's pairs, none of which encloses the origin, into the configuration. All threads of
+  // the warp call it. Returns false if this thread's bounds did not converge.
+  // \param ends whether this thread's pair has finished
   __device__ __forceinline__ bool take_bounds(Look& pair, const GjkRun<Scene>& run, bool ends) {
     constexpr double kInf = __builtin_inf();
     const RunBounds<double> bounds = run.bounds();
@@ -272,7 +271,7 @@ class Decision {
     const CandidateRank mine = settles ? rank_of(lower, upper, pair.member) : CandidateRank{};
     const double least_upper = team_.least(mine.upper),
                  least_gap = team_.least(mine.upper == least_upper ? mine.gap : kInf);
-    // The queue is in order: of those that are alike the first thread's has the first place.
+    // The queue is in order, so among equal ranks the lowest lane has the first pair.
     const std::uint32_t nearest = team_.ballot(settles && mine.upper == least_upper && mine.gap == least_gap);
     const double least_lower =
         team_.least(settles ? lower_with_box(lower, certify_box_gap(pair.at_a.box(), pair.at_b.box())) : kInf);
@@ -298,7 +297,7 @@ class Decision {
     r_.answers[at_] = answer;
   }
 
-  // Lists all that may be the nearest.
+  // Lists all pairs that may be the nearest.
   __device__ void list(bool opens) const {
     const float cutoff = square_from_above(cutoff_);
     for (std::uint32_t first = 0; first < members_.count(); first += kLanes) {
@@ -310,7 +309,7 @@ class Decision {
     }
   }
 
-  // To the pairs that come next: of the queue, or those farther away, if they may be nearer than what was found.
+  // Advances to the next pairs: those left in the queue, or farther ones if they may be nearer than the best found.
   __device__ void go_on() {
     const bool is_left = team_.lane + kLanes < queued_;
     const std::uint32_t left = is_left ? queue_[team_.lane + kLanes] : 0;
@@ -325,7 +324,7 @@ class Decision {
     next_ = 0;
   }
 
-  // The configuration's row, or what the kernels that answer it instead must know.
+  // Writes the configuration's row, or the inputs of the kernels that answer it instead.
   __device__ void end() const {
     r_.answered[at_] = !is_open_;
     if (is_open_) {
@@ -345,21 +344,21 @@ class Decision {
   const ChunkView& c_;
   const ConfigurationPairs members_;
   const Team<kLanes> team_;
-  const std::uint32_t at_;  // the configuration: its group, its row
+  const std::uint32_t at_;  // the configuration, which is also its group and row
   const bool exists_;
-  std::uint32_t* const queue_;  // (2 * kLanes,) members, in their order
+  std::uint32_t* const queue_;  // (2 * kLanes,) members in order
   FirstLook first_;
   bool decided_, is_open_ = false;
-  float done_ = -1, reach_;  // now: pairs with the squares of their boxes' gaps above the one and up to the other
-  double cutoff_ = __builtin_inf();  // no pair farther than this can be the nearest
+  float done_ = -1, reach_;          // the current round takes squared box gaps in (done_, reach_]
+  double cutoff_ = __builtin_inf();  // distance that the nearest pair cannot exceed
   std::uint32_t next_ = 0, queued_ = 0;
-  std::uint32_t hits_ = 0, first_hit_ = 0;  // of the boxes compared last: a bit for each that is still to be queued
-  bool is_left_ = false;                    // such a bit, of any thread
+  std::uint32_t hits_ = 0, first_hit_ = 0;  // hits among the boxes compared last: a bit for each one not yet queued
+  bool is_left_ = false;                    // whether any thread has such a bit
   CandidateRank best_;                      // the winner so far
-  double lower_ = __builtin_inf();          // the group's
+  double lower_ = __builtin_inf();          // of the group
 };
 
-// A team for each configuration.
+// One team per configuration.
 template <std::uint32_t kLanes, bool kWarm>
 __global__ void __launch_bounds__(kDecideThreads, kDecideBlocks)
     decide_configurations(const __grid_constant__ ReducedView r) {

@@ -1,5 +1,5 @@
-// Pairs of reduced chunks that the device could not settle, where no CPU answers them: take_answers() and
-// take_open_answers() with what the device itself can prove of them.
+// Unresolved pairs of reduced chunks, for queries without a CPU to answer them. Replaces take_answers() and
+// take_open_answers(), with bounds proved on the device.
 #pragma once
 
 #include "engine/cuda/pair/open_pair.cuh"
@@ -7,7 +7,7 @@
 
 namespace clearance::cuda {
 
-// \tparam kAny of Reduce::kAny, where each pair is asked for no more than its margin
+// \tparam kAny for Reduce::kAny, where each pair is evaluated only up to its margin
 template <bool kAny>
 __global__ void __launch_bounds__(kItemThreads)
     answer_open_items(const __grid_constant__ ReducedView r, std::uint32_t most_warps) {

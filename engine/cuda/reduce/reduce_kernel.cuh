@@ -1,10 +1,9 @@
-// Reduced queries on the device, in the stages of engine/reduce/reduction.h: boxes find a seed for each group, the
-// seeds' upper bounds say which pairs must be looked at, the narrow phase looks, and the groups' winners are written as
-// rows.
+// Reduced queries on the device, in the stages of engine/reduce/reduction.h: boxes give a seed per group, the seeds'
+// upper bounds select the candidates, the narrow phase evaluates them, and the groups' winners are written as rows.
 //
-// Boxes are compared in float32, rounded outward and with a margin, so that at least those pairs are looked at that the
-// CPU looks at; more of them change nothing (lower_with_box()). Keys are brought together by atomicMin(), which knows
-// no order.
+// Boxes are compared in float32, rounded outward and with a margin. So all pairs that the CPU evaluates are candidates
+// here, and additional ones change nothing (lower_with_box()). Keys are merged by atomicMin(), which is
+// order-independent.
 #pragma once
 
 #include "engine/cuda/pair/items.cuh"
@@ -17,18 +16,18 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint32_t kScanThreads = 256;  // rows of a block, where boxes are compared
+inline constexpr std::uint32_t kScanThreads = 256;  // rows per block when comparing boxes
 inline constexpr std::uint32_t kSeedBlocks = 528;
 inline constexpr std::uint32_t kSolveBlocks = 528,
-                               kItemBlocks = 132;  // how many items there are is not known at launch
-inline constexpr std::int32_t kSeedSteps = 2;      // of GJK, for a bound that leaves pairs out
+                               kItemBlocks = 132;  // the number of items is unknown at launch
+inline constexpr std::int32_t kSeedSteps = 2;      // GJK steps for a bound that excludes other pairs
 
 __device__ inline void clear_counts(const ReducedView& r) {
   if (blockIdx.x == 0 && threadIdx.x < kCounts) r.chunk.counts[threadIdx.x] = 0;
 }
 
-// Of every group the pair whose boxes are nearest, or overlap most, and the first without usable poses. A
-// seed is a guess, and any would do. Blocks go on to further rows, whose keys then rarely are the least.
+// Finds for each group the pair whose boxes are nearest or overlap most, and the first pair without usable poses. Any
+// pair would be a valid seed. Blocks loop over rows, so that later keys are rarely the least.
 __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant__ ReducedView r) {
   clear_counts(r);
   for (std::uint64_t first = std::uint64_t{blockIdx.x} * kScanThreads; first < r.rows;
@@ -50,15 +49,15 @@ __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant
   }
 }
 
-// A distance beyond which no pair of this one's groups needs a look: its upper bound, or, where its boxes alone are
-// farther than max_distance, their gap. Not below 0: boxes that touch say nothing about depths.
-// \param warm where its last run has ended; null: not known
+// Distance beyond which no pair of the item's groups needs to be evaluated: the item's upper bound or, if its boxes
+// alone are beyond max_distance, their gap. At least 0, since touching boxes give no bound on depths.
+// \param warm final simplex of its last run, or null
 __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const WarmRow* warm) {
   const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.pair_limits.max_distance) return gap;
-  PairHeads heads;  // of two pieces, which are no farther apart than the bodies
+  PairHeads heads;  // of two convex parts, whose distance is at least the bodies'
   if (has_several(c.hulls, at_a.body, at_b.body))
     heads = nearest_heads(c, item.ref, item.k, at_a.body, at_b.body);
   else
@@ -71,7 +70,7 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const W
   return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
 }
 
-// The same of a pair that the CPU looks at: the balls around both origins hold all of either.
+// The same for a pair that the CPU answers, by the balls around both origins that contain the bodies.
 __device__ inline double cutoff_of_left(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;
   const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
@@ -102,7 +101,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constan
       });
 }
 
-// Lists the pairs that must be looked at, in no order.
+// Lists the candidates, in no order.
 __global__ void __launch_bounds__(kScanThreads) find_candidates(const __grid_constant__ ReducedView r) {
   const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
   bool wanted = false;
@@ -119,7 +118,7 @@ __global__ void __launch_bounds__(kScanThreads) find_candidates(const __grid_con
   if (wanted && at < r.capacity) r.items[at] = static_cast<std::uint32_t>(row);
 }
 
-// Reduce::kWithin marks them, so that rows can come in order. Pairs without usable poses are among them.
+// Marks the candidates of Reduce::kWithin, so that rows can be written in order. Includes pairs without usable poses.
 __global__ void __launch_bounds__(kScanThreads) mark_candidates(const __grid_constant__ ReducedView r) {
   clear_counts(r);
   const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
@@ -143,7 +142,7 @@ __global__ void __launch_bounds__(kScanThreads) list_candidates(const __grid_con
     if (item < r.capacity) r.items[item] = at * 32 + static_cast<std::uint32_t>(__ffs(static_cast<int>(left))) - 1;
 }
 
-// Of Reduce::kWithin: a bit for each row, or of a table for each place in the list.
+// Words of Reduce::kWithin: a bit per row or, for a whole table, per list position.
 __host__ __device__ inline std::uint32_t hit_word_count(const ReducedView& r) {
   return ((r.keys ? r.capacity : r.rows) + 31) / 32;
 }
@@ -159,7 +158,7 @@ __device__ inline PairOutcome solve_candidate(const ChunkView& c, const Item& it
   return solve_item<false, kWarm>(c, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
 }
 
-// \tparam S a Slack where something is doubted, else NoSlack
+// \tparam S Slack for uncertain pairs, else NoSlack
 template <bool kWarm, class S>
 __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
@@ -196,7 +195,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
   }
 }
 
-// Those of them of which a body has several pieces, which solve_candidates() has listed.
+// Evaluates the candidates with a body of several convex parts, listed by solve_candidates().
 __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
   const std::uint32_t count = c.counts[kSeveralPairs];
@@ -219,7 +218,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_const
   }
 }
 
-// The CPU's answers to what was left open, in the order of chunk.rest.
+// Stores the CPU's answers to unresolved pairs, in the order of chunk.rest.
 __global__ void __launch_bounds__(kItemThreads)
     take_answers(const __grid_constant__ ReducedView r, const PairAnswer* answers, std::uint32_t count) {
   const std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x;
@@ -233,12 +232,13 @@ __global__ void __launch_bounds__(kItemThreads)
   offer(r, item, at, answer, at_a, at_b);
 }
 
-// Whether it is asked which pair has the least lower bound of its group: for what slack adds to that, or by the query.
+// Whether the pair with the least lower bound of each group is needed: for its slack, or because the query requests it.
 __device__ inline bool wants_lowest(const ReducedView& r) {
   return has_uncertainties(r.chunk) || r.chunk.reply.pair_lower;
 }
 
-// The winner, as Standing has it: by keys, since threads of many blocks bring their candidates.
+// Chooses the winners in the order of `CandidateRank`, by keys, since the candidates of a group are spread over many
+// blocks.
 __global__ void __launch_bounds__(kItemThreads) choose_winners(const __grid_constant__ ReducedView r) {
   const std::uint32_t count = item_count(r);
   for (std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x; i < count; i += gridDim.x * kItemThreads) {
@@ -247,7 +247,7 @@ __global__ void __launch_bounds__(kItemThreads) choose_winners(const __grid_cons
     const Item item(r, r.items[i]);
     const std::uint64_t upper = order_key(answer.upper), lower = order_key(answer.lower);
     for_groups(r, item, [&](std::size_t g) {
-      // Where the least upper bound is infinite, so are all of the group, and each lower bound is a gap.
+      // If the least upper bound is infinite, so are all upper bounds of the group, and each lower bound is a gap.
       if (upper == r.upper[g] && (answer.upper < __builtin_inf() || lower == r.lower[g]))
         take_least(r.winner + g, std::uint64_t{item.p} << 32 | i);
     });
@@ -266,13 +266,14 @@ __device__ inline void pass_counts(const ReducedView& r) {
     r.chunk.host_counts[threadIdx.x] = r.chunk.counts[threadIdx.x];
 }
 
-// Rows of groups. \param at of the group, in the chunk
+// Rows of groups.
+// \param at of the group, in the chunk
 __device__ inline void write_empty(const ReducedView& r, std::uint64_t at) {
   const auto k = static_cast<std::uint32_t>(at / r.groups), group = static_cast<std::uint32_t>(at % r.groups);
   const BodyPair pair{r.reduce == Reduce::kNearest ? group : kNone, kNone};
   write_no_pair(r.chunk, at, k, pair, empty_answer());
 }
-// \param ref the first of its pairs without usable poses
+// \param ref the group's first pair without usable poses
 __device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, PairRef ref) {
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
@@ -281,10 +282,11 @@ __device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, Pa
   answer.flags = flags_of(at_a, at_b) | kFlagIncomplete;
   write_answer(c, at, k, at_a, at_b, answer);
 }
-// Reduction::rows() in the same order: a pair without usable poses may be nearer than all others, so that only a proved
-// overlap is the least distance nevertheless.
-// \param lower the least of the group. \param unusable its first pair without usable poses, or kNoPair. \param lowest
-// the pair with that bound, where it is asked for
+// Reduction::rows() in the same order. A pair without usable poses may be nearer than all others, so only a proved
+// overlap is the least distance in spite of it.
+// \param lower least lower bound of the group
+// \param unusable its first pair without usable poses, or kNoPair
+// \param lowest the pair with the least lower bound, if needed
 __device__ inline void write_group(const ReducedView& r, std::uint64_t at, PairRef ref, PairAnswer answer, double lower,
                                    std::uint32_t unusable, PairRef lowest) {
   if (unusable != kNoPair && !(answer.upper <= 0)) return write_unusable(r, at, r.chunk.pairs[unusable]);
@@ -305,16 +307,16 @@ __device__ inline void write_group(const ReducedView& r, std::uint64_t at, PairR
   if (c.reply.pair_lower) c.reply.pair_lower[at] = {body_of(c.bodies, lowest.a), body_of(c.bodies, lowest.b)};
 }
 
-// A row for each group.
+// Writes a row per group.
 __global__ void __launch_bounds__(kItemThreads) write_groups(const __grid_constant__ ReducedView r) {
   pass_counts(r);
   const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
   if (at >= std::uint64_t{r.chunk.configurations} * r.groups || (r.answered && r.answered[at])) return;
   const std::uint64_t seed = r.seed[at], winner = r.winner[at];
-  if (r.answered && winner == ~std::uint64_t{0}) return;  // all is up to the CPU
+  if (r.answered && winner == ~std::uint64_t{0}) return;  // the CPU answers all of the group
   if (seed == ~std::uint64_t{0}) return write_empty(r, at);
   const std::uint32_t unusable = r.unusable[at];
-  if (winner == ~std::uint64_t{0})  // without an unusable pair the CPU's answer follows
+  if (winner == ~std::uint64_t{0})  // without an unusable pair, the CPU's answer follows
     return write_unusable(r, at, r.chunk.pairs[unusable != kNoPair ? unusable : static_cast<std::uint32_t>(seed)]);
   const auto i = static_cast<std::uint32_t>(winner);
   const PairRef ref = r.chunk.pairs[winner >> 32];
@@ -330,7 +332,7 @@ __device__ inline std::uint32_t hits_before(const ReducedView& r, std::uint32_t 
   return sum;
 }
 
-// A row for each pair that is not beyond, in order.
+// Writes a row for each pair that is not beyond, in order.
 __global__ void __launch_bounds__(kItemThreads) write_hits(const __grid_constant__ ReducedView r) {
   pass_counts(r);
   const ChunkView& c = r.chunk;

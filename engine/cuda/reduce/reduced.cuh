@@ -1,4 +1,5 @@
-// Who makes the workspaces of reduced queries, whose kernels are compiled by themselves: nvcc takes minutes for all.
+// Factories of the workspaces of reduced queries. Their kernels are compiled separately, since nvcc takes minutes for
+// all kernels.
 #pragma once
 
 #include <memory>
@@ -7,15 +8,15 @@
 
 namespace clearance::cuda {
 
-/// One that a pool lends.
+/// A pooled workspace.
 class LentReduced : public ReducedWorkspace {
  public:
   virtual void wait_for_all() = 0;
 };
 
-/// On the calling thread's device, which is that of the hulls.
+/// The calling thread's device must be that of the hulls.
 std::unique_ptr<LentReduced> make_reduced(const ResidentHulls& hulls, WorkCounters& counters);
-/// Of Reduce::kMin and Reduce::kAny.
+/// For Reduce::kMin and Reduce::kAny.
 std::unique_ptr<StandingWorkspace> make_standing_reduced(const ResidentHulls& hulls, WorkCounters& counters);
 
 }  // namespace clearance::cuda

@@ -1,4 +1,5 @@
-// The kernels of a reduced chunk, one after another in a stream, and the memory that they share. Nothing here waits.
+// Launches the kernels of a reduced chunk, one after another in a stream, and lays out the memory they share. Nothing
+// here waits.
 #pragma once
 
 #include <algorithm>
@@ -12,12 +13,12 @@ namespace clearance::cuda {
 
 inline constexpr std::uint32_t kTeam = 16;  // threads that decide a configuration
 
-/// What a reduced query asks of each of its chunks.
+/// Settings of a reduced query that apply to all its chunks.
 struct ReducedSettings {
   Reduce reduce = Reduce::kMin;
   std::uint32_t groups = 1;
-  double margin = 0;    // of Reduce::kAny
-  PairAnswer beyond{};  // likewise
+  double margin = 0;    // Reduce::kAny only
+  PairAnswer beyond{};  // Reduce::kAny only
   bool by_teams = false;
 
   ReducedSettings() = default;
@@ -28,7 +29,7 @@ struct ReducedSettings {
         beyond(s.beyond),
         by_teams(s.by_teams && !hulls.has_several()) {}
 
-  /// \param margins of the query's pairs on the device; null: they are all the same
+  /// \param margins of the query's pairs, on the device; null if all are equal
   void tell(ReducedView& r, std::uint32_t rows, const double* margins) const {
     r.reduce = reduce;
     r.groups = groups;
@@ -46,11 +47,12 @@ inline std::size_t groups_of(const ReducedView& r) {
   return std::size_t{r.chunk.configurations} * r.groups;
 }
 
-/// What is kept of each group. \returns its bytes
+/// Memory per group.
+/// \returns its bytes
 inline std::size_t group_bytes(const ReducedView& r) {
   return groups_of(r) * (6 * sizeof(std::uint64_t) + sizeof(std::uint32_t) + 1);
 }
-/// \param by_teams the view says of each group whether it is answered
+/// \param by_teams whether the view flags the groups that are already answered
 inline void take_group_memory(ReducedView& r, std::byte* memory, bool by_teams) {
   const std::size_t groups = groups_of(r);
   r.upper = reinterpret_cast<std::uint64_t*>(memory);
@@ -62,15 +64,15 @@ inline void take_group_memory(ReducedView& r, std::byte* memory, bool by_teams) 
   r.unusable = reinterpret_cast<std::uint32_t*>(r.cutoff + groups);
   r.answered = by_teams ? reinterpret_cast<std::uint8_t*>(r.unusable + groups) : nullptr;
 }
-/// Before anything is known of any group.
+/// Resets all groups.
 inline void clear_all_groups(const ReducedView& r, cudaStream_t stream) {
   check(cudaMemsetAsync(r.upper, 0xff, group_bytes(r), stream), "clearing groups");
 }
-/// Before candidates are brought before them: their bounds and their winners.
+/// Resets the bounds and winners of groups, before candidates are evaluated.
 inline void clear_candidates(const ReducedView& r, cudaStream_t stream) {
   check(cudaMemsetAsync(r.upper, 0xff, 4 * groups_of(r) * sizeof(std::uint64_t), stream), "clearing groups");
 }
-/// Before the winners are chosen anew.
+/// Resets the winners, before they are chosen again.
 inline void clear_winners(const ReducedView& r, cudaStream_t stream) {
   check(cudaMemsetAsync(r.winner, 0xff, 2 * groups_of(r) * sizeof(std::uint64_t), stream), "clearing groups");
 }
@@ -78,8 +80,9 @@ inline void clear_counts(std::uint32_t* counts, cudaStream_t stream) {
   check(cudaMemsetAsync(counts, 0, kCounts * sizeof(std::uint32_t), stream), "clearing counters");
 }
 
-/// What is kept of each pair that is looked at. \param capacity pairs \param several a body of the scene has several
-/// pieces
+/// Memory for the candidates.
+/// \param capacity number of pairs
+/// \param several whether a body of the scene has several convex parts
 inline std::size_t item_bytes(std::uint32_t capacity, bool several) {
   return std::size_t{(capacity + 3) / 4 * 4} * (sizeof(PairAnswer) + (several ? 4 : 3) * sizeof(std::uint32_t));
 }
@@ -90,25 +93,25 @@ inline void take_item_memory(ReducedView& r, std::byte* memory, std::uint32_t ca
   r.items = reinterpret_cast<std::uint32_t*>(r.answers + words);
   r.chunk.rest = r.items + words;
   r.rest_rows = r.chunk.rest + words;
-  r.several = r.rest_rows + words;  // of no use where no body has several pieces
+  r.several = r.rest_rows + words;  // unused if no body has several convex parts
 }
 
 inline unsigned item_blocks(const ReducedView& r, std::uint32_t most = kItemBlocks) {
   return std::min(blocks_of(r.capacity, kItemThreads), most);
 }
 
-/// The seeds of groups and what they cut off.
+/// Computes the seeds of groups and their cutoffs.
 inline void start_seeds(const ReducedView& r, cudaStream_t stream) {
   find_seeds<<<std::min(blocks_of(r.rows, kScanThreads), kSeedBlocks), kScanThreads, 0, stream>>>(r);
   solve_seeds<<<blocks_of(groups_of(r), kItemThreads), kItemThreads, 0, stream>>>(r);
   if (r.elements.count > 0) start_element_seeds(r, stream);
   check(cudaGetLastError(), "starting a kernel");
 }
-/// Lists the pairs that the seeds leave.
+/// Lists the pairs that the seeds do not exclude.
 inline void start_candidates(const ReducedView& r, cudaStream_t stream) {
   find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, stream>>>(r);
 }
-/// Looks at the pairs that are listed.
+/// Evaluates the listed pairs.
 inline void start_items(const ReducedView& r, bool several, cudaStream_t stream) {
   const bool warm = r.chunk.warm != nullptr;
   const auto known = warm ? solve_candidates<true, NoSlack> : solve_candidates<false, NoSlack>,
@@ -119,7 +122,7 @@ inline void start_items(const ReducedView& r, bool several, cudaStream_t stream)
   if (r.elements.count > 0) start_elements(r, stream);
   check(cudaGetLastError(), "starting a kernel");
 }
-/// Of Reduce::kAny: looks at the pairs whose boxes are within their margins, and lists those that are left open.
+/// Reduce::kAny: evaluates the pairs whose boxes are within their margins, and lists the unresolved ones.
 inline void start_decisions(const ReducedView& r, cudaStream_t stream) {
   find_near_pairs<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, stream>>>(r);
   const auto look = r.chunk.bodies.uncertainties.fixed ? look_at_near_pairs<Slack> : look_at_near_pairs<NoSlack>;
@@ -128,14 +131,14 @@ inline void start_decisions(const ReducedView& r, cudaStream_t stream) {
   list_open_pairs<<<item_blocks(r), kItemThreads, 0, stream>>>(r);
   check(cudaGetLastError(), "starting a kernel");
 }
-/// A team of threads for each configuration.
+/// Runs one team of threads per configuration.
 inline void start_teams(ReducedView& r, cudaStream_t stream) {
   r.chunk.blocks = blocks_of(std::uint64_t{r.chunk.configurations} * kTeam, kDecideThreads);
   const auto kernel = r.chunk.warm ? decide_configurations<kTeam, true> : decide_configurations<kTeam, false>;
   kernel<<<r.chunk.blocks, kDecideThreads, 0, stream>>>(r);
   check(cudaGetLastError(), "starting a kernel");
 }
-/// A row for each group.
+/// Writes a row per group.
 inline void start_group_rows(const ReducedView& r, cudaStream_t stream) {
   if (r.reduce == Reduce::kAny) {
     write_decisions<<<blocks_of(r.chunk.configurations, kItemThreads), kItemThreads, 0, stream>>>(r);

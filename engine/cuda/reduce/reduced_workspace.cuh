@@ -1,4 +1,4 @@
-// Reduced queries on the device: rows for groups, or for the pairs within a distance.
+// Reduced queries on the device: rows of groups, or of the pairs within a distance.
 #pragma once
 
 #include <thrust/iterator/transform_iterator.h>
@@ -13,9 +13,10 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint32_t kFirstCapacity = 1u << 17;  // pairs that may be looked at before memory has to grow
-inline constexpr std::uint64_t kFirstHits = 1u << 14;      // rows of Reduce::kWithin, likewise
-inline constexpr std::uint32_t kFirstOpen = 1u << 12;      // pairs of configurations that teams leave open, likewise
+inline constexpr std::uint32_t kFirstCapacity = 1u << 17;  // initial capacity for candidates
+inline constexpr std::uint64_t kFirstHits = 1u << 14;      // initial capacity for rows of Reduce::kWithin
+inline constexpr std::uint32_t kFirstOpen = 1u << 12;      // initial capacity for pairs of configurations that teams
+                                                           // leave open
 
 struct ReducedSlot : QuerySlot {
   ReducedSlot(MemoryCounters& c, int priority)
@@ -36,10 +37,10 @@ struct ReducedSlot : QuerySlot {
   PinnedBuffer host_reply, host_counts, host_rest, host_answers;
   TableSearch table;
   ChunkTime time;
-  std::uint32_t listed = 0;  // rows that there was room for so far, where pairs are listed
+  std::uint32_t listed = 0;  // largest capacity so far, for listed pairs
   bool counts_are_clear = false;
   std::size_t scan_bytes = 0;
-  std::uint64_t most_rows = 0;  // that may come back
+  std::uint64_t most_rows = 0;  // limit of the reply
   ReducedView view;
   ReplyView direct;
 };
@@ -60,7 +61,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
 
   void begin(const QuerySetup& s) override {
     table_ = static_cast<const CudaTable*>(s.table);
-    if (table_) clear_counts(*slots_[0]);  // now, so that it does not stand between boxes and near pairs
+    if (table_) clear_counts(*slots_[0]);  // now, so that it does not delay the search for near pairs
     QuerySide::begin(s);
     begin_elements(s);
     asked_ = ReducedSettings(s, hulls_);
@@ -69,7 +70,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     clock_.restart();
   }
 
-  // Memory that grows, grows before anything is started.
+  // All memory grows before the first kernel starts.
   void launch(int index, const ChunkSetup& chunk, const ReplyView& direct) override {
     const OnDevice here = on_device();
     ReducedSlot& slot = *slots_[index];
@@ -156,7 +157,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   bool within() const { return asked_.reduce == Reduce::kWithin; }
   bool any() const { return asked_.reduce == Reduce::kAny; }
 
-  // Clouds and meshes among the bodies, with the boxes of those that stay.
+  // Clouds and meshes among the bodies, with the boxes of fixed ones.
   void begin_elements(const QuerySetup& s) {
     const OnDevice here = on_device();
     elements_.begin(s, bodies_.bodies, slots_[0]->stream);
@@ -172,14 +173,14 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     ++counters_.launches;
   }
 
-  // Where a team of threads decides each configuration. What they leave open is listed; as a rule that is nothing.
+  // One team of threads decides each configuration. Configurations that teams leave open are rare, and are listed.
   void launch_teams(ReducedSlot& slot) {
     ReducedView& r = slot.view;
     make_room_for_items(slot, std::max({r.chunk.configurations, kFirstOpen, slot.listed}));
     make_room_for_rows(slot, slot.most_rows);
     make_room_for_groups(slot);
     if (!slot.counts_are_clear) clear_counts(slot);
-    slot.counts_are_clear = true;  // they are left so
+    slot.counts_are_clear = true;  // the kernel leaves them cleared
     clock_.begin(slot.time, slot.stream);
     start_teams(r, slot.stream);
     kernels_end(slot);
@@ -212,7 +213,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     if (r.hit_ranks) make_room_for_ranks(slot);
   }
 
-  // Rows are written by the kernel straight to host memory: the caller's where that is pinned.
+  // The kernel writes rows directly to host memory, to the caller's if it is pinned.
   void make_room_for_rows(ReducedSlot& slot, std::uint64_t rows) {
     ReducedView& r = slot.view;
     std::uint64_t bytes = 0;
@@ -238,7 +239,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     clear_counts(slot);
   }
 
-  // The pairs whose boxes are within max_distance.
+  // Marks the pairs whose boxes are within max_distance.
   void mark(ReducedSlot& slot) {
     ReducedView& r = slot.view;
     const std::size_t words = (std::size_t{r.rows} + 31) / 32;
@@ -254,11 +255,11 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
 
   void make_room_for_ranks(ReducedSlot& slot) {
     slot.scan_bytes = 0;
-    rank(slot, slot.view.hit_words, slot.view.hit_ranks);  // asks for the size
+    rank(slot, slot.view.hit_words, slot.view.hit_ranks);  // computes the size
     slot.device_scan.reserve(slot.scan_bytes);
   }
 
-  // Bits set before each word; the first call for a slot finds how much memory that takes.
+  // Number of bits set before each word. The first call for a slot only computes the memory required.
   void rank(ReducedSlot& slot, const std::uint32_t* words, std::uint32_t* ranks) {
     const auto counts = thrust::make_transform_iterator(words, CountBits());
     void* memory = slot.scan_bytes == 0 ? nullptr : slot.device_scan.data();
@@ -271,7 +272,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     constexpr std::size_t bytes = kCounts * sizeof(std::uint32_t);
     cuda::clear_counts(reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(bytes)), slot.stream);
   }
-  // Before solve() and write() are repeated.
+  // Call before solve() and write() are repeated.
   void clear(ReducedSlot& slot) {
     clear_counts(slot);
     if (!within()) clear_candidates(slot.view, slot.stream);
@@ -297,7 +298,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     check(cudaGetLastError(), "starting a kernel");
   }
 
-  // The rows of a chunk that leaves nothing open.
+  // The rows of a chunk without unresolved pairs.
   ReducedResult result(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
     ReducedResult done;
@@ -316,9 +317,9 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
 
   ReducedSettings asked_;
   std::uint64_t most_rows_ = 0;
-  const CudaTable* table_ = nullptr;  // null: the query's pairs are listed
+  const CudaTable* table_ = nullptr;  // null if the query's pairs are listed
   QueryElements elements_{counters_.memory};
-  WarmRow* warm_ = nullptr;  // of the query's rows; null: cold
+  WarmRow* warm_ = nullptr;  // of the query's rows; null for a cold start
   ChunkClock clock_;
 };
 

@@ -1,4 +1,4 @@
-// Plans of a row for each configuration: its least distance, or whether all its pairs are farther than their margins.
+// Device queries with a row per configuration: its least distance, or whether all its pairs are beyond their margins.
 #pragma once
 
 #include "engine/cuda/reduce/open_items.cuh"
@@ -47,7 +47,7 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
   }
 
  private:
-  // No host makes room for more: there is some for all pairs, and for an answer of each configuration.
+  // No host can grow the lists later, so they have capacity for all pairs and for one answer per configuration.
   static std::uint32_t capacity_of(std::uint64_t rows, std::uint32_t configurations) {
     return static_cast<std::uint32_t>(std::max<std::uint64_t>(rows, configurations));
   }
@@ -62,7 +62,7 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
 
   void by_stages(const ReducedView& r, cudaStream_t stream) {
     clear_all_groups(r, stream);
-    start_seeds(r, stream);  // which clears the counts
+    start_seeds(r, stream);  // clears the counts
     start_candidates(r, stream);
     look_at_items(r, stream);
   }
@@ -72,11 +72,11 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
     start_decisions(r, stream);
     answer_open<true>(r, stream);
   }
-  // What teams leave open is listed, as a rule nothing.
+  // Configurations that teams leave open are rare, and are listed.
   void by_teams(ReducedView& r, cudaStream_t stream) {
     clear_counts(r.chunk.counts, stream);
     clear_candidates(r, stream);
-    r.chunk.host_counts = nullptr;  // the counts stay, for the kernels that follow
+    r.chunk.host_counts = nullptr;  // the counts stay for later kernels
     start_teams(r, stream);
     r.chunk.host_counts = spare_counts();
     look_at_items(r, stream);
@@ -87,7 +87,7 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
   }
   template <bool kAny>
   static void answer_open(const ReducedView& r, cudaStream_t stream) {
-    constexpr std::uint32_t kBlocks = 132, kWarps = 128;  // few pairs, which take long
+    constexpr std::uint32_t kBlocks = 132, kWarps = 128;  // few but slow pairs
     answer_open_items<kAny><<<item_blocks(r, kBlocks), kItemThreads, 0, stream>>>(r, kWarps);
     check(cudaGetLastError(), "starting a kernel");
   }

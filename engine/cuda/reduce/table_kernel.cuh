@@ -1,9 +1,9 @@
-// The pairs of a whole table that are within a distance, found by boxes without a look at each pair.
+// Pairs of a whole table within a distance, found by boxes without visiting every pair.
 //
-// Bodies are taken in tiles of 32. A warp compares the bodies of two tiles, 32 by 32: hits are bits of a word for each
-// thread, and a warp takes room for all of them with one atomic operation. Where there are many bodies they are taken
-// in the order of a Morton curve, and each tile has a box: a warp then first compares its tile with some others, one in
-// each thread.
+// Bodies are grouped in tiles of 32. A warp compares the bodies of two tiles, 32 by 32: each thread's hits are bits of
+// a word, and the warp reserves list space for all of them with one atomic operation. Large numbers of bodies are first
+// sorted along a Morton curve, and each tile gets a box; a warp then first compares its tile with several others, one
+// per thread.
 #pragma once
 
 #include <cmath>
@@ -14,19 +14,19 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kTileBodies = 32;
-inline constexpr std::uint32_t kSearchWarps = 4;       // of a block
-inline constexpr std::uint32_t kOrderedBodies = 6144;  // from which on an order pays
-inline constexpr std::uint32_t kSpan = 8;              // tiles that a warp compares its own with, in that order
-inline constexpr std::uint32_t kCurveBits = 5;         // of each coordinate: about as many cells as bodies
-inline constexpr std::uint32_t kFewItems = 8192;       // that are ordered by comparing each with each
+inline constexpr std::uint32_t kSearchWarps = 4;       // per block
+inline constexpr std::uint32_t kOrderedBodies = 6144;  // minimum number of bodies for which sorting pays
+inline constexpr std::uint32_t kSpan = 8;              // tiles that a warp compares its own with, if sorted
+inline constexpr std::uint32_t kCurveBits = 5;         // per coordinate: about as many cells as bodies
+inline constexpr std::uint32_t kFewItems = 8192;       // maximum number sorted by comparing each with each
 
-// Boxes side by side in the order of the search, as tiles.
+// Boxes in search order, grouped in tiles.
 struct TilesView {
   std::uint32_t bodies, tiles;
   const OuterBox* given;  // (bodies,)
-  // Of bodies in order:
-  const std::uint32_t* order;  // (bodies,); null: by their ids, and there is none of what follows
-  OuterBox* box;               // (tiles, 32) searched_box() of each
+  // If the bodies are sorted:
+  const std::uint32_t* order;  // (bodies,); null if in id order, without the following arrays
+  OuterBox* box;               // (tiles, 32) searched_box() of each body
   OuterBox* tile;              // (tiles,)
 };
 
@@ -47,7 +47,8 @@ __device__ inline float middle_of(const OuterBox& box, int axis) {
   return 0.5f * low + 0.5f * high;
 }
 
-// Where the middles of all boxes lie: bounds[0..2] least keys, [3..5] inverses of the greatest. All bits set before.
+// Range of all box centres: bounds[0..2] are the least keys, bounds[3..5] the complements of the greatest. All bits
+// must be set before.
 __global__ void __launch_bounds__(kScanThreads)
     bound_bodies(const OuterBox* boxes, std::uint32_t bodies, std::uint32_t* bounds) {
   const std::uint32_t body = blockIdx.x * kScanThreads + threadIdx.x;
@@ -62,13 +63,13 @@ __global__ void __launch_bounds__(kScanThreads)
   }
 }
 
-// Two zero bits after each of the lowest.
+// Inserts two zero bits above each of the lowest kCurveBits bits.
 __device__ inline std::uint32_t spread_bits(std::uint32_t x) {
   std::uint32_t spread = 0;
   for (std::uint32_t bit = 0; bit < kCurveBits; ++bit) spread |= (x >> bit & 1) << 3 * bit;
   return spread;
 }
-// Places on the curve. Bodies without a usable pose come last.
+// Positions on the curve. Bodies without a usable pose come last.
 inline constexpr std::uint32_t kOffCurve = 1u << 3 * kCurveBits;
 __global__ void __launch_bounds__(kScanThreads)
     place_on_curve(const OuterBox* boxes, std::uint32_t bodies, const std::uint32_t* bounds, std::uint32_t* keys,
@@ -81,14 +82,14 @@ __global__ void __launch_bounds__(kScanThreads)
     const float low = from_order_key(bounds[i]), high = from_order_key(~bounds[3 + i]);
     const float at = (middle_of(boxes[body], i) - low) / (high - low) * static_cast<float>(1u << kCurveBits);
     const auto cell =
-        static_cast<std::uint32_t>(fminf(fmaxf(at, 0.0f), static_cast<float>((1u << kCurveBits) - 1)));  // NaN: 0
+        static_cast<std::uint32_t>(fminf(fmaxf(at, 0.0f), static_cast<float>((1u << kCurveBits) - 1)));  // 0 for NaN
     key |= spread_bits(cell) << i;
   }
   keys[body] = is_empty(boxes[body]) ? kOffCurve : key;
 }
 
-// A body's box as the search takes it, with the body's id in unused[0]. Of one without a usable pose: everywhere, since
-// nothing is proved about its pairs.
+// A body's box for the search, with the body's id in unused[0]. Infinite if the body has no usable pose, since nothing
+// is proved about its pairs.
 __device__ inline OuterBox searched_box(const TilesView& t, std::uint32_t place) {
   constexpr float kInf = __builtin_inff();
   OuterBox box{kInf, kInf, kInf, -kInf, -kInf, -kInf, {0, 0}};
@@ -102,7 +103,7 @@ __device__ inline OuterBox searched_box(const TilesView& t, std::uint32_t place)
   return box;
 }
 
-// One warp for each tile.
+// One warp per tile.
 __global__ void __launch_bounds__(kSearchWarps * 32) make_tiles(TilesView t) {
   const std::uint32_t tile = blockIdx.x * kSearchWarps + threadIdx.x / 32, lane = threadIdx.x % 32;
   if (tile >= t.tiles) return;
@@ -115,12 +116,12 @@ __global__ void __launch_bounds__(kSearchWarps * 32) make_tiles(TilesView t) {
   if (lane == 0) t.tile[tile] = box;
 }
 
-// Whether boxes are proved to be farther apart than the distance of the limit. Boxes that reach everywhere never are.
+// Whether boxes are proved farther apart than the distance of the limit. Never true for infinite boxes.
 __device__ inline bool is_far(const OuterBox& a, const OuterBox& b, float limit) {
   return squared_gap(a, b) > limit;
 }
 
-// Lists the pairs that must be looked at, in no order: a << key_bits | b. Blocks: a tile for each y, warps share out x.
+// Lists the candidates as a << key_bits | b, in no order. Block y handles tile y; its warps share the other tiles.
 template <bool kOrdered>
 __global__ void __launch_bounds__(kSearchWarps * 32)
     find_near(const __grid_constant__ ReducedView r, const __grid_constant__ TilesView t, float limit) {
@@ -129,7 +130,7 @@ __global__ void __launch_bounds__(kSearchWarps * 32)
   const auto box_at = [&](std::uint32_t place) { return kOrdered ? t.box[place] : searched_box(t, place); };
   const std::uint32_t lane = threadIdx.x % 32, mine = blockIdx.y;
   const std::uint32_t first = mine + (blockIdx.x * kSearchWarps + threadIdx.x / 32) * span;
-  if (mine + blockIdx.x * kSearchWarps * span >= t.tiles) return;  // the whole block
+  if (mine + blockIdx.x * kSearchWarps * span >= t.tiles) return;  // uniform over the block
   if (threadIdx.x < kTileBodies) shared_boxes[threadIdx.x] = box_at(mine * kTileBodies + threadIdx.x);
   __syncthreads();
   const bool near_tile =
@@ -167,7 +168,7 @@ __global__ void __launch_bounds__(kSearchWarps * 32)
   }
 }
 
-// Every item is a hit until it is proved to be beyond.
+// Every item is a hit until it is proved beyond.
 __device__ inline std::uint32_t first_hits(std::uint32_t word, std::uint32_t count) {
   const std::uint32_t begin = word * 32;
   return begin >= count ? 0 : count - begin >= 32 ? ~0u : (1u << (count - begin)) - 1;
@@ -177,7 +178,8 @@ __global__ void __launch_bounds__(kScanThreads) begin_hits(const __grid_constant
   if (word < hit_word_count(r)) r.hit_words[word] = first_hits(word, item_count(r));
 }
 
-// The same, and puts few pairs in order: each behind all that are less, which its block's warps share out.
+// The same, and sorts few pairs: the position of each is the number of lesser keys, counted in shares by the block's
+// warps.
 __global__ void __launch_bounds__(kScanThreads) order_items(const __grid_constant__ ReducedView r) {
   constexpr std::uint32_t kLoads = 4, kKeys = kLoads * kScanThreads, kShare = kKeys / (kScanThreads / 32);
   __shared__ std::uint32_t less_of[32];
@@ -185,7 +187,7 @@ __global__ void __launch_bounds__(kScanThreads) order_items(const __grid_constan
   const std::uint32_t lane = threadIdx.x % 32, warp = threadIdx.x / 32, item = blockIdx.x * 32 + lane,
                       count = item_count(r);
   if (threadIdx.x == 0) r.hit_words[blockIdx.x] = first_hits(blockIdx.x, count);
-  if (blockIdx.x * 32 >= count) return;  // the whole block
+  if (blockIdx.x * 32 >= count) return;  // uniform over the block
   if (warp == 0) less_of[lane] = 0;
   const std::uint64_t key = item < count ? r.found[item] : 0;
   std::uint32_t less = 0;

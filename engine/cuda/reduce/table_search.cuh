@@ -1,4 +1,4 @@
-// What a slot keeps for a search of near pairs among a whole table (table_kernel.cuh), and how it is started.
+// Memory and launches of a slot's search for near pairs over a whole table (table_kernel.cuh).
 #pragma once
 
 #include <bit>
@@ -9,21 +9,21 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint32_t kFewestNear = 1u << 10;  // near pairs that there is always room for
+inline constexpr std::uint32_t kFewestNear = 1u << 10;  // minimum capacity for near pairs
 
 class TableSearch {
  public:
   explicit TableSearch(MemoryCounters& c)
       : device_tiles_(c), device_order_(c), device_keys_(c), device_words_(c), device_sort_(c) {}
 
-  /// Near pairs to make room for: as many as were found lately and an eighth more (buffers have a quarter to spare, so
-  /// that the second query of a kind takes no memory); at first some for each body.
+  /// Expected number of near pairs: the recent number plus an eighth, initially a few per body. Buffers have a quarter
+  /// to spare, so the second query of a kind allocates nothing.
   std::uint32_t expected(std::uint32_t bodies) const {
     return std::max(expected_ > 0 ? expected_ : 4 * bodies, kFewestNear);
   }
   void found(std::uint32_t pairs) { expected_ = std::max(pairs + pairs / 8, expected_ - expected_ / 8); }
 
-  /// Room for r.capacity pairs, and what of the view a table has to itself. Nothing may be under way.
+  /// Allocates memory for r.capacity pairs and sets the table's part of the view. No work may be in flight.
   void make_room(ReducedView& r, const CudaTable& table, cudaStream_t stream) {
     const std::uint32_t n = r.chunk.bodies.bodies;
     r.table = table.view;
@@ -53,7 +53,7 @@ class TableSearch {
     if (sort_bytes_ > 0) device_sort_.reserve(sort_bytes_);
   }
 
-  /// Puts many bodies in order, with a box for each 32 of them.
+  /// Sorts large numbers of bodies, with a box for each 32 of them.
   void prepare(cudaStream_t stream) {
     if (!order_) return;
     const OuterBox* boxes = tiles_.given;
@@ -68,7 +68,7 @@ class TableSearch {
     check(cudaGetLastError(), "starting a kernel");
   }
 
-  /// Lists the pairs whose boxes are within max_distance, in the table's order; each is a hit for the time being.
+  /// Lists the pairs whose boxes are within max_distance, in table order. Each counts as a hit for now.
   void run(const ReducedView& r, cudaStream_t stream) {
     if (!is_few(r)) check(cudaMemsetAsync(r.found, 0xff, r.capacity * sizeof(std::uint64_t), stream), "clearing pairs");
     const float limit = square_from_above(r.chunk.pair_limits.max_distance);
@@ -89,7 +89,7 @@ class TableSearch {
     }
   }
 
-  /// From an event to where the pairs were found, before they were sorted.
+  /// Time from an event until the pairs were found, before sorting.
   std::uint64_t nanoseconds_since(const Event& begun) const {
     float milliseconds = 0;
     check(cudaEventElapsedTime(&milliseconds, begun.event, ended_.event), "reading events");
@@ -114,7 +114,7 @@ class TableSearch {
 
   DeviceBuffer device_tiles_, device_order_, device_keys_, device_words_, device_sort_;
   std::size_t sort_bytes_ = 0;
-  std::uint32_t* order_ = nullptr;  // null: bodies are taken by their ids
+  std::uint32_t* order_ = nullptr;  // null if bodies are in id order
   TilesView tiles_{};
   std::uint32_t expected_ = 0;
   Event ended_;

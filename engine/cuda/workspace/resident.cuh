@@ -1,4 +1,4 @@
-// What stays in device memory between queries: the scene's hulls, and lists of pairs.
+// Data kept in device memory between queries: the scene's hulls, and lists of pairs.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,8 @@ namespace clearance::cuda {
 // The scene's hulls in device memory.
 class ResidentHulls {
  public:
-  /// On the calling thread's device. \param most_shared bytes that two hulls may take of a block's shared memory.
+  /// On the calling thread's device.
+  /// \param most_shared bytes of a block's shared memory that two hulls may use
   ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters) : memory_(counters) {
     check(cudaGetDevice(&device_), "asking for the device");
     HullArrays arrays(scene, static_cast<std::uint32_t>(most_shared));
@@ -47,8 +48,8 @@ class ResidentHulls {
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
   const HullHead& head(std::uint32_t hull) const { return heads_[hull]; }
   bool is_shared(std::uint32_t hull) const { return heads_[hull].count <= kMostSharedVertices; }
-  bool has_several() const { return has_several_; }           ///< whether a body here has several pieces
-  std::size_t pieces() const { return piece_begin_.back(); }  ///< of all bodies here
+  bool has_several() const { return has_several_; }           ///< whether a body has several convex parts
+  std::size_t pieces() const { return piece_begin_.back(); }  ///< of all bodies on the device
   std::uint32_t pieces_of(std::uint32_t body) const { return piece_begin_[body + 1] - piece_begin_[body]; }
 
  private:
@@ -88,7 +89,7 @@ class CudaPairs final : public ResidentPairs {
   const std::uint32_t* position;
   const Group* group_of_tile;
   std::size_t most_shared = 0;      ///< bytes for the hulls of any group
-  std::size_t most_shared_f32 = 0;  ///< for those of any that float32 fits; 0: there is none
+  std::size_t most_shared_f32 = 0;  ///< the same over groups that float32 fits; 0 if there is none
   bool all_fit_f32 = true;
 
  private:

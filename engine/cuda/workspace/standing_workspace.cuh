@@ -1,5 +1,5 @@
-// What plans of all kinds have in common: a query between a caller's device memory and a caller's device memory, in the
-// caller's stream.
+// Common part of device queries: input and output are in the caller's device memory, and work goes into the caller's
+// stream.
 #pragma once
 
 #include <utility>
@@ -14,7 +14,7 @@ struct StandingSlot : QuerySlot {
   DeviceBuffer counts, rows;
 };
 
-/// \tparam Slot a StandingSlot; the first of the workspace's is used
+/// \tparam Slot a StandingSlot; only the workspace's first one is used
 template <class Slot>
 class StandingSide : public QuerySide<StandingWorkspace, Slot> {
   using Side = QuerySide<StandingWorkspace, Slot>;
@@ -52,16 +52,16 @@ class StandingSide : public QuerySide<StandingWorkspace, Slot> {
   const Slot& slot() const { return *this->slots_[0]; }
   Slot& slot() { return *this->slots_[0]; }
   std::uint32_t* counts() { return reinterpret_cast<std::uint32_t*>(slot().counts.data()); }
-  /// Where nobody reads them: no host waits for counts.
+  /// Discarded counts, since no host waits for them.
   std::uint32_t* spare_counts() { return counts() + kCounts; }
 
-  // The caller's stream in place of the slot's own.
+  // Replaces the slot's stream by the caller's during its lifetime.
   class Lent {
    public:
     Lent(Slot& slot, void* stream) : slot_(slot), own_(std::exchange(slot.stream, static_cast<cudaStream_t>(stream))) {}
     ~Lent() {
       slot_.stream = own_;
-      slot_.is_under_way = false;  // the caller's stream is the caller's to wait for
+      slot_.is_under_way = false;  // the caller waits for its own stream
     }
     Lent(const Lent&) = delete;
 

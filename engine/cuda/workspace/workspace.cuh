@@ -1,4 +1,4 @@
-// A query on the device: its bodies' poses, and a few chunks under way, each in a stream of its own.
+// A query on the device: the poses of its bodies, and a few chunks in flight, each in its own stream.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@
 
 namespace clearance::cuda {
 
-/// What all workspaces of a device count together.
+/// Counters shared by all workspaces of a device.
 struct WorkCounters {
   explicit WorkCounters(MemoryBudget& budget) : memory(budget) {}
 
@@ -20,7 +20,7 @@ struct WorkCounters {
   std::atomic<std::uint64_t> kernel_ns{0}, broad_phase_ns{0}, launches{0};
 };
 
-/// What every chunk has.
+/// Members common to the slots of all chunks.
 struct QuerySlot {
   QuerySlot(MemoryCounters& c, int priority)
       : device_given{DeviceBuffer(c), DeviceBuffer(c)},
@@ -33,17 +33,18 @@ struct QuerySlot {
   QuerySlot(const QuerySlot&) = delete;
 
   cudaStream_t stream{};
-  bool is_under_way = false;     // something may still run in the stream that reads or writes host memory
-  DeviceBuffer device_given[2];  // by what is given
+  bool is_under_way = false;     // the stream may still run work that reads or writes host memory
+  DeviceBuffer device_given[2];  // by kind of input
   PinnedBuffer host_given[2];
   DeviceBuffer device_frames, device_bodies;
 };
 
 inline constexpr std::size_t kPieceBoxBytes = 6 * sizeof(double);
-inline constexpr std::size_t kGivenPart = 1u << 21;  // bytes that are copied at a time
+inline constexpr std::size_t kGivenPart = 1u << 21;  // bytes copied at a time
 
-/// The part that workspaces of dense and of reduced queries share. \param Interface of device.h. \param Slot a
-/// QuerySlot.
+/// Common part of dense and reduced workspaces.
+/// \tparam Interface of device.h
+/// \tparam Slot a QuerySlot
 template <class Interface, class Slot>
 class QuerySide : public Interface {
  public:
@@ -56,15 +57,14 @@ class QuerySide : public Interface {
         host_bodies_(counters.memory),
         all_given_{PinnedBuffer(counters.memory), PinnedBuffer(counters.memory)},
         device_bodies_(counters.memory) {
-    // Blocks of the chunk that was started first go first, so that its answers are on their way while the next are
-    // computed.
+    // Chunks started earlier get higher priority, so that their answers are copied while the next are computed.
     int least = 0, greatest = 0;
     check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "asking for priorities");
     for (int i = 0; i < kSlots; ++i)
       slots_[i] = std::make_unique<Slot>(counters.memory, std::max(greatest, least - (kSlots - 1 - i)));
   }
 
-  // Nothing may run on after a job that was given up.
+  // No work of an abandoned job may run on.
   ~QuerySide() override {
     for (const auto& slot : slots_)
       if (slot) cudaStreamSynchronize(slot->stream);
@@ -81,7 +81,7 @@ class QuerySide : public Interface {
     return {reinterpret_cast<double*>(memory + components_offset()), reinterpret_cast<std::uint8_t*>(memory)};
   }
 
-  void begin(const QuerySetup& s) override {  // nothing is under way: whoever had this before waited when letting it go
+  void begin(const QuerySetup& s) override {  // no work is in flight: the previous user waited on release
     const OnDevice here = on_device();
     slots_[0]->is_under_way = true;
     all_chunks_ = s.chunks;
@@ -143,10 +143,10 @@ class QuerySide : public Interface {
   }
 
  protected:
-  // Whatever starts a kernel, records an event or makes room does so on the scene's device.
+  // Every kernel launch, event and allocation needs the scene's device to be current.
   OnDevice on_device() const { return OnDevice(hulls_.device()); }
 
-  // The view of a chunk, with its moved bodies on their way to where they are.
+  // The view of a chunk. Also enqueues the placement of its moved bodies.
   ChunkView view_of(Slot& slot, const ChunkSetup& chunk) {
     slot.is_under_way = true;
     ChunkView view{};
@@ -165,7 +165,8 @@ class QuerySide : public Interface {
     return view;
   }
 
-  // In one block: state, components, boxes, outer boxes, boxes of pieces. Only state and components come from the host.
+  // One allocation: state, components, boxes, outer boxes, boxes of convex parts. Only state and components are copied
+  // from the host.
   std::size_t components_offset() const { return (std::size_t{fixed_count_} + 15) / 16 * 16; }
   std::size_t fixed_bytes() const {
     return components_offset() + std::size_t{fixed_count_} * kPoseComponents * sizeof(double);
@@ -192,7 +193,7 @@ class QuerySide : public Interface {
     start_fixed_boxes(hulls_.view(), bodies_, reinterpret_cast<double*>(memory + fixed_bytes()), outer, stream);
   }
 
-  // Where each moved body's pieces begin among those of all, where a body of the scene has several.
+  // Offsets of the moved bodies' convex parts, if any body of the scene has several.
   void find_moved_pieces(std::span<const std::uint32_t> moved) {
     moved_piece_begin_.clear();
     moved_pieces_ = 0;
@@ -203,7 +204,8 @@ class QuerySide : public Interface {
     }
   }
 
-  // Copies what a chunk's configurations give, as it comes. \param each numbers of a configuration
+  // Copies a chunk's input as it becomes available.
+  // \param each numbers per configuration
   template <class T>
   const T* send_given(Slot& slot, const ChunkSetup& chunk, Given given, const T* from, std::size_t each) {
     const std::size_t bytes = each * chunk.configurations * sizeof(T);
@@ -218,7 +220,7 @@ class QuerySide : public Interface {
     return reinterpret_cast<const T*>(to);
   }
 
-  // Room for the moved bodies of a chunk: outer boxes, boxes of pieces, components, what is doubted, states.
+  // Memory for a chunk's moved bodies: outer boxes, boxes of convex parts, components, slacks, states.
   struct MovedRoom {
     std::size_t states, boxes, pieces, numbers, slacks;
     std::size_t bytes() const { return boxes + pieces + numbers + slacks + states; }
@@ -230,7 +232,7 @@ class QuerySide : public Interface {
             bodies_.uncertainties.fixed ? states * sizeof(BodySlack) : 0};
   }
 
-  // The frames of robots of which joints move: numbers, travels, facts.
+  // Memory for the frames of robots with moving joints: numbers, travels, facts.
   std::size_t frames_room(std::uint32_t configurations) const {
     return (std::size_t{frames_} * (7 * sizeof(double) + 1) + moves_.frames.robot_count * sizeof(double)) *
            configurations;
@@ -277,7 +279,7 @@ class QuerySide : public Interface {
   BodiesView bodies_;
   MovesView moves_;
   MoversView movers_{};
-  const double* margins_ = nullptr;  // of the query's pairs; null: they are all the same
+  const double* margins_ = nullptr;  // of the query's pairs; null if all margins are equal
   const CudaPairs* pairs_ = nullptr;
   Event ready_, boxes_begun_;
   std::unique_ptr<Slot> slots_[kSlots];
