@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
 # gpu.sh TASK [folder of binaries]: tests and benchmarks that need a GPU. make gpu-test runs test, certify and sanitize; make
-# gpu-bench runs bench, several and report; daemon is a part of bench. Binaries may have been built elsewhere: besides them it
-# needs the source tree that it lies in, for the tests' data, and the programs that tests start (memory_client, clearanced
-# and what it starts).
-# gpu.sh programs TASK: the targets to build for it.
+# gpu-bench runs bench, several and report; daemon is a part of bench. Binaries may have been built elsewhere. It also needs
+# its source tree for the tests' data, and the programs that tests start (memory_client, clearanced and its helpers).
+# gpu.sh programs TASK: prints the targets to build for a task.
 set -uo pipefail
 tasks="test, certify, sanitize, bench, daemon, several or report"
 what=${1:?gpu.sh $tasks}
@@ -12,7 +11,7 @@ tests=(test_cuda_backend test_cuda_slack test_cuda_elements test_cuda_decisions 
   test_cuda_motions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_device_plan test_shared_memory
   test_daemon_plans test_cuda_containment test_segment_pinner test_robots
   "test_engine --gtest_filter=*cuda*" "test_narrow_baselines --gtest_filter=*uda*:-Worlds*")
-# Of moderate size: each of the sanitizer's tools slows them down a hundredfold.
+# Tests of moderate size, since each of the sanitizer's tools slows them down a hundredfold.
 sanitized=("test_cuda_backend --gtest_filter=*OwnShape:*Explicit*:*Poses*:*LastQuery*:*LeavesToFloat64*"
   "test_cuda_reductions --gtest_filter=*BreakTies*:*SayWhich*:*WriteStraight*"
   "test_cuda_elements --gtest_filter=*Repeat*:*Follow*" "test_cuda_motions --gtest_filter=*TellOf*")
@@ -30,12 +29,12 @@ if [ "$what" = programs ]; then
 fi
 
 bin=${2:-build/bin}
-# Binaries carry the path of the tree that they were built in, which may not exist here.
+# Binaries contain the path of their source tree, which may not exist on this machine.
 CLEARANCE_SOURCE_DIR=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd) && export CLEARANCE_SOURCE_DIR
 out=${OUT:-out}
 mkdir -p "$out"
 
-# docs/results/PREFIX_DEVICE.csv, in $out where there is no such folder.
+# Prints docs/results/PREFIX_DEVICE.csv, or the same name in $out if that folder is missing.
 results_file() {
   local device folder=docs/results
   device=$("$bin/clearance-gpu-bench" --device) || return 1
@@ -43,11 +42,11 @@ results_file() {
   echo "$folder/$1_$(echo "$device" | tr 'A-Z' 'a-z' | tr -cs 'a-z0-9' '_' | sed 's/_*$//').csv"
 }
 
-# start_csv FILE COLUMNS: a file of results with its head.
+# start_csv FILE COLUMNS: creates a results file with its header.
 start_csv() { printf '# device: %s\n# command: make gpu-bench\n%s\n' "$("$bin/clearance-gpu-bench" --device)" "$2" >"$1"; }
 
-# The same rows in the device's memory, which the client maps, beside those in the host's: the processes take turns with the
-# device, or, where MPS can be started, share it.
+# Compares rows in device memory, which the client maps, with the same rows in host memory. The processes use the device in
+# turn and, if MPS can be started, share it.
 bench_daemon_plans() {
   local file folder daemon mps=""
   file=$(results_file gpu_daemon) && folder=$(mktemp -d) || return 1
@@ -70,7 +69,7 @@ bench_daemon_plans() {
   echo "$file"
 }
 
-# All pairs of a thousand bodies through the daemon, copied and then written by the device into the client's memory.
+# All pairs of a thousand bodies through the daemon: copied, then written by the device directly into client memory.
 bench_service() {
   local file folder daemon pinned
   file=$(results_file gpu_service) && folder=$(mktemp -d) && rm -f "$file"
@@ -107,8 +106,8 @@ case $what in
     "$bin/clearance-certify" --backend cuda --motions 100000 --seed 1 --csv "$file" && echo "$file"
     ;;
   sanitize)
-    # Out of bounds, barriers that not all reach, races in shared memory; of reductions also what is read unwritten (of dense
-    # queries rows that the CPU writes later are copied so).
+    # Accesses out of bounds, barriers that some threads miss, races in shared memory; for reductions also reads of
+    # uninitialized memory (dense queries copy rows that the CPU writes later).
     sanitizer=$(command -v compute-sanitizer || echo /usr/local/cuda/bin/compute-sanitizer)
     [ -x "$sanitizer" ] || { echo "gpu.sh: compute-sanitizer is not there: it comes with the CUDA toolkit" >&2; exit 1; }
     failed=0
@@ -129,9 +128,9 @@ case $what in
     file=$(results_file gpu_plans) && "$bin/clearance-gpu-plans" "$file" && echo "$file"
     if [ -x "$bin/clearanced" ]; then bench_service; fi
     if [ -x "$bin/clearanced" ] && [ -x "$bin/clearance-gpu-daemon" ]; then bench_daemon_plans; fi
-    # Python's calls, by a Python that has the package (PYTHON=... names one).
+    # Calls from Python, by an interpreter that has the package (PYTHON=...).
     python=${PYTHON:-.venv/bin/python}
-    # MotionBenchMaker's edges: problems that write_motion_scenes.py has written (MOTION_SCENES=... names a folder).
+    # MotionBenchMaker's edges: problems written by write_motion_scenes.py (MOTION_SCENES=... is their folder).
     scenes=${MOTION_SCENES:-build/motion_scenes}
     [ -d "$scenes" ] || "$python" bench/environment.py bench/robots bench/gpu/write_motion_scenes.py "$scenes"
     if [ -d "$scenes" ] && [ -x "$bin/clearance-gpu-motions" ]; then
@@ -140,7 +139,7 @@ case $what in
     if "$python" -c "import clearance" 2>/dev/null; then
       file=$(results_file gpu_python) && start_csv "$file" way,python_us,engine_us,kernel_us &&
         "$python" bench/gpu/bench_engine.py cuda --csv "$file" && echo "$file"
-      # MuJoCo Warp on the same pairs, where that Python has it (pip install mujoco-warp).
+      # MuJoCo Warp on the same pairs, if that interpreter has it (pip install mujoco-warp).
       if "$python" -c "import mujoco_warp" 2>/dev/null; then
         file=$(results_file gpu_mujoco_warp) && start_csv "$file" what,pairs,least_us,median_us,wrong_by_1e-6_m,wrong_by_1e-5_m,wrong_by_1e-4_m &&
           PYTHONPATH="$PWD/build/python:${PYTHONPATH:-}" "$python" bench/gpu/bench_mujoco_warp.py --csv "$file" && echo "$file"

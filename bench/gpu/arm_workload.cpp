@@ -19,7 +19,7 @@ namespace {
 constexpr std::uint32_t kArmLinks = 8, kThings = 21;
 
 struct ArmJoint {
-  const char* origin;  // in the frame of the link before it
+  const char* origin;  // in the previous link's frame
   double lower, upper;
 };
 constexpr ArmJoint kArmJoints[] = {{R"(xyz="0 0 0.333")", -2.9, 2.9},
@@ -70,7 +70,7 @@ std::string thing_name(std::uint32_t i) {
 
 namespace {
 
-// Adds what is on a link's frame.
+// Adds the bodies on a link's frame.
 using AddLink = std::function<void(Scene&, const std::string& name, std::uint32_t link, const Scene::BodyOptions&)>;
 
 // The arm.
@@ -89,7 +89,7 @@ Scene arm_alone(const AddLink& add_link) {
     add_link(scene, hull_name(i), i, {.parent = "arm/l" + std::to_string(i), .pose = Pose()});
   return scene;
 }
-// Its links' hulls made by `random`.
+// With random hulls as links.
 Scene arm_alone(Random& random) {
   return arm_alone([&](Scene& scene, const std::string& name, std::uint32_t i, const Scene::BodyOptions& options) {
     scene.add_hull(name, ellipsoid(random, 48 + 6 * static_cast<int>(i), kArmShapes[i].size, kArmShapes[i].centre),

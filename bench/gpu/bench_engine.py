@@ -1,7 +1,7 @@
-"""How long Python waits for large answers of an engine in process: `bench_engine.py [BACKEND] [--csv FILE]`.
+"""Time of large queries through Python to an engine in the same process: `bench_engine.py [BACKEND] [--csv FILE]`.
 
-30 random hulls, 150 pairs, 4096 configurations: 614,400 rows a call. Each row of the table is a way to ask; `engine`
-is the time within the engine's own code, so the difference is what Python and fresh memory cost.
+30 random hulls, 150 pairs, 4096 configurations: 614,400 rows per call. Each row of the table is a variant of the call.
+`engine` is the time in the engine's code; the rest is the cost of Python and fresh memory.
 """
 
 import argparse
@@ -36,7 +36,7 @@ def pairs_of(rng):
 
 
 def timed(ask, engine, seconds=1.0):
-    """Medians in microseconds of calls one after the other: whole, in the engine, in kernels."""
+    """Medians in microseconds over consecutive calls: the whole call, in the engine, in kernels."""
     for _ in range(3):
         ask()
     took, inside, kernels = [], [], []

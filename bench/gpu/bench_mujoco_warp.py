@@ -1,14 +1,14 @@
 # mypy: ignore-errors
-# Annotations are Warp's types, and calls.
-"""MuJoCo Warp's GJK beside Clearance on the same pairs, on one GPU, in one run: `bench_mujoco_warp.py [--csv FILE]`.
+# Annotations contain Warp's types and calls.
+"""Compares MuJoCo Warp's GJK with Clearance on the same pairs, on one GPU, in one run: `bench_mujoco_warp.py [--csv FILE]`.
 
-30 random hulls, 150 pairs, 4096 configurations: 614,400 distances, poses and answers in the GPU's memory, captured in
-a CUDA graph each. MuJoCo Warp has its own model of the hulls (MuJoCo's compiler makes it, with the graph of their
-vertices that its supports climb), poses by its own kinematics, and its `gjk_phase` with the model's own settings: the
-first half of its collision detection of convex geoms, without contacts. It is in float32 throughout. Its answers are
-held against Clearance's certified bounds of its own float32 vertices where it puts them, up to 1e-7 of their size.
+30 random hulls, 150 pairs, 4096 configurations: 614,400 distances. Poses and answers are in GPU memory, and each system
+is captured in a CUDA graph. MuJoCo Warp uses its own model of the hulls (built by MuJoCo's compiler, with the vertex
+graph that its support function climbs), its own kinematics, and its `gjk_phase` with the model's settings: the first
+half of its collision detection of convex geoms, without contacts. It uses float32 throughout. Its distances are compared
+with Clearance's certified bounds for its float32 vertices at its poses, to within 1e-7 of their size.
 
-Needs `pip install mujoco-warp` (Apache-2.0), which brings warp-lang and mujoco.
+Needs `pip install mujoco-warp` (Apache-2.0), which installs warp-lang and mujoco.
 """
 
 import argparse
@@ -71,7 +71,7 @@ def distances(
     mesh_graph: wp.array(dtype=int),
     out: wp.array2d(dtype=float),
 ):
-    p, world = wp.tid()  # configurations of a pair side by side: threads of a warp climb the same graphs
+    p, world = wp.tid()  # configurations vary fastest: the threads of a warp climb the same graphs
     i, j = pairs[p, 0], pairs[p, 1]
     a = geom_of(i, geom_xpos[world, i], geom_xmat[world, i], geom_mesh, mesh_vertadr, mesh_vertnum, mesh_vert,
                 mesh_graphadr, mesh_graph)  # fmt: skip
@@ -85,7 +85,7 @@ def distances(
 
 
 def model_of(hulls):
-    """MuJoCo's model of free bodies, one hull each, that never touch as far as it knows."""
+    """MuJoCo's model of free bodies, one hull each, with contacts disabled."""
     spec = mujoco.MjSpec()
     for i, vertices in enumerate(hulls):
         spec.add_mesh(name=f"m{i}", uservert=vertices.astype(np.float32).flatten())
@@ -96,7 +96,7 @@ def model_of(hulls):
 
 
 class MujocoWarp:
-    """The same pairs as MuJoCo Warp sees them."""
+    """The same pairs in MuJoCo Warp."""
 
     def __init__(self, hulls, pairs, poses):
         model = model_of(hulls)
@@ -118,8 +118,8 @@ class MujocoWarp:
                   outputs=[self.out])  # fmt: skip
 
     def poses_as_they_are(self):
-        """(K, N, 7) float64: where its rotations and positions, in float32, put the vertices that it has. Its rotations
-        are none exactly; their nearest quaternions move a vertex by less than 1e-7 of its size."""
+        """(K, N, 7) float64: the poses given by its float32 rotations and positions. Its matrices are not exact rotations;
+        replacing them by the nearest quaternions moves a vertex by less than 1e-7 of its size."""
         positions, rotations = self.data.geom_xpos.numpy(), self.data.geom_xmat.numpy().astype(np.float64)
         quaternion, flat = np.empty(4), rotations.reshape(-1, 9)
         quaternions = np.empty((len(flat), 4))
@@ -135,7 +135,7 @@ class MujocoWarp:
 
 
 def in_a_graph(work, repeats=50):
-    """Microseconds a run, the least and the median of 7 rounds, captured in a CUDA graph."""
+    """Microseconds per run in a CUDA graph: minimum and median of 7 rounds."""
     work()
     with wp.ScopedCapture() as capture:
         work()

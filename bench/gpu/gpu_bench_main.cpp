@@ -1,4 +1,4 @@
-// Throughput of the cuda backend beside the CPU's, on the machine at hand: make gpu-bench.
+// Throughput of the cuda backend and of the CPU on this machine: make gpu-bench.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -27,10 +27,10 @@ struct Timing {
 std::uint64_t counter(const Engine& engine, const std::string& name) {
   for (const auto& [key, value] : engine.stats())
     if (key == name) return value;
-  return 0;  // a backend that does not count this
+  return 0;  // a backend without this counter
 }
 
-// Where bodies are in every other query: in its configurations, or in the engine. Empty: where they were.
+// Poses of every other query: in its configurations, or in the engine. Unchanged if empty.
 struct Motion {
   std::vector<Pose> next;
   std::vector<BodyPose> placed[2];
@@ -59,7 +59,7 @@ Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& rep
   return {median(walls), median(kernels), median(broad_phases)};
 }
 
-// The report's kernel for many pairs, a block for each: its bare distances of the pairs that a row above asks for.
+// The report's kernel for many pairs, one block per pair: distances only, for the pairs of a row above.
 void run_baseline(const std::string& name, const Scene& scene, std::ostream& csv, std::vector<std::string>& table) {
   const std::vector<BodyPair> pairs = Engine(scene, {"cpu"}).pairs({});
   const baselines::World world(scene);
@@ -82,7 +82,7 @@ void run_baseline(const std::string& name, const Scene& scene, std::ostream& csv
   table.push_back(line);
 }
 
-// One GPU and all of them, the same query into pinned memory.
+// One GPU and all GPUs, with the same query into pinned memory.
 void run_several(const Workload& w, std::ostream& csv) {
   const int count = cuda::device_info().count;
   Engine::Options one{"cuda"}, all{"cuda"};
@@ -156,8 +156,8 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   std::memset(pinned_cpu.data(), 1, bytes);
   time_queries(device, q, view(pinned.data()), 1);
   time_queries(cpu, q, view(pinned_cpu.data()), 1);
-  // Warm answers depend on what was asked before, and those of clouds and meshes on the way through their trees; their
-  // intervals hold the same distance.
+  // Warm answers depend on earlier queries, and answers with clouds and meshes on the traversal of their trees. Their
+  // intervals contain the same distance.
   bool same = std::memcmp(pinned.data(), pinned_cpu.data(), bytes) == 0;
   const bool may_differ = w.warm || has_elements;
   const ReplyView rows = view(pinned.data()), cpu_rows = view(pinned_cpu.data());
@@ -167,7 +167,7 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
       if (rows.compact)
         return rows.compact[i].lower <= cpu_rows.compact[i].upper && cpu_rows.compact[i].lower <= rows.compact[i].upper;
       if (rows.lower) return rows.lower[i] <= cpu_rows.upper[i] && cpu_rows.lower[i] <= rows.upper[i];
-      const auto beyond = static_cast<std::uint8_t>(Status::kBeyond);  // of decisions: all apart, or not
+      const auto beyond = static_cast<std::uint8_t>(Status::kBeyond);  // for decisions: all apart, or not
       return (rows.status[i] == beyond) == (cpu_rows.status[i] == beyond);
     };
     for (std::uint64_t i = 0; i < size.rows; ++i) same = same && meet(i);
@@ -199,7 +199,7 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   table.push_back(said);
 }
 
-// Other points in the cloud: to have them, and until a query of them is answered.
+// Replacing the points of the cloud: until they are on the device, and until a query of them is answered.
 void run_swap(const std::string& name, std::ostream& csv, std::vector<std::string>& table) {
   const Workload w{"", arm_scene_in_room, 64, Format::kFull, kFieldStatus, Reduce::kAny};
   Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"});

@@ -1,4 +1,4 @@
-// Rows of a daemon's GPU for a client in another process: in the GPU's memory, which the client maps, beside the same
+// Rows of a daemon's GPU for a client in another process: in GPU memory that the client maps, compared with the same
 // rows in host memory. `clearance-gpu-daemon URL [CSV [LABEL]]` adds rows to the CSV; make gpu-bench writes its head.
 #include <algorithm>
 #include <chrono>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kTurns = 200, kWarmUp = 20;
 
-/// Times of several ways, which take turns, so that whatever slows the machine down slows all of them.
+/// Times of several alternatives, run in turn so that slowdowns of the machine affect all of them.
 class Turns {
  public:
   template <class Work>
@@ -34,7 +34,7 @@ class Turns {
   std::vector<std::vector<double>> took_;
 };
 
-/// \param moves whether the poses of all bodies are given, as one configuration; else they stay as the daemon has them
+/// \param moves whether the poses of all bodies are given, as one configuration; if not, the daemon's poses are used
 void run(Client& client, const std::string& name, std::uint32_t fields, Format format, bool moves,
          const std::string& label, std::ostream* csv) {
   std::vector<std::uint32_t> bodies;

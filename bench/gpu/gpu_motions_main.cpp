@@ -1,5 +1,5 @@
-// Edges of planning problems a second on a device, host to host, with the CPU's verdicts beside: clearance-gpu-motions
-// FOLDER ... (bench/gpu/write_motion_scenes.py).
+// Edges of planning problems per second on a device, host to host, compared with the CPU's results:
+// clearance-gpu-motions FOLDER ... (bench/gpu/write_motion_scenes.py).
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -27,7 +27,7 @@ struct Options {
   std::vector<std::string> folders;
 };
 
-// What is asked, and which columns beside the default ones.
+// The reduction, and the columns in addition to the default ones.
 struct Columns {
   const char* name;
   std::uint32_t fields;
@@ -46,7 +46,7 @@ std::uint64_t counter(const Engine& engine, const std::string& name) {
   return 0;
 }
 
-// From a problem's start and goal in random directions, 0.2 to 1.5 rad long, as bench/robots/bench_motions.py has them.
+// From a problem's start and goal in random directions, 0.2 to 1.5 rad long, as in bench/robots/bench_motions.py.
 struct Edges {
   std::vector<std::uint32_t> joints;
   std::vector<double> positions;
@@ -101,7 +101,7 @@ struct Sums {
   std::uint64_t steps = 0, apart = 0;
 };
 
-// First contact in both rows' intervals, which meet, the device's as narrow as the CPU's are to be.
+// Whether the intervals of first contact intersect and the device's is as narrow as the CPU's are required to be.
 bool is_same_contact(const ReplyView& ours, const ReplyView& theirs, std::uint32_t i) {
   if (!ours.first_contact) return true;
   const double *const a = ours.first_contact + 2 * std::size_t{i}, *const b = theirs.first_contact + 2 * std::size_t{i};
@@ -113,14 +113,15 @@ bool is_free(const ReplyView& reply, std::uint32_t i, const Columns& columns, do
   return columns.reduce == Reduce::kMin ? reply.lower[i] > margin
                                         : static_cast<Status>(reply.status[i]) == Status::kBeyond;
 }
-// The same verdict; or intervals of the least distance that meet, the device's as narrow as asked, slack aside.
+// Whether the decisions are equal; for the least distance, whether the intervals intersect and the device's is as
+// narrow as requested, apart from slack.
 bool is_same(const ReplyView& ours, const ReplyView& theirs, std::uint32_t i, const Columns& columns) {
   if (columns.reduce != Reduce::kMin) return is_free(ours, i, columns, 0) == is_free(theirs, i, columns, 0);
   return ours.lower[i] <= theirs.upper[i] && theirs.lower[i] <= ours.upper[i] &&
          ours.upper[i] - ours.lower[i] <= 1e-3 * (1 + 1e-6);
 }
 
-// A row of the results.
+// Writes a row of the results.
 void write(std::ostream& csv, const std::string& name, const Columns& columns, std::uint64_t pairs, double margin,
            const Sums& s) {
   const double million = 1e-6 * static_cast<double>(s.edges);
@@ -234,7 +235,7 @@ int main_of(int argc, char** argv) {
     return 2;
   }
   Sums sums[std::size(kColumns)];
-  std::ofstream csv(o.csv);  // without a name nothing is written
+  std::ofstream csv(o.csv);  // nothing is written without a name
   csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\nscene,columns,pairs,margin_m,edges,"
       << "million_edges_s,million_edges_s_in_kernels,million_edges_s_cpu,free,finished_by_cpu,undecided,compared,"
       << "undecided_by_cpu,wrong\n";

@@ -1,4 +1,4 @@
-// Queries whose poses and answers stay on the device beside the same queries to the host: make gpu-bench.
+// Device queries compared with the same queries to the host: make gpu-bench.
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -36,7 +36,7 @@ std::uint64_t bytes_of(const QuerySize& size) {
   return bytes;
 }
 
-// \returns whether the rows are those of the query to the host, but for those that the CPU finished.
+// \returns whether the rows equal those of the query to the host, except for rows that the CPU finished
 void run(const Workload& w, std::ostream& csv) {
   const Engine device(w.scene(), {"cuda"});
   const Asked asked(w, device);
@@ -82,7 +82,7 @@ void run(const Workload& w, std::ostream& csv) {
   std::uint64_t other = 0;
   for_each_column(
       [&](const auto* mine, const auto* theirs, int width) {
-        constexpr std::size_t kBounds = 2 * sizeof(float);  // what a compact row and a bound alone begin with
+        constexpr std::size_t kBounds = 2 * sizeof(float);  // common prefix of a compact row and of bounds
         const std::byte* const from = got.data() + (reinterpret_cast<const std::byte*>(mine) - rows.data());
         const std::size_t step = sizeof(*mine) * static_cast<std::size_t>(width);
         for (std::uint64_t i = 0; mine && step >= kBounds && i < size.rows; ++i)
@@ -101,7 +101,7 @@ void run(const Workload& w, std::ostream& csv) {
   std::fflush(stdout);
 }
 
-// The same, but for what plans refuse, as meshes.
+// The same, skipping queries that device queries do not support, such as meshes.
 void run_if_planned(const Workload& w, std::ostream& csv) {
   try {
     run(w, csv);

@@ -41,7 +41,7 @@ Scene hulls(int fewest, int most) {
   return scene;
 }
 
-// Made once: their vertices take seconds.
+// Created once, since their vertices take seconds.
 Scene large_spheres() {
   static const Scene scene = [] {
     Scene two;
@@ -86,7 +86,7 @@ Workload joints(const std::string& what, std::uint32_t configurations, std::uint
   w.margin = margin;
   return w;
 }
-// The same arm, or one whose links are meshes, in what it stands in.
+// The same arm, or one whose links are meshes, in its surroundings.
 struct ArmScene {
   const char* name;
   Scene (*scene)();

@@ -1,4 +1,4 @@
-// What the benchmarks of a device ask.
+// Queries of the device benchmarks.
 #pragma once
 
 #include <limits>
@@ -12,24 +12,24 @@ namespace clearance::test {
 struct Workload {
   std::string name;
   Scene (*scene)();
-  std::uint32_t configurations;  // 0: the current poses
+  std::uint32_t configurations;  // 0 for the current poses
   Format format;
   std::uint32_t fields;
   Reduce reduce = Reduce::kNone;
   double max_distance = std::numeric_limits<double>::infinity();
-  std::size_t first_pairs = 0;  // only so many; 0: all
-  bool warm = false;            // every query's poses are 0.01 rad from those of the one before
+  std::size_t first_pairs = 0;  // use only this many; 0 for all
+  bool warm = false;            // every query's poses are 0.01 rad from those of the previous one
   Precision precision = Precision::kF64;
   bool depth = false;
-  double room = 1;     // configurations put bodies up to so far from the origin along each axis
-  bool moves = false;  // as with `warm`, but cold
-  double margin = 0;   // of Reduce::kAny
+  double room = 1;     // bodies are at most this far from the origin along each axis
+  bool moves = false;  // poses change as with `warm`, but queries are cold
+  double margin = 0;   // Reduce::kAny only
 };
 
 const std::vector<Workload>& workloads();
 Scene spheres(int count, double box);  ///< of 42 vertices
 
-// What a workload asks. Not to be moved: the query points into it.
+// The query of a workload. Must not be moved: the query points into it.
 struct Asked {
   QueryView q;
   std::vector<std::uint32_t> bodies, joints;

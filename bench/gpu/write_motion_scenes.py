@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""MotionBenchMaker's problems as scene folders, for clearance-gpu-motions.
+"""Writes MotionBenchMaker's problems as scene folders, for clearance-gpu-motions.
 
     bench/environment.py bench/robots bench/gpu/write_motion_scenes.py FOLDER [--robot panda] [--numbers 1] [--sides 32]
 
-FOLDER/FAMILY_NUMBER/scene.yaml is a problem's robot among its obstacles, and ends.txt names its joints, then has the
-start and the goal. A device knows hulls alone: a cylinder becomes a prism around it with so many sides, which stands
-out by 0.5 % of the radius (0: cylinders stay, and the CPU answers).
+FOLDER/FAMILY_NUMBER/scene.yaml has a problem's robot and obstacles. ends.txt has the joint names, the start and the
+goal. A device supports hulls only, so a cylinder becomes the prism around it with `--sides` sides, whose excess is 0.5 %
+of the radius. With 0 sides, cylinders are kept and the CPU answers.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from contenders import scene_of, shape_of
 
 
 def prism_of(sides, thing):
-    """The obstacle's shape, where a cylinder is a prism with so many sides."""
+    """The obstacle's shape, with a cylinder replaced by a prism of this many sides."""
     if thing.shape != "cylinder" or sides == 0:
         return shape_of(thing)
     length, radius = thing.sizes

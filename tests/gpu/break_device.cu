@@ -1,4 +1,4 @@
-// A kernel that goes wrong, after which the device answers nothing more in this process.
+// A kernel with an error that makes the device unusable for this process.
 #include "tests/gpu/break_device.h"
 
 namespace clearance::test {

@@ -2,7 +2,7 @@
 
 namespace clearance::test {
 
-/// Loses this process's CUDA device for good.
+/// Makes this process's CUDA device unusable for good.
 void break_device();
 
 }  // namespace clearance::test

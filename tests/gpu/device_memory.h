@@ -1,4 +1,4 @@
-// Memory, streams and graphs of the installed device, in words that need no CUDA.
+// Memory, streams and graphs of the installed device, for tests without CUDA headers.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@
 
 namespace clearance::test {
 
-/// Bytes on the device. What it cannot do ends the program: it is for tests and benchmarks.
+/// Bytes on the device. Errors end the program: this is for tests and benchmarks only.
 class DeviceMemory {
  public:
   explicit DeviceMemory(std::size_t bytes);
@@ -23,7 +23,7 @@ class DeviceMemory {
   std::size_t size() const { return bytes_; }
   void put(const void* from, std::size_t bytes);
   void fill(int byte);
-  /// All of it.
+  /// Returns all bytes.
   std::vector<std::byte> get() const;
 
  private:
@@ -31,10 +31,11 @@ class DeviceMemory {
   std::size_t bytes_;
 };
 
-/// Memory of another process's, while this lives.
+/// Memory of another process, mapped during this object's lifetime.
 class MappedMemory {
  public:
-  /// \param handle cudaIpcMemHandle_t \param uuid of its device, which becomes the thread's
+  /// \param handle cudaIpcMemHandle_t
+  /// \param uuid of its device, which becomes the thread's current one
   MappedMemory(std::span<const std::byte, 64> handle, std::span<const std::byte, 16> uuid);
   ~MappedMemory();
   MappedMemory(const MappedMemory&) = delete;
@@ -43,7 +44,7 @@ class MappedMemory {
   std::byte* data() const { return data_; }
   void put(std::size_t offset, const void* from, std::size_t bytes);
   std::vector<std::byte> get(std::size_t offset, std::size_t bytes) const;
-  /// Sum of the 64-bit words there, by a kernel that reads them all, once it is done.
+  /// Sum of the 64-bit words in a range, by a kernel that reads them all. Waits for it.
   std::uint64_t sum(std::size_t offset, std::size_t bytes);
 
  private:
@@ -51,7 +52,7 @@ class MappedMemory {
   std::byte* sum_ = nullptr;
 };
 
-/// A stream, and the graph of what was captured in it last.
+/// A stream, and the graph captured in it last.
 class DeviceStream {
  public:
   DeviceStream();
@@ -61,9 +62,9 @@ class DeviceStream {
 
   void* get() const { return stream_; }
   void wait();
-  /// Captures what `work` puts into the stream, which is not done yet then.
+  /// Captures the work that `work` enqueues, without running it.
   void capture(const std::function<void()>& work);
-  /// Does it.
+  /// Runs the graph.
   void launch();
 
  private:

@@ -1,7 +1,7 @@
 // Another process that maps device memory: `memory_client write|read|hold|die HANDLE FILE OFFSET BYTES`. Copies the
 // bytes of the file to the mapping, or of the mapping to the file; or is killed while it has the mapping. hold: writes
-// to the FIFO FILE.mapped once it has the mapping, and reads once FILE.go is opened; ends with 3 if the memory is not
-// there any more.
+// to the FIFO FILE.mapped once it has the mapping, and reads once FILE.go is opened; exits with 3 if the memory no
+// longer exists.
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>

@@ -1,4 +1,4 @@
-// For tests that need a GPU.
+// Skips tests that need a GPU if there is none.
 #pragma once
 
 #include <gtest/gtest.h>

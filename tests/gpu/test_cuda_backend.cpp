@@ -1,4 +1,4 @@
-// The cuda backend against the CPU: the same bits, for every way of asking.
+// The cuda backend must give the CPU's bits for every kind of query.
 #include <numeric>
 #include <set>
 #include <thread>
@@ -10,8 +10,8 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Many bodies of few shapes, so that groups form; some of them rounded, some too large for shared memory, some of two
-// pieces.
+// Many bodies of few shapes, so that groups form; some rounded, some too large for shared memory, some of two convex
+// parts.
 Scene grouped_scene(int count, double box, std::uint64_t seed) {
   Random random(seed);
   Scene scene;
@@ -43,7 +43,7 @@ class CudaBackend : public testing::Test {
   void SetUp() override { SKIP_WITHOUT_DEVICE(); }
 };
 
-// Every way of asking that has its own path.
+// Every kind of query with its own code path.
 std::vector<std::pair<std::string, QueryView>> questions() {
   std::vector<std::pair<std::string, QueryView>> all;
   const auto add = [&](const std::string& name, auto&& change) {
@@ -85,7 +85,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
   }
 }
 
-// In several chunks, and in one that is answered with as few calls as can be.
+// In several chunks, and in one answered with as few calls as possible.
 TEST_F(CudaBackend, FindsMostDepths) {
   for (const int bodies : {150, 600}) {
     const Engine device(grouped_scene(bodies, 3, 7), {"cuda"}), cpu(grouped_scene(bodies, 3, 7), {"cpu"});
@@ -112,7 +112,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuWhereEveryBodyHasItsOwnShape) {
   for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
 }
 
-// Bodies of 1 to 40 pieces, where the snapshot has them and in configurations, warm ones among them, which begin cold.
+// Bodies of 1 to 40 convex parts, at the snapshot's poses and in configurations; warm queries start cold.
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
   for (const double box : {0.8, 5.0}) {
     const Engine device(decomposed_scene(90, box, 41), {"cuda"}), cpu(decomposed_scene(90, box, 41), {"cpu"});
@@ -122,7 +122,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
       const std::string what = name + ", box " + std::to_string(box);
       compare(device, cpu, q, what);
       for (const std::uint32_t K : {1u, 33u, 150u}) {
-        if (K == 150 && q.signed_distance) continue;  // overlaps are the CPU's
+        if (K == 150 && q.signed_distance) continue;  // overlaps are left to the CPU
         std::vector<Pose> poses;
         for (std::size_t i = 0; i < K * bodies.size(); ++i) poses.push_back(random.pose(box));
         poses[1].qw = poses[1].qx = poses[1].qy = poses[1].qz = 0;
@@ -162,7 +162,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
   }
 }
 
-// A body of which one piece is not held by the device is the CPU's as a whole.
+// A body with a convex part that the device cannot hold is left to the CPU as a whole.
 TEST_F(CudaBackend, LeavesBodiesWithAPieceThatTheDeviceCannotHoldToTheCpu) {
   const auto with_large = [] {
     Scene scene = decomposed_scene(30, 2, 43), large;
@@ -185,8 +185,8 @@ TEST_F(CudaBackend, LeavesBodiesWithAPieceThatTheDeviceCannotHoldToTheCpu) {
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
 }
 
-// Hulls that do not fit in shared memory are read where the scene has them, by tables coarse enough for 16 bits; of the
-// largest there is none, and the CPU answers.
+// Hulls that do not fit in shared memory are read from the scene's arrays, with tables coarse enough for 16 bits. The
+// largest have no table, and the CPU answers.
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
   const auto large = [](bool with_largest) {
     Random random(31);
@@ -216,7 +216,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
       q.configurations = poses;
       q.configuration_count = 100;
       compare(device, cpu, q, scene + ", configurations, " + name);
-      if (q.signed_distance) continue;  // overlaps are the CPU's
+      if (q.signed_distance) continue;  // overlaps are left to the CPU
       for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin}) {
         q.reduce = reduce;
         expect_same(ask(device, q), ask(cpu, q), scene + ", reduced, " + name, true);
@@ -266,7 +266,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForConfigurations) {
   EXPECT_GT(counter(device, "cuda.chunks"), counter(device, "cuda.queries")) << "some took several chunks";
 }
 
-// Along a trajectory; bodies apart, which the CPU need not finish.
+// Along a trajectory; the bodies are apart, so the CPU has nothing to finish.
 TEST_F(CudaBackend, BeginsWhereItsClientsLastQueryEnded) {
   const auto apart = [] {
     Scene scene;
@@ -370,7 +370,7 @@ TEST_F(CudaBackend, SaysWhichPosesAreBadMissingRenormalisedOrStale) {
   EXPECT_TRUE(statuses.count(static_cast<std::uint8_t>(Status::kNoPose)));
 }
 
-// Where float32 hardly reaches the tolerance, some pairs stay with its answer and some get float64's.
+// At a tolerance near the limit of float32, some pairs keep its answer and some get float64's.
 TEST_F(CudaBackend, LeavesToFloat64WhatFloat32CannotSettle) {
   const Engine device(grouped_scene(300, 3, 15), {"cuda"}), cpu(grouped_scene(300, 3, 15), {"cpu"});
   QueryView q;

@@ -1,4 +1,4 @@
-// Every class of hard cases through the cuda backend: true before the exact judge, and the bits of the CPU.
+// Every class of hard cases through the cuda backend: accepted by the exact oracle, with the CPU's bits.
 #include "tests/engine/cuda/same_answer.h"
 #include "tests/oracle/oracle_run.h"
 
@@ -35,8 +35,8 @@ TEST_P(CudaClasses, AreContained) {
   }
 }
 
-// The cases' bodies in many configurations: as the case has them, then moved a little and a lot, so that pairs of the
-// same two hulls fill blocks.
+// The cases' bodies in many configurations: at the case's poses, then moved a little and a lot, so that pairs that
+// share both hulls fill blocks.
 TEST_P(CudaClasses, HaveTheBitsOfTheCpuInConfigurations) {
   constexpr std::uint32_t kCases = 8, kConfigurations = 96;
   const CaseClass& c = case_classes()[GetParam()];

@@ -1,5 +1,5 @@
-// A million pairs on the device, cold, warm and reduced, in float64 and float32, each before the exact judge. The same
-// test asks the CPU about a part of them.
+// A million pairs on the device, cold, warm and reduced, in float64 and float32, each checked by the exact oracle. The
+// same test runs a part of them on the CPU.
 #include <algorithm>
 #include <atomic>
 #include <cstdlib>
@@ -40,7 +40,7 @@ Scene bodies_of_all_kinds() {
         Body body;
         body.name = name;
         body.pieces = {make_piece(random.cloud(6, {0.4, 0.4, 0.4}))};
-        for (std::uint32_t p = 0; p < i / 6 % 4; ++p) {  // up to four pieces
+        for (std::uint32_t p = 0; p < i / 6 % 4; ++p) {  // up to four convex parts
           std::vector<Vec3d> v = random.cloud(12, {0.2, 0.2, 0.2});
           const Vec3d at{random.uniform(-0.8, 0.8), random.uniform(-0.8, 0.8), 0};
           for (Vec3d& x : v) x += at;
@@ -53,8 +53,8 @@ Scene bodies_of_all_kinds() {
   return scene;
 }
 
-// Most poses are anywhere in a box; of some, bodies stand square to each other at round places, so that faces and edges
-// lie side by side and touch exactly.
+// Most poses are random within a box. Some place bodies axis-aligned at round coordinates, so that faces and edges
+// touch exactly.
 std::vector<Pose> poses_of(Random& random) {
   std::vector<Pose> poses;
   for (std::uint32_t k = 0; k < kBatch; ++k)
@@ -70,7 +70,7 @@ std::vector<Pose> poses_of(Random& random) {
   return poses;
 }
 
-/// The doubles on either side of a distance; of overlapping bodies it is 0.
+/// The doubles on either side of a distance, which is 0 for overlapping bodies.
 struct Exact {
   double below = 0, above = 0;
 };
@@ -100,7 +100,8 @@ std::vector<Exact> exact_answer(const Scene& scene, const std::vector<BodyPair>&
   return rows;
 }
 
-/// The least of all pairs, or of those of a body. \param rows of one configuration
+/// The least over all pairs, or over those of a body.
+/// \param rows of one configuration
 Exact least_of(const std::vector<BodyPair>& pairs, const Exact* rows, Reduce reduce, std::uint32_t body) {
   const Exact* least = nullptr;
   for (std::size_t p = 0; p < pairs.size(); ++p)
@@ -153,7 +154,7 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
       const std::string name = precision == Precision::kF64 ? "f64 " : "f32 ";
       q.precision = precision;
       q.reduce = Reduce::kNone;
-      for (const std::uint64_t warm : {0, 1, 1}) {  // the second warm query begins where the first has ended
+      for (const std::uint64_t warm : {0, 1, 1}) {  // the second warm query begins where the first ended
         q.warm_slot = warm;
         const Answer answer = ask(engine, q);
         ASSERT_EQ(answer.info.backend, GetParam());
@@ -177,7 +178,7 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
           }
         }
     }
-    // Where bodies stand.
+    // At the bodies' current poses.
     q.precision = Precision::kF64;
     for (std::uint32_t k = 0; k < kBatch; k += 7) {
       std::vector<BodyPose> stand;

@@ -1,4 +1,4 @@
-// Decisions (Reduce::kAny) and robots' joints on a device: the CPU's rows, bit by bit.
+// Decisions (Reduce::kAny) and robots' joints on a device: rows must have the CPU's bits.
 #include <array>
 #include <cmath>
 
@@ -15,7 +15,7 @@ class CudaDecisions : public testing::Test {
   void SetUp() override { SKIP_WITHOUT_DEVICE(); }
 };
 
-// Every way of asking for decisions that has its own path.
+// Every kind of decision with its own code path.
 std::vector<std::pair<std::string, QueryView>> questions() {
   std::vector<std::pair<std::string, QueryView>> all;
   const auto add = [&](const std::string& name, auto&& change) {
@@ -37,7 +37,8 @@ std::vector<std::pair<std::string, QueryView>> questions() {
   return all;
 }
 
-// Asks both, and each with a margin of its own for each pair, too. \returns how many rows there are of each status
+// Runs a query on both, also with a margin per pair.
+// \returns number of rows by status
 std::array<std::uint64_t, 16> compare(const Engine& device, const Engine& cpu, QueryView q, const std::string& what) {
   std::array<std::uint64_t, 16> statuses{};
   const auto compare_one = [&](const std::string& with) {
@@ -96,7 +97,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForWhatIsDoubted) {
     if (K > 5) c.positions[5 * c.joints.size()] = std::numeric_limits<double>::quiet_NaN();
     const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
     const std::vector<BodyPair> all = c.pairs;
-    for (const std::size_t step : {1u, 9u}) {  // of few pairs fewer overlap
+    for (const std::size_t step : {1u, 9u}) {  // fewer pairs have fewer overlaps
       std::vector<BodyPair> some;
       for (std::size_t i = 0; i < all.size(); i += step) some.push_back(all[i]);
       for (auto [name, q] : questions()) {
@@ -116,7 +117,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForWhatIsDoubted) {
   }
 }
 
-// Robots with joints of every kind, one in the hand of the other, whose joints move all or in part.
+// Robots with joints of every kind, one in the hand of the other, with all or some joints moving.
 TEST_F(CudaDecisions, PutLinksWhereTheCpuPutsThem) {
   const auto scene = [] {
     Scene s;

@@ -1,4 +1,4 @@
-// Clouds and meshes on a device: rows that hold what the CPU's hold, of the points that are there now.
+// Clouds and meshes on a device: intervals that agree with the CPU's, for the current points.
 #include <array>
 
 #include "tests/engine/cuda/mesh_case.h"
@@ -22,7 +22,8 @@ struct Found {
   std::uint64_t apart = 0, overlap = 0, beyond = 0, rows = 0;
 };
 
-// Asks both. Intervals are as narrow as asked and hold the same distance; what one has decided the other does not deny.
+// Runs a query on both. Intervals are as narrow as requested and contain the same distance, and decisions do not
+// contradict each other.
 // \param share of the pairs that may be left to the CPU
 void compare(const Engine& device, const Engine& cpu, const QueryView& q, const std::string& what, Found& found,
              double share = 0.05) {
@@ -101,7 +102,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
     }
 }
 
-// Meshes before meshes; and the same among pairs that are left to the CPU, one by one.
+// Meshes with meshes; the same among pairs that are left to the CPU one by one.
 TEST_F(CudaElements, HoldWhatTheCpuHoldsOfMeshes) {
   for (const bool all : {false, true}) {
     Found least, any;
@@ -133,7 +134,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHoldsOfMeshes) {
   }
 }
 
-// The same query, the same bits: threads that are faster than others change nothing.
+// The same query gives the same bits, regardless of thread order.
 void expect_repeated(Scene scene, QueryView q) {
   const Engine device(std::move(scene), {"cuda"});
   for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kAny}) {
@@ -157,7 +158,7 @@ TEST_F(CudaElements, RepeatThemselvesOfMeshes) {
   expect_repeated(std::move(c.scene), c.q);
 }
 
-// Points are swapped, in the memory of those before and beside a query of these; bodies are emptied.
+// Points are replaced, in the memory of the previous ones and during a query of these; bodies are emptied.
 TEST_F(CudaElements, FollowTheirPoints) {
   ElementCase c(ElementKind::kPoints, 3000, 1.2, 200, 3, true);
   Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
@@ -185,7 +186,7 @@ TEST_F(CudaElements, FollowTheirPoints) {
   EXPECT_GT(found.overlap, 200u);
 }
 
-// A query of which the device can look at no pair is the CPU's.
+// The CPU answers a query whose pairs the device cannot evaluate.
 TEST_F(CudaElements, LeaveToTheCpuWhatTheyDoNotAnswer) {
   MeshCase c(20, 0.8, 3);
   std::vector<BodyPair> pairs;

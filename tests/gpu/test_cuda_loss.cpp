@@ -1,4 +1,4 @@
-// A real device that is lost in the middle of a query. Alone in its program: nothing works on that device afterwards.
+// A real device that is lost during a query. In a program of its own, since the device stays unusable afterwards.
 #include "tests/engine/cuda/same_answer.h"
 #include "tests/gpu/break_device.h"
 

@@ -1,4 +1,4 @@
-// Motions on a device: the CPU's verdicts. Skips without one.
+// Motions on a device, compared with the CPU's results. Skipped without a device.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -36,7 +36,7 @@ TEST(CudaMotions, HaveTheCpusVerdicts) {
       for (const bool when : {false, true}) ask_both(margin, size, when);
 }
 
-// Bits are the same each time: those of the device, and of the CPU where it finishes a motion.
+// Whether the bits are the same each time: those of the device, and of the CPU where it finishes a motion.
 bool is_same(const Answer& p, const Answer& q) {
   const auto same = [&](const auto* a, const auto* b, std::size_t count) {
     return std::memcmp(a, b, count * sizeof *a) == 0;
@@ -70,7 +70,7 @@ TEST(CudaMotions, FindLeastDistances) {
       }
 }
 
-// However early a search ends, what it has not proved is not free; and what it has proved free is no contact.
+// A search that ends early reports no unproved part as free, and no proved part as contact.
 TEST(CudaMotions, OutOfStepsIsNeverFree) {
   SKIP_WITHOUT_DEVICE();
   const ArmEdges edges(17, 3000, 1.0);
@@ -125,7 +125,7 @@ TEST(CudaMotions, TellOfEndsBeyondLimits) {
   EXPECT_GT(compare_least(nearest, ask(cpu, least), least).hits, 100);
 }
 
-// Whose kernels know hulls alone.
+// Its kernels support hulls only.
 TEST(CudaMotions, LeaveMeshesToTheCpu) {
   SKIP_WITHOUT_DEVICE();
   ArmEdges edges(13, 200, 0.8);

@@ -1,4 +1,4 @@
-// Nearest, least and within a distance on the device: the CPU's rows, bit by bit, for every way of asking.
+// Nearest, least and within a distance on the device: rows must have the CPU's bits for every kind of query.
 #include <algorithm>
 #include <thread>
 
@@ -65,8 +65,7 @@ TEST_F(CudaReductions, GiveTheBitsOfTheCpuForAllPairsOfAScene) {
   }
 }
 
-// Many bodies, in tiles with and without an order, some without poses, some pairs excluded, and a last tile that is not
-// full.
+// Many bodies, in sorted and unsorted tiles, some without poses, some pairs excluded, and a last tile that is not full.
 TEST_F(CudaReductions, FindNearPairsOfLargeScenes) {
   for (const int count : {3, 33, 1000, 6200, 9001}) {
     const auto crowd = [&] {
@@ -98,7 +97,7 @@ TEST_F(CudaReductions, FindNearPairsOfLargeScenes) {
         EXPECT_GT(a.info.total, static_cast<std::uint64_t>(count) / 4);
       }
     }
-    q.signed_distance = true;  // the CPU finishes what overlaps: it is told the pairs' places in the table
+    q.signed_distance = true;  // the CPU finishes overlaps, which are listed by their position in the table
     compare(device, cpu, q, std::to_string(count) + " bodies with depths");
     if (count >= 1000) {
       EXPECT_GT(counter(device, "cuda.pairs_finished_on_cpu"), 20u);
@@ -116,7 +115,7 @@ Scene grid(double step) {
   return scene;
 }
 
-// Many distances and box gaps are the same.
+// Many distances and box gaps are equal.
 TEST_F(CudaReductions, BreakTiesAsTheCpuDoes) {
   const Engine device(grid(2), {"cuda"}), cpu(grid(2), {"cpu"});
   for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
@@ -130,8 +129,8 @@ TEST_F(CudaReductions, BreakTiesAsTheCpuDoes) {
     }
 }
 
-// The device settles none of what touches: every group is left open, in configurations with more pairs than there is
-// room for at first.
+// The device cannot resolve touching pairs: every group is left open, in configurations with more pairs than the
+// initial capacity.
 TEST_F(CudaReductions, FinishOnTheCpuWhatTouches) {
   const Engine device(grid(1), {"cuda"}), cpu(grid(1), {"cpu"});
   for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
@@ -144,7 +143,7 @@ TEST_F(CudaReductions, FinishOnTheCpuWhatTouches) {
   for (std::uint32_t k = 0; k < kConfigurations; ++k)
     poses.push_back(k % 3 == 0 ? Pose{{2, 1, k % 2 ? 6 : 2.5}} : random.pose(9));
   const std::vector<std::uint32_t> moved{7};
-  std::uint64_t most = 0;  // that teams leave open of one query
+  std::uint64_t most = 0;  // pairs of one query that teams leave open
   for (const auto& [name, question] : questions()) {
     if (question.signed_distance) continue;
     QueryView q = question;
@@ -191,7 +190,7 @@ TEST_F(CudaReductions, TakeExplicitPairsAndLeaveUnknownBodiesToTheCpu) {
   std::vector<BodyPair> pairs;
   while (pairs.size() < 5000) {
     const BodyPair p{static_cast<std::uint32_t>(random.below(50)), static_cast<std::uint32_t>(random.below(50))};
-    if (p.a != p.b) pairs.push_back(p);  // some twice, some the other way round; bodies 50 to 59 have none
+    if (p.a != p.b) pairs.push_back(p);  // some twice, some reversed; bodies 50 to 59 have none
   }
   for (const std::size_t count : {5000u, 63u, 1u, 0u})
     for (const Reduce reduce : kReductions) {
@@ -227,7 +226,7 @@ TEST_F(CudaReductions, SayWhichGroupsHoldUnusablePoses) {
     q.max_pose_age_ns = std::int64_t{1} << 62;
     compare(device, cpu, q, name + ", stale");
   }
-  // Nothing but bad bodies, and bad bodies before good ones.
+  // Bad bodies alone, and bad bodies before good ones.
   const BodyPair bad[] = {{4, 2}, {2, 50}, {50, 4}};
   const BodyPair mixed[] = {{4, 2}, {2, 8}, {8, 12}, {12, 4}};
   for (const auto& [name, question] : questions())
@@ -308,7 +307,7 @@ TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralPieces) {
     poses[1].qw = poses[1].qx = poses[1].qy = poses[1].qz = 0;
     for (auto [name, q] : questions()) {
       compare(device, cpu, q, name + ", box " + std::to_string(box));
-      if (q.signed_distance && box < 1) continue;  // overlaps are the CPU's
+      if (q.signed_distance && box < 1) continue;  // overlaps are left to the CPU
       q.bodies = bodies;
       q.configurations = poses;
       q.configuration_count = 150;
@@ -330,7 +329,7 @@ TEST_F(CudaReductions, LeaveScenesThatTheDeviceDoesNotKnowToTheCpu) {
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), questions().size());
 }
 
-// Which pair has the least lower bound, where all is known.
+// The pair with the least lower bound, without uncertainty.
 TEST_F(CudaReductions, KnowsThePairOfTheLeastLowerBound) {
   const Engine device(simple_scene(80, 3, 5), {"cuda"}), cpu(simple_scene(80, 3, 5), {"cpu"});
   for (auto [name, q] : questions()) {

@@ -1,4 +1,4 @@
-// Bodies that are not known exactly, and robots, on a device: the CPU's rows, bit by bit.
+// Uncertain bodies and robots on a device: rows must have the CPU's bits.
 #include "tests/engine/cuda/uncertain_scene.h"
 
 namespace clearance::test {
@@ -9,7 +9,7 @@ class CudaSlack : public testing::Test {
   void SetUp() override { SKIP_WITHOUT_DEVICE(); }
 };
 
-// Every way of asking that has its own path.
+// Every kind of query with its own code path.
 std::vector<std::pair<std::string, QueryView>> questions() {
   std::vector<std::pair<std::string, QueryView>> all;
   for (const Reduce reduce : {Reduce::kNone, Reduce::kNearest, Reduce::kMin, Reduce::kWithin}) {
@@ -35,7 +35,7 @@ std::vector<std::pair<std::string, QueryView>> questions() {
   return all;
 }
 
-// Where the snapshot has the bodies, and in configurations of joints and bodies, over several chunks, too.
+// At the snapshot's poses, and in configurations of joints and bodies, also over several chunks.
 TEST_F(CudaSlack, GivesTheBitsOfTheCpu) {
   for (const std::uint32_t K : {0u, 1u, 40u, 3000u}) {
     UncertainCase c(K, 11);
@@ -43,7 +43,7 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpu) {
     if (K > 1) c.positions[1] = 5;  // beyond its limits
     const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
     for (const auto& [name, question] : questions()) {
-      if (K == 3000 && question.signed_distance) continue;  // overlaps are the CPU's
+      if (K == 3000 && question.signed_distance) continue;  // overlaps are left to the CPU
       QueryView q = question;
       if (K > 0 && q.fields == (kAllFields | kFieldPairLower)) q.fields |= kFieldGradientJoints;
       q.all_pairs = false;
@@ -85,8 +85,8 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpuForAllPairs) {
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
 }
 
-// Slack grows as time goes by: it is between that of a scene that was loaded earlier and is asked later, and that of
-// one that was loaded later and is asked earlier.
+// Slack grows with time: it lies between that of a scene loaded earlier and queried later, and that of one loaded later
+// and queried earlier.
 TEST_F(CudaSlack, CountsTheAgeOfPoses) {
   UncertainCase c(20, 12, true);
   c.q.fields = kDefaultFields;

@@ -1,4 +1,4 @@
-// Reductions that begin where the last question of a client ended: what they say meets what is said cold.
+// Warm-started reductions: their intervals intersect those of a cold start.
 #include <algorithm>
 #include <limits>
 
@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Half of a scene's bodies on their way, with room for most to be apart, or without.
+// A trajectory of half of a scene's bodies, with or without space for most of them to be apart.
 struct Trajectory {
   static constexpr std::uint32_t kConfigurations = 200;
   std::vector<std::uint32_t> bodies;
@@ -46,7 +46,7 @@ struct Compared {
   std::uint64_t rows = 0, different = 0;  // in their bits
 };
 
-// Rows of the same question, cold and warm: their intervals meet.
+// Rows of the same query, cold and warm: their intervals intersect.
 Compared expect_to_meet(const Answer& warm, const Answer& cold, const std::string& what) {
   Compared c;
   EXPECT_EQ(warm.info.rows, cold.info.rows) << what;
@@ -76,7 +76,7 @@ TEST_F(CudaWarm, BeginsAlongATrajectory) {
         Trajectory t(device.scene(), room);
         t.q.precision = precision;
         Random random(22);
-        const auto client = 1 + static_cast<std::uint64_t>(reduce);  // each with a state of its own
+        const auto client = 1 + static_cast<std::uint64_t>(reduce);  // each with its own state
         Compared sum;
         std::uint64_t allocations = 0;
         for (int i = 0; i < 6; ++i) {
@@ -84,7 +84,7 @@ TEST_F(CudaWarm, BeginsAlongATrajectory) {
           expect_same(ask(device, t.ask_for(reduce, 0)), cold, what + ", cold", true);
           const Answer warm = ask(device, t.ask_for(reduce, client));
           ASSERT_EQ(warm.info.backend, "cuda");
-          if (i == 0 && precision == Precision::kF64) {  // float64 begins where float32 has left off
+          if (i == 0 && precision == Precision::kF64) {  // float64 starts where float32 ended
             expect_same(warm, cold, what + ", nothing to begin from", true);
           } else {
             const Compared c = expect_to_meet(warm, cold, what + ", step " + std::to_string(i));
@@ -94,10 +94,10 @@ TEST_F(CudaWarm, BeginsAlongATrajectory) {
           if (i < 5) t.step(random);
         }
         EXPECT_EQ(counter(device, "cuda.allocations"), allocations) << what;
-        // That it begins elsewhere shows in the last bits.
+        // A different start shows in the last bits.
         EXPECT_GT(sum.rows, 500u) << what;
         EXPECT_GT(sum.different, 10u) << what;
-        // Where all is elsewhere.
+        // With all bodies elsewhere.
         std::reverse(t.poses.begin(), t.poses.end());
         expect_to_meet(ask(device, t.ask_for(reduce, client)), ask(cpu, t.ask_for(reduce, 0)), what + ", elsewhere");
       }

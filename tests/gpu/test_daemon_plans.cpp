@@ -1,5 +1,5 @@
-// Plans through a daemon, as its clients have them: this process maps the memory of another one's device, writes poses
-// there and reads rows, which have the bits that an engine gives here.
+// Device queries through a daemon: this client maps device memory of the daemon, writes poses there and reads rows,
+// which must have the bits of an engine in this process.
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -67,7 +67,7 @@ class DaemonPlans : public testing::Test {
   std::optional<Daemon> daemon_;
 };
 
-/// What is asked, of a plan in either process.
+/// Input of a device query in either process.
 struct Asked {
   std::vector<std::uint32_t> bodies, joints;
   std::vector<Pose> poses;
@@ -162,7 +162,7 @@ TEST_F(DaemonPlans, GiveTheBitsOfAnEngineHere) {
   EXPECT_GE(unlike, 24) << "other poses give other rows";
 }
 
-/// Not a test: what the next one starts as a process of its own, and kills.
+/// Not a test: the next test starts it as a separate process, and kills it.
 TEST_F(DaemonPlans, Doomed) {
   const char* url = std::getenv("CLEARANCE_TEST_DOOMED");
   if (!url) GTEST_SKIP() << "a process of OfAKilledProcessGoAndLeaveOthersAlone, which starts it itself";

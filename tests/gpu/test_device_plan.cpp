@@ -1,4 +1,4 @@
-// Queries whose poses and answers stay on the device, against the CPU's answers and in graphs.
+// Device queries, compared with the CPU's answers, also in graphs.
 #include "engine/device/query/device_plan.h"
 #include "tests/engine/cuda/uncertain_scene.h"
 #include "tests/gpu/device_memory.h"
@@ -6,7 +6,7 @@
 namespace clearance::test {
 namespace {
 
-// Groups of the same hulls, pairs without company, rounded bodies, bodies of several pieces.
+// Groups that share both hulls, ungrouped pairs, rounded bodies, and bodies of several convex parts.
 Scene scene_of_all_kinds(int count, double box) {
   Random random(23);
   Scene scene;
@@ -40,7 +40,7 @@ class DevicePlans : public testing::Test {
   void SetUp() override { SKIP_WITHOUT_DEVICE(); }
 };
 
-// A query's configurations, some of them square to each other at round places, so that bodies touch exactly.
+// Configurations of a query, some axis-aligned at round coordinates, so that bodies touch exactly.
 struct Asked {
   std::vector<std::uint32_t> bodies;
   std::vector<Pose> poses;
@@ -65,7 +65,7 @@ struct Asked {
   }
 };
 
-// A plan with memory of the caller's.
+// A device query with the caller's memory.
 struct Running {
   std::unique_ptr<DevicePlan> plan;
   DeviceMemory poses, positions, rows;
@@ -122,7 +122,8 @@ bool same_row(const ReplyView& a, const ReplyView& b, std::uint64_t row) {
   return same;
 }
 
-// The CPU's bits, but for few rows whose intervals meet the CPU's and whose points are as far apart as they say.
+// The CPU's bits, except for few rows whose intervals intersect the CPU's and whose points are as far apart as
+// reported.
 void expect_the_cpus(const Answer& got, const Answer& cpu, const std::string& what) {
   ASSERT_EQ(got.size.rows, cpu.info.rows) << what;
   std::uint64_t others = 0;
@@ -183,7 +184,8 @@ TEST_F(DevicePlans, GoThroughMoreRowsThanAChunkHolds) {
   expect_the_cpus(running.answer(), ask(cpu, asked.q), "several chunks");
 }
 
-// Captured in a graph a plan reads anew what lies where it is given it. \param plain a plan of `others` already
+// Captured in a graph, a device query reads its input memory again on each launch.
+// \param plain a device query that was created with `others`
 void expect_captured(const Engine& device, Running& running, Running& plain, const QueryView& others) {
   plain.run();
   const Answer expected = plain.answer();
@@ -222,8 +224,8 @@ TEST_F(DevicePlans, HaveMemoryOfTheirOwnForRows) {
   running.plan->run(running.given(), running.view, nullptr);
 }
 
-// A robot on an uncertain cart, what follows its links, bodies of several pieces: all of them with slack, and known
-// ones. Some configurations are bad, some beyond limits.
+// A robot on an uncertain cart, bodies that follow its links, bodies of several convex parts, all with slack, and
+// certain bodies. Some configurations are bad, some beyond limits.
 struct JointAsked : UncertainCase {
   JointAsked(std::uint32_t configurations, std::uint64_t seed) : UncertainCase(configurations, seed) {
     poses[3].qw = poses[3].qx = poses[3].qy = poses[3].qz = 0;
@@ -258,10 +260,10 @@ TEST_F(DevicePlans, TakeThePositionsOfJoints) {
       }
 }
 
-// Rows that are the CPU's, or come from pairs that the device left open, and then are sound.
+// Rows that equal the CPU's, or come from pairs left open by the device and have valid bounds.
 struct Soundness {
   std::uint64_t rows = 0, others = 0, beyond = 0, within = 0;
-  std::uint64_t other_points = 0;  // of rows that say the same
+  std::uint64_t other_points = 0;  // of otherwise equal rows
 
   void add(const Answer& got, const Answer& cpu, bool any, const std::string& what) {
     rows += got.size.rows;
@@ -272,13 +274,13 @@ struct Soundness {
       beyond += mine == Status::kBeyond;
       within += is_hit(mine);
       if (same_row(got.view, cpu.view, row)) continue;
-      if (says_the_same(got.view, cpu.view, row)) {  // a common point of two bodies is one of many
+      if (says_the_same(got.view, cpu.view, row)) {  // a common point of two bodies is not unique
         ++other_points;
         EXPECT_TRUE(mine == Status::kOverlap || mine == Status::kContact) << where;
         continue;
       }
       ++others;
-      if (any) {  // what one has proved the other does not deny
+      if (any) {  // proofs must not contradict each other
         EXPECT_FALSE(mine == Status::kBeyond && theirs != Status::kBeyond) << where;
         EXPECT_FALSE(theirs == Status::kBeyond && is_hit(mine)) << where;
       } else {
@@ -307,7 +309,7 @@ TEST_F(DevicePlans, ReduceEachConfiguration) {
       for (const int way : {0, 1, 2})
         for (std::size_t first = 0; first < 12; ++first) {
           JointAsked asked(100, 13 + first);
-          // Few of the pairs, else all overlap.
+          // Few of the pairs at a time, since otherwise every configuration has an overlap.
           std::size_t at = 0;
           std::erase_if(asked.pairs, [&](BodyPair) { return at++ % 12 != first; });
           asked.point();
@@ -338,11 +340,11 @@ TEST_F(DevicePlans, ReduceEachConfiguration) {
     }
 }
 
-// Where nothing is doubted, teams decide the least distance of poses; several chunks of it, and no configurations.
+// Without uncertainty, teams decide the least distance of poses: in several chunks, and without configurations.
 TEST_F(DevicePlans, ReduceWhatIsKnownToo) {
   for (const Reduce reduce : {Reduce::kMin, Reduce::kAny})
     for (const std::uint32_t configurations : {0u, 1u, 50u, 3000u}) {
-      // Of single pieces and of several.
+      // With single and with several convex parts.
       for (const bool several : {false, true}) {
         const auto scene = [&] { return several ? scene_of_all_kinds(60, 9) : mixed_scene(60, 9, 5); };
         const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
@@ -362,7 +364,7 @@ TEST_F(DevicePlans, ReduceWhatIsKnownToo) {
     }
 }
 
-// A box that lies exactly on another: nobody can prove either, and the plan does not call that free.
+// A box exactly on another: neither contact nor clearance can be proved, and the result must not be free.
 TEST_F(DevicePlans, CallNothingFreeThatTouches) {
   Scene scene;
   scene.add_box("floor", {4, 4, 1}, {.is_static = true, .pose = Pose()});

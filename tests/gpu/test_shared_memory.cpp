@@ -1,4 +1,4 @@
-// Plans whose poses another process writes, and whose rows it reads, where they are: on the device.
+// Device queries whose poses are written and whose rows are read by another process, in device memory.
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/stat.h>
@@ -36,7 +36,7 @@ std::string hex_of(const cuda::MemoryHandle& handle) {
   return hex;
 }
 
-// Starts the program beside this one.
+// Starts the client program from this program's folder.
 pid_t start_client(const std::string& what, const cuda::MemoryHandle& handle, const fs::path& file, std::size_t offset,
                    std::size_t bytes) {
   const std::string program = fs::read_symlink("/proc/self/exe").parent_path() / "memory_client";
@@ -54,7 +54,7 @@ int status_of(pid_t child) {
   EXPECT_EQ(::waitpid(child, &status, 0), child);
   return status;
 }
-// Until the child writes to a FIFO. False: it has ended and did not.
+// Waits until the child writes to a FIFO. Returns false if it ended without writing.
 bool hears_from(pid_t child, const fs::path& fifo) {
   const int fd = ::open(fifo.c_str(), O_RDWR | O_CLOEXEC);
   pollfd heard{fd, POLLIN, 0};
@@ -184,8 +184,8 @@ TEST_F(SharedDeviceMemory, OutlivesAProcessThatIsKilledWithAMapping) {
   EXPECT_EQ(std::memcmp(now.data(), poses.data(), bytes), 0);
 }
 
-// CUDA does not say what a mapping is whose memory was freed. A process that does not give it up must not see what the
-// memory is used for next.
+// CUDA does not define a mapping of freed memory. A process that keeps its mapping must not see later contents of that
+// memory.
 TEST_F(SharedDeviceMemory, ShowsNothingOfWhatComesAfterItToWhoKeepsAMapping) {
   constexpr std::size_t kBytes = std::size_t{64} << 20;
   constexpr char kSecret = 0x5a;
@@ -198,12 +198,12 @@ TEST_F(SharedDeviceMemory, ShowsNothingOfWhatComesAfterItToWhoKeepsAMapping) {
     child = start_client("hold", memory.handle(), file, 0, kBytes);
     ASSERT_TRUE(hears_from(child, mapped)) << status_of(child);
   }
-  std::vector<std::unique_ptr<DeviceMemory>> later;  // wherever they come to lie
+  std::vector<std::unique_ptr<DeviceMemory>> later;  // at any address
   for (int i = 0; i < 64; ++i) {
     later.push_back(std::make_unique<DeviceMemory>(i % 2 ? kBytes : kBytes / 32));
     later.back()->fill(kSecret);
   }
-  const int said = ::open(go.c_str(), O_RDWR | O_CLOEXEC);  // whether or not the child is still there
+  const int said = ::open(go.c_str(), O_RDWR | O_CLOEXEC);  // whether or not the child still exists
   const int status = status_of(child);
   ::close(said);
   ASSERT_TRUE(WIFEXITED(status) && (WEXITSTATUS(status) == 0 || WEXITSTATUS(status) == 3)) << status;
@@ -228,7 +228,7 @@ TEST_F(SharedDeviceMemory, IsRefusedWhereThereIsNoRoom) {
   } catch (const cuda::DeviceError& error) {
     EXPECT_EQ(error.kind, cuda::DeviceError::kNoRoom) << error.what();
   }
-  const cuda::SharedMemory small(0, 1);  // the device goes on
+  const cuda::SharedMemory small(0, 1);  // the device still works
 }
 
 }  // namespace

@@ -11,9 +11,8 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint64_t kSmallRows = 16384;     // largest chunk that is answered with the fewest possible driver
-                                                       // calls
-inline constexpr std::uint64_t kFirstRows = 1u << 16;  // largest first chunk that proves overlaps at once
+inline constexpr std::uint64_t kSmallRows = 16384;              // largest chunk answered with as few calls as possible
+inline constexpr std::uint64_t kFirstRows = 1u << 16;           // largest first chunk that proves overlaps at once
 inline constexpr std::chrono::microseconds kFlagPatience{200};  // few pairs take a tenth of this
 
 struct DenseSlot : QuerySlot {

@@ -1,4 +1,4 @@
-// An arm's edges, of which some are free and some are not.
+// Edges of an arm, some of them free.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace clearance::test {
 
-/// Edges of the arm over a table with some boxes on it, which holds a tool of two pieces.
+/// Edges of an arm that holds a tool of two convex parts, over a table with some boxes.
 struct ArmEdges {
   Scene scene;
   Motions motions;
@@ -40,7 +40,7 @@ struct ArmEdges {
     }
     leave_out_neighbours();
   }
-  // Pairs that are near each other at all ends would decide everything.
+  // Excludes pairs that are near at half or more of the ends, since they would decide nearly every edge.
   void leave_out_neighbours() {
     const Engine cpu(Scene(scene), {.backend = "cpu", .threads = 2});
     QueryView ends;
@@ -55,7 +55,7 @@ struct ArmEdges {
       if (near < static_cast<int>(motions.count())) motions.pairs.push_back(all[p]);
     }
   }
-  /// Every third edge ends beyond a joint's limits, and is within them in its middle.
+  /// Makes every third edge end beyond a joint's limits, with its middle within them.
   void end_beyond_limits() {
     const std::size_t J = motions.joints.size();
     for (std::size_t i = 0; i < motions.count(); i += 3) {
@@ -66,15 +66,15 @@ struct ArmEdges {
       ends[0] = std::max(joint.lower, joint.upper - 0.3);
     }
   }
-  /// \param when first contact is asked for, as Python's motions() does
+  /// \param when whether first contact is requested, as by Python's motions()
   QueryView query(double margin, bool when, Reduce reduce = Reduce::kAny) const {
     QueryView q = motions.view(reduce);
     q.margin = margin;
     q.fields = when ? kMotionAnswer : kMotionAnswer & ~kFieldFirstContact;
-    if (reduce == Reduce::kMin) q.fields &= ~kFieldPairLower;  // which is the CPU's
+    if (reduce == Reduce::kMin) q.fields &= ~kFieldPairLower;  // not supported on the device
     return q;
   }
-  /// How near they come, as Python's motions() asks where no `reduce` is named.
+  /// Least distance, as requested by Python's motions() without `reduce`.
   QueryView least(double margin, bool when) const { return query(margin, when, Reduce::kMin); }
 };
 

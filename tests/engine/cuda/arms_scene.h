@@ -1,4 +1,4 @@
-// Two arms among obstacles, all of them decomposed into convex pieces: what planners ask about.
+// Two arms among obstacles, all decomposed into convex parts: typical queries of planners.
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,9 @@ namespace clearance::test {
 
 inline constexpr std::uint32_t kLinks = 7, kArms = 2, kObstacles = 10;
 
-/// A body of the hulls of points on ellipsoids. \param middles, sizes of each.
+/// A body whose convex parts are hulls of points on ellipsoids.
+/// \param middles of each
+/// \param sizes of each
 inline void add_ellipsoids(Scene& scene, const std::string& name, const std::vector<Vec3d>& middles,
                            const std::vector<Vec3d>& sizes, std::optional<Pose> pose, bool is_static, Random& random) {
   Body body;
@@ -45,7 +47,8 @@ inline void add_boxes(Scene& scene, const std::string& name, const std::vector<V
   scene.add_body(std::move(body));
 }
 
-/// Links of five pieces of 16 to 48 vertices; a table of five boxes, three shelves of six, six things of eight hulls.
+/// Links of five convex parts with 16 to 48 vertices; a table of five boxes, three shelves of six, six objects of eight
+/// hulls.
 inline Scene arms_scene() {
   Random random(23);
   Scene scene;
@@ -90,7 +93,7 @@ inline std::vector<BodyPair> arms_pairs() {
   return pairs;
 }
 
-/// Links' poses for random joints: (configurations, arms, links).
+/// Link poses for random joint positions: (configurations, arms, links).
 inline std::vector<Pose> arms_poses(std::uint32_t configurations, std::uint64_t seed) {
   Random random(seed);
   std::vector<Pose> poses;

@@ -1,4 +1,4 @@
-// A mesh of boxes, each of whose faces is a grid of triangles.
+// A mesh of boxes whose faces are grids of triangles.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +13,8 @@ struct BoxMesh {
   std::vector<Vec3d> vertices;
   std::vector<Triangle> triangles;
 
-  /// \param cells along each edge \param inward whether its triangles face so: a cavity, or a solid of winding number
-  /// -1
+  /// \param cells along each edge
+  /// \param inward whether its triangles face inward: a cavity, or a solid of winding number -1
   void add_box(const Vec3d& centre, const Vec3d& half, std::uint32_t cells, bool inward) {
     for (int face = 0; face < 6; ++face) {
       const int axis = face / 2, u = (axis + 1) % 3, v = (axis + 2) % 3;

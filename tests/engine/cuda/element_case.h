@@ -1,4 +1,4 @@
-// Convex bodies that move before a cloud or a mesh that stays.
+// Moving convex bodies and a fixed cloud or mesh.
 #pragma once
 
 #include <cmath>
@@ -16,7 +16,8 @@ inline bool is_mesh(ElementKind kind) {
   return kind >= ElementKind::kSurface;
 }
 
-/// Points of a sheet with waves, of a heap, and some far away. \param edge of voxels; 0: points
+/// Points of a wavy sheet, of a heap, and some far away.
+/// \param edge of voxels; 0 for points
 inline std::vector<CloudPoint> points_of_case(Random& random, std::size_t count, double edge) {
   std::vector<CloudPoint> points;
   for (std::size_t i = 0; i < count; ++i) {
@@ -30,10 +31,10 @@ inline std::vector<CloudPoint> points_of_case(Random& random, std::size_t count,
   return points;
 }
 
-/// A shelf of boards that overlap, a block whose triangles face inward, and a box with a cavity.
+/// A shelf of overlapping boards, a block whose triangles face inward, and a box with a cavity.
 struct MeshOfCase : BoxMesh {
   static constexpr Vec3d kInBlock{0, 1.2, 0}, kInCavity{0, -1.3, 0};
-  /// In the block, in the cavity, in the shelf and beside all of it.
+  /// In the block, in the cavity, in the shelf, and outside of all.
   static constexpr Vec3d kPlaces[] = {kInBlock, kInCavity, {0, -0.1, 0.5}, {0, 0, 2}};
   /// \param cells along each edge of a box
   explicit MeshOfCase(std::uint32_t cells) {
@@ -46,11 +47,12 @@ struct MeshOfCase : BoxMesh {
   }
 };
 
-/// Some convex bodies that move, one of them of two pieces, before a body of elements and a box that stays.
+/// Some moving convex bodies, one of two convex parts, with a body of elements and a fixed box.
 struct ElementCase {
-  /// \param size how many points, or of a mesh's boxes cells along each edge \param room they are up to so far from the
-  /// origin along each axis \param edge of voxels
-  /// \param elements_move they do, too
+  /// The bodies are at most `room` from the origin along each axis.
+  /// \param size number of points, or cells along each edge of a mesh's boxes
+  /// \param edge of voxels
+  /// \param elements_move whether the elements move too
   ElementCase(ElementKind kind, std::size_t size, double room, std::uint32_t configurations, std::uint64_t seed,
               bool elements_first, double edge = 0.05, bool elements_move = false) {
     Random random(seed);
@@ -95,7 +97,7 @@ struct ElementCase {
     q.configurations = poses;
   }
 
-  /// Puts the convex bodies to a place of the elements' frame, in a configuration.
+  /// Moves the convex bodies of a configuration to a place in the elements' frame.
   void put(std::uint32_t k, const Vec3d& place, Random& random) {
     Pose* const at = poses.data() + k * bodies.size();
     for (std::size_t i = 0; i < 4; ++i) {

@@ -1,13 +1,15 @@
-// Dense chunks in host memory, for kernels that run without a GPU (emulated_scene.h). For one file of a program.
+// Dense chunks in host memory, for kernels emulated without a GPU (emulated_scene.h). Include in one source file per
+// program.
 #pragma once
 
 #include <set>
 
 #include "engine/narrow/epa.h"
-// Behind what kernels include.
+// After the headers that kernels include.
 #include "tests/engine/cuda/emulated_scene.h"
 
-// A block's, which the kernels declare. Not a constant to begin with: the compiler calls what sets it up.
+// Shared memory of a block, as declared by the kernels. Not constant-initialized, since the compiler calls its dynamic
+// initializer.
 namespace clearance::emulated {
 inline uint4 some_words() {
   return {};
@@ -25,7 +27,7 @@ namespace clearance::test {
 
 using emulated::Group;
 
-// A chunk in host memory: all of a query.
+// A whole query as one chunk in host memory.
 struct HostChunk {
   HullArrays hulls;
   HostBodies bodies;
@@ -50,7 +52,7 @@ struct HostChunk {
     rest.resize(all);
     enclosed.resize(all);
     left_open.resize(all);
-    for (std::uint32_t p = 0; p < pairs.size(); ++p) {  // a group for each pair: tiles of its configurations
+    for (std::uint32_t p = 0; p < pairs.size(); ++p) {  // a group per pair: tiles of its configurations
       position.push_back(p);
       const Group group{hulls.of_body[q.pairs[p].a], hulls.of_body[q.pairs[p].b], p, 1,
                         static_cast<std::uint32_t>(group_of_tile.size())};
@@ -77,7 +79,8 @@ struct HostChunk {
   void launch(std::uint32_t blocks, const Kernel& kernel, std::uint32_t threads = kTile) {
     EmulatedGrid::one().launch(blocks, threads, kernel);
   }
-  // The last kernel hands the counts over. \param kernel is given the view
+  // The last kernel hands over the counts.
+  // \param kernel called with the view
   template <class Kernel>
   void launch_last(std::uint32_t blocks, const Kernel& kernel, std::uint32_t threads = kTile) {
     view.host_counts = host_counts;
@@ -92,7 +95,7 @@ struct HostChunk {
         << "left for the next chunk";
   }
 
-  // Expects all rows to be the CPU's but those left to it, which are few, each once.
+  // Expects the CPU's rows, except for rows left to the CPU, which must be few and listed once each.
   void expect_the_cpus(const Engine& cpu, const QueryView& q, const std::string& what, double most_left = 0.02) {
     Answer expected = ask(cpu, q);
     const std::set<std::uint32_t> left(rest.begin(), rest.begin() + host_counts[kRest]);

@@ -1,8 +1,8 @@
-// Kernels on the CPU: the words of CUDA that they use, for the compiler of the host. Include what the kernels include
-// before this, since it defines names that other headers may use, and the kernels after it.
+// Kernels on the CPU: host implementations of the CUDA features they use. Include the headers of the kernels before
+// this one, since it defines names that other headers may use, and the kernels after it.
 //
-// A block's threads are fibers that take turns where they wait for each other, so that each finds there what the others
-// bring. Arithmetic is the host's: of kernels without fused operations it has the same bits.
+// A block's threads are fibers that switch where they wait for each other, so exchanged data is complete. Arithmetic is
+// the host's, which gives the same bits for kernels without fused operations.
 #pragma once
 
 #include <ucontext.h>
@@ -48,7 +48,7 @@ struct alignas(16) uint4 {
 
 namespace clearance::test {
 
-/// The grid that runs.
+/// The running grid.
 class EmulatedGrid {
  public:
   static EmulatedGrid& one() {
@@ -56,11 +56,12 @@ class EmulatedGrid {
     return grid;
   }
 
-  /// Runs a kernel's blocks one after another. \param kernel the call, with its arguments
+  /// Runs a kernel's blocks one after another.
+  /// \param kernel the call, with its arguments
   void launch(unsigned blocks, unsigned threads, std::function<void()> kernel) {
     launch(EmulatedDim{blocks, 1, 1}, threads, std::move(kernel));
   }
-  /// \param blocks of which there are as many along y
+  /// \param blocks along x and along y
   void launch(EmulatedDim blocks, unsigned threads, std::function<void()> kernel) {
     gridDim = blocks;
     blockDim = {threads, 1, 1};
@@ -71,7 +72,7 @@ class EmulatedGrid {
       for (unsigned x = 0; x < blocks.x; ++x) run_block({x, y, 0});
   }
 
-  /// What each of the warp's threads brings, once all have.
+  /// Calls `use` with the values of all threads of the warp, once all have arrived.
   template <class T, class Use>
   auto exchange(T mine, const Use& use) {
     Warp& warp = warps_[threadIdx.x / 32];
@@ -149,7 +150,7 @@ class EmulatedGrid {
 
 }  // namespace clearance::test
 
-// All take part in what a warp does together: masks are not looked at.
+// All threads take part in warp operations; masks are ignored.
 inline unsigned __ballot_sync(unsigned, bool x) {
   return clearance::test::EmulatedGrid::one().exchange(x, [](const auto& of) {
     unsigned bits = 0;
@@ -172,7 +173,7 @@ template <class T>
 T __shfl_xor_sync(unsigned mask, T x, int step) {
   return __shfl_sync(mask, x, static_cast<int>(threadIdx.x % 32) ^ step);
 }
-// Of the lane so many before; the first ones keep their own.
+// Value of the lane `step` below; the first lanes keep their own.
 template <class T>
 T __shfl_up_sync(unsigned mask, T x, int step) {
   const int lane = static_cast<int>(threadIdx.x % 32);

@@ -1,4 +1,4 @@
-// Motions in host memory, for kernels that run without a GPU (emulated_scene.h).
+// Motions in host memory, for kernels emulated without a GPU (emulated_scene.h).
 #pragma once
 
 #include <limits>
@@ -7,7 +7,7 @@
 #include "engine/device/motion_layout.h"
 #include "engine/motion/motion_block.h"
 #include "engine/motion/motion_bounds.h"
-// Behind all that is included elsewhere.
+// After all other headers.
 #include "tests/engine/cuda/emulated_scene.h"
 namespace clearance::emulated {
 using namespace clearance::cuda;
@@ -18,10 +18,12 @@ using namespace clearance::cuda;
 
 namespace clearance::test {
 
-/// A chunk of motions in host memory, and what the kernels make of it.
+/// A chunk of motions in host memory, with the kernels' results.
 class HostMotions {
  public:
-  /// \param pair_capacity, span_capacity, hit_capacity for how much lists have room; 0: as much as a device's
+  /// \param pair_capacity capacity of lists of pairs; 0 for a device's
+  /// \param span_capacity likewise for spans
+  /// \param hit_capacity likewise for hits
   HostMotions(const Scene& scene, const QueryView& q, std::uint32_t pair_capacity = 0, std::uint32_t span_capacity = 0,
               std::uint32_t hit_capacity = 0)
       : scene_(scene), hulls_(scene, kMostShared), bodies_(scene, hulls_.view(), q), pairs_(bodies_.refs()) {
@@ -93,7 +95,7 @@ class HostMotions {
       launch(S * M, [&] { move_span_bodies(m_); });
       const bool at_ends = m_.finds_least && m_.level == 0,
                  is_first = m_.level == 0 || (m_.finds_least && m_.level == 1);
-      // A few blocks for all that is listed.
+      // A few blocks for all lists.
       if (at_ends) {
         launch(300, [&] { find_seeds_at_ends(m_); });
         launch(2 * m_.motions, [&] { look_at_seeds(m_); });
@@ -117,11 +119,11 @@ class HostMotions {
   }
 
   MotionVerdict verdict(std::uint32_t motion) const { return m_.verdicts[motion]; }
-  /// Of a motion that hits; null: there is none.
+  /// The row of a motion that hits, or null.
   const MotionHitRow* hit(std::uint32_t motion) const {
     return hit_row_[motion] == kNone ? nullptr : m_.hit_rows + hit_row_[motion];
   }
-  /// Where first contact is asked for.
+  /// Valid if first contact is requested.
   double free_until(std::uint32_t motion) const { return m_.free_until[motion]; }
   bool is_for_cpu(std::uint32_t motion) const { return m_.to_cpu[motion] != 0; }
   std::uint32_t steps(std::uint32_t motion) const { return m_.steps[motion]; }
@@ -134,7 +136,7 @@ class HostMotions {
  private:
   template <class T>
   T* room(std::size_t count) {
-    memory_.emplace_back((count * sizeof(T) + 15) / 16 * 16 + 16, std::byte{0xa5});  // what nobody wrote is nonsense
+    memory_.emplace_back((count * sizeof(T) + 15) / 16 * 16 + 16, std::byte{0xa5});  // unwritten memory holds garbage
     const auto at = reinterpret_cast<std::uintptr_t>(memory_.back().data());
     return reinterpret_cast<T*>((at + 15) / 16 * 16);
   }

@@ -1,4 +1,4 @@
-// Reduced queries in host memory, for kernels that run without a GPU (emulated_scene.h).
+// Reduced queries in host memory, for kernels emulated without a GPU (emulated_scene.h).
 #pragma once
 
 #include <bit>
@@ -12,7 +12,7 @@
 #include "engine/evaluate/evaluate.h"
 #include "engine/narrow/lanes.h"
 #include "engine/reduce/reduction.h"
-// Behind all that is included elsewhere.
+// After all other headers.
 #include "tests/engine/cuda/emulated_scene.h"
 
 #define cuda emulated
@@ -25,7 +25,7 @@ namespace clearance::test {
 
 inline constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
 
-/// The clouds and meshes of a scene as kernels see them.
+/// The clouds and meshes of a scene in the layout of kernels.
 class HostElements {
  public:
   explicit HostElements(const Scene& scene) : of_body_(scene.bodies().size(), kNone) {
@@ -57,7 +57,7 @@ class HostElements {
   }
 
  private:
-  // As kernels know them, and aligned as they ask.
+  // In the layout and alignment that kernels need.
   template <class To, class From>
   const To* copied(std::span<const From> from) {
     static_assert(sizeof(To) == sizeof(From));
@@ -73,7 +73,7 @@ class HostElements {
   std::vector<std::uint32_t> of_body_;
 };
 
-/// A reduced query in host memory: one chunk.
+/// A reduced query as one chunk in host memory.
 class HostReduction {
  public:
   HostReduction(const Engine& cpu, const QueryView& q)
@@ -118,11 +118,12 @@ class HostReduction {
   }
   HostReduction(const HostReduction&) = delete;
 
-  /// Expects the rows of the CPU. \returns how many pairs were left to it
+  /// Expects the rows of the CPU.
+  /// \returns number of pairs left to the CPU
   std::uint32_t compare(const std::string& what) {
     return compare(what, [&] { q_.reduce == Reduce::kWithin ? mark() : seed(); });
   }
-  /// \param list says which pairs are looked at
+  /// \param list selects the candidates
   template <class List>
   std::uint32_t compare(const std::string& what, const List& list) {
     const bool within = q_.reduce == Reduce::kWithin;
@@ -135,8 +136,9 @@ class HostReduction {
     expect_same(rows_, expected, what, true);
     return left;
   }
-  /// The same where no CPU answers what is left: the device does. Expects the CPU's rows, or others that are sound.
-  /// \returns how many pairs were left
+  /// The same without a CPU: the device answers the unresolved pairs. Expects the CPU's rows, or others with valid
+  /// bounds.
+  /// \returns number of unresolved pairs
   std::uint32_t compare_alone(const std::string& what) {
     const std::uint32_t left = look_at_pairs([&] { seed(); });
     launch(500, kItemThreads, [&] { any() ? answer_open_items<true>(r_, 5) : answer_open_items<false>(r_, 5); });
@@ -146,7 +148,8 @@ class HostReduction {
     for (std::uint64_t row = 0; row < rows_.size.rows; ++row) compare_row(expected.view, row, what);
     return left;
   }
-  /// Answers the query, the CPU what is left. \returns how many pairs that were
+  /// Answers the query; the CPU finishes it.
+  /// \returns number of pairs left to the CPU
   std::uint32_t answer() {
     const bool within = q_.reduce == Reduce::kWithin;
     const std::uint32_t left = look_at_pairs([&] { within ? mark() : seed(); });
@@ -156,9 +159,9 @@ class HostReduction {
     rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
     return left;
   }
-  /// The rows, of all that there are, of the pairs that were left to the CPU.
+  /// Rows, among all rows, of the pairs left to the CPU.
   std::vector<std::uint32_t> left_rows() const { return {r_.rest_rows, r_.rest_rows + counts_[kRest]}; }
-  /// The same, and expects rows that hold what the CPU's hold, of which each may be another interval.
+  /// The same, but expects intervals that contain the CPU's distances and may differ from its intervals.
   std::uint32_t compare_bounds(const std::string& what) {
     const std::uint32_t left = answer();
     const Answer expected = ask(cpu_, q_);
@@ -167,7 +170,7 @@ class HostReduction {
       compare_row(expected.view, row, what);
     return left;
   }
-  std::uint64_t others() const { return others_; }  ///< rows of compare_alone() that are not the CPU's
+  std::uint64_t others() const { return others_; }  ///< rows of compare_alone() that differ from the CPU's
   const ReplyView& rows() const { return rows_.view; }
   std::uint64_t row_count() const { return rows_.info.rows; }
 
@@ -223,7 +226,7 @@ class HostReduction {
                   (got.lower[row] <= cpu.upper[row] && cpu.lower[row] <= got.upper[row]))
           << what << ", row " << row << ": [" << got.lower[row] << ", " << got.upper[row] << "] and [" << cpu.lower[row]
           << ", " << cpu.upper[row] << "]";
-    } else {  // what one has proved the other does not deny
+    } else {  // proofs must not contradict each other
       EXPECT_FALSE(mine == Status::kBeyond && theirs != Status::kBeyond) << what << ", row " << row;
       EXPECT_FALSE(theirs == Status::kBeyond && is_hit(mine)) << what << ", row " << row;
     }
@@ -273,7 +276,7 @@ class HostReduction {
     launch(100, kElementThreads, [&] { look_at_elements<kAny, ElementsAndHull<Triangles>>(r_); });
     launch(100, kElementThreads, [&] { look_at_elements<kAny, Meshes>(r_); });
   }
-  // The CPU's answers to what is left.
+  // Lets the CPU answer unresolved pairs.
   void settle() {
     const Plan& plan = bodies_.plan;
     EvaluateOptions options;

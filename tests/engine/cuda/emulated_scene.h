@@ -1,5 +1,6 @@
-// Scenes as kernels see them that run without a GPU (emulated_cuda.h). Kernels are in a namespace of their own: a build
-// with CUDA has them in clearance::cuda, too. Include further ones behind this, with `cuda` defined as `emulated`.
+// Scenes in the layout of kernels emulated without a GPU (emulated_cuda.h). Kernels are in a separate namespace, since
+// a build with CUDA also has them in clearance::cuda. Include further kernels after this, with `cuda` defined as
+// `emulated`.
 #pragma once
 
 #include <algorithm>
@@ -14,12 +15,12 @@
 #include "engine/narrow/piece_search.h"
 #include "engine/narrow/witness.h"
 #include "tests/engine/cuda/same_answer.h"
-// Behind all that is included elsewhere.
+// After all other headers.
 #include "tests/engine/cuda/emulated_cuda.h"
 namespace clearance::emulated {
 using namespace clearance::cuda;
 using clearance::cuda::Group;       // not the scene's
-using clearance::cuda::PairLimits;  // not a plan's
+using clearance::cuda::PairLimits;  // not the plan's
 }  // namespace clearance::emulated
 #define cuda emulated
 #include "engine/cuda/place/place_kernel.cuh"
@@ -29,20 +30,20 @@ namespace clearance::test {
 
 using namespace clearance::emulated;
 
-inline constexpr std::uint32_t kMostShared = 96 * 1024;  // bytes of a block's two hulls
+inline constexpr std::uint32_t kMostShared = 96 * 1024;  // bytes for a block's two hulls
 
-// Calls a kernel whose threads do not wait for each other.
+// Runs a kernel whose threads do not wait for each other.
 template <class Kernel>
 void for_each_thread(std::size_t threads, const Kernel& kernel) {
   blockDim = {1, 1, 1};
   threadIdx = {0, 0, 0};
-  for (std::size_t t = threads; t-- > 0;) {  // not in the order of bodies: on a device there is none
+  for (std::size_t t = threads; t-- > 0;) {  // in reverse, since a device has no order
     blockIdx = {static_cast<unsigned>(t), 0, 0};
     kernel();
   }
 }
 
-// What a query asks where the scene's bodies stand, resolved as the engine does.
+// A query at the scene's current poses, resolved as by the engine.
 inline Plan plan_of(const Scene& scene, const QueryView& q) {
   const PoseStore poses(scene, std::chrono::nanoseconds(0));
   Plan plan = make_plan(q, scene, poses.snapshot(), ~std::uint64_t{0}, true);
@@ -51,7 +52,7 @@ inline Plan plan_of(const Scene& scene, const QueryView& q) {
   return plan;
 }
 
-// Bodies of a plan where they stand, some of them moved.
+// Placed bodies of a plan, some of them moved.
 struct HostBodies {
   static constexpr std::size_t kComponents = kPoseComponents + kBoxComponents;
   Plan plan;
@@ -101,7 +102,7 @@ struct HostBodies {
   }
   HostBodies(const HostBodies&) = delete;
 
-  /// The query's pairs as the kernels know them.
+  /// The query's pairs in the layout of kernels.
   std::vector<PairRef> refs() const {
     std::vector<PairRef> refs;
     const auto ref = [&](std::uint32_t body) {
@@ -119,7 +120,7 @@ struct HostBodies {
     return {scene, plan};
   }
   void take_fixed(const HullsView& hulls, std::size_t n) {
-    fixed.assign(n * kComponents, 1e300);  // of bodies without a pose nobody reads
+    fixed.assign(n * kComponents, 1e300);  // entries of bodies without a pose are not read
     for (std::size_t b = 0; b < n; ++b) {
       const BodyPlacement& at = plan.snapshot->placed[b];
       fixed_state.push_back(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
@@ -172,10 +173,10 @@ struct HostBodies {
   }
 };
 
-/// Bodies of four shapes, some of which stay, configurations of the others, and pairs of all but those that both stay.
+/// Bodies of four shapes, some fixed; configurations of the others; and all pairs except those of two fixed bodies.
 struct EmulatedCase {
-  /// \param first_shape adds the first of the shapes. \param room bodies are up to so far from the origin along each
-  /// axis
+  /// Bodies are at most `room` from the origin along each axis.
+  /// \param first_shape adds the first of the shapes
   template <class AddFirst>
   EmulatedCase(std::uint32_t count, std::uint32_t configurations, double room, std::uint64_t seed,
                const AddFirst& first_shape) {
@@ -208,7 +209,7 @@ struct EmulatedCase {
     q.configuration_count = configurations;
     point();
   }
-  /// After changes.
+  /// Call after changes.
   void point() {
     q.pairs = pairs;
     q.bodies = bodies;

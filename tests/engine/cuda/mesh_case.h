@@ -1,4 +1,4 @@
-// Meshes that move before a mesh that stays, and before what a device cannot look at beside a mesh.
+// Moving meshes with a fixed mesh and with bodies that a device cannot evaluate against a mesh.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace clearance::test {
 
-/// Links that are meshes before a shelf that is one, a hull, a cloud, and bodies that the device cannot look at.
+/// Links that are meshes, with a shelf that is a mesh, a hull, a cloud, and bodies that the device cannot evaluate.
 struct MeshCase {
   std::uint32_t shelf, hull, cloud, nothing, several;
   std::vector<std::uint32_t> links;
@@ -48,7 +48,7 @@ struct MeshCase {
     q.fields = kAllFields;
     q.configuration_count = configurations;
   }
-  /// Links before the shelf and each other, and before the hull.
+  /// Links with the shelf and each other, and with the hull.
   std::vector<BodyPair> pairs_of_meshes() const {
     std::vector<BodyPair> of;
     for (const std::uint32_t link : links) of.push_back(link % 2 ? BodyPair{link, shelf} : BodyPair{shelf, link});
@@ -56,7 +56,7 @@ struct MeshCase {
     for (const std::uint32_t link : links) of.push_back({link, hull});
     return of;
   }
-  /// Links before all that stays: of three of these five the device cannot look at the pair.
+  /// Links with all fixed bodies; the device cannot evaluate three of the five kinds.
   std::vector<BodyPair> pairs_of_all() const {
     std::vector<BodyPair> of;
     for (const std::uint32_t link : links)

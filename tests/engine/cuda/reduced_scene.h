@@ -1,4 +1,4 @@
-// What tests of the device's reductions ask about.
+// Scenes for tests of the device's reductions.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@ namespace clearance::test {
 
 inline constexpr Reduce kReductions[] = {Reduce::kNearest, Reduce::kMin, Reduce::kWithin};
 
-/// Bodies that the device knows: few shapes, some of them rounded, some static.
+/// Bodies that the device supports: few shapes, some rounded, some static.
 inline Scene simple_scene(int count, double box, std::uint64_t seed) {
   Random random(seed);
   Scene scene;

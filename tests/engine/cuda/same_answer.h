@@ -1,4 +1,4 @@
-// Whole replies held against each other, bit by bit.
+// Bitwise comparison of whole replies.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ namespace clearance::test {
 template <class T>
 bool same_bits(const T& a, const T& b) {
   if constexpr (std::is_floating_point_v<T>)
-    if (std::isnan(a) && std::isnan(b)) return true;  // which of the many NaNs is nobody's business
+    if (std::isnan(a) && std::isnan(b)) return true;  // the payload of a NaN is irrelevant
   return std::memcmp(&a, &b, sizeof a) == 0;
 }
 inline bool same_bits(const CompactAnswer& a, const CompactAnswer& b) {
@@ -25,8 +25,8 @@ inline bool same_bits(const CompactAnswer& a, const CompactAnswer& b) {
   return same;
 }
 
-/// Expects every column of both to have the same bits; shows the first few that have not.
-/// \param reduced how many pairs were looked at is up to each.
+/// Expects the same bits in every column; shows the first few differences.
+/// \param reduced the number of evaluated pairs may differ
 inline void expect_same(const Answer& device, const Answer& cpu, const std::string& what, bool reduced = false) {
   ASSERT_EQ(device.size.rows, cpu.size.rows) << what;
   ASSERT_EQ(device.info.rows, cpu.info.rows) << what;

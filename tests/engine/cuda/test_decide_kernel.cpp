@@ -1,5 +1,5 @@
-// The kernel that decides configurations (engine/cuda/reduce/decide_kernel.cuh), without a GPU: its code compiled for the
-// host, its rows held against the CPU's, bit by bit.
+// The kernel that decides configurations (engine/cuda/reduce/decide_kernel.cuh), compiled for the host: its rows must
+// have the CPU's bits. No GPU needed.
 #include "tests/engine/cuda/emulated_scene.h"
 
 #define cuda emulated
@@ -12,11 +12,11 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kThreads = 16;  // of a team
 
-// What the kernel makes of a query.
+// The kernel's results for a query.
 struct Decided {
   Answer rows;
   std::vector<std::uint8_t> answered;              // (K,)
-  std::vector<std::vector<std::uint32_t>> listed;  // of each configuration: pairs, ascending
+  std::vector<std::vector<std::uint32_t>> listed;  // pairs of each configuration, ascending
   std::uint32_t looks = 0;
 };
 
@@ -69,7 +69,7 @@ Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* w
   return d;
 }
 
-// Capsules among the shapes, which touch without overlapping cores.
+// Includes capsules, which touch without overlapping cores.
 struct Case : EmulatedCase {
   Case(double room, std::uint32_t configurations)
       : EmulatedCase(24, configurations, room, 3,
@@ -83,7 +83,8 @@ struct Case : EmulatedCase {
   }
 };
 
-// Expects answered rows to be the CPU's. \returns how many there are
+// Expects the CPU's values in answered rows.
+// \returns number of answered rows
 std::size_t expect_the_cpus_rows(const Engine& cpu, const QueryView& q, const Decided& d, const std::string& what) {
   Answer expected = ask(cpu, q);
   std::size_t answered = 0;
@@ -95,7 +96,7 @@ std::size_t expect_the_cpus_rows(const Engine& cpu, const QueryView& q, const De
     const auto copy = [&](auto* from, auto* to, std::size_t width) {
       std::copy_n(from + k * width, from ? width : 0, to + k * width);
     };
-    for_each_column(copy, expected.view, d.rows.view);  // it is not to be compared
+    for_each_column(copy, expected.view, d.rows.view);  // excluded from the comparison
   }
   expect_same(d.rows, expected, what, true);
   return answered;
@@ -119,7 +120,7 @@ TEST(DecideKernel, GivesTheBitsOfTheCpu) {
     }
     c.q.max_distance = kInf;
     EXPECT_GT(answered, 80u) << "of 205; capsules that overlap by their radius are left open";
-    // Poses that are no poses, in all of a configuration, too.
+    // Invalid poses, also in all of a configuration.
     c.poses[2].qw = c.poses[2].qx = c.poses[2].qy = c.poses[2].qz = 0;
     c.poses[0].qx *= 100;
     c.poses[3 * c.bodies.size() + 1].translation.y = std::numeric_limits<double>::quiet_NaN();
@@ -128,7 +129,7 @@ TEST(DecideKernel, GivesTheBitsOfTheCpu) {
     const std::vector<BodyPair> all = std::exchange(c.pairs, {c.pairs[0]});
     c.point();
     compare("one pair");
-    c.pairs.clear();  // more than boxes are compared of at a time, each several times
+    c.pairs.clear();  // each several times, more than one round of boxes compares
     while (c.pairs.size() < 1200) c.pairs.push_back(all[c.pairs.size() * 7 % all.size()]);
     c.point();
     compare("many pairs");
@@ -156,7 +157,7 @@ TEST(DecideKernel, BeginsWhereItWasOrAnywhere) {
     std::uint64_t different = 0;
     Random random(7);
     for (int step = 0; step < 5; ++step) {
-      if (step == 4)  // vertices that there are not, too
+      if (step == 4)  // includes invalid vertices
         for (WarmRow& row : warm) {
           for (auto* indices : {row.a, row.b})
             for (int i = 0; i < 3; ++i) indices[i] = static_cast<std::uint16_t>(random.below(70));
@@ -180,7 +181,7 @@ TEST(DecideKernel, BeginsWhereItWasOrAnywhere) {
   }
 }
 
-// What it cannot settle it leaves open, with all pairs that may be the nearest.
+// Configurations it cannot resolve stay open, with all pairs listed that may be the nearest.
 TEST(DecideKernel, LeavesOpenWhatTouches) {
   Scene scene;
   for (int i = 0; i < 64; ++i)

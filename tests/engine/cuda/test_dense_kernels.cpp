@@ -1,11 +1,11 @@
-// The kernels of dense queries (engine/cuda/dense/group_kernel.cuh), without a GPU: their code compiled for the host, rows
-// held against the CPU's, bit by bit.
+// The kernels of dense queries (engine/cuda/dense/group_kernel.cuh), compiled for the host: their rows must have the
+// CPU's bits. No GPU needed.
 #include "tests/engine/cuda/emulated_chunk.h"
 
 namespace clearance::test {
 namespace {
 
-constexpr std::uint32_t kFewBlocks = 2;  // fewer threads than pairs: each takes several
+constexpr std::uint32_t kFewBlocks = 2;  // fewer threads than pairs, so each takes several
 
 // Many of its pairs overlap, and some have a hull that is too large for float32.
 struct Case : EmulatedCase {
@@ -52,14 +52,14 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
   chunk.launch(tiles, [&] { answer_groups<float, false, false>(chunk.view); });
   ASSERT_GT(chunk.counts[kLeftOpen], kFewBlocks * kTile) << "more than there are threads";
   ASSERT_GT(chunk.counts[kConvergedRows], 100u);
-  chunk.launch(tiles, [&] { answer_groups<double, false, false>(chunk.view); });  // of the others
+  chunk.launch(tiles, [&] { answer_groups<double, false, false>(chunk.view); });  // for the other hulls
   chunk.view.prove_at_once = true;
   chunk.launch(kFewBlocks, [&] { answer_open<false, false>(chunk.view, 5); });
   chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
   chunk.expect_the_cpus(cpu, c.q, "float32");
 }
 
-// A warp for each pair that overlaps; few are left to the CPU.
+// A warp per overlapping pair; few pairs are left to the CPU.
 TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
   for (const double rel_tol : {1e-6, 0.05})
     for (const std::uint32_t fields : {kAllFields | 0u, kFieldCompact | kFieldStatus}) {
@@ -81,7 +81,7 @@ TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
     }
 }
 
-// What answer_chunk() starts for columns that need no more than bounds, or compact rows.
+// Kernels that answer_chunk() launches for columns that need only bounds or compact rows.
 void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
   ASSERT_EQ(fields & ~kLeanFields, 0u);
   const bool points = (fields & kFieldCompact) != 0, f32 = c.q.precision == Precision::kF32;
@@ -126,7 +126,7 @@ TEST(DenseKernels, LeanOnesLeaveOutPairsWhoseBoxesAreFar) {
   }
 }
 
-// Poses that lie side by side are read 16 bytes at a time.
+// Contiguous poses are read 16 bytes at a time.
 TEST(DenseKernels, LeanOnesOfOneConfigurationGiveTheBitsOfTheCpu) {
   for (const std::uint32_t fields : {kBounds, kFieldCompact | 0u}) {
     Case c(Precision::kF64, 1);
@@ -134,7 +134,8 @@ TEST(DenseKernels, LeanOnesOfOneConfigurationGiveTheBitsOfTheCpu) {
   }
 }
 
-// Bodies that touch, that overlap by less than their radii, and that are farther than asked: what is left to the CPU.
+// Bodies that touch, that overlap by less than their radii, and that are beyond the distance limit: pairs left to the
+// CPU.
 struct TouchingCase {
   static constexpr std::uint32_t kConfigurations = 96;
   Scene scene;

@@ -1,9 +1,9 @@
-// The kernel that looks at clouds and meshes (engine/cuda/mesh/element_kernel.cuh), without a GPU: its code compiled for the
-// host, its intervals held against the CPU's and before the exact judge. With CLEARANCE_MUTANT its code is another,
-// which the judge has to find.
+// The kernel for clouds and meshes (engine/cuda/mesh/element_kernel.cuh), compiled for the host: its intervals are
+// compared with the CPU's and checked by the exact oracle. With CLEARANCE_MUTANT it contains a planted error, which the
+// oracle must find. No GPU needed.
 #include "tests/engine/cuda/element_case.h"
 #include "tests/oracle/exact/exact_surface.h"
-// Behind all that is included elsewhere.
+// After all other headers.
 #include "tests/engine/cuda/emulated_reduction.h"
 
 namespace clearance::test {
@@ -74,7 +74,7 @@ TEST(ElementKernels, HoldWhatTheCpuHolds) {
   }
 }
 
-// Bodies that touch no triangle: within a block, in a cavity, in a shelf and beside all of it. None is left to the CPU.
+// Bodies that touch no triangle: in a block, in a cavity, in a shelf, and outside of all. None is left to the CPU.
 TEST(ElementKernels, KnowWhatASolidHolds) {
   for (const ElementKind kind : {ElementKind::kSurface, ElementKind::kSolid, ElementKind::kGrownSolid})
     for (const bool elements_first : {true, false}) {
@@ -97,7 +97,7 @@ TEST(ElementKernels, KnowWhatASolidHolds) {
     }
 }
 
-// Where nothing is cut off, no bound leaves out any of a large mesh at first: the stack has room all the same.
+// Without a cutoff no bound excludes any of a large mesh at first; the stack must still suffice.
 TEST(ElementKernels, HaveRoomForLargeTrees) {
   ElementCase c(ElementKind::kSurface, 40, 0.6, 3, 3, false);
   const Engine cpu(std::move(c.scene), {"cpu"});
@@ -106,7 +106,7 @@ TEST(ElementKernels, HaveRoomForLargeTrees) {
   EXPECT_EQ(reduction.compare_bounds("86,400 triangles"), 0u);
 }
 
-// Rays through faces, and through edges and corners, whose points differ from corners in x alone.
+// Rays through faces, edges and corners, whose points differ from corners only in x.
 TEST(ElementKernels, CountHowOftenTrianglesWind) {
   const ElementCase c(ElementKind::kSolid, 4, 1, 1, 7, true);
   const HostElements elements(c.scene);
@@ -136,11 +136,11 @@ TEST(ElementKernels, CountHowOftenTrianglesWind) {
 }
 #endif
 
-// The exact distance of two bodies between its neighbours among the doubles; 0: they overlap.
+// The doubles next to the exact distance of two bodies; 0 if they overlap.
 struct Exact {
   double below = kInf, above = kInf;
 };
-// Elements for the judge: a cloud's points as triangles of one corner each, its voxels as solids.
+// Elements for the oracle: a cloud's points as triangles of one corner each, its voxels as solids.
 struct CheckedElements {
   std::vector<Vec3d> vertices;
   std::vector<Triangle> triangles;

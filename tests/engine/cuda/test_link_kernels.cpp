@@ -1,12 +1,12 @@
-// The kernel that makes the frames of links from joint positions (engine/cuda/place/link_kernel.cuh) and the one that places
-// bodies by them, without a GPU: held against the CPU's, bit by bit.
+// The kernel that computes link frames from joint positions (engine/cuda/place/link_kernel.cuh) and the one that places
+// bodies by them, emulated on the host: they must give the CPU's bits. No GPU needed.
 #include <functional>
 
 #include "engine/selection/body_poses.h"
 #include "engine/selection/configuration_poses.h"
 #include "tests/engine/arm_scene.h"
 #include "tests/engine/cuda/same_answer.h"
-// Behind all that is included elsewhere.
+// After all other headers.
 #include "tests/engine/cuda/emulated_scene.h"
 #include "tests/source_file.h"
 
@@ -19,8 +19,8 @@ namespace {
 
 const std::string kEveryJoint = source_file("tests/engine/robot/every_joint.urdf");
 
-// Two robots with joints of every kind, of which the second has positions only where a query brings them; an arm in the
-// hand of the first, which holds a ball; and a box on that hand.
+// Two robots with joints of every kind, the second with positions only from queries; an arm in the hand of the first,
+// which holds a ball; and a box on that hand.
 Scene robots() {
   Scene scene;
   scene.add_sphere("cart", 0.2, {.pose = Pose{{0.1, -0.3, 0.2}, 0.9, 0.1, -0.3, 0.2}});
@@ -28,7 +28,7 @@ Scene robots() {
   options.urdf = kEveryJoint;
   options.geometry_files.emplace();  // frames
   options.parent = "cart";
-  options.home = {{"lift", 0.7}, {"turn", 0.3}};  // the one is beyond its limits
+  options.home = {{"lift", 0.7}, {"turn", 0.3}};  // lift is beyond its limits
   scene.add_robot("one", options);
   options.home.reset();
   options.parent.clear();
@@ -85,7 +85,7 @@ class Moved {
   }
 
  private:
-  // Now and then beyond its limits.
+  // Sometimes beyond its limits.
   static double position(const SceneJoint& joint, Random& random) {
     const double middle = std::isfinite(joint.lower) ? 0.5 * (joint.lower + joint.upper) : 0,
                  half = std::isfinite(joint.lower) ? 0.5 * (joint.upper - joint.lower) : 3;
@@ -159,7 +159,7 @@ TEST(LinkKernels, PutLinksWhereTheCpuPutsThem) {
   EXPECT_GT(seen.travels, 60u * 2) << "joints that slide";
 }
 
-// Some joints stay: within and beyond their limits, and where they have no position.
+// Some joints are fixed: within their limits, beyond them, and without a position.
 TEST(LinkKernels, KnowOfTheJointsThatStay) {
   for (const std::string name : {"turn", "roll", "lift", "drive", "grip_left"}) {
     const auto wanted = [&](const std::string& joint) {
@@ -181,7 +181,7 @@ TEST(LinkKernels, SayWhichPositionsAreNone) {
   const std::vector<std::uint32_t> joints = joints_where(robots(), all);
   Moved moved(robots(), joints, static_cast<std::uint32_t>(joints.size()) + 1, 7);
   for (std::size_t j = 0; j < joints.size(); ++j) moved.at(static_cast<std::uint32_t>(j), j) = bad[j % bad.size()];
-  // A mimic joint that its leader takes too far: -q + 1e-3.
+  // A mimic joint that its leader takes out of range: -q + 1e-3.
   for (std::size_t j = 0; j < joints.size(); ++j)
     if (moved.scene().joints()[joints[j]].name == "one/grip_left")
       moved.at(static_cast<std::uint32_t>(joints.size()), j) = -1e6;

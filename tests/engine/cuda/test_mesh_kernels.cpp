@@ -1,9 +1,9 @@
-// The kernel that looks at two meshes (engine/cuda/mesh/mesh_search.cuh), without a GPU: its code compiled for the host, its
-// intervals held before the exact judge and against the CPU's, and what is left to the CPU beside it. With
-// CLEARANCE_MUTANT its code is another, which the judge has to find.
+// The kernel for two meshes (engine/cuda/mesh/mesh_search.cuh), compiled for the host: its intervals are checked by the
+// exact oracle and compared with the CPU's, and so are pairs left to the CPU. With CLEARANCE_MUTANT it contains a
+// planted error, which the oracle must find. No GPU needed.
 #include "tests/engine/cuda/mesh_case.h"
 #include "tests/oracle/oracle_run.h"
-// Behind all that is included elsewhere.
+// After all other headers.
 #include "tests/engine/cuda/emulated_reduction.h"
 
 namespace clearance::test {
@@ -11,10 +11,10 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Cases of two meshes among those of the classes, with what is exact of them.
+// Cases of two meshes among the oracle's classes, with their exact results.
 struct CheckedCases {
   struct CheckedMesh {
-    double below, above;  // neighbours of the exact distance among the doubles; 0: they overlap
+    double below, above;  // the doubles next to the exact distance; 0 if they overlap
     bool is_held;         // they overlap, but no triangles do
   };
   std::vector<exact::Case> cases;
@@ -42,7 +42,7 @@ struct CheckedCases {
     checked.push_back({overlap ? 0 : d.lower(), overlap ? 0 : d.upper(), overlap && are_triangles_apart(one)});
     cases.push_back(std::move(one));
   }
-  // Of a mesh of three parts one lies within the other mesh, each in turn.
+  // A mesh of three parts, each of which in turn lies inside the other mesh.
   void add_parts_held() {
     exact::Random random(5);
     const exact::SolidPtr block = exact::solid(exact::box_mesh({1, 1, 1}), true);
@@ -55,7 +55,7 @@ struct CheckedCases {
       add({parts, block, random.rotation(), random.rotation()});
     }
   }
-  // Faces before each other, 5 mm apart for the radii of both.
+  // Faces opposite each other, 5 mm apart after both radii.
   void add_rounded() {
     exact::Random random(6);
     const Pose turn = random.rotation();
@@ -139,7 +139,8 @@ TEST(MeshKernels, HoldTheExactDistance) {
 }
 
 #ifndef CLEARANCE_MUTANT
-// Every reduction. \returns how many pairs were left to the CPU
+// Runs every reduction.
+// \returns number of pairs left to the CPU
 std::uint64_t compare_all(const Engine& cpu, QueryView q, const std::string& what) {
   std::uint64_t left = 0;
   for (const double distance : {kInf, 0.1})
@@ -167,7 +168,7 @@ TEST(MeshKernels, HoldWhatTheCpuHolds) {
   }
 }
 
-// Those pairs alone, and among others that the device answers.
+// These pairs alone, and among others that the device answers.
 TEST(MeshKernels, LeaveSinglePairsToTheCpu) {
   MeshCase c(4, 0.8, 7);
   c.ask_about(c.pairs_of_all());
@@ -175,7 +176,7 @@ TEST(MeshKernels, LeaveSinglePairsToTheCpu) {
   EXPECT_GT(compare_all(cpu, c.q, "left"), 60u);
 }
 
-// Where nothing is cut off, no bound leaves out any of two large meshes at first: the stack has room all the same.
+// Without a cutoff no bound excludes any of two large meshes at first; the stack must still suffice.
 TEST(MeshKernels, HaveRoomForLargeTrees) {
   Scene scene;
   const MeshOfCase mesh(24);

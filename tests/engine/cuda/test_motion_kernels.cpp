@@ -1,5 +1,5 @@
-// The kernels that decide motions (engine/cuda/motion/motion_kernel.cuh), without a GPU: held against the CPU's verdicts, and
-// against 60 digits.
+// The kernels that decide motions (engine/cuda/motion/motion_kernel.cuh), emulated on the host: compared with the CPU's
+// results and with 60-digit arithmetic. No GPU needed.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -11,13 +11,13 @@
 #include "tests/engine/device/fake_device.h"
 #include "tests/engine/motion/motion_oracle.h"
 #include "tests/engine/motion/motion_test.h"
-// Behind all that is included elsewhere.
+// After all other headers.
 #include "tests/engine/cuda/emulated_motions.h"
 
 namespace clearance::test {
 namespace {
 
-// A pair alone, where a motion is at a time.
+// Answer for a single pair at one time of a motion.
 Answer ask_at(const Engine& engine, const ArmEdges& edges, std::uint32_t motion, double time, const BodyPair& pair) {
   const Samples there(edges.motions, motion, time);
   const std::vector<BodyPair> pairs{pair};
@@ -42,7 +42,7 @@ struct Found {
   int free = 0, hits = 0, open = 0, undecided = 0;
 };
 
-// Verdicts never contradict the CPU's, and what hits is there.
+// Results never contradict the CPU's, and hits are confirmed.
 Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
   const Engine cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
   const Answer wanted = ask(cpu, q);
@@ -72,7 +72,7 @@ Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
           EXPECT_LE(contact[1] - contact[0], kContactTime) << i;
           expect_same_contact(contact, wanted.view.first_contact + 2 * i, i);
         }
-        // The same pair where the CPU has it at that time.
+        // The same pair on the CPU at that time.
         const Answer at = ask_at(cpu, edges, i, hit->time, host.plan().pairs.at(hit->pair));
         EXPECT_LE(at.view.lower[0], hit->answer.upper + 1e-9) << i;
         EXPECT_GE(at.view.upper[0], hit->answer.lower - 1e-9) << i;
@@ -101,7 +101,8 @@ TEST(MotionKernels, DecideAnArmsEdgesAsTheCpuDoes) {
   }
 }
 
-// The nearest pair of an arm's edges, at some time: intervals that meet the CPU's, and the pair is where it says so.
+// The nearest pair of an arm's edges over time: intervals that intersect the CPU's, and confirmed positions of the
+// pair.
 struct Least {
   int apart = 0, touching = 0, hits = 0, open = 0;
 };
@@ -186,7 +187,7 @@ TEST(MotionKernels, LeaveLeastDistancesToTheCpuWhereListsHaveNoRoom) {
   EXPECT_GT(compare_nearest(edges, hasty, host).open, all.open + 2);
 }
 
-// Lists that are too short leave motions to the CPU, and say nothing wrong of the others.
+// Lists that overflow leave motions to the CPU, and the results of the others stay correct.
 TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
   const ArmEdges edges(5, 60, 1.5);
   for (const bool when : {false, true}) {
@@ -216,8 +217,8 @@ TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
   }
 }
 
-// Nearly all pairs of long edges go on in both halves: with room for those of the first level alone nearly all motions
-// were the CPU's.
+// Nearly all pairs of long edges go on in both halves. With capacity for the first level's pairs only, nearly all
+// motions would be left to the CPU.
 TEST(MotionKernels, HaveRoomForLongEdges) {
   const ArmEdges edges(11, 600, 1.5);
   for (const double margin : {0.0, 0.02}) {
@@ -231,7 +232,7 @@ TEST(MotionKernels, HaveRoomForLongEdges) {
   }
 }
 
-// Ends that are none, and bodies without a pose.
+// Invalid ends, and bodies without a pose.
 TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
   ArmEdges edges(6, 6, 0.3);
   const std::size_t J = edges.motions.joints.size();
@@ -245,7 +246,7 @@ TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
   int decided = 0;
   for (const std::uint32_t i : {1u, 3u, 4u, 5u}) decided += host.verdict(i) != MotionVerdict::kOpen;
   EXPECT_GT(decided, 2);
-  // A body whose pose nobody knows is in each motion's way.
+  // A body without a pose, paired with the moving tool.
   edges.scene.add_sphere("lost", 0.1, {});
   edges.motions.pairs.push_back({edges.scene.find_body("tool"), edges.scene.find_body("lost")});
   const QueryView with_lost = edges.query(0, false);
@@ -254,7 +255,7 @@ TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
   for (std::uint32_t i = 0; i < 6; ++i) EXPECT_EQ(lost.verdict(i), MotionVerdict::kOpen) << i;
 }
 
-// What kernels say of a motion that is asked alone.
+// The kernels' result for a single motion.
 MotionDecision decision_of(const Scene& scene, const QueryView& q) {
   HostMotions host(scene, q);
   MotionDecision found;
@@ -289,7 +290,7 @@ TEST_P(CheckedMotionKernels, SayNothingThatIsUntrue) {
 INSTANTIATE_TEST_SUITE_P(Kinds, CheckedMotionKernels, ::testing::Range(0, kMotionKinds),
                          [](const auto& kind) { return name_of(static_cast<MotionKind>(kind.param)); });
 
-// A device whose workspace runs the kernels here, on the chunks that the engine deals it.
+// A device whose workspace runs the emulated kernels on the engine's chunks.
 struct EmulatedWork {
   const Scene* scene = nullptr;
   QueryView q;
@@ -344,7 +345,7 @@ class EmulatedDevice final : public IdleDevice {
   EmulatedWork& work_;
 };
 
-// An engine's answer whose kernels run here.
+// An engine's answer by emulated kernels.
 struct EmulatedAnswer {
   Answer found, wanted;
   std::uint64_t on_cpu = 0;
@@ -365,7 +366,7 @@ struct EmulatedAnswer {
   }
 };
 
-// Through the engine: rows of what kernels decide, and of what they leave to the CPU.
+// Through the engine: rows decided by kernels, and rows left to the CPU.
 TEST(MotionKernels, AnswerAnEnginesMotions) {
   const ArmEdges edges(8, 2500, 0.4);  // three chunks
   for (const double margin : {0.0, 0.01}) {
@@ -403,7 +404,7 @@ TEST(MotionKernels, AnswerAnEnginesLeastDistances) {
   }
 }
 
-// What kernels do not know of least distances: the CPU answers all of it.
+// Columns of least distances that kernels do not support: the CPU answers all of the query.
 TEST(MotionKernels, LeaveSomeColumnsOfLeastDistancesToTheCpu) {
   const ArmEdges edges(8, 4, 0.4);
   QueryView q = edges.least(0, true);
@@ -415,7 +416,8 @@ TEST(MotionKernels, LeaveSomeColumnsOfLeastDistancesToTheCpu) {
   EXPECT_EQ(EmulatedAnswer(edges, q).found.info.backend, "cpu");
 }
 
-// Ends beyond limits are said of what their joints move, though the pair is within its margin on the way.
+// Ends beyond limits are flagged for the bodies that their joints move, even if the pair is within its margin on the
+// way.
 TEST(MotionKernels, TellOfEndsBeyondLimits) {
   ArmEdges edges(9, 400, 0.8);
   edges.end_beyond_limits();

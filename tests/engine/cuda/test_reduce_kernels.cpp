@@ -1,7 +1,7 @@
-// The kernels of reductions (engine/cuda/reduce/reduce_kernel.cuh, any_kernel.cuh), without a GPU: their code compiled for the
-// host, stage after stage, rows held against the CPU's, bit by bit.
+// The kernels of reductions (engine/cuda/reduce/reduce_kernel.cuh, any_kernel.cuh), compiled for the host, stage by
+// stage: their rows must have the CPU's bits. No GPU needed.
 #include "tests/engine/cuda/uncertain_scene.h"
-// Behind all that is included elsewhere.
+// After all other headers.
 #include "tests/engine/cuda/emulated_reduction.h"
 
 namespace clearance::test {
@@ -52,7 +52,7 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpuForWhatIsDoubted) {
   EXPECT_GT(left, 20u) << "the CPU finishes some";
 }
 
-// What rows of Reduce::kAny say.
+// Counts of the results in rows of Reduce::kAny.
 struct Verdicts {
   std::uint64_t near = 0, overlap = 0, touching = 0, open = 0, beyond = 0, unusable = 0, incomplete = 0, left = 0;
 
@@ -70,7 +70,7 @@ struct Verdicts {
   }
 };
 
-// Asks with one margin for all pairs, and with one of its own for each.
+// Compares with one margin for all pairs, and with a margin per pair.
 void compare_margins(const Engine& cpu, QueryView q, const std::string& what, Verdicts& verdicts) {
   const auto compare = [&](const std::string& with) {
     HostReduction reduction(cpu, q);
@@ -120,7 +120,7 @@ TEST(ReduceKernels, DecideAsTheCpuDoesWhatIsDoubted) {
     c.q.precision = precision;
     c.poses[8].qw = c.poses[8].qx = c.poses[8].qy = c.poses[8].qz = 0;
     c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
-    // Few of the pairs, else all overlap: those of each with the next that it has.
+    // Few of the pairs at a time, since otherwise every configuration has an overlap.
     const std::vector<BodyPair> all = c.pairs;
     const Engine cpu(std::move(c.scene), {"cpu"});
     Verdicts verdicts;
@@ -139,7 +139,7 @@ TEST(ReduceKernels, DecideAsTheCpuDoesWhatIsDoubted) {
   }
 }
 
-// Plans have no CPU behind them.
+// Device queries have no CPU to finish them.
 TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
   std::uint64_t left = 0, others = 0, rows = 0, unproved = 0;
   const auto run = [&](const Engine& cpu, const QueryView& q, const std::string& what) {
@@ -156,7 +156,7 @@ TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
       EmulatedCase c(20, 29, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
         to.add_capsule(name, 0.2, 0.5, options);
       });
-      // Configuration 2: every body exactly on another, where nothing can be settled.
+      // Configuration 2: every body exactly on another, where nothing can be resolved.
       for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[2 * c.bodies.size() + i] = Pose{{1.0 * (i % 4), 0, 0}};
       c.q.reduce = reduce;
       const Engine cpu(std::move(c.scene), {"cpu"});
@@ -180,7 +180,7 @@ TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
   EXPECT_GT(unproved, 5u);
 }
 
-// The pair whose boxes are nearest says less of how near the true bodies are than its pieces do: another wins.
+// Slack raises the upper bound of the pair with the nearest boxes above that of its convex parts, so another pair wins.
 TEST(ReduceKernels, LeaveOutNothingThatSlackMayLetWin) {
   Scene scene;
   Body rough;

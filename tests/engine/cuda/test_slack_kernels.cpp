@@ -1,10 +1,10 @@
-// What kernels make of bodies that are not known exactly (engine/cuda/pair/slack.cuh), without a GPU: what is doubted of
-// each pair in each configuration, and dense rows, held against the CPU's, bit by bit.
+// Kernels with uncertain bodies (engine/cuda/pair/slack.cuh), emulated on the host: the slack of each pair in each
+// configuration, and dense rows, must have the CPU's bits. No GPU needed.
 #include "engine/device/query/device_movers.h"
 #include "engine/selection/body_poses.h"
 #include "engine/selection/configuration_poses.h"
 #include "tests/engine/cuda/uncertain_scene.h"
-// Behind all that is included elsewhere.
+// After all other headers.
 #include "tests/engine/cuda/emulated_chunk.h"
 
 namespace clearance::test {
@@ -16,7 +16,7 @@ bool same_slack(const Slack& a, const Slack& b) {
   return same_bits(a.inner, b.inner) && same_bits(a.outer, b.outer);
 }
 
-// Of all bodies and pairs of a query, in all its configurations.
+// Over all bodies and pairs of a query, in all its configurations.
 struct Comparison {
   std::uint64_t uncertain = 0, between_links = 0, grown = 0;
 
@@ -77,14 +77,14 @@ TEST(SlackKernels, KnowWhatTheCpuKnowsOfEachPair) {
   EXPECT_GT(all.uncertain, 25u * 60);
   EXPECT_GT(all.between_links, 25u * 10) << "links of one robot, whose base counts for neither";
   EXPECT_GT(all.grown, 25u * 5);
-  // Poses that are no poses, of what others follow, too.
+  // Invalid poses, also of parents.
   c.poses[2].qw = c.poses[2].qx = c.poses[2].qy = c.poses[2].qz = 0;
   c.poses[c.bodies.size()].translation.y = std::numeric_limits<double>::quiet_NaN();
   c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
   Comparison bad;
   bad.run(c.scene, c.q);
   EXPECT_LT(bad.grown, all.grown);
-  // Of joints alone, and of bodies alone: what the others follow then stays, and has an age.
+  // Of joints alone, and of bodies alone: the parents of the others are then fixed, and have an age.
   for (const bool by_joints : {true, false}) {
     UncertainCase part(10, 4, true);
     by_joints ? part.bodies.clear() : part.joints.clear();
@@ -96,7 +96,7 @@ TEST(SlackKernels, KnowWhatTheCpuKnowsOfEachPair) {
   }
 }
 
-// Of a chunk whose pairs of single pieces come first, as on a device.
+// Groups of a chunk whose pairs of single convex parts come first, as on a device.
 struct Split {
   Group singles{kNone, kNone, 0, 0, 0}, several = singles;
 
@@ -117,7 +117,8 @@ std::uint32_t tiles_of(const Group& group, const HostChunk& chunk) {
   return (group.count * chunk.view.configurations + kTile - 1) / kTile;
 }
 
-// Answers a query, and expects the rows of the CPU. \returns how many have which status and flags
+// Answers a query, and expects the rows of the CPU.
+// \returns number of rows by status and flag
 struct Seen {
   std::uint64_t slack = 0, contact = 0, overlap = 0, beyond = 0, left = 0, beyond_limits = 0;
 };
@@ -166,7 +167,8 @@ TEST(SlackKernels, DenseRowsHaveTheBitsOfTheCpu) {
   EXPECT_GT(expect_rows_of_the_cpu<true>(cpu, c.q, "float32").slack, 500u);
 }
 
-// The column gradient_joints, of joints of which one stays, on a robot that a body carries, and of what follows links.
+// The column gradient_joints: of joints, one of them fixed, on a robot that a body carries, and of bodies that follow
+// links.
 TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
   UncertainCase c(40, 7);
   c.poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
@@ -200,7 +202,7 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
   }
 }
 
-// A box that overlaps the prism around a can, or may, by about as much as the prism stands out from the can.
+// A box that overlaps, or may overlap, the prism around a can by about the excess of the prism.
 struct CanCase {
   Scene scene;
   std::vector<Pose> poses;
@@ -213,7 +215,7 @@ struct CanCase {
     const double excess = 1e-3;
     add_prism(scene, "can", 0.8, 1, {.is_static = true, .pose = Pose()});
     scene.add_box("box", {1, 1, 0.5}, {});
-    const double corner = 0.8 / std::cos(M_PI / 64);  // the prism's: farther out than the cylinder
+    const double corner = 0.8 / std::cos(M_PI / 64);  // of the prism, outside of the cylinder
     EXPECT_GT(corner - 0.8, excess / 2);
     for (int k = 0; k < 300; ++k) {
       const double turn = random.uniform(-3, 3), deep = random.uniform(-excess, 3 * excess), out = 0.8 + 0.5 - deep;
@@ -232,7 +234,7 @@ struct CanCase {
   }
 };
 
-// Pieces that overlap by less than outer prove nothing of the true bodies; by more, they do.
+// Convex parts that overlap by less than `outer` prove nothing about the exact bodies; an overlap by more does.
 TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
   CanCase c;
   const Engine cpu(std::move(c.scene), {"cpu"});
@@ -259,7 +261,7 @@ TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
   chunk.expect_the_cpus(cpu, c.q, "a can", 0.7);
 }
 
-// Rows that no CPU finishes hold what the CPU finds, slack and all.
+// Rows that no CPU finishes have bounds that contain the CPU's distances, including slack.
 TEST(SlackKernels, RowsThatNobodyFinishesHaveBoundsThatHold) {
   CanCase c;
   const Engine cpu(std::move(c.scene), {"cpu"});
@@ -273,7 +275,7 @@ TEST(SlackKernels, RowsThatNobodyFinishesHaveBoundsThatHold) {
   std::uint64_t kept_apart = 0;
   for (const std::uint32_t row : left) {
     const ReplyView &got = chunk.rows.view, &exact = expected.view;
-    // The CPU's bounds are within its tolerance of the best that there are; what slack adds is in both.
+    // The CPU's bounds are within its tolerance of the best possible ones; slack is included in both.
     EXPECT_LE(got.lower[row], exact.lower[row] + 1e-9) << row;
     EXPECT_GE(got.upper[row], exact.upper[row] - 1e-9) << row;
     EXPECT_LE(got.upper[row], exact.upper[row] + 1e-2) << row;

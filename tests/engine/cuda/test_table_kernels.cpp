@@ -1,9 +1,9 @@
-// The kernels that find the near pairs of a whole table (engine/cuda/reduce/table_kernel.cuh), without a GPU: their code
-// compiled for the host, what they list held against the CPU's boxes, and rows against the CPU's, bit by bit.
+// The kernels that find the near pairs of a whole table (engine/cuda/reduce/table_kernel.cuh), compiled for the host:
+// their list is compared with the CPU's boxes, and rows must have the CPU's bits. No GPU needed.
 #include <map>
 
 #include "engine/state/pair_table.h"
-// Behind all that is included elsewhere.
+// After all other headers.
 #include "tests/engine/cuda/emulated_reduction.h"
 
 #define cuda emulated
@@ -17,14 +17,15 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kNowhere = 7;  // a body without a pose
 
 struct Listed {
-  std::uint64_t near = 0, far = 0, nowhere = 0;  // pairs of the table that were listed, that were not; of kNowhere
+  std::uint64_t near = 0, far = 0, nowhere = 0;  // pairs of the table that were listed; that were not; pairs of
+                                                 // kNowhere
 };
 
 // Pairs of a whole table within a distance.
 class TableReduction : private HostReduction {
  public:
-  /// \param ordered whether bodies are taken in the order of the curve
-  /// \param capacity of the list, which says how it is put in order
+  /// \param ordered whether bodies are sorted along the curve
+  /// \param capacity of the list, which selects how it is sorted
   TableReduction(const Engine& cpu, const QueryView& q, bool ordered, std::uint32_t capacity)
       : HostReduction(cpu, q), table_(*bodies_.plan.snapshot->pairs), ordered_(ordered) {
     const auto n = static_cast<std::uint32_t>(cpu.scene().bodies().size());
@@ -48,7 +49,7 @@ class TableReduction : private HostReduction {
   }
 
  private:
-  // As engine/cuda/reduce/table_search.cuh starts them.
+  // Launches as in engine/cuda/reduce/table_search.cuh.
   void list(Listed& listed) {
     if (ordered_) put_bodies_in_order();
     const float limit = square_from_above(q_.max_distance);
@@ -90,7 +91,7 @@ class TableReduction : private HostReduction {
     launch(std::size_t{tiles_.tiles} * 32, kSearchWarps * 32, [&] { make_tiles(tiles_); });
   }
 
-  // Each pair of the table once if its boxes may be so near, and no other.
+  // Expects each pair of the table once if its boxes may be near enough, and no other pair.
   void expect_near_pairs(Listed& listed) {
     std::map<std::uint64_t, int> times;
     for (std::uint32_t i = 0; i < counts_[kCandidates]; ++i) ++times[r_.found[i]];

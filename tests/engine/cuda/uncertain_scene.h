@@ -1,5 +1,5 @@
-// A scene of bodies that are not known exactly: a robot on an uncertain cart, what follows its links, bodies that may
-// be turned or are old, prisms around cylinders, and bodies of several pieces. Some are known.
+// A scene with uncertain bodies: a robot on an uncertain cart, bodies that follow its links, bodies with uncertain
+// rotation or old poses, prisms around cylinders, and bodies of several convex parts. Some bodies are certain.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@
 
 namespace clearance::test {
 
-/// A cylinder as a robot's is answered: the prism around it, whose excess is doubted.
+/// A cylinder as in robots: the prism around it, with its excess as uncertainty.
 inline void add_prism(Scene& scene, const std::string& name, double radius, double length, Scene::BodyOptions options) {
   const Shape prism = make_cylinder(radius, length);
   Body body;
@@ -24,7 +24,7 @@ inline void add_prism(Scene& scene, const std::string& name, double radius, doub
   scene.add_body(std::move(body));
 }
 
-/// \param with_age some bodies have a max_speed: their slack grows as time goes by
+/// \param with_age some bodies have a max_speed, so their slack grows with time
 inline Scene uncertain_robot_scene(bool with_age) {
   Random random(31);
   Scene scene;
@@ -55,7 +55,7 @@ inline Scene uncertain_robot_scene(bool with_age) {
   return scene;
 }
 
-/// The robot's joints and some of the bodies move; pairs are all of two bodies of which not both stay.
+/// The robot's joints and some bodies move; all pairs except those of two fixed bodies.
 struct UncertainCase {
   Scene scene;
   std::vector<std::uint32_t> bodies, joints;
@@ -90,7 +90,7 @@ struct UncertainCase {
     point();
   }
   UncertainCase(const UncertainCase&) = delete;
-  /// After changes.
+  /// Call after changes.
   void point() {
     q.pairs = pairs;
     q.bodies = bodies;

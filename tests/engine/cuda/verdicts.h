@@ -1,4 +1,4 @@
-// Rows of motions by a device beside the CPU's. Both are true, but may name other pairs and other times.
+// Compares a device's rows of motions with the CPU's. Both are valid, but may name different pairs and times.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -13,17 +13,17 @@ namespace clearance::test {
 
 struct Verdicts {
   int free = 0, hits = 0, undecided = 0;
-  int beyond_limits = 0;  ///< rows that say so of the same pair
+  int beyond_limits = 0;  ///< rows that report it for the same pair
 };
 
-/// Both hold the time of first contact: intervals [free until, hit at].
+/// Both intervals [free until, hit at] contain the time of first contact.
 inline void expect_same_contact(const double* ours, const double* theirs, std::uint32_t motion) {
   EXPECT_LE(ours[0], ours[1]) << motion;
   EXPECT_LE(ours[0], theirs[1]) << motion;
   EXPECT_LE(theirs[0], ours[1]) << motion;
 }
 
-/// Rows of reduce any, for the same query.
+/// Rows of reduce any for the same query.
 inline Verdicts compare_verdicts(const Answer& found, const Answer& wanted, const QueryView& q) {
   Verdicts v;
   const ReplyView &ours = found.view, &theirs = wanted.view;
@@ -69,14 +69,14 @@ struct LeastRows {
   int apart = 0, touching = 0, undecided = 0, hits = 0;
 };
 
-/// An interval of the least distance is as narrow as asked; the arm's slack, a tenth of that, may be beside it, and is
-/// said to be.
+/// An interval of the least distance is as narrow as requested. The arm's slack, a tenth of that, may come on top and
+/// must be flagged.
 inline void expect_narrow(double lower, double upper, std::uint16_t flags, const QueryView& q, std::uint32_t motion) {
   EXPECT_LE(upper - lower, q.abs_tol * (flags & kFlagSlack ? 1.3 : 1 + 1e-9)) << motion;
 }
 
-/// Rows of the least distance, for the same query: intervals that meet, as narrow as asked, with the same end of what
-/// is free.
+/// Rows of the least distance for the same query: intervals that intersect, as narrow as requested, with the same free
+/// range.
 inline LeastRows compare_least(const Answer& found, const Answer& wanted, const QueryView& q) {
   LeastRows v;
   const ReplyView &ours = found.view, &theirs = wanted.view;

@@ -1,4 +1,4 @@
-// A device that leaves all rows to the CPU, and fails when told to.
+// A fake device that leaves all rows to the CPU and fails on request.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -12,13 +12,13 @@
 
 namespace clearance::test {
 
-// Fails at one of its calls, and, where it is lost, at all that follow.
+// Fails at one of its calls; if it is lost, also at all later calls.
 struct Fault {
   int at = -1;
   cuda::DeviceError::Kind kind = cuda::DeviceError::kLost;
   int calls = 0;
-  int launches = 0;              // chunks that were begun
-  std::vector<double> bodies{};  // of the query that was begun last: components
+  int launches = 0;              // chunks started
+  std::vector<double> bodies{};  // of the query begun last: components
 
   void call(const char* what) {
     const int now = calls++;
@@ -27,7 +27,7 @@ struct Fault {
   }
 };
 
-// Small bodies at random places.
+// Small bodies at random poses.
 inline Scene spheres(int count) {
   Scene s;
   Random random(7);
@@ -47,13 +47,13 @@ struct DeviceTestQuery {
     q.reduce = reduce;
   }
   DeviceTestQuery(const DeviceTestQuery&) = delete;
-  DeviceTestQuery(DeviceTestQuery&&) = default;  // vectors keep their memory: what the query views stays
+  DeviceTestQuery(DeviceTestQuery&&) = default;  // moved vectors keep their memory, so the query's spans stay valid
   std::vector<std::uint32_t> moved{3, 10};
   std::vector<Pose> poses;
   QueryView q;
 };
 
-// Asks twice, of which only the second time there is room on the device.
+// Runs a query twice; the device has memory only for the second one.
 inline void expect_room_for_the_second(const Engine& device, const DeviceTestQuery& question, const Answer& expected) {
   const Answer first = ask(device, question.q), second = ask(device, question.q);
   expect_same(first, expected, "without room");
@@ -63,7 +63,7 @@ inline void expect_room_for_the_second(const Engine& device, const DeviceTestQue
   EXPECT_EQ(counter(device, "cuda.queries_without_room"), 1u);
 }
 
-// Whose they are: a device must not be given another one's.
+// The owner: a device must not get another device's pairs.
 struct IdlePairs : cuda::ResidentPairs {
   const Fault* of = nullptr;
 };
@@ -74,7 +74,7 @@ struct IdleWarm : cuda::ResidentWarm {
   const Fault* of = nullptr;
 };
 
-// What all kinds of workspaces have in common.
+// Common part of all kinds of workspaces.
 template <class Interface>
 class IdleSide : public Interface {
  public:
@@ -113,7 +113,7 @@ class IdleSide : public Interface {
   }
   std::vector<double> components_;
   std::vector<std::uint8_t> state_;
-  std::vector<Pose> given_[2][cuda::kChunksUnderWay], all_given_[2];  // by what is given
+  std::vector<Pose> given_[2][cuda::kChunksUnderWay], all_given_[2];  // by kind of input
 };
 
 template <class Interface>
@@ -149,7 +149,7 @@ class IdleDense : public IdleWorkspace<cuda::Workspace> {
     return r;
   }
 };
-// Knows no reduction: it is asked to settle and cannot.
+// Has no reductions: `settle()` is called and must fail.
 class IdleReduced final : public IdleWorkspace<cuda::ReducedWorkspace> {
  public:
   using IdleWorkspace::IdleWorkspace;

@@ -1,4 +1,4 @@
-// A library of no kernels, as the engine opens it: says that there is no device.
+// A kernel library without kernels, which reports that there is no device.
 #include <cstdio>
 #include <cstdlib>
 
@@ -20,7 +20,7 @@ const bool may_be_opened = [] {
 }  // namespace
 
 #ifndef CLEARANCE_FOREIGN
-// Host memory in place of a device's. What is asked of it is written down where a test can see it.
+// Host memory in place of a device's. Calls are printed, so that a test can check them.
 static clearance::cuda::SharedBlock share(int device, std::size_t bytes) {
   if (device == 7) throw clearance::cuda::DeviceError(clearance::cuda::DeviceError::kNoRoom, "a planted lack of room");
   std::fprintf(stderr, "share %zu on %d, ", bytes, device);

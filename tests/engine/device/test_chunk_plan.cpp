@@ -1,5 +1,5 @@
-// How pairs are dealt to a device's kernels: those of several pieces apart from the others. A device that leaves all
-// rows to the CPU stands in for a real one.
+// Assignment of pairs to a device's kernels: pairs of several convex parts are separate. A fake device leaves all rows
+// to the CPU.
 #include <algorithm>
 #include <cstring>
 #include <numeric>
@@ -12,7 +12,7 @@ namespace {
 constexpr std::uint32_t kUnheld = 7;  // a body that the device does not hold
 const std::vector<std::uint32_t> kMoved{0, 2, 5, 30};
 
-// What a device was given.
+// Data passed to a device.
 struct Dealt {
   std::vector<std::uint32_t> position;
   std::vector<cuda::ChunkSetup> chunks;
@@ -75,7 +75,8 @@ TEST(ChunkPlan, PutsPairsOfSeveralPiecesBehindTheOthers) {
     q.configuration_count = configurations;
     if (configurations > 0) q.bodies = kMoved;
     q.configurations = poses;
-    // The stand-in leaves all rows open, also those that it was not given: how many were looked at is not compared.
+    // The fake device leaves all rows unresolved, including rows it was not given, so the number of evaluated rows is
+    // not compared.
     expect_same(ask(device, q), ask(cpu, q), std::to_string(configurations) + " configurations", true);
 
     const std::vector<BodyPair> pairs = device.pairs(q);
@@ -133,7 +134,7 @@ TEST(ChunkPlan, MakesFewChunksThatGrow) {
   EXPECT_EQ(rows, device.pairs({}).size());
 }
 
-// Enough of them for several threads to copy them while chunks are started.
+// Enough for several threads to copy them while chunks are started.
 TEST(ChunkPlan, GivesEachChunkItsPosesOnceTheyAreWaitedFor) {
   const auto scene = [] { return mixed_scene(31, 3, 1); };
   Fault fault;

@@ -1,5 +1,5 @@
-// What follows from a device's faults: right answers from the CPU or a clear refusal, wherever it fails. A device that
-// leaves all rows to the CPU stands in for a real one, so that no GPU is needed.
+// Consequences of device faults at any point: correct answers from the CPU, or a clear error. A fake device leaves all
+// rows to the CPU, so no GPU is needed.
 #include "tests/engine/cuda/same_answer.h"
 #include "tests/engine/device/fake_device.h"
 
@@ -31,7 +31,7 @@ constexpr std::uint32_t kConfigurations = 900;  // several chunks
 DeviceTestQuery query_about(Reduce reduce) {
   return DeviceTestQuery(kConfigurations, reduce);
 }
-// Of the current poses: a whole table.
+// A whole table at the current poses.
 DeviceTestQuery query_of_table(Reduce reduce) {
   DeviceTestQuery question(0, reduce);
   question.q.configurations = {};
@@ -70,7 +70,7 @@ TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
     EXPECT_EQ(device.backend(), "cpu");
     EXPECT_NE(device.device_error().find("a planted fault while "), std::string::npos) << device.device_error();
     EXPECT_EQ(counter(device, "cuda.usable"), 0u);
-    // A lost device is not asked again.
+    // A lost device is not used again.
     const int calls = fault_.calls;
     expect_same(ask(device, question.q), expected, "the next query");
     EXPECT_EQ(fault_.calls, calls);
@@ -82,7 +82,7 @@ TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
   const DeviceTestQuery questions[] = {query_about(Reduce::kNearest), query_about(Reduce::kMin),
                                        query_about(Reduce::kWithin), query_of_table(Reduce::kWithin)};
-  int calls[2] = {};  // that there are, cold and warm
+  int calls[2] = {};  // number of calls, cold and warm
   for (const DeviceTestQuery& question : questions)
     for (const std::uint64_t client : {0, 1}) {
       QueryView q = question.q;

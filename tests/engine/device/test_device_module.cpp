@@ -1,4 +1,4 @@
-// The library of the kernels: opened where a device is asked for, and by nothing else; what is wrong with it is said.
+// The kernel library: opened only when a device is requested, with its defects reported.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -13,7 +13,7 @@
 namespace clearance::test {
 namespace {
 
-// A process opens the library once, so each case has one of its own.
+// A process opens the library once, so each case runs in its own process.
 class DeviceModule : public testing::Test {
  protected:
   void SetUp() override { GTEST_FLAG_SET(death_test_style, "threadsafe"); }
@@ -56,7 +56,7 @@ TEST_F(DeviceModuleDeathTest, IsOfThisCodeAndSaysWhatThereIs) {
   expect_refused(CLEARANCE_FAKE_MODULE, "no device today");
 }
 
-// What the stand-in library leaves behind when it is opened would end the process.
+// Opening the fake library would end the process.
 TEST_F(DeviceModuleDeathTest, IsNotOpenedForTheCpuAlone) {
   EXPECT_EXIT(
       {
@@ -77,7 +77,7 @@ TEST_F(DeviceModuleDeathTest, IsNotOpenedForTheCpuAlone) {
       testing::ExitedWithCode(4), "");
 }
 
-// Replies go to ordinary memory then.
+// Replies then go to ordinary memory.
 TEST_F(DeviceModuleDeathTest, WithoutItNothingIsPinned) {
   EXPECT_EXIT(
       {
@@ -107,7 +107,7 @@ TEST_F(DeviceModuleDeathTest, WithoutItNothingIsPinned) {
   std::exit(good ? 0 : 1);
 }
 
-// CUDA maps whole pieces elsewhere: none holds anything else of this process.
+// CUDA exports memory in whole blocks, so a block must hold nothing else of this process.
 TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPiecesForItselfAndGivesThemBackOnce) {
   EXPECT_EXIT(share_some_sizes(), testing::ExitedWithCode(0),
               "^share 2097152 on 3, wait on 3, release on 3, share 2097152 on 3, wait on 3, release on 3, "

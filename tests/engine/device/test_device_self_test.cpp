@@ -1,5 +1,4 @@
-// The self-test of devices: one that settles rows wrongly is found, one that leaves them to the CPU or fails is not
-// blamed.
+// The self-test of devices: it detects a device with wrong rows, and accepts one that leaves rows to the CPU or fails.
 #include "engine/device/device_self_test.h"
 #include "tests/engine/cuda/same_answer.h"
 #include "tests/engine/device/fake_device.h"
@@ -7,7 +6,7 @@
 namespace clearance::test {
 namespace {
 
-// Settles every row, all with the same interval.
+// Answers every row with the same interval.
 class LyingDense final : public IdleWorkspace<cuda::Workspace> {
  public:
   using IdleWorkspace::IdleWorkspace;

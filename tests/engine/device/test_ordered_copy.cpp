@@ -1,4 +1,4 @@
-// Copies by several threads, whose beginning is used before the end is there.
+// Parallel copies whose first part is used before the last part is copied.
 #include <gtest/gtest.h>
 
 #include <numeric>
@@ -16,7 +16,7 @@ TEST(OrderedCopy, HasWhatWasWaitedForWhateverTheOthersDo) {
          {std::size_t{0}, std::size_t{1}, kBlock - 1, kBlock, 12 * kBlock, 40 * kBlock + 4099})
       for (const int helpers : {0, 1, 3}) {
         std::vector<unsigned char> room_from(bytes + 3), to(bytes + 16);
-        unsigned char* const from = room_from.data() + 3;  // on no boundary
+        unsigned char* const from = room_from.data() + 3;  // unaligned
         std::iota(from, from + bytes, static_cast<unsigned char>(7));
         auto* const target = to.data() + (16 - reinterpret_cast<std::uintptr_t>(to.data()) % 16) % 16;
         cuda::OrderedCopy copy(from, target, bytes, reader);

@@ -1,4 +1,4 @@
-// What a plan tells a device, and what it refuses, without a GPU: a device that writes down what it is told stands in.
+// Calls that a device query makes, and the requests it rejects. A fake device records the calls, so no GPU is needed.
 #include <functional>
 
 #include "engine/device/query/device_plan.h"
@@ -91,7 +91,7 @@ class PlanLaunches : public testing::Test {
   }
 };
 
-// Memory that nobody reads.
+// An address that is never read.
 template <class T>
 const T* somewhere(std::uintptr_t at) {
   return reinterpret_cast<const T*>(at);

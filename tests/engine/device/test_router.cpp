@@ -1,5 +1,5 @@
-// Backend auto: who answers, and why. Needs no GPU: costs are made up, and a stand-in for the device leaves all rows to
-// the CPU.
+// Backend auto: the choice of backend and its reasons. Needs no GPU: the costs are synthetic, and a fake device leaves
+// all rows to the CPU.
 #include <functional>
 
 #include "engine/device/router.h"
@@ -12,7 +12,7 @@ namespace {
 using cuda::QueryKind;
 using cuda::Router;
 
-// A machine: how long a query of so many pairs takes, ns.
+// A machine: time in ns of a query with this many pairs.
 struct Machine {
   std::function<double(double)> cpu, device;
   double best(double pairs) const { return std::min(cpu(pairs), device(pairs)); }
@@ -64,7 +64,7 @@ TEST(Router, FindsTheFasterBackendOfEachSizeOnVeryDifferentMachines) {
 }
 
 TEST(Router, GuessesASizeFromTheNearestThatItHasSeen) {
-  // A CPU whose boxes answer most pairs: a hundred times as fast as the first guess.
+  // A CPU whose boxes answer most pairs, a hundred times faster than the initial estimate.
   const Machine m = machine(0.05, 30'000, 1);
   Router router(1);
   run(router, m, 1 << 16, 100, QueryKind::kNear);
@@ -81,7 +81,7 @@ TEST(Router, OneQueryThatWasHeldUpChangesLittle) {
 }
 
 TEST(Router, AColdFirstAnswerDoesNotStay) {
-  // A motion or a few: the CPU is twice as fast, but its first one takes ten times what the device does.
+  // One or a few motions: the CPU is twice as fast, but its first query takes ten times as long as the device's.
   const Machine m = machine(30'000, 600'000, 1);
   for (const bool is_cpu_cold : {true, false}) {
     Router router(16);
@@ -97,7 +97,7 @@ TEST(Router, AColdFirstAnswerDoesNotStay) {
 TEST(Router, FollowsAMachineThatChanges) {
   Router router(4);
   run(router, machine(400, 30'000, 1), 10'000, 1'000);
-  // Somebody else has the device now: it takes a hundred times as long.
+  // Other load slows the device by a factor of a hundred.
   const Ran after = run(router, machine(400, 30'000, 1'000), 10'000, 1'000);
   EXPECT_LT(after.on_device, 100);
 }

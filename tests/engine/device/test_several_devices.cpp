@@ -1,5 +1,5 @@
-// Several devices as one: chunks in turn, and what happens where one of them fails. Stand-ins that leave all rows to
-// the CPU need no GPU; a machine with several is asked for the same bits as the CPU.
+// Several devices used as one: chunks in turn, and failures of single devices. Fake devices leave all rows to the CPU
+// and need no GPU; a machine with several GPUs must give the CPU's bits.
 #include <array>
 
 #include "tests/engine/cuda/same_answer.h"
@@ -33,7 +33,7 @@ class SeveralDevices : public testing::Test {
 
 TEST_F(SeveralDevices, ShareAQueryOutAndAnswerAsOne) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({2, 0}));
-  DeviceTestQuery question(30'000);  // more chunks than two devices have under way
+  DeviceTestQuery question(30'000);  // more chunks than two devices have in flight
   question.q.fields = kDefaultFields;
   const Answer expected = ask(cpu, question.q);
   int most = 0;
