@@ -1,12 +1,12 @@
 # mypy: ignore-errors
 # Annotations contain Warp's types and calls.
-"""Compares MuJoCo Warp's GJK with Clearance on the same pairs, on one GPU, in one run: `bench_mujoco_warp.py [--csv FILE]`.
+"""MuJoCo Warp's GJK and Clearance on the same pairs and GPU, in one run: `bench_mujoco_warp.py [--csv FILE]`.
 
 30 random hulls, 150 pairs, 4096 configurations: 614,400 distances. Poses and answers are in GPU memory, and each system
 is captured in a CUDA graph. MuJoCo Warp uses its own model of the hulls (built by MuJoCo's compiler, with the vertex
 graph that its support function climbs), its own kinematics, and its `gjk_phase` with the model's settings: the first
-half of its collision detection of convex geoms, without contacts. It uses float32 throughout. Its distances are compared
-with Clearance's certified bounds for its float32 vertices at its poses, to within 1e-7 of their size.
+half of its collision detection of convex geoms, without contacts. It uses float32 throughout. Its distances are
+compared with Clearance's certified bounds for its float32 vertices at its poses, to within 1e-7 of their size.
 
 Needs `pip install mujoco-warp` (Apache-2.0), which installs warp-lang and mujoco.
 """
@@ -118,8 +118,10 @@ class MujocoWarp:
                   outputs=[self.out])  # fmt: skip
 
     def poses_as_they_are(self):
-        """(K, N, 7) float64: the poses given by its float32 rotations and positions. Its matrices are not exact rotations;
-        replacing them by the nearest quaternions moves a vertex by less than 1e-7 of its size."""
+        """(K, N, 7) float64: the poses given by its float32 rotations and positions.
+
+        Its matrices are not exact rotations; the nearest quaternions move a vertex by less than 1e-7 of its size.
+        """
         positions, rotations = self.data.geom_xpos.numpy(), self.data.geom_xmat.numpy().astype(np.float64)
         quaternion, flat = np.empty(4), rotations.reshape(-1, 9)
         quaternions = np.empty((len(flat), 4))

@@ -4,8 +4,8 @@
     bench/environment.py bench/robots bench/gpu/write_motion_scenes.py FOLDER [--robot panda] [--numbers 1] [--sides 32]
 
 FOLDER/FAMILY_NUMBER/scene.yaml has a problem's robot and obstacles. ends.txt has the joint names, the start and the
-goal. A device supports hulls only, so a cylinder becomes the prism around it with `--sides` sides, whose excess is 0.5 %
-of the radius. With 0 sides, cylinders are kept and the CPU answers.
+goal. A device supports hulls only, so a cylinder becomes the prism around it with `--sides` sides, whose excess is
+0.5 % of the radius. With 0 sides, cylinders are kept and the CPU answers.
 """
 
 import argparse
