@@ -70,8 +70,7 @@ struct ElementSet {
   const ElementNode* nodes;    ///< root first
   const float* points;         ///< (points, 3)
   double half;                 ///< half edge length of the voxels; 0 for points
-  double reach;                ///< bound on a voxel corner's offset from its point along each axis: `half` with its
-                               ///< rounding
+  double reach;                ///< bound on a voxel corner's offset along each axis: `half` with its rounding
   const ElementSlab* slabs;    ///< of a mesh's nodes
   const double* corners;       ///< (triangles, 3 axes, 3 corners) of a mesh; null for others
   const std::uint32_t* parts;  ///< of a mesh: one triangle of each connected component
@@ -185,8 +184,7 @@ struct FramesView {
 struct UncertaintyStep {
   UncertaintySource source;
   double age_s = 0;
-  double joint_fixed = 0, joint_per_travel = 0, joint_turn = 0;  ///< PlacementError of a link's pose; 0 for other
-                                                                 ///< bodies
+  double joint_fixed = 0, joint_per_travel = 0, joint_turn = 0;  ///< PlacementError of a link's pose; 0 for others
   double travel = 0;                                             ///< used if the query does not set the robot's joints
   std::uint32_t robot = kNone;                                   ///< in FramesView; if kNone, `travel` is used
 };
@@ -199,8 +197,7 @@ inline constexpr std::uint8_t kSlotUnplaced = 1, kSlotStale = 2, kSlotBeyondLimi
 struct MovesView {
   const Pose* given;  ///< (configurations, given_count)
   std::uint32_t given_count;
-  const std::uint32_t* source;       ///< (moved,) index of the given pose, or given_count plus a frame index; kNone
-                                     ///< selects `own`
+  const std::uint32_t* source;       ///< (moved,) index of the given pose; given_count + frame; or kNone for `own`
   const Pose* own;                   ///< (moved,) pose if the query gives none
   const std::uint32_t* chain_begin;  ///< (moved + 1,)
   const std::uint32_t* chain;        ///< indices of moved bodies
@@ -312,8 +309,7 @@ struct ReducedView {
   std::uint32_t groups;          ///< per configuration
   std::uint32_t rows;            ///< configurations * pairs
   std::uint64_t* seed;           ///< (configurations, groups) least pair of outer-box gap and pair index
-  std::uint64_t* cutoff;         ///< (configurations, groups) float64 distance; pairs whose boxes are farther apart are
-                                 ///< skipped
+  std::uint64_t* cutoff;         ///< (configurations, groups) pairs whose boxes are farther apart are skipped
   std::uint64_t *upper, *lower;  ///< (configurations, groups) least bounds, order_key()
   std::uint64_t* winner;         ///< (configurations, groups) pair and item
   std::uint64_t* lowest;         ///< (configurations, groups) the first pair with the least lower bound, and its item

@@ -16,8 +16,7 @@ struct MotionTables {
   const std::uint32_t* chain_of_slot;  ///< (moved,) from the world; kNone if nothing moves it
   const MotionViews* views;
   const std::uint32_t* views_of_pair;  ///< (pairs,); kNone if both bodies are described from the world
-  const double* reach;                 ///< (bodies,) metres: upper bound on the distance of a body's points from its
-                                       ///< origin
+  const double* reach;                 ///< (bodies,) metres: bound on the distance of points from the origin
 };
 
 /// Part of a motion, evaluated at its middle. If the least distance is requested, both ends are evaluated too, as spans
@@ -120,17 +119,13 @@ struct MotionsView {
   std::uint8_t* unresolved;     ///< if first contact is requested: the narrow phase left a pair unresolved at some time
   MotionVerdict* verdicts;
   std::uint64_t* low;   ///< if the least distance is requested: lower bound on skipped pairs, as the bits of a double
-  std::uint64_t* seed;  ///< if the least distance is requested, (motions, 2): the pair with the nearest boxes at each
-                        ///< end
+  std::uint64_t* seed;  ///< if the least distance is requested: (motions, 2) the pair with the nearest boxes
   std::uint32_t* lock;  ///< if the least distance is requested: guards `best`
-  double* free_until;   ///< if first contact is requested: all pairs are beyond their margins before this time; inf if
-                        ///< always
+  double* free_until;   ///< if first contact is requested: pairs are beyond their margins until then; inf if always
   // Of the spans of this level and of the next:
   MotionSpan *spans, *next_spans;
-  std::uint32_t* shares;                    ///< (spans, 2) proved share of each half, float bits; all bits set if the
-                                            ///< whole half is proved
-  std::uint32_t *children, *next_children;  ///< (spans, 2) index of each half at the next level; kNone if it does not
-                                            ///< go on
+  std::uint32_t* shares;                    ///< (spans, 2) proved share of each half, float bits; all set if complete
+  std::uint32_t *children, *next_children;  ///< (spans, 2) index of each half at the next level, or kNone
   SpanPair *on, *next_on;                   ///< pairs that go on
   SpanPair *near, *asked;
   MotionHitRow* hits;

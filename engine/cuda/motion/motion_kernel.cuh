@@ -232,8 +232,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_along_boxes(const __grid_
 __device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const MovingPair& pair,
                                const PairAnswer& answer) {
   const MotionSpan& span = pair.span;
-  const double time = pair.way > 0 ? span.middle() : span.begin;  // a pair without relative motion is there from the
-                                                                  // start
+  const double time = pair.way > 0 ? span.middle() : span.begin;  // without relative motion, it is there from the start
   const std::uint64_t key = hit_key(m, item.pair, time);
   if (__ldcg(m.hit + span.motion) < key) return;
   const std::uint32_t at = atomicAdd(&count_of(m, kHitCount, m.level), 1);

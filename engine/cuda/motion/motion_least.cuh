@@ -69,8 +69,7 @@ __device__ inline void take_nearest(const MotionsView& m, const MotionHitRow& ro
 }
 __device__ inline MotionHitRow row_of(const MotionsView& m, const MovingPair& pair, const PairAnswer& answer) {
   const MotionSpan& span = pair.span;
-  const double time = pair.way > 0 ? span.middle() : span.begin;  // a pair without relative motion is there from the
-                                                                  // start
+  const double time = pair.way > 0 ? span.middle() : span.begin;  // without relative motion, it is there from the start
   return {hit_key(m, pair.item.pair, time),
           span.motion,
           pair.item.pair,

@@ -92,8 +92,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
   }
 
  private:
-  static constexpr std::uint32_t kListBlocks = 2112;  // for lists whose length is only on the device: as many blocks as
-                                                      // an H100 holds
+  static constexpr std::uint32_t kListBlocks = 2112;  // for lists of unknown length: all blocks that an H100 holds
   static constexpr std::uint32_t kMostPairBlocks = 1u << 16;
 
   bool seeks_contact() const { return (fields_ & kFieldFirstContact) != 0; }

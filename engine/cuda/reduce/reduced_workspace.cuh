@@ -15,8 +15,7 @@ namespace clearance::cuda {
 
 inline constexpr std::uint32_t kFirstCapacity = 1u << 17;  // initial capacity for candidates
 inline constexpr std::uint64_t kFirstHits = 1u << 14;      // initial capacity for rows of Reduce::kWithin
-inline constexpr std::uint32_t kFirstOpen = 1u << 12;      // initial capacity for pairs of configurations that teams
-                                                           // leave open
+inline constexpr std::uint32_t kFirstOpen = 1u << 12;      // initial capacity for pairs that teams leave open
 
 struct ReducedSlot : QuerySlot {
   ReducedSlot(MemoryCounters& c, int priority)

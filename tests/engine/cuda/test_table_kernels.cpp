@@ -17,8 +17,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kNowhere = 7;  // a body without a pose
 
 struct Listed {
-  std::uint64_t near = 0, far = 0, nowhere = 0;  // pairs of the table that were listed; that were not; pairs of
-                                                 // kNowhere
+  std::uint64_t near = 0, far = 0, nowhere = 0;  // table pairs listed, not listed, and of kNowhere
 };
 
 // Pairs of a whole table within a distance.
