@@ -309,7 +309,7 @@ struct ReducedView {
   std::uint32_t groups;          ///< per configuration
   std::uint32_t rows;            ///< configurations * pairs
   std::uint64_t* seed;           ///< (configurations, groups) least pair of outer-box gap and pair index
-  std::uint64_t* cutoff;         ///< (configurations, groups) pairs whose boxes are farther apart are skipped
+  std::uint64_t* cutoff;         ///< (configurations, groups) float64; pairs with boxes farther apart are skipped
   std::uint64_t *upper, *lower;  ///< (configurations, groups) least bounds, order_key()
   std::uint64_t* winner;         ///< (configurations, groups) pair and item
   std::uint64_t* lowest;         ///< (configurations, groups) the first pair with the least lower bound, and its item
