@@ -1,4 +1,4 @@
-// One pair's answer, and how the simple ones are made. For host and device.
+// The answer for one pair, and the answers that need no search. For host and device.
 #pragma once
 
 #include <limits>
@@ -9,18 +9,18 @@
 
 namespace clearance {
 
-/// What is asked of a pair: metres, but for rel_tol.
+/// Limits of one pair's search. Lengths in metres; rel_tol is a ratio.
 struct NarrowLimits {
   double max_distance = __builtin_inf();
   double abs_tol = 0;
-  double rel_tol = 1e-6;  ///< wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
+  double rel_tol = 1e-6;  ///< target: upper - lower <= max(abs_tol, rel_tol * |distance|)
   bool signed_distance = false;
   int max_iterations = 256;
-  double min_penetration = 0;            ///< no depth is asked for, but whether it is at least this; metres
-  double stop_below = -__builtin_inf();  ///< an upper bound so low is all that is asked
+  double min_penetration = 0;            ///< if positive, stop once this overlap is proved, and find no depth; metres
+  double stop_below = -__builtin_inf();  ///< stop once the upper bound is at most this
 };
 
-/// One answer, before it is written into columns. Points are relative to their bodies' origins, world axes.
+/// One answer, before it is written to columns. Points are relative to their bodies' origins, in world axes.
 struct PairAnswer {
   double distance, lower, upper;
   Status status;
@@ -29,39 +29,38 @@ struct PairAnswer {
   Vec3d point_a, point_b, normal;
 };
 
-/// NaN in each coordinate: no such point.
+/// A missing point: NaN in each coordinate.
 CLEARANCE_HD inline Vec3d no_point() {
   const double nan = __builtin_nan("");
   return {nan, nan, nan};
 }
 
-/// The answer for a pair that cannot be computed: NaN, with bounds -inf and +inf.
+/// Answer for a pair that cannot be computed: NaN, with bounds -inf and +inf.
 CLEARANCE_HD inline PairAnswer no_answer(Status status) {
   return {__builtin_nan(""), -__builtin_inf(), __builtin_inf(), status, 0, kNone, kNone,
           no_point(),        no_point(),       no_point()};
 }
 
-/// The answer for a pair of which nothing could be proved.
+/// Answer for a pair without a proof.
 CLEARANCE_HD inline PairAnswer unproved_answer() {
   const double infinite = __builtin_inf();
   return {infinite, -infinite, infinite, Status::kUnconverged, 0, kNone, kNone, no_point(), no_point(), no_point()};
 }
 
-/// The answer for a pair whose boxes are farther apart than max_distance.
+/// Answer for a pair whose boxes are farther apart than max_distance.
 CLEARANCE_HD inline PairAnswer beyond_answer(double lower) {
   return {lower, lower, __builtin_inf(), Status::kBeyond, 0, kNone, kNone, no_point(), no_point(), no_point()};
 }
 
-/// What the poses of two bodies say of their pair: a bad one, then a missing one, then one too old, else kOk.
+/// Status of a pair from the poses of its bodies. A bad pose comes before a missing one, and that before a stale one.
 CLEARANCE_HD inline Status pair_status(Status a, Status b) {
   if (a == Status::kBadPose || b == Status::kBadPose) return Status::kBadPose;
   if (a == Status::kNoPose || b == Status::kNoPose) return Status::kNoPose;
   return a == Status::kStalePose || b == Status::kStalePose ? Status::kStalePose : Status::kOk;
 }
 
-/// The answer that two bodies' poses and boxes give without a look at their pieces, if they give one; else its flags
-/// alone.
-/// \param gap returns a lower bound on the distance of their boxes; asked for where `cull`
+/// Answers a pair from its bodies' poses and boxes alone, if they suffice; otherwise sets only the flags.
+/// \param gap returns a lower bound on the distance of the boxes; called only if `cull`
 template <class Gap>
 CLEARANCE_HD inline bool answer_without_pieces(Status a, Status b, std::uint16_t flags, bool cull, double max_distance,
                                                const Gap& gap, PairAnswer& answer) {
@@ -83,18 +82,18 @@ CLEARANCE_HD inline bool answer_without_pieces(Status a, Status b, std::uint16_t
 CLEARANCE_HD inline bool is_at_rounding(double width, double rounding) {
   return width <= 4 * rounding;
 }
-/// How wide they may be, as was asked for.
+/// Width that the query's tolerances allow.
 CLEARANCE_HD inline double tolerance_at(double distance, double abs_tol, double rel_tol) {
   const double relative = rel_tol * (distance < 0 ? -distance : distance);
   return abs_tol < relative ? relative : abs_tol;
 }
-/// Whether they are as narrow as that.
+/// Whether the width meets the query's tolerances.
 CLEARANCE_HD inline bool is_narrow(double width, double distance, double abs_tol, double rel_tol) {
   return width <= tolerance_at(distance, abs_tol, rel_tol);
 }
 
-/// The status and distance of a pair that is proved apart: lower > 0. Points are the caller's.
-/// \param narrow whether its bounds are as narrow as asked
+/// Sets status, bounds and distance of a pair that is proved apart (lower > 0). The caller sets the points.
+/// \param narrow whether the bounds meet the tolerance
 CLEARANCE_HD inline void decide_apart(double max_distance, double lower, double upper, bool narrow,
                                       PairAnswer& answer) {
   const bool beyond = lower > max_distance;
@@ -103,10 +102,10 @@ CLEARANCE_HD inline void decide_apart(double max_distance, double lower, double 
   answer.upper = upper;
   answer.distance = beyond ? lower : upper;
 }
-/// Says what bounds on the signed distance of pieces mean for the true bodies: the status, the distance, and whether
-/// rounding or slack alone keeps the bounds apart. Nobody else decides that. The tolerance is judged on the pieces'
-/// interval, the rest on that of the true bodies. \param rounding returns the width that bounds of these pieces have
-/// from rounding alone, where it is asked for. \param slack of the pair
+/// Converts bounds on the signed distance of the convex parts into the bodies' status, distance and flags. The only
+/// place that does so. Tests the tolerance on the parts' interval, and all else on that of the true bodies.
+/// \param rounding returns the width that rounding alone gives the bounds of these parts; called only if needed
+/// \param slack of the pair
 template <class Rounding>
 CLEARANCE_HD inline void decide(const NarrowLimits& asked, double lower, double upper, const Rounding& rounding,
                                 PairAnswer& answer, const Slack& slack = {}) {

@@ -1,4 +1,4 @@
-// Compiled with -ffp-contract=off: a fused multiply-add that the derivation does not know of would void it.
+// Compiled with -ffp-contract=off: a fused multiply-add outside the derivation would void it.
 #include "engine/narrow/certify.h"
 
 #include <algorithm>
@@ -14,8 +14,8 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-// The double just below or above a value of T, so that converting never tightens a bound. A double is itself: its own
-// rounding is in the error terms.
+// The double just below or above a value of T, so that a conversion never tightens a bound. A double is returned as it
+// is, since its own rounding is part of the error terms.
 double round_down(double x) {
   return x;
 }
@@ -118,8 +118,8 @@ Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& proposed) {
           to_double(point.separation), norm(to_double(point.w))};
 }
 
-// The half-space reaches to 0 along its normal and without end along every other direction, so that no other gap is
-// larger: what certify_lower() says of this one holds from above as well.
+// Along its normal the half-space reaches to 0, and along every other direction without end. No other gap is larger, so
+// that the gap that certify_lower() proves is an upper bound, too.
 template <class T>
 PlaneBounds certify_plane(const PlacedPair<T>& pair, bool signed_distance) {
   assert(is_half_space(*pair.a) && !is_half_space(*pair.b));

@@ -1,8 +1,8 @@
-// The one maker of bounds. Everything else only proposes directions, points and simplices.
+// The only source of bounds. All other code only proposes directions, points and simplices.
 //
-// All of it works in the frame of body a, on the pieces' stored vertices, so that a bound does not depend on how its
-// proposal was found. One rotation then takes b's vertices there and directions back; a's stay as they are stored.
-// docs/bounds.md derives the rounding terms; tests/oracle measures them.
+// Works in the frame of body a, on the stored vertices of the convex parts, so that a bound does not depend on the
+// source of its proposal. One rotation takes b's vertices to that frame, and directions back; a's vertices stay as they
+// are stored. docs/bounds.md derives the rounding terms, and tests/oracle measures them.
 #pragma once
 
 #include <array>
@@ -19,11 +19,11 @@
 
 namespace clearance {
 
-/// A certified interval, metres.
+/// A certified interval, in metres.
 struct Interval {
   double lower, upper;
 
-  /// Whether any number lies in it. If not, what it was made by is broken: a table, a compiler, the machine.
+  /// Whether any number lies in it. If not, the computation itself is broken: a table, the compiler or the machine.
   bool is_possible() const { return lower <= upper; }  // false for a NaN
 };
 
@@ -34,7 +34,7 @@ template <>
 struct RoundingUnits<double> {
   static constexpr double kLower = 30, kUpper = 34, kBall = 34;
 };
-/// Of vertices relative to the piece's centre, each rounded to float32.
+/// For vertices relative to the part's centre, each rounded to float32.
 template <>
 struct RoundingUnits<float> {
   static constexpr double kLower = 21, kUpper = 23;
@@ -43,43 +43,45 @@ template <>
 struct RoundingUnits<DoubleDouble> {
   static constexpr double kLower = 44, kUpper = 48, kBall = 48;
 };
-/// Added to each of them for a pair of which one core, or both, are round: what their points and supports err by.
+/// Added to each term if one or both cores are round, for the error of their points and supports.
 inline constexpr double kRoundUnits = 8;
 
-/// S of two pieces: |D| + rho_a + rho_b + r_a + r_b, rounded up. A scalar or a pack.
+/// S of two parts: |D| + rho_a + rho_b + r_a + r_b, rounded up. A scalar or a pack.
 template <class T>
 CLEARANCE_HD inline T pair_scale(const Vec3<T>& D, const T& rho_a, const T& rho_b, const T& radius) {
   return (norm(D) + rho_a + rho_b + radius) * T(1 + 32 * Arithmetic<T>::kUnit);
 }
-/// Whether float32 can be tried on two pieces of these sizes, spread + radius in metres: their sixth powers neither
-/// overflow nor vanish.
+/// Whether float32 suits two parts of these sizes (spread + radius, in metres): their sixth powers neither overflow nor
+/// vanish.
 CLEARANCE_HD inline bool sizes_fit_f32(double a, double b) {
   const double size = a < b ? b : a;
   return size > 1e-5 && size < 1e5;
 }
 
-/// `units` rounding units of a scale S (RoundingUnits), as a length. A scalar or a pack.
+/// Length of `units` rounding units (RoundingUnits) at a scale S. A scalar or a pack.
 template <class T>
 CLEARANCE_HD inline T rounding_error(const T& units, const T& scale) {
   return units * T(Arithmetic<T>::kUnit) * scale * T(1 + 16 * Arithmetic<T>::kUnit) +
          T(Arithmetic<T>::kUnderflowLength);
 }
 
-/// Width that float64 bounds of two placed pieces have from rounding alone, metres. \param scale their pair_scale().
+/// Width that rounding alone gives the float64 bounds of two placed parts, in metres.
+/// \param scale their pair_scale()
 CLEARANCE_HD inline double rounding_width(double scale) {
   return rounding_error(double(RoundingUnits<double>::kLower), scale) +
          rounding_error(double(RoundingUnits<double>::kUpper), scale);
 }
 
-/// The lower bound that a support gap proves: `gap` of the planes normal to a direction of length `length`, times that
-/// length; `error` the rounding term. A scalar or a pack.
+/// Lower bound that a support gap proves. A scalar or a pack.
+/// \param gap of the planes normal to a direction of length `length`, times that length
+/// \param error the rounding term
 template <class T>
 CLEARANCE_HD inline T lower_from_gap(const T& gap, const T& length, const T& radius, const T& error) {
   return (gap / length - radius) - error;
 }
 
-/// The point of the CSO that a simplex and its weights stand for: `share` of each vertex, adding up to 1 up to
-/// rounding. Weights below 0 count as 0; without any weight it is the first vertex. A scalar or a pack.
+/// Point of the CSO given by a simplex and its weights: `share` of each vertex, with sum 1 up to rounding. Weights
+/// below 0 count as 0; without any weight it is the first vertex. A scalar or a pack.
 template <class T>
 struct SimplexPoint {
   T share[4];
@@ -109,24 +111,23 @@ struct SimplexPoint {
     }
   }
 };
-/// The upper bound that a point of the CSO proves: both cores have a point, and these are `length` apart.
+/// Upper bound that a point of the CSO proves, since both cores have a point and these are `length` apart.
 template <class T>
 CLEARANCE_HD inline T upper_from_point(const T& length, const T& radius, const T& error) {
   return (length - radius) + error;
 }
 
-/// What a run of GJK with proved supports shows by itself, and whether the pair needs no more than that. A scalar or a
-/// pack.
+/// Bounds that a run of GJK with proved supports gives by itself, and whether they suffice. A scalar or a pack.
 template <class T>
 struct RunBounds {
   using Mask = typename Lane<T>::Mask;
   SimplexPoint<T> nearest;
   T v_length, length;  ///< of the direction that proves `lower`, and of nearest.w, which proves `upper`
-  T lower, upper;      ///< -inf, +inf where nothing is proved
-  Mask converged;  ///< apart, and as narrow as asked or beyond max_distance; never bounds that contradict each other
+  T lower, upper;      ///< -inf, +inf without a proof
+  Mask converged;      ///< apart, and narrow enough or beyond max_distance; false if the bounds contradict each other
 
-  /// \param extra error of what went into the run, metres: of float32 offsets. \param stop_below an upper bound so low is
-  /// as narrow as asked, metres
+  /// \param extra error of the run's input, in metres: of float32 offsets
+  /// \param stop_below upper bound that is low enough to stop, in metres
   CLEARANCE_HD RunBounds(const Gjk<T>& g, const T& radius, const T& scale, const T& max_distance, const T& abs_tol,
                          const T& rel_tol, const T& extra = T(0), const T& stop_below = T(-__builtin_inf()))
       : nearest(g.simplex), v_length(norm(g.v)), length(norm(nearest.w)) {
@@ -143,8 +144,8 @@ struct RunBounds {
   }
 };
 
-/// The points of a piece's core that simplices and surfaces name by numbers: the vertices of a hull, or the points that
-/// were found of a round core, in the order in which they were; the first is its origin.
+/// Points of a part's core, by the numbers that simplices and surfaces use: the vertices of a hull, or the points found
+/// so far of a round core, in that order. The first of those is its origin.
 template <class T>
 class CorePoints {
  public:
@@ -153,7 +154,7 @@ class CorePoints {
   }
   Vec3<T> operator[](std::uint32_t i) const { return found_.empty() ? cast<T>(piece_->vertices[i]) : found_[i]; }
   std::size_t size() const { return found_.empty() ? piece_->vertices.size() : found_.size(); }
-  /// support(), whose index names the point. Of a round core it is added, unless it is there.
+  /// support(), whose index names the point. A new point of a round core is added.
   SupportPoint<T> farthest(const Vec3<T>& n);
 
  private:
@@ -161,17 +162,17 @@ class CorePoints {
   std::vector<Vec3<T>> found_;  // of a round core
 };
 
-/// Two pieces where they are, in the arithmetic T and the frame of a.
+/// Two placed parts, in the arithmetic T and the frame of a.
 template <class T>
 struct PlacedPair {
   const Piece* a;
   const Piece* b;
-  Mat3<T> R_wa, R_wb;                        ///< for what is said in world axes
+  Mat3<T> R_wa, R_wb;                        ///< convert results to world axes
   Mat3<T> R;                                 ///< R_wa^T R_wb
   Vec3<T> D;                                 ///< R_wa^T (t_b - t_a)
   double scale;                              ///< S = |D| + rho_a + rho_b + r_a + r_b, rounded up
   T radius;                                  ///< r_a + r_b; exact in double-double
-  mutable CorePoints<T> points_a, points_b;  ///< those found of round cores, while the pair is looked at
+  mutable CorePoints<T> points_a, points_b;  ///< of round cores: the points found so far
 
   PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b, const Mat3<T>& R_b,
              const Vec3d& t_b);
@@ -180,48 +181,49 @@ struct PlacedPair {
   double upper_error() const { return error(RoundingUnits<T>::kUpper); }
   double ball_error() const { return error(RoundingUnits<T>::kBall); }
 
-  /// A vertex of the CSO A - B, a's axes.
+  /// A vertex of the CSO A - B, in a's axes.
   Vec3<T> cso_vertex(std::uint32_t ia, std::uint32_t ib) const { return points_a[ia] - R * points_b[ib] - D; }
-  /// Whether the points of one are known up to rounding only, and not all from the beginning.
+  /// Whether a core is round, so that its points are found during the search, and up to rounding only.
   bool is_round() const { return clearance::is_round(*a) || clearance::is_round(*b); }
 
  private:
   double error(double units) const;
 };
 
-/// A lower bound on the signed distance from a gap that is known already: of the supporting planes normal to a
-/// direction of length `length`, times that length, from proved supports (Gjk::gap and |Gjk::v|).
+/// Lower bound on the signed distance from a gap with proved supports (Gjk::gap and |Gjk::v|).
+/// \param gap of the supporting planes normal to a direction of length `length`, times that length
 template <class T>
 double certify_lower(const PlacedPair<T>& pair, const T& gap, const T& length);
-/// A lower bound on the signed distance: the gap between the supporting planes normal to n.
-/// \param n axes of a, from a towards b, any length but zero.
+/// Lower bound on the signed distance: the gap between the supporting planes normal to n.
+/// \param n axes of a, from a towards b, any length but zero
 template <class T>
 double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& n);
 
-/// Two points, one of each piece (its core grown by the radius), and how far apart they are at most.
+/// One point of each part (its core grown by the radius), and an upper bound on their distance.
 struct Witness {
   double upper;      ///< metres: |p_a - p_b| - r_a - r_b + rounding; an upper bound on the signed distance
-  Vec3d core_a;      ///< of the core of a, from the origin of a, world axes
-  Vec3d core_b;      ///< of the core of b, from the origin of b, world axes
+  Vec3d core_a;      ///< point of the core of a, from the origin of a, world axes
+  Vec3d core_b;      ///< point of the core of b, from the origin of b, world axes
   Vec3d separation;  ///< p_b - p_a of the cores, world axes
-  double length;     ///< its length, from before it was turned to world axes
+  double length;     ///< its length, computed before the rotation to world axes
 };
-/// The witness that a simplex and its weights stand for. Weights below 0 count as 0; they need not add up to 1. Reads
-/// the vertices' indices, not their `w`.
+/// Witness given by a simplex and its weights. Weights below 0 count as 0, and their sum need not be 1. Reads the
+/// vertices' indices, not their `w`.
 template <class T>
 Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex);
 
-/// What the plane of a half-space says of another piece: along its normal the gap is the signed distance itself.
+/// Bounds from the plane of a half-space: along its normal the gap to the other part is the signed distance itself.
 struct PlaneBounds {
   Interval bounds;  ///< of the signed distance
   Witness nearest;  ///< of the two cores' signed distance; `upper` is bounds.upper
 };
-/// \param pair a is a half-space, b is none. \param signed_distance whether, of cores that overlap, the foot on the
-/// plane is asked for; if not it is a common point of both.
+/// \param pair a is a half-space, b is not
+/// \param signed_distance for overlapping cores, whether the second point is the foot on the plane; otherwise it is a
+/// common point
 template <class T>
 PlaneBounds certify_plane(const PlacedPair<T>& pair, bool signed_distance);
 
-/// A triangle of CSO vertices (indices into a list), a direction that it lies beyond, axes of a, and the triangles
+/// A triangle of CSO vertices (indices into a list), a direction that it lies beyond, in axes of a, and the triangles
 /// across its edges. Edge i goes from vertex i to the next; a half-edge is an edge of a face.
 template <class T>
 struct CsoFace {
@@ -240,14 +242,14 @@ CLEARANCE_HD constexpr std::uint32_t edge_of(std::uint32_t half_edge) {
 }
 
 /// Proves that a ball around the origin lies inside a closed surface of CSO triangles, and returns its radius (metres,
-/// rounding taken off): then the pieces' cores overlap by at least that much. Returns 0 or less if it cannot be proved.
-/// The surface is checked, not trusted: every edge must have a twin in the opposite sense, every triangle must lie
-/// beyond its plane, and they must go around the origin.
+/// rounding taken off): the parts' cores overlap by at least that much. Returns 0 or less without a proof. The surface
+/// is checked, not trusted: every edge must have a twin in the opposite sense, every triangle must lie beyond its
+/// plane, and they must go around the origin.
 template <class T>
 double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices,
                     std::span<const CsoFace<T>> faces);
 
-/// An upper bound on the signed distance of two grown pieces whose cores' overlap holds a ball (see certify_ball).
+/// Upper bound on the signed distance of two grown parts whose cores' overlap holds a ball (see certify_ball).
 double certify_overlap(const Piece& a, const Piece& b, double ball);
 
 }  // namespace clearance

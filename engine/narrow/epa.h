@@ -1,11 +1,13 @@
-// The expanding polytope: grows a polytope of CSO vertices around the origin until its nearest face is the CSO's.
+// The expanding polytope algorithm (EPA): grows a polytope of CSO vertices around the origin until its nearest face is
+// a face of the CSO.
 //
-// Like GJK it only proposes: certify_ball() judges its surface, certify_lower() its direction. It also serves where GJK
-// stops with the origin on a flat simplex: then it decides between contact and overlap.
+// Like GJK it only proposes: certify_ball() checks its surface, and certify_lower() its direction. It also decides
+// between contact and overlap when GJK stops with the origin on a flat simplex.
+//
 // G. van den Bergen, "Proximity queries and penetration depth computation on 3D game objects", GDC 2001. Departure: the
 // first tetrahedron need not hold the origin; faces may have negative offsets until the polytope has grown over it.
-// Faces are tens, seldom hundreds: looking at all of them for the nearest and for those that a new vertex sees is
-// faster than a heap and a walk, whose branches cannot be predicted.
+// There are tens of faces, seldom hundreds: a scan over all of them for the nearest and for those that a new vertex
+// sees is faster than a heap and a walk, whose branches cannot be predicted.
 #pragma once
 
 #include <algorithm>
@@ -21,13 +23,14 @@ namespace clearance {
 struct EpaLimits {
   double rel_tol = 1e-6;  ///< stop once the nearest face is within this of the CSO's surface, relatively
   double abs_tol = 0;     ///< ... or absolutely
-  double enough = 0;      ///< stop once the whole surface is farther than this from the origin, if positive
+  double enough = 0;      ///< if positive, stop once the whole surface is farther than this from the origin
   double noise = 0;       ///< lengths below this are rounding
   std::size_t max_vertices = 4000;
 };
 
-/// For bounds that are as near to each other as a query asks: half of that is EPA's.
-/// \param exact the nearest face itself is asked for, since radii are added to it. \param scale of the pair
+/// Limits for a query's tolerances, half of which are EPA's share.
+/// \param exact whether the nearest face itself is needed, since radii are added to it
+/// \param scale of the pair
 template <class T>
 CLEARANCE_HD inline EpaLimits epa_limits(double abs_tol, double rel_tol, bool exact, double scale) {
   EpaLimits limits;
@@ -40,18 +43,18 @@ CLEARANCE_HD inline EpaLimits epa_limits(double abs_tol, double rel_tol, bool ex
 enum class EpaEnd : std::uint8_t {
   kConverged,
   kEnough,
-  kOutside,  ///< a direction was found along which the CSO does not reach the origin
+  kOutside,  ///< there is a direction along which the CSO does not reach the origin
   kFlat,     ///< the CSO has no volume above rounding
   kLimit,    ///< too many vertices, or rounding broke the surface
-  kPaused,   ///< go_on() goes on
+  kPaused,   ///< go_on() continues
 };
 
-/// A run that nobody has to interrupt.
+/// For a run without slices.
 struct NeverPause {
   CLEARANCE_HD bool operator()(std::size_t) const { return false; }
 };
 
-/// One run after another in the same memory.
+/// Runs in turn, in the same memory.
 template <class T, class Polytope = GrowingPolytope<T>>
 class Epa {
   using Team = typename Polytope::Team;
@@ -60,8 +63,9 @@ class Epa {
   CLEARANCE_HD Epa() {}
   CLEARANCE_HD explicit Epa(const Polytope& room) : p_(room) {}
 
-  /// \param cso as gjk() has it. \param seed vertices to begin from, any number. \param pause asked before each step
-  /// with the number of vertices; true: the run pauses there.
+  /// \param cso as for gjk()
+  /// \param seed vertices to begin from, any number
+  /// \param pause called before each step with the number of vertices; pauses the run if true
   template <class Cso, class Pause = NeverPause>
   CLEARANCE_HD EpaEnd run(const Cso& cso, const EpaLimits& limits, const Simplex<T>& seed, const Pause& pause = {}) {
     limits_ = limits;
@@ -80,7 +84,7 @@ class Epa {
     }
     return go_on(cso, pause);
   }
-  /// Goes on with a run that was paused. The bits are those of a run without a pause.
+  /// Continues a paused run. The bits are those of a run without a pause.
   template <class Cso, class Pause>
   CLEARANCE_HD EpaEnd go_on(const Cso& cso, const Pause& pause) {
     const EpaEnd end = expand(cso, pause);
@@ -88,13 +92,13 @@ class Epa {
     return end;
   }
 
-  /// A closed surface around the polytope, outward; none if the CSO is flat.
+  /// A closed surface around the polytope, outward; empty if the CSO is flat.
   CLEARANCE_HD std::span<const CsoVertex<T>> vertices() const { return {p_.vertices.data(), p_.vertices.size()}; }
   CLEARANCE_HD std::span<const CsoFace<T>> faces() const { return {p_.faces.data(), p_.faces.size()}; }
   /// The point of the surface nearest to the origin.
   CLEARANCE_HD const Simplex<T>& nearest() const { return nearest_; }
-  /// Whether any direction was looked along, of these the unit one along which the CSO reaches least far beyond the
-  /// origin, and the gap of its supporting planes there.
+  /// Whether any direction was tried; if so, the unit one along which the CSO reaches least far beyond the origin, and
+  /// the gap of its supporting planes there.
   CLEARANCE_HD bool probed() const { return probed_; }
   CLEARANCE_HD const Vec3<T>& direction() const { return direction_; }
   CLEARANCE_HD const T& gap() const { return gap_; }
@@ -102,7 +106,7 @@ class Epa {
  private:
   CLEARANCE_HD const Vec3<T>& w(std::uint32_t i) const { return p_.vertices[i].w; }
 
-  // The support along the unit vector d, remembering the direction along which the CSO reaches least.
+  // The support along the unit vector d. Keeps the direction along which the CSO reaches least.
   template <class Cso>
   CLEARANCE_HD CsoVertex<T> probe(const Cso& cso, const Vec3<T>& d, T& reach) {
     const CsoSupport<T> s = cso(-d);
@@ -123,7 +127,7 @@ class Epa {
     return growth <= T(limits_.rel_tol) * reach || growth <= T(limits_.abs_tol) || growth <= noise_;
   }
 
-  // The tetrahedron that GJK ended with, if it has volume.
+  // Begins with GJK's last tetrahedron, if it has volume.
   CLEARANCE_HD bool enclose(const Simplex<T>& seed) {
     if (seed.size != 4) return false;
     CsoVertex<T> t[4] = {seed.vertex[0], seed.vertex[1], seed.vertex[2], seed.vertex[3]};
@@ -137,7 +141,8 @@ class Epa {
     return true;
   }
 
-  // Four vertices with volume, from the seed and supports along the axes and along normals of what is there already.
+  // Begins with four vertices with volume, from the seed and from supports along the axes and along normals of the
+  // vertices found so far.
   template <class Cso>
   bool spread_out(const Cso& cso, const Simplex<T>& seed) {
     using std::abs;
@@ -165,7 +170,7 @@ class Epa {
     const Vec3<T> edge = unit(t[1].w - t[0].w);
     best = T(-1);
     for (int round = 0; round < 2 && !(best > noise_); ++round) {
-      if (round == 1) {  // everything so far is on a line: look sideways
+      if (round == 1) {  // everything so far is on a line, so try sideways
         const Vec3<T> side =
             unit(cross(edge, abs(edge.x) < T(0.6) ? Vec3<T>{T(1), T(0), T(0)} : Vec3<T>{T(0), T(1), T(0)}));
         for (const Vec3<T>& d : {side, -side, cross(edge, side), -cross(edge, side)}) look(d);
@@ -190,7 +195,7 @@ class Epa {
     return make_tetrahedron(t);
   }
 
-  // \param t t[3] is on the inner side of the triangle t[0], t[1], t[2].
+  // \param t t[3] is on the inner side of the triangle t[0], t[1], t[2]
   CLEARANCE_HD bool make_tetrahedron(const CsoVertex<T> (&t)[4]) {
     Simplex<T> s;
     for (int i = 0; i < 4; ++i) s.vertex[i] = t[i];
@@ -211,8 +216,9 @@ class Epa {
     return true;
   }
 
-  // The plane that three points span, as far out as all of them are beyond it.
-  // \param n normal to it. \param sides the squared lengths of the sides whose product n is, multiplied.
+  // The plane that three points span, as far out as possible with all of them beyond it.
+  // \param n normal to it
+  // \param sides product of the squared lengths of the sides whose product n is
   CLEARANCE_HD static bool find_plane(const Vec3<T>& n, const T& sides, const Vec3<T>& a, const Vec3<T>& b,
                                       const Vec3<T>& c, Vec3<T>& normal, T& offset) {
     using std::sqrt;
@@ -223,9 +229,9 @@ class Epa {
     return nn > T(Arithmetic<T>::kFlatFace) * sides;
   }
 
-  // Of faces as near as each other the first with an even number, or else the first. One thread looks at both halves
-  // side by side, so that each waits less for the one before; without branches, since which is nearer cannot be
-  // predicted.
+  // The nearest face; among equally near ones the first with an even index, or else the first. One thread scans both
+  // halves in parallel, so that fewer steps wait for the one before, and without branches, since the nearer face cannot
+  // be predicted.
   CLEARANCE_HD std::uint32_t nearest_face() const {
     const std::size_t count = p_.offsets.size();
     const T* offsets = p_.offsets.data();
@@ -241,7 +247,7 @@ class Epa {
         }
       return static_cast<std::uint32_t>(least[1] < least[0] ? face[1] : face[0]);
     } else {
-      static_assert(Team::kSize % 2 == 0);  // each looks at one half
+      static_assert(Team::kSize % 2 == 0);  // each scans one half
       Ranked<T> least{T(__builtin_inf()), Team::rank()};
       for (std::uint32_t f = Team::rank(); f < count; f += Team::kSize)
         if (offsets[f] < least.value) least = {offsets[f], f};
@@ -278,8 +284,8 @@ class Epa {
     }
   }
 
-  // Replaces the faces that the last vertex sees, `nearest` among them, by a fan over their outline. False, and nothing
-  // is changed, where rounding made the outline unusable.
+  // Replaces the faces that the last vertex sees, `nearest` among them, by a fan over their outline. Returns false and
+  // changes nothing if rounding made the outline unusable.
   CLEARANCE_HD bool grow(std::uint32_t nearest) {
     const auto apex = static_cast<std::uint32_t>(p_.vertices.size() - 1);
     find_seen(apex);
@@ -291,7 +297,7 @@ class Epa {
     return true;
   }
 
-  // The outline of what is seen, and the faces from there to the last vertex. False: they are unusable.
+  // The outline of the seen faces, and the faces from there to the last vertex. False if they are unusable.
   CLEARANCE_HD bool plan(std::uint32_t apex) {
     outline_count_ = Team::lead([&] {
       const std::uint32_t edges = find_outline();
@@ -300,8 +306,8 @@ class Epa {
     return outline_count_ > 0 && find_planes();
   }
 
-  // Every face is written to the list, and kept there by moving on: which are seen cannot be predicted. So with edges
-  // below.
+  // Writes every face to the list, and advances only past those that are seen, since a branch could not be predicted.
+  // Edges are found the same way below.
   CLEARANCE_HD void find_seen(std::uint32_t apex) {
     const std::size_t count = p_.faces.size();
     p_.make_room();
@@ -325,7 +331,7 @@ class Epa {
     Team::sync();
   }
 
-  // The edges between seen faces and others, and at each vertex which of them begins there. \returns how many
+  // Finds the edges between seen and other faces, and for each vertex the one that begins there. Returns their number.
   CLEARANCE_HD std::uint32_t find_outline() {
     const CsoFace<T>* faces = p_.faces.data();
     const std::uint8_t* is_seen = p_.is_seen.data();
@@ -345,7 +351,7 @@ class Epa {
     return edges;
   }
 
-  // Rounding let the vertex see faces apart from the others: these stay.
+  // Keeps only seen faces that are connected with the nearest, where rounding let the vertex see others.
   void keep_connected(std::uint32_t nearest) {
     seen_count_ = 1;
     p_.seen[0] = nearest;
@@ -361,10 +367,10 @@ class Epa {
     std::sort(p_.seen.begin(), p_.seen.begin() + static_cast<std::ptrdiff_t>(seen_count_));
   }
 
-  // One triangle for each edge of the outline, without its plane yet. False if that is not one loop.
+  // Plans one triangle for each edge of the outline, without its plane. False if the outline is not one loop.
   CLEARANCE_HD bool plan_fan(std::uint32_t apex, std::uint32_t count) {
     if (count < 3 || !p_.make_room_for_fan(count, seen_count_)) return false;
-    // Where the faces go: in the places of the seen ones, then behind the last.
+    // Places of the new faces: those of the seen ones, then after the last.
     std::uint32_t* places = p_.seen.data();
     for (std::uint32_t i = seen_count_; i < count; ++i)
       places[i] = static_cast<std::uint32_t>(p_.faces.size()) + (i - seen_count_);
@@ -412,7 +418,7 @@ class Epa {
       link(f, 0);
     }
     Team::sync();
-    // A fan smaller than what it replaces leaves places: the last faces move there.
+    // A fan smaller than the faces it replaces leaves gaps, which the last faces fill.
     if (before <= after) return;
     Team::lead([&] {
       std::size_t last = before;
@@ -429,14 +435,14 @@ class Epa {
     p_.offsets.resize(after);
   }
 
-  // Tells the face across an edge where that edge is.
+  // Updates the twin of an edge in the face across it.
   CLEARANCE_HD void link(std::uint32_t face, std::uint32_t edge) {
     const std::uint32_t across = p_.faces[face].twin[edge];
     p_.faces[face_of(across)].twin[edge_of(across)] = half_edge(face, edge);
   }
 
-  // The surface's point nearest to the origin. Among coplanar triangles only one holds it, and not always the one whose
-  // plane came out nearest, so look at all whose plane is near enough.
+  // The surface's point nearest to the origin. Only one of several coplanar triangles holds it, and not always the one
+  // with the nearest computed plane, so all faces with a plane near enough are tried.
   CLEARANCE_HD void find_nearest() {
     const std::uint32_t first = nearest_face();
     T best = look_at(first, T(__builtin_inf()));
@@ -445,8 +451,8 @@ class Epa {
         best = look_at(f, best);
   }
 
-  // Takes the point of a face that is nearest to the origin, if it is nearer than the root of `best`; what is best
-  // then.
+  // Takes the point of a face that is nearest to the origin, if its squared distance is less than `best`. Returns the
+  // least squared distance so far.
   CLEARANCE_HD T look_at(std::uint32_t face, const T& best) {
     const CsoFace<T>& f = p_.faces[face];
     const Vec3<T>&a = w(f.vertex[0]), &b = w(f.vertex[1]), &c = w(f.vertex[2]);

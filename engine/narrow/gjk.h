@@ -1,8 +1,8 @@
-// The Gilbert-Johnson-Keerthi iteration, written once over a scalar or a SIMD pack T, for host and device.
+// The Gilbert-Johnson-Keerthi iteration over a scalar or a SIMD pack T, for host and device.
 //
-// Works on the configuration space obstacle (CSO) A - B = { a - b }: the bodies' distance is its distance from the
-// origin, and its point v nearest to the origin joins their nearest points. It only proposes: certify.h makes the
-// bounds.
+// Works on the configuration space obstacle (CSO), the Minkowski difference A - B = { a - b }: the bodies' distance is
+// its distance from the origin, and its point v nearest to the origin joins their nearest points. It only proposes:
+// certify.h makes the bounds.
 //
 // E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure for computing the distance between complex objects in
 // three-dimensional space", IEEE J. Robotics and Automation 4(2), 1988; termination after G. van den Bergen, "A fast
@@ -19,7 +19,7 @@
 
 namespace clearance {
 
-/// A vertex of the CSO: w = a - b for vertices `a`, `b` of the two pieces.
+/// A vertex of the CSO: w = a - b for vertices `a`, `b` of the two convex parts.
 template <class T>
 struct CsoVertex {
   Vec3<T> w;
@@ -53,32 +53,32 @@ struct Simplex {
 
 enum class GjkEnd : std::uint8_t {
   kRunning,
-  kConverged,  ///< no vertex is nearer than the tolerance asks
+  kConverged,  ///< no vertex is nearer by more than the tolerance
   kBeyond,     ///< the origin is farther than max_distance
-  kEncloses,   ///< the simplex holds the origin (four vertices), or it lies on it within rounding
+  kEncloses,   ///< the simplex holds the origin (four vertices), or the origin lies on it within rounding
   kStalled,    ///< rounding: no more decrease
   kLimit,      ///< iteration limit
 };
 
-/// When to stop. Lengths in metres, of the distance between the CSO and the origin.
+/// Conditions to stop. Lengths in metres, of the distance between the CSO and the origin.
 template <class T>
 struct GjkLimits {
   T rel_tol{1e-6};  ///< stop once |v| - v.w/|v| <= max(rel_tol ||v| - radius|, abs_tol)
   T abs_tol{0};
-  T radius{0};           ///< what rounded pieces take off |v| later
+  T radius{0};           ///< sum of the parts' radii, which is taken off |v| later
   T max_distance{0};     ///< stop once the origin is proved farther
   bool bounded = false;  ///< whether max_distance counts
-  bool squared = true;   ///< radius and abs_tol are 0 in all lanes: no root is needed
+  bool squared = true;   ///< radius and abs_tol are 0 in all lanes, so that no root is needed
   int max_iterations = 256;
 };
 
-/// What reduce_to_nearest() finds: the face, edge or vertex of a simplex that is nearest to the origin.
+/// Result of reduce_to_nearest(): the face, edge or vertex of a simplex that is nearest to the origin.
 template <class T>
 struct Nearest {
   Simplex<T> simplex;  ///< the vertices that carry the nearest point, the newest first
-  Vec3<T> v;           ///< that point; along a face's normal where it lies on a face
+  Vec3<T> v;           ///< that point; along a face's normal if it lies on a face
   T squared_distance;
-  typename Lane<T>::Mask encloses;  ///< the origin is inside the tetrahedron: nothing else is set
+  typename Lane<T>::Mask encloses;  ///< the origin is inside the tetrahedron; no other member is set
 };
 
 /// The vertex, edge or face at the newest vertex of a simplex that is nearest to the origin.
@@ -88,12 +88,12 @@ struct NearestFeature {
       0};  ///< 0 the vertex; 1, 2, 3 the edge to old vertex 0, 1, 2; 4, 5, 6 the face with 01, 12, 02
   T squared_distance;
   T first_weight{0}, second_weight{0};  ///< of the feature's old vertices, in that order
-  T scale{0};                           ///< what the vector along the nearest point is multiplied by
+  T scale{0};                           ///< factor of the vector along the nearest point
   Vec3<T> normal;                       ///< of a face, not normalised
-  typename Lane<T>::Mask encloses;      ///< the origin is inside the tetrahedron: the rest does not count
+  typename Lane<T>::Mask encloses;      ///< the origin is inside the tetrahedron; the other members are not used
 };
 
-/// Looks at the vertex itself, then at edges from it, then at faces at it: the valid one of least distance wins.
+/// Compares the vertex itself, then edges from it, then faces at it: the valid one of least distance wins.
 template <class T>
 CLEARANCE_INLINE NearestFeature<T> nearest_feature(const Simplex<T>& old, const CsoVertex<T>& newest) {
   using Count = typename Lane<T>::Count;
@@ -110,7 +110,7 @@ CLEARANCE_INLINE NearestFeature<T> nearest_feature(const Simplex<T>& old, const 
   for (int i = 0; i < 3; ++i) {
     const Mask there = old.size > Count(i);
     if (!any(there)) {
-#ifndef __CUDA_ARCH__  // a thread of a GPU looks at none of them, and need not set them
+#ifndef __CUDA_ARCH__  // a thread of a GPU reads none of them, and need not set them
       e[i] = m[i] = {zero, zero, zero};
       g[i] = zero;
 #endif
@@ -159,8 +159,8 @@ CLEARANCE_INLINE NearestFeature<T> nearest_feature(const Simplex<T>& old, const 
   return best;
 }
 
-/// The nearest point to the origin of the hull of `newest` and up to three older vertices, knowing that `newest` takes
-/// part (the GJK invariant).
+/// The point nearest to the origin of the hull of `newest` and up to three older vertices. `newest` takes part in it
+/// (the GJK invariant).
 template <class T>
 CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVertex<T>& newest) {
   using Count = typename Lane<T>::Count;
@@ -196,8 +196,8 @@ CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVe
 enum class Carries : std::uint8_t { kNo, kPoint, kOrigin };
 
 /// The point of a feature's plane (of its line, its vertex) that is nearest to the origin, and the unscaled weights of
-/// its vertices there. A plane is spanned by the two shortest edges and measured from vertex 0. kOrigin: the feature is
-/// a tetrahedron around it; kNo: the feature is flat, or a tetrahedron beside it.
+/// its vertices there. A plane is spanned by the two shortest edges and measured from vertex 0. Returns kOrigin for a
+/// tetrahedron around the origin, and kNo for a flat feature or a tetrahedron without the origin.
 template <class T>
 CLEARANCE_HD inline Carries weigh(Simplex<T>& f, Vec3<T>& point) {
   const T zero = T(0);
@@ -234,8 +234,8 @@ CLEARANCE_HD inline Carries weigh(Simplex<T>& f, Vec3<T>& point) {
   return Carries::kPoint;
 }
 
-/// The same for the last resort, where bodies of sizes in the ratio 1e12 leave features 1e-10 wide and 1e2 long: every
-/// feature is weighed from its vertex nearest to the origin, since the cross product of two long, almost parallel
+/// Last resort of reduce_to_nearest(), for bodies of sizes in the ratio 1e12 with features 1e-10 wide and 1e2 long.
+/// Weighs every feature from its vertex nearest to the origin, since the cross product of two long, almost parallel
 /// edges, or a far vertex, would lose that ratio's digits. Scalars only.
 template <class T>
 CLEARANCE_HD inline Nearest<T> reduce_carefully(const Simplex<T>& old, const CsoVertex<T>& newest) {
@@ -276,22 +276,22 @@ CLEARANCE_HD inline Nearest<T> reduce_carefully(const Simplex<T>& old, const Cso
   return best;
 }
 
-/// The state of one run (of each lane's run) of GJK.
+/// State of one run of GJK, or of each lane's run.
 template <class T>
 struct Gjk {
   using Mask = typename Lane<T>::Mask;
   using Count = typename Lane<T>::Count;
 
-  Vec3<T> v;  ///< point of the simplex nearest to the origin; before the first step any first guess but zero
+  Vec3<T> v;              ///< point of the simplex nearest to the origin; before the first step a guess other than zero
   T squared_distance{0};  ///< |v|^2, once the simplex has a vertex
   Simplex<T> simplex;     ///< up to three vertices and their weights; four if it encloses the origin
   CsoVertex<T> last;      ///< the last support vertex found along -v
   T gap{0};      ///< of the supporting planes normal to v, times |v|: proves a lower bound if v did not move since
   Count end{0};  ///< a GjkEnd
 
-  /// Begins at the simplex of an earlier run: one to three vertices, the newest first. Where it does not hold the
-  /// nearest point any more, it is a worse guess, no more.
-  /// \param running lanes for which this is meant.
+  /// Begins at the simplex of an earlier run: one to three vertices, the newest first. If it no longer holds the
+  /// nearest point, it is only a worse guess.
+  /// \param running lanes that begin there
   CLEARANCE_HD void begin(const Simplex<T>& start, const Mask& running) {
     Simplex<T> others;
     others.vertex[0] = start.vertex[1];
@@ -303,8 +303,10 @@ struct Gjk {
     last = select(take, start.vertex[0], last);
   }
 
-  /// One step: `vertex` is the CSO's farthest along -v, and `support_gap` = v.w, by way of the support values.
-  /// \param running lanes that have not ended; the others stay as they are.
+  /// One step.
+  /// \param vertex the CSO's farthest vertex along -v
+  /// \param support_gap v.w, computed from the support values
+  /// \param running lanes that have not ended; the others stay as they are
   CLEARANCE_INLINE void step(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits,
                              const Mask& running) {
     const T zero(0), vv = squared_distance;
@@ -334,14 +336,13 @@ struct Gjk {
     end = select(stalled, code(GjkEnd::kStalled), end);
   }
 
-  /// The same of one run alone, in two parts: whether and how it ends, and what it goes on with. Nothing that a run
-  /// goes on with is written where it ends, so that a GPU's thread need not choose between both. After the end comes
-  /// close().
+  /// The same for a single run, in two parts: its end, if any, and the state to continue with. No state of a continuing
+  /// run is written at the end, so that a GPU thread need not select between both. After the end comes close().
   CLEARANCE_INLINE GjkEnd look(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits,
                                Nearest<T>& next) {
     last = vertex;
     gap = support_gap;
-    if (simplex.size == 0) {  // what reduce() makes of a first vertex
+    if (simplex.size == 0) {  // as reduce() does for a first vertex
       next.simplex.vertex[0] = vertex;
       next.simplex.weight[0] = T(1);
       next.simplex.weight[1] = next.simplex.weight[2] = T(0);
@@ -366,7 +367,7 @@ struct Gjk {
     v = next.v;
     squared_distance = next.squared_distance;
   }
-  /// Ends a run alone. A simplex that encloses the origin takes in the vertex with which it does.
+  /// Ends a single run. A simplex that encloses the origin receives the vertex that closed it.
   CLEARANCE_HD void close(GjkEnd how) {
     end = code(how);
     if (how != GjkEnd::kEncloses) return;
@@ -387,14 +388,14 @@ struct Gjk {
     else
       return reduce_to_nearest(old, newest);
   }
-  // Of lanes that have begun: after the support vertex `last` with its gap.
+  // For lanes that have begun: after the support vertex `last` with its gap.
   CLEARANCE_INLINE Mask converges(const GjkLimits<T>& limits) const {
     const T zero(0), vv = squared_distance;
-    // The vertex is in the simplex already: the polytope has no point nearer in any direction that v can see.
+    // The vertex is in the simplex already: along -v the polytope has no nearer point.
     const Mask again = ((simplex.size > Count(0)) & same(simplex.vertex[0], last)) |
                        ((simplex.size > Count(1)) & same(simplex.vertex[1], last)) |
                        ((simplex.size > Count(2)) & same(simplex.vertex[2], last));
-    // |v| - v.w/|v| is how much v could still shrink.
+    // The length of v could still shrink by |v| - v.w/|v|.
     const T slack = vv - gap;
     if (limits.squared) return again | (slack <= limits.rel_tol * vv);
     using std::sqrt;
@@ -419,15 +420,17 @@ struct Gjk {
   }
 };
 
-/// A CSO vertex and v.w by way of the support values.
+/// A CSO vertex, and v.w computed from the support values.
 template <class T>
 struct CsoSupport {
   CsoVertex<T> vertex;
   T gap;
 };
 
-/// Runs GJK on one pair. `cso(v)` returns the CSO's vertex farthest along -v.
-/// \param v0 a first guess of v (any direction but zero). \param seed a simplex to begin from (may be empty).
+/// Runs GJK on one pair.
+/// \param cso returns, as `cso(v)`, the CSO's vertex farthest along -v
+/// \param v0 a first guess of v (any direction but zero)
+/// \param seed a simplex to begin from (may be empty)
 template <class T, class Cso>
 CLEARANCE_HD inline Gjk<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& seed, const GjkLimits<T>& limits) {
   Gjk<T> g;

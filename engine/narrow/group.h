@@ -1,16 +1,16 @@
-// What bounds of pairs say of a group of pairs: of a configuration's, of a body's. Which pair stands for the group, and
-// what is proved of them all. For host and device.
+// Answers for a group of pairs, such as all pairs of a configuration or of a body: the pair that represents the group,
+// and bounds on them all. For host and device.
 #pragma once
 
 #include "engine/narrow/answer.h"
 
 namespace clearance {
 
-/// Where a candidate stands among its group's: the least upper bound wins; where no upper bound is finite, since boxes
-/// alone prove the pairs to be beyond max_distance, the least gap; then the first place.
+/// Rank of a candidate in its group: the least upper bound wins. If no upper bound is finite, since boxes alone prove
+/// the pairs to be beyond max_distance, the least gap wins, and then the first place.
 struct CandidateRank {
   double upper = __builtin_inf();
-  double gap = __builtin_inf();    ///< metres; 0 where `upper` is finite
+  double gap = __builtin_inf();    ///< metres; 0 if `upper` is finite
   std::uint64_t place = kNowhere;  ///< in the query's order
 
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
@@ -23,33 +23,34 @@ CLEARANCE_HD inline CandidateRank rank_of(double lower, double upper, std::uint6
   return {upper, upper < __builtin_inf() ? 0 : lower, place};
 }
 
-/// What an answer adds to the lower bound of its group, where a group's far pairs are left out by their boxes' gap: a
-/// pair that is looked at nevertheless must add no less than its gap, unless nothing could be proved of it.
-/// \param lower of the answer; \param gap 0: the boxes touch
+/// Contribution of an answer to its group's lower bound. Far pairs are skipped by the gap of their boxes, so that an
+/// evaluated pair must contribute no less than its gap, unless nothing could be proved for it.
+/// \param lower of the answer
+/// \param gap 0 if the boxes touch
 CLEARANCE_HD inline double lower_with_box(double lower, double gap) {
   return gap > 0 && gap > lower && lower > -__builtin_inf() ? gap : lower;
 }
 
-/// The status of a pair that is proved to be within a margin: lower and upper are its bounds, upper <= margin.
+/// Status of a pair that is proved to be within a margin: lower and upper are its bounds, upper <= margin.
 CLEARANCE_HD inline Status decided_status(double lower, double upper) {
   return upper <= 0 ? Status::kOverlap : lower > 0 ? Status::kOk : Status::kContact;
 }
 
-/// The distance beyond which a pair of a group can neither win nor lower the interval, where another has this upper
-/// bound: what is refined as far as was asked has a lower bound of no less than `upper` there. Metres.
+/// Distance beyond which a pair can neither win its group nor lower the interval, if another pair has this upper bound:
+/// within the tolerance such a pair has a lower bound of no less than `upper`. Metres.
 CLEARANCE_HD inline double loser_beyond(double upper, const NarrowLimits& asked) {
   if (!(asked.rel_tol < 0.5)) return __builtin_inf();
   const double least = upper > 0 ? upper : 0;
   return (least + asked.abs_tol) * (1 + 4 * asked.rel_tol);
 }
 
-/// The answer for a group without pairs: farther than anything.
+/// Answer for a group without pairs, as if infinitely far apart.
 CLEARANCE_HD inline PairAnswer empty_answer() {
   const double infinite = __builtin_inf();
   return {infinite, infinite, infinite, Status::kBeyond, 0, kNone, kNone, no_point(), no_point(), no_point()};
 }
 
-/// Makes the winner's answer its group's: the interval reaches down to the group's least lower bound.
+/// Turns the winner's answer into its group's: the interval reaches down to the group's least lower bound.
 CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double max_distance, double abs_tol,
                                         double rel_tol) {
   if (answer.distance != answer.distance) return;  // no pair of the group has usable poses
@@ -62,9 +63,10 @@ CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double
   answer.distance = is_beyond ? answer.lower : answer.upper;
 }
 
-/// The same where bodies are not known exactly. The tolerance is judged before slack: what slack alone keeps apart, of
-/// the winner's upper bound and of the lower bound of whose pair is lowest, is no fault of the refinement. \param
-/// winner, lowest the slack of these two pairs
+/// The same for bodies with uncertainty. The tolerance is tested without slack: width from slack alone, in the winner's
+/// upper bound and in the least lower bound, is no lack of refinement.
+/// \param winner slack of the winner
+/// \param lowest slack of the pair with the least lower bound
 CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double max_distance, double abs_tol,
                                         double rel_tol, const Slack& winner, const Slack& lowest) {
   const double slack = (winner.outer + lowest.inner) * (1 + 0x1p-30),

@@ -1,7 +1,7 @@
-// The lanes' code (lanes.h), compiled once for each instruction set: see lanes_avx512.cpp and its neighbours.
+// The code of lanes.h, compiled once for each instruction set: see lanes_avx512.cpp and the files next to it.
 //
-// It uses nothing but packs, plain arrays and templates over them: a function shared with other files might be linked
-// from here and then use instructions that the machine does not have.
+// It uses only packs, plain arrays and templates over them: a function shared with other files might be linked from
+// here, and then use instructions that the machine does not have.
 #pragma once
 
 #include <type_traits>
@@ -19,7 +19,7 @@ struct RoundingUnits<CLEARANCE_ISA::Pack<T>> : RoundingUnits<T> {};
 
 namespace CLEARANCE_ISA {
 
-// One value for each lane in memory, where single lanes are written, and as a pack, where all are worked on.
+// One value for each lane: in memory, to write single lanes, and as a pack, to compute on all.
 template <class T>
 struct alignas(64) Column {
   T at[Pack<T>::kLanes];
@@ -50,7 +50,7 @@ struct PlacedColumns {
   HWY_INLINE Mat3<Pack<T>> pack() const { return {{row[0].pack(), row[1].pack(), row[2].pack()}}; }
 };
 
-// A hull's vertices as the lanes take them (RunSetup::kFromCentres).
+// A hull's vertices in the form that lanes use (RunSetup::kFromCentres).
 template <class T>
 struct Source;
 template <>
@@ -76,7 +76,7 @@ struct FoundVertex {
   Pack<T> index, value;
 };
 
-// The farthest vertex of a hull along n, by looking at each: ties to the lowest index, as support() has it.
+// The farthest vertex of a hull along n, by a scan. Ties go to the lowest index, as in support().
 template <class T>
 struct Scan {
   const T *x, *y, *z;
@@ -122,7 +122,7 @@ struct OneFound {
   T value;
 };
 
-// The same by the hull's direction table.
+// The same from the hull's direction table.
 template <class T>
 HWY_INLINE OneFound<T> look_up(const LaneHull& hull, double u, double v, const Vec3<T>& n) {
   const std::uint32_t* list = hull.lists + find_list(hull.cells, hull.grid_bits, u, v);
@@ -135,7 +135,7 @@ HWY_INLINE OneFound<T> look_up(const LaneHull& hull, double u, double v, const V
   return found;
 }
 
-// The same by looking at each vertex, as many at a time as there are lanes. The arrays are padded (Piece::x).
+// The same by a scan, with as many vertices at a time as there are lanes. The arrays are padded (`Piece::x`).
 template <class T>
 HWY_INLINE OneFound<T> scan_across(const T* x, const T* y, const T* z, std::size_t count, const Vec3<T>& n) {
   using P = Pack<T>;
@@ -156,7 +156,7 @@ HWY_INLINE OneFound<T> scan_across(const T* x, const T* y, const T* z, std::size
   return {static_cast<std::uint32_t>(static_cast<std::int64_t>(first)), most};
 }
 
-// Both hulls' scans side by side, so that one's arithmetic fills the other's waits.
+// Scans both hulls together, so that the arithmetic of one fills the latency of the other.
 template <class T>
 HWY_INLINE void scan_both(Scan<T>& a, Scan<T>& b) {
   const std::size_t common = a.count < b.count ? a.count : b.count;
@@ -230,7 +230,8 @@ HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const RunBounds<Pack<T>>&
   take_run<T>(to, R_wa, v, lane_of(bounds.v_length, lane), w, lane_of(bounds.length, lane));
 }
 
-// The farthest vertices of each lane's own hull. \param busy lanes that want one; the others get their first vertex.
+// The farthest vertices of each lane's own hull.
+// \param busy lanes that need one; the others get their first vertex
 template <class T>
 HWY_INLINE FoundVertex<T> find_each(const LaneHull* const* hulls, const bool* busy, const Vec3<Pack<T>>& n) {
   const MapPoint<Pack<T>> point = map_point(n);
@@ -260,7 +261,7 @@ HWY_INLINE FoundVertex<T> find_each(const LaneHull* const* hulls, const bool* bu
   return {p.pack(), index.pack(), value.pack()};
 }
 
-// What each lane works on: in memory, where single lanes are written and all are read as packs.
+// The state of each lane, in memory: single lanes are written, and all are read as packs.
 template <class T>
 struct Lanes {
   static constexpr int kCount = Pack<T>::kLanes;
@@ -270,8 +271,8 @@ struct Lanes {
   PlacedColumns<T> rotation = {};
   Columns3<T> offset = {};
   Column<T> extra = {}, cut_off = {}, stop_below = {}, steps = {};
-  Column<T> fresh = {};  // 1: the pair has come since the last step
-  Column<T> seeds = {};  // vertices of an earlier run to begin from
+  Column<T> fresh = {};  // 1 if the pair has come since the last step
+  Column<T> seeds = {};  // number of vertices of an earlier run to begin from
   std::uint32_t seed_a[3][kCount] = {}, seed_b[3][kCount] = {};
   std::size_t pair_of[kCount] = {};
   bool busy_at[kCount] = {};
@@ -291,8 +292,8 @@ struct Lanes {
     rho_b.at[lane] = reach_of<T>(hull_b);
     radius.at[lane] = static_cast<T>(hull_a.radius + hull_b.radius);
   }
-  // Puts the next pair that the arithmetic can hold into a lane; answers those before it that it cannot. False: there
-  // is none.
+  // Puts the next pair that the arithmetic can represent into a lane, and answers those before it. False if there are
+  // no more.
   template <bool kSameHulls>
   HWY_INLINE bool take_next(const LaneBatch& batch, int lane) {
     for (; next < batch.count; ++next) {
@@ -358,7 +359,7 @@ HWY_INLINE Simplex<Pack<T>> seeds_of(const Lanes<T>& lanes, const PairFrame<Pack
   return simplex;
 }
 
-// First directions and seeds of the pairs that have just come, and what all lanes are limited by from now on.
+// First directions and seeds of new pairs, and the limits of all lanes from now on.
 template <class T>
 HWY_INLINE void begin_fresh(Lanes<T>& lanes, const PairFrame<Pack<T>>& at, GjkLimits<Pack<T>>& limits, Pack<T>& scale,
                             Gjk<Pack<T>>& g) {
@@ -389,7 +390,7 @@ HWY_INLINE void find_farthest(const Lanes<T>& lanes, const Vec3<Pack<T>>& along_
   }
 }
 
-// Where a lane's run ended, for the pair's next one.
+// Stores the end of a lane's run for the pair's next one.
 template <class T>
 HWY_INLINE void copy_warm(const Simplex<Pack<T>>& from, int lane, WarmSimplex& to) {
   const int size = static_cast<int>(lane_of(from.size, lane));
@@ -400,7 +401,7 @@ HWY_INLINE void copy_warm(const Simplex<Pack<T>>& from, int lane, WarmSimplex& t
   }
 }
 
-// Hands out what the ended lanes have found: their bounds, and more for those that need no more or that need it still.
+// Writes the results of the lanes that ended: their bounds, and the witness if they suffice, or else the state of GJK.
 template <class T>
 HWY_INLINE void hand_out(const LaneBatch& batch, const Lanes<T>& lanes, const Gjk<Pack<T>>& g,
                          const RunBounds<Pack<T>>& bounds, std::uint32_t ended) {
@@ -469,7 +470,7 @@ void run_pairs(const LaneBatch& batch) {
     const auto ended = running & !(g.end == zero);
     if (!any(ended)) continue;
 
-    // What narrow_phase() makes of such a run, for the pairs that need no more than that.
+    // The same as narrow_phase() makes of such a run, for the pairs that need no more than that.
     const RunBounds<P> bounds(g, limits.radius, scale, lanes.cut_off.pack(), P(batch.abs_tol * Setup::kStrict),
                               P(batch.rel_tol * Setup::kStrict), at.extra, lanes.stop_below.pack());
     hand_out(batch, lanes, g, bounds, bits_of(ended));

@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// The CSO of two pieces, as GJK and EPA see it: in the frame of a.
+// The CSO of two convex parts for GJK and EPA, in the frame of a.
 template <class T>
 class SupportedCso {
  public:
@@ -37,15 +37,15 @@ class SupportedCso {
 
   CsoVertex<T> vertex(std::uint32_t ia, std::uint32_t ib) const { return {pair_.cso_vertex(ia, ib), ia, ib}; }
 
-  /// Counts a step of EPA beside its support: the surface grows by two faces a vertex, and each step looks at all of
-  /// them. Returns whether the slice is over.
+  /// Counts a step of EPA in addition to its support: each vertex adds two faces, and each step scans all faces.
+  /// Returns whether the slice is over.
   bool count_step(std::size_t vertices) const {
     if (!meter_) return false;
     meter_->spend(kDearer * (vertices / kVerticesPerUnit));
     return meter_->is_over();
   }
 
-  /// From the centre of b to the centre of a: where the CSO's centre is.
+  /// From the centre of b to the centre of a, the centre of the CSO.
   Vec3<T> centre() const { return cast<T>(pair_.a->centre) - pair_.R * cast<T>(pair_.b->centre) - pair_.D; }
 
  private:
@@ -56,11 +56,11 @@ class SupportedCso {
   std::uint64_t units_;
 };
 
-// Gathers bounds from every attempt: the narrowest interval, the witness of its upper end, the normal of its lower end,
-// and what proves them where somebody asks.
+// Collects bounds from every attempt: the narrowest interval, the witness of its upper end, the normal of its lower
+// end, and optionally their proof.
 class Answer {
  public:
-  /// \param proof null: nobody asks
+  /// \param proof null if not needed
   Answer(const NarrowLimits& limits, const Mat3d& R_wa, double radius_a, double radius_b, NarrowProof* proof = nullptr)
       : limits_(limits), R_wa_(R_wa), radius_a_(radius_a), radius_b_(radius_b), proof_(proof) {}
 
@@ -76,7 +76,7 @@ class Answer {
     proof_->direction = cast<DoubleDouble>(n);
     proof_->lower_in_double_double = std::is_same_v<T, DoubleDouble>;
   }
-  /// The points that a simplex stands for.
+  /// Takes the points given by a simplex.
   template <class T>
   void take_witness(const PlacedPair<T>& pair, const Simplex<T>& simplex) {
     const Witness w = certify_upper(pair, simplex);
@@ -88,15 +88,15 @@ class Answer {
       add_to_proof(pair, simplex.vertex[i].a, simplex.vertex[i].b, DoubleDouble(point.share[i]));
     if (simplex.size == 0) add_to_proof(pair, 0, 0, 1);
   }
-  /// Returns whether it is lower than what was there.
+  /// Returns whether it is lower than the bound so far.
   bool lower_upper(double upper, const Witness& w) {
     if (!(upper < answer_.bounds.upper)) return false;
     answer_.bounds.upper = upper;
     witness_ = w;
     return true;
   }
-  /// An upper bound that has no witness of its own (a ball in the overlap): the nearest points of the surface stand for
-  /// it.
+  /// Takes an upper bound without a witness of its own (a ball in the overlap), with the nearest points of the surface
+  /// in its place.
   template <class T>
   void lower_upper(const PlacedPair<T>& pair, double upper, const Witness& w, std::span<const CsoVertex<T>> vertices,
                    std::span<const CsoFace<T>> faces) {
@@ -107,7 +107,7 @@ class Answer {
       proof_->faces.push_back({{f.vertex[0], f.vertex[1], f.vertex[2]}, cast<DoubleDouble>(f.normal)});
   }
 
-  /// Keeps a surface around the origin, of which a finer arithmetic should make a better common point.
+  /// Keeps a surface around the origin, from which double-double makes a better common point.
   template <class T>
   void keep_surface(std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces) {
     surface_vertices_.clear();
@@ -122,7 +122,7 @@ class Answer {
 
   const Interval& bounds() const { return answer_.bounds; }
   bool wants_depth() const { return limits_.signed_distance; }
-  /// An overlap is proved, but not by as much as was asked.
+  /// An overlap is proved, but less than the limits request.
   bool is_shallow() const { return answer_.bounds.upper <= 0 && answer_.bounds.upper > -limits_.min_penetration; }
   double tolerance(double distance) const { return tolerance_at(distance, limits_.abs_tol, limits_.rel_tol); }
 
@@ -141,7 +141,7 @@ class Answer {
   NarrowAnswer finish() {
     answer_.converged = converged();
     answer_.beyond = answer_.bounds.lower > limits_.max_distance;
-    // Without a wish for depth the separating direction may be unknown: then the witnesses' own line has to do.
+    // Without signed distance the separating direction may be unknown. The witnesses' own line replaces it.
     const double length = witness_.length, radius = radius_a_ + radius_b_;
     if (!(norm(answer_.normal) > 0)) answer_.normal = length > 0 ? witness_.separation * (1 / length) : Vec3d{1, 0, 0};
     const bool apart = answer_.bounds.upper > 0 || length > 0;
@@ -200,7 +200,8 @@ GjkLimits<T> gjk_limits(const NarrowLimits& limits, const PlacedPair<T>& pair) {
   return g;
 }
 
-// The normals of all faces that the last simplex and the last support span: near contact they are exact where v is not.
+// Tries the normals of all faces that the last simplex and the last support span. Near contact they are exact where v
+// is not.
 template <class T>
 void try_face_normals(const PlacedPair<T>& pair, const Gjk<T>& g, Answer& answer) {
   CsoVertex<T> p[4];
@@ -218,8 +219,8 @@ void try_face_normals(const PlacedPair<T>& pair, const Gjk<T>& g, Answer& answer
       }
 }
 
-// The nearest points of every vertex, edge and triangle of a few vertices, for simplices of which GJK kept no nearest
-// point.
+// Tries the nearest points of every vertex, edge and triangle of a few vertices, for simplices of which GJK kept no
+// nearest point.
 template <class T>
 void try_witnesses(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answer) {
   for (int mask = 1; mask < 1 << s.size; ++mask) {
@@ -253,8 +254,8 @@ void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> verti
   if (!(ball > 0)) return;
   const Witness witness = certify_upper(
       pair, answer.wants_depth() ? nearest : around_origin<T>(vertices.data(), faces.data(), faces.size()));
-  // Rounding left the surface concave, so that its nearest point is far from its nearest plane: a matter for
-  // double-double.
+  // Rounding left the surface concave, so that its nearest point is far from its nearest plane. Double-double resolves
+  // it.
   if (std::is_same_v<T, double> && answer.wants_depth() &&
       witness.length - ball > answer.tolerance(ball) + 2 * pair.upper_error())
     return;
@@ -264,7 +265,7 @@ void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> verti
   answer.lower_upper(pair, certify_overlap(*pair.a, *pair.b, ball), witness, vertices, faces);
 }
 
-/// Where EPA goes on, and what was found before it.
+/// State of a paused EPA, and the answer before it.
 template <class T>
 struct PausedEpa final : PausedPair {
   PausedEpa(const Answer& before, const Gjk<T>& g) : answer(before), gjk(g) {}
@@ -274,7 +275,7 @@ struct PausedEpa final : PausedPair {
 };
 using PausedPairPtr = std::unique_ptr<PausedPair>;
 
-/// Takes what was left of an EPA in this arithmetic; null: there is nothing.
+/// Takes a paused EPA in this arithmetic, or null.
 template <class T>
 std::unique_ptr<PausedEpa<T>> take_paused(PausedPairPtr* paused) {
   auto* const epa = paused ? dynamic_cast<PausedEpa<T>*>(paused->get()) : nullptr;
@@ -282,11 +283,12 @@ std::unique_ptr<PausedEpa<T>> take_paused(PausedPairPtr* paused) {
   return std::unique_ptr<PausedEpa<T>>(epa);
 }
 
-// Of the surface around the overlap of a round core, which no number of vertices makes exact: each step looks at all of
-// them. What they leave of the depth's interval is said by it.
+// Limit for the surface around the overlap of a round core. No number of vertices makes it exact, and each step scans
+// all of them. The interval of the depth includes the rest.
 constexpr std::size_t kMostRoundVertices = 256;
 
-/// Throws WorkMeter::PairUnfinished. \param resumed what is left of the EPA that is to go on; null: it begins.
+/// Throws WorkMeter::PairUnfinished.
+/// \param resumed the paused EPA to continue, or null to begin
 template <class T>
 void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const NarrowLimits& limits, const Gjk<T>& g,
                      Answer& answer, std::unique_ptr<PausedEpa<T>> resumed, PausedPairPtr* paused) {
@@ -312,7 +314,7 @@ void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const Narr
   }
 }
 
-// The tetrahedron that GJK ended with, as a surface: outward faces.
+// The tetrahedron that GJK ended with, as a surface with outward faces.
 template <class T>
 void take_tetrahedron(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answer) {
   assert(s.size == 4);
@@ -331,7 +333,7 @@ Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedC
 }
 
 // One attempt in one arithmetic. Returns GJK's last simplex, from which the next attempt begins.
-// \param done a run of GJK on this pair, if there was one already.
+// \param done a run of GJK on this pair, if there was one already
 template <class T>
 Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const WarmSimplex& seed, Answer& answer,
                    WorkMeter* meter, PausedPairPtr* paused = nullptr, const Gjk<T>* done = nullptr) {
@@ -387,7 +389,7 @@ void attempt_plane(const PlacedPair<T>& pair, Answer& answer) {
   answer.lower_upper(plane.bounds.upper, plane.nearest);
 }
 
-// A half-space, a, and another piece: nothing has to be searched. Of two half-spaces nothing is proved.
+// Answers a half-space, a, and another part, without a search. Proves nothing for two half-spaces.
 NarrowAnswer against_half_space(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
                                 const NarrowLimits& limits, bool in_fine) {
   if (is_half_space(b)) return {};
@@ -401,7 +403,7 @@ NarrowAnswer against_half_space(const Piece& a, const PoseMatrix& pose_a, const 
   r.rounding = rounding_of(a, pose_a, b, pose_b);
   return r;
 }
-// The same whichever of them it is; none: neither is one.
+// The same with the half-space as a or b. Nothing if neither is one.
 std::optional<NarrowAnswer> against_half_space(const Piece& a, const PoseMatrix& pose_a, const Piece& b,
                                                const PoseMatrix& pose_b, bool in_fine, const NarrowLimits& limits) {
   if (is_half_space(a)) return against_half_space(a, pose_a, b, pose_b, limits, in_fine);
@@ -412,17 +414,17 @@ std::optional<NarrowAnswer> against_half_space(const Piece& a, const PoseMatrix&
   return r;
 }
 
-// narrow_phase() with an answer that is empty yet.
+// narrow_phase() with an empty answer.
 NarrowAnswer narrow_down(Answer answer, const Piece& a, const PoseMatrix& pose_a, const Piece& b,
                          const PoseMatrix& pose_b, const NarrowLimits& limits, WarmSimplex* warm,
                          const Gjk<double>* done, WorkMeter* meter, PausedPairPtr* paused) {
   const bool in_fine = paused && dynamic_cast<PausedEpa<DoubleDouble>*>(paused->get());
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
-  if (pair.is_round()) paused = nullptr;  // what a paused run has found would be lost
+  if (pair.is_round()) paused = nullptr;  // the points found by a paused run would be lost
   WarmSimplex seed = warm ? *warm : WarmSimplex{};
   if (!in_fine) {
     seed = remember(attempt(pair, limits, seed, answer, meter, paused, done));
-    if (pair.is_round()) seed = {};  // points that only this attempt has found
+    if (pair.is_round()) seed = {};  // refers to points that only this attempt has found
     if (warm) *warm = seed;
   }
   if (in_fine || !answer.converged()) {

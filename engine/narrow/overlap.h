@@ -1,4 +1,4 @@
-// What proves that two pieces overlap: a closed surface of CSO triangles with the origin well inside. For host and
+// Proof that two convex parts overlap: a closed surface of CSO triangles with the origin well inside. For host and
 // device.
 #pragma once
 
@@ -11,7 +11,7 @@
 
 namespace clearance {
 
-// How often the surface winds around the point `o`, by counting the faces that a ray along g crosses; 0 if any sign is
+// Winding number of the surface around the point `o`, from the faces that a ray along g crosses; 0 if any sign is
 // uncertain. All faces lie beyond planes that keep them from `o`.
 template <class T, class Vertices>
 CLEARANCE_HD inline int winding(const Vertices& w, const CsoFace<T>* faces, std::size_t count, const Vec3<T>& o,
@@ -41,25 +41,26 @@ CLEARANCE_HD inline int winding(const Vertices& w, const CsoFace<T>* faces, std:
   return turns;
 }
 
-/// Of pairs whose S is no more than this no overlap is proved, metres: triple products, and squares of what is far
-/// below S, underflow there, and with them the errors that they are compared with (docs/bounds.md).
+/// No overlap is proved for pairs whose S is at most this, in metres: triple products, and squares of values far below
+/// S, underflow there, and with them the errors that they are compared with (docs/bounds.md).
 template <class T>
 inline constexpr double kLeastOverlapScale = Arithmetic<T>::kCareful ? 1e-63 : 1e-78;
 
-/// What some faces of a surface show of the origin.
+/// View of some faces of a surface from the origin.
 template <class T>
 struct SurfaceView {
-  /// How far the origin is below the least distant of the faces' planes: the radius of a ball that no triangle enters.
-  /// 0 or less, or NaN: there is none.
+  /// Depth of the origin below the least distant of the faces' planes: the radius of a ball that no triangle enters. 0
+  /// or less, or NaN, if there is none.
   T ball = T(__builtin_inf());
-  /// The origin sees every triangle from outside or from inside, for certain.
+  /// The origin sees every triangle certainly from outside, or certainly from inside.
   bool outward = true, inward = true;
 
-  /// With all faces of a closed surface: it goes around the origin.
+  /// For all faces of a closed surface: it goes around the origin.
   CLEARANCE_HD bool one_side() const { return outward || inward; }
 };
-/// \param w the vertices, by their numbers: axes of a. \param first, step which faces. \param scale no vertex is
-/// farther from the origin.
+/// \param w the vertices by number, in axes of a
+/// \param first,step the faces of the view
+/// \param scale no vertex is farther from the origin
 template <class T, class Vertices>
 CLEARANCE_HD inline SurfaceView<T> view_surface(const Vertices& w, const CsoFace<T>* faces, std::size_t count,
                                                 const T& scale, std::size_t first = 0, std::size_t step = 1) {
@@ -81,7 +82,7 @@ CLEARANCE_HD inline SurfaceView<T> view_surface(const Vertices& w, const CsoFace
     const T on_p = dot(n, p), on_q = dot(n, q), on_r = dot(n, r);
     T beyond = on_q < on_p ? on_q : on_p;
     beyond = on_r < beyond ? on_r : beyond;
-    // Also for a NaN, which proves nothing.
+    // also for a NaN, which proves nothing
     if (!(on_p > T(0) && on_q > T(0) && on_r > T(0))) return {T(-1), false, false};
     if (beyond * beyond > clearly_beyond * nn) continue;
     using std::sqrt;
@@ -92,7 +93,8 @@ CLEARANCE_HD inline SurfaceView<T> view_surface(const Vertices& w, const CsoFace
   return view;
 }
 
-/// Whether the edges of some faces of a surface are twins of others', in opposite senses: all are, if it has no border.
+/// Whether the edges of some faces are twins of others', in opposite senses. If this holds for all faces, the surface
+/// has no border.
 template <class T>
 CLEARANCE_HD inline bool is_closed(const CsoFace<T>* faces, std::size_t count, std::size_t first = 0,
                                    std::size_t step = 1) {
@@ -101,18 +103,18 @@ CLEARANCE_HD inline bool is_closed(const CsoFace<T>* faces, std::size_t count, s
     for (std::uint32_t e = 0; e < 3; ++e) {
       const std::uint32_t twin = faces[f].twin[e], g = face_of(twin), k = edge_of(twin);
       if (g >= count || k > 2) return false;
-      // The twin begins where this edge ends; that it ends where this one begins is seen when it is its turn.
+      // The twin begins where this edge ends. Its own turn checks that it ends where this one begins.
       wrong |= (faces[g].twin[k] ^ half_edge(static_cast<std::uint32_t>(f), e)) |
                (faces[g].vertex[k] ^ faces[f].vertex[e == 2 ? 0 : e + 1]);
     }
   return wrong == 0 && count > 0;
 }
 
-/// Whether a closed surface goes around the ball of radius `ball` that none of its triangles enters: by rays.
+/// Whether a closed surface goes around the ball of radius `ball` that none of its triangles enters. Tests by rays.
 template <class T, class Vertices>
 CLEARANCE_HD inline bool is_surrounded(const Vertices& w, const CsoFace<T>* faces, std::size_t count, const T& ball) {
-  // The origin may lie on a line through two vertices (concentric boxes), where no ray is certain; every point within
-  // the ball is surrounded as often as the origin is, so take one off centre, in a direction without pattern.
+  // The origin may lie on a line through two vertices (concentric boxes), where no ray is certain. Every point within
+  // the ball has the same winding number as the origin, so one off centre is used, in a direction without pattern.
   const double rays[4][2][3] = {{{0.31, -0.52, 0.79}, {0.732, 0.481, -0.4829}},
                                 {{-0.67, 0.23, 0.21}, {-0.377, 0.618, 0.6899}},
                                 {{0.19, 0.71, -0.43}, {0.127, -0.911, 0.3923}},
@@ -126,12 +128,12 @@ CLEARANCE_HD inline bool is_surrounded(const Vertices& w, const CsoFace<T>* face
   return false;
 }
 
-/// What proves that a surface goes around a ball around the origin. A team shares out the faces.
+/// Proof that a surface goes around a ball around the origin. A team shares the faces.
 template <class T, class Team = OneThread>
 struct ProvedBall {
-  T ball = T(-1);  ///< its radius, axes of a; 0 or less, or NaN: nothing is proved
+  T ball = T(-1);  ///< its radius, axes of a; 0 or less, or NaN, without a proof
 
-  /// \param w, scale of view_surface()
+  /// \param w,scale as for view_surface()
   template <class Vertices>
   CLEARANCE_HD ProvedBall(const Vertices& w, const CsoFace<T>* faces, std::size_t count, const T& scale) {
     const SurfaceView<T> mine = view_surface(w, faces, count, scale, Team::rank(), Team::kSize);
@@ -146,7 +148,7 @@ struct ProvedBall {
   CLEARANCE_HD explicit operator bool() const { return ball > T(0); }
 };
 
-/// An upper bound on the signed distance of two grown pieces whose cores' overlap holds a ball.
+/// Upper bound on the signed distance of two grown parts whose cores' overlap holds a ball.
 CLEARANCE_HD inline double upper_of_overlap(double radius_a, double radius_b, double ball) {
   using std::nextafter;
   return nextafter((-(dd::two_sum(radius_a, radius_b) + DoubleDouble(ball))).hi, __builtin_inf());
@@ -172,9 +174,9 @@ CLEARANCE_HD inline bool tetrahedron_faces(const Simplex<T>& s, CsoFace<T> (&fac
   return true;
 }
 
-// How the origin is made of four points: barycentric coordinates, those below 0 taken for 0. Returns how far they miss
-// it, squared. Each round takes off what the one before missed, since one alone loses the digits of the tetrahedron's
-// aspect.
+// Weights that make the origin of four points: barycentric coordinates, those below 0 taken for 0. Returns the squared
+// distance by which they miss it. Each round subtracts the miss of the round before, since a single one loses the
+// digits of the tetrahedron's aspect.
 template <class T>
 CLEARANCE_HD inline T weigh_origin(Simplex<T>& s) {
   Vec3<T> slope[4];  // of the i-th coordinate
@@ -202,7 +204,7 @@ CLEARANCE_HD inline T weigh_origin(Simplex<T>& s) {
   return squared_norm(missed());
 }
 
-// The tetrahedron of one vertex and a face of a surface that holds the origin best: its weights give a common point.
+// The tetrahedron of one vertex and a face of a surface that holds the origin best. Its weights give a common point.
 template <class T>
 CLEARANCE_HD inline Simplex<T> around_origin(const CsoVertex<T>* vertices, const CsoFace<T>* faces, std::size_t count) {
   Simplex<T> best;
@@ -223,8 +225,8 @@ CLEARANCE_HD inline Simplex<T> around_origin(const CsoVertex<T>* vertices, const
   return best;
 }
 
-/// The points of both cores that a simplex stands for, from their bodies' origins in world axes.
-/// \param a, b vertices by index.
+/// Points of both cores given by a simplex, from their bodies' origins in world axes.
+/// \param a,b vertices by index
 template <class T>
 struct CsoPoint {
   Vec3<T> core_a, core_b;

@@ -1,9 +1,8 @@
-// How a run of GJK on a placed pair is set up, and what its end says: written once for one pair alone, for SIMD lanes
-// and for a device's thread, whose answers have the same bits for that. What proofs rest on stands here and in
-// certify.h.
+// Set-up of a run of GJK on a placed pair, and the use of its end. The same source serves single pairs, SIMD lanes and
+// device threads, so that their answers have the same bits. All that proofs depend on is here and in certify.h.
 //
-// S is the scalar of the arithmetic (double, float, DoubleDouble), T that scalar or a pack of it. A hull is whatever
-// has the members `centre`, `rho`, `spread` and `radius` of Piece.
+// S is the scalar of the arithmetic (double, float, DoubleDouble), T that scalar or a pack of it. A hull is any type
+// with the members `centre`, `rho`, `spread` and `radius` of `Piece`.
 #pragma once
 
 #include "engine/narrow/certify.h"
@@ -11,9 +10,9 @@
 
 namespace clearance {
 
-/// kFromCentres: vertices and offsets are from the pieces' centres, so that the digits are spent on the shapes and the
-/// gap. kStrict, kMore: comparisons err by the arithmetic's own rounding, so a little more is asked for. kUnbounded:
-/// cut-offs from here on, in metres, are none; below it their squares do not overflow.
+/// kFromCentres: vertices and offsets are relative to the parts' centres, so that shapes and gap use all digits.
+/// kStrict, kMore: factors that tighten the tolerance, since comparisons have the arithmetic's own rounding.
+/// kUnbounded: cut-offs of this length or more (metres) are ignored; below it their squares do not overflow.
 template <class S>
 struct RunSetup {
   static constexpr bool kFromCentres = false;
@@ -25,26 +24,26 @@ struct RunSetup<float> {
   static constexpr double kStrict = 1 - 0x1p-20, kMore = 1 + 0x1p-20, kUnbounded = 1e15;
 };
 
-/// How far a hull's vertices lie from where they are counted from, at most: metres, rounded up.
+/// Maximum distance of a hull's vertices from their reference point, in metres, rounded up.
 template <class S, class Hull>
 CLEARANCE_INLINE S reach_of(const Hull& hull) {
   return static_cast<S>(RunSetup<S>::kFromCentres ? hull.spread * (1 + 0x1p-20) : hull.rho);
 }
 
-/// Where b is for a: the axes are those of a's body.
+/// Placement of b relative to a, in the axes of a's body.
 template <class S>
 struct PairFrame {
-  Mat3<S> R;         ///< turns what has b's axes
-  Vec3<S> D;         ///< from what a's vertices are counted from to what b's are, metres
-  S extra{0};        ///< metres: what D errs by in float32, beyond what RoundingUnits cover
-  bool fits = true;  ///< S can hold it
+  Mat3<S> R;         ///< rotates from b's axes
+  Vec3<S> D;         ///< from the reference point of a's vertices to that of b's, metres
+  S extra{0};        ///< error of D in float32 beyond RoundingUnits, metres
+  bool fits = true;  ///< S can represent it
 
   template <class Vertex>
   CLEARANCE_HD Vec3<S> cso_vertex(const Vertex& a, const Vertex& b) const {
     return a - R * b - D;
   }
 };
-/// \param t_a, t_b origins of the bodies in the world
+/// \param t_a,t_b origins of the bodies in the world
 template <class S, class HullA, class HullB>
 CLEARANCE_INLINE PairFrame<S> pair_frame(const HullA& a, const Mat3d& R_wa, const Vec3d& t_a, const HullB& b,
                                          const Mat3d& R_wb, const Vec3d& t_b) {
@@ -62,8 +61,8 @@ CLEARANCE_INLINE PairFrame<S> pair_frame(const HullA& a, const Mat3d& R_wa, cons
   }
 }
 
-/// What the runs of a query have in common: half of the width asked is for GJK, half for the bounds' own rounding.
-/// \param rounded, bounded whether one of them has a radius, or a cut-off below kUnbounded
+/// Limits that the runs of a query share: half of the tolerance is for GJK, half for the bounds' own rounding.
+/// \param rounded,bounded whether any pair has a radius, or a cut-off below kUnbounded
 template <class T>
 CLEARANCE_INLINE GjkLimits<T> run_limits(double abs_tol, double rel_tol, bool rounded, bool bounded) {
   GjkLimits<T> limits;
@@ -74,7 +73,7 @@ CLEARANCE_INLINE GjkLimits<T> run_limits(double abs_tol, double rel_tol, bool ro
   limits.bounded = bounded;
   return limits;
 }
-/// How far two cores must be apart for their pieces to be proved farther than a cut-off.
+/// Distance of two cores that proves their parts farther apart than a cut-off.
 /// \param lower_error the rounding term of lower bounds
 template <class T>
 CLEARANCE_INLINE T core_cut_off(const T& cut_off, const T& radius, const T& lower_error) {
@@ -93,8 +92,8 @@ CLEARANCE_INLINE Vec3<T> first_direction(Vec3<T> centre) {
   return centre;
 }
 
-/// What a settled run in the arithmetic S says of directions, lengths and shares, where `size` and `share` are set.
-/// \param v, w of the run, the point that proves its upper bound: a's axes
+/// Takes directions, lengths and shares from a converged run in the arithmetic S. `size` and `share` are set already.
+/// \param v,w of the run, the point that proves its upper bound: a's axes
 template <class S>
 CLEARANCE_INLINE void take_run(LaneWitness& witness, const Mat3d& R_wa, const Vec3d& v, double v_length, const Vec3d& w,
                                double separation_length) {
@@ -104,7 +103,7 @@ CLEARANCE_INLINE void take_run(LaneWitness& witness, const Mat3d& R_wa, const Ve
     witness.n_length = v_length;
     witness.separation_length = separation_length;
   } else {
-    // Float32 lengths are right in float32 only. So are shares, which would put the points outside their pieces.
+    // Float32 lengths are right in float32 only. So are shares, which would put the points outside their parts.
     witness.n_length = norm(witness.n);
     witness.separation_length = norm(witness.separation);
     double sum = 0;

@@ -9,7 +9,7 @@ namespace clearance {
 namespace {
 
 constexpr std::uint32_t kFree = ~std::uint32_t{0};
-constexpr std::size_t kMostInLanes = 512;  // tasks that lanes answer before the meter is looked at
+constexpr std::size_t kMostInLanes = 512;  // tasks that lanes answer between two checks of the meter
 
 std::size_t hash_of(const Piece* a, const Piece* b) {
   const auto bits = reinterpret_cast<std::uintptr_t>(a) * 3 + reinterpret_cast<std::uintptr_t>(b);
@@ -18,7 +18,7 @@ std::size_t hash_of(const Piece* a, const Piece* b) {
 
 }  // namespace
 
-// The task's place in kinds_, where it is put if it is the first of its kind.
+// Index of the task's kind in kinds_. The first task of a kind is added.
 std::uint32_t PieceBatch::kind_of(const PieceTask& task) {
   for (std::size_t h = hash_of(task.a, task.b);; ++h) {
     std::uint32_t& slot = kind_slots_[h & (kind_slots_.size() - 1)];
@@ -41,7 +41,7 @@ void PieceBatch::begin(std::span<const PieceTask> tasks) {
   deal();
 }
 
-// Pairs of the same two pieces go side by side if they fill the lanes; the rest fill lanes with whatever there is.
+// Groups pairs of the same two parts if they fill the lanes. The other lanes take any pairs.
 void PieceBatch::deal() {
   const std::span<const PieceTask> tasks = tasks_;
   order_.clear();
@@ -51,7 +51,7 @@ void PieceBatch::deal() {
   };
   if (!options_.lanes || options_.reference) return add_group_alone(0, tasks.size());
   const auto lanes = static_cast<std::size_t>(options_.lanes->lanes);
-  // In float32 also the few: an answer's bits must not depend on how many are asked for.
+  // Few pairs use float32, too: an answer's bits must not depend on the number of pairs.
   const auto add_group = [&](std::size_t begin, std::size_t end, bool same_hulls, bool f32) {
     for (std::size_t next; begin < end; begin = next) {
       next = std::min(end, begin + kMostInLanes);
@@ -72,7 +72,7 @@ void PieceBatch::deal() {
     kind_of_task_.push_back(kind_of(task));
     ++kinds_[kind_of_task_.back()].count;
   }
-  // Kinds that fill the lanes first; then those of few tasks, in float32 and in float64; then what lanes do not know.
+  // Kinds that fill the lanes first; then those of few tasks, in float32 and in float64; then those unsuited to lanes.
   std::uint32_t next = 0;
   for (const int part : {0, 1, 2, 3}) {
     const std::uint32_t begin = next;
@@ -109,8 +109,8 @@ void PieceBatch::run_group(const Group& group, WorkMeter& meter) {
     pairs_.push_back({hull_a, hull_b, &task.pose_a->R_wb, &task.pose_b->R_wb, &task.pose_a->t_w, &task.pose_b->t_w,
                       task.max_distance, task.warm, task.stop_below});
   }
-  assert(hulls_.size() <= (group.same_hulls ? 2 : 2 * count));  // else they have moved
-  if (answers_.size() < count) {                                // that one last: memory may run out in between
+  assert(hulls_.size() <= (group.same_hulls ? 2 : 2 * count));  // otherwise they have moved
+  if (answers_.size() < count) {                                // resized last, since memory may run out before
     witnesses_.resize(count);
     unresolved_.resize(count);
     answers_.resize(count);
@@ -130,7 +130,7 @@ void PieceBatch::run_group(const Group& group, WorkMeter& meter) {
   }
 }
 
-// Float64 lanes for those that float32 left open.
+// Float64 lanes for pairs that float32 left unresolved.
 void PieceBatch::resolve_in_f64(const LaneBatch& all) {
   again_.clear();
   again_pairs_.clear();
@@ -179,9 +179,9 @@ NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* 
   return answer.bounds.is_possible() ? answer : answer_anew(task);
 }
 
-// A pair whose bounds contradict each other, by what shares the least with what made them: one pair alone,
-// double-double from the first step, vertices without a table, rotations made anew, no warm state. Where that
-// contradicts itself too, nothing is proved: [-inf, inf].
+// Answers a pair with contradictory bounds again, in the most independent way: alone, in double-double from the first
+// step, vertices without a table, new rotations, no warm state. If that contradicts itself too, nothing is proved:
+// [-inf, inf].
 NarrowAnswer PieceBatch::answer_anew(const PieceTask& task) const {
   if (options_.contradictions) options_.contradictions->fetch_add(1, std::memory_order_relaxed);
   if (task.warm) *task.warm = {};

@@ -1,4 +1,4 @@
-// Many pairs of placed pieces, answered side by side where lanes can, one after another where they cannot.
+// Answers many pairs of placed convex parts, in parallel lanes if possible, otherwise one after another.
 #pragma once
 
 #include <atomic>
@@ -13,37 +13,35 @@
 
 namespace clearance {
 
-/// How every pair of a batch is answered.
+/// Options of all pairs of a batch.
 struct NarrowOptions {
   NarrowLimits limits;
-  const LaneKernel* lanes = nullptr;  ///< null: one pair after another
-  bool f32 = false;                   ///< begin with float32 where it can hold the pieces
+  const LaneKernel* lanes = nullptr;  ///< if null, one pair after another
+  bool f32 = false;                   ///< begin with float32 if it can represent the parts
   bool reference = false;             ///< the brute-force oracle: double-double, one pair after another
-  bool want_points = true;            ///< witness points and normals; without, only the interval
-  std::atomic<std::uint64_t>* contradictions =
-      nullptr;  ///< counts bounds that contradicted each other; null: nobody does
+  bool want_points = true;            ///< witness points and normals; otherwise only the interval
+  std::atomic<std::uint64_t>* contradictions = nullptr;  ///< counts contradictory bounds; may be null
 };
 
-/// Two placed pieces; all that they point to must outlive the run.
+/// Two placed parts. All that they point to must outlive the run.
 struct PieceTask {
   const Piece *a, *b;
   const PoseMatrix *pose_a, *pose_b;
-  double max_distance;                                           ///< instead of the limits'
-  std::uint32_t id;                                              ///< the caller's own
-  WarmSimplex* warm = nullptr;                                   ///< as for narrow_phase(); null: cold
-  double min_penetration = 0;                                    ///< instead of the limits'
-  double stop_below = -std::numeric_limits<double>::infinity();  ///< the same
+  double max_distance;                                           ///< overrides the limits
+  std::uint32_t id;                                              ///< chosen by the caller
+  WarmSimplex* warm = nullptr;                                   ///< as for narrow_phase(); cold if null
+  double min_penetration = 0;                                    ///< overrides the limits
+  double stop_below = -std::numeric_limits<double>::infinity();  ///< overrides the limits
 };
 
-/// Each worker has its own. The bits of an answer do not depend on what else is in the batch. Every interval is looked
-/// at before it leaves: one that no number lies in was made by something broken, and its pair is answered anew
-/// (answer_anew()).
+/// Each worker has its own. The bits of an answer do not depend on the rest of the batch. Every interval is checked
+/// before it is returned: an empty one proves a malfunction, and its pair is answered again (answer_anew()).
 class PieceBatch {
  public:
   explicit PieceBatch(const NarrowOptions& options) : options_(options) {}
 
-  /// Calls, for each task and in any order, settled(task, its LaneAnswer, its LaneWitness) for what lanes have settled,
-  /// or else take(task, its NarrowAnswer). NarrowAnswers say the same of a pair as lanes do: see converged_answer().
+  /// Calls, for each task and in any order, converged(task, its LaneAnswer, its LaneWitness) if it converged in lanes,
+  /// or else take(task, its NarrowAnswer). Both forms give the same answer: see converged_answer().
   template <class Converged, class Take>
   void run(std::span<const PieceTask> tasks, Converged&& converged, Take&& take) {
     WorkMeter unlimited;
@@ -53,7 +51,7 @@ class PieceBatch {
 
   /// The same in slices. `tasks` must stay until all are answered.
   void begin(std::span<const PieceTask> tasks);
-  /// Answers one task at least, unless it is too dear, and others until the slice is over. Returns true once all are
+  /// Answers at least one task, unless it is too expensive, and more until the slice is over. Returns true once all are
   /// answered.
   template <class Converged, class Take>
   bool advance(WorkMeter& meter, Converged&& converged, Take&& take) {
@@ -88,15 +86,15 @@ class PieceBatch {
     return true;
   }
 
-  /// The NarrowAnswer of a pair that lanes have settled. `rounding` is left 0.
+  /// The NarrowAnswer of a pair that converged in lanes. `rounding` stays 0.
   NarrowAnswer converged_answer(const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) const;
 
  private:
-  struct Group {  // of tasks, in the order that at() tells
+  struct Group {  // tasks, in the order of at()
     std::size_t begin, end;
     bool in_lanes, same_hulls, f32;
   };
-  struct Kind {  // of tasks: the same two pieces
+  struct Kind {  // tasks with the same two parts
     const Piece *a, *b;
     std::uint32_t count, begin;
     bool in_lanes, f32;
@@ -114,9 +112,9 @@ class PieceBatch {
 
   NarrowOptions options_;
   std::span<const PieceTask> tasks_;
-  std::size_t group_ = 0, next_ = 0;    // how far advance() has come: in groups_, and in the order that at() tells
+  std::size_t group_ = 0, next_ = 0;    // progress of advance(): in groups_, and in the order of at()
   bool in_group_ = false;               // lanes have run
-  std::unique_ptr<PausedPair> paused_;  // of the task that is next
+  std::unique_ptr<PausedPair> paused_;  // of the next task
   std::vector<std::uint32_t> order_;
   std::vector<Group> groups_;
   std::vector<Kind> kinds_;
@@ -126,7 +124,7 @@ class PieceBatch {
   std::vector<LaneAnswer> answers_;
   std::vector<LaneWitness> witnesses_;
   std::vector<Gjk<double>> unresolved_;
-  // Of the pairs that float32 left open.
+  // Of the pairs that float32 left unresolved.
   std::vector<std::size_t> again_;
   std::vector<LanePair> again_pairs_;
   std::vector<LaneAnswer> again_answers_;

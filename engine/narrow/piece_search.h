@@ -1,9 +1,9 @@
-// The least distance of two bodies of several pieces: which of their piece pairs are looked at, in which order, and
-// what the bounds found make of the bodies' answer. For host and device.
+// Least distance of two bodies of several convex parts: the selection and order of their part pairs, and the bodies'
+// bounds. For host and device.
 //
-// Piece pairs are taken nearest boxes first, in rounds of 1, 2, 4, ... The pairs of a round are answered with the same
-// cut-off, so that they can be answered side by side, and taken in their order: an answer depends on the two bodies
-// alone, whatever else is asked.
+// Part pairs are taken nearest boxes first, in rounds of 1, 2, 4, ... All pairs of a round have the same cut-off, so
+// that they can be answered in parallel, and are taken in their order: an answer depends on the two bodies alone, not
+// on the rest of the query.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@
 
 namespace clearance {
 
-/// A piece of each of two bodies, and how far apart their boxes are at least.
+/// A part of each of two bodies, and a lower bound on the distance of their boxes.
 struct PiecePair {
   double gap;
   std::uint32_t a, b;
@@ -26,23 +26,23 @@ CLEARANCE_HD inline bool goes_before(const PiecePair& p, const PiecePair& q) {
   return p.a != q.a ? p.a < q.a : p.b < q.b;
 }
 
-/// What is known of two bodies while their piece pairs are taken.
+/// State of the search over two bodies' part pairs.
 struct PieceSearch {
-  double lower = __builtin_inf();  ///< the least of the pairs taken, and the gap of those left out
-  double upper = __builtin_inf();  ///< the least of the pairs taken
-  std::size_t round = 1;           ///< how many are answered side by side
+  double lower = __builtin_inf();  ///< least of the pairs taken, and the gap of those left out
+  double upper = __builtin_inf();  ///< least of the pairs taken
+  std::size_t round = 1;           ///< number of pairs answered in parallel
 
-  /// Beyond which a pair of the next round need not be refined: one that is proved farther than an upper bound is not
-  /// the least.
+  /// Distance beyond which a pair of the next round need not be refined, since a pair that is farther than an upper
+  /// bound is not the nearest.
   CLEARANCE_HD double cut_off(double max_distance) const {
     const double least = upper < 0 ? 0 : upper;
     return least < max_distance ? least : max_distance;
   }
-  /// Whether a pair belongs to a round with this cut-off; else neither do those after it.
+  /// Whether a pair belongs to a round with this cut-off. If not, nor do those after it.
   CLEARANCE_HD bool asks(double gap, double cut_off) const { return round == 1 || !(gap > cut_off); }
   /// Whether a pair and all after it are farther than one that was taken.
   CLEARANCE_HD bool ends_before(double gap) const { return gap > 0 && gap > upper; }
-  /// The search ends: this pair and all after it have boxes at least so far apart.
+  /// Ends the search: the boxes of this pair and all after it are at least this far apart.
   CLEARANCE_HD void leave_out(double gap) { lower = gap < lower ? gap : lower; }
   /// Takes a pair's bounds. Returns whether it is the nearest so far.
   CLEARANCE_HD bool take(double gap, double pair_lower, double pair_upper) {
@@ -53,8 +53,9 @@ struct PieceSearch {
   }
 };
 
-/// The next few piece pairs in their order, found without a list of all. \tparam kCount how many at a time.
-/// `boxes_a(i)`, `boxes_b(j)`: the Aabb of each piece.
+/// The next few part pairs in their order, found without a list of all.
+/// \tparam kCount number of pairs found at a time
+/// \tparam BoxesA,BoxesB return the Aabb of each part, as `boxes_a(i)` and `boxes_b(j)`
 template <int kCount, class BoxesA, class BoxesB>
 class NearestPieces {
  public:
@@ -65,7 +66,7 @@ class NearestPieces {
         count_b_(count_b),
         left_(std::uint64_t{count_a} * count_b) {}
 
-  /// False: there are no more.
+  /// False if there are no more.
   CLEARANCE_HD bool next(PiecePair& pair) {
     if (left_ == 0) return false;
     if (at_ == kCount) find();
@@ -75,7 +76,7 @@ class NearestPieces {
   }
 
  private:
-  // Those that come next after the last of what was found before. No gap is NaN: that stands for none.
+  // Finds the pairs that come after the last one found before. No gap is NaN: that marks an empty place.
   CLEARANCE_HD void find() {
     PiecePair near[kCount];  // where a GPU can keep it in registers
     CLEARANCE_UNROLL
@@ -94,7 +95,7 @@ class NearestPieces {
     at_ = 0;
     begun_ = true;
   }
-  // Of those with the same gap it comes last, so that gaps alone need to be compared.
+  // Among equal gaps it comes last, so that only gaps need to be compared.
   CLEARANCE_HD static void insert(const PiecePair& p, PiecePair (&near)[kCount]) {
     CLEARANCE_UNROLL
     for (int i = kCount - 1; i > 0; --i)
@@ -111,12 +112,13 @@ class NearestPieces {
   bool begun_ = false;
 };
 
-/// What became of a piece pair.
+/// Result of a part pair.
 enum class PieceEnd { kApart, kOverlap, kOpen };
 
-/// Takes a search to its end, one piece pair after another. \param look answers one with this cut-off: kApart: taken by
-/// the search; kOverlap: proved, which ends it where no depth is asked for; kOpen: not settled, which is the end too.
-/// \param stop_below an upper bound so low is all that is asked
+/// Runs a search to its end, one part pair after another.
+/// \param look answers one pair with this cut-off: kApart if the search has taken it; kOverlap if an overlap is proved,
+/// which ends the search without depth; kOpen if it is unresolved, which also ends it
+/// \param stop_below upper bound that is low enough to stop
 template <class Nearest, class Look>
 CLEARANCE_HD inline PieceEnd search_pieces(PieceSearch& search, double max_distance, Nearest& nearest, const Look& look,
                                            double stop_below = -__builtin_inf()) {

@@ -1,4 +1,4 @@
-// Where the expanding polytope lies, and who works on it.
+// Memory and threads of the expanding polytope.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace clearance {
 
-/// An edge of what a new vertex sees.
+/// An edge on the outline of the faces that a new vertex sees.
 struct OutlineEdge {
   std::uint32_t from, to;
   std::uint32_t outside;  ///< the same edge of a face that stays, a half-edge
@@ -21,32 +21,33 @@ struct FanFace {
   T offset;
 };
 
-/// A polytope in lists that grow, and one thread that works on it. A device's (engine/cuda/dense/depth_kernel.cuh) has lists
-/// of a length that stays, and a team.
+/// Polytope in growing lists, for one thread. That of a device (engine/cuda/dense/depth_kernel.cuh) has lists of fixed
+/// length, and a team.
 template <class T>
 struct GrowingPolytope {
   using Team = OneThread;
   static constexpr bool kGrows = true;
-  std::vector<CsoVertex<T>> vertices;           ///< each is on the surface, or was
+  std::vector<CsoVertex<T>> vertices;           ///< each is or was on the surface
   std::vector<CsoFace<T>> faces;                ///< normals of unit length
   std::vector<T> offsets;                       ///< of the faces' planes
-  std::vector<std::uint8_t> is_seen, was_seen;  ///< of the faces, by the last vertex
-  std::vector<std::uint32_t> seen;              ///< which these are, ascending
+  std::vector<std::uint8_t> is_seen, was_seen;  ///< by face, from the last vertex
+  std::vector<std::uint32_t> seen;              ///< indices of those faces, ascending
   std::vector<OutlineEdge> outline;
-  std::vector<std::uint32_t> begins;  ///< of the vertices on the outline: the edge there
+  std::vector<std::uint32_t> begins;  ///< by vertex on the outline: the edge that begins there
   std::vector<FanFace<T>> fan;
 
-  /// For all that the last vertex can see.
+  /// Reserves enough for all that the last vertex can see.
   void make_room() {
     const std::size_t count = faces.size();
     if (is_seen.size() < count) {
       is_seen.resize(2 * count);
-      seen.resize(6 * count);  // the places of a fan, too
+      seen.resize(6 * count);  // also holds the places of a fan
       outline.resize(6 * count);
     }
     if (begins.size() < vertices.size()) begins.resize(2 * vertices.size());
   }
-  /// \param count of its faces, in place of `gone`. False: there is no room.
+  /// Reserves the faces of a fan. Returns false if there is no space.
+  /// \param count number of faces, which replace `gone`
   bool make_room_for_fan(std::size_t count, [[maybe_unused]] std::size_t gone) {
     if (fan.size() < count) fan.resize(2 * count);
     return true;

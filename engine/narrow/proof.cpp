@@ -19,8 +19,9 @@ PlacedPair<DoubleDouble> placed(const Piece& a, const PoseMatrix& pose_a, const 
   return {a, rotation_of_double_double(pose_a.X_wb), pose_a.t_w, b, rotation_of_double_double(pose_b.X_wb), pose_b.t_w};
 }
 
-// Where an arithmetic proves more than what is there, it takes its place. Upper bounds are proved by the farthest point
-// of b along -n, as certify_plane() finds it, and the half-space's origin: they say how high the one is over the plane.
+// Takes the bounds of one arithmetic where they are tighter than those so far. Upper bounds are proved by the farthest
+// point of b along -n, as certify_plane() finds it, and the half-space's origin: they give the point's height over the
+// plane.
 // \param pair a is the half-space
 template <class T>
 void above_plane(const PlacedPair<T>& pair, Interval& bounds, NarrowProof& proof) {

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Quaternions of integers whose squared norms all divide kGrid: turned by them, multiples of kGrid stay integers.
+// Quaternions of integers whose squared norms all divide kGrid. They rotate multiples of kGrid to integers.
 constexpr int kTurns[][4] = {{1, 0, 0, 0}, {1, 1, 0, 0},  {1, 0, -1, 1}, {1, 1, 1, 1},
                              {2, 0, 1, 0}, {2, 1, -1, 0}, {2, 1, 1, -1}};
 constexpr double kGrid = 420;
@@ -27,7 +27,7 @@ constexpr int kDirections[][4] = {{1, 2, 2, 3}, {2, 3, 6, 7}, {-1, 4, 8, 9}, {4,
 constexpr double kStep = 0x1p-13;  // metres: bodies of about one metre
 constexpr int kPlaces = 8;
 
-// Numbers of this file are integers of moderate size: nothing is rounded.
+// Numbers of this file are integers of moderate size, so that nothing is rounded.
 struct Turn {
   double w, x, y, z;
 
@@ -109,7 +109,7 @@ class Maker {
     return place(kind, a, radius, b, 2 * radius, distance * d[3] - 3 * radius, far);
   }
 
-  // Boxes that stand alike and overlap: the nearest way out is along an edge.
+  // Aligned boxes that overlap, with the shortest way out along an edge.
   KnownPair boxes(double radius) {
     const auto box = [](const Vec3d& h, const Vec3d& at) {
       std::vector<Vec3d> v;
@@ -149,7 +149,7 @@ std::vector<KnownPair> make_known_pairs() {
   return pairs;
 }
 
-// Asks all pairs in so many of their places, at once: those of the same two pieces go side by side where they fill the
+// Queries all pairs in a number of their places at once. Pairs of the same two parts run in parallel if they fill the
 // lanes.
 void run(SelfTest& test, const NarrowOptions& asked, int places) {
   std::atomic<std::uint64_t> contradictions{0};

@@ -1,6 +1,5 @@
-// Whether this build computes rightly on this machine: pairs of bodies whose distances are known, asked of every way to
-// answer that there is. A compiler, an emulator or a worn-out core may make one instruction set wrong and leave the
-// others right.
+// Tests whether this build computes correctly on this machine: pairs of bodies with known distances, queried in every
+// implementation. A compiler, an emulator or a worn-out core may break one instruction set and leave the others right.
 #pragma once
 
 #include <cstddef>
@@ -16,8 +15,8 @@
 
 namespace clearance {
 
-/// Two pieces in several places whose signed distance is known from how they were made, in integers: float64 holds
-/// their vertices, and where they are, exactly.
+/// Two convex parts in several places whose signed distance is known by construction, in integers: float64 represents
+/// their vertices and poses exactly.
 struct KnownPair {
   std::string_view kind;
   PiecePtr a, b;
@@ -27,29 +26,31 @@ struct KnownPair {
 /// Vertex, edge and face on each other, apart, touching and overlapping; round, far from the origin, of many vertices.
 const std::vector<KnownPair>& known_pairs();
 
-/// What one way to answer made of them.
+/// Results of one implementation.
 struct SelfTest {
-  std::string name;  ///< "reference", "scalar" (one pair after another), or of an instruction set
+  std::string name;  ///< "reference", "scalar" (one pair after another), or the name of an instruction set
   std::size_t answers = 0, wrong = 0;
-  std::string first_wrong = {};  ///< a sentence about it; empty: there is none
+  std::string first_wrong = {};  ///< a sentence about the first wrong answer, or empty
   double seconds = 0;
 
-  /// Takes an answer into account. \param error what is wrong about it; empty: nothing.
+  /// Counts an answer.
+  /// \param error describes an error in it, or is empty
   void count(const std::string& error);
   bool passed() const { return wrong == 0; }
 };
 
-/// What is not true of an answer; empty: all is. \param limits what was asked.
+/// Describes an error in an answer, or is empty.
+/// \param limits of the query
 std::string error_of(const KnownPair& pair, const NarrowAnswer& answer, const NarrowLimits& limits);
 
 SelfTest self_test_lanes(const LaneKernel& kernel);
 SelfTest self_test_alone(bool reference);
 
-/// Of all ways to answer on this machine's CPU. Run when first asked for, once in a process: some milliseconds.
+/// Tests all implementations on this machine's CPU. Runs at the first call, once in a process: some milliseconds.
 const std::vector<SelfTest>& self_tests();
 
-/// lane_kernel() among those that passed. Throws std::runtime_error for one that did not, naming it, and where what all
-/// of them rest on did not.
+/// lane_kernel() among those that passed. Throws std::runtime_error, with the name, for one that failed, and if an
+/// implementation that all of them depend on failed.
 const LaneKernel& passed_lane_kernel(std::string_view name, std::span<const LaneKernel> kernels = lane_kernels(),
                                      std::span<const SelfTest> tests = self_tests());
 

@@ -1,5 +1,5 @@
-// Who works on something together: a thread alone, or on a device the threads of a warp (engine/cuda/pair/warp_team.cuh).
-// All of a team go the same way and hold the same values, but for what each looks at in a list that they share out.
+// Threads that share a computation: a single one, or on a device those of a warp (engine/cuda/pair/warp_team.cuh). All
+// threads of a team take the same branches and hold the same values, apart from their own share of a list.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@
 
 namespace clearance {
 
-/// What was found in a list, and where.
+/// A value found in a list, and its index.
 template <class T>
 struct Ranked {
   T value;
@@ -20,21 +20,22 @@ struct Ranked {
 struct OneThread {
   static constexpr std::uint32_t kSize = 1;
   CLEARANCE_HD static std::uint32_t rank() { return 0; }
-  /// After it all see what each has written.
+  /// Makes all earlier writes visible to the team.
   CLEARANCE_HD static void sync() {}
   CLEARANCE_HD static bool all(bool x) { return x; }
   CLEARANCE_HD static bool any(bool x) { return x; }
-  /// The best of what each brings, a value and a bool `before(p, q)`: the same for all.
+  /// The best of all threads' values, the same for all.
+  /// \param before returns, as `before(p, q)`, whether p is better
   template <class T, class Before>
   CLEARANCE_HD static Ranked<T> best(const Ranked<T>& mine, const Before&) {
     return mine;
   }
-  /// Appends what each brings if it is wanted, in the order of ranks. Writes behind the list's end, too.
+  /// Appends each thread's value if it is wanted, in the order of ranks. Also writes after the list's end.
   CLEARANCE_HD static void append(std::uint32_t* list, std::size_t& count, std::uint32_t value, bool wanted) {
     list[count] = value;
     count += wanted;
   }
-  /// What one of them does for all. \returns its number
+  /// Runs `work` on one thread. Returns its number to all.
   template <class Work>
   CLEARANCE_HD static std::uint32_t lead(const Work& work) {
     return work();

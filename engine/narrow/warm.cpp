@@ -8,7 +8,7 @@ namespace clearance {
 std::unique_ptr<WarmTable> WarmStore::take(std::uint64_t client, std::uint64_t question, std::uint64_t size) {
   if (size == 0 || size > kMostSimplices) return nullptr;
   const std::uint64_t bytes = size * sizeof(WarmSimplex);
-  std::vector<std::unique_ptr<WarmTable>> gone;  // freed without the lock
+  std::vector<std::unique_ptr<WarmTable>> gone;  // freed outside the lock
   std::unique_ptr<WarmTable> table;
   {
     const std::lock_guard lock(mutex_);

@@ -1,5 +1,5 @@
-// What a settled run of GJK says beyond its bounds: witness points, the normal, and whether the points are unique.
-// For host and device: `Hull` is a piece as each of them holds it, with
+// Witness points, normal and their uniqueness, from a converged run of GJK.
+// For host and device: `Hull` is a convex part as each of them stores it, with
 //   Vec3d vertices[i], std::uint32_t count(), HullExtents extents(), SupportPoint<double> support(hull, n).
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace clearance {
 
-/// The witness points of a settled pair, from their bodies' origins, world axes.
+/// Witness points of a converged pair, from their bodies' origins, in world axes.
 template <class Hull>
 CLEARANCE_HD inline void converged_points(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
                                           const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b) {
@@ -24,27 +24,27 @@ CLEARANCE_HD inline void converged_points(const Hull& a, const Mat3d& R_wa, cons
     core_a += a.vertices[lane.a[i]] * lane.share[i];
     core_b += b.vertices[lane.b[i]] * lane.share[i];
   }
-  Vec3d outward = lane.separation;  // where nothing is rounded its length does not matter
+  Vec3d outward = lane.separation;  // without a radius its length does not matter
   if (a.extents().radius + b.extents().radius > 0) outward = outward * (1 / lane.separation_length);
   point_a = R_wa * core_a + outward * a.extents().radius;
   point_b = R_wb * core_b - outward * b.extents().radius;
 }
 
-/// And its normal.
+/// Normal of a converged pair.
 CLEARANCE_HD inline Vec3d converged_normal(const LaneWitness& lane) {
   return lane.n * (1 / lane.n_length);
 }
 
-/// The vertices of a piece within rounding of its support along a direction: how many dimensions they span, and one
-/// edge of theirs in world axes.
+/// Vertices of a part within rounding of its support along a direction: the number of dimensions that they span, and
+/// one of their edges in world axes.
 struct Contact {
   int dimensions = 0;
   Vec3d edge{0, 0, 0};
 };
 
-inline constexpr double kContactAngle = 1e-9;  // of rounding
+inline constexpr double kContactAngle = 1e-9;  // radians, from rounding
 
-/// \param angle radians: how far the direction may be from the one that is meant
+/// \param angle radians: bound on the error of the direction
 template <class Hull>
 CLEARANCE_HD inline Contact contact_of_vertices(const Hull& hull, const Mat3d& R, const Vec3d& n_w, double angle) {
   using std::sqrt;
@@ -79,7 +79,7 @@ CLEARANCE_HD inline Contact contact_of_vertices(const Hull& hull, const Mat3d& R
   return c;
 }
 
-/// Of a half-space's face, a disc at an end of a cone or cylinder, or its side.
+/// The same for the face of a half-space, a disc at an end of a cone or cylinder, or its side.
 inline Contact contact_of_primitive(const Primitive& primitive, const Mat3d& R, const Vec3d& n_w, double angle) {
   if (primitive.kind == Primitive::Kind::kHalfSpace) return {2, {0, 0, 0}};
   if (primitive.kind == Primitive::Kind::kEllipsoid) return {};
@@ -97,15 +97,15 @@ template <class Hull>
 CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, const Vec3d& n_w, double angle) {
   return contact_of_vertices(hull, R, n_w, angle);
 }
-/// A core in closed form knows without a look at vertices. A template, so that no compiler for a device makes it.
+/// Contact of a part. A core in closed form needs no vertices. A template, so that device compilers skip it.
 template <std::same_as<Piece> P>
 inline Contact contact_along(const P& piece, const Mat3d& R, const Vec3d& n_w, double angle) {
   if (piece.primitive) return contact_of_primitive(*piece.primitive, R, n_w, angle);
   return contact_of_vertices(piece, R, n_w, angle);
 }
 
-/// How far a settled normal may be from the true one, radians. Vertices settle it up to rounding; a curved core is
-/// iterated on until the bounds meet the tolerance, and cos(angle) >= lower / upper.
+/// Bound on the error of a converged normal, in radians. Vertices determine it up to rounding. For a curved core the
+/// iteration ends when the bounds meet the tolerance, and cos(angle) >= lower / upper.
 inline double normal_angle(const Piece& a, const Piece& b, double lower, double upper) {
   const auto is_curved = [](const Piece& p) { return p.primitive && p.primitive->kind != Primitive::Kind::kHalfSpace; };
   if (!(is_curved(a) || is_curved(b)) || !(0 < lower && lower <= upper)) return kContactAngle;
@@ -113,8 +113,9 @@ inline double normal_angle(const Piece& a, const Piece& b, double lower, double 
   return std::max(kContactAngle, kArcPerChord * std::sqrt(2 * (upper - lower) / upper));
 }
 
-/// Whether the nearest points of two separated pieces are not unique: both touch the supporting planes normal to n in
-/// faces or edges that lie side by side. n: unit, world axes, from a towards b, within `angle` of the true one.
+/// Whether the nearest points of two separated parts are not unique: both touch the supporting planes normal to n in
+/// parallel faces or edges.
+/// \param n unit, world axes, from a towards b, within `angle` of the exact one
 template <class Hull>
 CLEARANCE_HD inline bool witness_is_ambiguous(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
                                               const Vec3d& n, double angle) {
@@ -125,8 +126,8 @@ CLEARANCE_HD inline bool witness_is_ambiguous(const Hull& a, const Mat3d& R_wa, 
   return ca.dimensions + cb.dimensions > 2 || norm(cross(ca.edge, cb.edge)) < angle;
 }
 
-/// Whether kFlagNonsmooth is due: the bodies may touch, by what is not known of them, too, or their nearest points are
-/// not unique. \param lower of the answer
+/// Whether kFlagNonsmooth is set: the bodies may touch, uncertainty included, or their nearest points are not unique.
+/// \param lower of the answer
 template <class Hull>
 CLEARANCE_HD inline bool is_nonsmooth(double lower, const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
                                       const Vec3d& n, double angle = kContactAngle) {

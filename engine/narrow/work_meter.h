@@ -1,8 +1,8 @@
-// How much work an answer has taken, and how much it may take before others have their turn.
+// Measures and limits the work of an answer, so that other requests get their turn.
 //
-// A unit is a pair of pieces in lanes, or a support evaluation of one that is answered alone, for pieces of up to 64
-// vertices; larger pieces count for more. So is what else grows with a request: sixteen boxes that are compared are a
-// unit, too. A unit takes some tenths of a microsecond.
+// A unit is a pair of convex parts in lanes, or a support evaluation of a pair that is answered alone, for parts of up
+// to 64 vertices; larger parts cost more. Other work that grows with a request counts, too: sixteen compared boxes are
+// one unit. A unit takes some tenths of a microsecond.
 #pragma once
 
 #include <algorithm>
@@ -13,28 +13,28 @@
 
 namespace clearance {
 
-/// Units of work that this thread has done so far, or has waited for: so a thread that must never do much is watched.
+/// Units of work that this thread has done or waited for so far. Serves to check threads that must not do much.
 inline thread_local std::uint64_t units_of_this_thread = 0;
-/// Bytes that are copied count, too.
+/// Counts copied bytes.
 inline void count_copied(std::uint64_t bytes) {
   units_of_this_thread += bytes / 1024;
 }
 
-/// What one slice may take. Both are looked at between pairs of pieces, the clock after some units.
+/// Budget of one slice. Both limits are checked between pairs of parts, the clock after some units.
 struct WorkBudget {
   static constexpr std::uint64_t kNoLimit = ~std::uint64_t{0};
 
   std::chrono::nanoseconds time = std::chrono::nanoseconds::max();
   std::uint64_t units = kNoLimit;
-  /// The most for one pair of pieces: one that needs more is given up, and begun anew in the next slice (one whose
-  /// slice ends within EPA goes on there).
+  /// Maximum for one pair of parts. A pair that needs more is abandoned, and restarted in the next slice; one whose
+  /// slice ends within EPA is resumed there.
   std::uint64_t pair_units = kNoLimit;
 };
 
 class WorkMeter {
  public:
   using Clock = std::chrono::steady_clock;
-  /// Thrown out of a pair of pieces that needs more than one may take, or in which the slice has ended.
+  /// Thrown within a pair of parts that exceeds its maximum, or whose slice has ended.
   struct PairUnfinished {};
 
   WorkMeter() = default;  ///< without limits
@@ -43,7 +43,7 @@ class WorkMeter {
         deadline_(budget.time == std::chrono::nanoseconds::max() ? Clock::time_point::max()
                                                                  : Clock::now() + budget.time) {}
 
-  /// Another thread's, of the same slice, for what is left of it.
+  /// A meter for another thread, with the rest of the same slice.
   WorkMeter share() const {
     WorkMeter other(*this);
     other.spent_ = 0;
@@ -57,7 +57,7 @@ class WorkMeter {
     other.deadline_ = std::min(deadline_, Clock::now() + time);
     return other;
   }
-  /// What is left of the slice, for somebody who meters himself and whose work is then counted here.
+  /// The rest of the slice, for code with its own meter whose work is then counted here.
   WorkBudget left() const {
     WorkBudget left = budget_;
     if (budget_.units != WorkBudget::kNoLimit) left.units -= std::min(budget_.units, spent_);
@@ -67,7 +67,7 @@ class WorkMeter {
   }
   /// Counts work on many pairs.
   void count(std::uint64_t units) { spent_ += units; }
-  /// A pair of pieces begins that is answered alone.
+  /// Begins a pair of parts that is answered alone.
   void begin_pair() {
     pair_end_ = budget_.pair_units < WorkBudget::kNoLimit - spent_ ? spent_ + budget_.pair_units : WorkBudget::kNoLimit;
   }
@@ -86,14 +86,14 @@ class WorkMeter {
   }
   std::uint64_t spent() const { return spent_; }
 
-  /// What a support of a piece counts, and one of both.
+  /// Units of a support of one part, and of both parts.
   static std::uint64_t units_of(const Piece& piece) {
     return piece.table ? kUnitsOfATable : (piece.vertices.size() + kVerticesPerUnit - 1) / kVerticesPerUnit;
   }
   static std::uint64_t units_of(const Piece& a, const Piece& b) { return units_of(a) + units_of(b); }
 
  private:
-  static constexpr std::uint64_t kUnitsPerLook = 32;  // at the clock
+  static constexpr std::uint64_t kUnitsPerLook = 32;  // between two readings of the clock
   static constexpr std::uint64_t kVerticesPerUnit = 64, kUnitsOfATable = 8;
 
   WorkBudget budget_;
