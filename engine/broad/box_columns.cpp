@@ -28,7 +28,7 @@ CLEARANCE_CLONES __attribute__((flatten)) void box_gaps(const BoxColumnsView& a,
 
 std::size_t gaps_within(const double* gaps, std::size_t count, double max_distance, std::uint32_t* near) {
   std::size_t found = 0;
-  for (std::size_t i = 0; i < count; ++i) {  // without a branch: few are near, but nobody knows which
+  for (std::size_t i = 0; i < count; ++i) {  // without a branch: few are near, and which ones cannot be predicted
     near[found] = static_cast<std::uint32_t>(i);
     found += !(gaps[i] > max_distance) | !(gaps[i] < std::numeric_limits<double>::infinity());
   }

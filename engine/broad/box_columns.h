@@ -1,4 +1,4 @@
-// Boxes one coordinate after another, so that one box meets many at once.
+// Boxes as structure of arrays, to compare one box with many at once.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace clearance {
 
-/// Where the six coordinates of boxes begin: low x, y, z, then high x, y, z; each (count,).
+/// Pointers to the six coordinates of boxes: low x, y, z, then high x, y, z; each (count,).
 struct BoxColumnsView {
   const double* column[6];
 
@@ -21,7 +21,7 @@ struct BoxColumnsView {
   }
 };
 
-/// Room for boxes in that form.
+/// Storage for boxes in that form.
 class BoxColumns {
  public:
   void resize(std::size_t count) {
@@ -50,12 +50,14 @@ class BoxColumns {
   std::vector<double> memory_;
 };
 
-/// certify_box_gap() of one box and many, bit for bit. \param gaps (count,)
+/// certify_box_gap() of one box and many, bit for bit.
+/// \param gaps (count,)
 void box_gaps(const Aabb& a, const BoxColumnsView& b, std::size_t count, double* gaps);
-/// The same of box i of one and box i of the other.
+/// The same for box i of one and box i of the other.
 void box_gaps(const BoxColumnsView& a, const BoxColumnsView& b, std::size_t count, double* gaps);
-/// Which of many gaps are not beyond `max_distance`, or infinite, as those of bodies without a place: ascending.
-/// \param near (count,) room. Returns how many there are.
+/// Lists the gaps that are not beyond `max_distance`, or that are infinite, as for bodies without a pose: ascending
+/// indices. Returns their number.
+/// \param near (count,) scratch
 std::size_t gaps_within(const double* gaps, std::size_t count, double max_distance, std::uint32_t* near);
 
 }  // namespace clearance

@@ -14,8 +14,8 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kWorn = 1.5;    // a new order pays from about here on (docs/performance.md)
-constexpr double kMostWear = 8;  // of one block: a few that are torn apart count, but not for all
+constexpr double kWorn = 1.5;    // wear from which a new order pays (docs/performance.md)
+constexpr double kMostWear = 8;  // limit for one block, so that a few torn blocks do not decide for all
 
 bool empty(const Aabb& box) {
   return !(box.low.x <= box.high.x);
@@ -27,7 +27,7 @@ double width(const Aabb& box) {
 
 }  // namespace
 
-// Squares of gaps before the last rounding of certify_box_gap(): what has a gap <= margin has a square <= this.
+// Limit on squared gaps before the last rounding of certify_box_gap(): a gap <= margin has a square <= this.
 double BoxTree::squared_limit(double margin) {
   return margin * margin * (1 + 0x1p-40) + 1e-300;
 }
@@ -66,7 +66,7 @@ void BoxTree::build(std::span<const std::uint32_t> ids, std::span<const Aabb> bo
   ids_.assign(ids.begin(), ids.end());
   order_.assign(ids.begin(), ids.end());
   count_ = static_cast<std::uint32_t>(ids.size());
-  // Bodies without a place go last: they have no neighbours.
+  // Bodies without a pose go last, since they have no neighbours.
   const auto placed =
       std::stable_partition(order_.begin(), order_.end(), [&](std::uint32_t id) { return !empty(boxes[id]); });
   order(0, static_cast<std::uint32_t>(placed - order_.begin()), boxes);
@@ -84,7 +84,7 @@ void BoxTree::fit(std::span<const std::uint32_t> ids, std::span<const Aabb> boxe
   if (worn()) build(ids, boxes);
 }
 
-// Halves a range at its middle along its longest side, but so that whole blocks of the next level below stay together.
+// Halves a range at its middle along its longest side, in whole blocks of the next level below.
 void BoxTree::order(std::uint32_t begin, std::uint32_t end, std::span<const Aabb> boxes) {
   const std::uint32_t count = end - begin;
   if (count <= kWide) return;
@@ -164,7 +164,7 @@ void BoxTree::pairs_within(std::uint32_t first, std::uint32_t last, double margi
       const Block& block = levels_[at.level][at.block];
       if (at.level > 0) {
         squared_gaps(block, all, squared);
-        // Pairs are found from the earlier of two blocks: branches that end before mine fall away.
+        // Pairs are found from the earlier of two blocks, so branches that end before this one are skipped.
         const std::uint64_t shift = 3 * (at.level - 1);
         for (std::uint32_t k = 0; k < kWide; ++k) {
           const std::uint32_t below = at.block * kWide + k;

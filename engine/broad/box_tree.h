@@ -1,12 +1,12 @@
-// A tree over the boxes of bodies, eight to a block, that follows them as they move.
+// A tree over the boxes of bodies, eight to a block, that follows moving bodies.
 //
-// Bodies are put in an order in which neighbours are near each other; eight in a row make a block, eight blocks in a
-// row a block of the next level, and so on up to a single one. Nothing points anywhere, and a block's eight boxes lie
-// one coordinate after another, so that one box meets all eight at once. Where bodies have moved, the order stays and
-// boxes are fitted anew, which takes a tenth of the time of a new order, until blocks have grown too wide.
+// Bodies are sorted so that neighbours are near each other; eight in a row make a block, eight blocks in a row a block
+// of the next level, and so on up to a single one. There are no pointers, and a block's eight boxes are a structure of
+// arrays, so that one box is compared with all eight at once. When bodies move, the order stays and boxes are refitted,
+// in a tenth of the time of a new order, until blocks have grown too wide.
 //
-// A block's box holds those of its bodies, and certify_box_gap() never grows when a box does, rounding included: so a
-// branch that is left out for its gap holds no pair that brute force would have found, bit for bit.
+// A block's box contains those of its bodies, and certify_box_gap() never grows when a box does, rounding included. So
+// a branch skipped for its gap holds no pair that brute force would have found, bit for bit.
 #pragma once
 
 #include <cstdint>
@@ -22,27 +22,27 @@ class BoxTree {
  public:
   static constexpr std::uint32_t kWide = 8;
 
-  /// Holds bodies `ids` at `boxes` (of all bodies, by id; empty boxes are near nothing). Keeps its order where it held
-  /// the same bodies before and is not worn; else makes a new one.
+  /// Holds bodies `ids` at `boxes` (of all bodies, by id; empty boxes are near nothing). Keeps the order for the same
+  /// bodies as before unless it is worn, and otherwise makes a new one.
   void fit(std::span<const std::uint32_t> ids, std::span<const Aabb> boxes);
-  /// A new order in any case.
+  /// Makes a new order in any case.
   void build(std::span<const std::uint32_t> ids, std::span<const Aabb> boxes);
   /// Whether blocks have grown so much since the order was made that a new one pays.
   bool worn() const;
 
   std::uint32_t size() const { return count_; }
-  /// Blocks of bodies: units of pairs_within() and nearest_pair().
+  /// Number of blocks of bodies, the units of pairs_within() and nearest_pair().
   std::uint32_t blocks() const { return levels_.empty() ? 0 : static_cast<std::uint32_t>(levels_[0].size()); }
-  std::span<const std::uint32_t> order() const { return order_; }  ///< bodies by place; kNone where there is none
-  std::uint64_t builds() const { return builds_; }                 ///< orders made so far
+  std::span<const std::uint32_t> order() const { return order_; }  ///< bodies by place; kNone in empty places
+  std::uint64_t builds() const { return builds_; }                 ///< number of orders made so far
   std::uint64_t bytes() const;
 
-  /// Appends every pair {a, b} of a body in blocks [first, last) and one in the same or a later block whose gap is
-  /// finite and <= margin, a < b, in no order.
+  /// Appends every pair {a, b}, a < b, of a body in blocks [first, last) and one in the same or a later block whose gap
+  /// is finite and <= margin, in no order.
   void pairs_within(std::uint32_t first, std::uint32_t last, double margin, std::vector<BodyPair>& out) const;
 
-  /// Offers every body whose gap to the box is finite and <= bound, nearest branches first: offer(gap, body) returns
-  /// the bound from there on.
+  /// Visits every body whose gap to the box is finite and <= bound, nearest branches first.
+  /// \param offer returns, as offer(gap, body), the new bound
   template <class Offer>
   void nearest(const Aabb& box, double bound, Offer&& offer) const;
 
@@ -52,7 +52,7 @@ class BoxTree {
   };
   struct Step {
     std::uint32_t level, block;
-    double squared;  // gap
+    double squared;  // of the gap
   };
   using Squares = double[kWide];
   static constexpr std::uint32_t kMostLevels = 11;  // 8^11 is more than 2^32
@@ -69,7 +69,7 @@ class BoxTree {
   std::vector<std::uint32_t> order_;  // body at each place; padded with kNone
   std::vector<std::vector<Block>> levels_;
   std::vector<std::vector<double>> width_built_;  // of each block, when the order was made
-  std::vector<double> wear_;                      // of each level: how much wider its blocks are now, on average
+  std::vector<double> wear_;                      // of each level: mean growth of its blocks' width since then
   std::uint64_t builds_ = 0;
 };
 

@@ -1,4 +1,4 @@
-// How the tree over a surface's elements is made: a list is cut in two, and each part again, down to a few.
+// Construction of the tree over a mesh's elements: halves the list recursively, down to a few elements.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace clearance {
 
-/// The box around what it took; low > high: nothing.
+/// The box around all that it took; low > high if empty.
 struct Extremes {
   static constexpr double kInf = std::numeric_limits<double>::infinity();
   Vec3d low{kInf, kInf, kInf}, high{-kInf, -kInf, -kInf};
@@ -55,9 +55,10 @@ auto build(Elements& elements, std::uint32_t begin, std::uint32_t end, std::vect
 
 }  // namespace halving
 
-/// The nodes over so many elements, at least one, which are brought into the order of the leaves. \param elements has
-/// box(begin, end), around some of them; split(begin, end), which brings some before the others and says where these
-/// begin; close(box, low, high), which rounds a box outward as seen from the surface's centre.
+/// Builds the nodes over at least one element, and sorts the elements in the order of the leaves.
+/// \param elements has box(begin, end), the box around some of them; split(begin, end), which partitions them and
+/// returns where the second half begins; close(box, low, high), which rounds a box outward relative to the mesh's
+/// centre
 template <class Elements>
 std::vector<Surface::Node> halve(Elements& elements, std::uint32_t count) {
   std::vector<Surface::Node> nodes;

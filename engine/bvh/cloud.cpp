@@ -1,4 +1,4 @@
-// Clouds: points of float32, or boxes of one size about them, which come many times a second.
+// Point clouds: points of float32, or boxes of one size about them, which arrive many times a second.
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -23,7 +23,7 @@ bool is_exact(double a, double b) {
   return (a - (sum - part)) + (b - part) == 0;
 }
 
-// No coordinate within is rounded by more.
+// Bound on the rounding of any coordinate within the extremes.
 double most_rounding(const std::array<Vec3d, 2>& extremes) {
   double most = 0;
   for (const Vec3d& corner : extremes)
@@ -31,7 +31,7 @@ double most_rounding(const std::array<Vec3d, 2>& extremes) {
   return 0x1p-52 * most;
 }
 
-// The bits of a number of ten, two apart.
+// Spreads the bits of a number of ten, two apart.
 std::uint32_t spread(std::uint32_t x) {
   x = (x | x << 16) & 0x030000FF;
   x = (x | x << 8) & 0x0300F00F;
@@ -43,8 +43,8 @@ struct Coded {
   std::uint32_t code, place;
 };
 
-// By their codes, of 30 bits; equal ones stay in their order. A sort by digits, since clouds come many times a second:
-// it takes a quarter of what comparing does.
+// Sorts by code, of 30 bits; equal ones keep their order. A radix sort, since clouds arrive many times a second: it
+// takes a quarter of the time of a comparison sort.
 void sort_by_code(std::vector<Coded>& list) {
   constexpr std::uint32_t kDigits = 1024;
   std::vector<Coded> other(list.size());
@@ -69,11 +69,11 @@ struct PointBox {
   }
 };
 
-// The points, for halve(), along Morton's curve: cut where it leaves a half, a quarter, an eighth of their box
-// (Lauterbach et al. 2009).
+// The points, for halve(), along the Morton curve, cut at a half, a quarter, an eighth of their box (Lauterbach et al.
+// 2009).
 class PointList {
  public:
-  /// \param half of what is around each point, rounded up
+  /// \param half half edge of the box about each point, rounded up
   PointList(std::vector<CloudPoint>& points, const Extremes& box, double half)
       : points_(points), half_(static_cast<float>(half * (1 + 0x1p-20))) {
     Vec3d scale;
@@ -107,7 +107,8 @@ class PointList {
     for (std::uint32_t i = begin + 1; i < end; ++i) box.take({points_[i], points_[i]});
     return box;
   }
-  // As seen from the origin. Of points it is exact; what is around them is added with room for the rounding of that.
+  // The box relative to the origin. It is exact for points; half the edge is added, with a margin for the rounding of
+  // the sum.
   void close(const PointBox& box, std::array<float, 3>& low, std::array<float, 3>& high) const {
     low = box.low;
     high = box.high;
@@ -152,7 +153,7 @@ Surface::Surface(std::span<const CloudPoint> points, float edge)
   Digest digest;
   digest.add(std::uint64_t{points_.size()});
   digest.add(double{edge_});
-  for (const CloudPoint& p : points_) {  // in the order that a scene is saved with
+  for (const CloudPoint& p : points_) {  // in the order in which scenes are saved
     digest.add(std::uint64_t{std::bit_cast<std::uint32_t>(p[0])} << 32 | std::bit_cast<std::uint32_t>(p[1]));
     digest.add(std::uint64_t{std::bit_cast<std::uint32_t>(p[2])});
   }

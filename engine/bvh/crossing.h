@@ -1,6 +1,6 @@
-// Where a ray along +x goes through triangles, each counted by the side from which it is pierced. No ray is unlucky:
-// where it meets an edge or a corner its point counts as moved by an infinitely small step along y, and by one along z
-// that is small beside that. The point lies on no triangle, so that it stays on its side of all of them. For host and
+// Crossings of a ray along +x with triangles, each counted by the side from which it is pierced. There are no
+// degenerate rays: at an edge or a corner the ray's point counts as moved by an infinitely small step along y, and by
+// an even smaller one along z. The point lies on no triangle, so that it stays on its side of all of them. For host and
 // device.
 #pragma once
 
@@ -8,8 +8,8 @@
 
 namespace clearance {
 
-// A position whose coordinates orientation() is exact for: what is nearer to 0 is 0. That moves no position by more
-// than 1e-60 m, and equal ones alike.
+// A position for which orientation() is exact: coordinates near 0 become 0. That moves no position by more than 1e-60
+// m, and equal ones alike.
 CLEARANCE_HD inline Vec3d flushed(const Vec3d& v) {
   Vec3d out = v;
   for (int k = 0; k < 3; ++k)
@@ -17,15 +17,16 @@ CLEARANCE_HD inline Vec3d flushed(const Vec3d& v) {
   return out;
 }
 
-// Whether a ray meets nothing within a box of a tree. \param from_centre its point less the tree's centre
+// Whether a ray misses a box of a tree.
+// \param from_centre its point less the tree's centre
 CLEARANCE_HD inline bool ray_misses(const Vec3d& low, const Vec3d& high, const Vec3d& from_centre) {
   // Both sides of each comparison were rounded alike from positions less the centre, and the box outward from there.
   return from_centre.x > high.x || from_centre.y < low.y || from_centre.y > high.y || from_centre.z < low.z ||
          from_centre.z > high.z;
 }
 
-// On which side of the edge from a to b, seen along -x, the point lies that is p moved as said above: 1 on its left,
-// -1 on its right, 0 only where the edge is seen as a point.
+// The side of the edge from a to b, seen along -x, of the point p, moved as described above: 1 on its left, -1 on its
+// right, 0 only if the edge is seen as a point.
 template <class Orientation>
 CLEARANCE_HD int side_of_edge(const Vec3d& a, const Vec3d& b, const Vec3d& p, const Orientation& oriented) {
   const auto sign = [](double x) { return (x > 0) - (x < 0); };
@@ -36,7 +37,8 @@ CLEARANCE_HD int side_of_edge(const Vec3d& a, const Vec3d& b, const Vec3d& p, co
   return sign(b.y - a.y);
 }
 
-// 1: the ray from p leaves through the triangle, whose normal points ahead; -1: it comes in; 0: it misses.
+// Returns 1 if the ray from p leaves through the triangle, whose normal points ahead, -1 if it enters, and 0 if it
+// misses.
 // \param oriented orientation() of four positions
 template <class Orientation>
 CLEARANCE_HD int crossing(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p, const Orientation& oriented) {

@@ -16,12 +16,12 @@ namespace clearance {
 
 namespace {
 
-constexpr double kThin = 0x1p-16;       // share of the size that two faces lie apart and count as one
-constexpr double kHollowVolume = 1e-3;  // of area times size: a part of less has hardly any volume
+constexpr double kThin = 0x1p-16;       // two faces closer than this share of the size count as one
+constexpr double kHollowVolume = 1e-3;  // of area times size: a component of less has hardly any volume
 constexpr std::size_t kFewSamples = 256, kManySamples = 10'000, kMostPerTriangle = 64;
 constexpr std::uint64_t kMostVisits = 20'000'000;  // to nodes: a few seconds at most
 
-// Triangles that hang together by their vertices.
+// Triangles connected by their vertices.
 struct Part {
   double volume = 0, area = 0;
   Vec3d low{HUGE_VAL, HUGE_VAL, HUGE_VAL}, high{-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
@@ -36,9 +36,9 @@ struct Part {
 };
 
 struct Parts {
-  std::vector<std::uint32_t> of;  // each triangle
+  std::vector<std::uint32_t> of;  // component of each triangle
   std::vector<Part> all;
-  bool has_busy_edges = false;  // of more than two triangles
+  bool has_busy_edges = false;  // edges of more than two triangles
 };
 
 bool has_busy_edges(std::span<const std::uint32_t> place, std::span<const Triangle> triangles) {
@@ -57,7 +57,7 @@ bool has_busy_edges(std::span<const std::uint32_t> place, std::span<const Triang
 
 Parts parts_of(std::span<const Vec3d> vertices, std::span<const Triangle> triangles) {
   const std::vector<std::uint32_t> place = unique_positions(vertices).index;
-  std::vector<std::uint32_t> above(vertices.size());  // a forest: each vertex's part is that of its root
+  std::vector<std::uint32_t> above(vertices.size());  // a forest: each vertex's component is that of its root
   std::iota(above.begin(), above.end(), 0);
   const auto root = [&](std::uint32_t v) {
     while (above[v] != v) v = above[v] = above[above[v]];
@@ -150,14 +150,14 @@ class HollowSearch {
   }
 
  private:
-  // What was found of the faces of a part: a triangle that has its volume behind it, and one in front.
+  // Faces found in a component: a triangle with its volume behind it, and one with its volume in front.
   struct Seen {
     std::int64_t behind = -1, before = -1;
   };
 
   Vec3d normal_of(const std::array<Vec3d, 3>& c) const { return cross(c[1] - c[0], c[2] - c[0]); }
 
-  // Points of a triangle: its middle, others near its corners and sides, and more all over it.
+  // Tests points of a triangle: its middle, others near its corners and sides, and more all over it.
   void take_triangle(std::uint32_t t, std::size_t count) {
     constexpr double kNear = 0.02;
     const auto c = solid_.corners(t);
@@ -178,7 +178,7 @@ class HollowSearch {
     }
   }
 
-  // Points of a triangle within the boxes of parts that turn the other way, where it may lie in them.
+  // Tests points of a triangle within the boxes of components of the opposite orientation, where it may lie in them.
   void take_overlaps(std::uint32_t t, bool corners) {
     constexpr std::size_t kMostParts = 2'000, kMostOthers = 8;
     if (parts_.all.size() > kMostParts) return;
@@ -216,7 +216,7 @@ class HollowSearch {
     return polygon;
   }
 
-  // The origin of the parts' boxes.
+  // The origin of the components' boxes.
   Vec3d first_corner() const { return solid_.vertices()[solid_.triangles()[0][0]]; }
 
   void take(std::uint32_t t, const Vec3d& p) {
@@ -226,7 +226,7 @@ class HollowSearch {
     const double length = norm(n), longest = std::sqrt(std::max({squared_norm(c[1] - c[0]), squared_norm(c[2] - c[1]),
                                                                  squared_norm(c[0] - c[2])}));
     if (!(length > 1e-12 * longest * longest)) return;  // a needle has no sides
-    // Less than faces lie apart near their edges, and no number that a file is likely to have.
+    // Less than the distance of faces near their edges, and no number that a file is likely to have.
     const double step = 0.8713 * std::min(kThin * size_, length / longest / 2048);
     const Vec3d out = n * (step / length);
     const int before = winding_number(solid_, p + out, &visits_), behind = winding_number(solid_, p - out, &visits_);
@@ -242,7 +242,7 @@ class HollowSearch {
            " the other way: parts cross, and not all are turned alike";
   }
 
-  // Whether walls lie on all sides, whichever way these turn: what is within should be enclosed.
+  // Whether there are walls on all sides, of either orientation, so that the space within should be enclosed.
   bool is_walled_in(const Vec3d& p) {
     for (int axis = 0; axis < 3; ++axis)
       for (const double way : {1.0, -1.0})

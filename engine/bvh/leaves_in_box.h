@@ -1,4 +1,4 @@
-// Which leaves of a surface's tree may touch a box.
+// Leaves of a mesh's tree that may touch a box.
 #pragma once
 
 #include <cstdint>
@@ -9,12 +9,12 @@
 
 namespace clearance {
 
-/// Leaves whose boxes touch that from `low` to `high` (metres, in the surface's frame), until `visit(node)` returns
+/// Visits leaves whose boxes touch that from `low` to `high` (metres, in the mesh's frame), until `visit(node)` returns
 /// false. Returns whether none did.
 template <class Visit>
 bool visit_leaves(const Surface& surface, const Vec3d& low, const Vec3d& high, const Visit& visit) {
   const std::span<const Surface::Node> nodes = surface.nodes();
-  // Rounded here and there, each time by less than what a box's corners were moved outward by.
+  // Both are rounded by less than the outward rounding of a box's corners.
   const Vec3d from = low - surface.centre(), to = high - surface.centre();
   std::vector<std::uint32_t> left{0};
   while (!left.empty()) {

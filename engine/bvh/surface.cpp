@@ -22,17 +22,17 @@ std::string position(const Vec3d& v) {
   return text;
 }
 
-// The float nearest to x that is not above it; not below it.
+// The largest float that is not above x.
 float float_below(double x) {
   const auto f = static_cast<float>(x);
   return f <= x ? f : std::nextafter(f, -std::numeric_limits<float>::infinity());
 }
-// One that is below x, also if x was rounded by half a unit of float64.
+// A float below x, also if x was rounded by half a unit of float64.
 float float_under(double x) {
   return std::nextafter(float_below(x), -std::numeric_limits<float>::infinity());
 }
 
-// A list of triangles, for halve(): cut at the middle one along the longest side of their middles.
+// A list of triangles, for halve(), cut at the median of their centroids along the longest side.
 class TriangleList {
  public:
   TriangleList(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const Vec3d& centre)
@@ -61,7 +61,7 @@ class TriangleList {
     });
     return middle;
   }
-  // What was measured from the centre was rounded: half a unit of float64, far less than one of float32.
+  // Coordinates relative to the centre were rounded by half a unit of float64, far less than one of float32.
   static void close(const Extremes& box, std::array<float, 3>& low, std::array<float, 3>& high) {
     for (std::size_t k = 0; k < 3; ++k) {
       low[k] = float_under(box.low[static_cast<int>(k)]);
@@ -76,7 +76,7 @@ class TriangleList {
   std::vector<Vec3d> middles_;  // times three, from the centre
 };
 
-// Which way the area of triangles faces: the sum of n n^T over their areas.
+// Mean facing of triangles: the sum of n n^T over their areas.
 class Facing {
  public:
   void take(const std::array<Vec3d, 3>& t) {
@@ -89,7 +89,7 @@ class Facing {
   void take(const Facing& other) {
     for (int k = 0; k < 3; ++k) sum_[k] = sum_[k] + other.sum_[k];
   }
-  /// The direction that most of it faces, of length 1 up to rounding; 0: there is none.
+  /// The direction that most of the area faces, of length 1 up to rounding, or 0 if there is none.
   Vec3d most() const {
     std::array<Vec3d, 3> power = sum_;
     for (int i = 0; i < 4; ++i) {  // to the sixteenth power: the largest of three outgrows the others
@@ -168,7 +168,7 @@ Surface::Surface(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, b
 
 void Surface::find_parts() {
   const std::vector<std::uint32_t> place = unique_positions(std::span<const Vec3d>(vertices_)).index;
-  std::vector<std::uint32_t> part(vertices_.size());  // a forest: each vertex's part is that of its root
+  std::vector<std::uint32_t> part(vertices_.size());  // a forest: each vertex's component is that of its root
   std::iota(part.begin(), part.end(), 0);
   const auto root = [&part](std::uint32_t v) {
     while (part[v] != v) v = part[v] = part[part[v]];
@@ -196,15 +196,15 @@ void Surface::build_tree() {
   find_slabs();
 }
 
-// The planes of a node lie across the direction that most of its area faces, either way.
+// The planes of a node are normal to the direction that most of its area faces, either way.
 void Surface::find_slabs() {
   slabs_.resize(nodes_.size());
   std::vector<Facing> facing(nodes_.size());
   std::vector<std::uint32_t> first(nodes_.size()), end(nodes_.size());
   const Vec3d low = {nodes_[0].low[0], nodes_[0].low[1], nodes_[0].low[2]},
               high = {nodes_[0].high[0], nodes_[0].high[1], nodes_[0].high[2]};
-  const double wrong = 0x1p-49 * norm(high - low);   // of what is computed, more than it is off
-  for (std::size_t at = nodes_.size(); at-- > 0;) {  // parts come after the whole
+  const double wrong = 0x1p-49 * norm(high - low);   // bound on the error of the values below
+  for (std::size_t at = nodes_.size(); at-- > 0;) {  // children come after their parent
     const Node& node = nodes_[at];
     first[at] = node.is_leaf() ? node.begin() : first[at + 1];
     end[at] = node.is_leaf() ? node.end() : end[node.right];

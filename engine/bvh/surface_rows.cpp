@@ -18,7 +18,7 @@ bool SurfaceLister::advance(std::size_t steps) {
   return false;
 }
 
-// Whether the part has more to go through; else the next one begins.
+// Whether the current step has more to process; otherwise the next one begins.
 bool SurfaceLister::goes_on(std::size_t count, Part next) {
   if (at_ < count) return true;
   at_ = 0;
@@ -42,13 +42,13 @@ bool SurfaceLister::step() {
     case Part::kCorners:
       if (goes_on(corners, Part::kStarts)) {
         rows_.corners.push_back(number_[surface_.triangles()[at_ / 3][at_ % 3]]);
-        ++begin_[rows_.corners.back()];  // so many, at first
+        ++begin_[rows_.corners.back()];  // counts, at first
         ++at_;
       }
       return false;
     case Part::kStarts:
       if (goes_on(begin_.size(), Part::kTriangles)) {
-        begin_[at_] += at_ > 0 ? begin_[at_ - 1] : 0;  // where they end, until kTriangles has gone back over them
+        begin_[at_] += at_ > 0 ? begin_[at_ - 1] : 0;  // ends of the lists; kTriangles fills them from behind
         ++at_;
         return false;
       }
@@ -76,7 +76,7 @@ bool SurfaceLister::step() {
   return true;
 }
 
-// One triangle of the vertex whose turn it is, or the next corner where all that hangs together has been met.
+// Takes one triangle of the current vertex, or the next corner after all of a connected component.
 bool SurfaceLister::walk() {
   if (done_ < order_.size()) {
     if (next_ < begin_[order_[done_] + 1]) {

@@ -1,4 +1,4 @@
-// How often a closed mesh winds around a point, by a ray from it along +x (crossing.h). All signs are exact.
+// Winding number of a closed mesh around a point, by a ray from it along +x (crossing.h). All signs are exact.
 #include <vector>
 
 #include "engine/base/orientation.h"

@@ -1,5 +1,4 @@
-// Boxes that surely hold what stands in them: of placed pieces, put together, and how far apart they are. For host and
-// device.
+// Boxes that are proved to contain placed convex parts, their unions and the gaps between them. For host and device.
 #pragma once
 
 #include <cmath>
@@ -17,9 +16,10 @@ namespace clearance {
 struct Aabb {
   Vec3d low, high;
 };
-/// A box that surely holds a placed piece, radius included: around the piece's own box as it stands turned and around
-/// the ball about its centre. \param t_w the body's origin in the world. \param centre, half, spread, rho, radius the
-/// piece's.
+/// A box proved to contain a placed part, radius included: the intersection of the rotated part's own box with the ball
+/// about its centre.
+/// \param centre,half,spread,rho,radius of the part
+/// \param t_w the body's origin in the world
 CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, double spread, double rho, double radius,
                                      const Mat3d& R_wb, const Vec3d& t_w) {
   using std::abs;
@@ -37,12 +37,12 @@ CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, dou
   }
   return box;
 }
-/// Metres: farther out than any body can be, and small enough to be squared.
+/// Metres: farther than any body can be, and small enough to be squared.
 inline constexpr double kBeyondAll = 1e100;
 
-/// A box that surely holds a placed half-space, z <= radius in the body's frame, as far out as bodies may be. Only
-/// where its plane lies along two of the world's axes does it leave room beside it. An entry of a rotation that is
-/// computed as 0 is 0 (docs/bounds.md, boxes).
+/// A box proved to contain a placed half-space, z <= radius in the body's frame, as far out as bodies may be. It leaves
+/// free space only if the plane lies along two of the world's axes. An entry of a rotation that is computed as 0 is 0
+/// (docs/bounds.md, boxes).
 inline Aabb certify_half_space_box(double radius, const Mat3d& R_wb, const Vec3d& t_w) {
   Aabb box{{-kBeyondAll, -kBeyondAll, -kBeyondAll}, {kBeyondAll, kBeyondAll, kBeyondAll}};
   const Vec3d n{R_wb.row[0].z, R_wb.row[1].z, R_wb.row[2].z};
@@ -60,7 +60,7 @@ inline Aabb certify_box(const Piece& piece, const Mat3d& R_wb, const Vec3d& t_w)
   if (is_half_space(piece)) return certify_half_space_box(piece.radius, R_wb, t_w);
   return certify_box(piece.centre, piece.half, piece.spread, piece.rho, piece.radius, R_wb, t_w);
 }
-/// A lower bound on the distance of whatever two boxes hold; 0 if they touch.
+/// Lower bound on the distance of the contents of two boxes; 0 if they touch.
 CLEARANCE_HD inline double certify_box_gap(const Aabb& a, const Aabb& b) {
   Vec3d gap;
   for (int k = 0; k < 3; ++k) {
@@ -71,13 +71,13 @@ CLEARANCE_HD inline double certify_box_gap(const Aabb& a, const Aabb& b) {
   return norm(gap) * (1 - 8 * 0x1p-53);
 }
 
-/// Holds nothing (low > high), and adds nothing to what it is joined with.
+/// The empty box (low > high), neutral in joined().
 inline constexpr Aabb kEmptyBox{{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(),
                                  std::numeric_limits<double>::infinity()},
                                 {-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
                                  -std::numeric_limits<double>::infinity()}};
 
-/// A box that holds whatever is no farther than `by` metres from something in this one.
+/// A box that contains all points within `by` metres of this one's contents.
 CLEARANCE_HD inline Aabb grown(Aabb box, double by) {
   for (int k = 0; k < 3; ++k) {
     box.low[k] = difference_below(box.low[k], by);
@@ -86,7 +86,7 @@ CLEARANCE_HD inline Aabb grown(Aabb box, double by) {
   return box;
 }
 
-/// The least box that holds both.
+/// The least box that contains both.
 CLEARANCE_HD inline Aabb joined(const Aabb& a, const Aabb& b) {
   Aabb box;
   for (int k = 0; k < 3; ++k) {

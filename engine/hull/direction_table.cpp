@@ -14,7 +14,7 @@ namespace clearance {
 namespace {
 
 constexpr std::size_t kCompareAll = 32;  // lists up to this length are compared each with each
-constexpr int kBelowGrid = 6;            // how often a cell of the grid may be divided
+constexpr int kBelowGrid = 6;            // maximum divisions of a cell of the grid
 constexpr double kMargin = 128 * 0x1p-53;
 
 // The direction of a point of the square [-1, 1]^2, |x| + |y| + |z| = 1. Exact for the dyadic numbers that cells have.
@@ -52,7 +52,7 @@ typedef double Lanes __attribute__((vector_size(8 * kLanes)));
 typedef std::int64_t Mask __attribute__((vector_size(8 * kLanes)));
 typedef double LanesInMemory __attribute__((vector_size(8 * kLanes), may_alias));  // of doubles on such a boundary
 struct Column {
-  alignas(8 * kLanes) double at[kChunk];  // said in numbers: how a vector is aligned depends on the instruction set
+  alignas(8 * kLanes) double at[kChunk];  // explicit: a vector's alignment depends on the instruction set
   LanesInMemory& lanes(std::size_t i) { return *reinterpret_cast<LanesInMemory*>(at + i); }
   const LanesInMemory& lanes(std::size_t i) const { return *reinterpret_cast<const LanesInMemory*>(at + i); }
 };
@@ -73,7 +73,7 @@ struct Farthest {
   double value = -1e300;
   std::size_t index = 0;
 };
-// Takes the largest values, and the largest sums of the values at each child's corners, into what was found so far.
+// Merges the largest values, and the largest sums of the values at each child's corners, into those found so far.
 // \param first the index of the first vertex
 CLEARANCE_CLONES void farthest(const Column (&values)[9], std::size_t padded, std::size_t first,
                                Farthest (&found)[13]) {
@@ -94,7 +94,7 @@ CLEARANCE_CLONES void farthest(const Column (&values)[9], std::size_t padded, st
   }
 }
 
-// beaten[i] is not 0 where one of the bars is above all four values of i.
+// Sets beaten[i] to nonzero if one of the bars is above all four values of i.
 CLEARANCE_CLONES void compare(const Column& s0, const Column& s1, const Column& s2, const Column& s3,
                               std::size_t padded, const double (*bar)[4], std::size_t bars, std::int64_t* beaten) {
   for (std::size_t i = 0; i < padded; i += kLanes) {
@@ -112,7 +112,7 @@ class Divider {
                   std::vector<std::uint32_t> (&children)[4]) {
     gather(vertices, from);
     for (int child = 0; child < 4; ++child) kept_[child].resize(padded_), kept_count_[child] = 0;
-    // Any vertex may challenge, one that was beaten itself, too: what beat it beats the others by more.
+    // Any vertex may challenge, even one that was beaten: its winner beats the others by more.
     if (count_ <= kCompareAll)
       challenge_all(lattice);
     else
@@ -135,13 +135,13 @@ class Divider {
       x_[i] = v.x, y_[i] = v.y, z_[i] = v.z;
     }
   }
-  // Values along the lattice's directions of the vertices from `at` on. Returns how many there are, padded.
+  // Values of the vertices from `at` on along the lattice's directions. Returns their number, padded.
   std::size_t look(const Lattice& lattice, std::size_t at) {
     const std::size_t size = std::min(padded_ - at, kChunk);
     values_along(x_.data() + at, y_.data() + at, z_.data() + at, size, lattice.direction, value_);
     return size;
   }
-  // Keeps of the vertices from `at` on those that no bar beats.
+  // Keeps those vertices from `at` on that no bar beats.
   void keep(int child, std::size_t at, std::size_t size, const double (*bar)[4], std::size_t bars) {
     const int* c = kCorner[child];
     compare(value_[c[0]], value_[c[1]], value_[c[2]], value_[c[3]], size, bar, bars, beaten_);
@@ -166,10 +166,10 @@ class Divider {
     }
   }
 
-  // Challengers: what is farthest along each lattice direction, and along the middle of each child's corners.
+  // Challengers: the farthest vertex along each lattice direction, and along the middle of each child's corners.
   void challenge_farthest(const Lattice& lattice) {
     Farthest far[13];
-    // Of a long list a part is looked through, since its cell is divided again anyway.
+    // A long list is only sampled, since its cell is divided again anyway.
     const std::size_t stride = count_ > kSampleFrom ? 8 * kChunk : kChunk;
     for (std::size_t at = 0; at < padded_; at += stride) {
       const std::size_t size = look(lattice, at);
@@ -205,12 +205,12 @@ class Divider {
 struct Cell {
   std::uint32_t u, v;
   std::vector<std::uint32_t> list;  // vertices that may be farthest somewhere in it, ascending
-  std::uint32_t word = 0;           // below the grid: where its word stands
+  std::uint32_t word = 0;           // below the grid: index of its word
   bool final = false;
 };
 
-// Writes a final cell's list, and where it stands into all words that the cell covers.
-// \param above how many levels it is above the grid's; below 0: it has a word of its own
+// Writes a final cell's list, and its position into all words that the cell covers.
+// \param above number of levels above the grid's; negative if it has a word of its own
 void put_list(DirectionTable& table, const Cell& cell, int above) {
   const auto at = static_cast<std::uint32_t>(table.lists.size());
   table.lists.push_back(static_cast<std::uint32_t>(cell.list.size()));
@@ -253,7 +253,7 @@ DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho,
       divide(vertices, cell.list, lattice_of(cell.u, cell.v, level, margin), lists);
       std::size_t sum = 0;
       for (const auto& list : lists) sum += list.size();
-      // Where dividing hardly shortens the lists (coplanar vertices, or all vertices alike from far away), it ends.
+      // Division ends if it hardly shortens the lists (coplanar vertices, or all vertices alike from far away).
       const bool in_vain = level > 3 && 4 * sum > 14 * cell.list.size();
       for (std::uint32_t q = 0; q < 4; ++q) {
         const bool final = lists[q].size() <= few || level + 1 >= deepest || in_vain;
@@ -303,7 +303,7 @@ bool is_sound(const DirectionTable& table, std::size_t vertices) {
       if (table.lists[i + k] >= vertices) return false;
     i += count + 1;
   }
-  // Cells must point at where a list begins.
+  // Cells must point to the beginning of a list.
   std::vector<bool> begins(table.lists.size(), false);
   for (std::size_t i = 0; i < table.lists.size(); i += table.lists[i] + 1) begins[i] = true;
   return std::all_of(table.cells.begin(), table.cells.end(),

@@ -4,8 +4,8 @@
 // into a square; T. Engelhardt, C. Dachsbacher, "Octahedron environment maps", VMV 2008). Within a cell a direction is
 // a combination of the cell's corner directions with weights >= 0, since every fold of the map runs along cell borders
 // or diagonals. A vertex that another vertex beats at all four corners, by more than any rounding, can therefore be
-// farthest along no direction of the cell, and is left out of its list. So the table is exact, whatever the hull's
-// faces and edges look like.
+// farthest along no direction of the cell, and is left out of its list. So the table is exact for any faces and edges
+// of the hull.
 #pragma once
 
 #include <cstdint>
@@ -19,34 +19,34 @@ namespace clearance {
 
 struct DirectionTable {
   /// (grid_cells^2,) first, then groups of four cells that a crowded cell is divided into (low u, low v first; then
-  /// high u). A cell's word: kDivided | index of the first of its four, or where its list begins in `lists`.
+  /// high u). A cell's word is kDivided | index of the first of its four, or the position of its list in `lists`.
   std::vector<std::uint32_t> cells;
-  /// Lists one after another: how many vertices, then their indices, ascending.
+  /// Lists one after another: number of vertices, then their indices, ascending.
   std::vector<std::uint32_t> lists;
   std::uint32_t grid_bits = 0;  ///< log2 of the cells along each axis of the grid
 
   static constexpr std::uint32_t kDivided = 1u << 31;
   static constexpr int kDeepest = 16;  ///< log2 of the finest cells along an axis
 
-  /// The vertices one of which is farthest along n (any finite length; of no use for 0). All vertices within
-  /// 32 u |n| rho of the farthest are among them, u = 2^-53.
+  /// Vertices that include the farthest along n (any finite length except 0). All vertices within 32 u |n| rho of the
+  /// farthest are among them, u = 2^-53.
   std::span<const std::uint32_t> candidates(const Vec3d& n) const;
   std::size_t bytes() const { return (cells.capacity() + lists.capacity()) * sizeof(std::uint32_t); }
 };
 
-/// What of a table is a matter of taste.
+/// Tuning parameters of a table.
 struct TableStyle {
   std::size_t few = 6;      ///< vertices of a list that is not worth dividing further
   std::uint32_t finer = 0;  ///< added to grid_bits
-  /// Lists hold also what a vertex farther by this may hide, metres per length of the direction: for directions that
-  /// are looked up with an error.
+  /// Lists also hold vertices that one farther by this may hide, in metres per length of the direction: for directions
+  /// that are looked up with an error.
   double blur = 0;
 };
 
-/// Whether every path through the cells ends at a list of vertices that there are. That the lists are right is more.
+/// Whether every path through the cells ends at a list of valid vertices. Does not test the lists themselves.
 bool is_sound(const DirectionTable& table, std::size_t vertices);
 
-/// \param rho max |v| over the vertices. At least one vertex.
+/// \param rho max |v| over the vertices, of which there is at least one
 DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, const TableStyle& style);
 inline DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, std::size_t few = 6) {
   return make_direction_table(vertices, rho, TableStyle{.few = few});
@@ -54,12 +54,12 @@ inline DirectionTable make_direction_table(std::span<const Vec3d> vertices, doub
 
 /// The blur that lets float32 find a direction's list, for directions of lengths from 10^-30 to 10^30: see
 /// docs/bounds.md.
-/// \param spread no vertex is farther from a point among them; metres
+/// \param spread bound on the vertices' distance from a point among them, metres
 constexpr double float_blur(double spread) {
   return 64 * 0x1p-24 * spread;
 }
 
-/// Where a direction lies in the unfolded square, in units of the finest cells. A scalar or a pack.
+/// Position of a direction in the unfolded square, in units of the finest cells. A scalar or a pack.
 template <class T>
 struct MapPoint {
   T u, v;
@@ -76,14 +76,14 @@ CLEARANCE_INLINE MapPoint<T> map_point(const Vec3<T>& n) {
   v = select(low_z, folded_v, v);
   u = select(low_x, half - u, half + u);
   v = select(low_y, half - v, half + v);
-  // Also takes what a direction without length or with an infinity makes.
+  // also for directions of length 0 or with an infinity
   u = select(u > zero, select(u < last, u, last), zero);
   v = select(v > zero, select(v < last, v, last), zero);
   return {u, v};
 }
 
-/// The finest cell that holds a direction, by float32: map_point() without a look at what only directions without
-/// length make. A device's quick quotients serve: the margin of blurred tables covers that.
+/// The finest cell that holds a direction, by float32: map_point() without the handling of directions of length 0. A
+/// device's fast division suffices, since the margin of blurred tables covers it.
 struct CellPoint {
   std::uint32_t u, v;
 };
@@ -104,8 +104,9 @@ CLEARANCE_HD inline CellPoint cell_point(const Vec3<float>& n, float inverse) {
   return {static_cast<std::uint32_t>(i < last ? i : last), static_cast<std::uint32_t>(j < last ? j : last)};
 }
 
-/// Where the list for that point begins. \param cells cells[i]: words of any width; the highest bit is
-/// DirectionTable::kDivided. \param map_u, map_v scalars
+/// Position of the list for that point.
+/// \param cells words of any width, as cells[i]; the highest bit is DirectionTable::kDivided
+/// \param map_u,map_v scalars
 template <class Cells, class T>
 CLEARANCE_INLINE std::uint32_t find_list(const Cells& cells, std::uint32_t grid_bits, const T& map_u, const T& map_v) {
   const auto u = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_u)),

@@ -21,10 +21,10 @@ namespace {
 
 constexpr std::uint32_t kNowhere = std::numeric_limits<std::uint32_t>::max();
 
-// Vertices of the sample whose hull sorts out the bulk of a large set before Qhull sees the rest.
+// Size of the sample whose hull removes most inner points of a large set before Qhull.
 constexpr std::size_t kSampleVertices = 20'000;
 
-// A closed surface of triangles around an apex, seen from which the others tile it: each with the apex makes a
+// A closed surface of triangles around an apex, from which the others are all visible: each with the apex makes a
 // tetrahedron.
 class Fan {
  public:
@@ -37,19 +37,18 @@ class Fan {
   /// A triangle to begin from.
   std::uint32_t start() const { return start_; }
 
-  // Walks from triangle `*at` towards the one that the ray from the apex through p leaves the surface by, and tries to
-  // prove that p lies in its tetrahedron. `*at` is left where the walk ended.
+  // Walks from triangle `*at` towards the one where the ray from the apex through p leaves the surface, and tries to
+  // prove that p lies in its tetrahedron. `*at` becomes the walk's last triangle.
   bool holds(const Vec3d& p, std::uint32_t* at) const {
     const Vec3d& o = points_[apex_];
     std::uint32_t t = *at, before = kNowhere;
-    // A walk through well-shaped triangles takes about the square root of their number; more means that it goes in
-    // circles.
+    // A walk through well-shaped triangles takes about the square root of their number; a longer one goes in circles.
     for (std::size_t step = 0, steps = 64 + 4 * static_cast<std::size_t>(std::sqrt(double(triangles_.size())));
          step < steps; ++step) {
       *at = t;
       const Triangle& c = triangles_[t];
-      // From the apex, outside of the triangle's edge k: det[a - o, b - o, p - o] < 0 for an edge a, b. Rounded: only a
-      // walk.
+      // From the apex, outside of the triangle's edge k: det[a - o, b - o, p - o] < 0 for an edge a, b. Rounding does
+      // no harm to a walk.
       std::uint32_t next = kNowhere;
       for (int k = 0; k < 3 && next == kNowhere; ++k) {
         const int edge = static_cast<int>((k + step) % 3);  // another edge first each time, against circles
@@ -70,11 +69,11 @@ class Fan {
     const Triangle& c = triangles_[t];
     return c[0] == apex_ || c[1] == apex_ || c[2] == apex_;
   }
-  // Whether p lies in the tetrahedron of the apex and a triangle, its boundary included: proved.
+  // Whether p is proved to lie in the tetrahedron of the apex and a triangle, its boundary included.
   bool inside(const Triangle& t, const Vec3d& p) const {
     const Vec3d &o = points_[apex_], &a = points_[t[0]], &b = points_[t[1]], &c = points_[t[2]];
     const int whole = orientation(a, b, c, o);
-    if (whole == 0) return false;  // flat: no test could say on which side of it p lies
+    if (whole == 0) return false;  // flat: no test could decide on which side of it p lies
     // p on the same side of each face as the corner across from it.
     return orientation(a, b, c, p) * whole >= 0 && orientation(a, b, p, o) * whole >= 0 &&
            orientation(b, c, p, o) * whole >= 0 && orientation(c, a, p, o) * whole >= 0;
@@ -87,7 +86,7 @@ class Fan {
   std::uint32_t start_ = 0;
 };
 
-// For each triangle's edge (corner k to k + 1) the triangle on its other side; kNowhere where there is none.
+// For each triangle's edge (corner k to k + 1) the triangle on its other side, or kNowhere.
 std::vector<std::array<std::uint32_t, 3>> triangles_across(std::span<const Triangle> triangles) {
   struct Edge {
     std::uint32_t from, to, triangle, k;
@@ -107,13 +106,14 @@ std::vector<std::array<std::uint32_t, 3>> triangles_across(std::span<const Trian
   return across;
 }
 
-// Marks (with true) those points that are proved inside the hull of the corners of `triangles`, which are not marked.
-// \param thorough tries again where a proof fails.
+// Marks (with true) the points that are proved to lie inside the hull of the corners of `triangles`; corners are not
+// marked.
+// \param thorough tries again after a failed proof
 std::vector<char> proved_inside(std::span<const Vec3d> points, std::span<const Triangle> triangles, bool thorough) {
   std::vector<char> is_corner(points.size(), 0), inside(points.size(), 0);
   for (const Triangle& t : triangles)
     for (const std::uint32_t i : t) is_corner[i] = 1;
-  // A point on a face that holds the apex is in flat tetrahedra only: some other apex sees it. These are far apart.
+  // A point on a face that holds the apex is in flat tetrahedra only, but not for all apexes. These are far apart.
   std::vector<std::uint32_t> apexes;
   for (int k = 0; k < 3; ++k) {
     std::uint32_t low = triangles[0][0], high = low;
@@ -144,7 +144,7 @@ std::vector<char> proved_inside(std::span<const Vec3d> points, std::span<const T
   return inside;
 }
 
-// Keeps, in order, the points that are not marked, and renames the corners of triangles accordingly.
+// Keeps the unmarked points in order, and renumbers the corners of triangles accordingly.
 template <class T>
 std::vector<T> unmarked(const std::vector<T>& all, const std::vector<char>& marked,
                         std::vector<std::uint32_t>* new_index) {
@@ -163,7 +163,7 @@ void rename(std::vector<Triangle>* triangles, const std::vector<std::uint32_t>& 
     for (std::uint32_t& i : t) i = new_index[i];
 }
 
-// Hull of the kept points by Qhull; then what it left out is dropped where that is proved.
+// Hull of the kept points by Qhull, without the points that are proved to be inner.
 Hull hull_by_qhull(std::vector<Vec3d> points) {
   Hull hull;
   hull.triangles = qhull_triangles(points);
@@ -178,7 +178,7 @@ Hull hull_by_qhull(std::vector<Vec3d> points) {
   return hull;
 }
 
-// Drops the bulk of the inner points of a large set, proved inside the hull of a sample.
+// Drops most inner points of a large set, proved inside the hull of a sample.
 std::vector<Vec3d> without_bulk(std::vector<Vec3d> points) {
   std::vector<Vec3d> sample;
   const std::size_t stride = (points.size() + kSampleVertices - 1) / kSampleVertices;
@@ -213,7 +213,7 @@ Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> t
     unique = unique_positions<double>(vertices);
   std::vector<Vec3d> points = std::move(unique.positions);
   Hull hull;
-  // Coordinates that no exact test could be made of: nothing can be proved, so nothing is dropped.
+  // Coordinates unsuited to exact tests: nothing can be proved, so nothing is dropped.
   if (!std::all_of(points.begin(), points.end(), orientation_applies)) {
     hull.vertices = std::move(points);
     return hull;

@@ -1,4 +1,4 @@
-// From the vertices that were loaded to the vertices of a piece.
+// Computes the vertices of a convex part from those loaded.
 #pragma once
 
 #include <cstdint>
@@ -13,32 +13,32 @@ namespace clearance {
 
 /// The vertices that span a convex hull, and a guess of its faces.
 struct Hull {
-  std::vector<Vec3d> vertices;  ///< distinct, in the order given
-  std::vector<Triangle>
-      triangles;  ///< a guess of the hull's faces, outward; empty for flat sets and where none was made
+  std::vector<Vec3d> vertices;      ///< distinct, in the order given
+  std::vector<Triangle> triangles;  ///< a guess of the hull's faces, outward; empty for flat sets and without a guess
 };
 
-/// The hull of `vertices`: exact duplicates merged, and any other vertex left out only if it is proved to lie in a
-/// tetrahedron of vertices that are kept or are themselves proved inside; where the proof fails, the vertex is kept.
+/// The hull of `vertices`. Exact duplicates are merged. Any other vertex is left out only if it is proved to lie in a
+/// tetrahedron of vertices that are kept or are themselves proved inside; without a proof it is kept.
 ///
 /// Qhull guesses which vertices are needed; the proof is four exact orientation tests (orientation.h). Meshes of more
-/// than kHullCheckVertices that are seen to be convex already are taken as they are. \param vertices finite, at least
-/// one. \param triangles faces that join them, if there are any; indices among them. \param distinct the caller has
-/// merged duplicates already; a few that are left do no harm.
+/// than kHullCheckVertices that are found to be convex already are kept unchanged.
+/// \param vertices finite, at least one
+/// \param triangles faces that join them, or none; indices among them
+/// \param distinct the caller has merged duplicates already; a few remaining ones do no harm
 Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> triangles = {}, bool distinct = false);
 
-/// Meshes of more vertices are looked at for being convex before Qhull is asked.
+/// Meshes of more vertices are tested for convexity before Qhull runs.
 inline constexpr std::size_t kHullCheckVertices = 5'000;
-/// Qhull is not given more vertices than this; it would take longer than a robot cares to wait.
+/// Maximum number of vertices for Qhull; more would take too long.
 inline constexpr std::size_t kHullMaxVertices = 150'000;
 
-/// Throws std::invalid_argument for no vertex, and for a coordinate that is not finite or too large.
+/// Throws std::invalid_argument without vertices, and for a coordinate that is not finite or too large.
 void check_vertices(std::span<const Vec3d> vertices);
 
-/// The convex piece spanned by `vertices` and grown by `radius`, of reduce_to_hull().
-/// \param faces receives the guess of its faces, if not null.
-/// \param loaded_vertices how many there were before duplicates were merged by the caller (`distinct`); 0: those given.
-/// Throws std::invalid_argument as make_piece() does.
+/// The convex part spanned by `vertices` and grown by `radius`, from reduce_to_hull(). Throws std::invalid_argument as
+/// make_piece() does.
+/// \param faces receives the guess of its faces, if not null
+/// \param loaded_vertices their number before the caller merged duplicates (`distinct`), or 0 for those given
 PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
                          std::uint64_t loaded_vertices = 0, bool distinct = false,
                          std::vector<Triangle>* faces = nullptr);

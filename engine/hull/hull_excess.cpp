@@ -15,11 +15,11 @@ namespace clearance {
 
 namespace {
 
-// Everything here is in units of the hull's spread about its centre, in which rounding is a few 1e-15.
+// All lengths are in units of the hull's spread about its centre, in which rounding is a few 1e-15.
 constexpr double kRounding = 1e-12;
-constexpr double kNegligible = 0.01;  // how large a bound is taken as it is
-constexpr double kTooMuch = 1.25;     // how much larger than a distance that was met
-constexpr std::size_t kPlanes = 512;  // of the hull, that cells are held against
+constexpr double kNegligible = 0.01;  // a bound up to this is not refined
+constexpr double kTooMuch = 1.25;     // target ratio of the bound to a distance that was found
+constexpr std::size_t kPlanes = 512;  // of the hull, to bound the cells
 
 struct Solid {
   double volume = 0;
@@ -86,7 +86,7 @@ class Measure {
     return {distance * hull_.spread * (1 + kRounding), hull * cube, solid * cube};
   }
 
-  // Of a mesh whose triangles form a sphere, and planes say something of: 0 where it is proved convex.
+  // For a mesh whose triangles form a sphere, with planes that give a bound: 0 if it is proved convex.
   std::optional<double> convex_bound() const {
     const MeshRows rows(points_.size(), triangles_);
     if (triangles_.empty() || !rows.is_sphere()) return {};
@@ -94,16 +94,16 @@ class Measure {
     return bound && *bound <= kRounding && rows.is_exactly_convex(positions_) ? std::optional(0.0) : bound;
   }
 
-  // How far the hull reaches along a direction of length 1.
+  // Reach of the hull along a direction of length 1.
   double reach(const Vec3d& n) const {
     return (support(hull_, n).value - dot(n, hull_.centre)) / hull_.spread + rounding_of_place();
   }
-  // A hull far from its frame's origin: what is lost there.
+  // Rounding for a hull far from its frame's origin.
   double rounding_of_place() const { return 16 * 0x1p-53 * (1 + hull_.rho / hull_.spread); }
 
   // The points below all planes of the faces lie inside a closed mesh. The hull lies below these planes moved outward
-  // by what the vertices stand above them, and so within the former, grown about a point there: by B + h where it was B
-  // from the plane. None if the point is above a plane.
+  // by the height of vertices over them, and so within the former, grown about a point there: by B + h where it was B
+  // from the plane. Nothing if the point is above a plane.
   std::optional<double> bound_by_planes(const Vec3d& centre) const {
     double worst = 0;
     for (const Triangle& t : triangles_) {
@@ -167,8 +167,8 @@ class Measure {
     return {false, within};
   }
 
-  // No point of a cell is farther from the mesh than the cell's centre and half of its diagonal. The cell for which
-  // that is most is divided, until little is gained.
+  // No point of a cell is farther from the mesh than the cell's centre and half of its diagonal. The cell with the
+  // largest such sum is divided, until little is gained.
   double divide(const TriangleTree& tree) const {
     const std::vector<Plane> walls = planes();
     struct Cell {

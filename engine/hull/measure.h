@@ -1,4 +1,4 @@
-// How large a hull is, measured alike on the host and on a device.
+// Extents of a hull, measured alike on the host and on a device.
 #pragma once
 
 #include <cmath>
@@ -13,8 +13,8 @@ CLEARANCE_HD inline double padded(double length) {
   return length * (1 + 8 * 0x1p-52);
 }
 
-/// Where a hull's vertices are, and how far they reach; its radius stays. \param vertex returns that of a number below
-/// `count`, which is at least 1
+/// Sets centre, half, rho and spread of a hull.
+/// \param vertex returns the vertex of an index below `count`, which is at least 1
 template <class Vertex>
 CLEARANCE_HD inline void measure_hull(std::uint32_t count, const Vertex& vertex, HullExtents& hull) {
   Vec3d low = vertex(0), high = low;

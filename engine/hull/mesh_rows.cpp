@@ -28,8 +28,8 @@ MeshRows::MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles
               [](const Edge& a, const Edge& b) { return a.to < b.to; });
 }
 
-// Each edge from a is run along exactly once each way, and good(a, b, c, d) holds of its triangle a, b, c and the
-// corner d across it.
+// Whether triangles use each edge from a exactly once each way, and good(a, b, c, d) holds for its triangle a, b, c and
+// the corner d across it.
 template <class Good>
 bool MeshRows::is_good_at(std::uint32_t a, const Good& good) const {
   const std::span<const Edge> edges = row(a);
@@ -41,7 +41,7 @@ bool MeshRows::is_good_at(std::uint32_t a, const Good& good) const {
     const auto found =
         std::lower_bound(back.begin(), back.end(), a, [](const Edge& e, std::uint32_t to) { return e.to < to; });
     if (found == back.end() || found->to != a) return false;
-    if (b > a && !good(a, b, c, found->opposite)) return false;  // the other way it is looked at from there
+    if (b > a && !good(a, b, c, found->opposite)) return false;  // the other way is tested from there
   }
   return true;
 }

@@ -1,4 +1,4 @@
-// Which vertices a mesh joins, row by row, and whether it is closed and convex.
+// Adjacency of a mesh's vertices, row by row, with tests whether the mesh is closed and convex.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace clearance {
 
-/// Edges of triangles as these run along them, by the vertex that they start from. No triangle may name a vertex twice.
+/// Directed edges of triangles, by their first vertex. No triangle may have the same vertex twice.
 class MeshRows {
  public:
   MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles);
@@ -18,8 +18,8 @@ class MeshRows {
   /// Whether the triangles form one closed surface of the topology of a sphere that uses every vertex and is nowhere
   /// concave by more than 1e-6 of its size: the rounding of positions to float32 makes edges slightly concave.
   bool is_convex(std::span<const Vec3d> vertices) const;
-  /// The same without a tolerance, by exact tests; false where a triangle is so thin that its plane is not known. A
-  /// surface that winds around itself more than once is not told apart.
+  /// The same without a tolerance, by exact tests; false if a triangle is so thin that its plane is unknown. Does not
+  /// detect a surface that winds around itself more than once.
   bool is_exactly_convex(std::span<const Vec3d> vertices) const;
   /// Whether the triangles form one closed surface of the topology of a sphere that uses every vertex.
   bool is_sphere() const;

@@ -19,7 +19,7 @@ namespace clearance {
 
 namespace {
 
-// Lists of the direction table; longer ones of hulls whose table is large and long in the making.
+// List lengths of the direction table. Large hulls get longer lists, since their tables are large and slow to build.
 constexpr std::size_t kFew = 6, kFewOfMany = 16, kMany = 200000;
 
 constexpr std::size_t kWidestRegister = 64;  // bytes
@@ -92,7 +92,7 @@ void remake_piece(Piece& piece, std::span<const Vec3d> vertices, double radius) 
 }
 
 Piece without_table(const Piece& piece) {
-  if (piece.primitive) return piece;  // nothing of it is made of vertices
+  if (piece.primitive) return piece;  // does not depend on vertices
   Piece plain;
   plain.vertices = piece.vertices;
   plain.radius = piece.radius;

@@ -1,7 +1,7 @@
 // Cores in closed form: convex sets that no finite number of vertices spans.
 //
-// A piece of one holds a point of it, the origin, as its only vertex, so that whoever makes points of vertices makes
-// points of the core. support() knows how far it reaches, farthest() where.
+// Such a part has a single vertex, the origin, which is a point of the core, so that code that derives points from
+// vertices gets points of the core. support() returns the reach along a direction, farthest() the point there.
 #pragma once
 
 #include <cstdint>
@@ -14,14 +14,14 @@ namespace clearance {
 /// A core in the body's frame.
 struct Primitive {
   enum class Kind : std::uint8_t {
-    kHalfSpace = 1,  ///< all points with z <= 0; the extents of its piece are not its own, but certify_box() knows
+    kHalfSpace = 1,  ///< all points with z <= 0; its part's extents do not apply, but certify_box() handles it
     kCone = 2,       ///< along z: a disc at -size.z, the apex at size.z
     kEllipsoid = 3,  ///< about the origin
     kCylinder = 4,   ///< along z: discs at -size.z and size.z
   };
   Kind kind;
-  /// Metres: half extents. Of a cone or cylinder radius, radius and half its length, of an ellipsoid its half axes; of
-  /// a half-space 0.
+  /// Metres: half extents. For a cone or cylinder radius, radius and half its length, for an ellipsoid its half axes;
+  /// for a half-space 0.
   Vec3d size{0, 0, 0};
 
   friend bool operator==(const Primitive& a, const Primitive& b) {
@@ -29,33 +29,33 @@ struct Primitive {
   }
 };
 
-/// As scene files call it.
+/// Name in scene files.
 const char* name_of(Primitive::Kind kind);
 
-/// A piece of a core in closed form, grown by a radius. Throws std::invalid_argument for a negative or non-finite
+/// A part with a core in closed form, grown by a radius. Throws std::invalid_argument for a negative or non-finite
 /// radius, and for sizes that are not above 0 and at most 1e60 m.
 PiecePtr make_primitive_piece(const Primitive& primitive, double radius = 0);
 
 inline bool is_half_space(const Piece& piece) {
   return piece.primitive && piece.primitive->kind == Primitive::Kind::kHalfSpace;
 }
-/// Whether a core is bounded, and its surface curved.
+/// Whether a core is bounded, with a curved surface.
 inline bool is_round(const Piece& piece) {
   return piece.primitive && piece.primitive->kind != Primitive::Kind::kHalfSpace;
 }
-/// Whether two pieces' cores are of the same primitive, or both of none.
+/// Whether two parts' cores are the same primitive, or both hulls.
 inline bool same_primitive(const Piece& a, const Piece& b) {
   return a.primitive && b.primitive ? *a.primitive == *b.primitive : a.primitive == b.primitive;
 }
 
-/// A point of a round core, and how far the core reaches along a direction.
+/// A point of a round core, and the core's reach along a direction.
 template <class T>
 struct FarthestPoint {
   Vec3<T> point;  ///< within 7 u rho of the core
   T value;        ///< n . x <= value + 5 u |n| rho for all x of it
 };
-/// The farthest along n: any direction but zero, the body's frame. u is the unit roundoff of T: docs/bounds.md, round
-/// cores.
+/// The farthest point along n: any direction but zero, the body's frame. u is the unit roundoff of T: docs/bounds.md,
+/// round cores.
 template <class T>
 FarthestPoint<T> farthest(const Primitive& round, const Vec3<T>& n);
 

@@ -12,8 +12,8 @@ namespace clearance {
 
 namespace {
 
-// Centred, and each axis scaled to [-1, 1]: the same hull, and neither a needle nor a far place tires Qhull.
-// Empty if all points share a coordinate.
+// Centred, and each axis scaled to [-1, 1]: the same hull, without extreme aspect ratios or offsets that Qhull handles
+// badly. Empty if all points share a coordinate.
 std::vector<coordT> normalised(std::span<const Vec3d> points) {
   Vec3d low = points[0], high = points[0];
   for (const Vec3d& v : points)

@@ -1,4 +1,4 @@
-// Qhull's opinion of a convex hull. Qhull merges facets, so vertices and edges may be missing: a guess, never a proof.
+// Qhull's guess of a convex hull. Qhull merges facets, so vertices and edges may be missing: a guess, never a proof.
 #pragma once
 
 #include <span>

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 
-// Taylor series in double-double for 0 <= a <= pi/4; the first term left out is below 2^-106.
+// Taylor series in double-double for 0 <= a <= pi/4; the first omitted term is below 2^-106.
 void sin_cos_series(const DoubleDouble& a, double* sine, double* cosine) {
   const DoubleDouble minus_a2 = -(a * a);
   DoubleDouble s = a, c = 1.0, term_s = a, term_c = 1.0;
@@ -107,7 +107,7 @@ Shape make_cylinder(double radius, double length) {
   double sine, cosine;
   sin_cos_pi(1, n, &sine, &cosine);
   const double corner =
-      radius / cosine * (1 + 8 * kEps);  // the padding outweighs every rounding: the prism holds the cylinder
+      radius / cosine * (1 + 8 * kEps);  // the padding exceeds every rounding: the prism contains the cylinder
   Shape shape;
   for (const double z : {-0.5 * length, 0.5 * length})
     for (std::uint32_t j = 0; j < n; ++j) {

@@ -18,21 +18,21 @@ namespace clearance {
 struct Shape {
   std::vector<Vec3d> vertices;
   double radius = 0;
-  double model_error = 0;           ///< how far the shape may stand out from the one asked for
-  std::vector<Triangle> triangles;  ///< faces of the hull of `vertices`, outward; empty where that hull is flat
+  double model_error = 0;           ///< maximum distance by which it exceeds the requested shape
+  std::vector<Triangle> triangles;  ///< faces of the hull of `vertices`, outward; empty if that hull is flat
 };
 
 /// Largest resolution of a uv_sphere: 2 r (r - 1) + 2 vertices, about 8 million.
 inline constexpr int kMaxUvSphereResolution = 2000;
-/// Sides of the prism that stands for a robot's cylinder: its corners stand out by 0.12 % of the radius.
+/// Sides of the prism used for a robot's cylinder: its corners exceed the cylinder by 0.12 % of the radius.
 inline constexpr int kCylinderSides = 64;
 
 /// sin and cos of pi k / n, for n from 1 to 2^28 and 0 <= k <= 2 n, correct to the last bit but one and exact at
 /// multiples of a right angle.
 void sin_cos_pi(std::uint32_t k, std::uint32_t n, double* sine, double* cosine);
 
-/// The mesh of Open3D's create_sphere: both poles, then resolution - 1 rings of 2 resolution vertices each.
-/// Resolution from 2 to kMaxUvSphereResolution. 5: 42 vertices and 80 faces.
+/// The mesh of Open3D's create_sphere: both poles, then resolution - 1 rings of 2 resolution vertices each. Resolution
+/// from 2 to kMaxUvSphereResolution. For example, 5 gives 42 vertices and 80 faces.
 Shape make_uv_sphere(double radius, int resolution);
 /// Full edge lengths, centred at the origin.
 Shape make_box(const Vec3d& size);
@@ -46,8 +46,8 @@ Shape make_cylinder(double radius, double length);
 /// Faces for a picture of a shape with a radius; those of the vertices if the radius is 0.
 Shape picture_of(const Shape& shape);
 
-/// Random numbers that are the same everywhere: std::mt19937_64's bits are fixed by the standard, its distributions are
-/// not.
+/// Random numbers that are the same everywhere: the standard fixes the bits of std::mt19937_64, but not its
+/// distributions.
 class PortableRandom {
  public:
   explicit PortableRandom(std::uint64_t seed) : bits_(seed) {}

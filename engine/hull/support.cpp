@@ -16,14 +16,15 @@ namespace {
 
 constexpr double kUnitRoundoff = 0x1p-53;
 
-// Vectors of the compiler's (GCC and Clang), since neither loops over arrays nor branches are fast enough: which vertex
-// is the best so far cannot be predicted. Each instruction set has those that fit its registers; wider ones would come
-// apart into single numbers.
+// Compiler vectors (GCC and Clang), since neither loops over arrays nor branches are fast enough: the best vertex so
+// far cannot be predicted. Each instruction set has those that fit its registers; wider ones would be split into single
+// numbers.
 using Two = double __attribute__((vector_size(16)));
 using Four = double __attribute__((vector_size(32)));
 using Eight = double __attribute__((vector_size(64)));
 
-// Takes all numbers of a vector into one. \param take takes the second into the first, lane by lane.
+// Reduces a vector to one number.
+// \param take merges the second operand into the first, lane by lane
 template <class Take>
 __attribute__((always_inline)) inline double fold(const Two& lanes, const Take& take) {
   double first = lanes[0];
@@ -84,7 +85,7 @@ __attribute__((always_inline)) inline SupportPoint<double> scan_in(const Piece& 
   }
   const double first = fold(tops, take_less);
   return {first < static_cast<double>(count) ? static_cast<std::uint32_t>(first) : 0,
-          top};  // 0: a direction that is no number
+          top};  // 0 for a direction with NaN
 }
 
 #ifdef CLEARANCE_VERSIONS
@@ -105,7 +106,7 @@ double upper_length(const Vec3d& n) {
   return norm(n) * (1 + 4 * kUnitRoundoff);
 }
 
-// How far a core in closed form reaches along n.
+// Reach of a core in closed form along n.
 template <class T>
 T reach_of(const Primitive& primitive, const Vec3<T>& n) {
   if (primitive.kind != Primitive::Kind::kHalfSpace) return farthest(primitive, n).value;
@@ -127,9 +128,8 @@ SupportPoint<double> support(const Piece& piece, const Vec3d& n) {
   return best;
 }
 
-// Only vertices whose double value is within rounding of the best double value can be the exact maximum:
-// |computed - exact| <= 4 u |n| rho for each (n itself is rounded to double first), so twice that separates two of
-// them.
+// Only vertices whose double value is within rounding of the best double value can be the exact maximum: |computed -
+// exact| <= 4 u |n| rho for each (n itself is rounded to double first), so twice that separates two of them.
 SupportPoint<DoubleDouble> support(const Piece& piece, const Vec3<DoubleDouble>& n) {
   if (piece.primitive) return {0, reach_of(*piece.primitive, n)};
   const Vec3d n_hi{n.x.hi, n.y.hi, n.z.hi};

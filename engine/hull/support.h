@@ -1,6 +1,6 @@
-// Support functions: the vertex of a piece farthest along a direction.
+// Support functions: the vertex of a convex part farthest along a direction.
 //
-// support() is a proved maximum over all vertices, by scan or by a direction table: what bounds are made from.
+// support() is a proved maximum over all vertices, by scan or by a direction table. Bounds are made from it.
 #pragma once
 
 #include <cstdint>
@@ -16,17 +16,17 @@ struct SupportPoint {
   T value{};  ///< n . v of that vertex
 };
 
-/// Of a core in closed form (primitive.h) the index is 0: its one vertex is a point of it, not the farthest. A
-/// half-space reaches to 0 along its own normal, (0, 0, z), and to +inf along any other direction; of a round core 3
-/// becomes 5.
-///
 /// The vertex with the largest computed n . v, ties to the lowest index (scan). Every other vertex has an exact n . v
 /// of at most `value` + 3 u |n| rho, u the unit roundoff of T: see docs/bounds.md. n in the body's frame, of any
 /// length.
+///
+/// For a core in closed form (primitive.h) the index is 0, since its one vertex is a point of it, not the farthest. A
+/// half-space reaches to 0 along its own normal, (0, 0, z), and to +inf along any other direction; for a round core 3
+/// becomes 5.
 SupportPoint<double> support(const Piece& piece, const Vec3d& n);
 SupportPoint<DoubleDouble> support(const Piece& piece, const Vec3<DoubleDouble>& n);
 
-/// Pieces of more vertices than this carry a DirectionTable.
+/// Parts of more vertices than this carry a DirectionTable.
 inline constexpr std::size_t kTableFromVertices = 64;
 
 }  // namespace clearance

@@ -32,7 +32,7 @@ TriangleTree::TriangleTree(std::span<const Vec3d> vertices, std::span<const Tria
   centres_ = {};
 }
 
-// Which triangles meet at each edge, what hangs together, and which of it encloses a volume.
+// Finds the triangles at each edge, the connected components, and those that enclose a volume.
 void TriangleTree::find_parts() {
   struct Edge {
     std::uint64_t key;  // its corners, the smaller one first
@@ -48,7 +48,7 @@ void TriangleTree::find_parts() {
     }
   std::sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) { return a.key < b.key; });
 
-  std::vector<std::uint32_t> part(triangles_.size());  // a forest: each triangle's part is that of its root
+  std::vector<std::uint32_t> part(triangles_.size());  // a forest: each triangle's component is that of its root
   std::iota(part.begin(), part.end(), 0);
   const auto root = [&part](std::uint32_t t) {
     while (part[t] != t) t = part[t] = part[part[t]];
@@ -81,7 +81,7 @@ void TriangleTree::find_parts() {
   }
 }
 
-// Of a vertex, the faces' normals weighted with their angles there: J. A. Baerentzen and H. Aanaes, "Signed distance
+// Vertex normals: the faces' normals weighted with their angles there: J. A. Baerentzen and H. Aanaes, "Signed distance
 // computation using the angle weighted pseudonormal" (2005).
 void TriangleTree::make_normals() {
   vertex_normals_.assign(vertices_.size(), {0, 0, 0});
@@ -126,8 +126,8 @@ double TriangleTree::squared_gap(const Node& node, const Vec3d& p) {
   return sum;
 }
 
-// C. Ericson, "Real-Time Collision Detection" (2005), sect. 5.1.5: the part of the triangle whose Voronoi region holds
-// p.
+// C. Ericson, "Real-Time Collision Detection" (2005), sect. 5.1.5: the feature of the triangle whose Voronoi region
+// holds p.
 void TriangleTree::look_at(std::uint32_t triangle, const Vec3d& p, Nearest* best) const {
   const Triangle& t = triangles_[triangle];
   const Vec3d &a = vertices_[t[0]], &b = vertices_[t[1]], &c = vertices_[t[2]];
@@ -168,7 +168,7 @@ Vec3d TriangleTree::side(const Nearest& nearest) const {
 double TriangleTree::signed_distance(const Vec3d& p, int* visits) const {
   Nearest best{std::numeric_limits<double>::infinity()};
   std::array<std::pair<std::uint32_t, double>, 64>
-      stack;  // nodes, and how far away; halves of halves: 33 levels at most
+      stack;  // nodes and their distances; halves of halves: 33 levels at most
   std::size_t depth = 0;
   stack[depth++] = {0, squared_gap(nodes_[0], p)};
   while (depth > 0) {
