@@ -14,8 +14,7 @@ namespace {
 
 constexpr double kUp = 1 + 0x1p-44;
 
-// Whether each edge of the faces is run along once one way and once the other; then across[3 t + k] is the face over
-// the edge from corner k.
+// Whether each edge of the faces is used once each way. Then across[3 t + k] is the face over the edge from corner k.
 bool is_closed(std::span<const Triangle> faces, std::vector<std::uint32_t>& across) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> sides;
   for (std::uint32_t t = 0; t < faces.size(); ++t)
@@ -53,7 +52,7 @@ std::optional<Fan> fan_of(std::span<const Vec3d> vertices) {
     const double length = norm(n);
     normals.push_back(length > 0 ? n * (1 / length) : Vec3d{0, 0, 0});
   }
-  // How far a ray from the middle may go on in the hull beyond a face, as n tells; any n is right.
+  // Bound, from n, on how far a ray from the centre can continue in the hull beyond a face. Any n is valid.
   const auto beyond = [&](const Triangle& t, const Vec3d& n) {
     double most = 0, least = std::numeric_limits<double>::infinity();
     for (const std::uint32_t c : t) least = std::min(least, dot(n, corners[c] - middle));
@@ -79,7 +78,7 @@ Fan box_around(const Piece& piece) {
   for (int corner = 0; corner < 8; ++corner) {
     Vec3d v = piece.centre;
     for (int k = 0; k < 3; ++k) {
-      const double half = piece.half[k] + 0x1p-50 * std::abs(v[k]);  // and what the sum rounds
+      const double half = piece.half[k] + 0x1p-50 * std::abs(v[k]);  // plus the rounding of the sum
       v[k] += corner >> k & 1 ? half : -half;
     }
     fan.points.push_back(v);

@@ -13,15 +13,15 @@ namespace clearance {
 
 struct Fan {
   std::vector<Vec3d> points;
-  std::vector<std::array<std::uint32_t, 4>> parts;  ///< of points
-  double off = 0;                                   ///< metres: no point of the hull is farther from all parts
+  std::vector<std::array<std::uint32_t, 4>> parts;  ///< indices of points
+  double off = 0;                                   ///< bound on the hull's distance from the tetrahedra, metres
 };
 
-/// From a point within the hull to each of its faces, as Qhull has guessed them: none where it is not proved that they
-/// go all around (docs/bounds.md, "Decompositions"), as of flat hulls.
+/// Tetrahedra from a point within the hull to each face that Qhull guesses. Nothing if the faces are not proved to
+/// close around the point (docs/bounds.md, "Decompositions"), as for flat hulls.
 std::optional<Fan> fan_of(std::span<const Vec3d> vertices);
 
-/// The box around a piece's core, which is not all of it within the piece.
+/// The box around a part's core, which is not contained in the part.
 Fan box_around(const Piece& piece);
 
 }  // namespace clearance

@@ -1,5 +1,5 @@
-// No point of a mesh is farther from the pieces than ...: triangles are divided until one piece is near enough to all
-// three corners of each part, and so to all of it.
+// Bound on the distance of a mesh from convex parts: triangles are subdivided until one convex part is near enough to
+// all three corners of a subtriangle, and so to all of it.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,8 +16,8 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kUp = 1 + 0x1p-44;             // more than a few sums and roots round down by
-constexpr std::uint64_t kPartsPerQuestion = 4;  // looking at boxes alone counts, too
+constexpr double kUp = 1 + 0x1p-44;             // exceeds the rounding of a few sums and roots
+constexpr std::uint64_t kPartsPerQuestion = 4;  // box tests of this many subtriangles cost a distance
 
 class InnerBound {
  public:
@@ -47,13 +47,13 @@ class InnerBound {
 
  private:
   struct Part {
-    double bound;    // no point of the part is farther from the pieces; what dividing rounded included
-    double parents;  // the bound of what it is a part of
-    double off;      // no point of the part is farther from its corners' triangle
+    double bound;    // bound on its distance from the convex parts, with the rounding of divisions
+    double parents;  // bound of the subtriangle it was cut from
+    double off;      // bound on its distance from the triangle of its corners
     int generation;
     Triangle corners;                          // of points_
-    std::uint32_t piece;                       // that is nearest to all of it
-    bool operator<(const Part& other) const {  // the largest bound is on top; of equal ones the first that was made
+    std::uint32_t piece;                       // the convex part nearest to all of it
+    bool operator<(const Part& other) const {  // the largest bound is on top; among equal ones the oldest
       return bound != other.bound ? bound < other.bound : corners > other.corners;
     }
   };
@@ -65,7 +65,7 @@ class InnerBound {
     if (is_new) at->second = measure_.to(*pieces_[piece], points_[point]);
     return at->second;
   }
-  // About how far a point is from a piece at least.
+  // Approximate lower bound on the distance of a point from a convex part.
   double box_gap(std::uint32_t point, std::uint32_t piece) const {
     const Piece& p = *pieces_[piece];
     const Vec3d& v = points_[point];
@@ -76,7 +76,9 @@ class InnerBound {
     }
     return std::sqrt(sum);
   }
-  // Looks for the piece that is nearest to one of the points, by their boxes first: gap(i), then all(i), the distance.
+  // Finds the convex part that is nearest to one of the points, by boxes first.
+  // \param gap returns the distance to the box of part i, as gap(i)
+  // \param of returns the distance to part i, as of(i, best so far)
   template <class Gap, class Of>
   std::pair<double, std::uint32_t> nearest(const Gap& gap, const Of& of) {
     order_.clear();
@@ -102,7 +104,7 @@ class InnerBound {
     met_ = std::max(met_, least);
   }
 
-  // No point of a part is farther from a convex piece than its farthest corner.
+  // No point of a subtriangle is farther from a convex part than its farthest corner.
   void bound(Part& part) {
     for (const std::uint32_t corner : part.corners) meet(corner);
     const auto& c = part.corners;
@@ -122,7 +124,7 @@ class InnerBound {
     parts_.push(part);
   }
 
-  // At the end of the piece that is nearest to all of it, or across the longest edge.
+  // Divides at the boundary of the convex part that is nearest to all of it, or across the longest edge.
   void divide(const Part& part) {
     std::size_t first = longest(part);
     double along = 0.5;
@@ -143,7 +145,7 @@ class InnerBound {
       if (length(k) > length(best)) best = k;
     return best;
   }
-  // Where an edge comes out of the half-space that holds the piece and not the edge's farther end.
+  // Finds the point where an edge leaves the half-space that contains the convex part and not the edge's farther end.
   void at_end(const Part& part, std::size_t& edge, double& along) {
     const auto& c = part.corners;
     std::size_t far = 0;

@@ -13,8 +13,8 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 const PoseMatrix kHere{Mat3d::identity(), {0, 0, 0}, {}};
 
-// The point of a triangle nearest to p, squared distance, by the regions of C. Ericson, "Real-Time Collision Detection"
-// (2004), sect. 5.1.5. It only chooses triangles.
+// Squared distance of p to a triangle, by the regions of C. Ericson, "Real-Time Collision Detection" (2004), sect.
+// 5.1.5. It only selects triangles.
 double squared_distance(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p) {
   const auto to_edge = [&p](const Vec3d& u, const Vec3d& v) {
     const Vec3d e = v - u;

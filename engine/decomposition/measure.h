@@ -1,5 +1,4 @@
-// Distances of points to convex pieces and to the triangles of a surface, with bounds that hold: those of
-// narrow_phase().
+// Distances of points to convex parts and to the triangles of a mesh, with the certified bounds of narrow_phase().
 #pragma once
 
 #include <cstdint>
@@ -17,21 +16,21 @@ class Measure {
  public:
   struct Bounds {
     double lower, upper;  ///< metres, lower >= 0
-    Vec3d away;           ///< unit: the direction from the piece to the point that proves `lower`
+    Vec3d away;           ///< unit: the direction from the part to the point that proves `lower`
   };
-  /// \param fine metres: bounds no farther apart than this are not refined
+  /// \param fine bounds no farther apart than this are not refined, metres
   explicit Measure(double fine) : fine_(fine) {}
 
-  /// Of a point from a convex set, both in the same frame. \param piece its radius counts, too
+  /// Distance of a point from a convex set, both in the same frame.
+  /// \param piece its radius counts, too
   Bounds to(const Piece& piece, const Vec3d& p);
-  /// Of a point from the hull of a few points.
+  /// Distance of a point from the hull of a few points.
   Bounds to(std::span<const Vec3d> corners, const Vec3d& p);
-  /// A piece and the hull of a few points are no less apart; not below 0.
+  /// Lower bound on the distance of a part from the hull of a few points; not below 0.
   double apart(std::span<const Vec3d> corners, const Piece& piece);
-  /// No less than this are two hulls of a few points apart or, negative, have to be moved to be so, as far as is
-  /// proved.
+  /// Lower bound on the signed distance of two hulls of a few points, as far as it is proved.
   double gap(std::span<const Vec3d> a, std::span<const Vec3d> b);
-  /// How often it was asked.
+  /// Number of distances computed.
   std::uint64_t count() const { return count_; }
 
  private:
@@ -42,14 +41,14 @@ class Measure {
   Piece rooms_[2];
 };
 
-/// The triangle of a surface that is nearest to a point, as computed.
+/// The triangle of a mesh that is nearest to a point, as computed.
 std::uint32_t nearest_triangle(const Surface& surface, const Vec3d& p);
 
-/// All triangles in leaves whose boxes meet a box. False: there are more than `most`.
+/// Finds all triangles in leaves whose boxes meet a box. Returns false if there are more than `most`.
 bool triangles_that_meet(const Surface& surface, const Vec3d& low, const Vec3d& high, std::size_t most,
                          std::vector<std::uint32_t>& found);
 
-/// More than what rounding moves a point by that divides an edge between points no farther than `reach` from the origin
+/// Bound on the rounding of a point that divides an edge between points no farther than `reach` from the origin
 /// (docs/bounds.md, "Decompositions").
 inline double rounding_of_division(double reach) {
   return 0x1p-49 * reach + std::numeric_limits<double>::min();

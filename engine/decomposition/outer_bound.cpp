@@ -1,5 +1,5 @@
-// No point of a convex piece is farther from a surface or solid than ...: the piece is cut into tetrahedra, and these
-// are divided until each is near enough to the mesh, or within it.
+// Bound on the distance of a convex part from a surface or solid: the part is cut into tetrahedra, and these are
+// divided until each is near enough to the mesh, or within it.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -17,9 +17,9 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kUp = 1 + 0x1p-44;  // more than a few sums and roots round down by
+constexpr double kUp = 1 + 0x1p-44;  // exceeds the rounding of a few sums and roots
 constexpr std::uint32_t kNoTriangle = 0xFFFFFFFFu;
-constexpr std::size_t kMostTriangles = 24;  // that a tetrahedron is held against one by one
+constexpr std::size_t kMostTriangles = 24;  // maximum for tests of a tetrahedron one by one
 
 using Corners = std::array<std::uint32_t, 4>;
 
@@ -49,21 +49,21 @@ class OuterBound {
 
  private:
   struct Part {
-    double bound;     // no point of the part is farther from the truth; what dividing rounded included
-    double parents;   // the bound of what it is a part of
-    double off;       // no point of the part is farther from its corners' tetrahedron
+    double bound;     // bound on its distance from the exact mesh, with the rounding of divisions
+    double parents;   // bound of the tetrahedron it was cut from
+    double off;       // bound on its distance from the tetrahedron of its corners
     Corners corners;  // of points_
     int generation;
-    std::uint32_t cut;  // a triangle of the truth that goes through it; kNoTriangle: none is known
-    bool operator<(const Part& other) const {  // the largest bound is on top; of equal ones the first that was made
+    std::uint32_t cut;                         // a triangle of the mesh that cuts it, or kNoTriangle
+    bool operator<(const Part& other) const {  // the largest bound is on top; among equal ones the oldest
       return bound != other.bound ? bound < other.bound : corners > other.corners;
     }
   };
-  // A point, and what is known of it.
+  // A point, and its distance from the mesh.
   struct Known {
     Vec3d at;
     std::uint32_t triangle = kNoTriangle;  // the nearest, as computed
-    double distance = kInf;                // from the truth, rounded up
+    double distance = kInf;                // from the exact mesh, rounded up
     bool is_inside = false;
   };
 
@@ -98,14 +98,14 @@ class OuterBound {
     const Vec3d middle = 0.25 * ((at[0] + at[1]) + (at[2] + at[3]));
     double radius = 0;
     for (const Vec3d& v : at) radius = std::max(radius, norm(v - middle) * kUp);
-    if (!is_within_ && measure_.apart(at, piece_) > part.off) return;  // none of the piece is in it
+    if (!is_within_ && measure_.apart(at, piece_) > part.off) return;  // it contains no point of the convex part
     part.bound = std::min(part.parents, (by_corners(part.corners, radius) + part.off) * kUp);
     if (part.bound > enough()) look_closer(part, at, middle, radius);
     if (part.bound > 0) parts_.push(part);
   }
 
-  // No point is farther from the truth than a corner is and from there; nor from one triangle, which is convex, than
-  // the farthest corner.
+  // The distance of any point from the mesh is at most a corner's plus that to the corner, and from one triangle, which
+  // is convex, at most that of the farthest corner.
   double by_corners(const Corners& corners, double radius) {
     double least = kInf;
     for (const std::uint32_t corner : corners) {
@@ -128,7 +128,7 @@ class OuterBound {
     return least;
   }
 
-  // By the middle; by a box that no triangle comes into; and by the triangles near it, one by one.
+  // Tightens the bound by the centre, by a box without triangles, and by the triangles near it, one by one.
   void look_closer(Part& part, const std::array<Vec3d, 4>& at, const Vec3d& middle, double radius) {
     const auto take = [&part](double bound) { part.bound = std::min(part.bound, (bound + part.off) * kUp); };
     points_.push_back({middle, kNoTriangle, kInf, false});
@@ -141,7 +141,7 @@ class OuterBound {
       for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], v[k]), high[k] = std::max(high[k], v[k]);
     if (!triangles_that_meet(truth_, low, high, kMostTriangles, near_)) return;
     if (near_.empty()) return take(0);
-    // The farthest that a triangle reaches into it along the direction in which it reaches least.
+    // The greatest depth of a triangle along its shortest way out of the tetrahedron.
     double deepest = fine_;
     for (const std::uint32_t t : near_) {
       const double depth = -measure_.gap(at, truth_.corners(t));
@@ -150,14 +150,14 @@ class OuterBound {
       part.cut = t;
       if (!(depth < radius)) return;  // or a NaN
     }
-    // Drawn together about its middle by the share `by` it meets none.
+    // Shrunk about its centre by the share `by` it meets none.
     const double inner = inner_radius(at, middle, radius);
     if (!(inner > 0)) return;
     const double by = 2 * deepest / inner;
     if (by < 0.5) take(by * radius);
   }
 
-  // A ball about the middle that surely fits into a tetrahedron; 0: it is too thin to say.
+  // Radius of a ball about the centre that is proved to fit into a tetrahedron, or 0 if that is too thin.
   double inner_radius(const std::array<Vec3d, 4>& at, const Vec3d& middle, double radius) const {
     if (!(radius > 0x1p-28 * reach_)) return 0;
     double least = kInf;
@@ -171,7 +171,7 @@ class OuterBound {
     return 0.5 * least;
   }
 
-  // Where a triangle's plane goes through an edge, or across the longest one.
+  // Divides an edge at a triangle's plane, or the longest edge in the middle.
   void divide(const Part& part) {
     std::size_t from = 0, to = 1;
     double along = 0.5, longest = 0;
@@ -213,7 +213,7 @@ class OuterBound {
   const Piece& piece_;
   const ProofEffort& effort_;
   double reach_ = 0, size_ = 0, fine_ = 0, met_ = 0;
-  bool is_within_ = false;  // parts cut the piece itself, and not only a box around it
+  bool is_within_ = false;  // tetrahedra cover the convex part itself, not a box around it
   Measure measure_{0};
   std::vector<Known> points_;
   std::vector<std::uint32_t> near_;

@@ -1,4 +1,4 @@
-// How far convex pieces that somebody proposes may miss a surface or solid: proved, whatever was proposed.
+// Proves how far proposed convex parts may deviate from a surface or solid. Any proposal is valid.
 #pragma once
 
 #include <cstdint>
@@ -10,37 +10,39 @@
 
 namespace clearance {
 
-/// How long to look. It is counted, not timed, so that the outcome is the same on every machine.
+/// Effort of a proof. It is counted, not timed, so that the result is the same on every machine.
 struct ProofEffort {
-  /// Bounds are narrowed until they are no more than this share of themselves above a distance that was met,
+  /// Bounds are refined until they exceed a distance that was found by at most this share of themselves,
   double share = 0.1;
-  /// or this share of the body's size (what is near by less than the inner bound has to be asked of triangles),
+  /// or this share of the body's size (elements nearer than the inner bound need an exact test),
   double inner_of_size = 0x1p-17, outer_of_size = 0x1p-11;
-  /// or until so many distances were asked for: for the inner bound, and for each piece's outer one. About 1 us each.
+  /// or until this number of distances: for the inner bound, and for each part's outer one. About 1 us each.
   std::uint64_t inner_questions = 2'000'000, outer_questions = 200'000;
 };
 
-/// A bound and what it is held against, metres.
+/// A bound and the distance it was compared with, metres.
 struct ProvedLength {
   double bound = 0;  ///< rounded up
-  double met = 0;    ///< about as far as the farthest point is that was looked at: the bound cannot be less
+  double met = 0;    ///< about the distance of the farthest point tested: the bound cannot be less
 };
 
-/// No point of the triangles is farther from the union of the pieces' cores. \param pieces at least one
+/// Bound on the distance of the triangles from the union of the parts' cores.
+/// \param pieces at least one
 ProvedLength prove_inner(const Surface& truth, std::span<const PiecePtr> pieces, const ProofEffort& effort = {});
 
-/// No point of the piece's core is farther from the surface, or from what a solid encloses.
+/// Bound on the distance of the part's core from the surface, or from the volume of a solid.
 ProvedLength prove_outer(const Surface& truth, const Piece& piece, const ProofEffort& effort = {});
 
-/// What was proved of a proposal, and beside what was met.
+/// A proved decomposition, and the distances found.
 struct ProvedDecomposition {
   Decomposition decomposition;
   double inner_met = 0, outer_met = 0;
 };
 
-/// Makes a decomposition of proposed pieces. \param proposed the vertices of each. Throws std::invalid_argument where
-/// there is no piece, or one without vertices or with a coordinate that is not finite or too large: it names the piece.
-/// Pieces that are wrong otherwise have large bounds.
+/// Proves proposed convex parts as a decomposition; wrong parts just get large bounds. Throws std::invalid_argument,
+/// with the part's index, if there is no part, or one without vertices or with a coordinate that is not finite or too
+/// large.
+/// \param proposed the vertices of each
 ProvedDecomposition prove_decomposition(const Surface& truth, std::span<const std::vector<Vec3d>> proposed,
                                         const ProofEffort& effort = {});
 

@@ -52,8 +52,8 @@ struct Piece : HullExtents {
 };
 using PiecePtr = std::shared_ptr<const Piece>;
 
-/// Builds a part with all derived data from its vertices, of which none is dropped. Throws std::invalid_argument without
-/// vertices, for a non-finite or too large coordinate, and for a negative or non-finite radius.
+/// Builds a part with all derived data from its vertices, of which none is dropped. Throws std::invalid_argument
+/// without vertices, for a non-finite or too large coordinate, and for a negative or non-finite radius.
 /// \param digest of the vertices as loaded; if 0, computed from `vertices` and `radius`
 /// \param table the one that an earlier call has made of the same vertices, if it was kept
 /// \param surface the mesh whose hull the vertices are

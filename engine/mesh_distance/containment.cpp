@@ -11,11 +11,11 @@ namespace clearance {
 
 namespace {
 
-// Asks about a point of each part of a piece until one is within: found(point) says so. A cloud's points are parts of
-// their own, but those of a box that no triangle comes into lie on one side of all of them.
+// Tests a point of each connected component of a convex part until found(point) is true. A cloud's points are
+// components of their own, but those in a box that no triangle enters lie on one side of all triangles.
 class PartsOf {
  public:
-  /// \param R, t take coordinates of the piece to the solid's; `wrong` off at most, metres
+  /// \param R,t convert coordinates of the part to those of the solid, with an error of at most `wrong`, metres
   PartsOf(const Piece& piece, const Surface& solid, const Mat3d& R, const Vec3d& t, double wrong, WorkMeter& meter)
       : piece_(piece), solid_(solid), R_(R), t_(t), wrong_(wrong), meter_(meter) {}
 
@@ -63,11 +63,11 @@ class PartsOf {
   WorkMeter& meter_;
 };
 
-// Whether a part of `inner` lies within a solid of `outer`.
+// Whether a component of `inner` lies within a solid of `outer`.
 Containment holds(const Body& outer, const PoseMatrix& outer_pose, const Body& inner, const PoseMatrix& inner_pose,
                   double apart, WorkMeter& meter, Vec3d* from_outer, Vec3d* from_inner) {
   const Vec3d shift = inner_pose.t_w - outer_pose.t_w;
-  // A point that is turned, shifted and turned back is off by less than 16 roundings of S; a gap may be by 30.
+  // A point that is rotated, shifted and rotated back has an error of less than 16 roundings of S; a gap may have 30.
   const double wrong =
       rounding_error(double(RoundingUnits<double>::kLower), pair_scale(shift, outer.reach, inner.reach, 0.0));
   Containment held = Containment::kNo;
@@ -76,7 +76,7 @@ Containment holds(const Body& outer, const PoseMatrix& outer_pose, const Body& i
     const Aabb box = certify_box(*o, outer_pose.R_wb, outer_pose.t_w);
     for (const PiecePtr& i : inner.pieces) {
       if (certify_box_gap(box, certify_box(*i, inner_pose.R_wb, inner_pose.t_w)) > 0) continue;
-      // The point as computed must be on the side of every triangle that it is on: none may be as near.
+      // The computed point must be on the same side of every triangle as the exact one, so none may be that near.
       if (!(apart + o->radius + i->radius > wrong)) {
         held = Containment::kUnknown;
         continue;

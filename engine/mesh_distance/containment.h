@@ -1,4 +1,4 @@
-// Whether one of two bodies that touch nowhere is within the other.
+// Tests whether one of two bodies that touch nowhere is within the other.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +9,10 @@
 
 namespace clearance {
 
-/// Whether a part of one body lies within a solid of the other, whose elements are proved apart. kUnknown: they are so
-/// near that rounding may move the point that is looked at through a triangle.
-/// \param apart metres: no element of one is nearer to one of the other \param point gets, of kYes, a point that both
-/// share, from the origin of either, world axes
+/// Whether a connected component of one body lies within a solid of the other, whose elements are proved apart.
+/// kUnknown if they are so near that rounding may move the tested point through a triangle.
+/// \param apart lower bound on the distance between their elements, metres
+/// \param point for kYes, receives a point that both share, from the origin of either, world axes
 enum class Containment { kNo, kUnknown, kYes };
 Containment either_contains(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b,
                             double apart, WorkMeter& meter, Vec3d (&point)[2]);

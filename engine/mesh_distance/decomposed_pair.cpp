@@ -13,7 +13,7 @@ namespace clearance {
 
 namespace {
 
-constexpr std::size_t kMostAsked = 4096;  // beyond which triangles are as good
+constexpr std::size_t kMostAsked = 4096;  // beyond which triangles are as fast
 
 const Decomposition* decomposition_of(const Piece& piece) {
   return piece.surface ? piece.surface->decomposition() : nullptr;
@@ -35,10 +35,10 @@ void DecomposedPair::hold(const Body& body, const PoseMatrix& pose, std::vector<
   for (const PiecePtr& piece : body.pieces) {
     const Decomposition* decomposition = decomposition_of(*piece);
     if (!decomposition) {
-      add(*piece, 0);  // what it is the hull of is within it
+      add(*piece, 0);  // it contains the mesh whose hull it is
       continue;
     }
-    const double inner = sum_above(decomposition->inner, piece->radius);  // pieces are cores
+    const double inner = sum_above(decomposition->inner, piece->radius);  // the decomposition's parts are cores
     for (const PiecePtr& core : decomposition->pieces) add(*core, inner);
   }
 }

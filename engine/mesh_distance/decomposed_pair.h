@@ -1,5 +1,5 @@
-// Two bodies of which one is not convex, by the convex pieces that stand for it (engine/hull/decomposition.h): whether
-// these alone prove that no element of one body comes near the other's.
+// Tests two bodies, at least one of them non-convex, by the convex parts of their decompositions
+// (engine/hull/decomposition.h): these alone may prove that no element of one body comes near the other's.
 #pragma once
 
 #include <cstdint>
@@ -13,35 +13,37 @@
 
 namespace clearance {
 
-/// Each pair of pieces is asked whether it is farther apart than it has to be for that. The first that is not ends it,
-/// and triangles have to answer.
+/// Tests whether each pair of parts is far enough apart for that proof. The first pair that is not ends the test, and
+/// triangles have to be evaluated.
 class DecomposedPair {
  public:
   static constexpr std::size_t kMostOfRound = 32;
 
-  /// A pair of pieces, and beyond which distance of theirs the elements that they stand for are beyond the cut-off.
+  /// A pair of parts, and the distance between them beyond which the elements that they represent are beyond the
+  /// cut-off.
   struct Asked {
     const Piece *a, *b;
     double gap;      // of their boxes
-    double inner;    // how much nearer the elements may be
+    double inner;    // by which the elements may be nearer
     double cut_off;  // metres
   };
 
-  /// Begins with a pair of bodies. False: pieces cannot help, and nothing is to be asked. \param cut_off metres: up to
-  /// which the elements are of interest
+  /// Begins with a pair of bodies. Returns false if parts cannot help.
+  /// \param cut_off distance up to which elements matter, metres
   bool begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double cut_off);
-  /// What is asked next, side by side; empty: nothing more.
+  /// The next pairs to evaluate, in parallel; empty at the end.
   std::span<const Asked> round() const;
-  /// The proved lower bound of pair i of the round, metres.
+  /// Takes the proved lower bound of pair i of the round, metres.
   void take(std::size_t i, double lower);
   void end_round();
   /// Whether a pair was not proved beyond.
   bool has_failed() const { return has_failed_; }
-  /// No element of one body is nearer to one of the other, metres: once nothing more is asked and none has failed.
+  /// Lower bound on the distance between the bodies' elements, metres. Valid after the last round, unless one has
+  /// failed.
   double lower() const { return lower_; }
 
  private:
-  // A convex set that holds elements, grown by `inner`.
+  // A convex set that contains elements, grown by `inner`.
   struct Holder {
     const Piece* piece;
     double inner;
@@ -56,7 +58,7 @@ class DecomposedPair {
   bool has_failed_ = false;
 };
 
-/// Whether pieces stand for a part of a body.
+/// Whether any part of a body has a decomposition.
 bool has_decomposition(const Body& body);
 
 }  // namespace clearance

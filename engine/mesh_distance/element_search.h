@@ -1,4 +1,4 @@
-// What the evaluator keeps of two bodies of which one is not convex: where its rounds come from, and room for
+// State of the evaluator for two bodies, at least one of them non-convex: the source of its rounds, and scratch for
 // triangles.
 #pragma once
 
@@ -25,8 +25,8 @@ class ElementSearch {
     end_round();
     known_ = {};
   }
-  /// Adds to the round until it has so many pairs or no other is within the cut-off. False: the slice is over; it goes
-  /// on with the same numbers.
+  /// Adds to the round until it has `count` pairs or no other is within the cut-off. Returns false if the slice is
+  /// over; the next call continues with the same numbers.
   bool gather(std::size_t count, double cut_off, WorkMeter& meter) {
     while (round_.size() < count && !nearest_.is_full()) {
       ElementPair pair;
@@ -37,13 +37,14 @@ class ElementSearch {
     }
     return true;
   }
-  /// The round is the hulls of the nearest two pieces, which are not the truth. \param all of all that may overlap
+  /// Begins a round with the hulls of the nearest two parts, which are not exact.
+  /// \param all with all pairs whose boxes may overlap
   void begin_hulls(bool all) {
     round_.assign(1, nearest_.pieces());
     if (all) nearest_.touching_pieces(round_);
     known_.in_hulls = true;
   }
-  /// What the round of hulls said of how far they are apart or, signed, have to move to be.
+  /// Least lower bound from the round of hulls, on their distance or, if signed, their penetration.
   struct HullsGap {
     double lower = 0;  // not above 0
     Vec3d normal{1, 0, 0};
@@ -62,11 +63,11 @@ class ElementSearch {
     known_.are_hulls_taken = true;
   }
   bool are_hulls_taken() const { return known_.are_hulls_taken; }
-  /// Nothing is asked of hulls that are not apart, most likely.
+  /// Skips hulls that are most likely not apart.
   bool leave_hulls() { return known_.are_hulls_taken = nearest_.is_one_within(); }
   bool hulls_are_apart() const { return known_.are_apart; }
-  /// What comes between hulls and triangles: the pieces that stand for these. kGoesOn: they are asked, or are all
-  /// proved beyond the cut-off (DecomposedPair::round() is empty); kOver: triangles have to be.
+  /// Step between hulls and triangles: the convex parts of decompositions. kGoesOn while they are evaluated, or if all
+  /// are proved beyond the cut-off (DecomposedPair::round() is empty); kOver if triangles have to be evaluated.
   enum class ByPieces : std::uint8_t { kNotYet, kGoesOn, kOver };
   ByPieces go_on_by_pieces(const PoseMatrix& pose_a, const PoseMatrix& pose_b, double cut_off) {
     if (known_.by_pieces == ByPieces::kNotYet)
@@ -76,9 +77,9 @@ class ElementSearch {
   }
   bool is_by_pieces() const { return known_.by_pieces == ByPieces::kGoesOn; }
   DecomposedPair& pieces() { return pieces_; }
-  /// The round is one pair that is near. False: what was looked at for it is beyond the cut-off.
+  /// Begins a round with one near pair. Returns false if all pairs tried for it are beyond the cut-off.
   bool begin_near(double cut_off) {
-    if (!round_.empty()) return true;  // before the slice was over
+    if (!round_.empty()) return true;  // from before the end of a slice
     ElementPair pair;
     if (!nearest_.take_near(cut_off, pair)) return false;
     round_.assign(1, pair);
@@ -86,10 +87,10 @@ class ElementSearch {
   }
   std::span<const ElementPair> round() const { return round_; }
   void end_round() { round_.clear(); }
-  /// The elements of a pair of the round, as pieces that stay until another round has begun.
+  /// The elements of a pair of the round, as parts that stay valid until the next round begins.
   const Piece& piece_a(std::size_t i) { return piece_of(*a_, round_[i].a, room(2 * i)); }
   const Piece& piece_b(std::size_t i) { return piece_of(*b_, round_[i].b, room(2 * i + 1)); }
-  /// No pair that is in no round yet is nearer, metres.
+  /// Lower bound on the distance of pairs in no round yet, metres.
   double left() const { return nearest_.left(); }
   void look_along(const Vec3d& n_w) { nearest_.look_along(n_w); }
 
@@ -103,10 +104,10 @@ class ElementSearch {
   NearestElements nearest_;
   std::vector<ElementPair> round_;
   DecomposedPair pieces_;
-  // What is known of these bodies so far. A search is used for many pairs: begin() forgets all of it at once, so that
-  // an answer depends on its bodies alone.
+  // Progress for these bodies. A search is reused for many pairs: begin() resets all of it at once, so that an answer
+  // depends on its bodies alone.
   struct Known {
-    bool in_hulls = false, are_hulls_taken = false, are_apart = false;  // the hulls: asked now, done with, apart
+    bool in_hulls = false, are_hulls_taken = false, are_apart = false;  // in evaluation, apart
     ByPieces by_pieces = ByPieces::kNotYet;
     HullsGap hulls_gap;
   } known_;

@@ -15,34 +15,34 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-// Rounding units of a gap: of the rotation, what is multiplied by it and the sums (docs/bounds.md, surfaces).
+// Rounding units of a gap: of the rotation, its products and the sums (docs/bounds.md, surfaces).
 constexpr double kGapUnits = 256 * 0x1p-53;
 constexpr std::uint64_t kOpenedPerUnit = 4, kReachedPerUnit = 16;
-// How far down known_reach() looks: 4096 nodes at most, and 64 of a cloud, whose boxes hold more than they need.
+// Levels that known_reach() descends: at most 4096 nodes, and 64 of a cloud, whose boxes are less tight.
 constexpr int kLevels = 12, kLevelsOfCloud = 6;
-constexpr std::uint32_t kMostCorners = 64;  // of a piece whose corners are looked at one by one
+constexpr std::uint32_t kMostCorners = 64;  // maximum for a part whose corners are tested one by one
 
 Vec3d absolute(const Vec3d& v) {
   return {std::abs(v.x), std::abs(v.y), std::abs(v.z)};
 }
-// Of a node; null: of something else.
+// Slab of a node; null for anything else.
 const Surface::Slab* slab_of(const Body& body, std::uint32_t piece, std::uint32_t at) {
   if (at >> 31) return nullptr;
   const Surface& surface = *body.pieces[piece]->surface;
   return surface.is_cloud() ? nullptr : &surface.slabs()[at];
 }
-// How far it reaches along so many times its normal.
+// Reach of a slab along a multiple of its normal.
 double reach_across(const Surface::Slab& slab, double times, const Vec3d& centre) {
   return times * (dot(slab.normal(), centre) + double{times > 0 ? slab.high : slab.low});
 }
-// Of the diagonal of its box: which of two is larger need not be known exactly.
+// Squared diagonal of the node's box. Only serves to compare two sizes, so that rounding is harmless.
 float squared_size(const Surface::Node& node) {
   float sum = 0;
   for (std::size_t k = 0; k < 3; ++k) sum += (node.high[k] - node.low[k]) * (node.high[k] - node.low[k]);
   return sum;
 }
 double above_zero(double x) {
-  return x > 0 ? x : 0;  // not a NaN, as of a box without bounds
+  return x > 0 ? x : 0;  // also for a NaN, as of a box without bounds
 }
 
 }  // namespace
@@ -138,15 +138,15 @@ NearestElements::NodeBounds NearestElements::before_a(const NodeBounds& of_b) co
   return turned;
 }
 
-// What of a gap between cores is none between the grown elements, as computed.
+// Difference of a gap between cores and the one between grown elements, as computed.
 double NearestElements::margin(const Entry& e) const {
   return a_->pieces[e.piece_a]->radius + b_->pieces[e.piece_b]->radius + error_;
 }
 
-// Of two pieces, or of anything before a half-space: by boxes in the axes of a, and along the line of their middles.
+// Gap of two parts, or of anything and a half-space: from boxes in the axes of a, and along the line of their centres.
 // \param b in its own axes
 double NearestElements::gap_of(const Entry& e, const NodeBounds& a, const NodeBounds& b) const {
-  if (plane_ != Plane::kNeither) {  // it has no box, and its plane's normal says all
+  if (plane_ != Plane::kNeither) {  // it has no box, and its plane's normal is the only direction
     const Vec3d z{0, 0, 1};
     if (plane_ == Plane::kA) return std::max(e.gap, gap_along(e, a, b, z, R_.transpose_times(z)));
     return std::max(e.gap, gap_along(e, a, b, R_ * -z, -z));
@@ -161,7 +161,7 @@ double NearestElements::gap_of(const Entry& e, const NodeBounds& a, const NodeBo
   return std::max(gap, gap_along(e, a, b, n, R_.transpose_times(n)));
 }
 
-// How far a subtree reaches along a direction, in the axes of its body: by the triangles of a leaf, else by its box.
+// Reach of a subtree along a direction, in the axes of its body: of the triangles in a leaf, and of the box otherwise.
 double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32_t at, const NodeBounds& box,
                               const Vec3d& n) {
   const Surface* const surface = body.pieces[piece]->surface.get();
@@ -182,7 +182,7 @@ double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32
     return of_elements(surface->nodes()[at].begin(), surface->nodes()[at].end());
   const double by_box = dot(n, box.centre) + dot(absolute(n), box.half);
   if (at == kNone || surface->is_cloud()) return by_box;
-  // The part of n along the slab's normal reaches no farther than its plane, and what is left of n no farther than the
+  // The component of n along the slab's normal reaches no farther than its plane, and the rest of n no farther than the
   // box.
   const Surface::Slab& slab = surface->slabs()[at];
   const Vec3d m = slab.normal();
@@ -192,15 +192,15 @@ double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32
                   dot(rest, box.centre) + dot(absolute(rest), box.half) + reach_across(slab, along, surface->centre()));
 }
 
-// \param n_a, n_b the direction in the axes of both, of length 1 up to rounding
+// \param n_a,n_b the direction in the axes of both, of length 1 up to rounding
 double NearestElements::gap_along(const Entry& e, const NodeBounds& a, const NodeBounds& b, const Vec3d& n_a,
                                   const Vec3d& n_b) const {
   const double far_a = reach(*a_, e.piece_a, e.at_a, a, n_a), far_b = reach(*b_, e.piece_b, e.at_b, b, -n_b);
   return above_zero(((dot(n_a, D_) - far_b) - far_a) * (1 - 0x1p-45) - margin(e));
 }
 
-// reach() along the direction that is known, of a subtree looked at down to some levels: what is there reaches so much
-// less far than its box. Most of it is left out, since its box reaches less far than what is found.
+// reach() of a subtree along the known direction, tighter than that of its box, since it descends some levels. Most
+// subtrees are skipped, since their boxes reach less far than the result so far.
 // \param by_bounds reach() by its own box
 double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bounds,
                                     int levels) const {
@@ -243,7 +243,7 @@ double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_
   return known_reach(of_a, piece, at, reach(body, piece, at, box, of_a ? n_a_ : -n_b_), levels(body, piece));
 }
 
-// How far down it looks.
+// Levels to descend.
 int NearestElements::levels(const Body& body, std::uint32_t piece) const {
   const Surface* const surface = body.pieces[piece]->surface.get();
   return !looks_deep_ ? 0 : surface && surface->is_cloud() ? kLevelsOfCloud : kLevels;
@@ -273,8 +273,8 @@ void NearestElements::put(const Entry& entry, double cut_off) {
   open_.put(entry);
 }
 
-// The larger of both is divided. \param each gets the parts, each with its gap, exact as long as it is no greater than
-// the cut-off
+// Divides the larger of both.
+// \param each receives the children, each with its gap, exact as long as it is no greater than the cut-off
 template <class Each>
 void NearestElements::open(const Entry& e, double cut_off, const Each& each) const {
   const auto node_of = [](const Body& body, std::uint32_t piece, std::uint32_t at) {
@@ -325,8 +325,8 @@ NearestElements::ElementsBelow::ElementsBelow(const Surface& surface, std::uint3
   columns.take(surface, begin, end);
 }
 
-// A leaf on the other side that is larger than what is divided goes triangle by triangle: beside
-// a mesh of small triangles its box holds little but air.
+// A leaf of the other side that is larger than the divided node is split into triangles: next to a mesh of small
+// triangles its box is mostly empty.
 template <class Below, class Each>
 void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const Each& each) const {
   const Body &body = opens_a ? *a_ : *b_, &other = opens_a ? *b_ : *a_;
@@ -363,7 +363,8 @@ void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const
   for (std::uint32_t t = node.begin(); t < node.end(); ++t) before(t | kTriangle);
 }
 
-// Those of two leaves, each with each. \param leaf_a, leaf_b null: it is a triangle
+// Pairs the triangles of two leaves, each with each.
+// \param leaf_a,leaf_b null for a single triangle
 template <class Each>
 void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a, const Surface::Node* leaf_b,
                                      const Each& each) const {
@@ -418,17 +419,17 @@ void NearestElements::touching_pieces(std::vector<ElementPair>& others) const {
 }
 
 void NearestElements::take_pieces(double lower) {
-  looks_deep_ = lower > 0;  // where no direction keeps all of both apart, it is good for a few triangles
+  looks_deep_ = lower > 0;  // without a direction that separates all, one helps for a few triangles only
   Entry e = open_.pop();
   e.gap = std::max(e.gap, lower);
   put(e, kInf);
 }
 
-// Straight down, by the boxes that are nearest, and of those that touch by their middles. What it passes by stays.
+// Descends by the nearest boxes and, among touching ones, by their centres. Skipped nodes stay in the queue.
 bool NearestElements::take_near(double cut_off, ElementPair& pair) {
   if (open_.empty() || open_.front().gap > cut_off) return false;
   Entry at = open_.pop();
-  const double known = at.gap;  // of all below, which tells them not apart
+  const double known = at.gap;  // of all below, so it does not rank them
   const auto middles = [&](const Entry& e) { return squared_norm(before_a(bounds_b(e)).centre - bounds_a(e).centre); };
   const auto pass_by = [&](Entry e) {
     e.gap = std::max(e.gap, known);
@@ -460,7 +461,7 @@ NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, E
   for (std::uint64_t opened = 1; !open_.empty() && open_.front().gap <= cut_off; ++opened) {
     Entry e = open_.pop();
     if (const double along = e.looked == looks_ ? 0 : gap_known(e, bounds_a(e), bounds_b(e)); along > e.gap) {
-      e.gap = along;  // it may not be its turn any more
+      e.gap = along;  // it may no longer be the first
       e.looked = looks_;
       put(e, cut_off);
       continue;

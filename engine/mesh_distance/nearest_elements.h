@@ -1,8 +1,8 @@
-// Two bodies of which one is not convex: their convex elements, nearest first, found by its tree of boxes.
+// The convex elements of two bodies, at least one of them non-convex, nearest first, from a tree of boxes.
 //
-// An element is a piece that is the truth, or a triangle of a piece's surface. Each pair of elements comes once, in the
-// order of a lower bound on their distance (its gap), so that an answer depends on the two bodies alone; what is
-// farther than the least upper bound known by then is never opened.
+// An element is a convex part with exact geometry, or a triangle of a part's mesh. Each pair of elements comes once, in
+// the order of a lower bound on their distance (its gap), so that an answer depends on the two bodies alone. Pairs
+// farther than the least upper bound so far are never opened.
 #pragma once
 
 #include <array>
@@ -19,16 +19,16 @@
 
 namespace clearance {
 
-/// A piece that is the truth, or a triangle of a piece's surface.
+/// A convex part with exact geometry, or a triangle of a part's mesh.
 struct Element {
   std::uint32_t piece = kNone;
-  std::uint32_t triangle = kNone;  ///< of the surface; kNone: the piece itself
+  std::uint32_t triangle = kNone;  ///< of the mesh; kNone for the part itself
 };
-/// The element as a piece that can be answered: the piece itself, or `room`, which becomes its triangle.
+/// The element as a part that can be evaluated: the part itself, or `room`, which becomes its triangle.
 const Piece& piece_of(const Body& body, const Element& element, Piece& room);
 
 struct ElementPair {
-  double gap;  ///< metres: no nearer are they
+  double gap;  ///< lower bound on the pair's distance, in metres
   Element a, b;
 };
 
@@ -38,22 +38,21 @@ class NearestElements {
 
   /// All must outlive the search.
   void begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b);
-  /// The nearest two pieces by their boxes. Where they are not the truth, a lower bound on the distance of the hulls
-  /// and the direction that proves it hold for all that they are around.
+  /// The nearest two parts by their boxes. For hulls that enclose meshes, a lower bound on their distance, with its
+  /// direction, also holds for the meshes.
   ElementPair pieces() const;
-  /// Whether the box around one of these holds that of the other: then their hulls will hardly be apart.
+  /// Whether the box of one of these parts contains that of the other, so that their hulls are unlikely to be apart.
   bool is_one_within() const;
-  /// Before any is taken: all others whose boxes may overlap.
+  /// All other parts whose boxes may overlap. Call before any pair is taken.
   void touching_pieces(std::vector<ElementPair>& others) const;
   void take_pieces(double lower);
-  /// Takes a pair that is near, and may not be the nearest. False: what was looked at for it is beyond the cut-off.
+  /// Takes a near pair, not necessarily the nearest. Returns false if all pairs tried for it are beyond the cut-off.
   bool take_near(double cut_off, ElementPair& pair);
-  /// The next pair in their order, unless its gap is greater than the cut-off (kNoMore), or the slice is over
-  /// (kPaused).
+  /// The next pair in their order, unless its gap exceeds the cut-off (kNoMore) or the slice is over (kPaused).
   Found next(double cut_off, WorkMeter& meter, ElementPair& pair);
-  /// No pair that is left is nearer, metres; +inf: there is none.
+  /// Lower bound on the distance of the remaining pairs, metres; +inf if there are none.
   double left() const { return open_.empty() || left_out_ < open_.front().gap ? left_out_ : open_.front().gap; }
-  /// Whether what is left has grown beyond what is kept of a pair of bodies: then nothing more is to be asked.
+  /// Whether the remaining pairs exceed the capacity for a pair of bodies, so that the search must end.
   bool is_full() const { return open_.size() > kMostEntries; }
   /// From here on gaps along this direction count, too: one that has separated a pair separates its neighbours.
   /// \param n_w from a towards b, world axes, of length 1 up to rounding
@@ -61,14 +60,14 @@ class NearestElements {
 
  private:
   static constexpr std::size_t kMostEntries = std::size_t{1} << 20;
-  static constexpr std::uint32_t kTriangle = 1u << 31;  // of `at`: a triangle, no node
-  // A pair of subtrees; `at` is a node, a triangle, or kNone: a piece that is the truth.
+  static constexpr std::uint32_t kTriangle = 1u << 31;  // flag in `at` of a triangle
+  // A pair of subtrees; `at` is a node, a triangle, or kNone for an exact part.
   struct Entry {
     double gap;
     std::uint32_t piece_a, at_a, piece_b, at_b;
-    std::uint32_t looked;  // how many directions were known when its gap was made
+    std::uint32_t looked;  // number of directions known when its gap was made
   };
-  // The nearest first; of the same gap those farther down, which end sooner. Gaps are not below 0, so that their bits
+  // The nearest first; among equal gaps those farther down, which end sooner. Gaps are not below 0, so that their bits
   // are in their order.
   struct RankOf {
     unsigned __int128 operator()(const Entry& e) const {
@@ -76,11 +75,11 @@ class NearestElements {
              ~e.at_b;
     }
   };
-  // Around a subtree, in the axes of its body, or of a.
+  // Bounds of a subtree, in the axes of its body, or of a.
   struct NodeBounds {
     Vec3d centre{0, 0, 0}, half{0, 0, 0};
   };
-  // What a node is divided into: the nodes two levels below it, or leaves before; the elements of a leaf.
+  // The children of a node: the nodes two levels below it, or leaves before; the elements of a leaf.
   struct NodesBelow {
     std::uint32_t at[kParts], count = 0;
     NodeColumns columns;
@@ -126,13 +125,13 @@ class NearestElements {
   Mat3d R_wa_, R_, R_ba_;                                                         // R_: R_wa^T R_wb; its transpose
   Vec3d D_{0, 0, 0}, D_ba_{0, 0, 0};                                              // R_wa^T (t_b - t_a); -R_^T D_
   double error_ = 0;                                                              // of a gap, metres
-  enum class Plane : std::uint8_t { kNeither, kA, kB } plane_ = Plane::kNeither;  // which is a half-space
-  double left_out_ = 0;      // the least gap of what was beyond a cut-off
-  std::uint32_t looks_ = 0;  // how many directions were known so far: the last one counts
+  enum class Plane : std::uint8_t { kNeither, kA, kB } plane_ = Plane::kNeither;  // the half-space, if any
+  double left_out_ = 0;                                                           // the least gap beyond a cut-off
+  std::uint32_t looks_ = 0;  // number of directions known so far; only the last one is used
   Vec3d n_a_{0, 0, 0}, n_b_{0, 0, 0};
   BestFirst<Entry, RankOf> open_;
 
-  // What subtrees were found to reach along the direction that is known: many partners ask the same of each.
+  // Cache of the reach of subtrees along the known direction, since each is needed for many partners.
   struct Reach {
     std::uint64_t direction = 0;  // of directions_
     std::uint32_t piece = 0, at = 0;
@@ -141,8 +140,8 @@ class NearestElements {
   };
   static constexpr std::size_t kReaches = 2048;
   std::uint64_t directions_ = 0;       // of all searches
-  bool looks_deep_ = false;            // known_reach() does
-  mutable std::uint64_t reached_ = 0;  // nodes that it has looked into since the meter was told
+  bool looks_deep_ = false;            // for known_reach()
+  mutable std::uint64_t reached_ = 0;  // nodes that it has opened since the last report to the meter
   mutable std::vector<Reach> reaches_ = std::vector<Reach>(kReaches);
 };
 

@@ -1,4 +1,4 @@
-// What takes or gives vectors is inlined: how they would be passed is nobody's business.
+// Functions that take or return vectors are inlined, so that their calling convention does not matter.
 #pragma GCC diagnostic ignored "-Wpsabi"
 
 #include "engine/mesh_distance/part_gaps.h"
@@ -13,11 +13,11 @@ namespace clearance {
 namespace {
 
 using Column = PartColumn;
-constexpr double kShort = 1 - 0x1p-45;    // 1 over the length of a direction that was made to be of length 1
+constexpr double kShort = 1 - 0x1p-45;    // 1 over the length of a direction computed as a unit vector
 constexpr double kShorter = 1 - 0x1p-13;  // and of a plane's normal
-constexpr double kLeastLength = 1e-140;   // whose square is not rounded away
+constexpr double kLeastLength = 1e-140;   // whose square does not underflow
 
-// What follows is inlined into code for each instruction set.
+// The functions below are inlined into code for each instruction set.
 template <class T>
 CLEARANCE_INLINE void take_greater(T& x, const T& y) {
   x = y > x ? y : x;
@@ -38,29 +38,29 @@ CLEARANCE_INLINE void root(Column& x) {
   for (std::size_t k = 0; k < kParts; ++k) x[k] = __builtin_sqrt(x[k]);
 }
 
-// A part, or some by columns, as the directions of each column see it.
+// A part, or several by columns, as seen along each column's direction.
 struct Seen {
   Vec3<Column> centre, half, normal;
   Column low, high;
 };
-// How far times its normal it reaches.
+// Reach along a multiple of its normal.
 CLEARANCE_INLINE Column reach_across(const Column& times, const Seen& part) {
   return times * (times > 0 ? part.high : part.low);
 }
-// How far it reaches along n: by its box, or by its planes and what is left of n along its box.
+// Reach along n: by its box, or by its planes and the rest of n along its box.
 CLEARANCE_INLINE Column reach(const Vec3<Column>& n, const Seen& part) {
   const Column by_box = dot(n, part.centre) + dot(absolute(n), part.half), along = dot(n, part.normal);
   const Vec3<Column> rest{n.x - along * part.normal.x, n.y - along * part.normal.y, n.z - along * part.normal.z};
   const Column by_planes = dot(rest, part.centre) + dot(absolute(rest), part.half) + reach_across(along, part);
   return by_planes < by_box ? by_planes : by_box;
 }
-// The same of corners.
+// The same for corners.
 CLEARANCE_INLINE Column reach(const Vec3<Column>& n, std::span<const Vec3d> corners) {
   Column most = dot(n, columns(corners[0]));
   for (const Vec3d& corner : corners.subspan(1)) take_greater(most, dot(n, columns(corner)));
   return most;
 }
-// 1 over its length; 0: it has none.
+// 1 over the length, or 0 for a zero vector.
 CLEARANCE_INLINE Column by_length(const Vec3<Column>& v) {
   Column length = dot(v, v);
   root(length);
@@ -133,7 +133,7 @@ CLEARANCE_INLINE Seen seen(const NodeColumns& nodes) {
 
 namespace {
 
-// How far each triangle reaches along n.
+// Reach of each triangle along n.
 CLEARANCE_INLINE Column reach(const Vec3<Column>& n, const ElementColumns& triangles) {
   Column most = dot(n, triangles.corner[0]);
   take_greater(most, dot(n, triangles.corner[1]));
@@ -193,7 +193,7 @@ CLEARANCE_CLONES __attribute__((flatten)) void part_reaches(const ElementColumns
 
 namespace {
 
-// From each p to the nearest point of a triangle, or nearly: the direction is all that is wanted of it.
+// Approximate direction from each p to the nearest point of a triangle.
 CLEARANCE_INLINE Vec3<Column> to_triangle(const Vec3<Column>& p, const Vec3d (&corner)[3]) {
   const auto from = [&](const Vec3d& x) { return columns(x) - p; };
   const Vec3d normal = cross(corner[1] - corner[0], corner[2] - corner[0]);
@@ -222,7 +222,7 @@ CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBounds
   const Seen others{columns(other.centre), columns(other.half), columns(other.normal), other.low - Column{},
                     other.high - Column{}};
   const Vec3<Column> from{columns(D)};
-  const auto back = [&](const Vec3<Column>& n) {  // in the other body's axes, and the other way
+  const auto back = [&](const Vec3<Column>& n) {  // in the other body's axes, and reversed
     return Vec3<Column>{-(R.row[0].x * n.x + R.row[1].x * n.y + R.row[2].x * n.z),
                         -(R.row[0].y * n.x + R.row[1].y * n.y + R.row[2].y * n.z),
                         -(R.row[0].z * n.x + R.row[1].z * n.y + R.row[2].z * n.z)};
@@ -246,13 +246,13 @@ CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBounds
   gaps = dot(apart, apart);
   root(gaps);
   if (are_all_above(gaps, enough)) return;
-  // Along the line of the middles, or to the nearest point.
+  // Along the line of the centres, or to the nearest point.
   if (other.corners.size() == 3)
     d = to_triangle(own.centre, {R * other.corners[0] + D, R * other.corners[1] + D, R * other.corners[2] + D});
   const Vec3<Column> n = scaled(d, by_length(d));
   take_greater(gaps, ((dot(n, from) - far_back(n)) - reach(n, own)) * kShort);
   if (are_all_above(gaps, enough)) return;
-  // Across the other one, and across these: clouds and convex pieces have no planes.
+  // Along the normals of the other one and of these. Clouds and convex parts have no planes.
   const bool is_flat = squared_norm(other.normal) > 0;
   if (!is_flat && !have_planes) return;
   const Column once = 1 - Column{}, ahead = dot(m, d) < 0 ? -once : once,
@@ -282,7 +282,7 @@ CLEARANCE_CLONES __attribute__((flatten)) void triangle_gaps(const ElementColumn
                                                              const Mat3d& R, const Vec3d& D, const Vec3d (&n)[2],
                                                              PartColumn (&gaps)[kParts]) {
   for (Column& gap : gaps) gap = Column{};
-  const auto look = [&](const Vec3d& along, const Vec3d& back) {  // in the axes of a, and of b the other way
+  const auto look = [&](const Vec3d& along, const Vec3d& back) {  // in the axes of a, and of b reversed
     const Column far_a = reach(columns(along), a), far_b = reach(columns(back), b);
     const double between = dot(along, D);
     for (std::size_t j = 0; j < kParts; ++j) take_greater(gaps[j], ((between - far_b[j]) - far_a) * kShort);
