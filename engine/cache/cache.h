@@ -56,7 +56,7 @@ class Cache {
   /// default `clearance` in $XDG_CACHE_HOME or ~/.cache. CLEARANCE_CACHE_MIB is its maximum size, by default 2048.
   static Cache of_environment();
 
-  /// Opens a folder of at most so many bytes, and creates it if necessary (private_folder.h lists rejected ones).
+  /// Opens a folder of limited size, and creates it if necessary (private_folder.h lists rejected ones).
   explicit Cache(const std::string& folder, std::uint64_t most_bytes = kMostBytes);
 
   /// Whether the cache is on. why_off() returns the reason if not, or empty if it was switched off.

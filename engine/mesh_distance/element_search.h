@@ -107,7 +107,7 @@ class ElementSearch {
   // Progress for these bodies. A search is reused for many pairs: begin() resets all of it at once, so that an answer
   // depends on its bodies alone.
   struct Known {
-    bool in_hulls = false, are_hulls_taken = false, are_apart = false;  // in evaluation, apart
+    bool in_hulls = false, are_hulls_taken = false, are_apart = false;  // hulls: in progress, done, apart
     ByPieces by_pieces = ByPieces::kNotYet;
     HullsGap hulls_gap;
   } known_;

@@ -17,7 +17,7 @@ SinCos<Exact> exact_sin_cos(double x) {
   const Exact z = r * r;
   Exact sine = r, cosine = 1, power = r;
   for (int k = 2; k <= 30; k += 2) {
-    // power is r^(k-1) / (k-1)!, with its sign.
+    // power is r^(k-1) / (k-1)!, with its sign
     const Exact even = -(power * r) / Exact(k);
     power = -(power * z) / Exact(k * (k + 1));
     cosine += even;

@@ -11,7 +11,7 @@ namespace clearance {
 
 namespace {
 
-// One configuration at a time.
+// Loads and stores one configuration at a time.
 struct AloneIo {
   static constexpr std::size_t kLanes = 1;
   static double load(const double* at) { return *at; }
@@ -22,7 +22,7 @@ void run_alone(const KinematicBatch& batch) {
   place_batch<double, AloneIo>(batch);
 }
 
-// Doubles on a border of 64 bytes.
+// Doubles aligned to 64 bytes.
 class Scratch {
  public:
   explicit Scratch(std::size_t doubles)

@@ -1,4 +1,4 @@
-// A robot's joints as kinematic steps: their constants, computed to about 95 bits and rounded once.
+// Converts a robot's joints to kinematic steps, with constants computed to about 95 bits and rounded once.
 #include <cmath>
 
 #include "engine/base/fp_environment.h"
@@ -36,7 +36,7 @@ class KinematicsBuilder {
   }
 
  private:
-  // What carries a link, and where the link is in it.
+  // The frame that carries a link, and the link's pose in it.
   struct On {
     std::uint32_t frame = 0;
     ExactFrame X;
@@ -63,7 +63,7 @@ class KinematicsBuilder {
     out_.steps_.push_back(step);
     out_.slides_ |= step.kind == KinematicStep::Kind::kSliding || step.kind == KinematicStep::Kind::kPlanar;
     out_.step_errors_.push_back(out_.error_of(step, std::hypot(still, turning), at, along));
-    // A link on a fixed joint has a frame of its own, but what hangs on it hangs on what carries it.
+    // A link on a fixed joint has its own frame, but its children are attached to the frame that carries it.
     on_[joint.child] = joint.kind == JointKind::kFixed ? On{parent.frame, X} : On{frame, {}};
     const Kinematics::StepError& error = out_.step_errors_.back();
     const Kinematics::Node& carrier = out_.nodes_[out_.carrier_of(step)];

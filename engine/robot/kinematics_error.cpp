@@ -1,4 +1,4 @@
-// How far placed links are from where reals put them: docs/bounds.md, "Kinematics", step by step.
+// Deviation of placed links from their poses in real arithmetic: docs/bounds.md, "Kinematics", step by step.
 #include <algorithm>
 #include <cmath>
 
@@ -12,9 +12,8 @@ namespace {
 
 constexpr double kUnit = 0x1p-53;
 constexpr double kSinCosUnits = 1.25;  // of sine, and of cosine: sin_cos.h
-constexpr double kTurnedUnits = 20;    // turning an offset by a computed frame, of its length
-constexpr double kConstant =
-    0x1p-80;  // what constants may be off before they are rounded, of their size; 2^-90 at most
+constexpr double kTurnedUnits = 20;    // rotating an offset by a computed frame, relative to its length
+constexpr double kConstant = 0x1p-80;  // relative error of constants before rounding; 2^-90 at most
 constexpr double kSlack = kPlacementSlack;
 
 bool is_power_of_two(double x) {
@@ -22,7 +21,7 @@ bool is_power_of_two(double x) {
   return std::abs(std::frexp(x, &exponent)) == 0.5;
 }
 
-// The part of a quaternion whose products are rounded: its components but 0 and powers of two.
+// The part of a quaternion whose products are rounded: its components other than 0 and powers of two.
 double rounded_part(const Quaternion<double>& q) {
   double sum = 0;
   for (const double x : {q.w, q.x, q.y, q.z})
@@ -51,12 +50,12 @@ Kinematics::StepError Kinematics::error_of(const KinematicStep& step, double ine
     terms += pa[k] != 0 || pb[k] != 0;
     sums = sums || (pa[k] != 0 && pb[k] != 0);
   }
-  double units = 0;  // of the quaternion, relatively to its length
+  double units = 0;  // of the quaternion, relative to its length
   if (step.kind == Kind::kTurning || step.kind == Kind::kPlanar)
     units += kSinCosUnits * std::sqrt(2.0) + std::hypot(rounded_part(a), rounded_part(b)) + (sums ? 1 : 0);
   const double products = std::sqrt(terms);
-  units += terms == 1 ? 1 : terms == 2 ? products + 1 : 2 * products + 1;  // times what carries it
-  units += 1;                                                              // made of length 1 again
+  units += terms == 1 ? 1 : terms == 2 ? products + 1 : 2 * products + 1;  // product with the parent's frame
+  units += 1;                                                              // normalisation
 
   StepError error;
   error.turn = 2 * (inexact_turn + kConstant + units * kUnit);
@@ -64,7 +63,7 @@ Kinematics::StepError Kinematics::error_of(const KinematicStep& step, double ine
   error.length_travel = length_of(step.along[0]) + length_of(step.along[1]);
   error.shift = inexact_shift + kConstant * error.length + kTurnedUnits * kUnit * error.length;
   if (step.kind == Kind::kSliding || step.kind == Kind::kPlanar) {
-    // Two products and sums; a mimic joint's position errs by 2 units and one of its offset before.
+    // Two products and sums; a mimic joint's position has an error of 2 units and one of its offset before.
     const double factor = step.mimics ? 5 : 3;
     error.shift += 2 * kUnit * error.length + (step.mimics ? kUnit * std::abs(step.offset) : 0);
     error.shift_travel = 2 * (inexact_along + kConstant) + (factor + 1 + kTurnedUnits) * kUnit * error.length_travel;
@@ -72,7 +71,7 @@ Kinematics::StepError Kinematics::error_of(const KinematicStep& step, double ine
   return error;
 }
 
-// What the steps from a frame to a link add up to: angles turn all that comes behind them.
+// Sums the steps from a frame to a link: rotation errors act on all steps after them.
 PlacementError Kinematics::error_along(std::uint32_t link, std::uint32_t from_frame, double radius) const {
   const auto roots = static_cast<std::uint32_t>(roots_.size());
   std::vector<std::uint32_t> path;
@@ -80,14 +79,14 @@ PlacementError Kinematics::error_along(std::uint32_t link, std::uint32_t from_fr
     path.push_back(frame - roots);
   PlacementError error;
   if (path.empty()) return error;
-  double turn = from_frame < roots ? 2 * kUnit : 0;  // a root's quaternion is made of length 1
+  double turn = from_frame < roots ? 2 * kUnit : 0;  // a root's quaternion is normalised
   for (auto at = path.rbegin(); at != path.rend(); ++at) {
     const StepError& step = step_errors_[*at];
     const Node& node = nodes_[steps_[*at].link];
     error.fixed += turn * step.length + step.shift;
     error.per_travel += turn * step.length_travel + step.shift_travel;
     turn += step.turn;
-    if (step.length == 0 && step.length_travel == 0) continue;  // the sum changes nothing
+    if (step.length == 0 && step.length_travel == 0) continue;  // the sum is exact
     error.fixed += kUnit * node.length;
     error.per_travel += kUnit * node.length_travel;
     error.per_distance += kUnit;

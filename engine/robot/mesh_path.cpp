@@ -1,4 +1,4 @@
-// Where the meshes of a URDF are: paths, file:// and package://, and the packages that ROS' environment leads to.
+// Resolves the mesh names of a URDF: paths, file:// and package://, with packages from the environment of ROS.
 #include <algorithm>
 #include <charconv>
 #include <cstdlib>
@@ -14,11 +14,11 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::string_view kPackage = "package://", kFile = "file://";
-// Of a search below ROS_PACKAGE_PATH, which may lead to a home folder.
+// Limits of a search below ROS_PACKAGE_PATH, which may lead to a home folder.
 constexpr int kMaxSearchDepth = 16;
 constexpr std::size_t kMaxFolders = 50'000;
 
-// A URI's path without its escapes: "%20" is a space. What is no escape stays.
+// Decodes a URI's path: "%20" is a space. Invalid escapes are kept.
 std::string decoded(std::string_view path) {
   std::string out;
   for (std::size_t i = 0; i < path.size(); ++i) {
@@ -40,7 +40,7 @@ struct PackagePath {
   std::string_view rest;
 };
 
-// What stands behind package://. Files have it with a third slash, too.
+// Splits the text after package://, which some files write with a third slash.
 PackagePath package_path(std::string_view named) {
   named.remove_prefix(kPackage.size());
   named.remove_prefix(std::min(named.find_first_not_of('/'), named.size()));
@@ -59,7 +59,7 @@ std::vector<std::string> folders_of(const char* variable) {
   return folders;
 }
 
-// The name in a package.xml; without one the folder's.
+// The name in a package.xml, or else the folder's name.
 std::string package_name(const fs::path& folder) {
   try {
     const std::string text = read_text((folder / "package.xml").string());
@@ -74,7 +74,7 @@ std::string package_name(const fs::path& folder) {
   return folder.filename().string();
 }
 
-// Packages below the folders of ROS_PACKAGE_PATH, found as rospack does: no package lies in another.
+// Packages below the folders of ROS_PACKAGE_PATH, by the rules of rospack: no package lies in another.
 class PackageSearch {
  public:
   PackageSearch(std::set<std::string>* wanted, std::map<std::string, std::string>* found)

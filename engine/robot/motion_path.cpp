@@ -9,7 +9,7 @@ namespace clearance {
 namespace {
 
 constexpr double kSlack = kMotionSlack;
-constexpr double kAxisError = 0x1p-48;  // of a vector's part across an axis: of the vector's length
+constexpr double kAxisError = 0x1p-48;  // of a vector's component normal to an axis, relative to the vector's length
 
 using Kind = KinematicStep::Kind;
 
@@ -27,13 +27,13 @@ double across(const Vec3d& axis, const Vec3d& v) {
 
 }  // namespace
 
-// Goes from the points to him who sees them, and gathers how long the rest of the way to the points is.
+// Walks from the points to the observing frame, and accumulates the rest of the way to the points.
 class MotionPathBuilder {
  public:
   MotionPathBuilder(const Kinematics& robot, std::uint32_t link, const LinkBall& points)
       : robot_(robot), next_(points.centre), beyond_(points.radius) {
     frame_ = frame_of(link);
-    // A link on a fixed joint moves with what carries it.
+    // A link on a fixed joint moves with its parent.
     while (const KinematicStep* step = step_of(frame_)) {
       if (step->kind != Kind::kFixed) break;
       next_ = step->at + turned(step->still, next_);
@@ -49,12 +49,12 @@ class MotionPathBuilder {
     const auto at = std::find_if(steps.begin(), steps.end(), [&](const KinematicStep& s) { return s.link == link; });
     return static_cast<std::uint32_t>(roots.size() + (at - steps.begin()));
   }
-  // null: a root
+  // Returns null for a root.
   const KinematicStep* step_of(std::uint32_t frame) const {
     const std::size_t roots = robot_.roots().size();
     return frame < roots ? nullptr : &robot_.steps()[frame - roots];
   }
-  // From a root to the frame that a link moves with.
+  // Frames from a root to the one that a link moves with.
   std::vector<std::uint32_t> frames_to(std::uint32_t link) const {
     std::vector<std::uint32_t> frames = {frame_of(link)};
     while (const KinematicStep* step = step_of(frames.back())) {
@@ -65,7 +65,7 @@ class MotionPathBuilder {
     return frames;
   }
 
-  // Down to a frame that carries the points: `next_` is in the frame's own axes.
+  // Descends to a frame that carries the points: `next_` is in the frame's own axes.
   void descend(std::uint32_t to) {
     while (frame_ != to) {
       const KinematicStep& step = *step_of(frame_);
@@ -77,7 +77,7 @@ class MotionPathBuilder {
       frame_ = step.from;
     }
   }
-  // Up into a frame that the present one carries, whose eyes see the points from there on.
+  // Ascends to a frame that the current one carries, and observes the points from there.
   void ascend(std::uint32_t to) {
     const KinematicStep& step = *step_of(to);
     next_ = next_ - step.at;
@@ -124,10 +124,10 @@ class MotionPathBuilder {
   }
 
   const Kinematics& robot_;
-  std::uint32_t frame_ = 0;  // roots, then steps, as KinematicStep::from has them
-  Vec3d next_;  // from the frame's origin to the next one towards the points, which does not turn in the frame
-  double next_travel_ = 0;  // how much longer that is for each metre of travel
-  double beyond_;           // metres: the longest way from there to a point
+  std::uint32_t frame_ = 0;  // roots, then steps, as in KinematicStep::from
+  Vec3d next_;               // from the frame's origin to the next one towards the points; constant in the frame
+  double next_travel_ = 0;   // increase of its length per metre of travel
+  double beyond_;            // metres: the longest way from there to a point
   double beyond_travel_ = 0;
   std::vector<Mover> movers_;  // the nearest to the points first
 };

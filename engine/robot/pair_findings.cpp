@@ -10,14 +10,14 @@ namespace clearance {
 
 namespace {
 
-constexpr std::size_t kBatch = 256;  // configurations asked for at a time
+constexpr std::size_t kBatch = 256;  // configurations of one evaluation
 
-// Positions around a middle one; what a proof is made for.
+// A box of positions, for which a proof is attempted.
 struct Region {
   std::vector<double> middle, half;  // by column
 };
 
-// The travel (Kinematics::travel()) of all configurations whose positions are no larger than these.
+// Travel (Kinematics::travel()) of all configurations whose positions are no larger than these.
 double most_travel(const Kinematics& robot, std::span<const double> largest) {
   double most = 0;
   for (const KinematicStep& step : robot.steps()) {
@@ -45,12 +45,12 @@ class PairSearch {
   bool is_rigid() const { return std::find(moves_.begin(), moves_.end(), true) == moves_.end(); }
 
   Found find() {
-    // Two links that nothing moves before each other need one look.
+    // One sample suffices for two links without a relative motion.
     const std::uint32_t samples = is_rigid() ? 1 : std::max(options_.samples, 1u);
     std::uint32_t overlaps = 0, apart = 0;
     look_at_samples(samples, &overlaps, &apart);
     if (overlaps && apart) return {PairFinding::kSometimes, 0};
-    if (overlaps < samples && apart < samples) return {PairFinding::kSometimes, 0};  // some were not decided
+    if (overlaps < samples && apart < samples) return {PairFinding::kSometimes, 0};  // some were undecided
     Found found;
     const bool proved = prove(overlaps > 0, &found.steps);
     if (overlaps) {
@@ -99,7 +99,7 @@ class PairSearch {
     return bounds;
   }
 
-  // How far points can get within a region, at most, by the path that says least; and the column that moves them most.
+  // Bound on the motion of the points within a region, from the tightest path, and the column that moves them most.
   double way(const Region& region, std::size_t* widest) const {
     std::vector<double> ends(region.middle.size());
     for (std::size_t c = 0; c < ends.size(); ++c) ends[c] = std::abs(region.middle[c]) + region.half[c];
@@ -118,8 +118,8 @@ class PairSearch {
     return least;
   }
 
-  // Whether the pair overlaps (or is apart) everywhere: a region whose middle says so by more than anything in it can
-  // move is done, another is halved.
+  // Proves that the pair overlaps (or is apart) everywhere. A region is done if the bounds at its middle exceed all
+  // motion within it; otherwise it is halved.
   bool prove(bool overlap, std::uint32_t* steps) {
     std::deque<Region> open = {box_};
     while (!open.empty()) {
@@ -138,12 +138,12 @@ class PairSearch {
         std::size_t widest = 0;
         const double moved = way(region, &widest);
         if (overlap ? -bounds[i].upper >= moved : bounds[i].lower > moved) continue;
-        if (!(moved > 0)) return false;  // nothing moves it, and it is not decided
+        if (!(moved > 0)) return false;  // no motion, and still undecided
         Region other = region;
         region.half[widest] = other.half[widest] = 0.5 * region.half[widest];
         region.middle[widest] -= region.half[widest];
         other.middle[widest] += other.half[widest];
-        // Middles are rounded; what that leaves out, the halves take in.
+        // The halves are enlarged to cover the rounding of their middles.
         const double margin = 0x1p-50 * (std::abs(box_.middle[widest]) + box_.half[widest]);
         region.half[widest] += margin;
         other.half[widest] += margin;
@@ -158,7 +158,7 @@ class PairSearch {
   const PairDistances& distances_;
   const FindingOptions& options_;
   std::vector<MotionPath> paths_;
-  std::vector<bool> moves_;  // by column: whether it moves the links before each other
+  std::vector<bool> moves_;  // by column: whether it moves the links relative to each other
   Region box_;
   bool refuted_ = false;
 };

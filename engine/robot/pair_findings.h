@@ -14,7 +14,7 @@
 namespace clearance {
 
 enum class PairFinding : std::uint8_t {
-  kAdjacent,    ///< one joint lies between them, with whatever fixed ones
+  kAdjacent,    ///< joined by at most one moving joint
   kNever,       ///< proved apart at all positions
   kAlways,      ///< proved to overlap at all positions
   kNeverSeen,   ///< they overlap in no sample

@@ -1,10 +1,10 @@
-// SRDF (http://wiki.ros.org/srdf) into a RobotModel: groups, group states, and which pairs of links are left out. What
-// the elements about pairs mean is what MoveIt makes of them (AllowedCollisionMatrix).
+// Reads an SRDF (http://wiki.ros.org/srdf) into a RobotModel: groups, group states and disabled pairs of links.
+// Elements about pairs have the meaning that MoveIt gives them (AllowedCollisionMatrix).
 //
-// Most SRDFs name something that their URDF has not, or has no longer. What names it is left out as a whole (a group, a
-// pair, a position) with a warning, and the rest holds. Where a group or a pair does so and the names of the robots
-// differ, too, the file is another robot's: an error. Virtual joints place a robot in its world, which a scene does
-// here: positions of theirs are left out.
+// Most SRDFs refer to something that their URDF lacks. The group, pair or position that does so is dropped as a whole
+// with a warning, and the rest is used. If the names of the robots differ as well, the file belongs to another robot,
+// and such a group or pair is an error. Virtual joints place a robot in its world, which the scene does here, so their
+// positions are dropped.
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -23,7 +23,7 @@ constexpr std::size_t kMaxMembers = 1'000'000;  // of all groups, as often as ch
 
 constexpr std::size_t kMaxDefaultPairs = 1'000'000;
 
-// Something is named that is not there. The text begins with the place.
+// A reference to a missing name. The text begins with the place.
 struct Missing {
   std::string text;
 };
@@ -71,7 +71,7 @@ class SrdfReader {
     missing(element, what);
   }
 
-  // Runs what may meet something that is not there. Whether it did not.
+  // Runs f, which may meet a missing name. Returns whether it did not.
   template <class F>
   bool complete(const std::string& left_out, F&& f) {
     try {
@@ -90,7 +90,7 @@ class SrdfReader {
     return at->second;
   }
 
-  // A group with all that the groups in it hold. Depth first, without recursion: a file may nest as many as it names.
+  // Adds the contents of a group's subgroups. Depth first, without recursion, since a file may nest any number.
   void expand(const std::string& first) {
     std::vector<std::string> open = {first};
     while (!open.empty()) {
@@ -210,7 +210,7 @@ class SrdfReader {
     }
   }
 
-  // A misspelt element would leave out nothing, or a group's link, without a word.
+  // A misspelt element would otherwise silently disable no pair, or drop a group's link.
   void warn_of_unknown(const XmlElement& parent, std::initializer_list<const char*> known) {
     for (const XmlElement& element : parent.children()) {
       const std::string name = element.name();
@@ -227,7 +227,7 @@ class SrdfReader {
     return std::minmax(a, b);
   }
 
-  // The order of the file does not matter: a link's default comes first, then what is enabled and then what is disabled
+  // Independent of the file's order: a link's default comes first, then pairs enabled by name, and then those disabled
   // by name.
   void read_pairs() {
     for (const XmlElement& element : root_.children("disable_collisions"))
@@ -262,7 +262,7 @@ class SrdfReader {
     sort_disabled();
   }
 
-  // Of several of one pair the first stays.
+  // The first of several entries for a pair is kept.
   void sort_disabled() {
     auto& disabled = robot_.disabled;
     const auto key = [](const DisabledPair& p) { return std::pair(p.a, p.b); };
@@ -278,12 +278,12 @@ class SrdfReader {
   std::unordered_set<std::string> virtual_;
   std::unordered_map<std::string, Group> groups_;
   std::set<std::pair<std::string, std::string>> states_;  // name, group
-  std::set<std::string> unknown_;                         // elements that were warned of
+  std::set<std::string> unknown_;                         // elements warned about
   std::size_t members_ = 0;
 };
 
 void add_srdf(const XmlElement& root, RobotModel* robot) {
-  RobotModel with = *robot;  // an SRDF that is refused leaves nothing behind
+  RobotModel with = *robot;  // a rejected SRDF changes nothing
   SrdfReader(root, &with).read();
   *robot = std::move(with);
 }

@@ -1,5 +1,5 @@
-// URDF (http://wiki.ros.org/urdf/XML) to a RobotModel. What the format says of an element that is missing holds
-// (<origin>: none, <axis>: 1 0 0, <mimic multiplier>: 1); a number that is there is taken, or refused.
+// Reads a URDF (http://wiki.ros.org/urdf/XML) into a RobotModel. Missing elements get the format's defaults (no
+// <origin>, <axis> 1 0 0, <mimic multiplier> 1); an invalid number is an error.
 #include <cmath>
 #include <filesystem>
 #include <unordered_map>
@@ -35,7 +35,8 @@ class UrdfReader {
   }
 
  private:
-  // A file of macros names no robot yet. What is not read may hold what only looks like one.
+  // A file of macros does not describe a robot yet. Elements that are not read may contain text that only resembles
+  // macros.
   void check_expanded() const {
     using Macros = XmlElement::Macros;
     root_.refuse_macros(Macros::kAttributes, "robot.urdf");
@@ -183,7 +184,7 @@ class UrdfReader {
     if (robot_.base == kNone) root_.fail("every link hangs on another: the joints form a cycle");
   }
 
-  // Joints as they are met from the base, children in the file's order.
+  // Sorts the joints in the order from the base, children in the file's order.
   void sort_joints() {
     std::vector<std::vector<std::uint32_t>> carried(robot_.links.size());
     for (std::uint32_t j = static_cast<std::uint32_t>(robot_.joints.size()); j-- > 0;)
@@ -217,7 +218,7 @@ class UrdfReader {
     return kind == JointKind::kRevolute || kind == JointKind::kContinuous || kind == JointKind::kPrismatic;
   }
 
-  // On a joint that does not move a <mimic> means nothing.
+  // A <mimic> on a fixed joint has no effect.
   void read_mimics() {
     for (std::uint32_t j = 0; j < robot_.joints.size(); ++j) {
       RobotJoint& joint = robot_.joints[j];
@@ -247,7 +248,7 @@ class UrdfReader {
       element.fail("expected a multiplier and an offset up to 1e6");
   }
 
-  // A joint that mimics one that mimics another itself mimics the last of them, by factors multiplied out in float64.
+  // A joint that mimics a mimic joint mimics the last one of the chain, by factors multiplied in float64.
   void follow_mimics() {
     const std::vector<RobotJoint> read = robot_.joints;
     for (std::uint32_t j = 0; j < read.size(); ++j) {
@@ -280,7 +281,7 @@ class UrdfReader {
     }
   }
 
-  // A limit that is not there is 0, as the format has it.
+  // A missing limit is 0, as in the format.
   std::pair<double, double> read_limits(const XmlElement& element, const RobotJoint& joint) {
     if (joint.kind != JointKind::kRevolute && joint.kind != JointKind::kPrismatic) return {-INFINITY, INFINITY};
     const XmlElement limit = element.required_child("limit");

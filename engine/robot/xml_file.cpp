@@ -16,7 +16,7 @@ namespace {
 
 using pugi::xml_node;
 
-constexpr std::size_t kMaxBytes = std::size_t{8} << 20;  // forty times the largest robot seen
+constexpr std::size_t kMaxBytes = std::size_t{8} << 20;  // forty times the largest known robot
 constexpr int kMaxDepth = 64;
 constexpr const char* kSpaces = " \t\r\n";
 
@@ -24,7 +24,8 @@ xml_node node_of(void* node) {
   return xml_node(static_cast<pugi::xml_node_struct*>(node));
 }
 
-// The next element in the order of the text, with its depth; null at the end. Not recursive: the depth is the file's.
+// The next element in the order of the text, with its depth; null at the end. Not recursive, since the file determines
+// the depth.
 xml_node next_in_text(xml_node at, int* depth) {
   if (at.first_child()) {
     ++*depth;
@@ -202,7 +203,7 @@ std::string XmlElement::text(const char* attribute) const {
 
 double XmlElement::number_of(const char* attribute, std::string_view word) const {
   std::string_view digits = word;
-  if (digits.starts_with('+') && !digits.starts_with("+-")) digits.remove_prefix(1);  // from_chars takes none
+  if (digits.starts_with('+') && !digits.starts_with("+-")) digits.remove_prefix(1);  // which from_chars rejects
   double x = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), x);
   if (error == std::errc::invalid_argument || end != digits.data() + digits.size())
