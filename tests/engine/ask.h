@@ -1,4 +1,4 @@
-// Whole answers.
+// Complete answers.
 #pragma once
 
 #include <chrono>
@@ -18,11 +18,11 @@ struct Answer {
   ReplyInfo info;
 };
 
-/// That each backend writes of configurations, with the interval as it is; gradient_joints is for joints.
+/// Fields that each backend writes for configurations, with float64 bounds; gradient_joints is for joints.
 inline constexpr std::uint32_t kAllFields = kKnownFields & ~(kFieldCompact | kFieldBounds | kFieldPairLower |
                                                              kFieldGradientJoints | kMotionFields | kFieldFreeScale);
 
-/// The memory that a query's answer takes.
+/// The memory of a query's answer.
 inline Answer room_for(const Engine& engine, const QueryView& query) {
   Answer a;
   a.size = engine.size(query);

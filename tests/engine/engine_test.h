@@ -1,4 +1,4 @@
-// Tests of the engine as a whole run over every backend that is there. Their fixture; test_engine.cpp makes the suite.
+// Fixture of the engine tests, which run on every available backend. test_engine.cpp instantiates the suite.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ class EngineTest : public ::testing::TestWithParam<std::string> {
   Engine make(Scene scene, int threads = 2) { return Engine(std::move(scene), {GetParam(), threads}); }
 };
 
-// The whole of an answer, bit for bit.
+// All bits of an answer.
 inline std::vector<std::byte> bits(const Answer& a) {
   std::uint64_t bytes = 0;
   reply_view_over(nullptr, a.size.rows, a.size.fields, &bytes);

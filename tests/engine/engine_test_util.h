@@ -30,7 +30,7 @@ class Random {
   std::normal_distribution<double> normal_;
 };
 
-/// Boxes, point clouds, spheres, capsules and two-piece bodies at random poses; every fifth body is static.
+/// Boxes, point clouds, spheres, capsules and bodies of two convex parts at random poses; every fifth body is static.
 inline Scene mixed_scene(int count, double box, std::uint64_t seed) {
   Random random(seed);
   Scene scene;
@@ -64,8 +64,8 @@ inline Scene mixed_scene(int count, double box, std::uint64_t seed) {
   return scene;
 }
 
-/// Bodies of 1 to 40 pieces: clouds along a random walk, some of them rounded, some of more than 64 vertices; and boxes
-/// in a grid, many of whose distances and gaps are the same. Some share their pieces.
+/// Bodies of 1 to 40 convex parts: clouds along a random walk, some of them rounded, some of more than 64 vertices; and
+/// boxes in a grid, with many equal distances and gaps. Some share their parts.
 inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
   constexpr int kPieces[] = {1, 2, 8, 27, 3, 1, 17, 40, 5, 12};
   Random random(seed);

@@ -1,4 +1,4 @@
-// Whether answers say the same, bit for bit.
+// Comparison of answers, bit for bit.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -25,8 +25,8 @@ inline void expect_same_column(const char* name, const T* all, std::uint64_t at,
   }
 }
 
-/// Expects rows `at` and on of one answer to have the bits of the first rows of another. How many there are of each
-/// status.
+/// Expects the rows of one answer from `at` on to have the bits of the first rows of another. Returns the number of
+/// rows by status.
 inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uint64_t at, const Answer& few,
                                                      std::uint64_t count) {
   const ReplyView &v = all.view, &w = few.view;
@@ -50,8 +50,8 @@ inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uin
   return seen;
 }
 
-/// Expects each row of a query of all pairs to have the bits of the same pair alone in its configuration. Adds how many
-/// there are of each status.
+/// Expects each row of a query of all pairs to have the bits of the same pair alone in its configuration. Adds the
+/// number of rows by status.
 inline void expect_rows_as_alone(const Engine& engine, const QueryView& query, std::array<std::uint64_t, 8>& seen) {
   const Answer all = ask(engine, query);
   const std::vector<BodyPair> pairs = engine.pairs({});

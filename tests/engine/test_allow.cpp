@@ -1,4 +1,4 @@
-// Which pairs may touch, as it is changed at run time.
+// Pairs that may touch, changed at run time.
 #include <algorithm>
 #include <numeric>
 
@@ -53,7 +53,7 @@ TEST(Allow, LeavesPairsOutAndBringsThemBack) {
   EXPECT_EQ(engine.pairs({}), all);
   EXPECT_EQ(engine.allow(0, 1, false).applied, 1u) << "that the scene ignores";
   EXPECT_TRUE(asks(engine, 0, 1));
-  // A pair that a query names is answered, allowed or not.
+  // A pair named by a query is answered, allowed or not.
   engine.allow(3, 4);
   const BodyPair named[] = {{3, 4}};
   QueryView q;
@@ -96,7 +96,7 @@ TEST(Allow, EndsWithTheAttachmentThatItIsFor) {
   EXPECT_TRUE(asks(engine, 4, kFloor)) << "attached anew, for less";
   EXPECT_NE(engine.scene_revision(), attached);
   EXPECT_FALSE(means_the_same(engine, {{4, kEveryBody}}, attached));
-  EXPECT_EQ(engine.allow(4, 2).applied, 0u);  // for good, from here on
+  EXPECT_EQ(engine.allow(4, 2).applied, 0u);  // permanently, from here on
   EXPECT_EQ(engine.allow(4, 1, false).applied, 1u);
   EXPECT_TRUE(asks(engine, 1, 4)) << "forbidden, whoever allowed it";
   engine.attach(4, kNone);

@@ -1,5 +1,5 @@
-// The bits of an answer do not depend on what else is asked: pairs fill lanes with whatever hulls there are, bodies of
-// several pieces search in rounds, and each gets what it would get alone.
+// The bits of an answer do not depend on the rest of the query: pairs fill lanes with any hulls, bodies of several
+// convex parts search in rounds, and each pair gets the same result as alone.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -14,7 +14,7 @@
 namespace clearance::test {
 namespace {
 
-// Bodies of one to five pieces, of 1 to 150 vertices, some of them rounded; the first two share their pieces.
+// Bodies of one to five convex parts, of 1 to 150 vertices, some of them rounded; the first two share their parts.
 Scene pieces_scene(Random& random, int count) {
   Scene scene;
   std::vector<PiecePtr> shared;
@@ -91,7 +91,7 @@ TEST(TeamCost, FollowsWhatTeamsCostAndForgets) {
   EXPECT_FALSE(cost.is_worth(180e-6, 2, now + seconds(1000)));
 }
 
-// Answers do not depend on it, and small batches have one thread whatever a team costs.
+// Answers do not depend on the team, and small batches use one thread at any cost of a team.
 TEST(Batches, HaveATeamWhereOneIsWorthIt) {
   Random random(5);
   Engine::Options options;

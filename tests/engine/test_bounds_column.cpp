@@ -1,4 +1,4 @@
-// The column of float32 bounds: those of float64, rounded outward, whatever is asked.
+// The column of float32 bounds: those of float64, rounded outward, in any query.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// Reduce::kAny: decisions of whole configurations, against all pairs.
+// Reduce::kAny: decisions of whole configurations, compared with all pairs.
 #include <algorithm>
 #include <cmath>
 
@@ -27,7 +27,7 @@ struct Moved {
   }
 };
 
-// What each row must be, said by all pairs' intervals.
+// Expected result of each row, from all pairs' intervals.
 void expect_agrees(const Answer& any, const Answer& dense, std::span<const BodyPair> pairs,
                    std::span<const double> margins) {
   const std::size_t configurations = dense.info.rows / pairs.size();
@@ -112,9 +112,9 @@ TEST_P(EngineTest, AnyTestsEachPairAgainstItsOwnMargin) {
   expect_agrees(ask(engine, q), dense, pairs, margins);
 }
 
-// What is asked about all bodies where they are: threads, slices and how near pairs are found do not show.
+// A query of all bodies at their current poses: threads, slices and the search for near pairs have no effect.
 TEST_P(EngineTest, AnyDoesNotDependOnThreadsSlicesOrTrees) {
-  const int count = GetParam() == "cpu" ? 600 : 50;  // the oracle looks at all pairs
+  const int count = GetParam() == "cpu" ? 600 : 50;  // the oracle evaluates all pairs
   for (const double box : {6.0, 60.0}) {
     QueryView q;
     q.fields = kAllFields;

@@ -1,4 +1,4 @@
-// The answers of the engine as a whole: distances, depths, statuses, columns, configurations, groups.
+// Answers of the engine as a whole: distances, depths, statuses, columns, configurations, groups.
 #include <algorithm>
 #include <cmath>
 #include <map>

@@ -1,4 +1,4 @@
-// Reductions of the engine as a whole, against all pairs.
+// Reductions of the engine as a whole, compared with all pairs.
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -44,7 +44,7 @@ TEST_P(EngineTest, NearestAndMinAgreeWithAllPairs) {
   EXPECT_EQ(min.view.lower[0], *std::min_element(least_lower.begin(), least_lower.end()));
 }
 
-// Of body g: the rod has the nearest box and is far; h is beyond max_distance, and g is its nearest; y is nearer than
+// For body g: the rod has the nearest box and is far; h is beyond max_distance, and g is its nearest; y is nearer than
 // h, and has a nearer neighbour than g itself.
 TEST_P(EngineTest, NearestHoldsPairsThatAreBeyondAndNobodysNearestBoxes) {
   Scene scene;
@@ -67,7 +67,7 @@ TEST_P(EngineTest, NearestHoldsPairsThatAreBeyondAndNobodysNearestBoxes) {
   EXPECT_GT(nearest.view.lower[0], 0.3);
 }
 
-// Boxes that touch say nothing about which of two overlaps is the deeper one.
+// Touching boxes do not reveal which of two overlaps is deeper.
 TEST_P(EngineTest, NearestAndMinFindTheDeepestOverlap) {
   const Engine engine = make(mixed_scene(40, 1, 6));
   QueryView q;
@@ -89,7 +89,7 @@ TEST_P(EngineTest, NearestAndMinFindTheDeepestOverlap) {
   EXPECT_EQ(ask(engine, q).view.upper[0], *std::min_element(least.begin(), least.end()));
 }
 
-// Of all pairs the first that overlaps wins, whatever comes after it.
+// The first overlapping pair wins, for any pairs after it.
 TEST_P(EngineTest, MinIsTheFirstOverlap) {
   const Engine engine = make(mixed_scene(60, 1.2, 5));
   Random random(6);

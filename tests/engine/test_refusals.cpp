@@ -1,4 +1,4 @@
-// What the engine refuses, in which words, and before it allocates anything.
+// Requests that the engine rejects: the text of each error, and no allocation before it.
 #include <algorithm>
 #include <stdexcept>
 
@@ -27,7 +27,7 @@ TEST_P(EngineTest, GroupsThatNameMorePairsThanMemoryHoldsAreRefused) {
   EXPECT_EQ(ask_for({kEveryBody, kEveryBody}, 1), all);
   EXPECT_EQ(ask_for({kEveryBody, kEveryBody}, 3).size(), 3 * all.size());
   EXPECT_TRUE(ask_for({kGroupBit, kGroupBit}, 20).empty());
-  // 0.4 and 0.8 MB of selectors would be 35 GB of pairs, and hours of looking for pairs that are none.
+  // 0.4 and 0.8 MB of selectors would be 35 GB of pairs, and hours of searching among pairs that do not exist.
   for (const auto& [selector, times] :
        {std::pair{BodyPair{kEveryBody, kEveryBody}, 50'000}, {BodyPair{kGroupBit, kGroupBit}, 100'000}})
     try {

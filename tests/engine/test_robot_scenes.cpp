@@ -1,4 +1,4 @@
-// What a scene takes of robots, and what it says of those that it cannot use.
+// Parts of robots that a scene uses, and errors for unusable ones.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -52,7 +52,7 @@ TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
   EXPECT_TRUE(is_asked("table", "arm/palm"));
 }
 
-// Of links that no joint moves apart an SRDF's word counts; without one their pair says nothing that changes.
+// For links without a joint between them an SRDF decides; without one their pair gives constant information.
 TEST(RobotInAScene, APairWithoutAJointIsAskedAboutWhereTheSrdfEnablesIt) {
   const TemporaryFolder folder;
   const std::string ball = "<collision><geometry><sphere radius='1'/></geometry></collision></link>";

@@ -39,7 +39,7 @@ std::vector<double> random_rows(const Scene& scene, const std::vector<std::uint3
   return rows;
 }
 
-// The rows of `some` are those of `all` from `first` on, bit by bit, but for the configuration.
+// The rows of `some` are those of `all` from `first` on, bit for bit, apart from the configuration.
 void expect_same_rows(const Answer& all, std::uint64_t first, const Answer& some) {
   const auto same = [&](const auto* x, const auto* y, int width) {
     if (!y || static_cast<const void*>(y) == some.view.configuration) return;
@@ -223,7 +223,7 @@ TEST(JointQuery, AnswersAreThoseOfJointsThatAreSetBitForBit) {
   }
 }
 
-// Two branches with joints that slide, one in a plane, and a link on neither.
+// Two branches with sliding joints, one of them planar, and a link on neither.
 constexpr const char* kSliding = R"(<robot name="r">
 <link name="base"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
 <link name="cart"><collision><geometry><box size="0.2 0.3 0.1"/></geometry></collision></link>
@@ -238,7 +238,7 @@ constexpr const char* kSliding = R"(<robot name="r">
 <joint name="bend" type="continuous"><parent link="base"/><child link="arm"/><origin xyz="0 0.4 0.1"/></joint>
 </robot>)";
 
-// The whole interval depends on what the query names, and on nothing that it replaces.
+// The whole interval depends on the joints in the query, not on the state that it replaces.
 TEST(JointQuery, WhereItsJointsStandDoesNotCount) {
   const TemporaryFolder folder;
   RobotOptions options;
@@ -383,7 +383,7 @@ TEST(JointQuery, BadPositionsAndMissingOnesAreStatusesOfTheirRows) {
 
 TEST(JointQuery, AJointThatItLeavesAsItIsMayBeTooOld) {
   RobotOptions options = at_home();
-  options.is_static = true;  // another base that nobody has published would be too old by itself
+  options.is_static = true;  // otherwise an unpublished base would be too old by itself
   const Scene scene = arm_scene(options);
   Engine engine(scene);
   const JointPosition second[] = {{1, 0.2}};

@@ -1,4 +1,4 @@
-// Jobs in slices of few units of work: they stop between the piece pairs of a pair, and the bits are those of one
+// Jobs in slices of few units of work: they stop between the part pairs of a pair, and the bits are those of a single
 // slice.
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint64_t kSlice = 16;  // units
 
-/// Bodies of many pieces, each a cloud of 20 vertices, all over each other.
+/// Bodies of many convex parts, each a cloud of 20 vertices, all overlapping.
 Scene heaps(int bodies, int pieces) {
   Random random(5);
   Scene scene;
@@ -31,7 +31,9 @@ Scene heaps(int bodies, int pieces) {
   return scene;
 }
 
-/// The answer in slices of so few units. \param slices how many it took. \param longest units of one.
+/// The answer in slices of kSlice units.
+/// \param slices receives their number
+/// \param longest receives the units of the longest
 Answer in_slices(const Engine& engine, const QueryView& query, int& slices, std::uint64_t& longest) {
   Answer a = room_for(engine, query);
   Job job = engine.start(query, a.view);
@@ -57,7 +59,7 @@ TEST(Slices, EndWithinAPairOfBodiesOfManyPieces) {
   std::uint64_t longest = 0;
   const Answer sliced = in_slices(engine, query, slices, longest);
   EXPECT_GT(slices, 10);
-  // A slice ends after the pair of pieces, or the boxes, that it was in: of 60 x 60 a unit for each sixteen.
+  // A slice ends after the current part pair, or the current boxes: of 60 x 60 a unit for each sixteen.
   EXPECT_LT(longest, 5000u);
   EXPECT_EQ(whole.view.lower[0], sliced.view.lower[0]);
   EXPECT_EQ(whole.view.upper[0], sliced.view.upper[0]);

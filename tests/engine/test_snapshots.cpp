@@ -1,4 +1,4 @@
-// Poses as queries see them: attachments, the snapshot that a job began with, stamps and ages.
+// Poses in queries: attachments, the snapshot at the start of a job, stamps and ages.
 #include <algorithm>
 
 #include "tests/engine/engine_test.h"
@@ -135,7 +135,7 @@ TEST_P(EngineTest, TheAgeOfPosesIsWhatStaleGoesBy) {
     EXPECT_EQ(plain.info.snapshot_sequence, 3);
     EXPECT_GE(plain.info.pose_age_ns, 0);
     QueryView limited = q;
-    const std::int64_t off = std::int64_t{1} << i % 40;  // from what will have passed by then to far more
+    const std::int64_t off = std::int64_t{1} << i % 40;  // from less than the elapsed time to far more
     limited.max_pose_age_ns = std::max<std::int64_t>(plain.info.pose_age_ns + (i % 2 ? off : -off), 1);
     const Answer answer = ask(engine, limited);
     const bool too_old = answer.info.pose_age_ns > limited.max_pose_age_ns;

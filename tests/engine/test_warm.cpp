@@ -1,4 +1,4 @@
-// How much memory warm state takes: clients that were silent for longest make way, jobs never do.
+// Memory of warm state: tables of the least recently used clients are evicted, those of jobs never are.
 #include <gtest/gtest.h>
 
 #include "engine/engine.h"
@@ -9,14 +9,14 @@ namespace {
 
 constexpr std::uint64_t kRow = sizeof(WarmSimplex);
 
-/// Has a job of `client` work, and leave its first simplex marked.
+/// Runs a job of `client`, which marks its first simplex.
 void ask(WarmStore& store, std::uint64_t client, std::uint64_t size) {
   auto table = store.take(client, client, size);
   ASSERT_TRUE(table);
   table->simplices[0].size = 3;
   store.put_back(std::move(table));
 }
-/// Whether the client's next job would begin warm; it is not one.
+/// Whether the client's next job would begin warm. Does not count as a job.
 bool is_warm(WarmStore& store, std::uint64_t client, std::uint64_t size) {
   auto table = store.take(client, client, size);
   const bool warm = table && table->simplices[0].size == 3;

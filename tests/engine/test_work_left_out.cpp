@@ -1,4 +1,4 @@
-// What a query need not look at is not looked at: counted, not timed.
+// Work that a query can skip is skipped: counted, not timed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -75,14 +75,14 @@ TEST(WorkLeftOut, BoxesAnswerForPairsFartherThanMaxDistance) {
   EXPECT_LT(refined, answer.info.rows / 10);
   EXPECT_GT(refined, 0u);
 
-  // The same pairs, found by reduction: no more of them are looked at.
+  // The same pairs, found by reduction, which evaluates no more of them.
   query.reduce = Reduce::kWithin;
   const Answer within = ask(engine, query);
   EXPECT_EQ(within.info.pairs_evaluated, refined);
   EXPECT_LE(within.info.rows, refined);
   EXPECT_EQ(within.info.rows, answer.info.rows - beyond);
 
-  // The oracle looks at all of them.
+  // The oracle evaluates all of them.
   query.reduce = Reduce::kNone;
   Engine::Options options;
   options.backend = "reference";

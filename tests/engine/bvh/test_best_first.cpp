@@ -1,4 +1,5 @@
-// The queue of searches before one that is plainly right: the least rank first, whatever was put and taken before.
+// The queue of searches compared with a simple one: the least rank first, after any sequence of insertions and
+// removals.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,7 +14,7 @@
 namespace clearance {
 namespace {
 
-using Item = std::pair<std::uint32_t, std::uint32_t>;  // what decides, and what tells items apart beyond that
+using Item = std::pair<std::uint32_t, std::uint32_t>;  // the rank, and an id that distinguishes items of equal rank
 
 struct RankOf {
   unsigned __int128 operator()(const Item& x) const {

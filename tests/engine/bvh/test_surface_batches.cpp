@@ -1,6 +1,6 @@
-// The bits of an answer do not depend on what else is asked, of bodies that are not convex either: searches are used
-// for one pair after another, and each pair gets what it would get alone. Linked once with the engine as it is, and
-// once with one whose searches remember (CMakeLists.txt).
+// The bits of an answer for non-convex bodies do not depend on the rest of the query: searches are reused for one pair
+// after another, and each pair gets the same result as alone. Linked once with the engine, and once with a faulty one
+// whose searches keep state (CMakeLists.txt).
 #include <gtest/gtest-spi.h>
 #include <gtest/gtest.h>
 
@@ -18,13 +18,13 @@ namespace {
 using exact::Mesh;
 using exact::Point2;
 
-/// A ring around z, of a tube of a square section.
+/// A ring around z, of a tube with a square section.
 Mesh ring(int sides, double radius, double thick) {
   const double in = radius - thick, out = radius + thick;
   return exact::revolved(std::vector<Point2>{{in, -thick}, {out, -thick}, {out, thick}, {in, thick}}, sides);
 }
 
-/// Solids, surfaces and clouds, small and large, hollow and of several parts, and all that they may be before.
+/// Solids, surfaces and clouds, small and large, hollow and of several components, and convex bodies to pair them with.
 Scene zoo() {
   Scene scene;
   exact::Random shapes(5);

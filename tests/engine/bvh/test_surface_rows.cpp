@@ -1,4 +1,4 @@
-// Surfaces as lists: every vertex once, in the order of a walk, whatever the slices that list them.
+// Meshes as lists: every vertex once, in the order of a walk, for any slices.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -22,7 +22,8 @@ bool same(const Vec3d& a, const Vec3d& b) {
   return a.x == b.x && a.y == b.y && a.z == b.z;
 }
 
-// Lists in slices of so many steps. \param slices gets how many it took
+// Lists in slices of `steps` steps.
+// \param slices receives their number
 SurfaceRows listed(const Surface& surface, std::size_t steps, std::size_t& slices) {
   SurfaceLister lister(surface);
   for (slices = 1; !lister.advance(steps); ++slices) {
@@ -52,7 +53,7 @@ void check(const Surface& surface, Tally& tally) {
       beside[element[k]].insert(element.begin(), element.end());
     }
   }
-  // What hangs together comes one after another: a vertex beside no earlier one begins a part.
+  // A connected component is contiguous: a vertex without an earlier neighbour begins one.
   std::size_t parts = 0;
   for (std::uint32_t v = 0; v < rows.vertices.size(); ++v) {
     ASSERT_FALSE(beside[v].empty()) << "named by a triangle";

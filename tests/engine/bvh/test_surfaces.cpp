@@ -1,5 +1,5 @@
-// Surfaces and solids as they are stored: every triangle in its boxes and nowhere else, open edges found, points wound
-// around as often as exact arithmetic says.
+// Storage of surfaces and solids: every triangle in its boxes and nowhere else, open edges found, winding numbers equal
+// to those of exact arithmetic.
 #include <gmpxx.h>
 #include <gtest/gtest.h>
 
@@ -28,7 +28,7 @@ Surface surface_of(const Mesh& mesh, bool is_solid) {
   return {mesh.vertices, mesh.triangles, is_solid};
 }
 
-/// The meshes of some cases of every class: the nasty ones among them.
+/// Meshes from several cases of every class, including degenerate ones.
 std::vector<exact::SolidPtr> nasty_meshes(std::uint64_t each) {
   std::vector<exact::SolidPtr> meshes;
   for (const exact::CaseClass& cls : exact::mesh_classes())
@@ -44,7 +44,7 @@ std::vector<exact::SolidPtr> nasty_meshes(std::uint64_t each) {
 class TreeWalk {
  public:
   explicit TreeWalk(const Surface& surface) : surface_(surface) { walk(0, 0); }
-  std::uint32_t triangles = 0;  // that leaves have had so far
+  std::uint32_t triangles = 0;  // in the leaves visited so far
   std::uint32_t nodes = 0;
   int depth = 0, outside = 0;
 
@@ -155,7 +155,7 @@ TEST(Surface, AMissingOrTurnedTriangleLeavesAnOpenEdge) {
     std::swap(turned.triangles[at][0], turned.triangles[at][1]);
     EXPECT_NE(open_edge(turned.vertices, turned.triangles).find("not oriented alike"), std::string::npos);
     EXPECT_THROW(surface_of(turned, true), std::invalid_argument);
-    // Vertices of their own in the same places are the same vertices.
+    // Separate vertices at equal positions count as one.
     Mesh apart;
     for (const Triangle& t : mesh.triangles) {
       const auto n = static_cast<std::uint32_t>(apart.vertices.size());
@@ -163,7 +163,7 @@ TEST(Surface, AMissingOrTurnedTriangleLeavesAnOpenEdge) {
       apart.triangles.push_back({n, n + 1, n + 2});
     }
     EXPECT_EQ(open_edge(apart.vertices, apart.triangles), "");
-    // And off by a last bit they are not.
+    // A difference in the last bit makes them distinct.
     Vec3d& moved = apart.vertices[static_cast<std::size_t>(random.integer(0, 2)) + 3 * at];
     moved.y = std::nextafter(moved.y, 10);
     EXPECT_NE(open_edge(apart.vertices, apart.triangles), "");
@@ -183,10 +183,11 @@ TEST(Surface, NamesAVertexOfEachPart) {
   std::size_t most = 0;
   for (const exact::SolidPtr& s : nasty_meshes(4)) {
     const Surface surface(s->vertices, s->triangles, s->is_solid);
-    // Places grow together from each named vertex; in the end all that triangles have are reached, from one name each.
+    // Positions grow together from each named vertex. In the end all positions of triangles are reached, from one
+    // vertex each.
     using Key = std::array<double, 3>;
     std::map<Key, std::size_t> reached;
-    const auto key = [&](std::uint32_t v) {  // -0 and 0 are one place
+    const auto key = [&](std::uint32_t v) {  // -0 and 0 are one position
       return Key{s->vertices[v].x + 0.0, s->vertices[v].y + 0.0, s->vertices[v].z + 0.0};
     };
     for (std::size_t part = 0; part < surface.parts().size(); ++part)
@@ -209,7 +210,7 @@ TEST(Surface, NamesAVertexOfEachPart) {
 
 // ---- winding numbers
 
-/// Points that are hard to tell: anywhere; beside a vertex, an edge or a face by a last bit or more; in line with
+/// Points that are hard to classify: anywhere; next to a vertex, an edge or a face by a last bit or more; in line with
 /// vertices along an axis.
 Vec3d hard_point(Random& random, const exact::Solid& s) {
   const auto vertex = [&] {

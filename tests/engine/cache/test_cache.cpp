@@ -1,4 +1,4 @@
-// The cache: what is kept comes back whole or not at all, and only from this user.
+// The cache: an entry is returned whole or not at all, and only if this user wrote it.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -20,7 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 using Bytes = std::vector<std::byte>;
 
-constexpr uid_t kSomebody = 12345;  // who is neither root nor this user
+constexpr uid_t kSomebody = 12345;  // neither root nor this user
 
 Bytes bytes(std::size_t count, int seed) {
   Bytes out(count);
@@ -161,7 +161,7 @@ TEST_F(CacheTest, UsesNoFolderThatOthersMayHaveFilled) {
     const Cache cache(path);
     EXPECT_EQ(cache.is_on(), cache.why_off().empty()) << path;
     if (!cache.is_on()) {
-      cache.write(name(1), bytes(10, 1));  // nothing happens
+      cache.write(name(1), bytes(10, 1));  // no effect
       EXPECT_EQ(cache.read(name(1)), std::nullopt);
       EXPECT_TRUE(cache.list().empty());
       EXPECT_EQ(cache.clear(), 0u);
@@ -222,7 +222,7 @@ TEST_F(CacheTest, HoldsNoMoreThanItMayAndLosesWhatWasNotUsedForLongest) {
   EXPECT_FALSE(fs::exists(entry(50))) << "too large for any room";
   EXPECT_GT(held(), kMost / 2) << "and nothing had to go for it";
 
-  // What a process left that died while it wrote goes, too; what another one is writing stays.
+  // The unfinished file of a dead process is removed, too; that of a running one stays.
   const fs::path dead = fs::path(path_) / "unfinished-1", alive = fs::path(path_) / "unfinished-2";
   put(dead, "half");
   put(alive, "half");
@@ -252,7 +252,7 @@ TEST_F(CacheTest, ListsAndClearsItsEntriesAlone) {
   EXPECT_TRUE(fs::exists(path_ + "/notes.txt"));
 }
 
-// Processes that write, read, spoil and clear the same few entries: what is read is right, always.
+// Processes that write, read, corrupt and clear the same few entries: every payload read is correct.
 TEST_F(CacheTest, ServesManyProcessesAtATime) {
   constexpr int kProcesses = 4, kRounds = 300, kNames = 6;
   constexpr std::uint64_t kMost = 30'000;  // of 6 entries of 10,000 bytes

@@ -1,4 +1,4 @@
-// Which vertices a piece keeps: never one too few, and not needlessly many.
+// Vertices that a convex part keeps: never one too few, and not needlessly many.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,7 +21,8 @@ namespace {
 
 using Points = std::vector<Vec3d>;
 
-// The largest n . v. Exact for points on the grid 2^-20 Z within [-4, 4] and integer n up to 2^20: each dot product is.
+// The largest n . v. Exact for points on the grid 2^-20 Z within [-4, 4] and integer n up to 2^20, as each dot product
+// is.
 double exact_support(const Points& points, const Vec3d& n) {
   double best = -HUGE_VAL;
   for (const Vec3d& v : points) best = std::max(best, dot(n, v));
@@ -76,7 +77,7 @@ TEST(Orientation, AgreesWithIntegersAndIsExactOnPlanes) {
     zeros += wanted == 0;
     positive += wanted > 0;
     negative += wanted < 0;
-    // The same far from the origin, and at other scales: exact, so the answer is the same.
+    // The same far from the origin, and at other scales: exact, so the result is the same.
     for (const auto& [scale, shift] : {std::pair{1.0, 0.0}, {1.0, 0x1p40}, {0x1p-180, 0.0}, {0x1p150, 0x1p190}}) {
       Vec3d v[4];
       for (int r = 0; r < 4; ++r)
@@ -90,9 +91,8 @@ TEST(Orientation, AgreesWithIntegersAndIsExactOnPlanes) {
 }
 
 TEST(Orientation, SeesTheLastBit) {
-  // A plane through points that are no short numbers, and a point on it up to rounding: moving it by one unit in the
-  // last place of one coordinate moves it across. Differences are multiples of 2^-38: the exact answer comes from
-  // integers.
+  // A plane through points with many digits, and a point on it up to rounding: moving it by one unit in the last place
+  // of one coordinate moves it across. Differences are multiples of 2^-38, so that integers give the exact result.
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> entry(1, 2);
   int near = 0;
@@ -175,8 +175,8 @@ TEST(Hull, PointsOnFacesAndEdgesAreDroppedWhereExactlyThere) {
 }
 
 TEST(Hull, NearlyCoplanarPointsAreJudgedByTheLastBit) {
-  // A rotated box whose faces carry points that lie on them only up to rounding (to 2^-52): half of them stand out by
-  // that much. Directions near the normals of faces tell which; supports are compared in integers, exactly.
+  // A rotated box whose faces carry points that lie on them only up to rounding (to 2^-52): half of them are outside by
+  // that much. Directions near the normals of faces distinguish them; supports are compared in integers, exactly.
   std::mt19937_64 random(6);
   std::uniform_real_distribution<double> entry(-1, 1);
   const Mat3d R = rotation_of(Pose{{0, 0, 0}, 0.9, 0.1, -0.3, 0.2});
@@ -270,7 +270,7 @@ TEST(Hull, ScalesAndPlacesMakeNoDifference) {
 TEST(Hull, LargeConvexMeshesAreTakenAsTheyAre) {
   Shape sphere = make_uv_sphere(2, 100);
   for (Vec3d& v : sphere.vertices)
-    v = {double(float(v.x)), double(float(v.y)), double(float(v.z))};  // as mesh files have it
+    v = {double(float(v.x)), double(float(v.y)), double(float(v.z))};  // as in mesh files
   ASSERT_GT(sphere.vertices.size(), kHullCheckVertices);
   EXPECT_TRUE(MeshRows(sphere.vertices.size(), sphere.triangles).is_convex(sphere.vertices));
   const Hull hull = reduce_to_hull(sphere.vertices, sphere.triangles);

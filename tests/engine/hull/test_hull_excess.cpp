@@ -1,4 +1,4 @@
-// How far hulls stand out of meshes: a bound that holds, is 0 for convex ones, and is not far from what it bounds.
+// Excess of hulls over their meshes: the bound is valid, 0 for convex meshes, and close to the excess.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -66,7 +66,7 @@ double distance_to(const Source& mesh, const Vec3d& p, bool closed) {
   return closed && std::abs(angle) > 6 ? 0 : least;
 }
 
-// The farthest of many points of the hull: no more than what is to be bounded.
+// Largest distance of many points of the hull: a lower bound on the excess.
 double farthest_met(const Source& mesh, bool closed, int count) {
   std::mt19937_64 bits(11);
   std::exponential_distribution<double> weight;
@@ -136,7 +136,7 @@ TEST(HullExcess, TheBoundHoldsAndIsNotFar) {
     const double met = farthest_met(mesh, true, 1500);
     ASSERT_GT(met, 0.05 * r.piece->spread) << "the mesh is not concave enough for the test";
     EXPECT_GE(r.excess.distance, met);
-    // Samples miss the farthest point by a little; the dents are more than a mesh gets looks for.
+    // Samples miss the farthest point by a little, and the dents need more visits than a mesh gets.
     const double too_much = std::string(name) == "dented" ? 2 : 1.25;
     EXPECT_LE(r.excess.distance, too_much * 1.15 * met + 0.01 * r.piece->spread);
     EXPECT_FALSE(std::isnan(r.excess.solid_volume) && std::string(name) != "a cavity");
@@ -155,7 +155,8 @@ TEST(HullExcess, TheShareThatIsEmptyIsThatOfTheVolumes) {
   EXPECT_GE(measure(open).excess.distance, farthest_met(open, false, 2000));
 }
 
-// Its edges are all convex and its topology is a sphere's, and yet it winds around its centre seven times.
+// The great icosahedron: all its edges are convex and its topology is a sphere's, but it winds around its centre seven
+// times.
 TEST(HullExcess, ASurfaceThatWindsSeveralTimesIsNotTakenForConvex) {
   const double g = (1 + std::sqrt(5.0)) / 2;
   Source great;

@@ -11,7 +11,7 @@
 namespace clearance {
 namespace {
 
-// Closed, consistently oriented, and turned outward: every directed edge once, and a positive volume.
+// Closed, consistently oriented and outward: every directed edge once, and a positive volume.
 void expect_closed_and_outward(const Shape& shape, const char* what) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
   double volume = 0;

@@ -1,4 +1,4 @@
-// Supports: scan, direction table and double-double find the true maximum over all vertices.
+// Supports: scan, direction table and double-double find the exact maximum over all vertices.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace clearance::test {
 namespace {
 
-// The exact maximum, as far as 64-bit long doubles can tell.
+// The exact maximum, to the precision of 64-bit long doubles.
 long double brute_force(const Piece& piece, const Vec3d& n) {
   long double best = -INFINITY;
   for (const Vec3d& v : piece.vertices) {
@@ -30,7 +30,7 @@ std::vector<PiecePtr> pieces_of_every_size() {
     pieces.push_back(make_piece(random.cloud(count, {1, 2, 0.5})));
   pieces.push_back(make_piece(make_uv_sphere(2, 40).vertices));           // rings of equal heights: many ties
   pieces.push_back(make_piece(random.cloud(3000, {1, 1, 0})));            // flat
-  pieces.push_back(make_piece(std::vector<Vec3d>(500, Vec3d{1, 2, 3})));  // all the same
+  pieces.push_back(make_piece(std::vector<Vec3d>(500, Vec3d{1, 2, 3})));  // all equal
   return pieces;
 }
 
@@ -95,18 +95,18 @@ TEST(DirectionTable, FindsTheVertexThatAScanFinds) {
       for (std::uint32_t k = 1; k < cloud.size(); ++k)
         if (dot(n, cloud[k]) > dot(n, cloud[best])) best = k;
       ASSERT_EQ(support(*piece, n).index, best) << cloud.size() << " vertices, " << n.x << ' ' << n.y << ' ' << n.z;
-      // Whatever rounding might make the farthest is in the list, too.
+      // The list also contains every vertex that rounding might make the farthest.
       const auto list = piece->table->candidates(n);
       for (std::uint32_t k = 0; k < cloud.size(); ++k) {
         const bool may_be_farthest = dot(n, cloud[k]) >= dot(n, cloud[best]) - 32 * 0x1p-53 * norm(n) * piece->rho;
         ASSERT_TRUE(!may_be_farthest || std::binary_search(list.begin(), list.end(), k));
       }
-      // So is it where float32 looks the direction up.
+      // The same for a direction that is looked up in float32.
       const Vec3<float> f = cast<float>(n);
       const float size = std::abs(f.x) + std::abs(f.y) + std::abs(f.z);
       if (!(size > 1e-30f && size < 1e30f)) continue;
       ++in_float;
-      for (const double off : {-1.0, 0.0, 1.0}) {  // quotients as bad as a device may make them
+      for (const double off : {-1.0, 0.0, 1.0}) {  // the largest errors of a device's quotients
         const CellPoint cell = cell_point(f, static_cast<float>((1 + off * 0x1p-23) / static_cast<double>(size)));
         const std::uint32_t* found =
             blurred.lists.data() + find_list(blurred.cells.data(), blurred.grid_bits, cell.u, cell.v);
@@ -122,7 +122,7 @@ TEST(DirectionTable, ListsAreShortWhateverTheMesh) {
   struct Mesh {
     const char* what;
     std::vector<Vec3d> vertices;
-    double most;  // vertices looked at on average
+    double most;  // mean number of vertices per list
   };
   for (const Mesh& m :
        {Mesh{"sphere", make_uv_sphere(1, 100).vertices, 7}, Mesh{"cloud", random.cloud(20000, {1, 1, 1}), 7},

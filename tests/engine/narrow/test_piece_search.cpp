@@ -1,5 +1,5 @@
-// Bodies of several pieces: the order of their piece pairs, and one thread's search against the engine's, which asks in
-// rounds.
+// Bodies of several convex parts: the order of their part pairs, and the search of a single thread compared with that
+// of the engine, which works in rounds.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ using test::Random;
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Corners on a coarse grid, so that many gaps are the same.
+// Corners on a coarse grid, so that many gaps are equal.
 std::vector<Aabb> random_boxes(std::size_t count, Random& random) {
   std::vector<Aabb> boxes;
   for (std::size_t i = 0; i < count; ++i) {
@@ -61,7 +61,7 @@ TEST(PieceSearch, FindsPiecePairsInTheirOrder) {
   EXPECT_GT(ties, 1000u);
 }
 
-// The engine answers the pairs of a round side by side, in lanes, and puts all gaps in order at once.
+// The engine answers the pairs of a round in parallel lanes, and sorts all gaps at once.
 TEST(PieceSearch, EndsAsTheEnginesRoundsDo) {
   const Scene scene = test::decomposed_scene(60, 1.2, 2);
   std::vector<BodyPlacement> placed;

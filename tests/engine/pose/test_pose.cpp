@@ -1,4 +1,4 @@
-// Poses: what is accepted, and that the rotation is the exact one rounded once.
+// Poses: accepted values, and a rotation that is the exact one rounded once.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -25,8 +25,8 @@ TEST(Pose, NonFiniteAndAbsurdPosesAreBad) {
   EXPECT_EQ(check({{0, 0, 1e61}, 1, 0, 0, 0}), PoseQuality::kBad);
 }
 
-// In long double (64 bits) the entries of M(q) / |q|^2 carry errors of about 2^-62; each of ours is rounded once to
-// 2^-53.
+// In long double (64 bits) the entries of M(q) / |q|^2 have errors of about 2^-62; each entry under test is rounded
+// once to 2^-53.
 TEST(Pose, RotationEntriesAreRoundedOnce) {
   std::mt19937_64 random(7);
   std::normal_distribution<double> normal;

@@ -1,5 +1,5 @@
-// A robot in reals, to 60 digits: the judge of kinematics. Written from URDF's definition, matrices all the way, and
-// shares nothing with what it judges but the model's numbers.
+// Kinematics in real arithmetic, to 60 digits: the oracle of kinematics. Written from URDF's definition, with matrices
+// throughout, and shares with the tested code only the model's numbers.
 #pragma once
 
 #include <boost/multiprecision/cpp_bin_float.hpp>
@@ -55,7 +55,7 @@ inline RealFrame real_frame(const Origin& o) {
          real_turn({1, 0, 0}, o.rpy.x);
 }
 
-/// The pose as the contract says: M(q) / |q|^2 and t.
+/// The pose as specified: M(q) / |q|^2 and t.
 inline RealFrame real_frame(const Pose& X) {
   const Real w = X.qw, x = X.qx, y = X.qy, z = X.qz, n = w * w + x * x + y * y + z * z;
   return {{{(w * w + x * x - y * y - z * z) / n, 2 * (x * y - w * z) / n, 2 * (x * z + w * y) / n},
@@ -64,15 +64,17 @@ inline RealFrame real_frame(const Pose& X) {
           {{X.translation.x, X.translation.y, X.translation.z}}};
 }
 
-/// Where the joints stand in their parents: what does not change with positions.
+/// Poses of the joints in their parents, which do not change with positions.
 inline std::vector<RealFrame> real_origins(const RobotModel& robot) {
   std::vector<RealFrame> origins;
   for (const RobotJoint& joint : robot.joints) origins.push_back(real_frame(joint.X_pj));
   return origins;
 }
 
-/// Frames of all links. \param q by column: double or Real. \param roots as of Kinematics::place()
-/// \param origins real_origins(), for whoever asks often
+/// Frames of all links.
+/// \param q by column: double or Real
+/// \param roots as for Kinematics::place()
+/// \param origins real_origins(), to avoid repeating it
 template <class Number>
 std::vector<RealFrame> real_links(const RobotModel& robot, const Number* q,
                                   const std::vector<std::uint32_t>& root_links, std::span<const Pose> roots,
@@ -107,9 +109,8 @@ std::vector<RealFrame> real_links(const RobotModel& robot, const Number* q,
   return real_links(robot, q, root_links, roots, real_origins(robot));
 }
 
-/// How far points within `radius` of the origin are moved by going from one frame to another: |t - t'| + |R - R'|
-/// radius, which bounds the farthest one. The norm of a difference of rotations is its Frobenius norm over the root
-/// of 2.
+/// Bound on the motion of points within `radius` of the origin between two frames: |t - t'| + |R - R'| radius, which
+/// bounds the farthest one. The norm of a difference of rotations is its Frobenius norm over the root of 2.
 inline double displacement(const RealFrame& a, const RealFrame& b, double radius) {
   Real t = 0, R = 0;
   for (int i = 0; i < 3; ++i) {

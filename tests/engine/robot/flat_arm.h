@@ -1,11 +1,11 @@
-// An arm in a plane, stretched out: bounds that sum what its joints reach are attained by it.
+// A stretched planar arm, which attains bounds that sum the reach of its joints.
 #pragma once
 
 #include "engine/robot/robot.h"
 
 namespace clearance::test {
 
-/// Joints one, two (a mimic of one that turns the other way), out (which slides) and three, from `base` to `tip`.
+/// Joints one, two (mimics one in the opposite direction), out (which slides) and three, from `base` to `tip`.
 inline RobotModel flat_arm() {
   return parse_urdf(R"(<robot name='flat'>
     <link name='base'/><link name='a'/><link name='b'/><link name='c'/><link name='tip'/>

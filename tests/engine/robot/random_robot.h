@@ -1,4 +1,4 @@
-// What tests of robots draw at random.
+// Random numbers for tests of robots.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace clearance::test {
 
-/// Seeded numbers for random robots and where they are.
+/// Seeded numbers for random robots and their poses.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : bits_(seed) {}

@@ -1,4 +1,4 @@
-// Robots that are refused, and in which words: cause, file, line and element.
+// Invalid robots, and the text of each error: cause, file, line and element.
 #include <gtest/gtest.h>
 
 #include "engine/robot/robot.h"
@@ -16,7 +16,7 @@ std::ostream& operator<<(std::ostream& out, const BadCase& bad) {
   return out << bad.name;
 }
 
-// A robot of two links, on the file's second line, and a joint on its third: `type`, and what is in it.
+// A robot of two links, on the file's second line, and a joint with this type and content on its third.
 std::string joint(const std::string& type, const std::string& inside) {
   return "<robot name='r'>\n<link name='a'/><link name='b'/>\n<joint name='j' type='" + type +
          "'><parent link='a'/><child link='b'/>" + inside + "</joint></robot>";

@@ -1,4 +1,4 @@
-// Poses of links against 60 digits: never farther off than is claimed, and what is claimed is little.
+// Poses of links compared with 60 digits: the error never exceeds its bound, and the bound is small.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,7 +17,7 @@ using test::RealFrame;
 
 const std::string kFolder = source_file("tests/engine/robot/");
 
-// Text of a URDF: a chain of joints of any kind with a side branch here and there, and mimics of the first one.
+// Text of a URDF: a chain of joints of any kind with occasional side branches, and mimics of the first one.
 std::string random_urdf(Random& random, int joints) {
   std::string text = "<robot name='r'><link name='l0'/>";
   const auto numbers = [&](double most) {
@@ -44,7 +44,7 @@ std::string random_urdf(Random& random, int joints) {
 }
 
 struct OracleResult {
-  double worst = 0, worst_between = 0;  // error over claim
+  double worst = 0, worst_between = 0;  // error over bound
   double claim_over_reach = 0;
   int checked = 0;
 };
@@ -88,7 +88,7 @@ void check_robot(const RobotModel& robot, Random& random, int configurations, do
       ++out->checked;
       const auto b = static_cast<std::uint32_t>(random.below(static_cast<int>(robot.links.size())));
       if (b == l) continue;
-      // Where b is, seen from a: b's origin turns with a's frame, as a's points that far out do.
+      // Position of b relative to a: b's origin moves with a's frame like a's points at that distance.
       const double between =
           test::displacement(test::real_inverse(exact[l]) * exact[b], test::real_inverse(got[l]) * got[b], 0);
       const double far_b =
@@ -138,7 +138,7 @@ TEST(Kinematics, RandomRobotsAreWithinWhatIsClaimed) {
   EXPECT_LT(near.claim_over_reach, 3e-14);
 }
 
-// An arm whose base is far away: what its links are to each other depends on the base's own digits, not on all joints.
+// An arm with a distant base: the relative error of its links depends on the base's own digits, not on all joints.
 TEST(Kinematics, NeighboursShareWhatCarriesThem) {
   const RobotModel robot = read_urdf(kFolder + "arm.urdf");
   const Kinematics kinematics(robot);
@@ -175,7 +175,7 @@ TEST(Kinematics, AllInstructionSetsGiveTheSameBits) {
   }
 }
 
-// One bad configuration takes nothing from its neighbours in other lanes.
+// A bad configuration does not affect its neighbours in other lanes.
 TEST(Kinematics, PositionsThatCannotBeUsedAreBadPoses) {
   const RobotModel robot = read_urdf(kFolder + "every_joint.urdf");
   const Kinematics kinematics(robot);
@@ -203,7 +203,7 @@ TEST(Kinematics, PositionsThatCannotBeUsedAreBadPoses) {
           EXPECT_EQ(check(poses[links + l]), root ? PoseQuality::kGood : PoseQuality::kBad);
         }
       }
-  // A mimic joint's own position can be too large where that of the other is not.
+  // A mimic joint's own position can be too large although that of the other is not.
   RobotModel scaled = robot;
   scaled.joints[robot.find_joint("lid")].mimic->multiplier = 1e6;
   std::vector<double> q = good;

@@ -1,4 +1,4 @@
-// How far links get against 60 digits: never farther than is claimed, and the claim is attained.
+// Motion of links compared with 60 digits: never more than the bound, and the bound is attained.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -42,7 +42,7 @@ std::vector<double> random_positions(const RobotModel& robot, Random& random) {
   return q;
 }
 
-// Two configurations of a robot, exact, and what may have changed between them.
+// Two configurations of a robot, exact, and bounds on the change between them.
 struct Step {
   std::vector<double> change;
   double travel;
@@ -68,7 +68,7 @@ Real ratio(const Real& way, double claim) {
   return claim > 0 ? way / claim : way < kOraclesOwn ? Real(0) : Real(2);
 }
 
-// Small and large steps of random robots: no point of a ball goes farther than its path says.
+// Small and large steps of random robots: no point of a ball moves farther than its path's bound.
 void check_robot(const RobotModel& robot, Random& random, int steps, double* worst) {
   const Kinematics kinematics(robot);
   const auto links = static_cast<std::uint32_t>(robot.links.size());
@@ -88,7 +88,7 @@ void check_robot(const RobotModel& robot, Random& random, int steps, double* wor
         const Real seen = ratio(step.way(link, p), path.way(step.change, step.travel));
         ASSERT_LE(seen, 1) << robot.links[link].name;
         *worst = std::max(*worst, static_cast<double>(seen));
-        if (kinematics.roots().size() > 1) continue;  // seen from one root alone
+        if (kinematics.roots().size() > 1) continue;  // seen from one root only
         const MotionPath from_eye(kinematics, eye, link, ball);
         ASSERT_LE(ratio(step.way_seen_from(eye, link, p), from_eye.way(step.change, step.travel)), 1)
             << robot.links[link].name << " seen from " << robot.links[eye].name;
@@ -107,7 +107,7 @@ TEST(MotionPath, NoPointGoesFartherThanItsPath) {
   }
 }
 
-// Two links come no nearer than the least of their paths says: that is what proofs rest on.
+// Two links come no nearer than the least bound of their paths, on which proofs depend.
 TEST(MotionPath, NoTwoPointsComeNearerThanAnyPathBetweenThem) {
   Random random(2);
   for (const char* file : {"arm.urdf", "every_joint.urdf"}) {
@@ -138,8 +138,8 @@ TEST(MotionPath, NoTwoPointsComeNearerThanAnyPathBetweenThem) {
   }
 }
 
-// An arm in a plane, stretched out: its tip goes as far as a bound that sums reaches says. Each joint is tried alone
-// and all of them together, from the world and from the tip; so whoever lowers one of them by a thousandth is found.
+// A stretched planar arm: its tip moves as far as a bound that sums reaches. Each joint is moved alone and all of them
+// together, seen from the world and from the tip, so that the test detects a bound that is too small by a thousandth.
 TEST(MotionPath, TheBoundIsAttained) {
   const RobotModel robot = test::flat_arm();
   const Kinematics kinematics(robot);
@@ -159,7 +159,7 @@ TEST(MotionPath, TheBoundIsAttained) {
     const Real seen = ratio(step.way(tip, outmost), MotionPath(kinematics, tip, ball).way(step.change, step.travel));
     EXPECT_LE(seen, 1);
     EXPECT_GT(seen, 0.999) << robot.columns[moved[0]].name;
-    // And the base as the tip sees it, 0.3 m to the side of where it lies in the plane.
+    // The base seen from the tip, 0.3 m to the side of its place in the plane.
     const LinkBall foot{{-0.1, 0, 0.3}, 0};
     const Real back = ratio(step.way_seen_from(tip, base, foot.centre),
                             MotionPath(kinematics, tip, base, foot).way(step.change, step.travel));
@@ -170,7 +170,7 @@ TEST(MotionPath, TheBoundIsAttained) {
   EXPECT_EQ(tried, 4);
 }
 
-// Only what lies between two links moves one before the other's eyes.
+// Only joints between two links move one relative to the other.
 TEST(MotionPath, JointsThatCarryBothDoNotCount) {
   const RobotModel robot = read_urdf(kFolder + "arm.urdf");
   const Kinematics kinematics(robot);

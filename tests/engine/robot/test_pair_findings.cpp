@@ -1,4 +1,5 @@
-// Which links touch always, never or sometimes: robots whose answer is known by construction, their links spheres.
+// Classification of links that touch always, never or sometimes: robots with spherical links, whose result is known by
+// construction.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,7 +10,7 @@
 namespace clearance {
 namespace {
 
-// An arm in a plane: `links` joints about z, 0.5 m apart, each within `limit` radians, and a sphere at each link's end.
+// A planar arm: `links` joints about z, 0.5 m apart, each within `limit` radians, and a sphere at each link's end.
 class FlatArm {
  public:
   FlatArm(int links, double limit, double radius) : model_(model(links, limit)), kinematics_(model_), radius_(radius) {}
@@ -79,10 +80,10 @@ TEST(PairFindings, WhatDoesBothIsSaidTo) {
   EXPECT_EQ(arm.find(1, 3).finding, PairFinding::kSometimes);
 }
 
-// They touch only where two joints are both within a hair of a limit: no sample sees it, and the proof must.
+// They touch only if two joints are both within a hair of a limit: no sample finds it, but the proof must.
 TEST(PairFindings, AProofFindsWhatNoSampleSees) {
-  // l1's end to l3's end: |1 + e^(i t)| / 2 = cos(t / 2) of the joint between, at least 0.2 in all once t
-  // reaches 2.7388.
+  // l1's end to l3's end: |1 + e^(i t)| / 2 = cos(t / 2) of the joint between, at least 0.2 in all once t reaches
+  // 2.7388.
   const double touching = 2 * std::acos(0.2), limit = touching + 1e-3;
   FlatArm arm(3, limit, 0.1);
   FindingOptions few;

@@ -1,4 +1,4 @@
-// Robots as their files say them: a small one with every kind of joint.
+// Robots from files: a small one with every kind of joint.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -163,7 +163,7 @@ std::string turning(const char* name, const char* parent, const char* child, con
          child + "'/>" + inside + "</joint>\n";
 }
 
-// Factors multiplied out in float64, as MoveIt does; the order of the joints in the file does not matter.
+// Factors multiplied in float64, as in MoveIt; the order of the joints in the file does not matter.
 TEST(Robot, AJointMayMimicOneThatMimics) {
   const std::string any = "<limit lower='-1' upper='1'/>";
   const RobotModel robot =
@@ -214,7 +214,7 @@ TEST(Robot, AVisualThatCannotBeUsedHarmsNoCollision) {
   EXPECT_EQ(link.visual[1].problem, "r.urdf:2: link \"a\": visual: expected an element <geometry>");
 }
 
-// What is read elsewhere, or left alone by everybody, may hold what only looks like a macro.
+// Elements that other programs read, or none, may contain text that resembles a macro.
 TEST(Robot, WhatOnlyLooksLikeAMacroIsTaken) {
   const RobotModel robot = parse_urdf(
       "<robot name='r' xmlns:xacro='http://www.ros.org/wiki/xacro'><link name='a$(b)'/><gazebo a='${x}'/></robot>",
@@ -245,7 +245,7 @@ TEST(Robot, AnSrdfAddsGroupsStatesAndPairs) {
 
 using Names = std::vector<std::string>;
 
-// What an SRDF's pairs make of four links a, b, c, d: "ab" for a pair that is left out.
+// Result of an SRDF's pairs for four links a, b, c, d: "ab" for a disabled pair.
 Names left_out(const std::string& pairs, RobotModel* read = nullptr) {
   const std::string any = "<limit lower='-1' upper='1'/>";
   RobotModel robot = parse_urdf("<robot name='r'><link name='a'/><link name='b'/><link name='c'/><link name='d'/>" +
@@ -259,7 +259,7 @@ Names left_out(const std::string& pairs, RobotModel* read = nullptr) {
   return names;
 }
 
-// As MoveIt: a link's default first, then what is enabled, and last what is disabled, wherever they stand.
+// As in MoveIt: a link's default first, then enabled pairs, and last disabled ones, in any order of the file.
 TEST(Robot, AnSrdfMayDisableAllPairsOfALink) {
   const std::string defaults = "<disable_default_collisions link='b'/>\n",
                     enable = "<enable_collisions link1='d' link2='b'/>\n",
@@ -304,7 +304,7 @@ TEST(Robot, UnknownElementsOfAnSrdfAreWarnedOfOnce) {
                                    "r.srdf:7: group_state \"s\": Joint: an unknown element; it is not read"}));
 }
 
-// Half a group, or a pair with nothing, would be a surprise: they are left out whole, and it is said.
+// Half a group, or a pair of one link, would be a surprise: they are dropped whole, with a warning.
 TEST(Robot, WhatAnSrdfNamesInVainIsLeftOutWithAWarning) {
   RobotModel robot = every_joint();
   read_srdf(kFolder + "every_joint.srdf", &robot);

@@ -1,4 +1,4 @@
-// Sine and cosine of our own against 60 digits.
+// The engine's sine and cosine compared with 60 digits.
 #include <gtest/gtest.h>
 
 #include <boost/multiprecision/cpp_bin_float.hpp>
@@ -36,8 +36,8 @@ TEST(SinCos, AnyAngleIsWithinWhatIsProved) {
   std::printf("worst of random angles: %.4f units of 2^-53\n", worst);
 }
 
-// Where all digits cancel in the reduction: the float64 nearest to multiples of a right angle, and beside the borders
-// between quadrants, where the series are longest.
+// Angles where all digits cancel in the reduction: the float64 nearest to multiples of a right angle, and next to the
+// borders between quadrants, where the series have the largest terms.
 TEST(SinCos, AnglesBesideMultiplesOfPiOver4) {
   const Real quarter = atan(Real(1));
   std::mt19937_64 random(2);
@@ -63,7 +63,7 @@ TEST(SinCos, EndsAndTinyAngles) {
   EXPECT_EQ(sin_cos(0.0, 0.0).cosine, 1);
 }
 
-// Angles of mimic joints come in two parts.
+// Angles of mimic joints have two parts.
 TEST(SinCos, TheSecondPartOfAnAngleCounts) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> uniform(-1, 1);
