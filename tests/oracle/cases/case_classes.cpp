@@ -1,4 +1,4 @@
-// The generators of the case classes, and the table of them.
+// Generators of the case classes, and their table.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -18,8 +18,8 @@ double largest(const Vec3d& v) {
 
 // ---- placing
 
-/// Turns both at random and puts b at random near a, so that some pairs are apart and some overlap; then, more often
-/// than not, sets a gap between `least` and 1 of the smaller size, either side of contact.
+/// Rotates both at random and places b at random near a, so that some pairs are apart and some overlap. Mostly also
+/// sets a gap between `least` and 1 of the smaller size, on either side of contact.
 Case placed(Random& random, SolidPtr a, SolidPtr b, double least = 1e-16) {
   Case c{std::move(a), std::move(b), random.rotation(), random.rotation()};
   const double ra = reach(*c.a) + c.a->radius, rb = reach(*c.b) + c.b->radius, small = std::min(ra, rb);
@@ -82,7 +82,7 @@ Case far_from_frame(Random& random) {
   };
   Case c{off(ordinary(random)), random.chance(0.7) ? off(ordinary(random)) : solid(ordinary(random)), random.rotation(),
          random.rotation()};
-  // Brought back to the world's origin, as a modeller would who does not know.
+  // Moved back to the world's origin, as a careless modeller would do.
   c.X_wa.translation = -(rotation_of(c.X_wa) * c.a->vertices[0]);
   c.X_wb.translation = -(rotation_of(c.X_wb) * c.b->vertices[0]) + random.direction() * random.uniform(0, 3);
   if (random.chance(0.7)) set_gap(c, random.sign() * random.log_uniform(1e-9, 10));
@@ -94,9 +94,8 @@ bool far_from_frame_hits(const Case& c, const Result&) {
 
 // ---- gap
 
-/// Bodies that touch exactly: two lattice bodies turned by rational rotations, an extreme point of one put on an
-/// extreme point of the other. With a radius: pushed apart along (3, 4, 12), whose length is 13, by the sum of the
-/// radii.
+/// Bodies that touch exactly: two lattice bodies with rational rotations, an extreme point of one at an extreme point
+/// of the other. With radii, they are moved apart by their sum along (3, 4, 12), whose length is 13.
 Case exact_contact(Random& random) {
   int na, nb;
   Case c;
@@ -219,13 +218,13 @@ Case single_points(Random& random) {
   Case c;
   c.a = solid({{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)}});
   c.X_wa = random.rotation();
-  if (random.chance(0.3)) {  // against another point
+  if (random.chance(0.3)) {  // with another point
     c.b = random.chance(0.5) ? c.a : solid({random.direction()});
     c.X_wb = random.chance(0.5) ? c.X_wa : random.rotation();
     c.X_wb.translation += random.direction() * (random.chance(0.2) ? 0.0 : random.log_uniform(1e-17, 1e3));
     return c;
   }
-  // Against a body: on its vertices, edges, faces, or off them by little.
+  // Next to a body: on its vertices, edges or faces, or slightly off them.
   c.b = solid(ordinary(random));
   if (random.chance(0.15)) {  // on a vertex exactly
     c.a = solid({c.b->vertices[0]});
@@ -283,7 +282,7 @@ bool dense_spheres_hits(const Case& c, const Result&) {
 
 // ---- relation
 
-/// Faces and edges of b parallel to those of a: the same rotation, or turned by right angles.
+/// Faces and edges of b parallel to those of a: the same rotation, or by right angles more.
 Case parallel(Random& random) {
   Case c{faced(random), faced(random), random.rotation(), {}};
   c.X_wb = c.X_wa;

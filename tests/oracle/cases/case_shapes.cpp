@@ -123,7 +123,7 @@ SolidPtr repeated(Random& random) {
       case 2:
         v.push_back(0.25 * (some() + some()) + 0.5 * some());
         break;    // on a face, or inside
-      default: {  // a duplicate but for the last bit
+      default: {  // a duplicate except for the last bit
         Vec3d p = some();
         p[random.integer(0, 2)] *= 1 + random.sign() * 0x1p-52;
         v.push_back(p);

@@ -1,4 +1,4 @@
-// Shapes that the case classes are made of, metres.
+// Shapes for the case classes, metres.
 #pragma once
 
 #include <vector>
@@ -23,12 +23,12 @@ SolidPtr faced(Random& random);
 
 SolidPtr needle(Random& random);
 SolidPtr plate(Random& random);
-/// A tetrahedron or a few points that almost lie on a segment or in a plane, each in its own way.
+/// A tetrahedron or a few points that almost lie on a segment or in a plane.
 SolidPtr sliver(Random& random);
 SolidPtr nearly_flat(Random& random);
 SolidPtr flat(Random& random);  ///< exactly, in a coordinate plane
 SolidPtr line(Random& random);  ///< exactly or almost collinear
-/// Vertices that repeat, or lie on edges and faces, or differ by a last bit.
+/// Vertices that repeat, lie on edges and faces, or differ by a last bit.
 SolidPtr repeated(Random& random);
 
 }  // namespace clearance::exact

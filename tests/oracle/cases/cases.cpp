@@ -41,7 +41,7 @@ double scale_of(const Case& c) {
 void set_gap(Case& c, double gap) {
   const Result r = exact_answer(c);
   if (squared_norm(r.direction) == 0 && !(c.a->triangles.empty() && c.b->triangles.empty())) return;
-  // A direction of integers of any size, brought to doubles.
+  // Scales a direction of integers of any size to doubles.
   mpz_class largest = 0;
   for (int k = 0; k < 3; ++k) largest = std::max(largest, mpz_class(abs(r.direction[k])));
   Vec3d n;

@@ -1,4 +1,4 @@
-// Seeded classes of hard pairs: everything that a careless modeller, an unlucky pose or a strange unit can produce.
+// Seeded classes of hard pairs, as careless modelling, unlucky poses and unusual units produce them.
 #pragma once
 
 #include <cstdint>
@@ -15,23 +15,22 @@
 
 namespace clearance::exact {
 
-/// Geometry of a body: the hull of the vertices (metres, body frame) or, where there are triangles, these, grown by a
-/// radius.
+/// Geometry of a body: the hull of the vertices (metres, body frame) or, with triangles, these, grown by a radius.
 struct Solid {
   std::vector<Vec3d> vertices;
   double radius = 0;
   std::vector<Triangle> triangles = {};
-  bool is_solid = false;  ///< what the triangles enclose belongs to the body
-  /// The body is a cloud: what the triangles make, which are these points (float32) or the boxes about them.
+  bool is_solid = false;  ///< the enclosed volume belongs to the body
+  /// If not empty, the body is a cloud: these points (float32) or the boxes about them, from which the triangles are
+  /// made.
   std::vector<CloudPoint> cloud = {};
-  float voxel = 0;  ///< metres: the edge of those boxes; 0: points
-  bool is_half_space =
-      false;  ///< z <= 0, grown by the radius; then there are no vertices, and exact_answer() knows nothing of it
+  float voxel = 0;             ///< metres: the edge of those boxes; 0 for points
+  bool is_half_space = false;  ///< z <= 0, grown by the radius; without vertices, and not supported by exact_answer()
 };
-/// Cases that share a shape share the pointer.
+/// Cases with the same shape share the pointer.
 using SolidPtr = std::shared_ptr<const Solid>;
 
-/// Two bodies, each of one piece.
+/// Two bodies, each of one part.
 struct Case {
   SolidPtr a, b;
   Pose X_wa, X_wb;
@@ -43,7 +42,7 @@ inline PieceView view(const Solid& s) {
 inline BodyView body_view(const Solid& s) {
   return {s.vertices, s.triangles, s.is_solid, s.radius};
 }
-/// \param depth of hulls that overlap; there is none where one has triangles
+/// \param depth for overlapping hulls; not available with triangles
 inline Result exact_answer(const Case& c, bool depth = true) {
   if (c.a->triangles.empty() && c.b->triangles.empty())
     return exact_distance(view(*c.a), c.X_wa, view(*c.b), c.X_wb, depth);
@@ -72,22 +71,22 @@ struct CaseClass {
   std::string name;  ///< "group_kind", as in the published table
   std::string what;  ///< one line for the table
   Case (*make)(Random&);
-  /// Whether a case is one that the class is for. Most classes are so by construction; then null.
+  /// Whether a case has the property that the class is for; null if it always has by construction.
   bool (*hits)(const Case&, const Result&) = nullptr;
-  double least_share = 1.0;  ///< of cases that must hit
-  int cost = 1;              ///< about how much longer a case takes than one of 42 vertices
+  double least_share = 1.0;  ///< required share of such cases
+  int cost = 1;              ///< approximate time of a case, relative to one with 42 vertices
 };
 
 /// All classes of hulls, in the order of the table.
 const std::vector<CaseClass>& case_classes();
-/// All classes with bodies that are not convex.
+/// All classes with non-convex bodies.
 const std::vector<CaseClass>& mesh_classes();
 
-/// Case number `index` of a class: the same for the same seed, whatever else is made.
+/// Case number `index` of a class. Depends on the seed and the index only.
 Case make_case(const CaseClass& c, std::uint64_t seed, std::uint64_t index);
 
 /// Shifts b along the exact normal, in doubles, so that the signed distance becomes about `gap`. Bodies with triangles
-/// have a normal only where they are apart: others stay.
+/// have a normal only if they are apart; others stay.
 void set_gap(Case& c, double gap);
 
 /// A case that a search found to be hard, or that once had a wrong answer.
@@ -95,12 +94,12 @@ struct MinedCase {
   Case pair;
   double exact;  ///< signed distance, metres, rounded down
 };
-/// Those of mined_cases.inc.
+/// The cases of mined_cases.inc.
 const std::vector<MinedCase>& mined_cases();
 
 /// Largest distance of a vertex from the body's origin, not rounded up.
 double reach(const Solid& s);
-/// S of the contract: |D| + rho_a + rho_b + r_a + r_b, metres.
+/// S of the error bounds: |D| + rho_a + rho_b + r_a + r_b, metres.
 double scale_of(const Case& c);
 
 }  // namespace clearance::exact

@@ -1,4 +1,4 @@
-// Robots of balls beside a ball and a box: the distances of links where 60 digits put them are closed forms.
+// Robots of balls next to a ball and a box: the distances of links with 60-digit poses are closed forms.
 #pragma once
 
 #include <algorithm>
@@ -28,15 +28,15 @@ struct Ball {
   double radius;
 };
 
-/// What is drawn of a robot, and where it stands.
+/// Ranges of a random robot and its base.
 struct Draw {
   double offset = 0.3;  // metres: of joints
   double arm = 0.1;     // ... of a link's ball
-  double travel = 0;    // ... of sliding joints; 0: there are none
+  double travel = 0;    // ... of sliding joints; 0 without any
   double far = 0;       // ... of the base
 };
 
-/// A number of which a few bits are set, so that sums of such are exact.
+/// A number with few set bits, so that sums are exact.
 inline double short_number(test::Random& random, double most) {
   return std::ldexp(std::round(random.uniform(-1, 1) * 64), -6) * std::exp2(std::floor(std::log2(most)));
 }
@@ -119,7 +119,7 @@ class LinkScene {
     engine_->set_joints(positions);
   }
 
-  /// Of each pair, where these positions put the links.
+  /// The exact distance of each pair at these positions.
   std::vector<Real> truths(std::span<const BodyPair> pairs, std::span<const double> row) const {
     const std::vector<Pose> roots = {base_};
     const auto links = test::real_links(robot_->model, row.data(), robot_->kinematics.roots(), roots);
@@ -138,7 +138,7 @@ class LinkScene {
       truths.push_back(a == 0 ? to_box(centres[b]) - radii[b] : between(centres[a], centres[b]) - radii[a] - radii[b]);
     return truths;
   }
-  /// Metres: more than all that is claimed of rounding comes to.
+  /// Exceeds the sum of all claimed errors of rounding, metres.
   double claim() const {
     double reach = 1;
     for (std::uint32_t l = 0; l < balls_.size(); ++l) reach += robot_->kinematics.reach(l, 2 * draw_.arm);

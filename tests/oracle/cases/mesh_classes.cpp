@@ -1,4 +1,4 @@
-// The generators of the classes of meshes, and the table of them.
+// Generators of the mesh classes, and their table.
 #include <algorithm>
 #include <cmath>
 
@@ -22,9 +22,8 @@ Vec3d somewhere_in(Random& random, const Solid& s) {
   return p;
 }
 
-/// Turns both at random, or neither, and puts a point of b at a point of a's box or anywhere near; then, more often
-/// than not, moves b until a gap between `least` and 1 of the smaller size is left of what is apart, either side of
-/// contact.
+/// Rotates both at random, or neither, and places a point of b at a point of a's box or anywhere near. Mostly also
+/// moves b until the remaining gap is between `least` and 1 of the smaller size, on either side of contact.
 Case placed(Random& random, SolidPtr a, SolidPtr b, double least = 1e-15) {
   Case c{std::move(a), std::move(b), random.rotation(), random.rotation()};
   if (random.chance(0.2)) c.X_wa = c.X_wb = {};
@@ -38,7 +37,7 @@ Case placed(Random& random, SolidPtr a, SolidPtr b, double least = 1e-15) {
   return c;
 }
 
-/// What comes near a mesh of size 1: a hull, another mesh, a grown point or segment, mostly smaller.
+/// A body near a mesh of size 1: a hull, another mesh, a grown point or segment, mostly smaller.
 SolidPtr visitor(Random& random) {
   const double s = random.log_uniform(0.05, 1);
   switch (random.integer(0, 5)) {
@@ -79,7 +78,7 @@ Case plates(Random& random) {
   return placed(random, std::move(a), random.chance(0.5) ? one() : visitor(random));
 }
 
-// ---- what triangulations get wrong
+// ---- defects of triangulations
 
 Case slivers(Random& random) {
   Mesh mesh = any_mesh(random);
@@ -90,12 +89,12 @@ Case slivers(Random& random) {
 Case duplicated(Random& random) {
   Mesh mesh = any_mesh(random);
   const std::size_t before = mesh.triangles.size();
-  if (random.chance(0.3)) append(mesh, Mesh(mesh));  // twice: everything is wound around twice
+  if (random.chance(0.3)) append(mesh, Mesh(mesh));  // twice: all winding numbers are doubled
   for (std::size_t i = 0; i < before; ++i) {
     if (!random.chance(0.2)) continue;
     const Triangle t = mesh.triangles[i];
     mesh.triangles.push_back(t);
-    mesh.triangles.push_back({t[1], t[0], t[2]});  // and back, so that it stays closed
+    mesh.triangles.push_back({t[1], t[0], t[2]});  // and reversed, so that it stays closed
   }
   return visited(random, std::move(mesh), is_solid_mostly(random));
 }
@@ -145,7 +144,8 @@ Case few_triangles(Random& random) {
 
 // ---- inside and outside
 
-/// A shell within a shell: of the other orientation a cavity, of the same wound around twice. b is mostly within.
+/// A shell within a shell: with the opposite orientation a cavity, with the same one a doubled winding number. b is
+/// mostly within.
 Case shells(Random& random) {
   const double inner = random.uniform(0.5, 0.99);
   Mesh mesh = random.chance(0.5) ? box_mesh({1, 1, 1}) : ball(random);
@@ -159,8 +159,8 @@ Case shells(Random& random) {
   if (random.chance(0.5)) std::swap(a, b);
   return placed(random, std::move(a), std::move(b));
 }
-/// One within the other, up to its skin: where that is a solid's, they overlap by a hair's breadth or more. Some have
-/// another part outside, some the axes of the other.
+/// One within the other, up to its skin. In a solid they overlap by at least a tiny depth. Some have another component
+/// outside, some the axes of the other.
 Case held(Random& random) {
   const double s = random.log_uniform(1e-3, 0.3);
   if (random.chance(0.2)) {
@@ -183,7 +183,7 @@ Case held(Random& random) {
   if (random.chance(0.5)) std::swap(c.a, c.b), std::swap(c.X_wa, c.X_wb);
   return c;
 }
-/// One in the other's cavity, with its own body in its own cavity: apart, though boxes and hulls are inside each other.
+/// One in the other's cavity, with its own body in its own cavity: apart, although boxes and hulls contain each other.
 Case nested(Random& random) {
   const auto hollow = [&](double size, double wall) {
     Mesh mesh = box_mesh({size, size, size});
@@ -199,7 +199,7 @@ Case nested(Random& random) {
   if (random.chance(0.5)) std::swap(c.a, c.b), std::swap(c.X_wa, c.X_wb);
   return c;
 }
-/// Rings that go through each other's holes.
+/// Rings that pass through each other's holes.
 Case linked(Random& random) {
   Case c{solid(ring(random), is_solid_mostly(random)), solid(ring(random), is_solid_mostly(random)), {}, {}};
   c.X_wb = {{random.uniform(0.7, 1.3), 0, 0}, std::sqrt(0.5), std::sqrt(0.5), 0, 0};
@@ -241,7 +241,7 @@ Case far_from_frame(Random& random) {
 
 // ---- clouds
 
-/// Points on the skin of a mesh, some of them twice, or anywhere about it; few, since the judge is slow.
+/// Points on the skin of a mesh, some of them twice, or anywhere about it; few, since the oracle is slow.
 std::vector<CloudPoint> points_about(Random& random, double size) {
   const Mesh mesh = any_mesh(random);
   std::vector<CloudPoint> points;
@@ -260,7 +260,7 @@ std::vector<CloudPoint> points_about(Random& random, double size) {
   }
   return points;
 }
-/// What comes near a cloud: what comes near a mesh, or another cloud.
+/// A cloud next to a body as for meshes, or to another cloud.
 Case with_cloud(Random& random, SolidPtr a) {
   SolidPtr b = random.chance(0.25) ? cloud(points_about(random, random.log_uniform(0.1, 1)), 0,
                                            random.chance(0.5) ? 0 : random.log_uniform(1e-3, 0.1))
@@ -286,7 +286,7 @@ Case voxels(Random& random) {
       for (float& x : p) x = (std::floor(x / edge) + 0.5f) * edge;
   return with_cloud(random, cloud(std::move(points), edge, random.chance(0.8) ? 0 : random.log_uniform(1e-3, 0.1)));
 }
-/// Many of them within a solid's cavity, in the solid itself, or either side of its skin.
+/// Many of them within a solid's cavity, in the solid itself, or on either side of its skin.
 Case cloud_in_solid(Random& random) {
   Mesh shell = box_mesh({1, 1, 1});
   if (random.chance(0.7)) append(shell, flipped(box_mesh({0.9, 0.9, 0.9})));
@@ -304,7 +304,7 @@ bool has_cloud(const Case& c, const Result&) {
 
 // ---- exact contact
 
-/// Cubes of a lattice, turned by rational rotations: faces, edges and vertices that meet exactly.
+/// Cubes of a lattice with rational rotations: faces, edges and vertices that meet exactly.
 Case lattice(Random& random) {
   int n = 1;
   const Pose X = lattice_rotation(random, &n);
@@ -313,7 +313,7 @@ Case lattice(Random& random) {
     return solid(cells(random, n), random.chance(0.8));
   };
   Case c{one(), one(), X, X};
-  // A whole number of steps along the turned axes is whole in the world's.
+  // An integer number of steps along the rotated axes is an integer in the world's.
   const auto steps = [&] { return static_cast<double>(random.integer(-4, 4)) / (random.chance(0.3) ? 2 : 1); };
   const Solid shift{{{n * steps(), n * steps(), n * steps()}}, 0};
   c.X_wb.translation = in_world(shift, X, n)[0];

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-/// Two triangles, counter-clockwise seen from outside; none of a repeated vertex.
+/// Two triangles, counterclockwise seen from outside; none with a repeated vertex.
 void add_quad(Mesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
   if (a != b && b != c && c != a) mesh.triangles.push_back({a, b, c});
   if (a != c && c != d && d != a) mesh.triangles.push_back({a, c, d});
@@ -24,7 +24,7 @@ std::size_t pick(Random& random, std::size_t count) {
   return static_cast<std::size_t>(random.integer(0, static_cast<int>(count) - 1));
 }
 
-/// Turned around x by a right angle: z upward becomes -y.
+/// Rotated around x by a right angle: z upward becomes -y.
 Mesh upright(Mesh mesh) {
   for (Vec3d& v : mesh.vertices) v = {v.x, -v.z, v.y};
   return mesh;
@@ -121,7 +121,7 @@ Mesh band(std::span<const Point2> left, std::span<const Point2> right, double he
       mesh.vertices.push_back({right[i].x, right[i].y, z});
     }
   const auto last = static_cast<std::uint32_t>(4 * (left.size() - 1));
-  // Of each place: left and right below, left and right above.
+  // At each point: left and right below, left and right above.
   for (std::uint32_t i = 0; i < last; i += 4) {
     add_quad(mesh, i + 3, i + 7, i + 6, i + 2);
     add_quad(mesh, i, i + 4, i + 5, i + 1);
@@ -206,7 +206,7 @@ Mesh mug(Random& random) {
   const std::vector<Point2> cup{{0, 0}, {r, 0}, {r, h}, {r - wall, h}, {r - wall, wall}, {0, wall}};
   const int sides = random.integer(4, 9);
   Mesh mesh = revolved(cup, sides);
-  // The handle begins and ends within the wall, which is where a vertex of its polygon is.
+  // The handle begins and ends within the wall, at a vertex of its polygon.
   std::vector<Point2> outer, inner;
   for (int i = 0; i <= 5; ++i) {
     const double turn = kPi * (i / 5.0 - 0.5), c = std::cos(turn), s = std::sin(turn);

@@ -1,4 +1,4 @@
-// A piece whose direction table is wrong in one place.
+// A convex part whose direction table is wrong in one place.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace clearance::exact {
 
-/// The piece with a direction table that, asked along n (body frame), names the vertex that is the least far.
+/// The part with a direction table that, along n (body frame), returns the least far vertex.
 inline PiecePtr with_misleading_table(const Piece& piece, const Vec3d& n) {
   Piece cut = piece;
   DirectionTable table = *cut.table;

@@ -1,4 +1,4 @@
-// Closed meshes on a lattice, and convex pieces for them, good and bad.
+// Closed meshes on a lattice, and good and bad convex parts for them.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +23,7 @@ inline Mesh on_lattice(Mesh mesh) {
 
 using Pieces = std::vector<std::vector<Vec3d>>;
 
-/// The triangles nearest to each of some points as hulls: together they hold all triangles.
+/// The triangles nearest to each of some points as hulls: together they contain all triangles.
 inline Pieces clusters(Random& random, const Mesh& mesh, int count) {
   std::vector<Vec3d> seeds;
   const auto middle = [&](const Triangle& t) {
@@ -72,7 +72,7 @@ inline double size_of(const Mesh& mesh) {
   return norm(high - low);
 }
 
-/// \param most triangles
+/// \param most maximum number of triangles
 inline Mesh concave_mesh(Random& random, std::size_t most) {
   for (;;) {
     Mesh mesh = on_lattice(any_mesh(random));

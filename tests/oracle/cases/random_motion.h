@@ -1,4 +1,4 @@
-// Seeded directions and turns for scenes that measure or test.
+// Seeded directions and rotations for scenes of tests and measurements.
 #pragma once
 
 #include <cmath>
@@ -8,7 +8,7 @@
 
 namespace clearance {
 
-/// A unit vector, every direction alike.
+/// A unit vector, evenly distributed.
 inline Vec3d direction(PortableRandom& random) {
   while (true) {
     const Vec3d v{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
@@ -17,7 +17,7 @@ inline Vec3d direction(PortableRandom& random) {
   }
 }
 
-/// A turn by `angle` rad about a unit axis through the origin.
+/// A rotation by `angle` rad about a unit axis through the origin.
 inline Pose turn(const Vec3d& axis, double angle) {
   const double s = std::sin(angle / 2);
   return {{0, 0, 0}, std::cos(angle / 2), axis.x * s, axis.y * s, axis.z * s};

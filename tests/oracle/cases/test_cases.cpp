@@ -1,4 +1,4 @@
-// The case classes: each makes what it says, and the same again for the same seed.
+// The case classes: each has its property, and is the same again for the same seed.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -60,7 +60,7 @@ TEST(Cases, HitWhatTheyAreForAndAreLegal) {
     if (c.name == "gap_exact_contact") {
       EXPECT_EQ(touching, kCount);
     }
-    // Unless a class is for one side of contact, it must show both.
+    // Unless a class is for one side of contact, it must have both.
     const std::set<std::string> one_sided = {"gap_exact_contact", "gap_far", "relation_coincident",
                                              "relation_concentric", "relation_deep"};
     if (!one_sided.contains(c.name)) {

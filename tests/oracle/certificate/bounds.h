@@ -1,4 +1,4 @@
-// What proves the bounds of a row: directions in spans of time, points, closed surfaces.
+// Proofs of a row's bounds: directions in spans of time, points, closed surfaces.
 #pragma once
 
 #include "tests/oracle/certificate/motion.h"
@@ -8,25 +8,26 @@ namespace clearance::certificate_oracle {
 using IdPair = std::array<Id, 2>;
 IdPair pair_of(const Value& ids);
 
-/// From when to when something was shown.
+/// Begin and end of a proved span of time.
 struct Span {
   double begin, end;
   friend auto operator<=>(const Span&, const Span&) = default;
 };
 
-/// Two bodies are farther apart than `bound` all along a span of a certificate. Throws Refusal.
+/// Checks that two bodies are farther apart than `bound` throughout a span of a certificate. Throws `Refusal`.
 Span check_span(const Motion& motion, const IdPair& ids, const Value& span, const Dyadic& bound);
 
-/// Two bodies are no farther apart than `bound` at a witness's time. Throws Refusal.
+/// Checks that two bodies are no farther apart than `bound` at a witness's time. Throws `Refusal`.
 void check_witness(const Motion& motion, const IdPair& ids, const Value& witness, const Dyadic& bound);
 
-/// A surface of triangles between `points` (divided by `divisor`) goes around the origin, and around a ball of that
-/// radius, if it is positive. Throws Refusal. \param faces none: the witness's own
+/// Checks that a surface of triangles between `points` (divided by `divisor`) goes around the origin, and around a ball
+/// of that radius, if it is positive. Throws `Refusal`.
+/// \param faces if null, those of the witness
 void check_surface(const Value& witness, const std::vector<Vector>& points, const Dyadic& divisor, const Dyadic& radius,
                    const std::vector<Face>* faces = nullptr);
 
-/// How often more rays from the origin cross the faces one way than the other, of which none comes as near as `near`
-/// (> 0). Throws Refusal where no ray tells.
+/// Winding number of the faces around the origin, none of which comes as near as `near` (> 0), from crossings of rays.
+/// Throws `Refusal` if no ray decides.
 long turns_around(const std::vector<Face>& faces, const std::vector<Vector>& points, const Dyadic& near);
 
 }  // namespace clearance::certificate_oracle

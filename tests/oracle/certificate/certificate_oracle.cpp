@@ -16,7 +16,7 @@ struct Query {
   double max_distance;
 };
 
-// Of a row that says none: it is free until it begins, and never hit.
+// Default for a row without a contact: free until it begins, and never hit.
 struct Contact {
   double free_until = 0, hit_at = kInf;
 };
@@ -46,7 +46,7 @@ Contact read_contact(const Value& contact) {
   return found;
 }
 
-// What is beyond a cut-off is farther away than it: than the least margin, where bodies have margins.
+// The cut-off that a row has to exceed: the least margin, if bodies have margins.
 double cut_off(const Row& row, const Query& query) {
   double least = kInf;
   for (const Value& pair : row.pairs) least = std::min(least, pair["margin"].real());
@@ -69,7 +69,7 @@ void check_status(const Row& row, const Query& query) {
     require(row.is("unconverged"), "a status is not known");
 }
 
-// The spans of `claim` prove its bound of two bodies, and leave no gap from 0 to `end`.
+// Checks that the spans of `claim` prove its bound for two bodies, without a gap from 0 to `end`.
 void check_spans(const IdPair& ids, const Value& claim, double end, const Motion& motion) {
   const Dyadic lower = claim["lower"].finite();
   std::vector<Span> spans;
@@ -87,7 +87,7 @@ bool has_lower(const Row& row, const Query& query) {
   return row.lower > (query.is_signed ? -kInf : 0);
 }
 
-// Each pair is no nearer all along than the row says.
+// Checks that each pair is no nearer throughout than the row's bound.
 void check_lower(const Row& row, const Query& query, const Motion& motion) {
   for (const Value& pair : row.pairs) {
     const double lower = pair["lower"].finite();
@@ -97,7 +97,7 @@ void check_lower(const Row& row, const Query& query, const Motion& motion) {
   }
 }
 
-// The pair that a witness is of.
+// The pair of a witness.
 const Value& named_pair(const Row& row, const IdPair& ids) {
   const auto is_it = [&](const Value& pair) { return pair_of(pair["bodies"]) == ids; };
   require(std::count_if(row.pairs.begin(), row.pairs.end(), is_it) == 1, "the witness is of none of the pairs");
@@ -112,7 +112,7 @@ void check_upper(const Row& row, const Value& document, const Query& query, cons
   check_witness(motion, ids, document["witness"], row.upper);
 }
 
-// Before first contact every pair is beyond its margin. What is proved of one all along is so then, too.
+// Before first contact every pair is beyond its margin. A proof for the whole motion covers that time, too.
 void check_free(const Row& row, const Query& query, const Motion& motion) {
   const double end = row.contact.free_until == kInf ? 1 : row.contact.free_until;
   for (const Value& pair : row.pairs) {
@@ -125,7 +125,7 @@ void check_free(const Row& row, const Query& query, const Motion& motion) {
   }
 }
 
-// Then one is within it.
+// Checks that a pair is within its margin at the hit.
 void check_hit(const Row& row, const Value& claim, const Motion& motion) {
   const IdPair ids = pair_of(claim["bodies"]);
   require(claim["witness"]["time"].finite() == row.contact.hit_at, "the witness of first contact is at another time");

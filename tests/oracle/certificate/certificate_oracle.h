@@ -1,4 +1,4 @@
-// The judge of certificates: docs/certificates.md read a second time, without a line of the engine or of
+// The oracle of certificates: a second implementation of docs/certificates.md, without a line of the engine or of
 // tools/check_certificate.py.
 #pragma once
 
@@ -8,17 +8,17 @@
 
 namespace clearance::certificate_oracle {
 
-/// What is found of the rows of a document.
+/// Results for the rows of a document.
 struct Findings {
-  std::string no_certificate;    ///< why the document is none; empty if it is one
-  std::vector<std::string> why;  ///< of each row, why it is not proved; empty if it is
+  std::string no_certificate;    ///< reason that the document is no certificate, or empty
+  std::vector<std::string> why;  ///< for each row, the reason that it is not proved, or empty
 
   std::size_t proved() const;
-  /// It is a certificate of which every row is proved.
+  /// Whether it is a certificate with every row proved.
   bool all_proved() const { return no_certificate.empty() && proved() == why.size(); }
 };
 
-/// Judges each row of a document. Throws nothing for what the document says.
+/// Checks each row of a document. No content of the document causes an exception.
 Findings prove_certificate(std::string_view document);
 
 }  // namespace clearance::certificate_oracle

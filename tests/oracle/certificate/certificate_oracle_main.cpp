@@ -1,4 +1,4 @@
-// clearance-judge: certificates before the judge, as tools/check_certificate.py has them before itself.
+// clearance-judge: checks certificates with this oracle, in place of tools/check_certificate.py.
 #include <fstream>
 #include <iostream>
 #include <sstream>
@@ -26,7 +26,7 @@ bool check_file(const std::string& name) {
 }  // namespace
 }  // namespace clearance::certificate_oracle
 
-// Exit code 0: every row of every file is proved. 1: some are not, or a file is no certificate.
+// Exit code 0 if every row of every file is proved, 1 if some are not or a file is no certificate.
 int main(int argc, char** argv) {
   if (argc < 2 || std::string_view(argv[1]).starts_with("--")) {
     std::cout << "clearance-judge FILE...: are all rows of these certificates proved?\n";

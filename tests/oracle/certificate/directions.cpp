@@ -1,4 +1,4 @@
-// Lower bounds: along a direction two bodies are apart, when they are looked at and as they move.
+// Lower bounds: two bodies are separated along a direction at one time, and as they move.
 #include <algorithm>
 #include <map>
 
@@ -7,15 +7,15 @@
 namespace clearance::certificate_oracle {
 namespace {
 
-// What all directions of a span have in common.
+// Data that all directions of a span share.
 struct Look {
   const Motion& motion;
   const IdPair& ids;
   const Body &a, &b;
   const Pose &X_wa, &X_wb;
   double begin, at, end;
-  Dyadic half;    // how long it is from `at` to the farther end, at most
-  Dyadic target;  // how far apart the pieces have to be if nothing moves
+  Dyadic half;    // bound on the time from `at` to the farther end
+  Dyadic target;  // required distance of the parts without motion
 
   Rates rates(Frame seer) const {
     const Rates of_a = motion.rates(seer, ids[0], at, half), of_b = motion.rates(seer, ids[1], at, half);
@@ -23,7 +23,7 @@ struct Look {
   }
 };
 
-// Points x that keep the speed that they have as `seer` sees it get along n, in s, to n_moved·x + more.
+// Points x that keep their velocity as observed by `seer` move along n, in s, to n_moved·x + more.
 struct Lean {
   Vector n_moved;
   Dyadic more;
@@ -42,7 +42,7 @@ Lean lean(const Motion& motion, Frame seer, Id id, double time, const Vector& n,
   return lean;
 }
 
-// Pieces of a body, from one until before another.
+// Parts of a body, from `begin` until before `end`.
 struct Run {
   std::size_t begin, end;
 };
@@ -59,7 +59,7 @@ Run run_of(const Value& named, std::size_t count) {
   return run;
 }
 
-// No less than n·p of any point of the pieces, times the divisor of their body's pose.
+// Upper bound on n·p over the points of the parts, times the divisor of their body's pose.
 Dyadic support(const Body& body, const Pose& pose, const Vector& n, const Run& run) {
   const Vector in_body = turned_back(pose.rows, n);
   Dyadic most = body.pieces[run.begin]->support(in_body);
@@ -67,14 +67,14 @@ Dyadic support(const Body& body, const Pose& pose, const Vector& n, const Run& r
   return most;
 }
 
-// The pieces are apart by `need` along n (in the world's axes, of any length) after s.
+// Checks that the parts are apart by `need` along n (in the world's axes, of any length) after s.
 void check_gap(const Look& look, Frame seer, const Vector& n, const Dyadic& s, const Dyadic& need,
                const RunPair& runs) {
   const Lean of_a = lean(look.motion, seer, look.ids[0], look.at, n, s);
   const Lean of_b = lean(look.motion, seer, look.ids[1], look.at, n, s);
   const Dyadic ahead = support(look.a, look.X_wa, of_a.n_moved, runs.a);
   const Dyadic behind = support(look.b, look.X_wb, Dyadic(-1.0) * of_b.n_moved, runs.b);
-  // The root is above |n|: what is to be less than a negative number times |n| is asked for a little more.
+  // The root is above |n|, so that a negative product is too low. It is raised a little.
   Dyadic asked = need * length_above(n);
   if (need.sign() < 0) asked -= asked * blur();
   const Dyadic between =
@@ -87,7 +87,7 @@ void check_gap(const Look& look, Frame seer, const Vector& n, const Dyadic& s, c
 
 void check_direction(const Look& look, const Value& claim, const Rates& rates, const RunPair& runs) {
   const Frame seer = frame_of(claim["seer"]);
-  // Of any length: that rows are not divided lengthens it.
+  // Of any length: undivided rows lengthen it.
   const Value& named = claim["direction"];
   const Vector n =
       named.is_null() ? turned(look.X_wb.rows, {0.0, 0.0, -1.0}) : turned(look.X_wa.rows, named.vector_of_sums());
@@ -109,7 +109,7 @@ RunPair named_runs(const Look& look, const Value& claim) {
   return {run_of(pieces.at(0), of_a), run_of(pieces.at(1), of_b)};
 }
 
-// Every two pieces are in one of them. Which of b are covered changes only where one begins or ends in a.
+// Checks that every two parts are in one of them. The covered parts of b change only where one begins or ends in a.
 void check_cover(const std::vector<RunPair>& covered, std::size_t of_a, std::size_t of_b) {
   std::vector<std::size_t> starts{0};
   for (const RunPair& runs : covered) {
@@ -120,7 +120,7 @@ void check_cover(const std::vector<RunPair>& covered, std::size_t of_a, std::siz
   starts.erase(std::unique(starts.begin(), starts.end()), starts.end());
   std::vector<RunPair> next = covered;  // those that have not begun yet, the first last
   std::sort(next.begin(), next.end(), [](const RunPair& p, const RunPair& q) { return p.a.begin > q.a.begin; });
-  std::multimap<std::size_t, RunPair> open;  // by where they begin in b
+  std::multimap<std::size_t, RunPair> open;  // by their begin in b
   for (const std::size_t start : starts) {
     std::erase_if(open, [&](const auto& runs) { return runs.second.a.end <= start; });
     for (; !next.empty() && next.back().a.begin == start; next.pop_back())
@@ -132,7 +132,7 @@ void check_cover(const std::vector<RunPair>& covered, std::size_t of_a, std::siz
   }
 }
 
-// No part of one body is within a solid of the other, whose surfaces are at least `apart` from it.
+// Checks that no component of one body is within a solid of the other, whose surfaces are at least `apart` from it.
 void check_outside(const Body& held, const Pose& X_wh, const Body& holder, const Pose& X_wo, const Dyadic& apart) {
   const Dyadic over = X_wh.divisor * X_wo.divisor;
   for (const Piece* solid : holder.wholes) {
@@ -159,7 +159,7 @@ void check_outside(const Body& held, const Pose& X_wh, const Body& holder, const
   }
 }
 
-// Slack that bodies have before each other: what carries both moves neither.
+// Relative slack of two bodies: a frame that carries both adds none.
 Dyadic checked_slack(const Motion& motion, const IdPair& ids, const Value& said, double at, const Dyadic& half) {
   std::vector<Id> of_a = motion.frames(ids[0]), of_b = motion.frames(ids[1]);
   const auto [a, b] = std::mismatch(of_a.begin(), of_a.end(), of_b.begin(), of_b.end());

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kDeepest = 32;
 
-// Builds values from the parser's events. What a list or object holds waits on a stack until it ends.
+// Builds values from the parser's events. The contents of a list or object wait on a stack until it ends.
 class Builder : public nlohmann::json_sax<nlohmann::json> {
  public:
   explicit Builder(std::pmr::memory_resource& memory) : memory_(memory) {}
@@ -55,7 +55,7 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
 
  private:
   struct Open {
-    std::size_t values, names;  // how many were waiting when it began
+    std::size_t values, names;  // sizes of the stacks when it began
   };
 
   bool put(Value value) {

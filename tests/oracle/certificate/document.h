@@ -1,4 +1,4 @@
-// A certificate's text as values, read strictly: whatever is not as docs/certificates.md says is refused.
+// A certificate's text as values, read strictly: any deviation from docs/certificates.md is rejected.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace clearance::certificate_oracle {
 
-/// Why a document, or a row of it, is not good.
+/// Reason to reject a document, or a row of it.
 class Refusal : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -22,10 +22,10 @@ inline void require(bool condition, const char* why) {
   if (!condition) throw Refusal(why);
 }
 
-/// A value of JSON, in the memory of its Document. Whoever asks for what it is not gets a Refusal.
+/// A value of JSON, in the memory of its Document. Access as another type throws `Refusal`.
 class Value {
  public:
-  Value() : real_(0) {}  // null
+  Value() : real_(0) {}  // JSON null
   explicit Value(bool x) : kind_(Kind::kTruth), truth_(x) {}
   explicit Value(std::int64_t x) : kind_(Kind::kInteger), integer_(x) {}
   explicit Value(double x) : kind_(Kind::kReal), real_(x) {}
@@ -46,18 +46,18 @@ class Value {
   std::span<const Value> values() const;
   /// A float64, or "inf" or "-inf".
   double real() const;
-  /// A finite one.
+  /// A finite float64.
   double finite() const;
-  /// One that is finite and not negative.
+  /// A finite float64 that is not negative.
   double length() const;
   /// An integer in [0, size).
   std::size_t index(std::size_t size) const;
-  /// Of an object, the value of that name; find(): a null pointer where there is none.
+  /// The value of that name in an object; find() returns null if there is none.
   const Value& operator[](std::string_view name) const;
   const Value* find(std::string_view name) const;
-  /// Of a list, the one at that place.
+  /// The value at that place of a list.
   const Value& at(std::size_t place) const;
-  /// A list of three numbers; of three pairs that are added.
+  /// A list of three numbers; in vector(), of three pairs that are added.
   std::array<double, 3> three() const;
   Vector vector() const;
   Dyadic high_and_low() const;
@@ -78,10 +78,11 @@ class Value {
   const std::string_view* names_ = nullptr;
 };
 
-/// A text that was read.
+/// A parsed text.
 class Document {
  public:
-  /// Throws Refusal of what is no JSON, has a name twice in one object, or is nested deeper than any certificate.
+  /// Throws `Refusal` for a text that is no JSON, has a name twice in one object, or is nested deeper than any
+  /// certificate.
   explicit Document(std::string_view text);
   const Value& root() const { return root_; }
 

@@ -101,7 +101,7 @@ Dyadic root_above(const Dyadic& x) {
   long shift = 2 * kBits - length_in_bits(x.mantissa());
   if ((x.exponent() - shift) % 2 != 0) ++shift;
   mpz_class m = shifted(x.mantissa(), shift);
-  if (shift < 0) ++m;  // what was cut off
+  if (shift < 0) ++m;  // for the truncated bits
   return {sqrt(m) + 1, (x.exponent() - shift) / 2};
 }
 

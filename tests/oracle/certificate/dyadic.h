@@ -1,4 +1,4 @@
-// Numbers m 2^e: all that float64 can say, with sums, differences and products of them, exactly.
+// Numbers m 2^e: all values of float64, with their exact sums, differences and products.
 #pragma once
 
 #include <gmpxx.h>
@@ -8,24 +8,26 @@
 
 namespace clearance::certificate_oracle {
 
-/// m 2^e, exactly. Quotients and roots are not among these numbers: their functions say to which side they round.
+/// m 2^e, exactly. Quotients and roots are no such numbers; the names of their functions give the direction of
+/// rounding.
 class Dyadic {
  public:
   Dyadic() = default;
-  Dyadic(double x);  // NOLINT: a finite float64 is one of them
+  Dyadic(double x);  // NOLINT: any finite float64
   Dyadic(mpz_class m, long e) : m_(std::move(m)), e_(e) {}
   static Dyadic power_of_two(long e) { return {mpz_class(1), e}; }
 
   int sign() const { return sgn(m_); }
   const mpz_class& mantissa() const { return m_; }
   long exponent() const { return e_; }
-  /// About the same: a float64 in [0.5, 1) or (-1, -0.5], cut off, and the power of two that it counts. 0: 0 and 0.
+  /// Approximates the number as a float64 in [0.5, 1) or (-1, -0.5], truncated, times a power of two. For 0, both are
+  /// 0.
   double rough(long& power) const;
 
   Dyadic operator-() const { return {-m_, e_}; }
   Dyadic& operator+=(const Dyadic& x);
   Dyadic& operator-=(const Dyadic& x);
-  /// += x y, and -= x y, without a number in between where it would have the same exponent.
+  /// += x y, and -= x y, without a temporary if it has the same exponent.
   Dyadic& add_product(const Dyadic& x, const Dyadic& y);
   Dyadic& subtract_product(const Dyadic& x, const Dyadic& y);
   friend Dyadic operator+(Dyadic x, const Dyadic& y) { return x += y; }
@@ -40,11 +42,11 @@ class Dyadic {
 };
 
 Dyadic abs(const Dyadic& x);
-/// The largest multiple of 2^-bits that is no more than x / y. y > 0.
+/// The largest multiple of 2^-bits that is at most x / y. y > 0.
 Dyadic quotient_below(const Dyadic& x, const Dyadic& y, long bits);
-/// No less than x / y, and by less than 2^-384 of it more. y > 0.
+/// At least x / y, and above it by less than 2^-384 of it. y > 0.
 Dyadic quotient_above(const Dyadic& x, const Dyadic& y);
-/// More than the root of x > 0, by less than 2^-380 of it; 0 of 0.
+/// Above the root of x > 0 by less than 2^-380 of it; 0 for 0.
 Dyadic root_above(const Dyadic& x);
 
 using Vector = std::array<Dyadic, 3>;
@@ -59,7 +61,7 @@ bool is_zero(const Vector& v);
 /// A matrix, or its transpose, times v.
 Vector turned(const Rows& rows, const Vector& v);
 Vector turned_back(const Rows& rows, const Vector& v);
-/// No less than |v|: root_above().
+/// At least |v|: root_above().
 Dyadic length_above(const Vector& v);
 
 }  // namespace clearance::certificate_oracle

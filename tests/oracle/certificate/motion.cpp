@@ -6,7 +6,7 @@
 namespace clearance::certificate_oracle {
 namespace {
 
-// From here on blur() is not far above what rounding does.
+// Beyond this size, errors of rounding may approach blur().
 const Dyadic& largest() {
   static const Dyadic value = Dyadic::power_of_two(64);
   return value;
@@ -200,10 +200,10 @@ Rates Motion::rates(Frame seer, Id id, double time, const Dyadic& half) const {
   if (path.empty()) return {};
   const Pose& pose = at(id, time).pose;
   // From the axis of each mover there is a chain of lengths to the body's points: across to the next axis (or to the
-  // centre of its ball), with what slides between them, and then what was `beyond` that.
+  // centre of its ball), with the sliding joints between them, and then `beyond`.
   Vector next = rounded(pose.divisor * pose.origin + turned(pose.rows, body(id).centre), pose.divisor), slide;
   const bool is_turned = std::any_of(path.begin(), path.end(), [](const Mover& mover) { return mover.turns; });
-  Dyadic beyond = is_turned ? body(id).ball() : Dyadic(), nearer_turns;  // what slides is as fast however large it is
+  Dyadic beyond = is_turned ? body(id).ball() : Dyadic(), nearer_turns;  // the speed of a slide does not depend on size
   Rates rates;
   std::vector<Dyadic> speeds, turns;
   for (auto mover = path.rbegin(); mover != path.rend(); ++mover) {
@@ -222,7 +222,7 @@ Rates Motion::rates(Frame seer, Id id, double time, const Dyadic& half) const {
     next = mover->point;
     slide = {};
   }
-  for (std::size_t k = speeds.size(); k-- > 0;) {  // from the seer on: what is nearer to him turns what is farther
+  for (std::size_t k = speeds.size(); k-- > 0;) {  // from the observer on: nearer movers rotate farther ones
     rates.speed += speeds[k];
     rates.bend += speeds[k] * (turns[k] + nearer_turns + nearer_turns);
     nearer_turns += turns[k];
@@ -254,7 +254,7 @@ MotionUncertainty Motion::uncertainty(Id id, const std::vector<Id>& frames, doub
     const Dyadic own = frame.position + frame.moved;
     shift += own + turn * (along + own);
     turn += frame.chord;
-    if (turn.sign() == 0) continue;  // then `along` counts nowhere
+    if (turn.sign() == 0) continue;  // then `along` has no effect
     const Id next = k + 1 < frames.size() ? frames[k + 1] : id;
     along = length_above(at(next, time).pose.origin - at(frames[k], time).pose.origin);
   }

@@ -1,4 +1,4 @@
-// Bodies of a certificate, where they are in one of its configurations, and how fast they get elsewhere.
+// Bodies of a certificate, their poses in one of its configurations, and bounds on their speeds.
 #pragma once
 
 #include <map>
@@ -13,30 +13,30 @@
 namespace clearance::certificate_oracle {
 
 using Id = std::int64_t;
-/// Of a body, or none: the world.
+/// A body, or none for the world.
 using Frame = std::optional<Id>;
 Frame frame_of(const Value& id);
 
-/// What a document says of a body. It must outlive this: poses and joints are read when a row needs them, since those
-/// of a body without usable pose are no numbers.
+/// A body in a document, which must outlive it. Poses and joints are read when a row needs them, since those of a body
+/// without a usable pose are not numbers.
 class Body {
  public:
   Body(const Value& document, const std::vector<Piece>& pieces);
 
-  /// No point of the true body is farther from its origin; from `centre`.
+  /// Bound on the distance of the true body's points from its origin, or from `centre`.
   const Dyadic& reach() const;
   const Dyadic& ball() const;
 
   std::string name;
   Frame on;
   bool has_joint;
-  std::vector<const Piece*> pieces;    ///< elements of surfaces and clouds count as pieces
-  std::vector<const Piece*> whole_of;  ///< of each: what it is an element of, or itself
+  std::vector<const Piece*> pieces;    ///< elements of surfaces and clouds count as parts
+  std::vector<const Piece*> whole_of;  ///< for each, the part that it is an element of, or itself
   std::vector<const Piece*> wholes;    ///< each once
   const Value *pose, *moves;
   Dyadic inner, outer, position;
-  Dyadic chord;  ///< of the angle by which it may be turned: no less than how far a point moves that is 1 m away
-  Dyadic moved;  ///< since its pose was right
+  Dyadic chord;  ///< of the angle by which it may be rotated: bound on the motion of a point 1 m away
+  Dyadic moved;  ///< since the time of its pose
   Vector centre;
 
  private:
@@ -46,24 +46,25 @@ class Body {
 
 using Bodies = std::map<Id, Body>;
 
-/// What moves a body in the world, at some time: points go along `rate`, or turn with it about an axis through `point`.
+/// Motion of a body in the world at some time: points move along `rate`, or rotate with it about an axis through
+/// `point`.
 struct Mover {
   Vector rate, point;
   bool turns;
 };
 
-/// A body at a time. Bodies that are carried alike share their first movers.
+/// A body at a time. Bodies with the same carriers share their first movers.
 struct Place {
   Pose pose;
   std::vector<std::shared_ptr<const Mover>> movers;  ///< from the world on
 };
 
-/// No point of a body is faster, nor accelerated more.
+/// Bounds on the speed and acceleration of a body's points.
 struct Rates {
   Dyadic speed, bend;
 };
 
-/// What is not known of a body, in metres, in the middle of a span, and all along it.
+/// Uncertainty of a body, in metres, in the middle of a span, and throughout it.
 struct MotionUncertainty {
   Dyadic in_the_middle, all_along;
 };
@@ -71,22 +72,22 @@ struct MotionUncertainty {
 /// Bodies in one configuration: between its two ends at times in [0, 1], or at its only one.
 class Motion {
  public:
-  /// \param ends 1, or 2 of motions. The bodies and the document must outlive this.
+  /// \param ends 1, or 2 for motions. The bodies and the document must outlive this
   Motion(const Bodies& bodies, const Value& configuration, std::size_t ends);
 
   const Body& body(Id id) const;
   const Place& at(Id id, double time) const;
-  /// What moves a body as `seer` sees it.
+  /// Motion of a body as observed by `seer`.
   std::vector<Mover> path(Frame seer, Id id, double time) const;
   /// From `half` before that time until as long after it.
   Rates rates(Frame seer, Id id, double time, const Dyadic& half) const;
-  /// The bodies that it follows, the farthest first, without links that carry it on its own robot.
+  /// The bodies that it follows, the farthest first, without links of its own robot that carry it.
   std::vector<Id> frames(Id id) const;
-  /// \param frames of them those that count
+  /// \param frames those of them that count
   MotionUncertainty uncertainty(Id id, const std::vector<Id>& frames, double time, const Dyadic& half) const;
 
  private:
-  // One of the steps from what carries a body to the body: a pose in the step before, and how that changes.
+  // One of the steps from the carrier of a body to the body: a pose in the step before, and its change.
   struct Step {
     Pose pose;
     Vector rate;

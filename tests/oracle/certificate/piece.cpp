@@ -9,10 +9,10 @@
 namespace clearance::certificate_oracle {
 namespace {
 
-// No product of such coordinates overflows; of larger ones all are computed exactly.
+// No product of such coordinates overflows; larger ones are always computed exactly.
 constexpr double kLargest = 0x1p400;
 
-// The largest of exact(k), whose rough values are off by no more than `wrong`: only those are computed that may be it.
+// The largest of exact(k), whose rough values have an error of at most `wrong`. Only candidates for it are computed.
 template <class Exact>
 Dyadic largest_of(const std::vector<double>& rough, double wrong, Exact&& exact) {
   const double best = *std::max_element(rough.begin(), rough.end());
@@ -25,7 +25,7 @@ Dyadic largest_of(const std::vector<double>& rough, double wrong, Exact&& exact)
   return *largest;
 }
 
-// n times a power of two, as float64 in [-1, 1]: each is off by less than 2^-51.
+// n times a power of two, as float64 in [-1, 1], each with an error below 2^-51.
 std::array<double, 3> rough_direction(const Vector& n) {
   std::array<double, 3> d;
   std::array<long, 3> power;
@@ -78,7 +78,7 @@ void Piece::read_elements(const Value& document) {
   require(has_elements_ || !is_solid_, "a solid has no triangles");
   if (!has_elements_) return;
   require(is_hull() && !elements->list().empty(), "a surface has no elements");
-  std::vector<std::size_t> part(count());  // a forest: what hangs together has one root
+  std::vector<std::size_t> part(count());  // a forest: a connected component has one root
   std::iota(part.begin(), part.end(), 0);
   const auto root = [&part](std::size_t v) {
     while (part[v] != v) v = part[v] = part[part[v]];
@@ -115,8 +115,8 @@ std::vector<Vector> Piece::seeds() const {
 Dyadic Piece::farthest_along(const Vector& n) const {
   const std::array<double, 3> d = rough_direction(n);
   scratch_.assign(count(), 0);
-  // Products are off by (2^-51 + 2^-53) of the largest coordinate and sums by 2^-53 of three times it, or where numbers
-  // are too small for that by a few 2^-1074.
+  // The error of products is (2^-51 + 2^-53) of the largest coordinate and of sums 2^-53 of three times it, or in
+  // underflow a few 2^-1074.
   const double wrong = largest_ * 0x1p-47 + 0x1p-1060;
   if (largest_ < kLargest)
     for (std::size_t k = 0; k < count(); ++k) scratch_[k] = d[0] * x_[k] + d[1] * y_[k] + d[2] * z_[k];
@@ -138,7 +138,8 @@ Dyadic Piece::farthest_squared(const Vector& centre) const {
       const double dx = x_[k] - c[0], dy = y_[k] - c[1], dz = z_[k] - c[2];
       scratch_[k] = dx * dx + dy * dy + dz * dz;
     }
-  // A difference is off by 2^-51 of 2 `largest`, which is its most; its square by 2^-49 of 4 largest^2, and so on.
+  // The error of a difference is 2^-51 of 2 `largest`, which is its maximum; of its square 2^-49 of 4 largest^2, and so
+  // on.
   const double wrong = largest < kLargest ? largest * largest * 0x1p-44 + 0x1p-1060 : 0;
   return largest_of(scratch_, wrong, [&](std::size_t k) {
     const Vector way = vertex(k) - centre;

@@ -1,5 +1,5 @@
-// A piece of a body as a certificate has it: the hull of vertices, or a cylinder, cone, ellipsoid or half-space, grown
-// by a radius. Of a surface, or a cloud, it is the hull around elements, which are pieces themselves.
+// A convex part of a body in a certificate: the hull of vertices, or a cylinder, cone, ellipsoid or half-space, grown
+// by a radius. For a surface or a cloud it is the hull around elements, which are parts themselves.
 #pragma once
 
 #include <string_view>
@@ -11,7 +11,7 @@ namespace clearance::certificate_oracle {
 
 /// A triangle between points of a list.
 using Face = std::array<std::size_t, 3>;
-/// Whether triangles run along each edge as often one way as the other.
+/// Whether triangles use each edge equally often both ways.
 bool is_closed(const std::vector<Face>& faces);
 
 class Piece {
@@ -19,13 +19,13 @@ class Piece {
   explicit Piece(const Value& document);
 
   const Dyadic& radius() const { return radius_; }
-  /// Of a surface or cloud its elements; else none.
+  /// Elements of a surface or cloud; empty for others.
   bool has_elements() const { return has_elements_; }
   const std::vector<Piece>& elements() const { return elements_; }
-  /// Whether it is all that its triangles are around. They leave no border.
+  /// Whether it is the volume enclosed by its triangles, which have no border.
   bool is_solid() const { return is_solid_; }
   const std::vector<Face>& faces() const { return faces_; }
-  /// Points of it, one at least of each part that hangs together.
+  /// Points of it, at least one for each connected component.
   std::vector<Vector> seeds() const;
 
   bool is_half_space() const { return core_ == Core::kHalfSpace; }
@@ -33,12 +33,12 @@ class Piece {
   std::size_t count() const { return x_.size(); }
   Vector vertex(std::size_t k) const { return {x_[k], y_[k], z_[k]}; }
 
-  /// No less than n·p of any of its points p, radius included; n need not have length 1. Throws Refusal where there is
-  /// no such number: a half-space has one along its normal alone.
+  /// Upper bound on n·p over its points p, radius included; n need not have length 1. Throws `Refusal` if there is no
+  /// such number: a half-space has one along its normal only.
   Dyadic support(const Vector& n) const;
-  /// No point of it is farther from the centre. Throws Refusal of a half-space.
+  /// Bound on the distance of its points from the centre. Throws `Refusal` for a half-space.
   Dyadic reach(const Vector& centre) const;
-  /// How far p is from a core that is no hull, or more; not positive in it.
+  /// Upper bound on the distance of p from a core that is no hull; not positive in it.
   Dyadic off(const Vector& p) const;
 
  private:

@@ -1,4 +1,4 @@
-// A closed surface around a ball, by bounds.md's three points: no border, beyond the ball, around it.
+// A closed surface around a ball, by the three conditions of bounds.md: no border, beyond the ball, around it.
 #include <algorithm>
 #include <optional>
 
@@ -7,7 +7,8 @@
 namespace clearance::certificate_oracle {
 namespace {
 
-// Where rays begin, in units that are made small enough, and where they go: without pattern, so that one meets no edge.
+// Origins of rays, in units that are made small enough, and their directions: without pattern, so that some meet no
+// edge.
 struct Ray {
   Vector origin, along;
 };
@@ -37,7 +38,8 @@ long ball_within(const Dyadic& x, const Dyadic& y) {
   return over - 1 - under;
 }
 
-// No face comes nearer to the origin than `radius`; returns the k of a ball of radius 2^k that none of them meets.
+// Checks that no face comes nearer to the origin than `radius`. Returns the k of a ball of radius 2^k that none of them
+// meets.
 long check_beyond(const Value& witness, const std::vector<Face>& faces, const std::vector<Vector>& points,
                   const Dyadic& radius) {
   const std::span<const Value> normals = witness["normals"].list();
@@ -55,19 +57,19 @@ long check_beyond(const Value& witness, const std::vector<Face>& faces, const st
   return *smallest;
 }
 
-// How often more the faces are crossed one way than the other by a ray; nothing if it meets an edge.
+// Net number of crossings of the faces by a ray; nothing if it meets an edge.
 std::optional<long> crossings(const std::vector<Face>& faces, const std::vector<Vector>& points, const Vector& origin,
                               const Vector& along) {
   std::vector<Vector> from_origin;
   for (const Vector& w : points) from_origin.push_back(w - origin);
   long crossings = 0;
   for (const Face& face : faces) {
-    if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) continue;  // its edges cancel by themselves
+    if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) continue;  // its edges cancel
     const Vector &u = from_origin[face[0]], &v = from_origin[face[1]], &w = from_origin[face[2]];
     const Vector v_w = cross(v, w);
     const int first = dot(along, cross(u, v)).sign(), second = dot(along, v_w).sign();
     const int third = dot(along, cross(w, u)).sign();
-    if (std::min({first, second, third}) < 0 && std::max({first, second, third}) > 0) continue;  // it passes by
+    if (std::min({first, second, third}) < 0 && std::max({first, second, third}) > 0) continue;  // misses
     if (first == 0 || second == 0 || third == 0) return {};
     if (first == second && second == third && dot(u, v_w).sign() == first) crossings += first;
   }

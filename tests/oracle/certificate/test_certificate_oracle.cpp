@@ -1,4 +1,4 @@
-// The judge of certificates: its numbers and turns, what it reads, and documents that are right to the last bit.
+// The oracle of certificates: its numbers and rotations, its parser, and documents that are right to the last bit.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -68,7 +68,7 @@ TEST(CertificateOracle, TurnsAddUpAndAreFoundAgain) {
       expect_near(turned(once.rows, turned(once.rows, v)), turned(twice.rows, v));
     expect_near(turned(once.rows, axis), axis);
 
-    // The angle is found from quaternions alone, which say nothing of how it was made.
+    // The angle is computed from quaternions alone, without knowledge of their construction.
     const Quaternion from{number(random), {number(random), number(random), number(random)}};
     const Quaternion to{number(random), {number(random), number(random), number(random)}};
     const Turn turn = turn_between(from, to);
@@ -108,7 +108,7 @@ TEST(CertificateOracle, WhatIsNoDocumentIsRefused) {
   EXPECT_THROW(root["c"], Refusal);
 }
 
-// |x - y| < 2^-300, and x is no less.
+// |x - y| < 2^-300, and x is at least y.
 void expect_just_above(const Dyadic& x, const Dyadic& y) {
   EXPECT_GE(x, y);
   EXPECT_LT(x - y, kTiny);
@@ -138,8 +138,8 @@ TEST(CertificateOracle, RoundCoresReachAsFarAsTheyAreSaidTo) {
   EXPECT_THROW(piece("torus"), Refusal);
 }
 
-// Two boxes that are 1 m apart along x (of which all but a bit can be proved, since roots are rounded up). Or b comes
-// from elsewhere, and may be a single point at x = 1 in its own axes.
+// Two boxes that are 1 m apart along x (of which all but a bit can be proved, since roots are rounded up). Optionally b
+// moves, and may be a single point at x = 1 in its own axes.
 struct Boxes {
   std::string lower = "0.9999999999999999", upper = "1", status = "ok", order = "1", slack = "0", inner = "0";
   int direction = 1, piece = 0;
@@ -178,7 +178,7 @@ struct Boxes {
   bool proved() const { return prove_certificate(text()).all_proved(); }
 };
 
-// Of boxes that come nearer by 1 m.
+// For boxes that come nearer by 1 m.
 struct FirstContact {
   std::string free_until = "0.4375", lower = "1.5000000000000002", hit_at = "0.5", time = "0.5", bodies = "[0,1]";
   bool spans = true, witness = true;
@@ -210,7 +210,7 @@ TEST(CertificateOracle, ABitTooMuchIsFound) {
   EXPECT_FALSE(with([](Boxes& b) { b.direction = 0; }));
   EXPECT_FALSE(with([](Boxes& b) { b.status = "overlap"; }));
   EXPECT_FALSE(with([](Boxes& b) { b.order = "3"; }));
-  // Both bodies stand out by 1/4.
+  // Both bodies extend by 1/4.
   EXPECT_TRUE(with([](Boxes& b) { b.inner = "0.25", b.slack = "0.5", b.lower = "0.49999999999999994"; }));
   EXPECT_FALSE(with([](Boxes& b) { b.inner = "0.25", b.slack = "0.5", b.lower = "0.5000000000000001"; }));
   EXPECT_FALSE(with([](Boxes& b) { b.inner = "0.25", b.slack = "0.4999999999999999", b.lower = "0.4"; }));
@@ -235,7 +235,7 @@ TEST(CertificateOracle, SpeedCountsToTheLastBit) {
   }
 }
 
-// A box in [0, 1]^3 beside the half-space x >= 2, which is turned there by a quaternion of length sqrt(2).
+// A box in [0, 1]^3 next to the half-space x >= 2, rotated there by a quaternion of length sqrt(2).
 struct BoxAndPlane {
   std::string x = "0", lower = "0.9999999999999999", upper = "1", status = "ok";
   std::string direction = "null", quaternion = "1,0,-1,0", radius = "0", angle = "0", on = "null", point = "0", ends;
@@ -279,24 +279,24 @@ TEST(CertificateOracle, HalfSpacesCountToTheLastBit) {
   EXPECT_FALSE(with([](BoxAndPlane& b) { b.lower = "0.9", b.upper = "0.9999999999999999"; }));
   EXPECT_TRUE(with([](BoxAndPlane& b) { b.radius = "0.25", b.lower = "0.7499999999999999", b.upper = "0.75"; }));
   EXPECT_FALSE(with([](BoxAndPlane& b) { b.radius = "0.25", b.lower = "0.7500000000000001", b.upper = "0.8"; }));
-  // In it by 1/2, whatever is a common point of both.
+  // In it by 1/2, for any common point of both.
   const auto deep = [&](const char* lower, const char* upper) {
     return with([&](BoxAndPlane& b) { b.x = "1.5", b.status = "overlap", b.lower = lower, b.upper = upper; });
   };
   EXPECT_TRUE(deep("-0.5000000000000001", "-0.5"));
   EXPECT_FALSE(deep("-0.6", "-0.5000000000000001"));
   EXPECT_FALSE(deep("-0.4999999999999999", "-0.4"));
-  // Only its own normal proves anything, and only while it stands.
+  // Only its own normal is a proof, and only if the half-space cannot rotate.
   EXPECT_TRUE(with([](BoxAndPlane& b) { b.direction = "[[1,0],[0,0],[0,0]]"; }));
   EXPECT_FALSE(with([](BoxAndPlane& b) { b.direction = "[[1,0],[0,0],[0,1e-300]]", b.lower = "0.1"; }));
   EXPECT_FALSE(with([](BoxAndPlane& b) { b.direction = "[[-1,0],[0,0],[0,0]]", b.lower = "0.1"; }));
   EXPECT_FALSE(with([](BoxAndPlane& b) { b.quaternion = "1,0,1,0", b.lower = "0.1"; }));
   EXPECT_FALSE(with([](BoxAndPlane& b) { b.angle = "1e-300", b.lower = "0.1"; }));
   EXPECT_FALSE(with([](BoxAndPlane& b) { b.on = "0", b.lower = "0.1"; }));
-  // A point over the plane is taken off again; one below it says less.
+  // The height of a witness point over the plane is subtracted; a point below it weakens the bound.
   EXPECT_TRUE(with([](BoxAndPlane& b) { b.point = "0.25"; }));
   EXPECT_FALSE(with([](BoxAndPlane& b) { b.point = "-0.25"; }));
-  // It comes nearer by 1/2 until either end, and must not turn.
+  // It comes nearer by 1/2 until either end, and must not rotate.
   const auto moves = [&](const char* lower, const char* ends) {
     return with([&](BoxAndPlane& b) { b.lower = lower, b.ends = ends, b.upper = "2"; });
   };
@@ -319,7 +319,7 @@ TEST(CertificateOracle, FirstContactCountsToTheLastBit) {
   };
   using F = FirstContact;
   EXPECT_TRUE(with([](Boxes&, F&) {}));
-  // What is free by its margin is beyond it.
+  // Free by a margin means beyond it.
   EXPECT_TRUE(with([](Boxes& b, F& f) {
     b.margin = "1.5624999999999996", f.lower = "1.5624999999999998", f.hit_at = f.time = "0.4375000000000005";
   }));
@@ -327,12 +327,12 @@ TEST(CertificateOracle, FirstContactCountsToTheLastBit) {
   EXPECT_TRUE(with([](Boxes&, F& f) { f.lower = "1.5624999999999998"; }));
   EXPECT_FALSE(with([](Boxes&, F& f) { f.lower = "1.5625000000000002"; }));
   EXPECT_FALSE(with([](Boxes&, F& f) { f.lower = "1.5"; }));
-  // Spans end when it is said to be free no longer, which is no time after the end of the motion.
+  // Spans end where the free time ends, which is not after the end of the motion.
   for (const char* until : {"0.43750000000000006", "0.4375000000000001", "0.25", "0", "1", "\"inf\"", "-0.4375"})
     EXPECT_FALSE(with([=](Boxes&, F& f) { f.free_until = until; })) << until;
   EXPECT_FALSE(with([](Boxes&, F& f) { f.spans = false; }));
   EXPECT_TRUE(with([](Boxes&, F& f) { f.spans = false, f.free_until = "0"; }));
-  // It is within its margin when it is said to be.
+  // It is within its margin at the time of the hit.
   EXPECT_FALSE(with([](Boxes& b, F&) { b.margin = "1.4999999999999998"; }));
   EXPECT_FALSE(with([](Boxes&, F& f) { f.hit_at = f.time = "0.49999999999999994"; }));
   EXPECT_TRUE(with([](Boxes&, F& f) { f.hit_at = f.time = "0.5000000000000001"; }));
@@ -356,7 +356,7 @@ TEST(CertificateOracle, WhatIsProvedAllAlongIsFreeUntilTheEnd) {
   boxes.margin = "0.5";
   boxes.contact = R"({"free_until":1.5,"hit_at":"inf","bodies":[null,null],"witness":null})";
   EXPECT_FALSE(boxes.proved());
-  boxes.lower = "0", boxes.status = "unconverged";  // nothing is proved of the whole motion
+  boxes.lower = "0", boxes.status = "unconverged";  // nothing is proved for the whole motion
   boxes.contact = R"({"free_until":"inf","hit_at":"inf","bodies":[null,null],"witness":null})";
   EXPECT_FALSE(boxes.proved());
 }
@@ -364,7 +364,7 @@ TEST(CertificateOracle, WhatIsProvedAllAlongIsFreeUntilTheEnd) {
 TEST(CertificateOracle, TurnsBendWays) {
   Boxes boxes;
   boxes.piece = 1;
-  boxes.ends = "[[3,0,0,1,0,0,0],[3,0,0,0.8775825618903728,0,0,0.479425538604203]]";  // a turn by 1 about z
+  boxes.ends = "[[3,0,0,1,0,0,0],[3,0,0,0.8775825618903728,0,0,0.479425538604203]]";  // a rotation by 1 about z
   boxes.upper = "\"inf\"";
   const auto proved = [&](const char* order, const char* lower) {
     boxes.order = order, boxes.lower = lower;

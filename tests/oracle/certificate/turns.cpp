@@ -7,7 +7,7 @@
 namespace clearance::certificate_oracle {
 namespace {
 
-// Numbers with a fixed point: x stands for x 2^-kFixed. What series and roots lose stays far behind kBits.
+// Fixed-point numbers: x represents x 2^-kFixed. The errors of series and roots stay far below 2^-kBits.
 constexpr long kFixed = 512;
 
 mpz_class fixed(const Dyadic& x) {
@@ -47,7 +47,7 @@ void sine_and_cosine(const Dyadic& angle, mpz_class& sine, mpz_class& cosine) {
   }
 }
 
-// The angle whose tangent is y / x, for y > 0 and x >= 0: a half is taken until Taylor's sum is short.
+// The angle whose tangent is y / x, for y > 0 and x >= 0: halved until Taylor's sum is short.
 Dyadic angle_of(const Dyadic& x, const Dyadic& y) {
   constexpr int kHalvings = 24;
   // tan(angle / 2) = y / (x + |(x, y)|), at most 1; and tan(a / 2) = tan(a) / (1 + sqrt(1 + tan(a)^2)).
@@ -109,7 +109,7 @@ Pose turn_about(const Vector& axis, const Dyadic& angle) {
 }
 
 Turn turn_between(const Quaternion& from, const Quaternion& to) {
-  // The conjugate of `from`, times `to`; and its negative, which is the same turn, if that is the longer way.
+  // The conjugate of `from`, times `to`; negated, which is the same rotation, if that is the longer way.
   Quaternion way{from.w * to.w + dot(from.v, to.v), from.w * to.v - to.w * from.v - cross(from.v, to.v)};
   if (way.w.sign() < 0) way = Dyadic(-1.0) * way;
   if (is_zero(way.v)) return {};

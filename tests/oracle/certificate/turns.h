@@ -1,15 +1,15 @@
-// Poses and turns in numbers of 320 bits behind the point.
+// Poses and rotations in numbers with 320 bits after the point.
 #pragma once
 
 #include "tests/oracle/certificate/dyadic.h"
 
 namespace clearance::certificate_oracle {
 
-/// Poses that are computed are multiples of 2^-kBits, rounded down; what that moves a point by is below blur().
+/// Computed poses are multiples of 2^-kBits, rounded down; the resulting motion of a point is below blur().
 constexpr long kBits = 320;
 const Dyadic& blur();
 
-/// Where a frame stands: a point p of it is at origin + rows p / divisor.
+/// Pose of a frame: a point p of it is at origin + rows p / divisor.
 struct Pose {
   Vector origin;
   Rows rows{{{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}}};
@@ -19,7 +19,7 @@ struct Pose {
 
 /// Multiples of 2^-kBits.
 Vector rounded(const Vector& v, const Dyadic& divisor = 1.0);
-/// The direction v made as long as 1. v is not zero.
+/// The direction v, normalised. v is not zero.
 Vector unit(const Vector& v);
 
 struct Quaternion {
@@ -27,22 +27,22 @@ struct Quaternion {
   Vector v;
 };
 
-/// Of a quaternion of any length but 0, exactly. Throws Refusal.
+/// From a quaternion of any length but 0, exactly. Throws `Refusal`.
 Pose pose_of(const Vector& origin, const Quaternion& q);
-/// The turn about an axis of length 1. Throws Refusal of an angle of 2^21 or more.
+/// The rotation about an axis of length 1. Throws `Refusal` for an angle of 2^21 or more.
 Pose turn_about(const Vector& axis, const Dyadic& angle);
 
-/// The turn from one quaternion to another, the shorter way, in the frame that the first one makes.
+/// The shorter rotation from one quaternion to another, in the frame of the first.
 struct Turn {
   Vector axis;
-  Dyadic angle;  ///< 0: none
+  Dyadic angle;  ///< 0 for none
 };
 Turn turn_between(const Quaternion& from, const Quaternion& to);
 
 /// A pose in the frame of another.
 Pose composed(const Pose& outer, const Pose& inner);
 
-/// No less than 2 sin(angle / 2), how far a point moves that is 1 m from the axis; 2 from half a turn on.
+/// Upper bound on 2 sin(angle / 2), the motion of a point 1 m from the axis; 2 from half a turn on.
 Dyadic chord_above(const Dyadic& angle);
 
 }  // namespace clearance::certificate_oracle

@@ -1,5 +1,5 @@
-// Upper bounds: two points, how high one is over a half-space, or a surface around a ball of the difference of two
-// pieces.
+// Upper bounds: two points, the height of one over a half-space, or a surface around a ball of the difference of two
+// convex parts.
 #include <algorithm>
 
 #include "tests/oracle/certificate/bounds.h"
@@ -9,11 +9,11 @@ namespace {
 
 constexpr const char* kTooFar = "a point of a witness is too far away";
 
-// The points of a piece that a witness names: its vertices, or of a core that is no hull points that it gives itself.
+// The points of a part in a witness: its vertices, or for a core that is no hull points given by the witness.
 struct Named {
   const Piece *piece = nullptr, *whole = nullptr;
   std::vector<Vector> points;  // of such a core
-  Dyadic off;                  // no point is farther from the core
+  Dyadic off;                  // bound on their distance from the core
 
   std::size_t count() const { return piece->is_hull() ? piece->count() : points.size(); }
   Vector at(std::size_t k) const { return piece->is_hull() ? piece->vertex(k) : points[k]; }
@@ -33,19 +33,19 @@ Named named(const Body& body, const Value& witness, std::size_t side) {
   return named;
 }
 
-// The points of a - b that a witness names, in a's axes, times `divisor`.
+// The points of a - b in a witness, in a's axes, times `divisor`.
 struct Difference {
   std::vector<Vector> points;
   Dyadic divisor;
 
-  // blur() is not far above what rounded axes do to those that are as far apart.
+  // At such distances, errors from rounded axes may approach blur().
   bool has_far_points() const {
     const Dyadic far = Dyadic::power_of_two(64) * divisor;
     return std::any_of(points.begin(), points.end(), [&](const Vector& p) { return dot(p, p) >= far * far; });
   }
 };
 
-// Of a witness that a solid is around: all vertices of that, and the one of the other that the witness names.
+// For a witness with a solid around it: all vertices of that, and the witness's vertex of the other body.
 Difference all_around(const Value& witness, const Named& a, const Named& b, std::size_t around, const Pose& X_wa,
                       const Pose& X_wb) {
   Difference d{{}, X_wa.divisor * X_wb.divisor};
@@ -74,9 +74,10 @@ Difference difference(const Value& witness, const Named& a, const Named& b, cons
   return d;
 }
 
-// Out of a half-space it is as far as its plane: how high one body's point is over the other's bounds how far apart
-// both are, and below it how deep the one is in the other. \param up the planes' normals, in a's axes, times `over`,
-// from the half-space to the point of the other, where the points are a - b
+// The distance of a point from a half-space is that from its plane: the height of one body's point over the other
+// bounds the distance of both, and its depth below the depth of the overlap.
+// \param up the planes' normals, in a's axes, times `over`, from the half-space to the point of the other, where the
+// points are a - b
 struct Normal {
   Vector up;
   Dyadic over;
