@@ -1,5 +1,5 @@
-// clearance-certificates: certificates of seeded pairs of every case class, and of motions of every kind, before the
-// judge; some of them are kept for tools/check_certificate.py.
+// clearance-certificates: checks certificates of seeded pairs of every case class, and of motions of every kind, with
+// the oracle, and keeps some of them for tools/check_certificate.py.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <ctime>
@@ -26,7 +26,7 @@ struct Options {
   std::string out = "out/certificates", only;
 };
 
-// The cases of a class are shared out among these.
+// The cases of a class are divided among these.
 const std::vector<std::pair<std::string, Setting>>& settings() {
   static const std::vector<std::pair<std::string, Setting>> all = [] {
     Setting plain, depth, single, cut_off, narrow;
@@ -52,10 +52,10 @@ double seconds_of_this_thread() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-// What came of the documents. Threads may call prove_document() at once.
+// Results of the documents. prove_document() is thread-safe.
 class Count {
  public:
-  // Those that fail are kept, too.
+  // Also keeps documents that fail.
   void prove_document(const std::string& path, const std::string& document, std::size_t expected_rows, bool keep) {
     const double start = seconds_of_this_thread();
     const certificate_oracle::Findings findings = certificate_oracle::prove_certificate(document);
@@ -92,11 +92,11 @@ class Count {
 
   std::mutex mutex_;
   std::size_t documents_ = 0, rows_ = 0, proved_ = 0, kept_ = 0, failed_ = 0, bytes_ = 0;
-  double seconds_ = 0;  // of the judge
+  double seconds_ = 0;  // of the oracle
 };
 
-// One of the two bodies of a case, and in place of the other a half-space about as far away as none, a little, or more:
-// turned anyhow, or as floors are, and with its origin at some distance along the plane.
+// One of the two bodies of a case, and in place of the other a half-space at a gap of about none, little, or more: in
+// any orientation, or level, and with its origin at some distance along the plane.
 Case beside_plane(const Case& c, Random& random) {
   const bool is_a = random.chance(0.5);
   const SolidPtr& solid = is_a ? c.a : c.b;
@@ -119,7 +119,7 @@ Case beside_plane(const Case& c, Random& random) {
   return is_a ? Case{solid, shared, X_ws, X} : Case{shared, solid, X, X_ws};
 }
 
-// What moves in a case over a half-space through one of the places where something stands beside it.
+// Moves the bodies of a case over a half-space through a place next to one of them.
 void check_motions_over_plane(const Options& o, const test::MotionCase& made, test::MotionKind kind,
                               std::uint64_t number, Count& count) {
   constexpr std::size_t kMostPairs = 4;
@@ -149,7 +149,7 @@ void check_motions_over_plane(const Options& o, const test::MotionCase& made, te
                        number < o.python_motions);
 }
 
-// Some motions of robots of all kinds of joints, and of bodies beside and on them, in a scene of their own.
+// Some motions of robots with all kinds of joints, and of bodies next to and on them, in a scene of their own.
 void check_motions(const Options& o, test::MotionKind kind, std::uint64_t number, Count& count) {
   constexpr int kAtOnce = 2;
   constexpr Reduce kReduces[] = {Reduce::kNone, Reduce::kMin, Reduce::kAny};
@@ -175,18 +175,19 @@ void check_motions(const Options& o, test::MotionKind kind, std::uint64_t number
                        number < o.python_motions);
 }
 
-// Of clouds no depth is asked.
+// Whether a setting suits a class: clouds have no depth.
 bool fits(const Setting& setting, const CaseClass& c) {
   return !setting.signed_distance || c.name.find("cloud") == std::string::npos;
 }
 
-// What of `cases` of a class comes to each setting.
+// Number of a class's `cases` for each setting.
 std::uint64_t share(const CaseClass& c, std::uint64_t cases) {
   return std::max<std::uint64_t>(cases / settings().size() / static_cast<unsigned>(c.cost), 1);
 }
 
-// The cases of a class under one setting, some at a time; the first of them are kept. \param cases of the class, of
-// which `python` are kept. \param beside_planes in place of one of the two bodies of each
+// Checks the cases of a class under one setting, in batches, and keeps the first of them.
+// \param cases of the class, of which `python` are kept
+// \param beside_planes replaces one of the two bodies of each by a half-space
 void check_cases(const Options& o, const CaseClass& c, std::uint64_t cases, std::uint64_t python, std::size_t setting,
                  bool beside_planes, Count& count) {
   constexpr std::uint64_t kAtOnce = 100;

@@ -1,4 +1,4 @@
-// clearance-certify: the case classes at scale, every answer before the judge; writes the accuracy table.
+// clearance-certify: checks every answer for many cases of each class with the oracle, and writes the accuracy table.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -38,7 +38,7 @@ struct Batch {
   int count;
 };
 
-/// Shares the pairs among the classes, fewer to those that take longer.
+/// Divides the pairs among the classes, with fewer for slower ones.
 std::vector<Batch> share_out(const Options& o) {
   double shares = 0;
   const auto chosen = [&](const CaseClass& c) { return o.only.empty() || c.name.find(o.only) != std::string::npos; };
@@ -76,7 +76,7 @@ void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& 
     }
 }
 
-/// Attempts of each kind of slack_oracle.h; false: something is wrong.
+/// Attempts of each kind of slack_oracle.h. Returns whether all are right.
 bool certify_slack(const Options& o) {
   Findings findings;
   Random random(o.seed);
@@ -108,7 +108,7 @@ void write_motions(std::ostream& out, const Options& o, const std::vector<test::
   }
 }
 
-/// Motions of each kind in turn, shared among the threads; false: something is wrong, or a device was asked for and has
+/// Motions of each kind in turn, divided among the threads. Returns false if any is wrong, or if a requested device has
 /// decided none.
 bool certify_motions(const Options& o) {
   const std::string& backend = o.backends.front();

@@ -22,7 +22,7 @@ bool finite(const Vec3d& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// How far a point of the world lies outside a grown body, at most; 0 or less inside.
+/// Upper bound on the distance of a point of the world from a grown body; 0 or less inside.
 double outside(const Solid& s, const Pose& X, const Vec3d& p) {
   if (!s.triangles.empty())
     return exact_distance(body_view(s), X, BodyView{std::span(&p, 1), {}, false, 0}, {}).distance.upper();
@@ -33,7 +33,7 @@ class ResultChecker {
  public:
   ResultChecker(const Case& c, const Result& truth, const Setting& setting, const Answer& answer)
       : c_(c), setting_(setting), answer_(answer), truth_(truth), scale_(scale_of(c)) {
-    // Not signed: the truth is clipped at 0, like the answer.
+    // Without signed distance the exact value is clipped at 0, like the answer.
     clipped_ = !setting.signed_distance && truth.distance.compare(0) < 0;
     exact_ = clipped_ ? 0 : truth.distance.lower();
   }
@@ -79,7 +79,7 @@ class ResultChecker {
     const bool narrow = compact() || upper - lower <= asked || (answer_.flags & kFlagRoundingLimited) != 0;
     switch (answer_.status) {
       case Status::kOk:
-        // Compact bounds are rounded outward, perhaps onto 0.
+        // Compact bounds are rounded outward, perhaps to 0.
         if (!(lower > 0) && !(compact() && lower >= 0)) violation("ok, but lower is not above 0");
         if (truth_.distance.compare(0) <= 0) violation("ok, but the bodies touch or overlap");
         if (!narrow) violation(text("ok, but wider than asked: %.3g > %.3g", upper - lower, asked));
@@ -142,8 +142,8 @@ class ResultChecker {
     const double between = norm(b - a), error = std::abs(between - std::abs(answer_.upper));
     const double allowed =
         2 * near_a + 2 * near_b + (compact() ? 4 * kEpsFloat * std::abs(exact_) : 0) +
-        // A depth's upper bound has no witness of its own; the points are as near to it as was asked.
-        // In float32 the upper bound carries the roundings of float32, the points do not.
+        // A depth's upper bound has no witness of its own; the points are within the requested tolerance of it. In
+        // float32 the upper bound includes float32's rounding errors, the points do not.
         (setting_.precision == Precision::kF32 ? answer_.upper - answer_.lower : 0) +
         (answer_.upper < 0 ? std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(exact_)) : 0);
     if (!(error <= allowed))
@@ -156,7 +156,7 @@ class ResultChecker {
     if (!finite(answer_.normal) || std::abs(norm(answer_.normal) - 1) > 8 * kEps)
       return violation("the normal is not a unit vector");
     if (!setting_.signed_distance && answer_.lower <= 0) return;       // clipped: nothing to prove
-    if (!c_.a->triangles.empty() || !c_.b->triangles.empty()) return;  // it proves the nearest triangles, no bodies
+    if (!c_.a->triangles.empty() || !c_.b->triangles.empty()) return;  // it proves the nearest triangles only
     const double gap = exact_support_gap(view(*c_.a), c_.X_wa, view(*c_.b), c_.X_wb, answer_.normal).upper();
     if (!(gap >= answer_.lower - 16 * kEps * scale_))
       inaccuracy(text("the normal proves %.17g, lower says %.17g: %.3g eps S", gap, answer_.lower,

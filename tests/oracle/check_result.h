@@ -1,4 +1,4 @@
-// What the contract promises of one answer, held against the exact truth.
+// Checks the documented properties of one answer against the exact result.
 #pragma once
 
 #include <cstdint>
@@ -9,13 +9,13 @@
 
 namespace clearance::exact {
 
-/// How a batch is asked.
+/// Settings of a batch's query.
 struct Setting {
   std::string backend = "cpu";
   Precision precision = Precision::kF64;
   bool signed_distance = false;
   Format format = Format::kFull;
-  double rel_tol = -1;  ///< negative: the default of the precision
+  double rel_tol = -1;  ///< if negative, the default of the precision
   double abs_tol = 0;
   double max_distance = 1e300;
 
@@ -33,23 +33,22 @@ struct Answer {
 };
 
 struct CheckResult {
-  std::string
-      violation;  ///< what is not true of the answer; empty if all is. Anything but accuracy: bounds, status, columns
-  std::string inaccuracy;  ///< where it is true but not as accurate as promised; empty if it is
-  double error = 0;        ///< |distance - exact| over what the contract allows: wanted tolerance + 16 eps S
-  double width = 0;        ///< upper - lower over wanted tolerance + 32 eps S; 0 for pairs that are beyond
+  std::string violation;   ///< error in bounds, status or columns, or empty; anything but accuracy
+  std::string inaccuracy;  ///< lack of accuracy of a correct answer, or empty
+  double error = 0;        ///< |distance - exact| over the allowed error: tolerance + 16 eps S
+  double width = 0;        ///< upper - lower over tolerance + 32 eps S; 0 for pairs that are beyond
   bool good() const { return violation.empty() && inaccuracy.empty(); }
 };
 
-/// Holds an answer against the exact truth. \param columns also prove witness points and normal, which costs three more
-/// exact solutions.
+/// Compares an answer with the exact result.
+/// \param columns also prove witness points and normal, which costs three more exact solutions
 CheckResult hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer,
                          bool columns = true);
 
-/// The case and its exact signed distance (rounded down) as a C++ initialiser in hexadecimal floats, as mined_cases.inc
-/// holds it.
+/// The case and its exact signed distance (rounded down) as a C++ initialiser in hexadecimal floats, as in
+/// mined_cases.inc.
 std::string as_initialiser(const Case& c);
-/// One answer in words, for a failed test.
+/// Describes an answer for a failed test.
 std::string in_words(const Answer& a);
 
 }  // namespace clearance::exact

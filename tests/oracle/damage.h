@@ -1,4 +1,4 @@
-// Pieces with something cut out of them, to see what notices.
+// Convex parts with missing data, to test whether the damage is detected.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace clearance::exact {
 
-/// The vertices of a body that an exact answer rests on.
+/// The vertices of a body that an exact answer depends on.
 inline std::vector<Vec3d> decisive(const Case& c, const Result& truth, bool of_b) {
   std::vector<Vec3d> v;
   for (const auto& s : truth.simplex) v.push_back(of_b ? c.b->vertices[s.b] : c.a->vertices[s.a]);
@@ -21,7 +21,7 @@ inline bool holds(const std::vector<Vec3d>& list, const Vec3d& v) {
   return std::any_of(list.begin(), list.end(), [&](const Vec3d& w) { return w.x == v.x && w.y == v.y && w.z == v.z; });
 }
 
-/// The piece without `vertices` in the lists of its direction table, though they are still vertices.
+/// The part without `vertices` in the lists of its direction table, although they are still vertices.
 inline PiecePtr without_table_entries_of(const Piece& piece, const std::vector<Vec3d>& vertices) {
   Piece cut = piece;
   if (!cut.table) return std::make_shared<const Piece>(cut);

@@ -1,4 +1,4 @@
-// What campaigns share: work handed out to threads.
+// Distributes the work of oracle runs to threads.
 #pragma once
 
 #include <atomic>
@@ -9,7 +9,8 @@
 
 namespace clearance::exact {
 
-/// Calls f(0) ... f(count - 1), each once, by some threads. After an exception no more begin; one of them is thrown.
+/// Calls f(0) ... f(count - 1), each once, on some threads. After an exception no more calls begin, and one exception
+/// is rethrown.
 template <class Function>
 void in_parallel(std::size_t count, int threads, const Function& f) {
   std::atomic<std::size_t> next{0};

@@ -1,6 +1,6 @@
-// clearance-mine: searches for pairs that are hard on the engine. Starts from the case classes and climbs: small
-// changes to vertices, poses and gap are kept when the engine's interval gets wider or its answer worse. Prints what it
-// finds in the form of mined_cases.inc, for a person to look at and keep.
+// clearance-mine: searches for pairs that are hard for the engine. Starts from the case classes and climbs: small
+// changes to vertices, poses and gap are kept if they make the engine's interval wider or its answer worse. Prints the
+// results in the form of mined_cases.inc, for manual review.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
@@ -101,9 +101,8 @@ struct Found {
   std::string why;
 };
 
-/// How hard each case is: the width that is left when no tolerance is granted (as a share of 32 eps S), since with a
-/// tolerance the engine stops there and shows no slope to climb; far more if an answer under any setting breaks a
-/// promise.
+/// Hardness of each case: the width without a tolerance (as a share of 32 eps S), since with a tolerance the engine
+/// stops there and leaves no slope to climb; far more if an answer under any setting is wrong.
 std::vector<Found> score(const std::vector<Case>& cases, const std::vector<Setting>& settings) {
   std::vector<Found> found(cases.size());
   std::vector<Result> truth;

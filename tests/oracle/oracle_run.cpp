@@ -26,7 +26,7 @@ PiecePtr piece_of(const Solid& s) {
 Bench::Bench(std::span<const Case> cases, const std::string& backend, int threads, const Surgery& surgery)
     : count_(cases.size()) {
   Scene scene;
-  std::map<const Solid*, PiecePtr> pieces;  // shapes that cases share are made once
+  std::map<const Solid*, PiecePtr> pieces;  // shared shapes are made once
   const auto add = [&](std::size_t i, bool is_b, const SolidPtr& solid, const Pose& X) {
     PiecePtr& piece = pieces[solid.get()];
     if (!piece) piece = piece_of(*solid);
@@ -43,7 +43,7 @@ Bench::Bench(std::span<const Case> cases, const std::string& backend, int thread
   Engine::Options options;
   options.backend = backend;
   options.threads = threads;
-  options.self_test = false;  // the judge is for wrong builds too
+  options.self_test = false;  // the oracle also tests wrong builds
   engine_ = std::make_unique<Engine>(std::move(scene), options);
 }
 Bench::~Bench() = default;

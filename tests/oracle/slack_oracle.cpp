@@ -18,7 +18,8 @@ struct Row {
   std::uint16_t flags;
 };
 
-// Lanes take a single pair only where they are few: so all that they do is judged on every machine. Bits are the same.
+// Lanes take a single pair only if they are few, so that all their code is tested on every machine. The bits are the
+// same.
 const Engine::Options kFewLanes{.instruction_set = "baseline"};
 
 std::vector<Row> ask(const Engine& engine, QueryView query) {
@@ -48,7 +49,7 @@ Row ask_one(const Engine& engine, double max_distance = kInf, bool depth = false
   return rows.empty() ? Row{kInf, kInf, Status::kBeyond, 0} : rows.at(0);
 }
 
-// \param truth the exact distance, or the least of samples: then `upper` says nothing, and `exact` is false.
+// \param truth the exact distance, or the least of samples, in which case `exact` is false and `upper` is not tested
 void hold(const Row& row, const Value& truth, bool exact, Findings& findings, double max_distance = kInf) {
   ++findings.asked;
   const bool clipped = truth.compare(0.0) < 0;  // bounds are those of an unsigned distance
@@ -74,7 +75,7 @@ Body body_of(const std::string& name, const SolidPtr& solid, const Pose& X) {
   return body;
 }
 
-// q turned by an angle about an axis of the world, in doubles.
+// q rotated by an angle about an axis of the world, in doubles.
 Pose turned(const Pose& X, const Vec3d& axis, double angle) {
   const double c = std::cos(0.5 * angle), s = std::sin(0.5 * angle);
   const double x = s * axis.x, y = s * axis.y, z = s * axis.z;
@@ -82,8 +83,8 @@ Pose turned(const Pose& X, const Vec3d& axis, double angle) {
           c * X.qy - x * X.qz + y * X.qw + z * X.qx, c * X.qz + x * X.qy - y * X.qx + z * X.qw};
 }
 
-// One placement among those that an uncertainty allows: mostly at its edge, and a little within for the rounding of
-// the sample itself.
+// One of the placements that an uncertainty allows: mostly at its edge, and slightly inside to cover the sample's own
+// rounding.
 Pose allowed(Random& random, const Pose& X, const Uncertainty& u, const Vec3d& towards) {
   constexpr double kWithin = 1 - 1e-12;
   Pose Y = turned(X, random.direction(), u.angle * kWithin * (random.chance(0.7) ? 1 : random.uniform()));
@@ -114,7 +115,7 @@ void try_uncertain(Random& random, Findings& findings) {
   const Engine engine(scene_of(c, of_a, of_b, padding), kFewLanes);
   const Row row = ask_one(engine);
   // The nominal placement is allowed, and the free position and padding are the radius': the exact distance of the
-  // grown nominal pieces bounds the least from above.
+  // grown nominal parts bounds the least from above.
   Case nominal = c;
   auto grown = [](const SolidPtr& s, double by) {
     auto out = std::make_shared<Solid>(*s);
@@ -125,7 +126,7 @@ void try_uncertain(Random& random, Findings& findings) {
   nominal.b = grown(c.b, of_b.position);
   const Value at_most = exact_answer(nominal).distance;
   findings.misses += at_most.compare(0.0) > 0 && row.upper < at_most.lower();
-  // All that is allowed: the least of the samples is no less than the least of all.
+  // The least of the samples of allowed placements is at least the least of all.
   const Result here = exact_answer(c);
   const Vec3d way{here.direction.x.get_d(), here.direction.y.get_d(), here.direction.z.get_d()};
   const double bounds[] = {kInf, 0.5 * std::max(row.lower + row.upper, 0.0)};
@@ -144,7 +145,7 @@ void try_uncertain(Random& random, Findings& findings) {
     hold(rows[0], truth, false, findings);
     for (std::size_t i = 1; i < rows.size(); ++i) hold(rows[i], truth, false, findings, bounds[1]);
   }
-  // As wide as its slack and the tolerance, and no wider: a doubt is no excuse. Rounding is far below.
+  // The width is that of its slack and the tolerance, and no more. Rounding is far below.
   const double turn = 2 * std::sin(0.5 * of_a.angle) * (reach(*c.a) + of_a.position + padding) +
                       2 * std::sin(0.5 * of_b.angle) * (reach(*c.b) + of_b.position);
   if (row.lower > 0) {
@@ -208,7 +209,7 @@ Vec3l into(const Pose& X, const Vec3d& p) {
           (2 * (x * z + w * y) * d.x + 2 * (y * z - w * x) * d.y + (w * w - x * x - y * y + z * z) * d.z) / n};
 }
 
-// As a link of a robot has it, or as a scene.
+// A cylinder as a robot's link, or as a scene's body.
 std::uint32_t add_cylinder(Scene& scene, CylinderAs as, const std::string& name, double r, double length,
                            const Pose& pose) {
   Scene::BodyOptions at;
@@ -301,7 +302,7 @@ void try_age(Random& random, Findings& findings) {
     findings.wide += rows[i].lower < exact[i] - most - 1e-9 || rows[i].upper > exact[i] + 1e-9;
     findings.untrue += !(rows[i].flags & kFlagSlack);
   }
-  // Boxes that hold what stood there when the pose came would leave the wall out, and the wall may be that near.
+  // Boxes at the time of the pose would skip the wall, which may be that near.
   query.max_distance = 2 - 0.5 * least;
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kWithin}) {
     query.reduce = reduce;
@@ -313,8 +314,7 @@ void try_age(Random& random, Findings& findings) {
   const std::uint32_t bodies[] = {box};
   const Pose there[] = {Pose{{4, 0, 0}}};
   query.bodies = bodies, query.configurations = there, query.configuration_count = 1;
-  for (const Row& row : ask(engine, query))
-    findings.wide += row.upper - row.lower > 1e-5;  // the query says where it is
+  for (const Row& row : ask(engine, query)) findings.wide += row.upper - row.lower > 1e-5;  // the query gives its pose
 }
 
 }  // namespace clearance::exact

@@ -1,4 +1,4 @@
-// That the judge bites: every way in which an answer could be untrue, by as little as a last bit, is seen.
+// Tests that the checker detects every error of an answer, down to a last bit.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Two unit boxes 1/3 apart (rounded), and the best answer there is to that.
+// Two unit boxes 1/3 apart (rounded), and the best possible answer for them.
 struct Apart {
   Case c;
   Result truth;

@@ -1,5 +1,5 @@
-// That the judge bites on wrong geometry: a vertex or an entry of the direction table taken out of a piece behind the
-// engine's back is found.
+// Tests that the oracle detects wrong geometry: a vertex or an entry of the direction table removed from a convex part
+// after loading.
 #include <gtest/gtest.h>
 
 #include "tests/oracle/damage.h"
@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::uint64_t kSeed = 12;
 
-/// Whether two exact answers differ by more than an interval may be wide.
+/// Whether two exact answers differ by more than an interval's allowed width.
 bool differs(const Case& c, const Result& x, const Result& y) {
   const double dx = x.distance.lower(), dy = y.distance.lower();
   return std::abs(dx - dy) > 4e-6 * std::max(std::abs(dx), std::abs(dy)) + 128 * 0x1p-52 * scale_of(c);

@@ -1,4 +1,4 @@
-// clearance-judge: checks certificates with this oracle, in place of tools/check_certificate.py.
+// `clearance-judge`: checks certificates with this oracle, in place of tools/check_certificate.py.
 #include <fstream>
 #include <iostream>
 #include <sstream>

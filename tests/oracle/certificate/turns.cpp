@@ -47,7 +47,7 @@ void sine_and_cosine(const Dyadic& angle, mpz_class& sine, mpz_class& cosine) {
   }
 }
 
-// The angle whose tangent is y / x, for y > 0 and x >= 0: halved until Taylor's sum is short.
+// The angle whose tangent is y / x, for y > 0 and x >= 0. It is halved until Taylor's sum is short.
 Dyadic angle_of(const Dyadic& x, const Dyadic& y) {
   constexpr int kHalvings = 24;
   // tan(angle / 2) = y / (x + |(x, y)|), at most 1; and tan(a / 2) = tan(a) / (1 + sqrt(1 + tan(a)^2)).

@@ -1,5 +1,5 @@
-// Sizes from denormals to the largest coordinate that is accepted: an answer may be wide there, never wrong; beyond, it
-// is refused.
+// Sizes from denormals to the largest accepted coordinate: an answer may be wide there, but never wrong. Larger sizes
+// are rejected.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,7 +10,7 @@
 namespace clearance::exact {
 namespace {
 
-/// The case times 2^exponent, as far as doubles can hold it.
+/// The case times 2^exponent, as far as doubles can represent it.
 Case scaled(const Case& c, int exponent) {
   const auto scale = [&](const SolidPtr& from) {
     Solid s = *from;

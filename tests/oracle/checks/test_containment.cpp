@@ -1,6 +1,6 @@
-// The engine before the judge: every class of cases, every backend, every way of asking. For every answer the exact
-// distance must lie within its bounds, its status must be true, its error within the contract's, and its columns must
-// prove it.
+// Compares the engine with the oracle: every class of cases, every backend, every setting. For every answer the exact
+// distance must lie within its bounds, its status must be true, its error within the limit, and its columns must prove
+// it.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -17,7 +17,7 @@ namespace {
 constexpr std::uint64_t kSeed = 1;  // the first batch of clearance-certify, which wrote the recorded table
 constexpr int kCases = 200;
 
-/// Worst error and width that docs/results/accuracy_sample.csv records of a class under a setting.
+/// Worst error and width of a class under a setting in docs/results/accuracy_sample.csv.
 struct Recorded {
   double error = -1, width = -1;
 };
@@ -65,8 +65,8 @@ TEST_P(Containment, HoldsForEveryAnswer) {
     EXPECT_EQ(t.inaccurate, 0) << settings[k].name();
     EXPECT_LE(t.worst_width, 1.0) << settings[k].name();
     EXPECT_EQ(t.unconverged, 0) << settings[k].name();
-    // The recorded table must not be prettier than the truth, nor much uglier. Cases may differ by last bits between C
-    // libraries.
+    // The recorded table must be neither better than the actual values, nor much worse. Cases may differ in the last
+    // bits between C libraries.
     const Recorded r = recorded(c.name, settings[k]);
     const char* advice =
         ": the recorded table is out of date; if this is meant, run clearance-certify --pairs 1 --csv "
@@ -78,7 +78,7 @@ TEST_P(Containment, HoldsForEveryAnswer) {
   }
 }
 
-// Pairs that the engine, or the judge, once got wrong, with their exact answers.
+// Pairs that the engine, or the oracle, once got wrong, with their exact answers.
 TEST(MinedCases, KeepTheirExactAnswers) {
   ASSERT_GE(mined_cases().size(), 10u);
   for (std::size_t i = 0; i < mined_cases().size(); ++i) {

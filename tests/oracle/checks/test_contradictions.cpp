@@ -1,5 +1,4 @@
-// Intervals that no number lies in do not leave: their pairs are answered anew, rightly, or not at all, and they are
-// counted.
+// Empty intervals are never returned: their pairs are answered again, correctly or without a proof, and counted.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +18,7 @@ namespace {
 constexpr std::uint64_t kSeed = 17;
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-/// Pairs of spheres large enough for tables, some way apart, and the directions of their exact distances.
+/// Pairs of spheres large enough for tables, some distance apart, and the directions of their exact distances.
 struct Spheres {
   std::vector<Case> cases;
   std::vector<Result> truth;
@@ -37,8 +36,8 @@ struct Spheres {
   }
 };
 
-/// Body a's table misleads along the direction in which b is nearest, where GJK does not begin with it: if it did, it
-/// would never see another vertex, and nothing would contradict.
+/// Body a's table is wrong along the direction of b's nearest point, provided that GJK does not begin with it. If it
+/// did, it would never see another vertex, and nothing would contradict.
 Bench misled(const Spheres& spheres, const std::string& backend) {
   return Bench(spheres.cases, backend, 1, [&](const PiecePtr& piece, std::size_t i, bool is_b) {
     EXPECT_TRUE(piece->table);
@@ -111,7 +110,7 @@ TEST(Contradictions, AreCaughtBeforeReductionsDecide) {
   EXPECT_EQ(whole.engine().contradictions(), 0u);
 }
 
-// A lane that is broken: settled, and lower above upper.
+// A faulty lane: converged, with lower above upper.
 void run_broken_lanes(const LaneBatch& batch) {
   lane_kernel("baseline").run(batch);
   for (std::size_t i = 0; i < batch.count; ++i)
@@ -181,7 +180,7 @@ TEST(Contradictions, OfABrokenLaneAreAnsweredAnewAndCounted) {
   }
 }
 
-// A group that holds a pair of which nothing is proved has no lower bound, and is not beyond max_distance.
+// A group with a pair without a proof has no lower bound, and is not beyond max_distance.
 TEST(Contradictions, LeaveNothingProvedOfTheirGroups) {
   PairAnswer beyond = beyond_answer(2);
   widen_to_group(beyond, -kInf, 1, 0, 1e-6);
@@ -190,7 +189,7 @@ TEST(Contradictions, LeaveNothingProvedOfTheirGroups) {
   EXPECT_EQ(lower_with_box(-kInf, 1), -kInf);
 }
 
-// Bounds that lanes and GPU kernels would hand out.
+// Bounds that lanes and GPU kernels would return.
 TEST(Contradictions, AreNotSettledInARun) {
   Gjk<double> g;
   g.v = {1, 0, 0};
@@ -209,7 +208,7 @@ TEST(Contradictions, AreNotSettledInARun) {
   EXPECT_FALSE(static_cast<bool>(beyond.converged));
 }
 
-// Compact rows are rounded outward, whatever the conversion to float32 makes of its input.
+// Compact rows are rounded outward for any conversion to float32.
 TEST(Contradictions, OfCompactRowsGoOutAsNothingProved) {
   PairAnswer answer = beyond_answer(0);
   volatile double lower = 0.5e-40, upper = 1.5e-40;

@@ -1,6 +1,6 @@
-// Solids with pieces that stand for them, before the judge: whatever the pieces are (hulls of parts of the mesh, these
-// shrunk, flat, or with parts left out), no pair is called farther than it is, and no overlap is missed, where pieces
-// answer as where triangles do.
+// Compares decomposed solids with the oracle. For any convex parts (hulls of parts of the mesh, shrunk or flat ones, or
+// with parts missing) no pair is reported farther than it is, and no overlap is missed, whether parts or triangles
+// answer.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ struct Row {
   double lower, upper;
   Status status;
 };
-/// \param limits of each question
+/// \param limits max_distance of each query
 std::vector<Row> ask(const PiecePtr& a, const Pose& X_wa, const PiecePtr& b, const Pose& X_wb,
                      std::span<const double> limits) {
   Scene scene;
@@ -55,7 +55,7 @@ struct Found {
   int asked = 0, wrong = 0, by_pieces = 0, overlapping = 0, held = 0;
 };
 
-/// What the judge says of a row.
+/// Whether a row contradicts the exact result.
 bool is_wrong(const Row& row, const Result& truth, double limit) {
   if (std::isnan(row.lower) || row.lower > row.upper) return true;
   if (truth.distance.compare(0) <= 0) return row.lower > 0 || row.status == Status::kBeyond;
@@ -64,7 +64,7 @@ bool is_wrong(const Row& row, const Result& truth, double limit) {
   return row.status == Status::kBeyond && truth.distance.compare(limit) <= 0;
 }
 
-/// A decomposed body and another one: decomposed as well, a solid without pieces, or a hull.
+/// A decomposed body and another one: also decomposed, a solid without decomposition, or a hull.
 void try_pair(Random& random, Kind kind, Found& found) {
   const Mesh mesh = concave_mesh(random, 100);
   const double radius_a = random.chance(0.5) ? 0 : random.uniform(0, 0.2), size = size_of(mesh);
@@ -93,7 +93,7 @@ void try_pair(Random& random, Kind kind, Found& found) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
       ++found.asked;
       found.wrong += is_wrong(rows[i], truth, limits[i]);
-      // Triangles say the same, but for how far they are proved to be.
+      // Triangles give the same answer, except for the proved lower bound.
       found.wrong += rows[i].status != plain[i].status;
       found.by_pieces += rows[i].status == Status::kBeyond && rows[i].lower != plain[i].lower;
     }
@@ -101,7 +101,7 @@ void try_pair(Random& random, Kind kind, Found& found) {
   }
 }
 
-/// A ball of a mesh whose pieces are its skin alone, around a small body that overlaps none of them.
+/// A ball of a mesh whose convex parts cover its skin alone, around a small body that overlaps none of them.
 void try_held(Random& random, Found& found) {
   const Mesh box = box_mesh({1, 1, 1});
   Pieces skin;

@@ -1,8 +1,8 @@
-// Proved decompositions before the judge: pieces of many kinds for meshes of many kinds. Samples of the mesh are no
-// farther from the pieces, and samples of the pieces no farther from what the mesh encloses, than what was proved, and
+// Compares proved decompositions with the oracle, for convex parts and meshes of many kinds. Samples of the mesh are no
+// farther from the parts, and samples of the parts no farther from the enclosed volume, than the proved bounds, and
 // some are nearly as far.
 //
-// All vertices lie on a lattice, so that a sample is a double exactly.
+// All vertices lie on a lattice, so that a sample is exactly a double.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::uint64_t kSeed = 21;
 constexpr double kInf = std::numeric_limits<double>::infinity();
-/// A combination of points with weights that are 64ths.
+/// A combination of points with weights in 64ths.
 Vec3d sample(Random& random, std::span<const Vec3d> of) {
   Vec3d p{0, 0, 0};
   int left = 64;
@@ -35,7 +35,7 @@ Vec3d sample(Random& random, std::span<const Vec3d> of) {
 
 struct Tally {
   int cases = 0, samples = 0, wrong = 0, bitten = 0, asked = 0;
-  double worst = kInf;  // the least of observed over bound among those that are asked to bite
+  double worst = kInf;  // least ratio of observed to bound among tight cases
   void take(double bound, double observed, double negligible) {
     ++cases;
     if (bound < negligible) return;
@@ -45,7 +45,7 @@ struct Tally {
   }
 };
 
-/// About how far, rounded up, and whether that is more than a bound allows.
+/// Approximate distance, rounded up, and whether it exceeds a bound.
 struct Distance {
   double about;
   bool exceeds;
@@ -97,7 +97,7 @@ void check_outer(Random& random, const Mesh& mesh, const Decomposition& d, doubl
   }
 }
 
-/// \param ends with the first that is wrong
+/// \param ends stop at the first error
 void try_meshes(int count, bool ends, Tally& inner, Tally& outer) {
   Random random(kSeed);
   for (int i = 0; i < count; ++i)
@@ -181,7 +181,7 @@ TEST(Decomposition, SaysWhichPieceIsNone) {
   EXPECT_NE(refusal({box.vertices, {}}).find("piece 1: "), std::string::npos);
   EXPECT_NE(refusal({{{std::nan(""), 0, 0}}}).find("piece 0: vertex 0"), std::string::npos);
   EXPECT_NE(refusal({box.vertices, {{kInf, 0, 0}}}).find("piece 1: vertex 0"), std::string::npos);
-  // A point far away is a piece as any other: what it misses is said.
+  // A distant point is a valid part, with a large error.
   const Decomposition far = prove_decomposition(truth, Pieces{{{10, 0, 0}}}).decomposition;
   EXPECT_GE(far.inner, 11);
   EXPECT_LE(far.inner, 13);

@@ -1,5 +1,5 @@
-// Whatever state a caller's thread is in (rounding, denormals, traps), answers have the bits that they have in the
-// default state, and the thread's state is afterwards what it was.
+// In any state of a caller's thread (rounding, denormals, traps) answers have the same bits as in the default state,
+// and the thread's state is restored afterwards.
 #include <fenv.h>
 #include <gtest/gtest.h>
 #include <omp.h>
@@ -77,7 +77,7 @@ const std::vector<State>& states() {
   return all;
 }
 
-// Runs something in a thread that is in a state, and sees that it still is. Both are undone with the thread.
+// Runs a function in a thread in this state, and checks that the state is unchanged. Both end with the thread.
 template <class Run>
 void in(const State& state, Run run) {
   std::thread([&] {
@@ -114,7 +114,7 @@ std::vector<Case> hard_cases() {
   return cases;
 }
 
-// Pieces are made, an engine is built and asked in all ways.
+// Creates convex parts, builds an engine and queries it in all ways.
 Bytes ask_all(std::span<const Case> cases, int threads) {
   Bytes all;
   for (const char* backend : {"cpu", "reference"}) {
@@ -137,9 +137,9 @@ TEST(FpEnvironment, HardPairsHaveTheSameBitsInEveryState) {
   }
 }
 
-// OpenMP's threads may be there before us, in the caller's state, and are the caller's afterwards.
+// OpenMP's threads may exist already, in the caller's state, and return to the caller afterwards.
 TEST(FpEnvironment, SoTheyHaveInWorkersThatAreInAnotherState) {
-  constexpr int kThreads = 2;  // for fewer at a time libgomp ends the rest, and they would be others afterwards
+  constexpr int kThreads = 2;  // with fewer libgomp ends the rest, so that other threads would return
   const std::vector<Case> cases = hard_cases();
   const Bytes expected = ask_all(cases, kThreads);
   for (const State& state : states()) {
@@ -168,7 +168,7 @@ TEST(FpEnvironment, SoTheyHaveInWorkersThatAreInAnotherState) {
   }
 }
 
-// A caller's own parallel loop, each of whose threads asks.
+// A caller's own parallel loop, with a query on each thread.
 TEST(FpEnvironment, SoTheyHaveWhereEachOfACallersThreadsAsks) {
   std::vector<Case> cases = hard_cases();
   cases.resize(40);

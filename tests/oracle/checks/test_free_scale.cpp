@@ -1,5 +1,5 @@
-// Regions of joint space that are said to be free, against the exact distance within them. This file is linked once
-// with the engine as it is, and once with one that says a tenth more (CMakeLists.txt).
+// Compares free regions of joint space with the exact distance within them. Linked once with the engine, and once with
+// a faulty one that returns a tenth more (CMakeLists.txt).
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -58,7 +58,7 @@ Findings run() {
   return findings;
 }
 
-// An arm of 1 m whose tip turns straight into a ball, 1 mm away: nearly all of that is free.
+// An arm of 1 m whose tip rotates straight into a ball 1 mm away: nearly all of that is free.
 struct TightCase {
   double scale, gap;
 };
@@ -106,7 +106,8 @@ TEST(FreeScale, IsNearlyAllThereIs) {
   EXPECT_LT(found.gap, 0.01 * 0x1p-10);
 }
 
-// A power of two in the weight is one in the scale, as far as there are such numbers; only what stays has no end.
+// A power of two in the weight is one in the scale, within the range of float64; only a scale without motion is
+// infinite.
 TEST(FreeScale, WeightsMayHaveAnySize) {
   const double one = tight(1).scale;
   for (const int exponent : {1, -1000, 1000, 1023, -1022, -1030}) {

@@ -1,4 +1,5 @@
-// Half-spaces before the judge: the distance of a piece from a plane is a rational number, so nothing is rounded here.
+// Compares half-spaces with exact results: the distance of a convex part from a plane is a rational number, so nothing
+// is rounded here.
 #include <gmpxx.h>
 #include <gtest/gtest.h>
 
@@ -34,7 +35,7 @@ Vec3q turned(const Pose& X, const Vec3q& v) {
   return {product(rows[0], v) / n, product(rows[1], v) / n, product(rows[2], v) / n};
 }
 
-// The exact signed distance of a piece from the grown half-space.
+// The exact signed distance of a part from the grown half-space.
 mpq_class height(const Piece& plane, const Pose& X_plane, const Piece& piece, const Pose& X_piece) {
   const Vec3q n = turned(X_plane, {0, 0, 1}), t_a = rational(X_plane.translation), t_b = rational(X_piece.translation);
   mpq_class least;
@@ -48,7 +49,7 @@ mpq_class height(const Piece& plane, const Pose& X_plane, const Piece& piece, co
   return least - mpq_class(plane.radius) - mpq_class(piece.radius);
 }
 
-// A plane that lies along the world's axes, with a quaternion of any length, or one that nearly does, or any.
+// A plane along the world's axes, with a quaternion of any length, or nearly so, or in any orientation.
 Pose plane_pose(Random& random, const Vec3d& at) {
   constexpr double kAlong[6][4] = {{1, 0, 0, 0},  {0, 1, 0, 0}, {1, 1, 0, 0},
                                    {1, -1, 0, 0}, {1, 0, 1, 0}, {1, 0, -1, 0}};
@@ -67,7 +68,7 @@ PiecePtr any_piece(Random& random) {
   std::vector<Vec3d> vertices;
   const int count = random.chance(0.2) ? random.integer(1, 3) : random.chance(0.2) ? 200 : random.integer(4, 40);
   for (int i = 0; i < count; ++i) vertices.push_back(random.direction() * (size * random.uniform(0.2, 1)));
-  if (random.chance(0.3))  // an edge or a face in the plane's own direction
+  if (random.chance(0.3))  // an edge or a face parallel to the plane
     for (Vec3d& v : vertices) v.z = v.z > 0 ? size : -size;
   return make_piece(std::move(vertices), random.chance(0.4) ? random.log_uniform(1e-4, 1) : 0);
 }
@@ -77,7 +78,7 @@ struct PlaneCase {
   Pose X_plane, X_piece;
 };
 
-// A piece over a plane, at a distance that is chosen: far, near, touching, or deep.
+// A part over a plane, at a chosen distance: far, near, touching, or deep.
 PlaneCase any_case(Random& random, double& wanted) {
   PlaneCase c;
   const double far = random.chance(0.3) ? 1e4 : 3;
@@ -125,7 +126,7 @@ TEST(HalfSpace, HoldsTheExactSignedDistance) {
     }
     ASSERT_EQ(first.bounds.lower, second.bounds.lower);
     ASSERT_EQ(first.bounds.upper, second.bounds.upper);
-    // The witness points: as far apart as is said, and on the plane and its far side.
+    // The witness points have the reported distance, and lie on the plane and on its far side.
     const Vec3d D = c.X_piece.translation - c.X_plane.translation, n = first.normal;
     const Vec3d across = first.point_b + D - first.point_a;
     const double scale = norm(D) + c.piece->rho + c.piece->radius + c.plane->radius;
@@ -149,7 +150,7 @@ TEST(HalfSpace, HoldsTheExactSignedDistance) {
               along_axes, converged, widest);
 }
 
-// A box leaves room beside it only where the half-space really ends there.
+// A box leaves free space only outside the half-space.
 TEST(HalfSpace, BoxesHoldIt) {
   Random random(2);
   int gaps = 0, without = 0;
@@ -167,10 +168,10 @@ TEST(HalfSpace, BoxesHoldIt) {
     without += gap == 0 && exact > mpq_class(0.1);
   }
   EXPECT_GT(gaps, 60);
-  EXPECT_GT(without, 60);  // planes that lie across
+  EXPECT_GT(without, 60);  // tilted planes
 }
 
-// A floor, a wall and a tilted plane among bodies of one and of several pieces, through all ways of asking.
+// A floor, a wall and a tilted plane among bodies of one and of several parts, in queries of all kinds.
 Scene room_scene(Random& random, std::vector<Pose>& planes) {
   Scene scene;
   planes = {Pose{{0, 0, -1.5}}, Pose{{-3, 0, 0}, 1, 0, 1, 0}, random.rotation({0, 0, -6})};

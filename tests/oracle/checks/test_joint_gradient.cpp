@@ -1,4 +1,4 @@
-// The column gradient_joints against differences of the exact distance, from positions a little to either side.
+// Compares the column gradient_joints with differences of the exact distance between positions on either side.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -36,7 +36,7 @@ GradientQuery query_of(const LinkScene& scene) {
 
 // (P, J) d distance / d position.
 std::vector<double> differences(const LinkScene& scene, std::span<const BodyPair> pairs, std::span<const double> row) {
-  constexpr double kStep = 0x1p-24;  // of which nothing is rounded, and its square is below what is compared
+  constexpr double kStep = 0x1p-24;  // positions are exact, and its square is below the comparison's tolerance
   std::vector<double> slopes(pairs.size() * row.size());
   for (std::size_t j = 0; j < row.size(); ++j) {
     std::vector<double> less(row.begin(), row.end()), more = less;

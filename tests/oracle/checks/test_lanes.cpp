@@ -1,5 +1,4 @@
-// Lanes against one pair alone: the same bits, on every instruction set that this machine has, for every class of
-// cases.
+// Compares lanes with single pairs: the same bits, on every instruction set of this machine, for every class of cases.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -165,7 +164,7 @@ TEST_P(Lanes, HoldDifferentHullsSideBySide) {
   EXPECT_GT(seen.beyond, 100);
 }
 
-// A warm start ends at once where nothing moved, proves as much as a cold one, and takes no index on trust.
+// A warm start ends at once without motion, proves as much as a cold one, and checks all indices.
 TEST_P(Lanes, WarmStartsEndSoonerAndProveTheSame) {
   const LaneKernel& kernel = lane_kernel(GetParam());
   int cold_in_two_steps = 0, warm_in_two_steps = 0, converged = 0;

@@ -1,6 +1,6 @@
-// Robots before the judge of kinematics: the exact distance of links where 60 digits put them lies in every interval,
-// also in those that are as narrow as the arithmetic allows. This file is linked once with the engine as it is, and
-// once with each version of it that leaves out a part of the kinematics' own error (CMakeLists.txt).
+// Compares robots with the oracle of kinematics: the exact distance of links with 60-digit poses lies in every
+// interval, also in those that are as narrow as the arithmetic allows. Linked once with the engine, and once with each
+// faulty one that omits a part of the kinematics' own error (CMakeLists.txt).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,8 +18,8 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 struct Findings {
   int asked = 0;
-  int misses = 0;  // intervals without the truth
-  int wide = 0;    // intervals wider than is claimed of robots
+  int misses = 0;  // intervals without the exact distance
+  int wide = 0;    // intervals wider than documented for robots
   int all() const { return misses + wide; }
 };
 
@@ -29,7 +29,7 @@ void hold(double lower, double upper, const Real& truth, Findings& findings) {
   findings.misses += Real(lower) > distance || Real(upper) < distance;
 }
 
-// All pairs of some configurations, and what reductions make of them.
+// All pairs of some configurations, and their reductions.
 void check_robot(LinkScene& scene, bool by_joints, Findings& findings) {
   constexpr std::uint32_t kCount = 4;
   std::vector<double> rows;
@@ -105,7 +105,7 @@ TEST(LinkSlack, HoldsLinksWhere60DigitsPutThem) {
   }
 }
 
-// Wherever the base may be, its links are as far from each other as their joints say.
+// For any pose of the base, the distance of its links depends on their joints only.
 TEST(LinkSlack, LinksOfOneRobotStandOnOneBase) {
   test::Random random(7);
   LinkScene scene(random, kArm, true);

@@ -1,6 +1,6 @@
-// Decisions about margins before the exact judge: `beyond` and "within" are proofs, for margins that are the exact
-// distance, one step of double beside it, and others. Linked once with the engine as it is, and once with each version
-// of it that decides wrongly (CMakeLists.txt): the judge must find those.
+// Compares decisions about margins with the exact oracle: `beyond` and "within" are proofs, for margins equal to the
+// exact distance, one step of double from it, and others. Linked once with the engine, and once with each faulty one
+// that decides wrongly (CMakeLists.txt), which the oracle must detect.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -47,7 +47,7 @@ struct Tried {
 bool is_within(Status s) {
   return s == Status::kOk || s == Status::kContact || s == Status::kOverlap;
 }
-// Whether bodies 2i and 2i+1 are farther apart than a margin, in reals.
+// Whether bodies 2i and 2i+1 are farther apart than a margin, in real arithmetic.
 bool is_farther(const Result& truth, double margin) {
   return truth.distance.compare(margin) > 0;
 }
@@ -80,7 +80,7 @@ std::vector<double> margins_around(const Result& truth) {
           2 * high, low * (1 - 1e-9),           high * (1 + 1e-9)};
 }
 
-// Each pair alone, at margins around its exact distance. Where the interval of a whole answer decides, so must this.
+// Each pair alone, at margins around its exact distance. If the interval of a whole answer decides, so must this.
 void try_alone(const Engine& engine, std::span<const Result> truth, Precision precision, double rel_tol, Tried& tried) {
   for (std::uint32_t i = 0; i < truth.size(); ++i) {
     const BodyPair pair[] = {{2 * i, 2 * i + 1}};
@@ -109,8 +109,8 @@ void try_alone(const Engine& engine, std::span<const Result> truth, Precision pr
   }
 }
 
-// All pairs that are apart together, each with its own margin just below its distance; then one of them with a larger
-// one, which has to be found. Margins as entries and as a list.
+// All separated pairs together, each with its own margin just below its distance; then one of them with a larger one,
+// which has to be found. Margins as entries and as a list.
 void try_together(const Engine& engine, std::span<const Result> truth, Precision precision, Tried& tried) {
   std::vector<BodyPair> pairs;
   std::vector<double> margins;

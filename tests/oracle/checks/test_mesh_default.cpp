@@ -1,5 +1,5 @@
-// What a convex mesh of rounded vertices is by default, before the judge of triangles: its hull, whose bounds hold the
-// distance of what the mesh encloses.
+// Compares the default for a convex mesh of rounded vertices with the oracle of triangles: it is the hull, whose bounds
+// contain the distance of the enclosed volume.
 #include <gtest/gtest.h>
 
 #include <cstdio>

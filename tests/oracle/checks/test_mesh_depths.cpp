@@ -1,5 +1,5 @@
-// Signed distances of bodies that are not convex: no more than an interval is known of a depth. Before the judge: a
-// shift by -lower along the normal takes the bodies apart, no shift shorter than -upper does.
+// Signed distances of non-convex bodies, whose depth is only bounded by an interval. Compared with the oracle: a shift
+// by -lower along the normal separates the bodies, and no shift shorter than -upper does.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,7 +21,7 @@ struct Depth {
   Vec3d normal;
 };
 
-/// \param beside null, or another piece of a
+/// \param beside null, or another part of a
 Depth ask(const Case& c, const SolidPtr& beside = nullptr) {
   Scene scene;
   Body a, b;
@@ -51,7 +51,7 @@ Depth ask(const Case& c, const SolidPtr& beside = nullptr) {
   return d;
 }
 
-// Of which a depth is refused.
+// Whether the case has a cloud, whose depth is rejected.
 bool has_points(const Case& c) {
   return !c.a->cloud.empty() || !c.b->cloud.empty();
 }

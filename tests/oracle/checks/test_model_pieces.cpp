@@ -1,5 +1,6 @@
-// Queries of the model `pieces` before the judge: whatever the pieces are, the interval holds the distance of the
-// meshes, in every reduction; signed, it holds that of the pieces; and it is as wide as the pieces may miss the mesh.
+// Compares queries with model `pieces` with the oracle. For any convex parts the interval contains the distance of the
+// meshes, in every reduction; with signed distance it contains that of the parts. Its width is the parts' possible
+// deviation from the mesh.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +19,7 @@ namespace clearance::exact {
 namespace {
 
 constexpr std::uint64_t kSeed = 57;
-constexpr std::uint32_t kOthers = 3, kPlaces = 3;  // bodies beside the first; configurations of it
+constexpr std::uint32_t kOthers = 3, kPlaces = 3;  // bodies other than the first; configurations of it
 
 struct Found {
   int rows = 0, wide = 0, apart = 0, overlapping = 0, held = 0, of_pieces = 0, free = 0, hit = 0, within = 0;
@@ -30,7 +31,7 @@ struct Found {
   }
 };
 
-/// A decomposed body among a hull, another decomposed one and a solid without pieces.
+/// A decomposed body among a hull, another decomposed one and a solid without decomposition.
 struct Trial {
   std::array<SolidPtr, 1 + kOthers> solids;
   std::array<PiecePtr, 1 + kOthers> pieces;
@@ -60,7 +61,7 @@ struct Trial {
     for (Pose& place : places) place = random.rotation();
     check_all();
   }
-  /// To be filled; all stand at the origin.
+  /// Filled by the caller; all bodies are at the origin.
   Trial() = default;
 
   void check_all() {
@@ -87,7 +88,7 @@ struct Trial {
   }
 
   bool is_by_pieces(std::uint32_t i) const { return pieces[i]->surface && pieces[i]->surface->decomposition(); }
-  /// How far pieces and meshes of a pair may differ.
+  /// Bound on the difference between parts and meshes of a pair.
   double slack(std::uint32_t other) const {
     double sum = 0;
     for (const std::uint32_t i : {0u, other})
@@ -136,7 +137,7 @@ Rows ask(const Engine& engine, const Trial& trial, QueryView q) {
   return rows;
 }
 
-/// A bound on a distance that is 0 where bodies overlap.
+/// Whether a lower bound holds for a distance that is 0 if the bodies overlap.
 bool is_below(double lower, const Result& truth) {
   return truth.distance.compare(0) <= 0 ? lower <= 0
          : std::isinf(lower)            ? lower < 0
@@ -149,7 +150,7 @@ bool is_farther(const Result& truth, double than) {
   return truth.distance.compare(0) > 0 && truth.distance.compare(than) > 0;
 }
 
-/// Every row by itself.
+/// Checks each row alone.
 void look_at_rows(const Engine& engine, const Trial& trial, double limit, Precision precision, Found& found) {
   QueryView q;
   q.max_distance = limit;
@@ -164,7 +165,7 @@ void look_at_rows(const Engine& engine, const Trial& trial, double limit, Precis
     found.expect(status != Status::kBeyond || is_farther(truth, limit), "what is beyond is farther");
     found.expect(status != Status::kOverlap || truth.distance.compare(0) <= 0, "meshes overlap");
     (truth.distance.compare(0) > 0 ? found.apart : found.overlapping) += 1;
-    // What was not narrowed by triangles is as wide as the slack, and what is, is not.
+    // Without triangles the interval has the width of the slack, and with them a smaller one.
     const double slack = trial.slack(1 + row % kOthers);
     if (status == Status::kOk && slack > 1e-3) {
       ++found.wide;
@@ -174,7 +175,7 @@ void look_at_rows(const Engine& engine, const Trial& trial, double limit, Precis
   }
 }
 
-/// Each pair's least signed distance of pieces.
+/// Checks each pair's least signed distance of parts.
 void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found) {
   QueryView q;
   q.signed_distance = true;
@@ -199,7 +200,7 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
       }
     ++found.rows;
     const bool is_held = apart && truth.distance.compare(0) <= 0;
-    if (is_held && upper < 0) {  // the mesh's word
+    if (is_held && upper < 0) {  // from the mesh
       found.expect(!(rows.flags[row] & kFlagPieces), "what one mesh holds is no depth of pieces");
       continue;
     }
@@ -210,7 +211,7 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
   }
 }
 
-/// The least over some pairs of a configuration.
+/// Whether the interval contains the least distance of some pairs of a configuration.
 bool holds_least(double lower, double upper, std::span<const Result> truth) {
   bool above = std::isinf(upper);
   for (const Result& t : truth) {
@@ -265,7 +266,7 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
   }
 }
 
-/// A box of a mesh whose pieces are its skin alone, around a small body that overlaps none of them.
+/// A box of a mesh whose convex parts cover its skin alone, around a small body that overlaps none of them.
 void look_at_held(Random& random, Found& found) {
   const Mesh box = box_mesh({1, 1, 1});
   Pieces skin;
@@ -291,7 +292,7 @@ void look_at_held(Random& random, Found& found) {
       q.model = Model::kPieces;
       q.reduce = reduce;
       q.signed_distance = is_signed;
-      if (reduce != Reduce::kAny) q.max_distance = 0.25;  // which all pieces are beyond
+      if (reduce != Reduce::kAny) q.max_distance = 0.25;  // which all parts are beyond
       q.fields = kFieldLower | kFieldUpper | kFieldFlags;
       ReplyView reply;
       reply.rows = 1;
@@ -307,8 +308,8 @@ void look_at_held(Random& random, Found& found) {
     }
 }
 
-/// A ball within a long tube that its hull stands for: it is deeper in that than the hull may miss the tube, which it
-/// does not touch all the same.
+/// A ball within a long tube whose proxy is its hull: its depth in the hull exceeds the hull's deviation from the tube,
+/// although the ball does not touch the tube.
 void look_at_tube(Found& found) {
   static constexpr std::array<Point2, 4> kProfile{{{0.75, -2}, {1, -2}, {1, 2}, {0.75, 2}}};
   const Mesh mesh = on_lattice(revolved(kProfile, 8));

@@ -1,5 +1,5 @@
-// With an engine whose rounding terms have the wrong sign and are huge, so that bounds contradict each other in float64
-// and in double-double: nothing wrong goes out, and the self-test keeps it from starting.
+// An engine with huge rounding terms of the wrong sign, so that bounds contradict each other in float64 and in
+// double-double: it returns no wrong answer, and the self-test keeps it from starting.
 #include <gtest/gtest.h>
 
 #include <cstdio>

@@ -1,6 +1,6 @@
-// Mutation tests: this file is linked once with the engine as it is, and once with each version of it that has one
-// proof taken out (CMakeLists.txt). The judge must find nothing wrong with the first, and the judge or the engine's own
-// look at its intervals must find every other, on the same cases.
+// Mutation tests: this file is linked once with the engine, and once with each version of it that lacks one proof
+// (CMakeLists.txt). The oracle must find no error in the first, and the oracle or the engine's own check of its
+// intervals must detect every other, on the same cases.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -46,8 +46,8 @@ TEST(Mutants, AreFound) {
   Tried tried;
   const auto found = [&] { return static_cast<std::uint64_t>(tried.violations) + tried.contradictions; };
 #ifdef CLEARANCE_MUTANT
-  // Bounds that contradict each other do not leave the engine: it finds such a mutant itself, and answers rightly. The
-  // first class that finds it is enough.
+  // Contradictory bounds are never returned: the engine detects such a mutant itself, and answers correctly. The first
+  // class that detects it is enough.
   for (const CaseClass& cls : case_classes()) {
     try_class(cls, tried);
     if (found()) break;
@@ -61,8 +61,8 @@ TEST(Mutants, AreFound) {
               static_cast<unsigned long long>(tried.contradictions), tried.answers);
 }
 
-// The cases that a search kept must find the proofs that they were kept for: rounding, and radii added in double. The
-// other mutants are none of theirs.
+// The mined cases must detect the mutants that they were kept for: rounding, and radii added in double. They need not
+// detect the others.
 #if !defined(CLEARANCE_MUTANT) || defined(CLEARANCE_MUTANT_OF_ROUNDING)
 TEST(Mutants, OfRoundingAreFoundByMinedCases) {
   std::vector<Case> cases;

@@ -1,4 +1,5 @@
-// Cones, cylinders and ellipsoids before closed forms in 450 bits, and their directions before supports in as many.
+// Compares cones, cylinders and ellipsoids with closed forms in 450 bits, and their directions with supports in as
+// many.
 #include <gmpxx.h>
 #include <gtest/gtest.h>
 
@@ -112,7 +113,7 @@ Real from_round(const Primitive& core, const Vec3r& p) {
   }
 }
 
-// How far a piece reaches along n, its own axes.
+// Reach of a part along n, in its own axes.
 Real reach(const Piece& piece, const Vec3r& n) {
   Real far;
   if (!piece.primitive) {
@@ -132,7 +133,7 @@ Real reach(const Piece& piece, const Vec3r& n) {
   return far + real(piece.radius) * length(n);
 }
 
-// The gap of the planes normal to n, axes of a: no more than the signed distance.
+// The gap of the planes normal to n, axes of a: at most the signed distance.
 Real gap(const Piece& a, const Pose& X_wa, const Piece& b, const Pose& X_wb, const Vec3r& n) {
   const Vec3r n_w = turned(X_wa, n), n_b = turned(X_wb, n_w, true);
   const Vec3r D = difference(real(X_wb.translation), real(X_wa.translation));
@@ -158,12 +159,12 @@ PiecePtr round_piece(Random& random, bool extreme) {
   return make_primitive_piece({along_z, {s.x, s.x, s.z}}, radius);
 }
 
-// Apart, touching or deep, near the origin or 10 km away, with turns that are simple or not.
+// Apart, touching or deep, near the origin or 10 km away, with simple rotations or any.
 struct CheckedBalls {
   int asked = 0, converged = 0, near = 0, deep = 0;
-  int of_kind[5] = {};                // round pieces by their Primitive::Kind
-  int depths = 0, narrow_depths = 0;  // of overlaps whose depth is asked for; not among the asked
-  double widest_depth = 0;            // of its own length
+  int of_kind[5] = {};                // round parts by their Primitive::Kind
+  int depths = 0, narrow_depths = 0;  // of overlaps queried with depth; not included in `asked`
+  double widest_depth = 0;            // relative to its length
   void print(const char* what) const {
     std::printf("%s: %d answers, %d settled, %d near, %d deep; %d depths, %d settled, widest %.2g\n", what, asked,
                 converged, near, deep, depths, narrow_depths, widest_depth);
@@ -187,7 +188,7 @@ Pose any_pose(Random& random, double far) {
   return random.chance(0.3) ? Pose{at, 1, 0, 0, 0} : random.rotation(at);
 }
 
-// A ball beside a round piece: the distance is a closed form.
+// A ball next to a round part: the distance is a closed form.
 CheckedBalls check_balls(bool extreme, int count, std::uint64_t seed) {
   mpf_set_default_prec(kBits);
   Random random(seed);
@@ -209,7 +210,7 @@ CheckedBalls check_balls(bool extreme, int count, std::uint64_t seed) {
     const Vec3r p = turned(X_wa, difference(real(X_wb.translation), real(X_wa.translation)), true);
     if (p.x == 0 || p.y == 0 || p.z == 0) continue;  // there the closed form divides by zero
     const Real exact = from_round(*piece->primitive, p) - real(piece->radius) - real(ball->radius);
-    const double tiny = 1e-60;  // of the judge's own bits
+    const double tiny = 1e-60;  // of the oracle's own bits
     for (const bool depth : {true, false})
       for (const bool swapped : {false, true}) {
         NarrowLimits limits;
@@ -242,7 +243,7 @@ TEST(RoundCores, HoldTheDistanceOfABall) {
   EXPECT_LE(checked.widest_depth, 0.02);
 }
 
-// Half axes from 1 um to 1 km, needles and discs: bounds hold, whether or not they are narrow.
+// Half axes from 1 um to 1 km, needles and discs: bounds are valid, narrow or not.
 TEST(RoundCores, HoldItWhateverTheirShape) {
   const CheckedBalls checked = check_balls(true, 800, 2);
   EXPECT_GT(checked.near, 100);
@@ -256,7 +257,7 @@ PiecePtr any_piece(Random& random) {
   return make_piece(std::move(vertices), random.chance(0.3) ? random.uniform(0, 0.3) : 0);
 }
 
-// Whether a point, body axes, lies in a piece's core or no farther from it than the radius; all to 1e-12.
+// Whether a point, in body axes, lies in a part's core or no farther from it than the radius; all to 1e-12.
 bool holds_point(const Piece& piece, const Vec3d& p) {
   if (!piece.primitive) {  // no farther along any of many directions
     Random random(5);
@@ -269,8 +270,8 @@ bool holds_point(const Piece& piece, const Vec3d& p) {
   return from_round(*piece.primitive, real(p)) <= piece.radius + 1e-12;
 }
 
-// Pairs of all kinds: the direction proves the lower bound in 450 bits, the witness points lie in their pieces as far
-// apart as the upper bound says.
+// Pairs of all kinds: the direction proves the lower bound in 450 bits, and the witness points lie in their parts with
+// the distance of the upper bound.
 TEST(RoundCores, AreProvedByDirectionsAndPoints) {
   mpf_set_default_prec(kBits);
   Random random(3);

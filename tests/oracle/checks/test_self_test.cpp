@@ -1,4 +1,4 @@
-// The self-test: what it takes for known is so, and what computes wrongly is found and refused by name.
+// The self-test: its known results are correct, and faulty kernels are detected and rejected by name.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -38,7 +38,7 @@ TEST(SelfTest, EveryWayToAnswerPasses) {
   std::printf("%.2f ms in all\n", 1e3 * seconds);
 }
 
-// Kernels with a fault each. All rest on the baseline's.
+// Kernels with a fault each, based on the baseline's.
 template <class Spoil>
 void run_spoilt(const LaneBatch& batch, Spoil spoil) {
   lane_kernel("baseline").run(batch);

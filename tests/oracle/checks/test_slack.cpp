@@ -1,5 +1,5 @@
-// Slack before the judge (slack_oracle.h). This file is linked once with the engine as it is, and once with each version
-// of it that has a proof taken out (CMakeLists.txt): the same attempts must find nothing, and something.
+// Compares slack with the oracle (slack_oracle.h). Linked once with the engine, and once with each version of it that
+// lacks a proof (CMakeLists.txt): the same attempts must find no error in the first, and some in each other.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -66,7 +66,7 @@ TEST(Slack, HoldsForNow) {
   EXPECT_EQ(run(try_age, 5, 10).all(), 0);
 }
 
-// Down a chain of poses the composition in double-double is never farther from the published pose than is claimed.
+// Along a chain of poses the composition in double-double stays within the documented error of the published pose.
 TEST(Slack, HoldsTheRoundingOfChains) {
   using D = DoubleDouble;
   struct Frame {

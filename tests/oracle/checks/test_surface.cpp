@@ -1,5 +1,5 @@
-// The proof that a surface of CSO triangles holds a ball around the origin: what EPA makes is proved, never deeper than
-// exact, and whatever is done to the surface is noticed.
+// The proof that a surface of CSO triangles contains a ball around the origin: surfaces of EPA are proved, never deeper
+// than exact, and any damage to the surface is detected.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ struct Cso {
   }
 };
 
-/// A case and the surface that EPA leaves, from no seed.
+/// A case and the surface that EPA leaves, without a seed.
 struct Surfaced {
   Case c;
   PiecePtr a, b;
@@ -104,7 +104,8 @@ TEST(Surface, WithADamagedFaceIsRefused) {
   EXPECT_GT(tried, 300);
 }
 
-// All faces of a body that is apart lie beyond planes normal to the direction that parts it: closed, but not around.
+// All faces of a separated body lie beyond planes normal to the separating direction: closed, but not around the
+// origin.
 TEST(Surface, ThatIsClosedButElsewhereIsRefused) {
   int tried = 0;
   for_cases([&](Surfaced& s, const std::string& where) {
@@ -119,8 +120,8 @@ TEST(Surface, ThatIsClosedButElsewhereIsRefused) {
   EXPECT_GT(tried, 200);
 }
 
-// Volumes underflow long before squares do, and with them the doubt about their signs: a tetrahedron just beside the
-// origin then looks as if it were around it.
+// Volumes underflow long before squares do, and with them the error bounds of their signs: a tetrahedron just outside
+// the origin then seems to contain it.
 TEST(Surface, OfTinyBodiesIsNotProvedByVolumesThatUnderflow) {
   Random random(kSeed);
   const PiecePtr origin = make_piece({{0, 0, 0}});
@@ -156,7 +157,7 @@ TEST(Surface, OfTinyBodiesIsNotProvedByVolumesThatUnderflow) {
   EXPECT_GT(looks_proved, 50);
 }
 
-// The rays decide where a side is uncertain; where both can tell, they agree.
+// Rays decide if a side is uncertain; if both methods decide, they agree.
 TEST(Surface, IsFoundAroundTheOriginByRaysToo) {
   int tried = 0;
   for_cases([&](Surfaced& s, const std::string& where) {

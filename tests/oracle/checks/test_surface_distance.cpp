@@ -1,7 +1,6 @@
-// Bodies that are not convex before the judge: every class of meshes, every way of asking. For every answer the exact
-// distance must lie within its bounds, its status must be true, its witnesses must lie on the bodies. Linked once with
-// the engine as it is, and once with each version of it that has one proof taken out (CMakeLists.txt): the judge must
-// find those.
+// Compares non-convex bodies with the oracle: every class of meshes, every setting. For every answer the exact distance
+// must lie within its bounds, its status must be true, and its witnesses must lie on the bodies. Linked once with the
+// engine, and once with each version of it that lacks one proof (CMakeLists.txt), which the oracle must detect.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,7 +25,7 @@ constexpr int kCases = 40;
 
 #ifdef CLEARANCE_MUTANT
 
-// The first class that finds it is enough; with tolerance 0, so that rounding decides.
+// The first class that detects it is enough; with tolerance 0, so that rounding decides.
 TEST(Mutants, OfSurfacesAreFound) {
   std::int64_t answers = 0, violations = 0;
   Setting exactly, beyond;
@@ -83,7 +82,7 @@ INSTANTIATE_TEST_SUITE_P(Classes, Meshes, testing::Range<std::size_t>(0, mesh_cl
 
 // ---- many bodies
 
-/// The bodies of some cases where they are, some of which move, and the exact distances of all pairs.
+/// The bodies of some cases at their poses, some of which move, and the exact distances of all pairs.
 struct Crowd {
   static constexpr std::size_t kConfigurations = 3;
   std::vector<SolidPtr> bodies;
@@ -134,7 +133,7 @@ struct Crowd {
   }
 };
 
-/// A whole reply.
+/// A complete reply.
 struct Rows {
   std::vector<std::byte> bytes;
   ReplyView view;
@@ -159,7 +158,7 @@ Rows ask(const Engine& engine, QueryView query, const WorkBudget& slice = {}) {
   return rows;
 }
 
-/// The truth of a distance, clipped at 0, against a bound.
+/// Whether an exact distance, clipped at 0, is above a bound.
 bool is_above(const Result& truth, double bound) {
   return truth.distance.compare(bound) > 0 && bound >= 0;
 }
@@ -207,7 +206,7 @@ class Asked {
         ++beyond;
         wrong += least.distance.compare(margin) <= 0;
       } else if (status == Status::kUnconverged) {
-        // Nothing is proved: only right at the margin.
+        // Without a proof: correct only at the margin.
         wide += std::abs(least.distance.lower() - margin) > 1e-6 * (1 + margin);
       } else {
         ++within;
@@ -223,7 +222,7 @@ class Asked {
     for (std::size_t p = 0; p < crowd.pairs.size(); ++p) {
       if (body != kNone && crowd.pairs[p].a != body && crowd.pairs[p].b != body) continue;
       const Result& r = crowd.truth[k][p];
-      // Radii differ between pairs: doubles decide but for the last bit.
+      // Radii differ between pairs, so doubles decide except for the last bit.
       if (!least || r.distance.lower() < least->distance.lower()) least = &r;
     }
     return least;
@@ -290,7 +289,7 @@ TEST(MeshCrowds, EveryReductionIsTrue) {
   EXPECT_GT(asked.beyond, 100);
 }
 
-// A body of a mesh and another piece, hull or mesh, both grown by padding: the nearer of them counts.
+// A body of a mesh and another part, hull or mesh, both grown by padding: the nearer of them counts.
 TEST(MeshCrowds, PiecesOfAllKindsMakeABody) {
   constexpr double kPadding = 0.0625;
   int first_is_nearer = 0, second_is_nearer = 0, overlapping = 0;
@@ -327,7 +326,7 @@ TEST(MeshCrowds, PiecesOfAllKindsMakeABody) {
   EXPECT_GT(overlapping, 20);
 }
 
-// An answer does not depend on how it was worked out: in slices, on several threads, with other instructions.
+// An answer does not depend on slices, threads or instruction sets.
 TEST(MeshCrowds, AnswersHaveTheSameBitsHoweverTheyAreMade) {
   int compared = 0;
   for (std::size_t at = 0; at < mesh_classes().size(); at += 5) {

@@ -1,6 +1,6 @@
-// One mind about distance: along a translation the signed distance of two pieces is convex and 1-Lipschitz, of bodies
-// of several pieces 1-Lipschitz; answers must show that to within their intervals, cold and warm, and contain the exact
-// distance all along.
+// Consistency of distances: along a translation the signed distance of two convex parts is convex and 1-Lipschitz, that
+// of bodies of several parts 1-Lipschitz. Answers must agree with that to within their intervals, cold and warm, and
+// contain the exact distance throughout.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -129,7 +129,7 @@ TEST(Sweeps, OfPiecesAreConvexAndLipschitzAndContainTheExactDistance) {
   EXPECT_GT(through_contact, 100);
 }
 
-/// Several pieces of the classes' shapes, in one body.
+/// Several convex parts of the classes' shapes, in one body.
 std::vector<SolidPtr> several(Random& random, std::uint64_t seed) {
   std::vector<SolidPtr> solids;
   for (int n = random.integer(1, 4); n > 0; --n) {

@@ -15,12 +15,12 @@ namespace {
 /// Penetration depth by an expanding polytope (van den Bergen 2001), exactly. P is a closed polytope of vertices of C
 /// with the origin inside or on it, so the depth is at least the distance of the nearest face plane of P. A face of P
 /// that no vertex of C tops is a facet of C and will stay. Any other face is expanded by the vertex that tops it most.
-/// When every face that is not known as a facet of C is farther than the nearest facet of C, that one is the answer.
+/// When every face except the known facets of C is farther than the nearest facet of C, that one is the answer.
 class Depth {
  public:
   Depth(const Difference& C, Result& result) : C_(C), result_(result) {}
 
-  /// \param hold vertices of C (one to four) whose hull holds the origin.
+  /// \param hold vertices of C (one to four) whose hull contains the origin
   void solve(std::vector<Vertex<mpz_class>> hold) {
     if (!make_tetrahedron(hold)) return;  // C is flat: depth 0 along the direction already stored
     while (!queue_.empty()) {
@@ -29,7 +29,7 @@ class Depth {
       if (faces_[id].dead) continue;
       if (best_ && near > rough_best_ + 0x1p-30) break;
       ++result_.iterations;
-      // A copy: expand() moves the faces.
+      // A copy, since expand() moves the faces.
       const Vec3z normal = faces_[id].normal;
       Vertex<mpz_class> c = C_.lowest(-normal);
       if (dot(normal, c.c) > faces_[id].offset) {
@@ -48,13 +48,13 @@ class Depth {
 
  private:
   struct Face {
-    std::array<int, 3> vertex;  // counter-clockwise from outside
+    std::array<int, 3> vertex;  // counterclockwise from outside
     Vec3z normal;               // outwards
     mpz_class offset;           // normal . vertex, >= 0
     bool dead = false;
   };
   struct Entry {
-    double near;  // log2(offset / |normal|), off by less than 2^-32: any size of number has a place
+    double near;  // log2(offset / |normal|), within 2^-32, so that numbers of any size have a rank
     int id;
     bool operator<(const Entry& o) const { return near > o.near || (near == o.near && id > o.id); }
   };
@@ -66,7 +66,7 @@ class Depth {
     return static_cast<std::uint64_t>(from) << 32 | static_cast<std::uint32_t>(to);
   }
 
-  /// Adds vertices of C until four are independent. False: C is flat, and result_ says along which direction.
+  /// Adds vertices of C until four are independent. Returns false if C is flat, with its normal in result_.
   bool make_tetrahedron(std::vector<Vertex<mpz_class>>& s) {
     while (s.size() < 4) {
       const std::size_t before = s.size();
@@ -78,8 +78,8 @@ class Depth {
         break;
       }
       if (s.size() > before) continue;
-      // All of C has the height of s along this normal, and the hull of s holds the origin: C lies in a plane through
-      // it.
+      // All of C has the height of s along this normal, and the hull of s contains the origin: C lies in a plane
+      // through it.
       result_.direction = normal;
       return false;
     }
@@ -90,7 +90,7 @@ class Depth {
     return true;
   }
 
-  /// A direction orthogonal to all that one to three independent points span.
+  /// A direction orthogonal to the span of one to three independent points.
   static Vec3z normal_to(const std::vector<Vertex<mpz_class>>& s) {
     if (s.size() == 1) return {1, 0, 0};
     const Vec3z e = s[1].c - s[0].c;

@@ -26,9 +26,9 @@ Dyadic dyadic(double v) {
   return {mantissa / (1L << zeros), exponent + zeros};
 }
 
-/// An integer vector scaled by a power of two so that its largest used component is about 1; each component is off by
-/// less than 2^-52 of itself, or by 2^-1074 where it underflows. Components not used (all vertices have 0 there) become
-/// 0.
+/// An integer vector scaled by a power of two so that its largest used component is about 1; the error of each
+/// component is below 2^-52 of itself, or 2^-1074 if it underflows. Components not used (all vertices have 0 there)
+/// become 0.
 Vec3d rounded(const Vec3z& v, const Vec3d& used) {
   double mantissa[3] = {0, 0, 0};
   long exponent[3] = {0, 0, 0}, largest = std::numeric_limits<long>::min();
@@ -61,7 +61,7 @@ Vec3z integer(const Vec3d& v, int unit) {
 }
 
 mpq_class rational(double v) {
-  dyadic(v);  // refuses NaN and infinity
+  dyadic(v);  // throws for NaN and infinity
   return mpq_class(v);
 }
 
@@ -91,7 +91,7 @@ PosedPiece::PosedPiece(const PieceView& piece, const Pose& X) : vertices_(piece.
 std::uint32_t PosedPiece::highest(const Vec3z& direction) const {
   const Vec3z m = M.transpose_times(direction);
   const Vec3d f = rounded(m, largest_);
-  // |f.v as computed - its exact value| <= (2^-52 + 4 * 2^-53) sum |f_k v_k|, and a little more where it underflows.
+  // |f.v as computed - its exact value| <= (2^-52 + 4 * 2^-53) sum |f_k v_k|, and a little more if it underflows.
   const double reach = std::abs(f.x) * largest_.x + std::abs(f.y) * largest_.y + std::abs(f.z) * largest_.z;
   const double margin = 0x1p-48 * reach + 0x1p-1060 * (1 + largest_.x + largest_.y + largest_.z);
   approximate_.resize(vertices_.size());

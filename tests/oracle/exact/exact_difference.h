@@ -1,4 +1,4 @@
-// The difference C = B - A of two posed pieces, in integers: what the judge's two stages work on.
+// The difference C = B - A of two posed convex parts, in integers, on which both stages of the oracle work.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +26,7 @@ Vec3z integer(const Vec3d& v, int unit);
 /// The double as a rational. Throws std::invalid_argument for NaN and infinity.
 mpq_class rational(double v);
 
-/// A piece with its rotation M / n in integers.
+/// A part with its rotation M / n in integers.
 class PosedPiece {
  public:
   PosedPiece(const PieceView& piece, const Pose& X);
@@ -71,7 +71,7 @@ class Difference {
   /// The vertex of C lowest along a direction.
   Vertex<mpz_class> lowest(const Vec3z& direction) const { return at({a_.highest(direction), b_.highest(-direction)}); }
 
-  /// A core distance sign * |height| / |direction| in units of C, as a value in metres with the radii taken off.
+  /// A core distance sign * |height| / |direction| in units of C, as a value in metres minus the radii.
   Value value(int sign, const mpz_class& height, const Vec3z& direction) const;
 
  private:

@@ -34,13 +34,13 @@ class RoughDifference {
   std::span<const Vec3d> a_, b_;
 };
 
-/// Where the hull of a few points is nearest to the origin: in the open hull of an independent subset.
+/// The nearest point of the hull of a few points to the origin: in the open hull of an independent subset.
 template <class T>
 struct Feature {
   std::vector<Vertex<T>> vertices;
   std::vector<T> weights;      // > 0, of the nearest point; their sum is not 1
   Vec3<T> direction{0, 0, 0};  // parallel to the nearest point, not of its length
-  T height = 0;                // direction . c of each vertex c; 0: the origin is in the hull
+  T height = 0;                // direction . c of each vertex c; 0 if the origin is in the hull
 };
 
 /// The point of the affine hull of one to three points that is nearest to the origin; nothing if the points are
@@ -73,8 +73,7 @@ std::optional<Feature<T>> nearest_of_subset(std::vector<Vertex<T>> s) {
 
 /// The nearest point of the hull of one to four points. In exact arithmetic it always finds one: by Caratheodory's
 /// theorem the nearest point lies in the open hull of some independent subset, and there the other points are not
-/// lower. Four points without such a proper subset are independent and hold the origin inside. In doubles it may find
-/// none.
+/// lower. Four points without such a proper subset are independent and contain the origin. In doubles it may find none.
 template <class T>
 std::optional<Feature<T>> nearest_of(const std::vector<Vertex<T>>& s) {
   const unsigned all = (1u << s.size()) - 1;
@@ -96,8 +95,8 @@ std::optional<Feature<T>> nearest_of(const std::vector<Vertex<T>>& s) {
 }
 
 /// Gilbert's descent (Gilbert, Johnson, Keerthi 1988): the nearest point of a simplex, then the vertex of C lowest
-/// towards the origin, until no vertex is lower than the simplex. Exactly: |nearest point| falls strictly with every
-/// step, so that no simplex returns and the loop ends. With doubles it only proposes: it ends where they show no clear
+/// towards the origin, until no vertex is lower than the simplex. In exact arithmetic |nearest point| falls strictly
+/// with every step, so that no simplex returns and the loop ends. With doubles it only proposes, and ends without clear
 /// progress.
 template <class Shape>
 Feature<typename Shape::Scalar> descend(const Shape& C, std::vector<VertexPair> start, int limit, double progress,

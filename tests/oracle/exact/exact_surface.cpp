@@ -39,14 +39,14 @@ double reach(std::span<const Vec3d> vertices) {
   return most;
 }
 
-/// A convex part of a body, a triangle or the whole hull: its vertices, and about where they are.
+/// A convex part of a body, a triangle or the whole hull: its vertices, and their approximate positions.
 struct Part {
   std::vector<std::uint32_t> places;  // in BodyView::vertices
   std::vector<Vec3d> vertices, rough;
   Box box;
 };
 
-/// A body where a pose has it, in parts.
+/// A body at a pose, in parts.
 struct PosedBody {
   PosedBody(const BodyView& body, const Pose& pose, const Vec3d& shift) : view(body), X(pose) {
     const std::vector<Vec3d> rough = roughly_placed(body.vertices, X, shift);
@@ -80,7 +80,7 @@ struct PosedBody {
 /// Finds the nearest parts of two bodies, best first by lower bounds in doubles that allow for their rounding.
 class NearestParts {
  public:
-  /// \param rounding metres: no lower bound in doubles is off by more
+  /// \param rounding bound on the error of lower bounds in doubles, metres
   NearestParts(const PosedBody& a, const PosedBody& b, double rounding) : a_(a), b_(b), rounding_(rounding) {}
 
   Result solve() {
@@ -122,7 +122,7 @@ class NearestParts {
     for (const Vec3d& v : b) low = std::min(low, dot(n, v));
     return (low - high) / length - rounding_;
   }
-  /// By the direction of the best so far: all that share its nearest points are proved so.
+  /// By the direction of the best so far, which suffices for all that share its nearest points.
   bool is_proved_no_nearer(const Candidate& c) const {
     return best_ &&
            exact_gap_along(a_.piece(c.a), a_.X, b_.piece(c.b), b_.X, best_->direction).compare(best_->distance) >= 0;
@@ -142,8 +142,8 @@ class NearestParts {
   std::optional<Result> best_;
 };
 
-/// Where the line through the origin along d meets a triangle: nothing where it meets an edge or a vertex.
-/// \returns the sign of n . d of the triangle's normal n, if it is met at a positive multiple of d; else 0.
+/// Intersection of the line through the origin along d with a triangle: nothing at an edge or a vertex. Returns the
+/// sign of n . d of the triangle's normal n, if it is met at a positive multiple of d; otherwise 0.
 std::optional<int> crossing(const std::array<Vec3z, 3>& t, const Vec3z& d) {
   const Vec3z n0 = cross(t[0], t[1]), n1 = cross(t[1], t[2]), n2 = cross(t[2], t[0]);
   const int s0 = sgn(dot(d, n0)), s1 = sgn(dot(d, n1)), s2 = sgn(dot(d, n2));
@@ -156,7 +156,8 @@ std::optional<int> crossing(const std::array<Vec3z, 3>& t, const Vec3z& d) {
   return height == s0 ? s0 : 0;
 }
 
-/// How often triangles wind around the origin. \param at where a vertex is
+/// Winding number of triangles around the origin.
+/// \param at returns the position of a vertex
 template <class At>
 int winding_of(std::span<const Triangle> triangles, At&& at) {
   std::map<std::uint32_t, Vec3z> vertices;
@@ -180,7 +181,7 @@ int winding_of(std::span<const Triangle> triangles, At&& at) {
   throw std::invalid_argument("exact_winding_number: the point lies on a triangle");
 }
 
-/// A vertex of each part of a body that hangs together: parts that share a position do.
+/// A vertex of each connected component of a body. Equal positions are connected.
 std::vector<std::uint32_t> one_of_each_component(const BodyView& body) {
   if (body.triangles.empty()) return {0};
   using Position = std::tuple<double, double, double>;
@@ -207,7 +208,7 @@ std::vector<std::uint32_t> one_of_each_component(const BodyView& body) {
   return chosen;
 }
 
-/// Whether some of `inner`, no triangle of which meets one of `outer`, is inside of that.
+/// Whether a component of `inner`, no triangle of which meets one of `outer`, is inside of that.
 bool is_inside(const PosedBody& inner, const PosedBody& outer, double rounding) {
   if (!outer.view.is_solid || outer.view.triangles.empty()) return false;
   if (gap_of(inner.box, outer.box) > rounding) return false;
@@ -221,8 +222,8 @@ bool is_inside(const PosedBody& inner, const PosedBody& outer, double rounding) 
 
 Result exact_distance(const BodyView& a, const Pose& X_wa, const BodyView& b, const Pose& X_wb) {
   const Vec3d apart = X_wb.translation - X_wa.translation;
-  // In doubles a place is off by less than 16 units of rounding of all that goes into it, a gap by those of two places
-  // and as many again.
+  // In doubles the error of a position is below 16 units of rounding of all its inputs, that of a gap those of two
+  // positions and as many again.
   const double rounding = 0x1p-46 * (norm(apart) + reach(a.vertices) + reach(b.vertices));
   const PosedBody posed_a(a, X_wa, {0, 0, 0}), posed_b(b, X_wb, apart);
   Result r = NearestParts(posed_a, posed_b, rounding).solve();

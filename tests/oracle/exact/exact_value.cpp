@@ -9,7 +9,7 @@ namespace clearance::exact {
 
 namespace {
 
-/// Doubles in order as integers.
+/// Maps doubles to integers in the same order.
 std::int64_t rank_of(double x) {
   const std::int64_t bits = std::bit_cast<std::int64_t>(x);
   return bits >= 0 ? bits : std::numeric_limits<std::int64_t>::min() - bits;
@@ -21,7 +21,7 @@ double of_rank(std::int64_t r) {
 }  // namespace
 
 int Value::compare(double x) const {
-  const mpq_class y = rational(x) + radius;  // sign * sqrt(numerator / denominator) against y
+  const mpq_class y = rational(x) + radius;  // sign * sqrt(numerator / denominator) compared with y
   const int y_sign = sgn(y);
   if (sign != y_sign) return sign > y_sign ? 1 : -1;
   if (sign == 0) return 0;

@@ -1,4 +1,4 @@
-// Bodies of integer lattices, turned by rational rotations: float64 holds where they are exactly.
+// Bodies of integer lattices with rational rotations: float64 represents their vertices in the world exactly.
 #pragma once
 
 #include <vector>
@@ -14,7 +14,7 @@ Pose lattice_rotation(Random& random, int* n);
 /// Points of an integer lattice; all coordinates are multiples of `step`.
 std::vector<Vec3d> lattice_points(Random& random, int range, int step);
 
-/// Vertices, multiples of n, turned by a rotation whose matrix is integers over n.
+/// Vertices, multiples of n, rotated by a matrix of integers over n.
 std::vector<Vec3d> in_world(const Solid& s, const Pose& X, int n);
 
 /// Centroid of some of the vertices that are extreme along n; exact, since coordinates are multiples of 12.

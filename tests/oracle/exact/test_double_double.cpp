@@ -1,4 +1,4 @@
-// The error bounds of double-double arithmetic that docs/bounds.md cites and derives, against exact rationals.
+// The error bounds of double-double arithmetic that docs/bounds.md cites and derives, compared with exact rationals.
 #include <gmpxx.h>
 #include <gtest/gtest.h>
 
@@ -21,8 +21,8 @@ double in_units(const mpq_class& relative) {
   return mpq_class(abs(relative)).get_d() * 0x1p106;
 }
 
-/// Leading parts just above and below powers of two, where relative errors are the largest, and trailing parts as large
-/// as they may be, as well as any.
+/// Leading parts just above and below powers of two, where relative errors are the largest, trailing parts of maximum
+/// size, and random ones.
 DoubleDouble hard(Random& random) {
   double hi = 1 + (random.chance(0.5) ? random.uniform() : random.integer(0, 64) * 0x1p-52);
   if (random.chance(0.2)) hi = 2 - random.integer(1, 64) * 0x1p-52;
@@ -35,7 +35,8 @@ DoubleDouble hard(Random& random) {
   return {s * x.hi, s * x.lo};
 }
 
-/// The largest error of an operation in units of u^2. \param relative_error of its result, for two operands.
+/// The largest error of an operation in units of u^2.
+/// \param relative_error of its result, for two operands
 template <class Error>
 double worst(std::uint64_t seed, Error relative_error) {
   Random random(seed);

@@ -1,4 +1,4 @@
-// The judge against CGAL's exact polytope distance and exact convex hull.
+// Compares the oracle with CGAL's exact polytope distance and exact convex hull.
 #include <CGAL/Gmpq.h>
 #include <CGAL/Polyhedron_3.h>
 #include <CGAL/Polytope_distance_d.h>
@@ -28,7 +28,7 @@ CGAL::Gmpq q(const mpz_class& n, const mpz_class& d) {
   return CGAL::Gmpq(r.get_mpq_t());
 }
 
-/// Vertices in the world, as rationals: the textbook rotation, independent of the judge's integers.
+/// Vertices in the world, as rationals: the textbook rotation, independent of the oracle's integers.
 std::vector<Point> placed(const std::vector<Vec3d>& vertices, const Pose& X) {
   const CGAL::Gmpq w = q(X.qw), x = q(X.qx), y = q(X.qy), z = q(X.qz), n = w * w + x * x + y * y + z * z;
   std::vector<Point> out;

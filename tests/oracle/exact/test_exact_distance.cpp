@@ -1,5 +1,5 @@
-// The judge itself: known rational answers, its own proofs (the direction attains the value), and all degenerate
-// inputs.
+// Tests of the oracle itself: known rational answers, its own proofs (the direction attains the value), and all
+// degenerate inputs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,8 +21,8 @@ Vertices box(Vec3d low, Vec3d high) {
   return v;
 }
 
-/// The judge's answer, after checks that hold for every pair: the bracket is a tight one, and the direction attains the
-/// value.
+/// The oracle's answer, after checks that hold for every pair: the bracket is a tight one, and the direction attains
+/// the value.
 Result exact_answer(const Vertices& a, double ra, const Pose& Xa, const Vertices& b, double rb, const Pose& Xb) {
   const Result r = exact_distance({a, ra}, Xa, {b, rb}, Xb);
   const double low = r.distance.lower(), high = r.distance.upper();
@@ -90,7 +90,7 @@ TEST(ExactDistance, RotationsAreExactAndOfAnyNorm) {
     else
       EXPECT_NEAR(shifted.distance.lower(), 7, 1e-14);  // 2 s and s round differently
   }
-  // Both turned by the same rotation: the distance in the turned frame is the same.
+  // Both have the same rotation, which does not change the distance.
   const Pose X{{1e9, -1e9, 1e8}, 2, 0, 0, 1};
   EXPECT_EQ(exact_answer(box({0, 0, 0}, {1, 1, 1}), 0, X, box({4, 5, 13}, {5, 6, 14}), 0, X).distance.compare(13), 0);
   EXPECT_EQ(exact_answer(box({0, 0, 0}, {1, 1, 1}), 0, X, box({0, 0, 0.75}, {1, 1, 14}), 0, X).distance.compare(-0.25),
@@ -107,7 +107,7 @@ TEST(ExactDistance, FlatDifferencesHaveDepthZero) {
     EXPECT_EQ(exact_answer(square, 1, {}, other, 2, {}).distance.compare(-3), 0);
   }
   EXPECT_EQ(exact_answer({{0, 0, 0}, {1, 1, 1}, {2, 2, 2}}, {{1, 1, 1}, {3, 3, 3}}).distance.compare(0), 0);
-  // A flat piece through a solid one, and a segment through a flat one, have depth.
+  // A flat part through a solid one, and a segment through a flat one, have depth.
   EXPECT_EQ(exact_answer(box({0, 0, -1}, {2, 2, 3}), square).distance.compare(-1), 0);
   EXPECT_EQ(exact_answer(square, {{1, 1, -0.5}, {1, 1, 4}}).distance.compare(-0.5), 0);
 }
@@ -173,7 +173,7 @@ TEST(ExactSupportGap, IsTheGapOfBoxesAlongAnAxis) {
   EXPECT_EQ(exact_support_gap({a, 0}, {}, {c, 0}, {}, {3, 4, 0}).compare(1), 0);  // (3 * 4 - 3 - 4) / 5
 }
 
-// ---- against enumeration
+// ---- comparison with enumeration
 
 /// All differences b - a, as integers in the unit that the cases use.
 std::vector<Vec3z> differences(const Vertices& a, const Vertices& b) {
@@ -184,7 +184,7 @@ std::vector<Vec3z> differences(const Vertices& a, const Vertices& b) {
 }
 
 /// The largest support gap over every direction that can matter, by brute force over all points, pairs and triples of
-/// C: squared, with its sign, as a rational. The textbook definition, written without any of the judge's cleverness.
+/// C: squared, with its sign, as a rational. The textbook definition, without any of the oracle's optimisations.
 mpq_class signed_squared_gap_by_enumeration(const std::vector<Vec3z>& c) {
   std::vector<Vec3z> directions = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   for (const Vec3z& p : c) {
@@ -212,7 +212,7 @@ mpq_class signed_squared_gap_by_enumeration(const std::vector<Vec3z>& c) {
   return *best;
 }
 
-// Small integer lattices: every tie and degeneracy there is, in exact agreement with the definition.
+// Small integer lattices: every tie and degeneracy, in exact agreement with the definition.
 TEST(ExactDistance, AgreesWithEnumerationOnLattices) {
   std::mt19937_64 random(11);
   int apart = 0, touching = 0, deep = 0;
@@ -240,8 +240,8 @@ TEST(ExactDistance, AgreesWithEnumerationOnLattices) {
   EXPECT_GT(deep, 50);
 }
 
-// On random pairs the value is attained by its own direction (a lower bound of the truth) and, apart, by its own
-// witness (an upper bound); swapped or in other frames it stays the same.
+// On random pairs the value is attained by its own direction (a lower bound) and, apart, by its own witness (an upper
+// bound). It stays the same with swapped bodies and in other frames.
 TEST(ExactDistance, ValueIsAttainedAndSymmetric) {
   std::mt19937_64 random(12);
   std::normal_distribution<double> normal;
@@ -272,7 +272,7 @@ TEST(ExactDistance, ValueIsAttainedAndSymmetric) {
     const Value gap = exact_support_gap({a, 0.125}, Xa, {b, 0}, Xb, n);
     ASSERT_LE(gap.compare(r.distance), 0);
     ASSERT_NEAR(gap.lower(), r.distance.lower(), 1e-13);
-    // No other direction does better.
+    // No other direction gives a larger gap.
     for (int k = 0; k < 20; ++k)
       ASSERT_LE(exact_support_gap({a, 0.125}, Xa, {b, 0}, Xb, {normal(random), normal(random), normal(random)})
                     .compare(r.distance),

@@ -1,4 +1,4 @@
-// The judge of bodies that are not convex: against all pairs of triangles, against closed forms, and against itself.
+// Tests of the oracle of non-convex bodies: compared with all pairs of triangles, with closed forms, and with itself.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::uint64_t kSeed = 17;
 
-/// The least distance of two triangles, or of a triangle and a hull, by looking at every pair.
+/// The least distance of two triangles, or of a triangle and a hull, over all pairs.
 Value least_of_all_pairs(const Case& c) {
   const auto parts = [](const Solid& s) {
     std::vector<std::vector<Vec3d>> out;
@@ -35,7 +35,7 @@ Value least_of_all_pairs(const Case& c) {
   return *least;
 }
 
-// What the search leaves out is no nearer; and a body that is inside of a solid, but no other, is at 0.
+// Pairs that the search skips are no nearer. A body inside a solid, and no other, has distance 0.
 TEST(ExactSurface, FindsTheLeastOfAllPairsOfTriangles) {
   int apart = 0, crossing = 0, inside = 0;
   for (const CaseClass& cls : mesh_classes())
@@ -62,7 +62,7 @@ TEST(ExactSurface, FindsTheLeastOfAllPairsOfTriangles) {
   EXPECT_GT(inside, 3);
 }
 
-// Solids of cubes of a lattice: which cube a point is in says how often it is wound around.
+// Solids of lattice cubes: the cube of a point determines its winding number.
 TEST(ExactSurface, WindsOnceAroundWhatCubesHold) {
   Random random(kSeed);
   int inside = 0, outside = 0;
@@ -75,7 +75,7 @@ TEST(ExactSurface, WindsOnceAroundWhatCubesHold) {
     for (int x = -1; x <= 7; x += 2)
       for (int y = -1; y <= 7; y += 2)
         for (int z = -1; z <= 7; z += 2) {
-          // A cube is there if what lies between its middle and far away along x are an odd number of faces.
+          // A cube is there if the number of faces between its middle and far away along x is odd.
           int faces = 0;
           for (const Triangle& t : mesh.triangles) {
             const Vec3d &p = mesh.vertices[t[0]], &q = mesh.vertices[t[1]], &r = mesh.vertices[t[2]];
@@ -100,7 +100,7 @@ TEST(ExactSurface, WindsOnceAroundWhatCubesHold) {
   EXPECT_GT(outside, 200);
 }
 
-// A box within a box: distances that are known, by what the outer one is.
+// A box within a box: known distances, which depend on the kind of the outer one.
 TEST(ExactSurface, KnowsInsideFromOutside) {
   const Mesh outer = box_mesh({1, 1, 1}), hole = flipped(box_mesh({0.75, 0.75, 0.75}));
   const Solid small{box({0.25, 0.25, 0.25}), 0.125};

@@ -1,6 +1,6 @@
-// The rounding terms of certify() against the rounding that is there: for each class of cases, the error of the
-// computed gap and of the computed witness distance, before the terms are added, in units of 2^-53 S. docs/bounds.md
-// derives the terms.
+// Compares the rounding terms of certify() with actual rounding: for each class of cases, the error of the computed gap
+// and of the computed witness distance, before the terms are added, in units of 2^-53 S. docs/bounds.md derives the
+// terms.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -88,7 +88,7 @@ TEST(Rounding, TheUpperTermCoversEveryErrorAndIsOfItsSize) {
       if (truth.cores_overlap) continue;
       ++solved;
       const Placed p(c);
-      // The exact witness, its weights rounded: the computed distance errs by rounding alone, to first order.
+      // The exact witness, its weights rounded: to first order the error of the computed distance is rounding alone.
       Simplex<double> s;
       mpz_class sum = 0;
       for (const mpz_class& w : truth.weights) sum += w;
@@ -101,7 +101,7 @@ TEST(Rounding, TheUpperTermCoversEveryErrorAndIsOfItsSize) {
       ASSERT_LE(truth.distance.compare(upper), 0) << cls.name << ' ' << i;
       const double error = std::abs(units(upper - p.pair.upper_error(), truth.distance, p.pair.scale));
       if (error > worst) worst = error, where = cls.name;
-      // Poor witnesses must be charged as what they are, too.
+      // Poor witnesses must give valid bounds, too.
       for (int k = 0; k < s.size; ++k) s.weight[k] = 1.0 / (k + 1);
       ASSERT_LE(truth.distance.compare(certify_upper(p.pair, s).upper), 0) << cls.name << ' ' << i;
     }
@@ -112,8 +112,7 @@ TEST(Rounding, TheUpperTermCoversEveryErrorAndIsOfItsSize) {
   EXPECT_GE(worst, RoundingUnits<double>::kUpper / 10);
 }
 
-// Float32 lanes: the bounds that they prove, their terms taken off again. Loose tolerances end GJK at its first
-// directions.
+// Float32 lanes: the bounds that they prove, without their terms. Loose tolerances end GJK at its first directions.
 TEST(Rounding, TheFloat32TermsCoverEveryErrorAndAreOfItsSize) {
   double worst_lower = 0, worst_upper = 0;
   int proved = 0;
