@@ -1,6 +1,6 @@
-"""Object files compiled for one instruction set may define no function that others could be linked to.
+"""Checks that object files compiled for one instruction set define no function that others could be linked to.
 
-usage: check_lane_symbols.py OBJECT... (all objects of the engine; those named lanes_SET are looked at)
+usage: check_lane_symbols.py OBJECT... (all objects of the engine; only those named lanes_SET are tested)
 """
 
 import pathlib

@@ -1,5 +1,5 @@
-"""Shipped binaries have no fused multiply-add: bounds are proved for products and sums that are rounded one by one, and
-answers have the same bits on every instruction set.
+"""Checks that shipped binaries have no fused multiply-add: bounds are proved for products and sums that are rounded one
+by one, and answers have the same bits on every instruction set.
 
 usage: check_no_fused.py BINARY...
 """

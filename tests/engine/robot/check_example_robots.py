@@ -1,5 +1,5 @@
-"""The robots of the package example-robot-data: each loads, or fails for a cause that is the file's own; poses of links
-are compared with 60-digit ones, made here from the URDF by other means, and with Pinocchio's.
+"""Checks the robots of the package example-robot-data: each loads, or fails due to an error in the file. Poses of links
+are compared with 60-digit ones, computed here independently from the URDF, and with Pinocchio's.
 
 usage: check_example_robots.py BUILD_FOLDER [URDF...] (without files: all of the package's)
 
@@ -25,19 +25,19 @@ from mpmath import mpf
 
 mpmath.mp.dps = 60
 
-# What is refused, and the words that say why.
+# Rejected files, and a part of each error.
 REFUSED = {
     "alex_psyonic_hands.urdf": 'mimic: there is no joint "index_q1"',
     "ur3.urdf": "expected the attribute name",  # an empty <robot/>
 }
-# SRDFs of which no URDF of the package is the robot, or the only one is refused; and the words.
+# SRDFs whose URDF is not in the package or rejected, and a part of each error.
 REFUSED_SRDFS = {
     "alexander.srdf": 'this SRDF is for the robot "alexander", the URDF for "Alexander"',
     "cassie_v2.srdf": None,  # the package has no URDF of it
     "z1.srdf": 'this SRDF is for the robot "z1", the URDF for "z1_description"',
 }
-RADIUS = 0.1  # metres: of the points of a link that its error is about
-EVERY = 3  # one robot of so many, of all sizes, goes before 60 digits with two configurations
+RADIUS = 0.1  # metres: distance from the link's origin of the points that an error is for
+EVERY = 3  # share of the robots, of all sizes, compared with 60 digits in two configurations
 
 
 def matrix(rows):
@@ -60,7 +60,7 @@ def numbers(element, attribute, default):
 
 
 class ExactRobot:
-    """A URDF by its definition; shares nothing with what it judges."""
+    """A URDF by its definition; shares nothing with the tested code."""
 
     def __init__(self, path):
         self.joints = ET.parse(path).getroot().findall("joint")
@@ -129,7 +129,7 @@ def placed(build, urdf, names, rows):
 
 
 def judge(robot, names, rows, poses):
-    """Worst error over claim, worst claim over reach."""
+    """Largest error over its bound, largest bound over reach."""
     worst = most = 0.0
     for (k, link), pose in poses.items():
         R, t = robot.frame(link, dict(zip(names, rows[k], strict=True)))
@@ -143,7 +143,7 @@ def judge(robot, names, rows, poses):
 
 
 def beside_pinocchio(urdf, names, rows, poses):
-    """Farthest that a pose is from Pinocchio's, over the reach; its time for a configuration, in us (from Python)."""
+    """Largest distance from Pinocchio's poses, over the reach, and its time per configuration in us (from Python)."""
     model = pinocchio.buildModelFromUrdf(str(urdf))
     data = model.createData()
     farthest = 0.0
@@ -165,13 +165,13 @@ def beside_pinocchio(urdf, names, rows, poses):
 
 
 def check_urdf(build, urdf, rng, exactly):
-    """A line about it."""
+    """A line about the robot."""
     answer = run(build, "inspect", urdf, "--csv")
     expected = REFUSED.get(urdf.name)
     if expected:
         assert answer.returncode == 1 and str(urdf) in answer.stderr and expected in answer.stderr, answer.stderr
         return f"refused: {answer.stderr.strip().rsplit(urdf.name, 1)[1]}"
-    # Meshes lie in packages of ROS, which nobody named here.
+    # Meshes are in packages of ROS, which are not given here.
     assert answer.returncode == 0 or "has no folder here" in answer.stderr, answer.stderr
     rows = table(answer.stdout)
     names = [r["position"] for r in rows if r["position"] and not r["position"].startswith("mimics ")]
@@ -192,7 +192,7 @@ def check_urdf(build, urdf, rng, exactly):
 
 
 def check_srdf(build, srdf):
-    """Whether a URDF beside it is its robot."""
+    """Whether a URDF in the same folder is its robot."""
     errors = []
     for urdf in sorted(srdf.parent.parent.rglob("*.urdf")):
         answer = run(build, "inspect", urdf, "--srdf", srdf, "--csv")
