@@ -1,5 +1,4 @@
-// A question asked again is answered by the job that answered it before: with the bits of a new one, and never for a
-// snapshot that is gone.
+// A repeated query reuses the job that answered it before: with the bits of a new one, and never for an old snapshot.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -23,7 +22,7 @@ std::uint64_t asked_again(const Engine& engine) {
   return 0;
 }
 
-/// The whole of two answers.
+/// Compares two answers completely.
 void expect_same(const Answer& a, const Answer& b) {
   ASSERT_EQ(a.info.rows, b.info.rows);
   ASSERT_EQ(a.info.total, b.info.total);
@@ -34,7 +33,7 @@ void expect_same(const Answer& a, const Answer& b) {
   expect_same_column("pair_lower", a.view.pair_lower, 0, b.view.pair_lower, n, 1);
 }
 
-/// Nothing is left of an earlier answer where the same poses have come once more.
+/// Answers a query without a cached job, by publishing the same poses once more.
 Answer ask_anew(Engine& engine, std::uint32_t body, const QueryView& query) {
   const BodyPose same{body, engine.body_state(body).X_wb};
   engine.set_poses({&same, 1});
@@ -72,8 +71,8 @@ std::vector<Named> reductions() {
            }}};
 }
 
-/// Asks each question in turn about configuration after configuration. \param query a configuration of it, by number.
-/// How many rows there are of each status.
+/// Runs each query in turn for configuration after configuration. Returns the number of rows by status.
+/// \param query returns the query for a configuration number
 std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const Scene& scene, std::uint32_t body, int count,
                                                      const std::function<QueryView(int)>& query) {
   std::array<std::uint64_t, 8> seen{};
@@ -127,7 +126,7 @@ TEST(KeptJobs, PosesAreAnsweredWithTheBitsOfNewJobs) {
   const Scene scene = decomposed_scene(30, 1.5, 7);
   expect_bits_of_new_jobs(scene, 1, 8, [&](int k) { return query(k, 1); });
   expect_bits_of_new_jobs(uncertain(scene), 1, 4, [&](int k) { return query(k, 1); });
-  expect_bits_of_new_jobs(scene, 1, 4, [&](int k) { return query(k, 5); });                  // side by side
+  expect_bits_of_new_jobs(scene, 1, 4, [&](int k) { return query(k, 5); });                  // in parallel
   expect_bits_of_new_jobs(mixed_scene(80, 6, 3), 1, 4, [&](int k) { return query(k, 1); });  // by a tree
 }
 
@@ -139,7 +138,7 @@ TEST(KeptJobs, TheCurrentPosesAreAnsweredWithTheBitsOfNewJobs) {
   });
 }
 
-/// The arm, and rows of positions for its joints, some beyond their limits and some that are none.
+/// The arm, and rows of positions for its joints, some beyond their limits and some not finite.
 struct Arm {
   Scene scene = arm_scene(at_home());
   std::vector<std::uint32_t> joints = joints_of(scene, "arm");
@@ -174,7 +173,7 @@ TEST(KeptJobs, JointsAreAnsweredWithTheBitsOfNewJobs) {
   }
 }
 
-// What a job found out about a scene and its poses holds for these alone.
+// A job's results about a scene and its poses are valid for these alone.
 TEST(KeptJobs, NoneAnswersForASnapshotThatIsGone) {
   const Arm arm(1);
   Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
@@ -223,7 +222,7 @@ TEST(KeptJobs, NoneAnswersForASnapshotThatIsGone) {
   }
 }
 
-// Each of these asks something else, of the same scene.
+// Each of these queries differs from the first, for the same scene.
 TEST(KeptJobs, AnotherQuestionIsAnsweredByAnotherJob) {
   const Arm arm(1);
   const std::vector<BodyPair> pairs{{0, 5}, {1, 5}};
@@ -303,7 +302,7 @@ TEST(KeptJobs, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
   EXPECT_EQ(asked_again(engine), 0u);
 }
 
-// A job that was let go of in its middle is not whole, and a query that was never started has lost nothing.
+// A job abandoned in the middle is not reused, and a query that never started loses nothing.
 TEST(KeptJobs, OnlyWholeJobsComeBack) {
   const Arm arm(64);  // more than the fewest lanes answer at once
   const Engine engine(arm.scene, {.backend = "cpu", .threads = 1, .instruction_set = "baseline"});

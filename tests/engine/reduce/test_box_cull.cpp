@@ -1,4 +1,4 @@
-// Blocks of pairs that boxes decide get the very rows that the same pairs get one by one.
+// Blocks of pairs that are decided by boxes get the same rows as single pairs.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -46,7 +46,7 @@ TEST(BoxColumns, GapsSideBySideHaveTheBitsOfOneAlone) {
   EXPECT_GT(nowhere, 100u);
 }
 
-// The same question about few pairs at a time, for which no block is made.
+// The same query for few pairs at a time, for which no block is made.
 void expect_rows_of_few(const Engine& engine, const QueryView& query, const std::vector<BodyPair>& pairs,
                         std::array<std::uint64_t, 8>& seen) {
   const Answer all = ask(engine, query);
@@ -80,8 +80,7 @@ TEST(BoxCull, RowsAreThoseOfPairsOneByOne) {
   Random random(2);
   Engine engine(mixed_scene(60, 6, 4));
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const BodyPose bad[] = {{7, {{nan, 0, 0}}},
-                          {23, {{1, 2, 3}, 2, 0.5, 0, 0}}};  // one without a place, one renormalised
+  const BodyPose bad[] = {{7, {{nan, 0, 0}}}, {23, {{1, 2, 3}, 2, 0.5, 0, 0}}};  // one unusable, one renormalised
   engine.set_poses(bad);
   std::vector<BodyPair> shuffled = engine.pairs({});
   for (std::size_t i = 0; i + 1 < shuffled.size(); ++i)

@@ -1,5 +1,4 @@
-// Many configurations reduced side by side: each answer is the one that its configuration gives alone, and that all
-// pairs give.
+// Many configurations reduced in parallel: each answer equals that of its configuration alone, and that of all pairs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -37,7 +36,7 @@ struct Moves {
   QueryView query() const { return query(0, count); }
 };
 
-/// The same bodies, of which not everything is known.
+/// The same bodies with uncertainty.
 Scene uncertain(const Scene& known) {
   Scene scene;
   for (Body body : known.bodies()) {
@@ -64,7 +63,7 @@ std::uint64_t count_of(const std::array<std::uint64_t, 8>& seen, Status status) 
   return seen[static_cast<std::size_t>(status)];
 }
 
-// What boxes of pieces leave out changes nothing: neither of pairs that are near, nor of which these are.
+// Pairs that the parts' boxes skip change neither the rows of near pairs nor their selection.
 TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
   const Moves moves({0, 3, 7, 13}, 60, 1.5, 1);
   const Scene scene = decomposed_scene(30, 1.5, 7);
@@ -91,7 +90,7 @@ TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
   }
 }
 
-// So do cut-offs that shrink while candidates are answered.
+// The same for cut-offs that shrink while candidates are answered.
 TEST(ConfigurationBlock, MinGivesTheRowOfItsPair) {
   const Moves moves({0, 3, 7, 13}, 80, 4, 2);
   const Scene scene = decomposed_scene(30, 4, 8);
@@ -111,7 +110,7 @@ TEST(ConfigurationBlock, MinGivesTheRowOfItsPair) {
       Answer wanted = rows_from(dense, k * pairs + winner), found = rows_from(min, k);
       EXPECT_GE(found.view.lower[0], least);
       EXPECT_LE(found.view.lower[0], wanted.view.lower[0]);
-      // Where another pair's interval begins lower, boxes may know better: that is as it was before.
+      // If another pair's interval begins lower, boxes may give a better bound, as they did before.
       if (least < wanted.view.lower[0]) wanted.view.lower = found.view.lower = nullptr;
       const auto one = expect_same_rows(wanted, 0, found, 1);
       for (std::size_t s = 0; s < seen.size(); ++s) seen[s] += one[s];
@@ -152,8 +151,8 @@ TEST(ConfigurationBlock, EachConfigurationAnswersAsItDoesAlone) {
   }
 }
 
-// A slanted rod whose box is the nearest, and is far; balls at growing distances, all nearer than the rod: the first
-// of them says that the others need not be looked at.
+// A slanted rod whose box is the nearest, and is far; balls at growing distances, all nearer than the rod: the first of
+// them shows that the others need not be evaluated.
 TEST(ConfigurationBlock, MinEndsWhereBoxesAreFartherThanWhatWasFound) {
   constexpr int kBalls = 40;
   Scene scene;

@@ -1,4 +1,4 @@
-// A scene that was saved is the same scene again: ids, pairs, pieces, and answers to the last bit.
+// A saved scene is the same scene again: ids, pairs, convex parts, and answers to the last bit.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -53,7 +53,8 @@ void expect_same_pieces(const Scene& one, const Scene& other) {
   }
 }
 
-/// Also answers of all pairs at the poses and positions of load; of many pairs only the nearest of each body.
+/// Also compares answers for all pairs at the initial poses and positions, or for many pairs only the nearest of each
+/// body.
 void expect_same(const Scene& one, const Scene& other) {
   expect_same_pieces(one, other);
   EXPECT_EQ(one.revision(), other.revision());
@@ -86,7 +87,7 @@ TEST(SavedScene, EveryOneOfTheFolderComesBack) {
   EXPECT_GE(count, 8);
 }
 
-/// Two robots, bodies before, between and behind them, and all that a scene can say of its bodies.
+/// Two robots, bodies before, between and after them, and every property that a body in a scene can have.
 Scene everything(const TemporaryFolder& folder) {
   folder.write("own/tip.obj", "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
   const std::string urdf = folder.write("hand.urdf", R"(<robot name="hand"><link name="wrist"><collision><geometry>
@@ -146,7 +147,7 @@ TEST(SavedScene, RobotsAndAllThatIsSaidOfBodiesComeBack) {
   EXPECT_EQ(saved.joints().size(), scene.joints().size());
   EXPECT_EQ(*saved.joints()[saved.find_joint("hand/turn")].home, 0.1);
   EXPECT_EQ(saved.joint_groups().size(), scene.joint_groups().size());
-  // The files that it was made of are not asked again.
+  // The original files are not needed.
   const Scene by_itself = [&] {
     for (const char* gone : {"hand.urdf", "hand.srdf", "own"}) std::filesystem::remove_all(folder / gone);
     return Scene::load(folder / "saved/scene.yaml");
@@ -155,7 +156,7 @@ TEST(SavedScene, RobotsAndAllThatIsSaidOfBodiesComeBack) {
   const TemporaryFolder elsewhere;
   expect_same(scene, again(saved, elsewhere));
 
-  // Joints move what they moved.
+  // Joints move the same bodies as before.
   const Engine a(scene, {.threads = 1}), b(saved, {.threads = 1});
   const std::uint32_t joints[] = {scene.find_joint("arm/joint2"), scene.find_joint("hand/turn")};
   const double rows[] = {0.1, 0.2, -0.5, 1.9, 0.3, 2.5};
@@ -173,7 +174,7 @@ TEST(SavedScene, RobotsAndAllThatIsSaidOfBodiesComeBack) {
 TEST(SavedScene, IgnoringEverythingSaysNothingOfFrames) {
   const TemporaryFolder folder;
   Scene scene = test::arm_scene(test::at_home());
-  scene.ignore("ball", "*");  // the frame "arm" among them, whose name is that of a group, too
+  scene.ignore("ball", "*");  // includes the frame "arm", whose name is that of a group, too
   scene.add_sphere("other", 0.1, {.pose = Pose{{0.4, 0.3, 0.9}}});
   const Scene saved = again(scene, folder);
   expect_same_pieces(scene, saved);

@@ -1,4 +1,4 @@
-// The scene file: what each key means, and what is said of every kind of mistake in it.
+// The scene file: the meaning of each key, and the error for every kind of mistake.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -69,7 +69,7 @@ ignore: [[base, cup], [arm, arm], [things, base]]
   for (const Vec3d& v : bodies[2].pieces[1]->vertices) lowest = std::min(lowest, v.y);
   EXPECT_EQ(lowest, -1);
   ASSERT_TRUE(bodies[2].display);
-  double volume = 0;  // mirrored, and its faces turned with it
+  double volume = 0;  // mirrored, and its faces reversed accordingly
   for (const auto& t : bodies[2].display->triangles) {
     const auto& v = bodies[2].display->vertices;
     volume += dot(v[t[0]], cross(v[t[1]], v[t[2]])) / 6;
@@ -162,7 +162,7 @@ TEST(SceneFile, QuaternionsThatLookLikeXyzwAreWarnedOf) {
                                                         file + "10: robots[0].base: " + no_turn}));
 }
 
-// A wedge without symmetry, so that every wrong permutation or sign shows.
+// A wedge without symmetry, so that every wrong permutation or sign is detected.
 constexpr const char* kWedge = "v 1 2 3\nv 4 2 3\nv 1 7 3\nv 1 2 14\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
 
 TEST(SceneFile, UpYTurnsAMeshExactly) {
@@ -240,14 +240,14 @@ TEST(SceneFile, FilesFromOutsideTheFolderOnlyWhenAllowed) {
   EXPECT_EQ(error_text<SceneError>([&] { Scene::load(link); }),
             link + ":1: bodies[0].mesh: \"link.obj\" leaves the scene's folder through a symbolic link" + hint);
   for (const std::string& file : {scene, absolute, link}) EXPECT_EQ(Scene::load(file, true).bodies().size(), 1u);
-  // A path may wander inside, and the folder itself may be reached through a link.
+  // A path may contain "..", and the folder itself may be reached through a link.
   folder.write("inner/meshes/t.obj", kTetrahedron);
   std::filesystem::create_directory_symlink(folder / "inner", folder / "alias");
   folder.write("inner/wander.yaml", "bodies: [{name: a, mesh: meshes/../meshes/t.obj}]");
   EXPECT_EQ(Scene::load(folder / "alias/wander.yaml").bodies().size(), 1u);
 }
 
-// What is wrong with a scene file, and what is said after its path.
+// A wrong scene file, and the error after its path.
 struct BadScene {
   const char* yaml;
   const char* error;
