@@ -24,7 +24,7 @@ constexpr std::uint32_t kNowhere = std::numeric_limits<std::uint32_t>::max();
 // Size of the sample whose hull removes most inner points of a large set before Qhull.
 constexpr std::size_t kSampleVertices = 20'000;
 
-// A closed surface of triangles around an apex, from which the others are all visible: each with the apex makes a
+// A closed surface of triangles with an apex, from which its other triangles are visible: each with the apex makes a
 // tetrahedron.
 class Fan {
  public:
@@ -113,7 +113,7 @@ std::vector<char> proved_inside(std::span<const Vec3d> points, std::span<const T
   std::vector<char> is_corner(points.size(), 0), inside(points.size(), 0);
   for (const Triangle& t : triangles)
     for (const std::uint32_t i : t) is_corner[i] = 1;
-  // A point on a face that holds the apex is in flat tetrahedra only, but not for all apexes. These are far apart.
+  // A point on a face that holds the apex is in flat tetrahedra only. Another apex, far away, proves it.
   std::vector<std::uint32_t> apexes;
   for (int k = 0; k < 3; ++k) {
     std::uint32_t low = triangles[0][0], high = low;

@@ -1,4 +1,4 @@
-// Tests whether one of two bodies that touch nowhere is within the other.
+// Tests whether one of two bodies that do not touch is within the other.
 #pragma once
 
 #include <cstdint>

@@ -44,7 +44,7 @@ class ElementSearch {
     if (all) nearest_.touching_pieces(round_);
     known_.in_hulls = true;
   }
-  /// Least lower bound from the round of hulls, on their distance or, if signed, their penetration.
+  /// Least lower bound on the signed distance of the hulls, from their round.
   struct HullsGap {
     double lower = 0;  // not above 0
     Vec3d normal{1, 0, 0};

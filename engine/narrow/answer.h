@@ -16,7 +16,7 @@ struct NarrowLimits {
   double rel_tol = 1e-6;  ///< target: upper - lower <= max(abs_tol, rel_tol * |distance|)
   bool signed_distance = false;
   int max_iterations = 256;
-  double min_penetration = 0;            ///< if positive, stop once this overlap is proved, and find no depth; metres
+  double min_penetration = 0;            ///< penetration to prove instead of the depth itself; metres
   double stop_below = -__builtin_inf();  ///< stop once the upper bound is at most this
 };
 

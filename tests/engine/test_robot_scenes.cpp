@@ -52,7 +52,7 @@ TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
   EXPECT_TRUE(is_asked("table", "arm/palm"));
 }
 
-// For links without a joint between them an SRDF decides; without one their pair gives constant information.
+// The distance of links without a moving joint between them is constant: their pair is used only if an SRDF enables it.
 TEST(RobotInAScene, APairWithoutAJointIsAskedAboutWhereTheSrdfEnablesIt) {
   const TemporaryFolder folder;
   const std::string ball = "<collision><geometry><sphere radius='1'/></geometry></collision></link>";

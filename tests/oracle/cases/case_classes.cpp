@@ -272,7 +272,7 @@ Case dense_spheres(Random& random) {
   static constexpr std::array<int, 6> kResolutions = {16, 16, 24, 32, 50, 100};  // 482 ... 19802 vertices
   const auto one = [&] { return dense_sphere(kResolutions[static_cast<std::size_t>(random.integer(0, 5))]); };
   Case c{one(), one(), random.rotation(), random.rotation()};
-  c.X_wb.translation = random.direction() * random.uniform(1.5, 4);  // deep pairs of so many facets: see relation_deep
+  c.X_wb.translation = random.direction() * random.uniform(1.5, 4);  // relation_deep has deep pairs of so many facets
   if (random.chance(0.7)) set_gap(c, random.sign() * random.log_uniform(1e-16, 0.1));
   return c;
 }
