@@ -1,5 +1,5 @@
-// A mesh loader that some file has taken over: instead of reading a mesh it does what the file says in one word, in a
-// process with a real loader's limits. If it gets away with it, its "error" says so.
+// A mesh loader compromised by a file: instead of reading a mesh it runs the attack that the file names in one word, in
+// a process with a real loader's limits. If the attack succeeds, its "error" reports that.
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <linux/io_uring.h>
@@ -29,7 +29,7 @@
 
 namespace {
 
-/// What it tries, beside the file `path`; each returns a number below 0 if it failed.
+/// The attacks. Each gets the file `path`, and returns a number below 0 if it failed.
 const std::map<std::string, std::function<long(const std::string& path)>> kAttempts = {
     {"nothing", [](const std::string&) { return 0; }},
     {"read_the_file", [](const std::string& path) { return ::open(path.c_str(), O_RDONLY); }},
@@ -38,7 +38,7 @@ const std::map<std::string, std::function<long(const std::string& path)>> kAttem
     {"open_a_unix_socket", [](const std::string&) { return ::socket(AF_UNIX, SOCK_STREAM, 0); }},
     {"run_a_program",
      [](const std::string&) {
-       // If it works, nothing comes back: let the program say it.
+       // On success nothing returns, so the program itself reports it.
        char* const arguments[] = {const_cast<char*>("sh"), const_cast<char*>("-c"), const_cast<char*>("kill -USR1 $$"),
                                   nullptr};
        return ::execv("/bin/sh", arguments);
@@ -72,7 +72,7 @@ const std::map<std::string, std::function<long(const std::string& path)>> kAttem
        char byte;
        iovec here{&byte, 1}, there{&byte, 1};
        ::process_vm_readv(::getppid(), &here, 1, &there, 1, 0);
-       return 0;  // whether there is anything is not the question
+       return 0;  // whether there is anything to read does not matter
      }},
     {"make_code_from_data",
      [](const std::string&) {
@@ -91,7 +91,7 @@ const std::map<std::string, std::function<long(const std::string& path)>> kAttem
      [](const std::string&) {
        io_uring_params parameters{};
        ::syscall(SYS_io_uring_setup, 1, &parameters);
-       return 0;  // some machines have none: the question alone is too much
+       return 0;  // some machines lack it; the call alone is an offence
      }},
     {"catch_the_end",
      [](const std::string&) {
@@ -115,7 +115,7 @@ bool attempt(const std::string& path, std::string_view, std::uint64_t, int resul
   return clearance::write_mesh_error(result_fd, clearance::MeshState::kError, text.c_str());
 }
 
-/// From here on the kernel refuses filters, as some containers have it.
+/// From here on the kernel rejects filters, as in some containers.
 void refuse_filters() {
   const scmp_filter_ctx filter = ::seccomp_init(SCMP_ACT_ALLOW);
   ::seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(seccomp), 0);
@@ -127,7 +127,7 @@ void refuse_filters() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Without the limits each attempt works: what stops it is the filter, not the attempt's own fault.
+  // Without the limits each attack succeeds, which proves that the filter stops it.
   if (std::getenv("CLEARANCE_TEST_UNCONFINED") && argc > 1)
     return attempt(argv[1], "", 0, clearance::kMeshResultFd, false) ? 0 : 3;
   if (std::getenv("CLEARANCE_TEST_REFUSE_FILTERS")) refuse_filters();

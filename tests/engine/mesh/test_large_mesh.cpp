@@ -1,4 +1,4 @@
-// A sphere of two million vertices comes through the whole way from a file to a piece, in bounded memory.
+// A sphere of two million vertices, from a file to a convex part, in bounded memory.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
@@ -17,7 +17,7 @@
 namespace clearance {
 namespace {
 
-// Seconds are printed, not judged: they are the machine's.
+// Seconds are printed, not tested, since they depend on the machine.
 void load_and_check(const std::string& path) {
   const auto begin = std::chrono::steady_clock::now();
   Scene scene;
@@ -27,14 +27,14 @@ void load_and_check(const std::string& path) {
   getrusage(RUSAGE_SELF, &own);
   getrusage(RUSAGE_CHILDREN, &loader);
   const long mebibytes =
-      (own.ru_maxrss + loader.ru_maxrss) / 1024;  // their peaks, though they come one after the other
+      (own.ru_maxrss + loader.ru_maxrss) / 1024;  // the sum of both peaks, although they come one after the other
   std::printf("%s: %.2f s, %ld MiB\n", path.c_str() + path.rfind('.'), seconds, mebibytes);
   ::testing::Test::RecordProperty("seconds", std::to_string(seconds));
   EXPECT_LT(mebibytes, 2048);
   const Piece& piece = *scene.bodies()[0].pieces.at(0);
   EXPECT_EQ(piece.vertices.size(), 1998002u);
   ASSERT_TRUE(piece.table);
-  // Also at the poles, where 2000 faces meet.
+  // also at the poles, where 2000 faces meet
   for (const Vec3d& n : {Vec3d{0, 0, 1}, Vec3d{0, 0, -1}, Vec3d{1e-4, 1e-4, 1}, Vec3d{1, 2, 3}, Vec3d{0, 1, 0}}) {
     double most = 0;
     for (const Vec3d& v : piece.vertices) most = std::max(most, dot(n, v));

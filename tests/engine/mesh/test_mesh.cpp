@@ -1,4 +1,4 @@
-// Mesh files of every format, and what comes out of them.
+// Mesh files of every format, and the meshes read from them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -90,7 +90,7 @@ TEST(Mesh, NoVertexAndNoFaceIsLostInAnyFormat) {
   }
 }
 
-// Each decimal of a text file is the float64 nearest to it: hard ones for readers that round more than once.
+// Each decimal of a text file becomes the nearest float64: hard ones for readers that round more than once.
 TEST(Mesh, DecimalsAreRoundedOnceToFloat64) {
   const TemporaryFolder folder;
   const std::vector<std::pair<std::string, double>> hard = {
@@ -130,7 +130,7 @@ TEST(Mesh, DecimalsAreRoundedOnceToFloat64) {
   EXPECT_EQ(texts, 44);
 }
 
-// Looks, lights and data about data are no part of a shape, and neither is what an unused node has.
+// Materials, lights and metadata are no part of a shape, nor are the extensions of an unused node.
 TEST(Mesh, ExtensionsThatKeepTheGeometryOfAGltf) {
   const TemporaryFolder folder;
   const Source source = tetrahedron();
@@ -149,7 +149,7 @@ TEST(Mesh, ExtensionsThatKeepTheGeometryOfAGltf) {
               faces_of(source.vertices, source.triangles));
 }
 
-// A skin's joints place its mesh: as its node does, or the file is refused.
+// A skin's joints place its mesh at its node, or else the file is rejected.
 TEST(Mesh, ASkinOfAGltfKeepsItsMeshWhereItsNodeIs) {
   const TemporaryFolder folder;
   const Source source = tetrahedron();
@@ -209,7 +209,7 @@ TEST(Mesh, BinaryPlyKeepsItsDoubles) {
   }
 }
 
-// What DAE loses to float32 is said, and no less than what was lost; transforms in float64 cost next to nothing.
+// The rounding of DAE to float32 is reported in full; transforms in float64 cost next to nothing.
 TEST(Mesh, TheRoundingThatIsLeftIsBounded) {
   const TemporaryFolder folder;
   Source source = tetrahedron();
@@ -246,7 +246,7 @@ TEST(Mesh, TheRoundingThatIsLeftIsBounded) {
   EXPECT_GT(load_mesh(folder.write("w.obj", replaced(obj(source), "v 1 0 0", "v 1 0 0 3"))).submeshes[0].rounding, 0);
 }
 
-// What exporters write and other readers take.
+// Forms that exporters write and other readers accept.
 TEST(Mesh, FilesWithTheHabitsOfRealExportersAreRead) {
   const TemporaryFolder folder;
   const Source source = tetrahedron();
@@ -303,7 +303,7 @@ TEST(Mesh, FilesWithTheHabitsOfRealExportersAreRead) {
     expect_good("behind_text.stl", text + bytes);
   }
   expect_good("behind_the_word.stl", text.substr(0, text.rfind(" thing")) + std::string(3, '\0'));
-  // A strip of triangles, as scans have them.
+  // A strip of triangles, as in scans.
   expect_good("strip.ply",
               "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement "
               "tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
@@ -332,7 +332,8 @@ TEST(Mesh, PolygonsBecomeTriangles) {
 TEST(Mesh, TransformsOfGltfNodesAreApplied) {
   const TemporaryFolder folder;
   const Source source = tetrahedron();
-  // The mesh at the root, moved by 10 in x; under it once more, turned by 90 degrees about z and doubled; and mirrored.
+  // The mesh at the root, moved by 10 in x; under it once more, rotated by 90 degrees about z and doubled; and
+  // mirrored.
   const Mesh mesh = load_mesh(folder.write("a.gltf", gltf(source, R"([
       {"mesh": 0, "translation": [10, 0, 0], "children": [1, 2]},
       {"mesh": 0, "rotation": [0, 0, 0.70710678118654752, 0.70710678118654752], "scale": [2, 2, 2]},
@@ -399,11 +400,11 @@ TEST(Mesh, OtherFilesAreOpenedOnlyInTheFolder) {
             "it names \"" + (folder / "inner/../outside.bin") + "\", which lies outside its folder");
   EXPECT_EQ(error("link.bin"), "it names \"" + (folder / "inner/link.bin") + "\", which lies outside its folder");
   EXPECT_EQ(error("none.bin"), "it names \"none.bin\": No such file or directory");
-  // A material does not matter to the shape: refused, and the mesh is read without it.
+  // A material does not affect the shape: its file is rejected, and the mesh is read without it.
   EXPECT_EQ(load_mesh(folder.write("inner/a.obj", "mtllib ../../../../etc/passwd\nusemtl x\n" + obj(source)))
                 .submeshes.size(),
             1u);
-  // A file that is a link may name what lies beside its target.
+  // A file that is a link may refer to files next to its target.
   folder.write("elsewhere/data2.bin", gltf_buffer(source));
   folder.write("elsewhere/b.gltf", gltf_json(source, "data2.bin"));
   std::filesystem::create_symlink(folder / "elsewhere/b.gltf", folder / "inner/c.gltf");

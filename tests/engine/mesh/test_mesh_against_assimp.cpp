@@ -1,5 +1,4 @@
-// The meshes of scenes/ as this project reads them and as assimp does: the same vertices to float32, faces and
-// submeshes.
+// The meshes of scenes/ as this project and as assimp read them: the same vertices to float32, faces and submeshes.
 #include <assimp/config.h>
 #include <assimp/scene.h>
 #include <gtest/gtest.h>
@@ -20,7 +19,7 @@
 namespace clearance {
 namespace {
 
-// What assimp makes of a file: each mesh at each node, duplicates merged.
+// The meshes that assimp reads from a file: each mesh at each node, duplicates merged.
 std::vector<Submesh> by_assimp(const std::string& path) {
   Assimp::Importer importer;
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);

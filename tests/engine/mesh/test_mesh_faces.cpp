@@ -1,4 +1,4 @@
-// Faces of more than three corners: the triangles cover what the face covers, once, and nothing else.
+// Faces of more than three corners: the triangles cover the face once, and nothing else.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -94,7 +94,7 @@ const std::vector<std::pair<const char*, std::function<std::string(const Faces&)
   return all;
 }
 
-// Twice the area that triangles have, seen along n; nothing of it turned over.
+// Twice the area of triangles seen along n, none of them reversed.
 double area(const Submesh& part, const Vec3d& n) {
   double sum = 0;
   for (const Triangle& t : part.triangles) {
@@ -106,7 +106,7 @@ double area(const Submesh& part, const Vec3d& n) {
   return sum;
 }
 
-// A face in the plane z = 0, moved: seen along its normal the triangles have its area and none is turned over, so that
+// A face in the plane z = 0, moved. Seen along its normal the triangles have its area and none is reversed, so that
 // they cover it once.
 void expect_covered(const std::vector<std::array<double, 2>>& polygon, double twice_area, std::size_t start = 0) {
   const Mat3d turned = {{{0.48, -0.8, 0.36}, {0.6, 0, -0.8}, {0.64, 0.6, 0.48}}};
@@ -182,12 +182,12 @@ TEST(MeshFaces, CornersThatAreInLineOrComeTwice) {
   for (std::size_t start = 0; start < with_more.size(); start += 5) expect_covered(with_more, 14, start);
 }
 
-// A square whose hole is reached over a bridge: the polygon touches itself there.
+// A square with a hole reached by a bridge, where the polygon touches itself.
 TEST(MeshFaces, BridgesToHolesAndSlits) {
   expect_covered({{0, 0}, {4, 0}, {4, 4}, {0, 4}, {0, 0}, {1, 1}, {1, 3}, {3, 3}, {3, 1}, {1, 1}}, 24);
   expect_covered({{0, 0}, {2, 0}, {2, 1}, {1, 1}, {1, 3}, {3, 3}, {3, 1}, {2, 1}, {2, 0}, {4, 0}, {4, 4}, {0, 4}}, 24);
   expect_covered({{0, 0}, {2, 0}, {2, 2}, {2, 0}, {4, 0}, {4, 4}, {0, 4}}, 32);   // a slit
-  expect_covered({{0, 0}, {2, 0}, {2, -2}, {2, 0}, {4, 0}, {4, 4}, {0, 4}}, 32);  // what stands out is a line
+  expect_covered({{0, 0}, {2, 0}, {2, -2}, {2, 0}, {4, 0}, {4, 4}, {0, 4}}, 32);  // the protrusion is a line
   expect_covered({{0, 0}, {2, 0}, {2, 2}, {2, 1}, {2, 0}, {4, 0}, {4, 4}, {3, 3}, {0, 4}}, 28);
   // Two holes that share a corner with each other.
   expect_covered(
@@ -195,7 +195,7 @@ TEST(MeshFaces, BridgesToHolesAndSlits) {
       2 * (81 - 8));
 }
 
-// Combs and spirals of many corners: about as long to read as to cut, where trying all corners for each would take
+// Combs and spirals of many corners: cutting takes about as long as reading. A test of all corners for each would take
 // hours.
 TEST(MeshFaces, ManyCorners) {
   constexpr int kTeeth = 5'000;
@@ -232,7 +232,7 @@ TEST(MeshFaces, ManyCorners) {
   EXPECT_NEAR(area(mesh.submeshes[0], {0, 0, 1}), twice_area, 1e-9 * twice_area);
 }
 
-// Polygons that grow at random by corners put between two others, so long as they stay simple.
+// Polygons that grow at random by new corners between two others, as long as they stay simple.
 std::vector<std::array<double, 2>> random_polygon(std::mt19937_64& random, std::size_t corners) {
   using P = std::array<double, 2>;
   const auto side = [](const P& a, const P& b, const P& c) {
@@ -279,7 +279,7 @@ TEST(MeshFaces, RandomPolygons) {
       twice += a[0] * b[1] - a[1] * b[0];
       is_concave = is_concave || (b[0] - a[0]) * (c[1] - b[1]) < (b[1] - a[1]) * (c[0] - b[0]);
       face.push_back(static_cast<std::uint32_t>(m.vertices.size()));
-      m.vertices.push_back({a[0], a[1], 0.5 * a[0] - a[1]});  // in a plane that float64 holds exactly
+      m.vertices.push_back({a[0], a[1], 0.5 * a[0] - a[1]});  // in a plane that float64 represents exactly
     }
     concave += is_concave;
     areas.push_back(twice);
@@ -295,7 +295,7 @@ TEST(MeshFaces, RandomPolygons) {
   }
 }
 
-// Corners that are not in a plane: seen along the normal nothing is turned over, and each edge is there.
+// Corners that are not in a plane: seen along the normal no triangle is reversed, and each edge is there.
 TEST(MeshFaces, BentFaces) {
   const TemporaryFolder folder;
   Faces m;
@@ -326,10 +326,10 @@ TEST(MeshFaces, AFaceThatCrossesItselfIsNamed) {
     const std::string path = folder.write(file, write(bow));
     EXPECT_EQ(error_text<MeshError>([&] { load_mesh(path); }), places[i] + what) << file;
   }
-  Faces uneven = bow;  // with a normal, but one lobe turned over
+  Faces uneven = bow;  // with a normal, but one lobe reversed
   uneven.vertices[1] = {2, 2, 0};
   EXPECT_EQ(error_text<MeshError>([&] { load_mesh(folder.write("b.obj", obj(uneven))); }), "line 11: " + what);
-  // A crossing as small as what float32 rounds is none, and counts as rounding.
+  // A crossing as small as float32 rounding counts as rounding.
   Faces sliver = bow;
   sliver.vertices[1] = {1, 1e-8, 0};
   sliver.vertices[3] = {0, 1e-8, 0};

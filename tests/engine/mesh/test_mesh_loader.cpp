@@ -1,4 +1,4 @@
-// The process that reads mesh files, where it hangs, crashes, talks nonsense or runs out of memory.
+// A mesh loader process that hangs, crashes, returns invalid data or runs out of memory.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -15,7 +15,7 @@ namespace {
 
 using namespace mesh_files;
 
-// A loader that does what some damaged file might make it do, in place of the real one.
+// A loader that behaves as a damaged file might make the real one behave.
 class FakeLoader {
  public:
   FakeLoader(const TemporaryFolder& folder, const std::string& script) {

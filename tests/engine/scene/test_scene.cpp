@@ -230,7 +230,7 @@ TEST(Scene, BadInputIsRefusedInWords) {
             "body \"d\": expected at least one piece");
 }
 
-// What a map's coordinates need: float32 has steps of half a metre there.
+// Coordinates of a map, where float32 has steps of half a metre.
 TEST(Scene, MeshesKeepTheirDistanceAtMapCoordinates) {
   const TemporaryFolder folder;
   const auto box_at = [](double x) {
@@ -261,7 +261,7 @@ TEST(Scene, MeshesKeepTheirDistanceAtMapCoordinates) {
       EXPECT_EQ(static_cast<Status>(status), Status::kOk) << extension;
       const double error = scene.bodies()[0].model_error + scene.bodies()[1].model_error;
       EXPECT_EQ(error > 0, scale != 1) << extension << " " << error;
-      const double wanted = scale * ((4300001.1 - 0.5) - (4.3e6 + 0.5));  // as the files have it
+      const double wanted = scale * ((4300001.1 - 0.5) - (4.3e6 + 0.5));  // as in the files
       EXPECT_LE(lower - error, wanted) << extension;
       EXPECT_GE(upper + error, wanted) << extension;
       EXPECT_LE(upper - lower + error, 2e-6 * scale) << extension;

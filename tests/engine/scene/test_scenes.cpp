@@ -1,4 +1,4 @@
-// The scenes of the repository load, and are what they say they are.
+// The scenes of the repository load, with their documented contents.
 #include <gtest/gtest.h>
 
 #include <algorithm>
