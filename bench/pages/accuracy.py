@@ -6,7 +6,7 @@ GROUPS = [("cpu", "f64"), ("cpu", "f32"), ("reference", "f64")]
 
 
 def kinds():
-    """The campaign against exact arithmetic: one row for each kind of question."""
+    """The run against exact arithmetic: one row for each kind of query."""
     remark, rows = results("accuracy")
     by_kind = {}
     for row in rows:
@@ -24,7 +24,7 @@ def kinds():
                 f"{worst['worst_width']:.2f}", str(total["unconverged"])]
 
     table = markdown(
-        ["question", "answers judged", "intervals that miss", "worst error", "widest interval", "wider than asked"],
+        ["query", "answers checked", "misses", "worst error", "widest interval", "wider than requested"],
         [line(kind, by_kind[kind]) for kind in sorted(by_kind)],
     )
     return f"{table}\n\nFrom [results/accuracy.csv](results/accuracy.csv) ({remark}), by `build/bin/clearance-certify`."

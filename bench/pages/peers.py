@@ -115,11 +115,10 @@ def accuracy_table():
                                                                total(mine, "wrong_by_1e-6_of_size"), none)))
         lines.append(cells)
     return (
-        f"From `docs/results/peers_accuracy.csv` ({remark}); of all cases: wrong by more than 1e-6 of the distance "
-        "(and "
-        "16 eps S) / by more than 1e-3 of the distance / by more than 1e-6 of S, the bodies' size and separation / "
-        "without "
-        "an answer (refused, crashed or hung):\n\n" + markdown(["class", *names], lines)
+        f"From `docs/results/peers_accuracy.csv` ({remark}); shares of all "
+        "cases.\nEach cell: wrong by more than 1e-6 of the distance (and 16 eps S) / by more than 1e-3 of it / by "
+        "more than 1e-6 of S, the bodies' size and separation / without an answer (rejected, crashed or "
+        "hung).\n\n" + markdown(["class", *names], lines)
     )
 
 
