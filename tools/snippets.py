@@ -79,10 +79,9 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "make build": "it is built",
         ". .venv/bin/activate": "this Python has the package",
     },
-    "docs/sweep.md": {
+    "docs/tradeoff.md": {
         "pip install": NEEDS + "a network",
         "clearance sweep": LONG + "tests/python/test_sweep.py; Ray by make test-extras EXTRAS=ray",
-        "ray start": NEEDS + "Ray; make test-extras EXTRAS=ray",
         "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
     },
     "docs/viewer.md": {

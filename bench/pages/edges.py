@@ -1,4 +1,4 @@
-"""Table and claims of docs/tradeoff.md about edges: proved beside sampled."""
+"""Table and claims of docs/tradeoff.md about edges: proofs and samples."""
 
 from pages import markdown, results
 
@@ -47,28 +47,28 @@ def table():
     edges = Edges()
     return "\n\n".join(
         [
-            f"From `docs/results/edges.csv` ({edges.remark}), by `make bench SUITE=edges`. Time is in proportion "
-            "to that of the proof with the same margin. *Missed*: samples call it free, and two bodies are proved "
-            "within the margin on it.",
+            f"From `docs/results/edges.csv` ({edges.remark}), by `make bench SUITE=edges`.\nTime is relative to "
+            "the proof with the same margin; *missed* edges are free by samples, with two bodies proved within the "
+            "margin.",
             markdown(
                 ["is an edge free?", "us an edge", "time", "configurations", "free", "hits", "undecided", "missed"],
                 edges.decisions(),
             ),
-            "The least distance of a whole edge, by the tolerance asked for (`abs_tol`); time over that of the proof "
-            "that it is free, margin 0:",
+            "The least distance of a whole edge, by tolerance (`abs_tol`); time over that of the proof that it is "
+            "free, margin 0:",
             markdown(
-                ["`abs_tol`", "us an edge", "time", "configurations", "width, 99 % [mm]", "not so near after 256"],
+                ["`abs_tol`", "us an edge", "time", "configurations", "width, 99 % [mm]", "wider after 256"],
                 edges.distances(),
             ),
         ]
     )
 
 
-# What the page says of edges in its own words, as conditions on the results.
+# Claims of the page about edges, as conditions on the results.
 CLAIMS = {
     "edges proved": lambda e: all(r["wrong"] == "0" for r in e.rows),
     "a proof is cheaper than samples": lambda e: min(e.ratio(e.sampled(0.02, m)) for m in e.sampled_margins) > 3,
-    # What samples that are no dearer than the proof miss.
+    # Samples that cost no more than the proof miss contacts.
     "cheap samples miss": lambda e: all(
         e.ratio(e.sampled(0.2, m)) < 1 and int(e.sampled(0.2, m)["missed"]) > 0 for m in e.sampled_margins
     ),

@@ -81,7 +81,7 @@ def accuracy_table(s):
             "largest width [m]",
             "overlap",
             "contact",
-            "wider than asked at 1e-2 and 1e-6",
+            "wider than requested at 1e-2 and 1e-6",
             "at 1e-12",
         ],
         rows,
@@ -93,7 +93,7 @@ def span(values):
 
 
 def unused(s, **setting):
-    """Whether a setting gives the very answers of the same query without it."""
+    """Whether a setting gives the same answers as the query without it."""
     columns = [c for c in s.rows[0] if c.split("_")[0] in ("error", "width", "rel")]
     plain = {k: v for k, v in setting.items() if k not in ("precision", "asked")}
     return all(
@@ -102,7 +102,7 @@ def unused(s, **setting):
 
 
 def sentences(s):
-    """What the results say, in words that hold whatever they are."""
+    """Sentences with numbers from the results, true of any results."""
     others = [x for x in s.scenes if x != "touching"]
     answers = sum(int(r["pairs"]) * int(r["steps"]) for r in s.rows)
     wrong = sum(int(r["violations"]) for r in s.rows)
@@ -127,7 +127,7 @@ def sentences(s):
         f"**float32 iterations.** Time over that of float64 at the same tolerance (1e-4): {span(f32('cold'))}; in "
         f"batches {span(f32('batch'))}."
         + (
-            " The answers are the same to the last digit: this backend iterates in float64 whatever is asked."
+            " The answers are the same to the last digit: this backend always iterates in float64."
             if unused(s, precision="f32", rel_tol=1e-4)
             else ""
         ),
@@ -152,12 +152,11 @@ def settings():
         parts += [
             f"### Backend `{backend}`",
             sentences(s),
-            "Time over that of the default query (float64, `rel_tol` 1e-6, no `max_distance`, cold, one query for "
-            "each step), each column with "
-            "one thing changed. `max_distance` is set to the median of all distances, and to a tenth of it:",
+            "Time over that of the default query (float64, `rel_tol` 1e-6, no `max_distance`, cold, one query per "
+            "step); each column changes one setting.\n`max_distance` is the median of all distances, and a tenth of "
+            "it.",
             time_table(s),
-            "Error and certified width over the exact distance, 99th percentile over the pairs that are apart, by "
-            "`rel_tol`:",
+            "Error and certified width over the exact distance, 99th percentile of the separate pairs, by `rel_tol`.",
             accuracy_table(s),
         ]
     return "\n\n".join(parts)
@@ -167,7 +166,7 @@ def no_more_than(values, limit):
     return all(v <= limit for v in values)
 
 
-# What the page says in its own words about the CPU, as conditions on the results.
+# Claims of the page about the CPU, as conditions on the results.
 CLAIMS = {
     "contained": lambda s: all(r["violations"] == "0" for r in s.rows),
     # Loosening from 1e-6 to 1e-2 saves less than two fifths wherever bodies do not touch.
@@ -176,7 +175,7 @@ CLAIMS = {
     ),
     # Two digits more than the default cost less than a tenth.
     "tight is cheap": lambda s: no_more_than(s.ratios(rel_tol=1e-8), 1.1),
-    # Nothing asked for with 1e-2 comes out slower than with 1e-6, to the noise of timing.
+    # A tolerance of 1e-2 is never slower than 1e-6, up to timing noise.
     "looser is no slower": lambda s: no_more_than(s.ratios(rel_tol=1e-2) + s.ratios(rel_tol=1e-1), 1.1),
     # Where the curve is flat, the answer is exact already at 1e-4.
     "exact already": lambda s: all(
@@ -281,10 +280,10 @@ def draw(path):
 
 
 def shapes_table():
-    """What bench/robots/bench_shapes.py measured."""
+    """Results of bench/robots/bench_shapes.py."""
     _, rows = results("shapes")
     header = ["robot, `convexify`", "triangles", "valid [us a state]", "least distance [us]", "short by, median [mm]",
-              "most [mm]", "free states refused", "missed overlaps"]
+              "most [mm]", "free states rejected", "missed overlaps"]
     return markdown(header, [
         [f"{r['robot']}, `{r['convexify']}`", r["triangles"], f"{float(r['valid_us']):.4g}",
          f"{float(r['least_us']):.4g}", r["short_mm"], r["short_most_mm"],
