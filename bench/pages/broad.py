@@ -15,7 +15,7 @@ def boxes_table(rows):
     lines = []
     for (method, threads), mine in grouped(rows, "method", "threads").items():
         by_count = {int(r["bodies"]): milliseconds(r) for r in mine}
-        lines.append([method, threads, *(by_count.get(n, "") for n in counts)])
+        lines.append([method.replace("anew", "rebuilt"), threads, *(by_count.get(n, "") for n in counts)])
     return markdown(["pairs within 2 m, ms", "threads", *(f"{n:,}" for n in counts)], lines)
 
 

@@ -30,12 +30,12 @@ def ours(rows, precision):
 
 
 def peer_cells(rows, show):
-    """The peers' best settings. show: what is said of one beside how many times our time it takes."""
+    """The peers' best settings: show(row) and the time over ours."""
     cells = []
     for contender in ("Coal", "FCL", "Bullet"):
         r, right = best(rows, contender)
         if r is None:
-            cells.append("left out" if (rows[0]["workload"], contender) in LEFT_OUT else "refused")
+            cells.append("left out" if (rows[0]["workload"], contender) in LEFT_OUT else "rejected")
             continue
         ratio = times(float(r["over_ours_f64"]))
         cells.append(f"{show(r)}, " + (f"**{ratio}**" if right else f"{ratio}, *wrong*"))
