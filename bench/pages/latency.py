@@ -6,7 +6,7 @@ NAMES = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, t
 
 
 def question(row):
-    """What a row of `clearance bench` asked."""
+    """Query of a row of `clearance bench`."""
     configurations = int(row["configs"])
     text = f"{row['pairs']} pair{'s' if row['pairs'] != '1' else ''}"
     text += f" x {configurations} configurations" if configurations else ""
@@ -14,7 +14,7 @@ def question(row):
 
 
 def latency_bars():
-    """What is added to floor and engine, and the bars."""
+    """Time added to baseline and engine, and the targets."""
     _, rows = results("latency")
 
     def line(row):
@@ -29,13 +29,13 @@ def latency_bars():
         [
             "query",
             "transport",
-            "floor",
+            "baseline",
             "engine",
             "p50",
             "added",
-            "bar: met?",
+            "target: met?",
             "p99.9",
-            "over floor: met?",
+            "over baseline: met?",
             "queries/s",
         ],
         [line(row) for row in rows],
@@ -44,7 +44,7 @@ def latency_bars():
 
 
 def latency_doorbell():
-    """What spinning buys, with cores apart, shared and busy."""
+    """Effect of spinning, with cores apart, shared and busy."""
     _, rows = results("latency_doorbell")
 
     def line(row):
@@ -57,7 +57,7 @@ def latency_doorbell():
             f"{float(row['throughput_hz']):,.0f}",
         ]
 
-    return markdown(["cores", "query", "client spins [us]", "p50", "p99", "transport p50", "floor p50", "queries/s"],
+    return markdown(["cores", "query", "client spins [us]", "p50", "p99", "transport p50", "baseline p50", "queries/s"],
                     [line(row) for row in rows], words=2)
 
 
