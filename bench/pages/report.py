@@ -21,7 +21,7 @@ REPORTED = {
     ("pairs", "1000 spheres"): {"gjk": 34328600, "gjk_omp": 3575860, "cuda_pairwise": 1619300, "cuda_batched": 1028300},
     ("pairs", "5000 spheres"): {"cuda_pairwise": 54142600, "cuda_batched": 26261300},
 }
-# What it says in words: speed-ups without times.
+# Speed-ups that the report gives without times.
 IN_WORDS = {
     ("close_pairs", "1000 meshes; margin inf", "aabb_tree_noheuristic"): "about 0.25x",
     ("lite", "benchmark_lite", "naive"): "1x",
@@ -114,13 +114,13 @@ def comparison(results, experiment, name, base, methods=None):
             if r is None:
                 cells.append("")
             elif math.isnan(us):
-                cells.append(r["note"])
+                cells.append(r["note"].replace("refused", "rejected"))
             else:
                 scaled = "" if r["measured"] == r["pairs"] else " \\*"
                 start = x.us(experiment, name, base)
                 cells.append(f"{time_of(us)}{scaled}" + ("" if math.isnan(start) else f" ({ratio_of(start / us)})"))
         rows.append(cells)
-    return markdown(["", "the report", *(x.short for x in results)], rows)
+    return markdown(["system", "the report", *(x.short for x in results)], rows)
 
 
 def tree_table(results):
@@ -194,7 +194,7 @@ def sphere_table(results):
 def transfer_table(results):
     x = next((x for x in results if x.gpu), None)
     if x is None:
-        return "No GPU was there."
+        return "Measured without a GPU."
     rows = [["the report: all copies, no kernel", "", time_of(58133)]]
     for r in x.case("transfers", "1000 spheres"):
         name = {
@@ -202,13 +202,13 @@ def transfer_table(results):
             "clearance_cuda": "Clearance, geometry and poses resident: the whole query",
         }.get(r["method"], r["method"])
         rows.append([name, r["note"].split()[0] if r["note"].endswith("bytes") else "", time_of(float(r["wall_us"]))])
-    return markdown(["", "bytes", "time"], rows)
+    return markdown(["transfer", "bytes", "time"], rows)
 
 
 def block_table(results):
     x = next((x for x in results if x.gpu), None)
     if x is None:
-        return "No GPU was there."
+        return "Measured without a GPU."
     rows = x.case("block_size", "1000 spheres")
     return markdown(["threads of a block", *(r["note"].split()[1] for r in rows)],
                     [["kernel", *(time_of(float(r["kernel_us"])) for r in rows)]])
@@ -226,7 +226,7 @@ def terms_table(results):
                     us = x.us("terms", name, method, "kernel_us")
                     row.append(f"{time_of(us)} ({ratio_of(x.us('terms', name, 'cuda_terms_seq', 'kernel_us') / us)})")
             rows.append(row)
-    return markdown(["case", "", "the report", *(f"{x.short}, kernels" for x in results if x.gpu)], rows, words=2)
+    return markdown(["case", "system", "the report", *(f"{x.short}, kernels" for x in results if x.gpu)], rows, words=2)
 
 
 def machine_list(results):
@@ -262,7 +262,7 @@ MAKERS = {
 TABLES = {name: lambda make=make: make(machines()) for name, make in MAKERS.items()}
 
 
-# What the page says in its own words, as conditions on the results.
+# Claims of the page, as conditions on the results.
 # Each takes the results of all machines; where a GPU or many cores matter, those of machines that have them.
 CLOSE = [f"1000 meshes; margin {m}" for m in ("0", "1", "inf")]
 CLAIMS = {
@@ -367,7 +367,7 @@ def draw(path):
     panels = [
         ("close_pairs", "1000 meshes; margin inf", "Close pairs of 1000 meshes, margin infinite"),
         ("close_pairs", "1000 meshes; margin 0", "The same, margin 0"),
-        ("support", LARGE, "One pair of 1,998,002 vertices each (Coal refuses it)"),
+        ("support", LARGE, "One pair of 1,998,002 vertices each (Coal rejects it)"),
         ("lite", "benchmark_lite", "One pair of 2400 faces (the report's figure 4)"),
         ("pairs", "1000 spheres", "All pairs of 1000 spheres"),
         ("pairs", "5000 spheres", "All pairs of 5000 spheres"),
