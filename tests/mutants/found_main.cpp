@@ -1,4 +1,4 @@
-// main() of mutants: a version of the engine that is wrong passes where a test of it fails.
+// main() for mutants: passes if a test fails, which means that the mutant is found.
 #include <gtest/gtest.h>
 
 #include <cstdio>

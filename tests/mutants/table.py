@@ -1,0 +1,399 @@
+"""The mutants: deliberate errors in the engine, each of which a test must find.
+
+Each has a name, the program that must find it (CMakeLists.txt), a file below engine/, and edits. An edit is a text that stands
+in the file exactly once, and an expression that replaces it, or the part of it between two @. All mutants of a file are
+compiled together, each as `clearance_mutant == NUMBER ? (replacement) : (original)`; the environment variable CLEARANCE_MUTANT
+selects one. A replacement that begins with = stands in all of them.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Mutant(NamedTuple):
+    """A deliberate error."""
+
+    program: str
+    name: str
+    file: str
+    edits: list[tuple[str, str]]
+
+
+def mutants_of(program: str, *rows: tuple[str, ...]) -> list[Mutant]:
+    """Mutants of one program. A row holds a name, a file, then text and replacement of each edit."""
+    return [Mutant(program, name, file, list(zip(edits[::2], edits[1::2]))) for name, file, *edits in rows]
+
+
+#: The engine's sources that compile a mutated header. Kernels are compiled into their tests.
+SOURCES_OF_HEADERS = {
+    "uncertainty/uncertainty_step.h": ["uncertainty/pose_uncertainty.cpp", "selection/body_poses.cpp"],
+    "bvh/crossing.h": ["bvh/winding.cpp"],
+    "mesh_distance/element_search.h": ["evaluate/evaluate.cpp"],
+    "robot/motion_path_step.h": ["robot/motion_path.cpp"],
+    "motion/motion_step.h": ["motion/half_spans.cpp", "motion/motion_search.cpp", "motion/motion_bounds.cpp"],
+}
+
+MUTANTS = [
+    # Rounding and radii: the mined cases find these.
+    *mutants_of(
+        "rounding",
+        ("rounding", "narrow/certify.cpp", "units * Arithmetic<T>::kUnit", "0 * units * Arithmetic<T>::kUnit"),
+        ("radius", "narrow/certify.cpp", "dd::two_sum(a, b)", "DoubleDouble(a + b)"),
+    ),
+    # Support functions and direction tables.
+    *mutants_of(
+        "mutants",
+        ("scan", "hull/support.cpp", "for (std::size_t i = @8@; i < count;", "16"),
+        ("lookup", "hull/direction_table.cpp", "table.cells[@v * grid + u@] = at", "u * grid + v"),
+        (
+            "corners", "hull/direction_table.cpp",
+            "@constexpr int kCorner@[4][4]",
+            "=const int kCorner",
+            "{{0, @1@, 3, 4},",
+            "0",
+            "{{0, 1, @3@, 4},",
+            "0",
+            "{{0, 1, 3, @4@},",
+            "0",
+        ),
+    ),
+    # Bounds that all contradict each other, except those of the lanes.
+    *mutants_of(
+        "contradiction",
+        ("contradiction", "narrow/certify.cpp", "units * Arithmetic<T>::kUnit", "-1e30 * units * Arithmetic<T>::kUnit"),
+    ),
+    # Uncertainty of poses.
+    *mutants_of(
+        "slack",
+        ("slack_boxes", "selection/body_poses.cpp", "grown(box, slack.inner)", "grown(box, 0 * slack.inner)"),
+        (
+            "slack_side", "selection/body_poses.cpp",
+            "return @placement.slack(pair.a) + placement.slack(pair.b)@",
+            "placement.slack(pair.a)",
+        ),
+        (
+            "slack_swapped", "selection/body_poses.cpp",
+            "return @placement.slack(pair.a) + placement.slack(pair.b)@",
+            "[](const Slack& s) { return Slack{s.outer, s.inner}; }(placement.slack(pair.a) + placement.slack(pair.b))",
+        ),
+        (
+            "slack_tolerance", "evaluate/evaluate.cpp",
+            "decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack)",
+            "decide(limits, lane.lower - slack.inner, lane.upper + slack.outer, [] { return 0.0; }, answer)",
+        ),
+        (
+            "slack_cut_off", "evaluate/evaluate.cpp",
+            "@slack.cut_off(pairs_[i].max_distance)@, i",
+            "pairs_[i].max_distance",
+        ),
+        ("slack_age", "uncertainty/uncertainty_step.h", "up(body.max_speed * age_s)", "up(body.max_speed * 0 * age_s)"),
+        (
+            "slack_parent", "uncertainty/uncertainty_step.h",
+            "return @parent.shift + parent.turn * (along + shift) + shift@",
+            "0 * (parent.shift + parent.turn * (along + shift)) + shift",
+        ),
+    ),
+    # Rounding errors of the kinematics.
+    *mutants_of(
+        "links",
+        ("link_shift", "uncertainty/uncertainty_step.h", "along + shifted + @joints.shift@)", "0.0"),
+        ("link_turn", "uncertainty/uncertainty_step.h", "turned + @joints.turn@)", "0.0"),
+        ("link_pair", "uncertainty/uncertainty_step.h", "Slack{joints, joints}", "Slack{0 * joints, 0 * joints}"),
+        (
+            "link_travel", "selection/configuration_poses.cpp",
+            "motion.travels(k, travels_.data() + k * bodies + at, scratch_)",
+            "void(0)",
+        ),
+    ),
+    # Regions of joint space, a tenth larger than proved.
+    *mutants_of(
+        "free_scale",
+        ("free_scale", "motion/free_scale.cpp", "@2@ * room / (", "2.2"),
+    ),
+    # Decisions by margins.
+    *mutants_of(
+        "margins",
+        ("margins", "selection/margins.cpp", "= @entries[static_cast<std::size_t>(entry)].margin@", "query.margin"),
+        (
+            "decision", "reduce/reduction_rows.cpp",
+            "else if (@answer.status != Status::kBeyond@)",
+            "!(answer.upper > plan_.margins.of(candidates_[i]))",
+        ),
+        ("dropped", "reduce/reduction_rows.cpp", "@i < none@; ++i", "i + 1 < none"),
+    ),
+    # Meshes and point clouds: the search through elements, and containment.
+    *mutants_of(
+        "surfaces",
+        (
+            "surface_boxes", "bvh/surface.cpp",
+            "float_under(box.low[static_cast<int>(k)])",
+            "-float_under(-box.low[static_cast<int>(k)])",
+        ),
+        ("surface_planes", "bvh/surface.cpp", "-(most + wrong)", "-(0.5 * most)"),
+        (
+            "surface_sides", "mesh_distance/part_gaps.cpp",
+            "times > 0 ? part.high : part.low",
+            "times < 0 ? part.high : part.low",
+        ),
+        (
+            "surface_rest", "mesh_distance/part_gaps.cpp",
+            "@dot(absolute(rest), part.half)@ +",
+            "0 * dot(rest, part.half)",
+        ),
+        (
+            "surface_boxes_of_nodes", "mesh_distance/part_gaps.cpp",
+            "(own.half[i] + their_half[i])",
+            "0.5 * (own.half[i] + their_half[i])",
+        ),
+        (
+            "surface_corners", "mesh_distance/part_gaps.cpp",
+            "take_greater(most, dot(n, triangles.corner[2]))",
+            "void(most = dot(n, triangles.corner[1]))",
+        ),
+        (
+            "surface_voxels", "mesh_distance/part_gaps.cpp",
+            "s.half = @columns({points.half, points.half, points.half})@",
+            "columns({0, 0, 0})",
+        ),
+        (
+            "surface_corners_of_parts", "mesh_distance/part_gaps.cpp",
+            "take_greater(most, dot(n, columns(corner)))",
+            "void(corner)",
+        ),
+        (
+            "surface_radius", "mesh_distance/nearest_elements.cpp",
+            "radius + @b_->pieces[e.piece_b]->radius@ + error_",
+            "0.0",
+        ),
+        (
+            "surface_held", "mesh_distance/containment.cpp",
+            "winding_number(*o->surface, outer_pose.R_wb.transpose_times(turned + shift)) == 0",
+            "winding_number(*o->surface, outer_pose.R_wb.transpose_times(turned + shift)) < 1000",
+        ),
+        (
+            "surface_parity", "mesh_distance/containment.cpp",
+            "winding_number(*o->surface, outer_pose.R_wb.transpose_times(turned + shift)) == 0",
+            "winding_number(*o->surface, outer_pose.R_wb.transpose_times(turned + shift)) % 2 == 0",
+        ),
+        (
+            "surface_inverted", "mesh_distance/containment.cpp",
+            "winding_number(*o->surface, outer_pose.R_wb.transpose_times(turned + shift)) == 0",
+            "winding_number(*o->surface, outer_pose.R_wb.transpose_times(turned + shift)) <= 0",
+        ),
+        ("surface_parts", "mesh_distance/containment.cpp", "any_of(@surface->parts()@,", "surface->parts().first(1)"),
+        ("surface_ties", "bvh/crossing.h", "return @sign(a.z - b.z)@", "0"),
+    ),
+    # Rows of meshes that depend on rows before them.
+    *mutants_of(
+        "batches",
+        ("remembers", "mesh_distance/element_search.h", "known_ = {}", "known_ = {.are_apart = known_.are_apart}"),
+    ),
+    # Bounds on the difference between convex parts and a mesh.
+    *mutants_of(
+        "decompositions",
+        (
+            "inner_corners", "decomposition/inner_bound.cpp",
+            "most = @std::max(most, distance(corner, i).upper)@",
+            "distance(corner, i).upper",
+        ),
+        ("inner_half", "decomposition/inner_bound.cpp", "{@middle@, v, w}", "u", "{middle, @v@, w}", "middle"),
+        (
+            "outer_corners", "decomposition/outer_bound.cpp",
+            "most = @std::max(most, measure_.to(triangle, points_[corner].at).upper)@",
+            "measure_.to(triangle, points_[corner].at).upper",
+        ),
+        ("outer_radius", "decomposition/outer_bound.cpp", "take(@centre.distance + radius@)", "centre.distance"),
+        (
+            "outer_winding", "decomposition/outer_bound.cpp",
+            "winding_number(truth_, known.at) != 0",
+            "winding_number(truth_, known.at) < 1000",
+        ),
+        (
+            "outer_within", "decomposition/outer_bound.cpp",
+            "if (!(@depth > deepest@)) continue",
+            "depth > 1e9 * deepest",
+        ),
+        (
+            "outer_part", "decomposition/outer_bound.cpp",
+            "measure_.apart(at, piece_) > part.off",
+            "measure_.apart(at, piece_) >= 0",
+        ),
+    ),
+    # Decomposed meshes: distances from convex parts.
+    *mutants_of(
+        "decomposed_bodies",
+        (
+            "pieces_inner", "mesh_distance/decomposed_pair.cpp",
+            "sum_above(decomposition->inner, piece->radius)",
+            "piece->radius",
+        ),
+        (
+            "pieces_radius", "mesh_distance/decomposed_pair.cpp",
+            "sum_above(decomposition->inner, piece->radius)",
+            "decomposition->inner",
+        ),
+        ("pieces_failed", "mesh_distance/decomposed_pair.cpp", "has_failed_ = @true@", "false"),
+    ),
+    # Meshes modelled by their convex parts alone.
+    *mutants_of(
+        "model",
+        ("model_inner", "scene/scene_by_pieces.cpp", "sum_above(body.model_inner, inner)", "body.model_inner"),
+        ("model_outer", "scene/scene_by_pieces.cpp", "sum_above(body.model_error, outer)", "body.model_error"),
+        ("model_radius", "scene/scene_by_pieces.cpp", "with_radius(*core, piece->radius)", "core"),
+        (
+            "model_held", "evaluate/evaluate_containment.cpp",
+            "by_pieces ? @search.slack.true_lower(found.lower)@ : found.lower",
+            "0.0",
+        ),
+        ("model_overlap", "evaluate/evaluate.cpp", "std::max(best.bounds.upper, 0.0)", "best.bounds.upper"),
+    ),
+    # Bounds on motions.
+    *mutants_of(
+        "motions",
+        ("motion_bend_of_one", "robot/motion_path_step.h", "speed * (turn + 2 * sum.turn)", "speed * (2 * sum.turn)"),
+        ("motion_bend_of_two", "robot/motion_path_step.h", "speed * (turn + 2 * sum.turn)", "speed * turn"),
+        (
+            "motion_bend_of_carrier", "robot/motion_path.cpp",
+            "outer.acceleration + 2 * outer.turn * speed",
+            "outer.acceleration",
+        ),
+        ("motion_mimic", "robot/motion_path_step.h", "* @mover.scale@ * kMotionSlack", "1.0"),
+        ("motion_travel", "robot/motion_path_step.h", "@mover.reach_travel@ * travel)", "0"),
+        (
+            "motion_reach", "robot/motion_path.cpp",
+            "mover.reach = (@across(axis, next_) + beyond_@)",
+            "0.99 * (across(axis, next_) + beyond_)",
+        ),
+        ("motion_turn", "motion/body_motion.cpp", "turn_ = (@2@ * half_angle_", "1.98"),
+        ("motion_shift", "motion/body_motion.cpp", "shift_ = @length_of(along_)@", "0.99 * length_of(along_)"),
+        ("motion_longer_way", "motion/body_motion.cpp", "s = @sign < 0 ? -1 : 1@", "1"),
+        (
+            "motion_bend_of_body", "motion/motion_bounds.cpp",
+            "(radius * motion.turn() + 4 * wrong) * motion.turn()",
+            "0 * motion.turn()",
+        ),
+        ("motion_one_side", "motion/motion_bounds.cpp", "@a.speed + b.speed@, a.acceleration", "b.speed"),
+        (
+            "motion_drift", "motion/motion_bounds.cpp",
+            "rates.add_drift(@drift_of(pair.a, moving, placed) + drift_of(pair.b, moving, placed)@)",
+            "0 * drift_of(pair.a, moving, placed)",
+        ),
+        ("motion_held", "motion/motion_bounds.cpp", "(reach + link.offset) * kUp", "reach * kUp"),
+        ("motion_bend", "motion/motion_step.h", "gap(end) - bend", "gap(end)"),
+        ("motion_middle", "motion/motion_step.h", "(there < middle ? there : middle) - error", "there - error"),
+        ("motion_lean", "motion/motion_step.h", "n + lean_a * @s@", "(0 * s)"),
+        (
+            "motion_way", "motion/motion_search.cpp",
+            "difference_below(answer.lower, asked.way)",
+            "difference_below(answer.lower, 0.9 * asked.way)",
+        ),
+        (
+            "motion_boxes", "motion/motion_search.cpp",
+            "sum_above(speed(pair.a), speed(pair.b)) * node.half()",
+            "0.5 * sum_above(speed(pair.a), speed(pair.b)) * node.half()",
+        ),
+        ("motion_slack", "motion/motion_step.h", "inner + drift * half", "drift * half"),
+        ("motion_seer", "motion/motion_step.h", "twist.turn = twist.turn - @seer.turn@", "0.0 * seer.turn"),
+        ("motion_contact", "motion/motion_search.cpp", "goal.unproved = @std::min(goal.unproved, begin)@", "begin"),
+        ("motion_along_boxes", "motion/motion_search.cpp", "low = @std::min(gaps.before, gaps.after)@", "gaps.middle"),
+        (
+            "motion_proved_until", "motion/motion_step.h",
+            "(middle - kept) / (middle - end)",
+            "1.5 * (middle - kept) / (middle - end)",
+        ),
+    ),
+    # Kernels that evaluate clouds and meshes.
+    *mutants_of(
+        "element_kernels",
+        (
+            "element_boxes", "cuda/mesh/element_parts.cuh",
+            "- @(x.half[k] + box_.half[k])@",
+            "0.5 * (x.half[k] + box_.half[k])",
+        ),
+        ("element_radius", "cuda/mesh/element_parts.cuh", "radii = @set.hull.radius + piece.radius@", "piece.radius"),
+        ("element_direction", "cuda/mesh/element_parts.cuh", "support(piece, R_.transpose_times(@-n_@))", "n_"),
+        ("element_planes", "cuda/mesh/element_parts.cuh", "is_ahead ? x.high : -x.low", "is_ahead ? x.low : -x.high"),
+        ("element_slabs", "cuda/mesh/element_set.cuh", "along * (@along > 0 ? high : low@)", "along > 0 ? low : high"),
+        (
+            "element_corners", "cuda/mesh/element_set.cuh",
+            "fmax(fmax(dot(n, corners[0]), dot(n, corners[1])), dot(n, corners[2]))",
+            "dot(n, corners[0])",
+        ),
+        ("element_held", "cuda/mesh/element_search.cuh", "winding.number == 0", "winding.number < 1000"),
+        ("element_inverted", "cuda/mesh/element_search.cuh", "winding.number == 0", "winding.number <= 0"),
+        (
+            "element_rays", "cuda/mesh/element_winding.cuh",
+            "sum += crossing(flushed(corners[0]), flushed(corners[1]), flushed(corners[2]), point, oriented)",
+            "sum = crossing(flushed(corners[0]), flushed(corners[1]), flushed(corners[2]), point, oriented)",
+        ),
+    ),
+    # Kernels that evaluate pairs of meshes.
+    *mutants_of(
+        "mesh_kernels",
+        (
+            "mesh_boxes", "cuda/mesh/mesh_search.cuh",
+            "dot(absolute(at_.R.row[k]), b.half)",
+            "0.5 * dot(absolute(at_.R.row[k]), b.half)",
+        ),
+        ("mesh_radius", "cuda/mesh/mesh_search.cuh", "radii = @a.hull.radius + b.hull.radius@", "a.hull.radius"),
+        ("mesh_planes_of_a", "cuda/mesh/mesh_search.cuh", "is_ahead ? a.high : -a.low", "is_ahead ? a.low : -a.high"),
+        ("mesh_planes_of_b", "cuda/mesh/mesh_search.cuh", "is_ahead ? -b.low : b.high", "is_ahead ? -b.high : b.low"),
+        ("mesh_direction", "cuda/mesh/mesh_search.cuh", "b.reach(at_.R.transpose_times(@-n@)) - a.reach(n)", "n"),
+        (
+            "mesh_children", "cuda/mesh/mesh_search.cuh",
+            "i > 0 && is_into_nodes() ? right_ : first_ + i",
+            "is_into_nodes() ? right_ : first_ + i",
+        ),
+        ("mesh_parts", "cuda/mesh/mesh_search.cuh", "part < @other.part_count@ && !(", "1"),
+        (
+            "mesh_outer", "cuda/mesh/mesh_search.cuh",
+            "&outer = @a_holds ? of_a_ : of_b_@, &inner",
+            "a_holds ? of_b_ : of_a_",
+            "&inner = @a_holds ? of_b_ : of_a_@",
+            "a_holds ? of_a_ : of_b_",
+        ),
+        ("mesh_held", "cuda/mesh/mesh_search.cuh", "!winding.is_sure || @winding.number == 0@", "winding.number <= 0"),
+    ),
+    # Kernels that evaluate motions.
+    *mutants_of(
+        "motion_kernels",
+        (
+            "motion_kernel_boxes", "cuda/motion/motion_kernel.cuh",
+            "sum_above(speed(ref.a), speed(ref.b)) * span.half()",
+            "0.3 * sum_above(speed(ref.a), speed(ref.b)) * span.half()",
+        ),
+        (
+            "motion_kernel_halves", "cuda/motion/motion_rates.cuh",
+            "along = @h == 0 ? gaps.before : gaps.after@",
+            "gaps.middle",
+        ),
+        (
+            "motion_kernel_behind", "cuda/motion/motion_kernel.cuh",
+            "wanted = @m.shares[i] != ~0u@",
+            "i % 2 == 0 && m.shares[i] != ~0u",
+        ),
+        (
+            "motion_kernel_late", "cuda/motion/motion_kernel.cuh",
+            "begins_late(@span.begin@, time_of_hit(m, span.motion))",
+            "span.end",
+        ),
+        (
+            "motion_kernel_contact", "cuda/motion/motion_kernel.cuh",
+            "free_no_longer(m, span.motion, @span.begin@)",
+            "span.end",
+        ),
+        ("motion_kernel_before", "cuda/motion/motion_kernel.cuh", "m.seeks_contact && pair.way > 0", "false"),
+        ("motion_kernel_least_low", "cuda/motion/motion_rates.cuh", "leave_out(m, span, most.low)", "void(0)"),
+        ("motion_kernel_least_halves", "cuda/motion/motion_rates.cuh", "leave_out(m, span, low)", "void(0)"),
+        (
+            "motion_kernel_least_enough", "cuda/motion/motion_least.cuh",
+            "enough_for(upper, @m.abs_tol@",
+            "8 * m.abs_tol",
+        ),
+        (
+            "motion_kernel_least_late", "cuda/motion/motion_least.cuh",
+            "if (m.seeks_contact && span.late) @free_no_longer(m, span.motion, span.begin)@",
+            "void(0)",
+        ),
+    ),
+]
