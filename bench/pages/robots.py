@@ -76,7 +76,7 @@ def rrt():
         figures = [f"{float(row[key]):.3g}" if ours or key != "transport_ms" else "" for key in keys]
         return [ROBOTS[row["robot"]], row["contender"], row["problems"], f"{int(row['states']):,}", *figures]
 
-    header = ["", "edges asked of", "problems", "states", "whole plan [ms]", "checking", "kinematics", "transport",
+    header = ["", "edges by", "problems", "states", "whole plan [ms]", "checking", "kinematics", "transport",
               "planner"]  # fmt: skip
     return f"{markdown(header, [line(row) for row in rows], words=2)}\n\nFrom `docs/results/rrt.csv` ({remark})."
 
