@@ -32,13 +32,17 @@ PROGRAMS = [
 HEAD = """\
 # Statuses, flags, errors
 <!-- Made by tools/error_page.py from the code; a test compares. -->
-Three kinds of wrong: at set-up an exception or an exit code, with a sentence that names cause and place; of a request
-an error with a code; of a row a status, while the other rows are answered ([why](concepts.md#status)).
+There are three kinds of failure, [each with its own report](concepts.md#status):
+
+- at set-up an exception or an exit code, with a text that names cause and place;
+- of a request an error with a code;
+- of a row a status, while other rows are answered.
 """
 SECTIONS = {
     "status": """
 ## Statuses of a row
-`clearance.Status`, in C++ `clearance::Status`. A status that you do not know is no answer: newer daemons may have more.
+`clearance.Status`, in C++ `clearance::Status`.
+Treat an unknown status as no answer: newer daemons may have more.
 
 """,
     "flag": """
@@ -49,13 +53,13 @@ SECTIONS = {
     "code": """
 ## Error codes of a request
 `QueryError.code` and `RequestError.code`, values of `clearance.wire.ErrorCode`; in C++ `clearance::wire::ErrorCode`.
-The text that comes with a code is for people and may change; the code does not. [What to do about each](wire.md#errors)
-stands with the wire.
+The text of an error may change; its code does not.
 
 """,
     "exception": """
 ## Exceptions in Python
-A wrong argument is an ordinary `TypeError` or `ValueError` that names it. All others are a `clearance.ClearanceError`.
+A wrong argument is a `TypeError` or `ValueError` that names it.
+All other exceptions are a `clearance.ClearanceError`.
 
 """,
     "exit": """

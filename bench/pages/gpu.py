@@ -13,62 +13,91 @@ def microseconds(text):
     return "" if value == 0 else f"{value:,.0f}" if value >= 10 else f"{value:.1f}"
 
 
-GPU_NAMES = {
-    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact, f32": "the same, f32",
-    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, near 0.1, compact": "the same, `max_distance` 0.1",
-    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min": "the same, min",
-    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, depth, compact": "the same, with depths",
-    "30 hulls, 150 pairs, 4096 configurations, depth, compact":
-        "30 hulls, 150 pairs, 4096 configurations, compact, with depths",
-}
+SPHERES, BIG_SPHERES = "1000 spheres, box 100", "5000 spheres, box 171"
+HULLS = "30 hulls, 150 pairs, 4096 configurations"
+ARMS = "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations"
+ARM = "an arm of 8 hulls, 21 things"
+CLOUD = "an arm of 8 hulls in a cloud of 100,000 points, 4096 configurations of joints"
+MESHES = "an arm of 7 meshes, 21 things, 4096 configurations of joints"
+#: Workloads of the page's tables by their name there. The files have more.
+GPU_ROWS = [
+    (f"{SPHERES}, compact", f"{SPHERES}, compact"),
+    (f"{SPHERES}, compact, f32", f"{SPHERES}, compact, f32"),
+    (f"{BIG_SPHERES}, compact", f"{BIG_SPHERES}, compact"),
+    (f"{HULLS}, compact", f"{HULLS}, compact"),
+    ("the same with status and flags", f"{HULLS}, compact, status and flags"),
+    ("the same, warm", f"{HULLS}, compact, warm"),
+    ("the same, with depths", f"{HULLS}, depth, compact"),
+    ("spheres, 1 pair", "spheres, 1 pair, compact"),
+    ("spheres, 1000 pairs", "spheres, 1000 pairs, compact"),
+    ("spheres, 10000 pairs", "spheres, 10000 pairs, compact"),
+    (f"{BIG_SPHERES}, nearest", f"{BIG_SPHERES}, nearest"),
+    ("50000 spheres, box 368, within 2", "50000 spheres, box 368, within 2"),
+    (f"{HULLS}, min", f"{HULLS}, min"),
+    ("2 arms of 35 parts, 10 obstacles of 71, 4096 configurations", f"{ARMS}, compact"),
+    ("the same, `max_distance` 0.1", f"{ARMS}, near 0.1, compact"),
+    ("the same, min", f"{ARMS}, min"),
+    (f"{ARM}, 4,096 configurations, any", f"{ARM}, 4096 configurations of joints, any"),
+    ("the same, min", f"{ARM}, 4096 configurations of joints, min"),
+    ("the same, within 0.02", f"{ARM}, 4096 configurations of joints, within 0.02"),
+    ("the same, a row for each pair", f"{ARM}, 4096 configurations of joints, bounds and status"),
+    (f"{ARM}, 1,048,576 configurations, any", f"{ARM}, 1048576 configurations of joints, any"),
+    ("an arm in a cloud of 100,000 points, any", f"{CLOUD}, any"),
+    ("an arm in a cloud of 100,000 points, min", f"{CLOUD}, min"),
+    ("an arm of 7 meshes, 21 things, any", f"{MESHES}, any"),
+    ("an arm of 7 meshes, 21 things, min", f"{MESHES}, min"),
+    (f"{SPHERES}, the 2023 report's blocks", f"{SPHERES}, the report's block for each pair"),
+]
+PLAN_ROWS = [
+    (f"{SPHERES}, compact", f"{SPHERES}, compact"),
+    ("the same, lower and upper", f"{SPHERES}, lower and upper"),
+    ("the same, bounds in float32", f"{SPHERES}, bounds in float32"),
+    (f"{HULLS}, compact", f"{HULLS}, compact"),
+    ("the same, lower and upper", f"{HULLS}, lower and upper"),
+    (f"{HULLS}, min", f"{HULLS}, min"),
+    ("spheres, 1 pair", "spheres, 1 pair, compact"),
+    ("2 arms of 35 parts, 10 obstacles of 71, 4096 configurations", f"{ARMS}, compact"),
+    ("the same, min", f"{ARMS}, min"),
+    (f"{ARM}, 4,096 configurations, any", f"{ARM}, 4096 configurations of joints, any"),
+    ("the same with gradients by joints", f"{ARM}, 4096 configurations of joints, min, gradients by joints"),
+    (f"{ARM}, 1,048,576 configurations, any", f"{ARM}, 1048576 configurations of joints, any"),
+]
+
+
+def workloads(name, shown):
+    """(name on the page, row) of some workloads of a file."""
+    rows = {row["workload"]: row for row in results(name)[1]}
+    return [(shown_as, rows[workload]) for shown_as, workload in shown]
 
 
 def gpu_all():
-    """Every row of the GPU benchmark."""
-    _, rows = results(GPU)
-    cores = rows[0]["cpu_cores"]
+    """The GPU benchmark."""
+    rows = workloads(GPU, GPU_ROWS)
+    cores = rows[0][1]["cpu_cores"]
 
-    def line(row):
+    def line(name, row):
         keys = ("kernel_us", "wall_pinned_us", "wall_pageable_us", "cpu_wall_us")
         routed = f"{microseconds(row['auto_wall_us'])} ({row['auto_backend']})" if row["auto_wall_us"] else ""
-        return [
-            GPU_NAMES.get(row["workload"], row["workload"]),
-            f"{int(row['pairs']):,}",
-            *(microseconds(row[key]) for key in keys),
-            routed,
-        ]
+        return [name, f"{int(row['pairs']):,}", *(microseconds(row[key]) for key in keys), routed]
 
-    return markdown(
-        [
-            "work",
-            "pairs",
-            "kernels [us]",
-            "wall, pinned [us]",
-            "wall, pageable [us]",
-            f"CPU, {cores} cores [us]",
-            "`auto` [us]",
-        ],
-        [line(row) for row in rows],
-    )
+    header = ["work", "pairs", "kernels", "wall, pinned", "wall, pageable", f"CPU, {cores} cores", "`auto`"]
+    return markdown(header, [line(*row) for row in rows])
 
 
 def gpu_plans():
-    """What a query takes whose poses and answers stay on the device."""
-    _, rows = results(GPU_PLANS)
+    """Queries whose poses and answers stay on the device."""
     keys = ("resident_us", "graph_us", "in_a_row_us", "to_host_us")
-
-    def line(row):
-        return [GPU_NAMES.get(row["workload"], row["workload"]), f"{int(row['pairs']):,}",
-                *(microseconds(row[key]) for key in keys)]
-
-    return markdown(["work", "pairs", "one run [us]", "in a graph [us]", "ten in a row, each [us]", "to the host [us]"],
-                    [line(row) for row in rows])
+    lines = [
+        [name, f"{int(row['pairs']):,}", *(microseconds(row[key]) for key in keys)]
+        for name, row in workloads(GPU_PLANS, PLAN_ROWS)
+    ]
+    return markdown(["work", "pairs", "one run", "in a graph", "ten in a row, each", "to the host"], lines)
 
 
 def gpu_daemon():
-    """Rows of a daemon's plan beside those of its replies."""
+    """Rows of a daemon's device query, compared with those of its replies."""
     _, rows = results(GPU_DAEMON)
-    names = ("rows there [us]", "read by a kernel of the client's [us]", "in host memory [us]")
+    names = ("rows ready", "read by the client's kernel", "in host memory")
     keys = ("rows_there_us", "rows_read_us", "host_us")
 
     def line(row):

@@ -15,6 +15,7 @@ sys.path.insert(0, str(ROOT / "tools"))
 
 import error_page  # noqa: E402
 import snippets  # noqa: E402
+import support_page  # noqa: E402
 
 
 @pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
@@ -75,9 +76,23 @@ def test_the_page_of_errors_is_that_of_the_code():
         thing = getattr(clearance, name)
         if isinstance(thing, type) and issubclass(thing, (Exception, Warning)):
             assert f"| `{name}` |" in text, name
-    # The wire's own list, in C++, has the same codes, and says what to do about each.
+    # The wire's own list, in C++, has the same codes.
     header = (ROOT / "wire/protocol.h").read_text()
     codes = re.findall(r"^  k(\w+) = \d+", header[header.index("enum class ErrorCode") :].split("};")[0], re.MULTILINE)
     assert len(codes) == len(clearance.wire.ErrorCode)
-    what_to_do = (ROOT / "docs/wire.md").read_text().split("## Errors")[1].split("\n## ")[0]
-    assert not [code for code in codes if f"`k{code}`" not in what_to_do]
+    assert not [code for code in codes if re.sub(r"(?<=[a-z])(?=[A-Z])", "_", code).upper() not in rows]
+
+
+def test_tables_of_supported_queries_are_those_of_the_code():
+    for page in support_page.TABLES:
+        assert (ROOT / page).read_text() == support_page.filled(page), "run tools/support_page.py"
+
+
+def test_conditions_that_cannot_be_read_are_reported(tmp_path, monkeypatch):
+    monkeypatch.setattr(support_page, "DEVICE", tmp_path)
+    file = tmp_path / "some.cpp"
+    file.write_text('std::string beyond(const Plan& plan) {\n  if (plan.query.max_steps > 0) return "motions";\n}\n')
+    assert support_page.rejections("beyond", "some.cpp") == [("q.max_steps > 0", "motions")]
+    file.write_text('std::string beyond(const Plan& plan) {\n  return motions(plan);\n}\n')
+    with pytest.raises(SystemExit, match="cannot be read: return motions"):
+        support_page.rejections("beyond", "some.cpp")
