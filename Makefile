@@ -35,7 +35,7 @@ fuzz:  ## libFuzzer on all that reads others' bytes, SECONDS=600 for each target
 
 MINUTES ?= 60
 SEED ?= 1
-soak: setup  ## faults (docs/faults.md): 1000 clients killed, 80 daemons, 30,000 bad inputs, then MINUTES=60 of all at random, SEED=1; rewrites docs/results/soak.csv
+soak: setup  ## faults (docs/safety.md): 1000 clients killed, 80 daemons, 30,000 bad inputs, then MINUTES=60 of all at random, SEED=1; rewrites docs/results/soak.csv
 	@tools/build.sh release test_fire_clients test_fire_daemon test_fire_limits test_fire_inputs clearance-soak
 	@for test in clients daemon limits inputs; do CLEARANCE_FIRE_ROUNDS=26 build/bin/test_fire_$$test --gtest_brief=1 || exit 1; done
 	@build/bin/clearance-soak --minutes $(MINUTES) --seed $(SEED) --csv docs/results/soak.csv

@@ -46,7 +46,16 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "build/bin/clearance-certificates": LONG + "tests/oracle",
         "build/bin/clearance-mine": LONG + "tests/oracle",
     },
-    "docs/containers_and_ros.md": {
+    "docs/cuda.md": {
+        "plan = engine": NEEDS + "a GPU; make gpu-test",
+        "client = clearance": NEEDS + "a GPU; make gpu-test",
+    },
+    "docs/examples.md": {
+        "python3 client/examples/": LONG + "make test-extras EXTRAS=examples",
+        "pip install": NEEDS + "a network",
+        "clearance view": "never ends; make test-extras EXTRAS=viewer",
+    },
+    "docs/install.md": {
         "mkdir -p /run/clearance": NEEDS + "Docker",
         "docker run": NEEDS + "Docker",
         "clearance bodies": NEEDS + "Docker",
@@ -55,12 +64,6 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "cd ~/ws": NEEDS + "ROS 2",
         "ros2 launch": NEEDS + "ROS 2",
     },
-    "docs/cuda.md": {
-        "plan = engine": NEEDS + "a GPU; make gpu-test",
-        "client = clearance": NEEDS + "a GPU; make gpu-test",
-    },
-    "docs/examples.md": {"python3 client/examples/": LONG + "make test-extras EXTRAS=examples"},
-    "docs/faults.md": {"make ": LONG + "make test has a part of it"},
     "docs/latency.md": {
         "clearanced --scene scenes/nineteen/scene.yaml --shm /run": NEEDS + "the right to real-time priorities",
         "clearance stat --watch": "never ends; tests/server/base/test_stats.cpp has the counters",
@@ -73,7 +76,8 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     },
     "docs/python.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
     "docs/report.md": {"make ": LONG + "make test has a part of it"},
-    "docs/scenes.md": {"clearance decompose": NEEDS + "CoACD; tests/inspect/test_decomposed_meshes.cpp"},
+    "docs/safety.md": {"make ": LONG + "make test has a part of it"},
+    "docs/shapes.md": {"clearance decompose": NEEDS + "CoACD; tests/inspect/test_decomposed_meshes.cpp"},
     "docs/start.md": {
         "git clone": "the repository is there",
         "make build": "it is built",
@@ -83,10 +87,6 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "pip install": NEEDS + "a network",
         "clearance sweep": LONG + "tests/python/test_sweep.py; Ray by make test-extras EXTRAS=ray",
         "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
-    },
-    "docs/viewer.md": {
-        "pip install": NEEDS + "a network",
-        "clearance view": "never ends; make test-extras EXTRAS=viewer",
     },
     "docs/wire.md": {"import struct": ELSEWHERE + "tests/python/test_docs.py"},
 }

@@ -103,7 +103,7 @@ def test_cpp_example_of_the_first_page(daemon, engine, tmp_path):
     assert (done.returncode, done.stdout[:10]) == (1, "no answer:"), done.stdout
 
 
-FRAGMENTS = [("docs/access.md", "client.h"), ("docs/install.md", "eigen.h")]
+FRAGMENTS = [("docs/security.md", "client.h"), ("docs/install.md", "eigen.h")]
 
 
 @pytest.mark.parametrize("page, header", FRAGMENTS)
