@@ -4,7 +4,7 @@
     tools/error_page.py            # writes the page
     tools/error_page.py --check    # exit code 1 where it is not what this would write
 
-Lines are the comments of the enumerators, the docstrings of the exceptions and what the programs' --help says.
+Lines are the comments of the enumerators, the docstrings of the exceptions and the texts of --help.
 """
 
 import ast
@@ -87,7 +87,7 @@ def ast_value(text: str) -> int:
 
 
 def exceptions() -> "list[tuple[str, str, str]]":
-    """(name, what it is a kind of, first sentence) of each exception and warning."""
+    """(name, base classes, first paragraph) of each exception and warning."""
     rows = []
     for node in ast.parse((PACKAGE / "_errors.py").read_text()).body:
         if isinstance(node, ast.ClassDef):

@@ -1,8 +1,8 @@
-"""What mkdocs makes of docs/, beside its pages: the sections, and whatever pages link to outside of docs/.
+"""Hooks of mkdocs: the navigation, and pages for files outside docs/.
 
-docs/README.md lists every page under a heading: that is the site's navigation, and its first page. A link that leaves
-docs/ leads to a page of the site that shows the file (or lists the folder), so that a site needs no repository beside
-it. "::: cpp FILE" on a page stands for what a public header declares (site_cpp.py), "::: notebook FILE" for a notebook.
+The navigation is the list of docs/README.md, which is also the first page. A link that leaves docs/ leads to a page that
+shows the file or lists the folder, so the site needs no repository. "::: cpp FILE" on a page inserts the declarations of
+a public header (site_cpp.py), "::: notebook FILE" a notebook.
 """
 import json
 import re
@@ -71,7 +71,7 @@ def on_page_markdown(markdown, page, config, files):
 
 
 def notebook(file):
-    """A notebook's cells and what they printed and drew, one heading deeper than they are, without its title."""
+    """A notebook's cells and their output, without its title. Headings move one level down."""
     out = []
     for cell in json.loads(file.read_text())["cells"]:
         source = "".join(cell["source"])
@@ -95,7 +95,7 @@ def title(page):
 
 
 def resolved(page, link):
-    """The file or folder that a page's link leads to, where one end of it is outside of docs/; None: any other link."""
+    """File or folder of a link that begins or ends outside docs/, otherwise None."""
     target = (page.parent / link).resolve()
     if not target.exists() or ROOT not in target.parents or (DOCS in page.parents and DOCS in target.parents):
         return None
