@@ -1,8 +1,8 @@
 """Hooks of mkdocs: the navigation, and pages for files outside docs/.
 
-The navigation is the list of docs/README.md, which is also the first page. A link that leaves docs/ leads to a page that
-shows the file or lists the folder, so the site needs no repository. "::: cpp FILE" on a page inserts the declarations of
-a public header (site_cpp.py), "::: notebook FILE" a notebook.
+The navigation is the list of docs/README.md, which is also the first page. A link that leaves docs/ leads to a page
+that shows the file or lists the folder, so the site needs no repository. "::: cpp FILE" on a page inserts the
+declarations of a public header (site_cpp.py), "::: notebook FILE" a notebook.
 """
 import json
 import re

@@ -163,10 +163,11 @@ def filled(page: str) -> str:
     """A page's text with its tables."""
     text = (ROOT / page).read_text()
     for name, table in TABLES[page].items():
-        pattern = rf"(<!-- support {name} -->\n).*?(<!-- end of support -->)"
-        text, count = re.subn(pattern, lambda found, made=table(): f"{found[1]}{made}\n{found[2]}", text, flags=re.DOTALL)
-        if count != 1:
-            raise SystemExit(f"{page}: expected one table {name}, found {count}")
+        begin, end = f"<!-- support {name} -->\n", "<!-- end of support -->"
+        if text.count(begin) != 1:
+            raise SystemExit(f"{page}: expected one table {name}, found {text.count(begin)}")
+        before, after = text.split(begin)
+        text = f"{before}{begin}{table()}\n{after[after.index(end) :]}"
     return text
 
 

@@ -93,6 +93,6 @@ def test_conditions_that_cannot_be_read_are_reported(tmp_path, monkeypatch):
     file = tmp_path / "some.cpp"
     file.write_text('std::string beyond(const Plan& plan) {\n  if (plan.query.max_steps > 0) return "motions";\n}\n')
     assert support_page.rejections("beyond", "some.cpp") == [("q.max_steps > 0", "motions")]
-    file.write_text('std::string beyond(const Plan& plan) {\n  return motions(plan);\n}\n')
+    file.write_text("std::string beyond(const Plan& plan) {\n  return motions(plan);\n}\n")
     with pytest.raises(SystemExit, match="cannot be read: return motions"):
         support_page.rejections("beyond", "some.cpp")
