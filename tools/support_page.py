@@ -14,6 +14,7 @@ import re
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
@@ -25,7 +26,7 @@ KINDS = {f"`{word}`": (word, False) for word in REDUCTIONS} | {
     f"motions, `{word}`": (word, True) for word in ("none", "min", "any")
 }
 #: Options by their name in the table.
-OPTIONS = {
+OPTIONS: "dict[str, dict[str, Any]]" = {
     "`max_distance`": {"max_distance": 1.0},
     "`margin`": {"margin": 0.01},
     "depths (`signed`)": {"signed": True},
@@ -33,7 +34,7 @@ OPTIONS = {
     "`gradient_joints`": {"fields": "gradient_joints"},
     "`pair_lower`": {"fields": ["lower", "pair_lower"]},
     "`time`, `first_contact`, `steps`": {"fields": ["time", "first_contact", "steps"]},
-    "`free_scale`": {"fields": "free_scale", "weights": [1.0] * 6},
+    "`free_scale`": {"fields": "free_scale", "weights": None},  # a weight for each joint
     '`format="compact"`': {"format": "compact"},
     '`model="pieces"`': {"model": "pieces"},
     "`max_pose_age_ns`": {"max_pose_age_ns": 1},
@@ -77,11 +78,11 @@ def options() -> str:
     here, there = [[0.0] * len(arm)], [[0.1] * len(arm)]
 
     def supports(reduce: str, motions: bool, option: str) -> bool:
-        more = dict(OPTIONS[option], reduce=reduce)
+        more: dict[str, Any] = {**OPTIONS[option], "reduce": reduce}
         if "weights" in more:
             more["weights"] = [1.0] * len(arm)
         given = {"start": here, "end": there} if motions else {"positions": here}
-        call = engine.motions if motions else engine.distances
+        call: Any = engine.motions if motions else engine.distances
         if option == "a certificate":
             call, more["rows"] = engine.certificate, [0]
         try:
