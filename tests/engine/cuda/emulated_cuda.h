@@ -5,6 +5,7 @@
 // the host's, which gives the same bits for kernels without fused operations.
 #pragma once
 
+#include <setjmp.h>
 #include <ucontext.h>
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include <cstdint>
 #include <cstring>
 #include <functional>
+#include <span>
 #include <type_traits>
 #include <vector>
 
@@ -67,7 +69,7 @@ class EmulatedGrid {
     blockDim = {threads, 1, 1};
     kernel_ = std::move(kernel);
     warps_.assign(threads / 32, {});
-    fibers_.resize(threads);
+    if (fibers_.size() < threads) fibers_.resize(threads);
     for (unsigned y = 0; y < blocks.y; ++y)
       for (unsigned x = 0; x < blocks.x; ++x) run_block({x, y, 0});
   }
@@ -89,8 +91,11 @@ class EmulatedGrid {
   void wait_for_block() { wait(block_, blockDim.x); }
 
  private:
+  /// A fiber starts by ucontext.h, and switches by setjmp.h: swapcontext() makes a system call for the signal mask.
   struct Fiber {
     ucontext_t context{};
+    jmp_buf paused{};
+    bool has_begun = false;
     std::vector<char> stack = std::vector<char>(1u << 18);
     bool done = false;
   };
@@ -105,33 +110,43 @@ class EmulatedGrid {
   void run_block(EmulatedDim at) {
     blockIdx = at;
     block_ = {};
-    for (Fiber& f : fibers_) begin(f);
+    const std::span<Fiber> fibers(fibers_.data(), blockDim.x);
+    for (Fiber& f : fibers) f.done = false;
     for (bool goes_on = true; goes_on;) {
       goes_on = false;
-      for (unsigned t = 0; t < fibers_.size(); ++t) {
-        if (fibers_[t].done) continue;
+      for (unsigned t = 0; t < fibers.size(); ++t) {
+        if (fibers[t].done) continue;
         goes_on = true;
         resume(t);
       }
     }
   }
   void begin(Fiber& f) {
-    f.done = false;
+    f.has_begun = true;
     getcontext(&f.context);
     f.context.uc_stack.ss_sp = f.stack.data();
     f.context.uc_stack.ss_size = f.stack.size();
     makecontext(&f.context, [] { one().run(); }, 0);
+    setcontext(&f.context);
   }
+  /// What a fiber runs: one kernel after another.
   void run() {
-    kernel_();
-    fibers_[threadIdx.x].done = true;
-    pause();
+    for (;;) {
+      kernel_();
+      fibers_[threadIdx.x].done = true;
+      pause();
+    }
   }
   void resume(unsigned thread) {
     threadIdx = {thread, 0, 0};
-    swapcontext(&scheduler_, &fibers_[thread].context);
+    Fiber& fiber = fibers_[thread];
+    if (_setjmp(scheduler_) != 0) return;
+    if (fiber.has_begun) _longjmp(fiber.paused, 1);
+    begin(fiber);
   }
-  void pause() { swapcontext(&fibers_[threadIdx.x].context, &scheduler_); }
+  void pause() {
+    if (_setjmp(fibers_[threadIdx.x].paused) == 0) _longjmp(scheduler_, 1);
+  }
   void wait(Barrier& barrier, unsigned threads) {
     const unsigned round = barrier.round;
     if (++barrier.arrived == threads) {
@@ -145,7 +160,7 @@ class EmulatedGrid {
   std::vector<Fiber> fibers_;
   std::vector<Warp> warps_;
   Barrier block_;
-  ucontext_t scheduler_{};
+  jmp_buf scheduler_{};
 };
 
 }  // namespace clearance::test
