@@ -10,13 +10,13 @@ namespace clearance {
 
 namespace {
 
-constexpr std::uint64_t kMostRows = 100'000;  // a document of some 100 MB
+constexpr std::uint64_t kMostRows = 100'000;  // about 100 MB of document
 
 [[noreturn]] void refuse(QueryErrorCode code, const std::string& what) {
   throw QueryError(code, "certificate: " + what);
 }
 
-// Rows of reduce none without motions.
+// Rows of `reduce` none without motions.
 class RowCertificateJob final : public CertificateJob {
  public:
   RowCertificateJob(const JobContext& context, Plan&& plan, const CertificateRows& rows)
@@ -25,7 +25,7 @@ class RowCertificateJob final : public CertificateJob {
  private:
   enum class Step { kBegin, kAnswer, kProve };
 
-  // Returns true once the row is written; false where the slice is over.
+  // Returns true once the row is written, and false if the slice ended first.
   bool go_on_with(std::uint64_t row, WorkMeter& slice) override {
     const std::uint64_t k = row / plan_.size.pairs;
     if (step_ == Step::kBegin) {
@@ -62,7 +62,7 @@ class RowCertificateJob final : public CertificateJob {
   }
 
   Evaluator evaluator_;
-  Step step_ = Step::kBegin;  // of the row whose turn it is
+  Step step_ = Step::kBegin;  // of the current row
   const BodyPoses* here_ = nullptr;
   PlacedBodies asked_{};
   PairAnswer answer_;

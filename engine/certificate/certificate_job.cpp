@@ -33,11 +33,11 @@ bool CertificateJob::go_on(WorkMeter& slice) {
 }
 
 const EvaluateOptions& CertificateJob::with_pieces() {
-  options_.want_points = true;  // which pieces are the nearest
+  options_.want_points = true;  // identifies the nearest parts
   return options_;
 }
 
-// Of the model pieces.
+// Concerns `model=pieces` only.
 void CertificateJob::refuse_stand_ins(BodyPair pair) const {
   if (plan_.query.model != Model::kPieces) return;
   if (const std::string why = no_convex_truth(scene(), pair); !why.empty())

@@ -12,23 +12,24 @@
 
 namespace clearance {
 
-/// Answers rows anew and writes what proves each, row by row.
+/// Answers rows again and writes their proofs, row by row.
 class CertificateJob : public ParallelJob {
  public:
   std::vector<std::byte> take() { return text_.take(); }
 
  protected:
-  /// \param rows must outlive this. \param boxes as ParallelJob has it
+  /// \param rows must outlive this
+  /// \param boxes as for ParallelJob
   CertificateJob(const JobContext& context, Plan&& plan, const CertificateRows& rows, bool boxes);
 
   bool go_on(WorkMeter& slice) final;
-  /// Writes a row. Returns true once it is written; false where the slice is over: then it goes on in the next one.
+  /// Writes a row. Returns true once it is written, and false if the slice ended first; the next call continues.
   virtual bool go_on_with(std::uint64_t row, WorkMeter& slice) = 0;
 
   const EvaluateOptions& with_pieces();
-  /// Throws QueryError for pairs of which nothing is certified.
+  /// Throws QueryError for pairs that cannot be certified.
   void refuse_stand_ins(BodyPair pair) const;
-  /// Bodies with usable poses, as of the whole of a motion; its begin, end and time may be set then.
+  /// Describes bodies with usable poses over a whole motion; the caller may then set begin, end and time.
   SpanPlace span_at(const BodyPoses& here, BodyPair pair) const;
   WitnessProof witness_at(const BodyPoses& here, BodyPair pair, double time, PieceProof proof) const;
 

@@ -1,5 +1,5 @@
-// How a joint places a link, as a certificate says it: moves, each in the frame of the one before, the first
-// in the joint's origin.
+// A joint's placement of its link in a certificate: moves, each in the frame of the previous one, the first in the
+// joint's origin.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -9,7 +9,8 @@
 
 namespace clearance {
 
-/// docs/certificates.md, "moves". \param stands positions of all of the scene's joints, where no query moves them
+/// Moves of a joint: docs/certificates.md, "moves".
+/// \param stands positions of all joints of the scene, used for those that no query moves
 nlohmann::ordered_json moves_of(const RobotJoint& joint, const SceneRobot& robot, std::span<const double> stands);
 
 }  // namespace clearance

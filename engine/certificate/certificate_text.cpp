@@ -23,12 +23,12 @@ constexpr std::uint64_t kStepsPerUnit = 16;
 constexpr const char* kStatusNames[] = {"ok",       "overlap", "contact",      "beyond",    "unconverged",
                                         "bad_pose", "no_pose", "unknown_body", "stale_pose"};
 
-// JSON has no infinity. The library writes other numbers so that they are read back as they are.
+// JSON has no infinity. The library writes all other numbers so that they read back unchanged.
 Json number(double x) {
   if (std::isfinite(x)) return x;
   return std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf";
 }
-// The sum of both is the number.
+// Pair of float64 whose sum is the number.
 Json number(const DoubleDouble& x) {
   return Json::array({number(x.hi), number(x.lo)});
 }
@@ -39,7 +39,7 @@ Json vector(const Vec3<T>& v) {
 Json pose(const Pose& X) {
   return Json::array({X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz});
 }
-// Numbers of 64 bits are text: many readers of JSON have float64 alone.
+// 64-bit integers are written as strings, because many JSON readers hold numbers as float64.
 std::string text(std::uint64_t x) {
   char buffer[24];
   std::snprintf(buffer, sizeof buffer, "%016llx", static_cast<unsigned long long>(x));
@@ -52,7 +52,7 @@ const char* arithmetic(bool in_double_double) {
 std::string text_of(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
-// An object that goes on: without its last brace.
+// An object without its closing brace, to be continued.
 std::string open_text(const Json& json) {
   std::string text = text_of(json);
   text.pop_back();
@@ -79,7 +79,7 @@ Json lower_json(const PieceProof& p) {
           {"arithmetic", arithmetic(p.proof.lower_in_double_double)},
           {"direction", p.proof.is_against_b ? Json(nullptr) : vector(p.proof.direction)}};
 }
-// Of a core in closed form; null: the other piece has vertices.
+// Points of a core in closed form; null if the other part has vertices.
 Json points_json(const std::vector<Vec3<DoubleDouble>>& points) {
   Json json;
   for (const Vec3<DoubleDouble>& p : points) json.push_back(vector(p));
@@ -121,7 +121,7 @@ Json contact_json(const FirstContactProof& contact) {
           {"witness", witness_json(contact.witness)}};
 }
 
-// Those that there are, each with the name of what derives it.
+// Appends the nonzero terms, each with the name of the rule that derives it.
 void add_terms(Json& terms, const char* side, const Body& body, const SlackParts& parts, double between) {
   const auto add = [&](const char* name, double inner, double outer) {
     if (!(inner > 0) && !(outer > 0)) return;
@@ -247,7 +247,7 @@ void CertificateText::end_row(const std::optional<WitnessProof>& witness,
   add(proved ? ",\"proved\":true}" : ",\"proved\":false}");
 }
 
-// Each once, after what it is placed on.
+// Names each body once, after the body that it follows.
 void CertificateText::name(std::uint32_t id, const BodyPoses& here) {
   if (known_.contains(id)) return;
   known_[id] = here.has_uncertainties() ? here.uncertainty(id).parts.age_s : 0;
@@ -256,7 +256,7 @@ void CertificateText::name(std::uint32_t id, const BodyPoses& here) {
   bodies_.push_back(id);
 }
 
-// That places a link, where one does.
+// The joint that places a link, or null.
 const RobotJoint* CertificateText::joint_of(std::uint32_t id) const {
   const Body& body = scene_.bodies()[id];
   if (body.robot == kNone) return nullptr;
@@ -265,12 +265,12 @@ const RobotJoint* CertificateText::joint_of(std::uint32_t id) const {
   return joint == kNone || model.joints[joint].kind == JointKind::kFloating ? nullptr : &model.joints[joint];
 }
 
-// The body whose frame its pose, or its joint, is in.
+// The body in whose frame the body's pose or joint is given.
 std::uint32_t CertificateText::carrier_of(std::uint32_t id) const {
   const RobotJoint* const joint = joint_of(id);
   if (!joint) return plan_.snapshot->parent[id];
   const SceneRobot& robot = *scene_.robots()[scene_.bodies()[id].robot];
-  return joint->parent == robot.model.base ? robot.base : robot.bodies[joint->parent];  // which are in one place
+  return joint->parent == robot.model.base ? robot.base : robot.bodies[joint->parent];  // base link and base coincide
 }
 
 bool CertificateText::end(WorkMeter& meter) {
@@ -306,7 +306,7 @@ bool CertificateText::end(WorkMeter& meter) {
   return true;
 }
 
-// What the query moves of all that is in the document.
+// Values of all joints and bodies in the document that the query moves.
 void CertificateText::add_configuration(std::uint64_t k) {
   const std::uint64_t ends = plan_.query.max_steps > 0 ? 2 : 1, count = plan_.query.configuration_count > 0 ? ends : 0;
   Json poses = Json::object(), positions = Json::object();
@@ -353,7 +353,7 @@ void CertificateText::add_body(std::uint32_t id) {
            is_first);
 }
 
-// Whether the elements of the piece whose turn it is are not all listed yet, and the slice is over.
+// Returns true if the slice ended before all elements of the current part were listed.
 bool CertificateText::lists_elements(const Surface& surface, WorkMeter& meter) {
   if (!elements_) elements_.emplace(surface);
   while (!elements_->advance(kStepsAtOnce)) {
@@ -363,7 +363,7 @@ bool CertificateText::lists_elements(const Surface& surface, WorkMeter& meter) {
   return false;
 }
 
-// Some vertices and elements of the piece whose turn it is.
+// Writes some vertices and elements of the current part.
 void CertificateText::add_piece(WorkMeter& meter) {
   const Piece& piece = *pieces_[next_piece_];
   if (piece.surface && lists_elements(*piece.surface, meter)) return;
@@ -382,7 +382,7 @@ void CertificateText::add_piece(WorkMeter& meter) {
   }
   const std::vector<Vec3d>& vertices = rows ? rows->vertices : piece.vertices;
   const std::size_t elements = piece.surface ? piece.surface->size() : 0;
-  // Elements come behind vertices.
+  // Vertices precede elements.
   for (std::size_t n = 0; n < kVerticesAtOnce && next_vertex_ < vertices.size() + elements; ++n, ++next_vertex_) {
     bool is_first_row = next_vertex_ == 0 || next_vertex_ == vertices.size();
     if (next_vertex_ == vertices.size()) add("],\"elements\":[");

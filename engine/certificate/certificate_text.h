@@ -15,69 +15,74 @@
 
 namespace clearance {
 
-/// What proves a bound of two pieces, or of all of a run of pieces of each body. The elements of a surface count as
-/// pieces, in their order, in its place (piece_place()).
+/// Proof of a bound on two convex parts, or on two ranges of parts. The elements of a surface count as parts, in their
+/// order, in place of the surface (piece_place()).
 struct PieceProof {
-  std::uint32_t piece_a, piece_b;  ///< of their bodies; both kNone: the direction is for every pair of pieces
+  std::uint32_t piece_a, piece_b;  ///< indices in their bodies; if both are kNone, the direction is for all pairs of
+                                   ///< parts
   NarrowProof proof;
-  int order = 1;                           ///< of a direction: 2: bodies are looked at as they move along it
-  std::uint32_t seer = kNone;              ///< before whose eyes they move; kNone: the world's
-  std::uint32_t count_a = 1, count_b = 1;  ///< of a direction: how many pieces from these on
-  /// Of a witness: which body (0: a, 1: b) has a solid, of which its piece is an element, that a vertex of the other's
-  /// piece is within; kNone: none
+  int order = 1;                           ///< of a direction; 2 follows the bodies along it as they move
+  std::uint32_t seer = kNone;              ///< body whose frame the motion is measured in; kNone is the world
+  std::uint32_t count_a = 1, count_b = 1;  ///< of a direction: number of parts from these on
+  /// Of a witness: the body (0 is a, 1 is b) whose solid contains a vertex of the other's part. This body's part is any
+  /// element of that solid. kNone if there is none.
   std::uint32_t within = kNone;
 };
 
-/// Which of the body's pieces a piece, or the first element of its surface, is, where elements count as pieces.
+/// Index of a part, or of the first element of its surface, if elements count as parts.
 std::uint32_t piece_place(const Body& body, std::uint32_t piece);
 
-/// A span of a motion, looked at at one time, and what is not known of a pair there. A row without motions has one.
+/// A span of a motion, evaluated at one time, and the pair's uncertainty there. A row without motions has one span.
 struct SpanPlace {
   double begin = 0, end = 1, at = 0;
   Slack slack;  ///< of the pair
   SlackParts parts_a, parts_b;
-  double joints = 0;                    ///< of links of one robot: joints_between()
+  double joints = 0;                    ///< between links of one robot: joints_between()
   double between_a = 0, between_b = 0;  ///< BodyPoses::beside_chains()
 };
 
-/// Points that are no farther apart than an upper bound, or a surface that says how deep an overlap is.
+/// Two points no farther apart than an upper bound, or a closed surface that proves a penetration depth.
 struct WitnessProof {
   double time = 0;
   Pose X_wa, X_wb;  ///< as computed
   PieceProof proof;
 };
 
-/// Until when a motion is free, and when something is within its margin.
+/// Time until which a motion is free, and time at which a pair is within its margin.
 struct FirstContactProof {
-  double free_until = 0, hit_at = 0;    ///< 0 to 1; inf: all along, never
-  BodyPair pair{kNone, kNone};          ///< that is within its margin
-  std::optional<WitnessProof> witness;  ///< none: nothing is, or it is not proved
+  double free_until = 0, hit_at = 0;    ///< in [0, 1]; infinity if free throughout, or never within a margin
+  BodyPair pair{kNone, kNone};          ///< the pair within its margin
+  std::optional<WitnessProof> witness;  ///< unset if no pair is, or if that is not proved
 };
 
-/// docs/certificates.md says what it holds. Rows come first, then the bodies that they name, their pieces, and where
-/// configurations put them.
+/// Writes the document of docs/certificates.md: rows, then the bodies they name, their parts, and the values that
+/// configurations give them.
 class CertificateText {
  public:
-  /// \param scene, plan must outlive this. \param most bytes
+  /// \param scene, plan must outlive this
+  /// \param most size limit, in bytes
   CertificateText(const Scene& scene, const Plan& plan, std::uint64_t most) : scene_(scene), plan_(plan), most_(most) {}
 
-  /// All that add to it throw QueryError where it is larger than it may be.
+  /// All functions that write throw QueryError beyond the size limit.
   void begin(const ReplyInfo& info);
   void begin_row(std::uint64_t row, std::uint64_t configuration, BodyPair pair, const PairAnswer& answer);
-  /// Of bodies with usable poses. \param here any configuration, until the pair ends. \param lower what is proved of it
+  /// Starts a pair of bodies with usable poses.
+  /// \param here any configuration; must stay valid until the pair ends
+  /// \param lower lower bound that is proved
   void begin_pair(BodyPair pair, const BodyPoses& here, double margin, double lower);
   void begin_span(BodyPair pair, const SpanPlace& place);
   void add_lower(const PieceProof& proof);
   void end_span();
-  /// The pair's spans of its row are there: others that prove it free until first contact follow. \param lower as
-  /// begin_pair() has it
+  /// Ends the pair's spans of the row and starts those that prove it free until first contact.
+  /// \param lower as for begin_pair()
   void begin_free(double lower);
   void end_pair();
-  /// \param witness none: the upper bound is infinite, or not proved. \param contact none: nobody asks. \param proved
-  /// by what the row holds, or by its status
+  /// \param witness unset if the upper bound is infinite or not proved
+  /// \param contact unset if not requested
+  /// \param proved whether the row's content or its status proves it
   void end_row(const std::optional<WitnessProof>& witness, const std::optional<FirstContactProof>& contact,
                bool proved);
-  /// What is left. Returns true once all is written, false where the slice is over.
+  /// Writes the remainder. Returns true once all is written, and false if the slice ended first.
   bool end(WorkMeter& meter);
   std::vector<std::byte> take() { return std::move(text_); }
 
@@ -99,17 +104,17 @@ class CertificateText {
   std::uint64_t most_;
   std::vector<std::byte> text_;
   Part part_ = Part::kRows;
-  const BodyPoses* here_ = nullptr;  // of the pair that is written
+  const BodyPoses* here_ = nullptr;  // of the current pair
   bool first_row_ = true, first_pair_ = true, first_span_ = true, first_lower_ = true;
-  bool is_free_ = false;                   // of the pair: begin_free()
-  std::map<std::uint32_t, double> known_;  // bodies, with the ages of their poses, seconds
-  std::set<std::uint32_t> in_pairs_;       // whose pieces are written
+  bool is_free_ = false;                   // the current pair has passed begin_free()
+  std::map<std::uint32_t, double> known_;  // named bodies and the ages of their poses, in seconds
+  std::set<std::uint32_t> in_pairs_;       // bodies whose parts are written
   std::vector<std::uint32_t> bodies_;      // in the order in which rows name them
   std::map<const Piece*, std::size_t> places_;
   std::vector<const Piece*> pieces_;
   std::set<std::uint64_t> configurations_;
   std::size_t next_body_ = 0, next_piece_ = 0, next_vertex_ = 0;
-  std::optional<SurfaceLister> elements_;  // of the piece whose turn it is
+  std::optional<SurfaceLister> elements_;  // of the current part
   bool first_configuration_ = true;
 };
 

@@ -48,7 +48,7 @@ class MotionCertificateJob final : public CertificateJob {
     return true;
   }
 
-  // Of several rows of one motion, one after another, it is answered once.
+  // Answers a motion once for several successive rows.
   void begin(std::uint64_t motion, WorkMeter& slice) {
     step_ = Step::kAnswer;
     if (motion == motion_) return;
@@ -67,7 +67,7 @@ class MotionCertificateJob final : public CertificateJob {
     return true;
   }
 
-  // Returns false where the row is whole with that: nothing has a usable pose.
+  // Returns false if the row is complete, because no body has a usable pose.
   bool begin_row(std::uint64_t number, std::uint64_t motion) {
     const PairAnswer& answer = row_->row.answer;
     text_.begin_row(number, motion, row_->row.pair, answer);
@@ -82,7 +82,7 @@ class MotionCertificateJob final : public CertificateJob {
     pair_prover_.reset();
     is_proved_ = true;
     step_ = Step::kPairs;
-    // Of two half-spaces nothing is known either, but the row is about two bodies.
+    // Two half-spaces have infinite bounds as well, but their row does name two bodies.
     if (!std::isinf(answer.lower) || answer.lower > 0 || answer.status == Status::kUnconverged) return true;
     if (contact_) contact_ = {0, kInf, {}, {}};  // a row without an answer claims nothing
     end_row(true);
@@ -94,7 +94,8 @@ class MotionCertificateJob final : public CertificateJob {
 
   bool wants_contact() const { return (plan_.size.fields & kFieldFirstContact) != 0; }
 
-  // What is proved of a pair: the row's bound and, where it says that all are beyond their margins, its margin.
+  // Lower bound to prove for a pair: the row's bound or, if the row claims that all pairs are beyond their margins, the
+  // pair's margin.
   double lower_of(std::uint64_t position) const {
     const PairAnswer& answer = row_->row.answer;
     const bool beyond = plan_.query.reduce == Reduce::kAny && answer.status == Status::kBeyond;
@@ -119,14 +120,14 @@ class MotionCertificateJob final : public CertificateJob {
     return true;
   }
 
-  // Returns false where nothing is to be proved of it.
+  // Returns false if the pair needs no proof.
   bool begin_pair(BodyPair pair) {
     moment_.move_to(0.5);
-    if (is_unusable(scene(), moment_.placed(), pair)) return false;  // the row says so: it is incomplete
+    if (is_unusable(scene(), moment_.placed(), pair)) return false;  // the row's status is incomplete
     refuse_stand_ins(pair);
     const double lower = lower_of(pair_);
     text_.begin_pair(pair, moment_.placed(), plan_.margins.of(pair_), lower);
-    // What is proved of the whole motion holds until first contact, too.
+    // A proof for the whole motion also holds until first contact.
     wants_free_ = contact_ && contact_->free_until > 0 && !(lower > plan_.margins.of(pair_));
     if (lower > 0 && is_proved_) {
       pair_prover_.emplace(scene(), bounds_, options_, moment_, pair_, pair, lower, 1, text_);
@@ -137,7 +138,7 @@ class MotionCertificateJob final : public CertificateJob {
     return false;
   }
 
-  // Goes on with the pair until first contact. Returns false where nothing is to be proved of that.
+  // Continues with the pair until first contact. Returns false if that needs no proof.
   bool begin_free(BodyPair pair) {
     if (!std::exchange(wants_free_, false) || !is_proved_) return false;
     const double lower = above_margin(pair_), until = std::min(contact_->free_until, 1.0);
@@ -153,7 +154,7 @@ class MotionCertificateJob final : public CertificateJob {
     return true;
   }
 
-  // That a pair is within its margin at the time of contact.
+  // Proves that a pair is within its margin at the time of contact.
   bool prove_hit(WorkMeter& slice) {
     const MotionHit& hit = row_->hit;
     if (!contact_ || !(hit.time < kInf)) return true;
@@ -164,7 +165,8 @@ class MotionCertificateJob final : public CertificateJob {
     return prove_upper(contact_->pair, hit.time, within, contact_->witness, slice);
   }
 
-  // Returns false where the slice is over. \param answer its upper bound, and which pieces it is of
+  // Returns false if the slice ended first.
+  // \param answer holds the upper bound and the indices of the parts that attain it
   bool prove_upper(BodyPair pair, double time, const PairAnswer& answer, std::optional<WitnessProof>& found,
                    WorkMeter& slice) {
     if (!witness_prover_) {
@@ -185,18 +187,18 @@ class MotionCertificateJob final : public CertificateJob {
   std::optional<MotionBlock> block_;
   MotionMoment moment_;
   MovingBodies moving_;
-  std::uint64_t motion_ = kNone64;  // whose rows are answered
+  std::uint64_t motion_ = kNone64;  // motion whose rows `answered_` holds
   std::vector<MotionRow> answered_;
 
-  Step step_ = Step::kBegin;  // of the row whose turn it is
+  Step step_ = Step::kBegin;  // of the current row
   const MotionRow* row_ = nullptr;
-  std::uint64_t pair_ = 0, end_ = 0;  // the pair whose turn it is
+  std::uint64_t pair_ = 0, end_ = 0;  // the current pair and the end of its range
   std::optional<PairProver> pair_prover_;
   PairAnswer upper_alone_;
   std::unique_ptr<RowProver> witness_prover_;
   std::optional<WitnessProof> witness_;
-  std::optional<FirstContactProof> contact_;  // none: nobody asks
-  bool wants_free_ = false;                   // of the pair whose turn it is: until first contact
+  std::optional<FirstContactProof> contact_;  // unset if not requested
+  bool wants_free_ = false;                   // the current pair needs a proof until first contact
   bool is_proved_ = true;
 };
 

@@ -9,11 +9,11 @@ namespace clearance {
 
 namespace {
 
-constexpr std::uint32_t kKeptFrom = 256;     // elements: what is around fewer is made again when it is needed
-constexpr std::uint32_t kMostListed = 2048;  // elements: more are as their boxes
-constexpr std::size_t kBoxes = 128;          // that stand for them
+constexpr std::uint32_t kKeptFrom = 256;     // elements; hulls of fewer are rebuilt when needed
+constexpr std::uint32_t kMostListed = 2048;  // elements; more are represented by boxes
+constexpr std::size_t kBoxes = 128;          // number of these boxes
 
-// The elements of a node's subtree are those from first_of() until before end_of().
+// The elements of a node's subtree are [first_of(), end_of()).
 std::uint32_t first_of(const Surface& surface, std::uint32_t node) {
   while (!surface.nodes()[node].is_leaf()) ++node;
   return surface.nodes()[node].begin();
@@ -23,7 +23,7 @@ std::uint32_t end_of(const Surface& surface, std::uint32_t node) {
   return surface.nodes()[node].end();
 }
 
-// Corners of boxes around all elements of a node: a direction that keeps these apart keeps the elements apart.
+// Corners of boxes around all elements of a node: a direction that separates these separates the elements.
 std::vector<Vec3d> corners_around(const Surface& surface, std::uint32_t node) {
   std::deque<std::uint32_t> left{node};  // breadth first
   std::vector<Vec3d> corners;
@@ -53,7 +53,7 @@ const Surface* PairCover::Side::surface(const Part& part) const {
   return part.piece == kAll ? nullptr : body_.pieces[part.piece]->surface.get();
 }
 
-// The hull of some elements, or what holds it.
+// The hull of some elements, or an enclosure of it.
 const Piece& PairCover::Side::around(const Part& part, std::uint32_t begin, std::uint32_t end) {
   if (const auto found = large_.find(part); found != large_.end()) return found->second;
   if (part == of_small_) return small_;

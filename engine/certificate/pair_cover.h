@@ -1,4 +1,4 @@
-// Two bodies of which one is not convex, in parts: each two parts wait for a direction that takes them apart.
+// Two bodies, at least one of them non-convex, as pairs of parts that need separating directions.
 #pragma once
 
 #include <array>
@@ -11,8 +11,8 @@
 
 namespace clearance {
 
-/// All pairs of elements and pieces of two bodies, as pairs of parts. Begins with both bodies whole; whoever finds no
-/// direction for two parts has them halved.
+/// Covers all pairs of elements and convex parts of two bodies by pairs of parts. Starts with both bodies whole; a pair
+/// without a separating direction is to be halved.
 class PairCover {
  public:
   /// Both must outlive this.
@@ -20,31 +20,31 @@ class PairCover {
 
   void begin() { open_.assign(1, {sides_[0].whole(), sides_[1].whole()}); }
   bool is_done() const { return open_.empty(); }
-  /// Two parts of which nothing is known yet, as convex pieces. They stay until parts() is called again.
+  /// Two parts that are not resolved yet, as convex parts. Valid until parts() is called again.
   struct Parts {
-    const Piece *a, *b;  ///< null: it is no single one
-    bool are_elements;   ///< or pieces that are the truth: they have no halves
-    PieceProof claim;    ///< which of both bodies' pieces they are
+    const Piece *a, *b;  ///< null if it is not a single convex part
+    bool are_elements;   ///< elements, or convex parts that are exact geometry: they have no halves
+    PieceProof claim;    ///< the parts of both bodies that the claim covers
     bool are_pieces() const { return a && b; }
   };
   Parts parts();
-  /// What is to be known of the last parts() is known.
+  /// Marks the last parts() as resolved.
   void settle() { open_.pop_back(); }
-  /// Halves of the larger one take their place. Not of elements.
+  /// Replaces the larger part by its halves. Not for elements.
   void halve();
 
  private:
   static constexpr std::uint32_t kAll = kNone;         // of `piece`: the whole body
-  static constexpr std::uint32_t kElement = 1u << 31;  // of `at`: an element, no node
+  static constexpr std::uint32_t kElement = 1u << 31;  // of `at`: an element instead of a node
 
-  // A body, a piece of it, or a node or an element of the piece's surface.
+  // A body, one of its convex parts, or a node or element of the part's surface.
   struct Part {
     std::uint32_t piece, at;
     friend auto operator<=>(const Part&, const Part&) = default;
   };
-  // One as a convex piece, and which pieces of the body it is, where elements count as such.
+  // A part's convex hull, and the range of the body's parts that it covers; elements count as parts.
   struct PartHull {
-    const Piece* piece;  // null: it is not one
+    const Piece* piece;  // null if the part has no convex hull
     std::uint32_t place, count;
   };
   // One of the two bodies.
@@ -52,9 +52,9 @@ class PairCover {
    public:
     explicit Side(const Body& body) : body_(body) {}
     Part whole() const { return {body_.pieces.size() == 1 ? 0 : kAll, kNone}; }
-    /// Holds until another is asked for.
+    /// Valid until the next call.
     PartHull hull(const Part& part);
-    /// What it consists of; none: it is an element, or a piece that is the truth.
+    /// The components of a part; empty for an element, or a convex part that is exact geometry.
     std::vector<Part> halves(const Part& part) const;
 
    private:

@@ -9,8 +9,8 @@ namespace clearance {
 
 namespace {
 
-// Of a span. A search ends at 2^-40 (motion_search.cpp), at times with no more left of a bound than the speed makes in
-// so short a time; spans that are cut otherwise than its own have to be shorter.
+// Shortest half of a span. A search ends at 2^-40 (motion_search.cpp), where the speed over so short a time may use up
+// almost all of the bound; spans cut at other times than the search's must be shorter.
 constexpr double kLeastHalf = 0x1p-46;
 constexpr std::uint32_t kMostSpans = 1u << 14;
 constexpr std::uint64_t kUnitsPerMoment = 64, kUnitsPerSpanProof = 64;
@@ -54,7 +54,7 @@ PairProver::PairProver(const Scene& scene, const MotionBounds& bounds, const Eva
   if (surface_of(a_) || surface_of(b_)) cover_.emplace(a_, b_);
 }
 
-// Begins with the span whose turn it is.
+// Starts the current span.
 void PairProver::look() {
   const Span& span = left_.back();
   moment_.move_to(span.middle());
@@ -67,7 +67,7 @@ void PairProver::look() {
   is_looked_at_ = true;
 }
 
-// One pair of pieces more. Returns true once a span is proved, that is to be written.
+// Processes one more pair of convex parts. Returns true once a span is proved and can be written.
 bool PairProver::step(WorkMeter& meter) {
   if (!is_looked_at_) {
     look();
@@ -98,7 +98,7 @@ bool PairProver::step(WorkMeter& meter) {
   return proved;
 }
 
-// Whether nothing is proved of two elements that are near: then nothing is of the span.
+// Returns true if nothing is proved of the nearest elements: then the span cannot be proved either.
 bool PairProver::is_too_near_somewhere(WorkMeter& meter) {
   const BodyPoses& here = moment_.placed();
   nearest_.begin(a_, here[pair_.a].pose, b_, here[pair_.b].pose);
@@ -112,7 +112,7 @@ bool PairProver::is_too_near_somewhere(WorkMeter& meter) {
   return !is_proved;
 }
 
-// Two parts of bodies that are not convex.
+// Processes two parts of non-convex bodies.
 bool PairProver::step_cover(WorkMeter& meter) {
   const PairCover::Parts parts = cover_->parts();
   meter.count(kUnitsPerSpanProof);
@@ -126,7 +126,7 @@ bool PairProver::step_cover(WorkMeter& meter) {
     cover_->settle();
     halves_.before &= now.before;
     halves_.after &= now.after;
-  } else {  // for smaller ones it may be proved of both halves
+  } else {  // smaller parts may be provable in both halves
     claims_.resize(claims);
     cover_->halve();
   }
@@ -136,7 +136,7 @@ bool PairProver::step_cover(WorkMeter& meter) {
   return proved;
 }
 
-// What is not proved of it is looked at next.
+// Queues the unproved half or halves next.
 void PairProver::end_span(const Halves& proved) {
   const Span span = left_.back();
   const double middle = span.middle();
@@ -159,7 +159,7 @@ void PairProver::write(SpanPlace place) {
   text_.end_span();
 }
 
-// Between the bodies' boxes; along the normal of one that is a half-space. World axes.
+// Direction between the bodies' boxes, or the normal of a half-space, in world axes.
 Vec3d PairProver::towards_b() const {
   const BodyPoses& here = moment_.placed();
   const auto normal = [&](std::uint32_t body) { return here[body].pose.R_wb * Vec3d{0, 0, 1}; };
@@ -168,7 +168,7 @@ Vec3d PairProver::towards_b() const {
   return between(here.box(pair_.a), here.box(pair_.b));
 }
 
-// One such direction for all pieces.
+// Tries this direction for all parts.
 bool PairProver::try_boxes() {
   const BodyPoses& here = moment_.placed();
   const Vec3d n = towards_b();
@@ -188,14 +188,16 @@ bool PairProver::try_boxes() {
   return true;
 }
 
-// \param claim of which pieces they are \param in_all_ways rather than in the first that may do
+// \param claim the parts that it is about
+// \param in_all_ways tries all attempts, and not only the first that may suffice
 PairProver::Halves PairProver::try_pieces(const Piece& p, const Piece& q, PieceProof claim, bool in_all_ways) {
   const PoseMatrix &pose_a = moment_.placed()[pair_.a].pose, &pose_b = moment_.placed()[pair_.b].pose;
   claim.seer = rates_.speed_seer;
   NarrowLimits limits = limits_;
   limits.min_penetration = slack_.outer;
   const std::array<NarrowLimits, 4> attempts = proof_attempts(limits);
-  // What moves is halved until nothing but the distance itself is left of a doubt: so near it is asked for at once.
+  // Spans of moving parts are halved until only the distance itself is uncertain, so it is computed to full accuracy
+  // first.
   for (std::size_t k = way_ > 0 ? 2 : 0; k < (in_all_ways ? attempts.size() : 3); ++k) {
     const NarrowAnswer found = narrow_phase_proved(p, pose_a, q, pose_b, attempts[k], claim.proof);
     if (by_speed(found.bounds.lower)) {
@@ -214,7 +216,8 @@ PairProver::Halves PairProver::try_pieces(const Piece& p, const Piece& q, PieceP
   return {false, false};
 }
 
-// How near the pair comes in either half along a direction, world axes. \param p, q null: all pieces
+// Distance of the pair in either half of the span along a direction in world axes.
+// \param p, q null for all parts
 PairProver::Halves PairProver::by_direction(const Vec3d& n, const Piece* p, const Piece* q) const {
   const BodyPoses& here = moment_.placed();
   const double half = left_.back().half();

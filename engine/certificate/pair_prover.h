@@ -1,4 +1,4 @@
-// Finds what proves that a pair stays farther apart than a length along a motion, or its beginning: spans of time, with
+// Proves that a pair stays at least a given length apart along a motion or its beginning, by spans of time with
 // directions.
 #pragma once
 
@@ -16,16 +16,18 @@
 
 namespace clearance {
 
-/// Where the bodies of a motion are at one time, as its search has them there.
+/// Poses of a motion's bodies at one time, as its search computes them.
 class MotionMoment {
  public:
-  /// Both must outlive this. \param boxes as Placement has them
+  /// Both must outlive this.
+  /// \param boxes as for BodyPoses
   MotionMoment(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
       : plan_(plan), poses_(plan), placed_(scene, plan, boxes) {}
 
-  /// Begins with another motion. \param moving must stay
+  /// Begins with another motion.
+  /// \param moving must outlive its use
   void begin(MovingBodies& moving);
-  /// \param time from 0 to 1
+  /// \param time in [0, 1]
   void move_to(double time);
 
   const MovingBodies& moving() const { return *moving_; }
@@ -38,22 +40,24 @@ class MotionMoment {
   BodyPoses placed_;
   const MovingBodies* moving_ = nullptr;
   double time_ = -1;
-  std::uint64_t moments_ = 0;  // so far: each has its own number
+  std::uint64_t moments_ = 0;  // number of moments so far; each has a number of its own
   std::vector<Mat3d> rotations_;
   std::vector<Twist> twists_;
 };
 
-/// Halves it until each span is proved by the pair's speed, or by a direction along which it is looked at as it moves.
-/// Writes what it finds.
+/// Halves the motion until each span is proved by the pair's speed, or by a direction along which the motion is
+/// bounded. Writes the spans that it proves.
 class PairProver {
  public:
-  /// All must outlive this. \param position of the pair in the plan. \param lower metres, to be proved. \param until
-  /// when, from 0 on: to 1 at most
+  /// All references must outlive this.
+  /// \param position of the pair in the plan
+  /// \param lower bound to be proved, in metres
+  /// \param until end of the time to be covered, from 0, at most 1
   PairProver(const Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options, MotionMoment& moment,
              std::uint64_t position, BodyPair pair, double lower, double until, CertificateText& text);
 
-  /// Returns true once it is known whether the bound is proved; false where the slice is over. \param span_at makes of
-  /// the moment what a span is written with
+  /// Returns true once the bound is proved or the proof has failed, and false if the slice ended first.
+  /// \param span_at converts the moment to the span that is written
   template <class SpanAt>
   bool advance(WorkMeter& meter, const SpanAt& span_at) {
     while (!left_.empty() && !has_failed_) {
@@ -71,7 +75,7 @@ class PairProver {
     // Exact, even where the middle is rounded: a span begins at 0, or no earlier than it is long.
     double half() const { return std::max(end - middle(), middle() - begin); }
   };
-  // Of the span that is looked at: which halves are proved so far.
+  // Halves of the current span that are proved so far.
   struct Halves {
     bool before = true, after = true;
     bool any() const { return before || after; }
@@ -98,16 +102,16 @@ class PairProver {
   double lower_;
   CertificateText& text_;
   NarrowLimits limits_;
-  std::vector<Span> left_;  // the earliest last
+  std::vector<Span> left_;  // earliest span last
   std::uint32_t spans_ = 0;
   bool is_looked_at_ = false, has_failed_ = false;
 
-  // Of the span whose turn it is.
+  // Of the current span.
   PairRates rates_;
   Slack slack_;
   double way_ = 0;
-  std::uint32_t i_ = 0, j_ = 0;     // the pieces whose turn it is
-  std::optional<PairCover> cover_;  // instead, where one body is not convex
+  std::uint32_t i_ = 0, j_ = 0;     // the current pair of parts
+  std::optional<PairCover> cover_;  // used instead of i_ and j_ if a body is not convex
   NearestElements nearest_;
   Halves halves_;
   std::vector<PieceProof> claims_;

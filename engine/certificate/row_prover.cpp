@@ -10,9 +10,9 @@ namespace clearance {
 namespace {
 
 constexpr std::uint64_t kUnitsPerDirection = 8;
-constexpr double kFine = 1e-12;  // rel_tol of a second attempt: far narrower than any float32 interval
+constexpr double kFine = 1e-12;  // rel_tol of a second attempt, much narrower than any float32 interval
 
-// Bodies whose pieces are what they are: one direction for all of these, or one for every two.
+// Bodies whose convex parts are exact geometry: one direction for all parts, or one for each pair.
 class PiecesProver final : public RowProver {
  public:
   PiecesProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
@@ -31,7 +31,7 @@ class PiecesProver final : public RowProver {
 
   Aabb box_a_, box_b_;
   bool by_box_;
-  std::uint32_t i_ = 0, j_ = 0;  // the pieces whose turn it is
+  std::uint32_t i_ = 0, j_ = 0;  // the current pair of parts
 };
 
 }  // namespace
@@ -102,7 +102,7 @@ void RowProver::try_plane(WorkMeter& meter) {
 
 bool RowProver::prove(const Piece& p, const Piece& q, PieceProof found, bool wants_lower, bool wants_upper) {
   std::array<NarrowLimits, 4> attempts = proof_attempts(limits_);
-  // Others than the nearest need only be proved as far as the answer says.
+  // Only the nearest pair needs the exact distance; others are proved only as far as the answer claims.
   if (!wants_upper)
     attempts[0].max_distance = std::min(limits_.max_distance, slack_.cut_off(std::max(answer_.lower, 0.0)));
   for (const NarrowLimits& limits : attempts) {
@@ -137,14 +137,14 @@ bool PiecesProver::step(WorkMeter& meter) {
   return true;
 }
 
-// To the next pair of pieces. Returns false behind the last.
+// Advances to the next pair of parts. Returns false after the last.
 bool PiecesProver::go_on() {
   if (++j_ < b_.pieces.size()) return true;
   j_ = 0;
   return ++i_ < a_.pieces.size();
 }
 
-// One direction between the bodies' boxes for all their pieces: whether it does for these two.
+// Tests whether the direction between the bodies' boxes, one for all parts, suffices for the current pair.
 void PiecesProver::try_box(WorkMeter& meter) {
   meter.count(kUnitsPerDirection + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
   const Vec3d n = between(box_a_, box_b_);

@@ -1,4 +1,4 @@
-// Finds what proves the bounds of one pair of bodies where they stand, a pair of pieces at a time.
+// Proves the bounds of one pair of bodies at rest, one pair of convex parts at a time.
 #pragma once
 
 #include <array>
@@ -11,19 +11,19 @@
 
 namespace clearance {
 
-/// From the nearest of box a towards box b, as long as they are apart; 0 where they are not.
+/// Shortest vector from box a to box b; zero if they overlap.
 Vec3d between(const Aabb& a, const Aabb& b);
 
-/// Attempts as dear as they need to be: what proves an answer is mostly what has made it, and else a narrower one.
-/// \param limits of the pair's pieces
+/// Attempts of increasing cost: usually the arithmetic of the answer proves it, otherwise a narrower tolerance does.
+/// \param limits of the pair's parts
 std::array<NarrowLimits, 4> proof_attempts(const NarrowLimits& limits);
 
-/// What proves the bounds of an answer, of which the lower ones are written down as they are found.
+/// Finds proofs of an answer's bounds, and writes those of lower bounds as they are found.
 class RowProver {
  public:
   virtual ~RowProver() = default;
 
-  /// Returns true once it is known whether both bounds are proved; false where the slice is over.
+  /// Returns true once both bounds are proved or have failed, and false if the slice ended first.
   bool advance(WorkMeter& meter);
   bool has_proved() const { return proved_; }
   const std::optional<PieceProof>& upper() const { return upper_; }
@@ -32,20 +32,22 @@ class RowProver {
   static constexpr double kInf = std::numeric_limits<double>::infinity();
   static constexpr std::uint64_t kUnitsPerProof = 64;
 
-  /// All must outlive this. \param answer its bounds, and which pieces are the nearest
+  /// All references must outlive this.
+  /// \param answer holds the bounds and the indices of the nearest parts
   RowProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
             const PairAnswer& answer, CertificateText& text);
 
-  /// A bit of the work, of which end() is the last. False: the slice is over.
+  /// Performs one unit of work; the last one calls end(). Returns false if the slice ended first.
   virtual bool step(WorkMeter& meter) = 0;
   bool covers_lower(double lower) const { return slack_.true_lower(lower) >= answer_.lower; }
   bool covers_upper(double upper) const;
   void end(bool proved);
-  /// Where one of the bodies is a half-space, its normal is to be tried first, for all pieces of the other.
+  /// Returns true if a body is a half-space whose normal is to be tried first, for all parts of the other body.
   bool has_plane() const { return has_plane_; }
-  /// For the next of them. The lower bound is not wanted any more where the normal does for all.
+  /// Tries the normal for the next part. If it suffices for all of them, the lower bound is no longer wanted.
   void try_plane(WorkMeter& meter);
-  /// Two convex ones, by what the answer needs. \param found whose proof is to be found
+  /// Proves two convex parts as far as the answer needs.
+  /// \param found the claim to complete with a proof
   bool prove(const Piece& p, const Piece& q, PieceProof found, bool wants_lower, bool wants_upper);
 
   const Body &a_, &b_;
@@ -59,10 +61,11 @@ class RowProver {
 
  private:
   bool is_over_ = false, proved_ = false, has_plane_ = false;
-  std::uint32_t above_ = 0;  // the piece whose turn it is
+  std::uint32_t above_ = 0;  // the current part
 };
 
-/// All must outlive what it returns. \param answer its bounds, and which pieces are the nearest
+/// All references must outlive the result.
+/// \param answer holds the bounds and the indices of the nearest parts
 std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here,
                                            BodyPair pair, const PairAnswer& answer, CertificateText& text);
 

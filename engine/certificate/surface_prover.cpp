@@ -10,7 +10,7 @@ namespace clearance {
 
 namespace {
 
-// An element with one of the surface's vertices, and which of its corners that is.
+// An element that contains a given vertex of the surface, and the vertex's corner in it.
 std::array<std::uint32_t, 2> element_with(const Surface& surface, std::uint32_t vertex) {
   for (std::uint32_t t = 0; t < surface.size(); ++t)
     for (std::uint32_t k = 0; k < 3; ++k)
@@ -19,7 +19,8 @@ std::array<std::uint32_t, 2> element_with(const Surface& surface, std::uint32_t 
   return {0, 0};
 }
 
-// How many vertices stand for all parts of a piece: no other is within a solid whose triangles are apart from it.
+// Number of vertices that represent all components of a part: if none of them is inside a solid whose triangles do not
+// touch the part, no other vertex is.
 std::uint32_t candidates_of(const Piece& piece) {
   const Surface* const surface = piece.surface.get();
   if (!surface) return 1;
@@ -52,13 +53,13 @@ bool SurfaceProver::step(WorkMeter& meter) {
   return true;
 }
 
-// One direction for the parts whose turn it is, or halves of them.
+// Tries one direction for the current parts, or halves them.
 void SurfaceProver::cover(WorkMeter& meter) {
   PairCover::Parts parts = cover_.parts();
   const bool are_elements = parts.are_elements, are_pieces = parts.are_pieces();
   meter.count(kUnitsPerProof);
   if (are_pieces) meter.count(WorkMeter::units_of(*parts.a, *parts.b));
-  // Directions of several parts say nothing of how deep an overlap is.
+  // A direction for several parts does not bound a penetration depth.
   if (are_pieces && covers(std::move(parts)))
     cover_.settle();
   else if (are_elements || (are_pieces && answer_.lower <= 0))
@@ -79,7 +80,7 @@ bool SurfaceProver::covers(PairCover::Parts parts) {
   return true;
 }
 
-// The next two elements, the nearest first.
+// Tries the next pair of elements, nearest first.
 bool SurfaceProver::find_upper(WorkMeter& meter) {
   ElementPair pair;
   switch (nearest_.next(std::max(answer_.upper, 0.0), meter, pair)) {
@@ -101,7 +102,7 @@ bool SurfaceProver::find_upper(WorkMeter& meter) {
   return true;
 }
 
-// The next vertex of one body that may lie within a solid of the other: one of each part.
+// Advances to the next vertex of one body that may lie inside a solid of the other; one vertex per component.
 void SurfaceProver::seek_held(WorkMeter& meter) {
   Candidates& c = candidates_;
   const Body &holder = c.outer == 0 ? a_ : b_, &held = c.outer == 0 ? b_ : a_;
@@ -141,7 +142,7 @@ void SurfaceProver::try_held(const Surface& solid, const Piece& piece, std::uint
   held_ = {std::move(proof), vertex};
 }
 
-// A direction to the next triangle of the solid around the vertex: it has to be far enough along each.
+// Finds a direction for the next triangle of the solid around the vertex; the vertex must be deep enough along each.
 void SurfaceProver::prove_held(WorkMeter& meter) {
   const std::size_t outer = candidates_.outer;
   const Surface& around = *(outer == 0 ? a_ : b_).pieces[candidates_.solid]->surface;
@@ -165,7 +166,7 @@ void SurfaceProver::prove_held(WorkMeter& meter) {
   if (is_far_enough(attempts[2]) || is_far_enough(attempts[3]))
     held_->proof.proof.faces.push_back({{0, 0, 0}, -found.direction});
   else
-    held_.reset();  // others may do
+    held_.reset();  // other vertices may suffice
 }
 
 }  // namespace clearance

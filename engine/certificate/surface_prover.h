@@ -1,5 +1,5 @@
-// Finds what proves the bounds of two bodies of which one is not convex: directions for all pairs of their elements, of
-// many at a time.
+// Proves the bounds of two bodies, at least one of them non-convex, by directions that each cover many pairs of
+// elements.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,8 @@
 
 namespace clearance {
 
-/// Lower bounds by halving what the bodies consist of until a direction takes each two parts apart; the upper one by
-/// the nearest elements, or by a solid that one of them lies within.
+/// Proves the lower bound by halving both bodies until a direction separates each pair of parts, and the upper bound by
+/// the nearest elements or by a solid that contains the other body.
 class SurfaceProver final : public RowProver {
  public:
   SurfaceProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
@@ -28,21 +28,21 @@ class SurfaceProver final : public RowProver {
   void try_held(const Surface& solid, const Piece& piece, std::uint32_t candidate, WorkMeter& meter);
   void prove_held(WorkMeter& meter);
 
-  // Vertices that may lie within a solid of the other body.
+  // Vertices that may lie inside a solid of the other body.
   struct Candidates {
-    std::size_t outer = 0;                         // whose solid: 0: a, 1: b
-    std::uint32_t solid = 0, piece = 0, next = 0;  // pieces of the one and of the other body; of the latter's vertices
+    std::size_t outer = 0;                         // body of the solid: 0 is a, 1 is b
+    std::uint32_t solid = 0, piece = 0, next = 0;  // part of the solid; part of the other body, and its next vertex
   };
-  // Such a vertex, before it is proved.
+  // Such a vertex before it is proved.
   struct HeldVertex {
     PieceProof proof;
     Vec3d vertex;
-    std::uint32_t next = 0;  // triangle of the solid: those before it are proved to be far enough
+    std::uint32_t next = 0;  // next triangle of the solid; those before it are proved to be far enough
   };
 
   PairCover cover_;
   NearestElements nearest_;
-  bool seeks_held_ = false;  // no two elements are so near
+  bool seeks_held_ = false;  // no two elements are close enough
   Candidates candidates_;
   std::optional<HeldVertex> held_;
 };

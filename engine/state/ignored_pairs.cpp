@@ -21,7 +21,7 @@ std::vector<BodyPair> pairs_of(const Scene& scene) {
   return pairs;
 }
 
-// The bodies that a selector names.
+// The bodies that a selector names, as a mask.
 std::vector<std::uint8_t> named(std::uint32_t selector, const Scene& scene) {
   const auto refuse = [](const std::string& what) {
     throw QueryError(QueryErrorCode::kBadQuery, "allow, forbid: unknown " + what);
@@ -45,7 +45,7 @@ std::vector<std::uint8_t> named(std::uint32_t selector, const Scene& scene) {
                                                   " that a scene may be given at run time");
 }
 
-// Ascending, each once.
+// Ascending pairs, each once.
 std::vector<BodyPair> pairs_named(std::uint32_t a, std::uint32_t b, const Scene& scene) {
   const std::vector<std::uint8_t> of_a = named(a, scene), of_b = named(b, scene);
   const auto count = [](const auto& is_named) {

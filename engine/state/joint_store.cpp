@@ -1,4 +1,4 @@
-// The part of the pose store that takes joint positions: poses of links follow from them.
+// The part of the pose store that receives joint positions and derives the poses of links.
 #include <algorithm>
 #include <tuple>
 #include <utility>
@@ -10,12 +10,12 @@ namespace clearance {
 
 namespace {
 
-// When a joint was set; all 0: never.
+// When a joint was set; all zero if never.
 struct Marks {
   std::int64_t receipt_ns = 0, stamp_ns = 0, sequence = 0;
 };
 
-// Of two joints on the way to a link: what was received first, and the older stamp. Those without do not count.
+// Combines two joints in a link's chain: the earlier receipt and the older stamp. Joints without one are ignored.
 Marks older(Marks a, Marks b) {
   const bool by_receipt = a.receipt_ns == 0 || (b.receipt_ns != 0 && b.receipt_ns < a.receipt_ns);
   const bool by_stamp = a.stamp_ns == 0 || (b.stamp_ns != 0 && b.stamp_ns < a.stamp_ns);
@@ -87,7 +87,7 @@ PoseUpdateResult PoseStore::set_joints(std::span<const JointPosition> positions,
     ++(position_fact(column, p.position) & kLinkBad ? result.bad : result.applied);
   }
   std::vector<std::uint32_t> moved;
-  for (auto begin = changed.begin(); begin != changed.end();) {  // a robot's joints are one after another
+  for (auto begin = changed.begin(); begin != changed.end();) {  // joints of one robot are consecutive
     const std::uint32_t robot = joints[*begin].robot;
     const auto end = std::find_if(begin, changed.end(), [&](std::uint32_t j) { return joints[j].robot != robot; });
     const auto links = next->move_links(*scene_.robots()[robot], {begin, end});
@@ -106,7 +106,7 @@ PoseUpdateResult PoseStore::set_joints(std::span<const JointPosition> positions,
   return result;
 }
 
-// Positions that were received, of joints of the same names.
+// Takes over received positions of joints with the same names.
 void PoseStore::take_over_joints(const PoseStore& old_store, PoseSnapshot& next) {
   const PoseSnapshot::Joints& old = old_store.current_->joints;
   const std::vector<SceneJoint>& old_joints = old_store.scene_.joints();

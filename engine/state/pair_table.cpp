@@ -68,7 +68,7 @@ void PairTable::copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) co
     const auto last_excluded = excluded_.begin() + excluded_begin_[row + 1];
     const bool row_is_static = is_static_[row];
     std::uint32_t j = row + 1;
-    if (!row_is_static && next_excluded == last_excluded) {  // nothing left out of this row: jump
+    if (!row_is_static && next_excluded == last_excluded) {  // no exclusions left in this row
       j += static_cast<std::uint32_t>(skip);
       const std::uint64_t here = std::min<std::uint64_t>(count, bodies_ - j);
       for (std::uint64_t i = 0; i < here; ++i) out[i] = {row, j + static_cast<std::uint32_t>(i)};

@@ -1,4 +1,4 @@
-// Which pairs of bodies are asked about, in lexicographic order, without storing them.
+// The enabled pairs of bodies in lexicographic order, without storing them.
 #pragma once
 
 #include <cstdint>
@@ -10,22 +10,23 @@
 
 namespace clearance {
 
-/// The enabled pairs (a < b) of a scene: all but static-static, parent-child and ignored ones, and those of frames.
-/// Memory grows with bodies and exclusions, not with pairs: a scene of 50,000 bodies has more than a thousand million.
+/// The enabled pairs (a < b) of a scene: all except pairs of static bodies, of parent and child, of frames, and ignored
+/// pairs. Memory grows with bodies and exclusions, not with pairs: 50,000 bodies have more than 10^9 pairs.
 class PairTable {
  public:
-  /// \param parents of each body, kNone for none. \param ignored pairs that are left out.
+  /// \param parents of each body, or kNone
+  /// \param ignored pairs to leave out
   PairTable(const Scene& scene, std::span<const std::uint32_t> parents, std::span<const BodyPair> ignored);
 
   std::uint64_t size() const { return row_begin_.back(); }
-  /// Whether {a, b}, in either order, is enabled.
+  /// Returns whether {a, b}, in either order, is enabled.
   bool enabled(std::uint32_t a, std::uint32_t b) const;
-  /// The position of an enabled pair, a < b.
+  /// Returns the position of an enabled pair, a < b.
   std::uint64_t position(BodyPair pair) const;
   /// Writes the pairs at positions [begin, begin + count).
   void copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
 
-  /// What it is made of, for who has to look up pairs elsewhere.
+  /// The table's arrays, for lookups outside this class.
   struct Arrays {
     std::span<const std::uint8_t> is_static;        ///< (N,)
     std::span<const std::uint32_t> movable_before;  ///< (N + 1,) movable bodies with a smaller id
@@ -37,7 +38,7 @@ class PairTable {
 
  private:
   std::uint32_t partners_before(std::uint32_t row, std::uint32_t j) const;  // below j, exclusions included
-  bool excluded(std::uint32_t a, std::uint32_t b) const;                    // a < b, of those that staticness leaves
+  bool excluded(std::uint32_t a, std::uint32_t b) const;                    // a < b, not both static
 
   std::uint32_t bodies_;
   std::vector<std::uint8_t> is_static_;

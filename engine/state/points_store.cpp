@@ -1,4 +1,4 @@
-// How points of bodies are replaced: the tree is made first, then a snapshot with another scene is published.
+// Replaces the points of bodies: builds the tree, then publishes a snapshot with a new scene.
 #include <algorithm>
 #include <stdexcept>
 #include <utility>
@@ -39,7 +39,7 @@ PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const Cloud
   }
 
   const std::lock_guard one_at_a_time(points_writers_);
-  // Nobody else makes another scene meanwhile; poses may be set.
+  // points_writers_ excludes other new scenes; poses may be set concurrently.
   auto scene = std::make_shared<const Scene>(snapshot()->scene->with_points(body, cloud));
   std::erase_if(scenes_, [](const std::shared_ptr<const Scene>& old) { return old.use_count() == 1; });
   scenes_.push_back(scene);

@@ -56,7 +56,7 @@ std::vector<std::uint32_t> PoseSnapshot::with_followers(std::span<const std::uin
 
 namespace {
 
-// Parents before children. The parents must be free of cycles.
+// Orders bodies so that parents precede children. The parents must be free of cycles.
 std::shared_ptr<const std::vector<std::uint32_t>> order_of(const std::vector<std::uint32_t>& parent) {
   auto order = std::make_shared<std::vector<std::uint32_t>>();
   order->reserve(parent.size());
@@ -73,7 +73,7 @@ std::shared_ptr<const std::vector<std::uint32_t>> order_of(const std::vector<std
   return order;
 }
 
-// Another attachment is another scene: other pairs are enabled. So are other ignored pairs.
+// Attachments and ignored pairs are part of the revision, because they change the enabled pairs.
 std::uint64_t revision_with(const Scene& scene, const std::vector<std::uint32_t>& parent,
                             std::span<const BodyPair> ignored) {
   std::uint64_t h = scene.revision();
@@ -111,7 +111,8 @@ PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead
       joint_marks_(scene.joints().size()),
       points_marks_(scene.bodies().size()) {
   auto first = std::make_shared<PoseSnapshot>();
-  first->scene = std::shared_ptr<const Scene>(std::shared_ptr<const Scene>(), &scene);  // which outlives it
+  first->scene = std::shared_ptr<const Scene>(std::shared_ptr<const Scene>(), &scene);  // the scene outlives the
+                                                                                        // snapshot
   const std::size_t n = scene.bodies().size();
   first->loaded_ns = monotonic_ns();
   first->local.resize(n);
@@ -147,7 +148,7 @@ std::shared_ptr<const PoseSnapshot> PoseStore::snapshot() const {
   return current_;
 }
 
-// A copy of the current snapshot, in the memory of one that nobody reads any more if there is such a one.
+// Copies the current snapshot, into the memory of an unused one if possible.
 std::shared_ptr<PoseSnapshot> PoseStore::copy() {
   std::unique_ptr<PoseSnapshot> next;
   {
@@ -166,15 +167,14 @@ std::shared_ptr<PoseSnapshot> PoseStore::copy() {
   next->is_published = false;
   return {next.release(), [spares = spares_](PoseSnapshot* done) {
             std::unique_ptr<PoseSnapshot> snapshot(done);
-            snapshot->scene = nullptr;  // whose points may be many
+            snapshot->scene = nullptr;  // its points may be large
             snapshot->points = nullptr;
             const std::lock_guard lock(spares->mutex);
             if (spares->snapshots.size() < kSpares) spares->snapshots.push_back(std::move(snapshot));
           }};
 }
 
-// Makes an older snapshot the current one, where it is known which bodies differ: in a large scene most are as they
-// were.
+// Brings an older snapshot up to date if the changed bodies are recorded; in a large scene most are unchanged.
 bool PoseStore::catch_up(PoseSnapshot& old, const PoseSnapshot& current) {
   const std::uint64_t behind = current.revision - old.revision;
   if (!old.is_published || behind > changes_.size()) return false;
@@ -191,7 +191,7 @@ bool PoseStore::catch_up(PoseSnapshot& old, const PoseSnapshot& current) {
   return true;
 }
 
-// Of the revision that is published next.
+// Records the changes of the next published revision.
 void PoseStore::remember(std::vector<std::uint32_t> changed) {
   if (changed.size() > scene_.bodies().size() / kWorthRemembering) return changes_.clear();
   changes_.push_back(std::move(changed));
@@ -301,7 +301,7 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
 
 void PoseStore::take_over(const PoseStore& old_store) {
   const std::scoped_lock lock(writers_, old_store.writers_);
-  const PoseSnapshot& old = *old_store.current_;  // stays: its writers wait
+  const PoseSnapshot& old = *old_store.current_;  // safe to read: the old store's writers are locked out
   out_of_range_ += old_store.out_of_range_;
   late_ += old_store.late_;
   const std::shared_ptr<PoseSnapshot> next = copy();
@@ -321,7 +321,7 @@ void PoseStore::take_over(const PoseStore& old_store) {
     points_marks_.take_over(now, old_store.points_marks_, was);
     if (bodies[now].is_static || bodies[now].robot != kNone || old.receipt_ns[was] == 0) continue;
     const std::uint32_t leader = old.parent[was] == kNone ? kNone : scene_.find_body(old_bodies[old.parent[was]].name);
-    if (old.parent[was] != kNone && leader == kNone) continue;  // its pose would be relative to nothing
+    if (old.parent[was] != kNone && leader == kNone) continue;  // its parent is gone, so its pose has no frame
     if (leader != next->parent[now]) {
       if (leader != kNone && follows(leader, now)) continue;
       next->parent[now] = leader;
@@ -373,7 +373,7 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
     next->local[child] = *X_pc;
   }
   next->given[child] = 1;
-  changes_.clear();  // others follow, and other pairs are enabled
+  changes_.clear();  // followers and enabled pairs change
   const std::vector<BodyPair> changed = changed_pairs(next->ignored->all(), ignored.all());
   if (parent != next->parent[child])
     history_->attached(next->scene_revision, child, next->parent[child], parent, changed);
@@ -399,8 +399,8 @@ PoseUpdateResult PoseStore::allow(std::uint32_t a, std::uint32_t b, bool allow) 
   allow ? ignored.allow(a, b, scene_) : ignored.forbid(a, b, scene_);
   const std::shared_ptr<PoseSnapshot> next = copy();
   const std::vector<BodyPair> changed = changed_pairs(next->ignored->all(), ignored.all());
-  changes_.clear();                                                          // other pairs are enabled
-  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));  // who holds a pair may have changed, too
+  changes_.clear();                                                          // the enabled pairs change
+  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));  // reasons for a pair may have changed, too
   if (!changed.empty()) {
     history_->ignored(next->scene_revision, changed);
     enable_pairs(*next);

@@ -8,7 +8,7 @@
 namespace clearance {
 namespace {
 
-/// Changed pairs times pairs of groups that one question may be compared with; beyond it the scene counts as another.
+/// Limit on changed pairs times group pairs compared for one query; beyond it the scene counts as changed.
 constexpr std::uint64_t kMostComparisons = std::uint64_t{1} << 22;
 
 std::uint64_t at(const std::vector<std::uint64_t>& changes, std::uint32_t id) {
@@ -19,14 +19,14 @@ void mark(std::vector<std::uint64_t>& changes, std::uint32_t id, std::uint64_t c
   changes[id] = change;
 }
 
-/// Whether the same joints place a body, in the same way: none, or those of the same robot.
+/// Returns whether the same joints place a body in the same way: no joints, or those of the same robot.
 bool same_joints(const Scene& old_scene, const Scene& scene, std::uint32_t id) {
   const std::uint32_t was = old_scene.bodies()[id].robot, is = scene.bodies()[id].robot;
   if (was == kNone || is == kNone) return was == is;
   return old_scene.robots()[was]->digest == scene.robots()[is]->digest;
 }
 
-/// Whether a body's id means the same in two scenes. One beyond both is unknown in both.
+/// Returns whether a body id has the same meaning in two scenes. An id beyond both is unknown in both.
 bool same_body(const Scene& old_scene, const Scene& scene, std::uint32_t id) {
   const std::vector<Body>&was = old_scene.bodies(), &is = scene.bodies();
   if (id >= was.size() || id >= is.size()) return id >= was.size() && id >= is.size();

@@ -7,7 +7,7 @@ namespace clearance {
 
 namespace {
 
-// How far a turn by at most `angle` about the origin moves a point, for each metre from the origin.
+// Upper bound on how far a rotation by at most `angle` about the origin moves a point, per metre from the origin.
 double chord(double angle) {
   return angle >= M_PI ? 2 : detail::up(2 * std::sin(0.5 * angle));
 }
@@ -36,7 +36,7 @@ PoseUncertainty uncertainty_of(const Body& body, const Pose& local, const Vec3d&
 
 namespace {
 
-// Of each robot's links, where its joints stand.
+// Travel of each robot's links at the current joint positions.
 std::vector<std::vector<double>> travels_of(const Scene& scene, const PoseSnapshot& snapshot) {
   std::vector<std::vector<double>> travels;
   for (const auto& robot : scene.robots())
@@ -65,7 +65,7 @@ std::vector<PoseUncertainty> uncertainties_of(const Scene& scene, const PoseSnap
   const std::vector<std::vector<double>> travels = travels_of(scene, snapshot);
   for (const std::uint32_t b : *snapshot.order) {
     const Body& body = scene.bodies()[b];
-    PlacedLink& link = uncertainties[b].link;  // also of one that only a query gives a pose
+    PlacedLink& link = uncertainties[b].link;  // also for a link whose pose only a query gives
     if (body.robot != kNone) link = {&scene.robots()[body.robot]->errors, body.link, travels[body.robot][body.link]};
     if (snapshot.placed[b].status != Status::kOk) continue;
     const double age_s = body.is_static ? 0 : pose_age_s(snapshot, b, now_ns);

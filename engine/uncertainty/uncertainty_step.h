@@ -1,5 +1,5 @@
-// What is not known of a body, from what is not known of the one that it follows (docs/bounds.md, "Slack", "Chains").
-// For host and device.
+// Uncertainty of a body, derived from that of the body that it follows (docs/bounds.md, "Slack", "Chains"). For host
+// and device.
 #pragma once
 
 #include <cstdint>
@@ -8,61 +8,64 @@
 
 namespace clearance {
 
-/// How far a frame may be from where it was computed to be: no point that belongs to it, d metres from its origin, is
-/// farther than shift + turn * d from its place.
+/// Bound on the error of a computed frame: a point fixed to it, d metres from its origin, is at most shift + turn * d
+/// from its computed position.
 struct FrameUncertainty {
   double shift = 0, turn = 0;
 };
 
-/// What the slack of a body's pieces is made of, metres: lengths that add up to no more than it. Inner ones, but for
-/// `placed`, which counts on both sides.
+/// Components of the slack of a body's parts, in metres, whose sum does not exceed it. They belong to the inner slack,
+/// except `placed`, which counts on both sides.
 struct SlackParts {
-  double age = 0;     ///< how far it may have got since its own pose was received, `age_s` ago
-  double turn = 0;    ///< by its own uncertain turn
-  double parent = 0;  ///< by what is doubted of that which it follows
-  double placed = 0;  ///< by the rounding of joints and of poses that follow one another
-  double step = 0;    ///< of `placed`: by the rounding of this body's own pose
+  double age = 0;     ///< distance it may have moved since its own pose was received, `age_s` ago
+  double turn = 0;    ///< from its own uncertain rotation
+  double parent = 0;  ///< from the uncertainty of the body that it follows
+  double placed = 0;  ///< from the rounding of joints and of chained poses
+  double step = 0;    ///< share of `placed` from the rounding of this body's own pose
   double age_s = 0;   ///< seconds
 };
 
-/// What a body adds of its own, wherever it stands. Metres.
+/// Uncertainty that a body contributes itself, wherever it is placed. In metres.
 struct UncertaintySource {
   double max_speed = 0, position = 0;
-  double turn = 0;   ///< how far its uncertain turn moves a point, for each metre from its origin
-  double reach = 0;  ///< no point of the true body is farther from its origin
+  double turn = 0;   ///< how far its uncertain rotation moves a point, per metre from its origin
+  double reach = 0;  ///< upper bound on the distance of the true body's points from its origin
   double model_inner = 0, model_error = 0;
 };
 
-/// What is not known of a placed body.
+/// Uncertainty of a placed body.
 struct PlacedUncertainty {
-  FrameUncertainty known;   ///< its frame, and all that follow it: by what the user knows and by the age of its pose
-  FrameUncertainty placed;  ///< by the rounding of joints and of poses that follow one another
-  Slack slack;              ///< of its pieces
-  SlackParts parts;         ///< beside what its shape adds: Body::model_inner, model_error
-  Slack beside;  ///< of a link: without what moves all links on its root alike, and without the joints' rounding
+  FrameUncertainty known;   ///< of its frame, inherited by its followers: declared, and from the age of its pose
+  FrameUncertainty placed;  ///< from the rounding of joints and of chained poses
+  Slack slack;              ///< of its parts
+  SlackParts parts;         ///< without the contribution of its shape: Body::model_inner, model_error
+  Slack beside;  ///< for a link: excludes motion common to all links on its root, and the joints' rounding
 };
 
 namespace detail {
 
-// Of one step down a chain of poses, in units of rounding.
+// Rounding of one step down a chain of poses, in units of rounding.
 inline constexpr double kTurnUnits = 20, kShiftUnits = 8;
 
-// What a step's own sums and products round, all of them positive, and sin() with them.
+// Covers the rounding of a step's own sums and products, all of them positive, and of sin().
 CLEARANCE_HD inline double up(double x) {
   return x == 0 ? 0 : x * (1 + 0x1p-40) + 0x1p-1000;
 }
 
-// How far a body's origin may be from its place, if it may be `shift` from it in its parent's frame, `along` from that
-// one's origin: the parent's turn takes along what has moved already.
+// Bound on the displacement of a body's origin, which may be `shift` from its place in its parent's frame and lies
+// `along` from the parent's origin. The parent's turn acts on the shifted origin.
 CLEARANCE_HD inline double shift_below(const FrameUncertainty& parent, double along, double shift) {
   return parent.shift + parent.turn * (along + shift) + shift;
 }
 
 }  // namespace detail
 
-/// \param local translation of its pose as given. \param t_w its origin in the world, as computed. \param age_s of that
-/// pose, seconds. \param parent of the body that it follows; null: none. \param composed its pose was composed with
-/// that body's, and rounded. \param joints what is doubted of `local`, where joints made it
+/// \param local translation of its pose as given
+/// \param t_w its origin in the world, as computed
+/// \param age_s age of that pose, in seconds
+/// \param parent the body that it follows, or null
+/// \param composed whether its pose was composed with the parent's, and rounded
+/// \param joints uncertainty of `local` if joints made it
 CLEARANCE_HD inline PlacedUncertainty uncertainty_below(const UncertaintySource& body, const Vec3d& local,
                                                         const Vec3d& t_w, double age_s, const PlacedUncertainty* parent,
                                                         bool composed, const FrameUncertainty& joints) {
@@ -79,7 +82,7 @@ CLEARANCE_HD inline PlacedUncertainty uncertainty_below(const UncertaintySource&
     uncertainty.placed.shift = up(placed_above.shift + placed_above.turn * along + shifted + joints.shift);
     uncertainty.placed.turn = up(placed_above.turn + turned + joints.turn);
   }
-  // The pieces are grown by the uncertainty of the body's own position already.
+  // The parts are already grown by the uncertainty of the body's own position.
   const double known = detail::shift_below(above, along, own) + uncertainty.known.turn * body.reach;
   const double placed = uncertainty.placed.shift + uncertainty.placed.turn * body.reach;
   uncertainty.slack = {up(known + placed + body.model_inner), up(placed + body.model_error)};
@@ -91,8 +94,8 @@ CLEARANCE_HD inline PlacedUncertainty uncertainty_below(const UncertaintySource&
   return uncertainty;
 }
 
-/// How far the distance of two bodies may be off in all, whose doubts have a part in common: they count without it, and
-/// `joints` between them instead.
+/// Slack of the distance between two bodies that share a source of uncertainty. The shared source cancels and `joints`,
+/// the rounding between the two, replaces it.
 CLEARANCE_HD inline Slack slack_beside(const Slack& a, const Slack& b, double joints) {
   return a + b + Slack{joints, joints};
 }
