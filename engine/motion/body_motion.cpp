@@ -13,9 +13,9 @@ namespace {
 
 constexpr double kUnit = 0x1p-53;
 constexpr double kUp = 1 + 0x1p-40;
-// Of a turn as at() makes it, and of each coordinate of a shift: docs/bounds.md, "Motion".
+// Error of a rotation computed by at(), and of each coordinate of a translation: docs/bounds.md, "Motion".
 constexpr double kTurnUnits = 128, kTimeUnits = 6;
-constexpr double kHalfTurn = 0x1p-20;  // radians: so near to half a turn
+constexpr double kHalfTurn = 0x1p-20;  // radians: distance from half a turn that counts as half a turn
 
 double length_of(const Vec3d& v) {
   return std::hypot(v.x, v.y, v.z) * kUp;
@@ -23,8 +23,8 @@ double length_of(const Vec3d& v) {
 
 }  // namespace
 
-// Terms are cut into their high and low parts by exact products, and added up one by one without a rounding: the last
-// part that is not 0 has the sign (Shewchuk 1997).
+// Terms are split into their high and low parts by exact products and added one by one without rounding: the last
+// nonzero part has the sign (Shewchuk 1997).
 int sign_of_product(const Pose& q0, const Pose& q1) {
   const double a[4] = {q0.qw, q0.qx, q0.qy, q0.qz}, b[4] = {q1.qw, q1.qx, q1.qy, q1.qz};
   double parts[8];
@@ -65,7 +65,7 @@ BodyMotion::BodyMotion(const Pose& start, const Pose& end) : start_(start) {
   const Quaternion<double> between = product(from, to);
   const double cosine = sign == 0 ? 0 : std::max(between.w, 0.0);
   const double sine = std::hypot(between.x, between.y, between.z);
-  double wrong = 0;  // of the angle, by what its own sine and cosine say
+  double wrong = 0;  // error of half_angle_, from its own sine and cosine
   if (sine > 0) {
     axis_ = Vec3d{between.x, between.y, between.z} * (1 / sine);
     half_angle_ = std::atan2(sine, cosine);

@@ -1,4 +1,4 @@
-// How a body whose poses a query gives gets from one to the other: docs/bounds.md, "Motion".
+// Motion of a body between two poses that a query gives: docs/bounds.md, "Motion".
 #pragma once
 
 #include "engine/pose/pose.h"
@@ -6,34 +6,34 @@
 
 namespace clearance {
 
-/// A straight line, and a turn of constant angular velocity by no more than half a turn: of q1 and -q1, which stand for
-/// the same pose, the one that is nearer to q0 counts; where both are equally near (the sign of q0 . q1 is exact), q1.
+/// A straight line, and a rotation of constant angular velocity by at most half a turn. q1 and -q1 are the same pose:
+/// the one nearer to q0 is used or, if both are equally near (the sign of q0 . q1 is exact), q1.
 class BodyMotion {
  public:
   BodyMotion(const Pose& start, const Pose& end);
 
-  /// Whether both poses can be used.
+  /// Returns whether both poses are usable.
   bool is_good() const { return good_; }
-  /// Whether it turns so nearly by half a turn that a little less or more would turn it the other way.
+  /// Returns whether the angle is so close to half a turn that rounding could reverse the direction.
   bool is_half_turn() const { return half_turn_; }
-  /// The pose at a time from 0 to 1, rounded; NaN if one of the poses cannot be used. Its quaternion is as long as that
-  /// of the two that is farther from length 1.
+  /// The pose at a time in [0, 1], rounded; NaN if one of the poses is unusable. Its quaternion has the length of the
+  /// given one that is farther from length 1.
   Pose at(double time) const;
 
-  Vec3d along() const { return along_; }  ///< from one pose's origin to the other's, in the frame that they are in
-  double angle() const { return 2 * half_angle_; }  ///< of the turn, rounded
+  Vec3d along() const { return along_; }  ///< from one pose's origin to the other's, in their common frame
+  double angle() const { return 2 * half_angle_; }  ///< of the rotation, rounded
   double shift() const { return shift_; }           ///< metres from one pose to the other, rounded up
-  double turn() const { return turn_; }             ///< radians likewise
-  Vec3d axis() const { return axis_; }      ///< of that turn, of length 1, in the body's axes and in those at its start
-  double farthest() const { return far_; }  ///< metres: the origin is never farther from its frame's, rounded up
-  double turn_error() const { return error_turn_; }  ///< radians that at() may turn it too far, at most
-  /// Metres: how far at() may put a point that is up to `radius` metres from the body's origin from its place.
+  double turn() const { return turn_; }             ///< radians from one pose to the other, rounded up
+  Vec3d axis() const { return axis_; }      ///< unit axis of the rotation, in the body's axes and in those at its start
+  double farthest() const { return far_; }  ///< upper bound on the origin's distance from its frame's origin, in metres
+  double turn_error() const { return error_turn_; }  ///< upper bound on the rotation error of at(), in radians
+  /// Upper bound on the error of at(), in metres, for points up to `radius` metres from the body's origin.
   double error(double radius) const { return error_shift_ + error_turn_ * radius; }
 
  private:
   Pose start_;
   Vec3d along_{0, 0, 0}, axis_{0, 0, 0};
-  double half_angle_ = 0, length_ = 1;  // of the turn; of what at() makes
+  double half_angle_ = 0, length_ = 1;  // of the rotation; of the quaternion that at() returns
   double shift_ = 0, turn_ = 0, far_ = 0, error_shift_ = 0, error_turn_ = 0;
   bool good_ = false, is_still_ = false, half_turn_ = false;
 };

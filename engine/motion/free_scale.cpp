@@ -14,9 +14,9 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 // Rounding of the few sums and products below.
 constexpr double kUp = 1 + 0x1p-40, kDown = 1 - 0x1p-40;
-constexpr std::uint64_t kMostPairs = std::uint64_t{1} << 18;  // each keeps some numbers
+constexpr std::uint64_t kMostPairs = std::uint64_t{1} << 18;  // each stores a few numbers
 constexpr std::uint64_t kPairsAtATime = 64;
-constexpr std::uint64_t kUnitsPerPair = 2, kMoversPerUnit = 4;  // of work
+constexpr std::uint64_t kUnitsPerPair = 2, kMoversPerUnit = 4;  // units of work
 
 // Never +inf, which would claim that nothing moves.
 double rounded_down(long double x) {
@@ -105,7 +105,8 @@ const FreeScale::Carried& FreeScale::carried(std::uint32_t body) {
   return *known;
 }
 
-// A body that follows another turns with it at most as the farthest of its points do, whatever is doubted of its place.
+// The link that carries a body. The body's distance from the link's origin, uncertainty included, bounds its farthest
+// point, about which nothing is assumed but that it rotates with the link.
 FreeScale::Carried FreeScale::carrier_of(std::uint32_t body) const {
   if (!moves_[body]) return {};
   const PoseSnapshot& snapshot = *plan_.snapshot;
@@ -164,7 +165,7 @@ std::vector<double> FreeScale::travels(std::span<const double> row) const {
   return travels;
 }
 
-// The way at s is at most s (fixed + per_travel (travel + s more)): what the distance leaves to it gives s.
+// The path length at s is at most s (fixed + per_travel (travel + s more)); the available distance yields s.
 double FreeScale::of(std::uint64_t position, std::span<const double> travels, double lower, double margin) const {
   const double room = (lower - margin) - (std::abs(lower) + margin) * 0x1p-50;
   if (!(room > 0)) return 0;

@@ -1,4 +1,4 @@
-// How far joints may move from a configuration before bodies can be as near to each other as their margins.
+// How far joints may move from a configuration before bodies can reach their margins.
 #pragma once
 
 #include <cstdint>
@@ -13,34 +13,37 @@
 
 namespace clearance {
 
-/// For each pair of a plan what joints can do to its distance (docs/bounds.md, "Motion"), where each joint moves by no
-/// more than s times its weight.
+/// Bounds, for each pair of a plan, how much joints can reduce its distance (docs/bounds.md, "Motion") if each joint
+/// moves by at most s times its weight.
 class FreeScale {
  public:
-  /// \param plan with weights: (J,) radians and metres, >= 0. \param scene, plan outlive this. Throws QueryError for
-  /// other weights, for a query without joints or with bodies or too many pairs, and for a robot whose root the joints
-  /// move.
+  /// Throws QueryError for other weights, for a query without joints or with bodies or too many pairs, and for a robot
+  /// whose root the joints move.
+  /// \param scene, plan must outlive this; the plan has weights: (J,) radians and metres, >= 0
   FreeScale(const Scene& scene, const Plan& plan);
 
-  /// Looks at the pairs until the slice is over. Returns true once all are, from when on the rest may be called. Throws
-  /// QueryError for a pair of an unknown body, and of one that moves by itself.
+  /// Processes pairs until the slice ends. Returns true once all are done, which the other functions require. Throws
+  /// QueryError for a pair with an unknown body, or with one that moves by itself.
   bool advance(WorkMeter& meter);
 
-  /// How far sliding joints are out, of each robot. \param row (J,) positions
+  /// Travel of the sliding joints of each robot.
+  /// \param row (J,) positions
   std::vector<double> travels(std::span<const double> row) const;
-  /// The largest s that is proved to keep a pair beyond its margin, rounded down; 0: none is, +inf: nothing moves it.
-  /// \param position of the pair. \param lower bound on its distance where the joints are
+  /// The largest s proved to keep a pair beyond its margin, rounded down. Returns 0 if no s is proved, and +inf if
+  /// nothing moves the pair.
+  /// \param position of the pair
+  /// \param lower bound on its distance at the joints' current positions
   double of(std::uint64_t position, std::span<const double> travels, double lower, double margin) const;
 
  private:
   using Wide = long double;  // weights have any size: squares of their products neither underflow nor overflow
 
-  // What moves a body: a link that carries it, and a ball of the link's around all its points.
+  // The link that carries a body, and a ball in the link's frame around all points of the body.
   struct Carried {
     std::uint32_t robot = kNone, link = kNone;
     LinkBall points;
   };
-  // Ways of one robot's joints while s is 1: so long, and so much longer for each metre of travel.
+  // Path length of one robot's joints at s = 1, and its increase per metre of travel.
   struct Way {
     std::uint32_t robot;
     Wide fixed, per_travel;
@@ -55,17 +58,18 @@ class FreeScale {
 
   const Scene& scene_;
   const Plan& plan_;
-  std::vector<std::uint8_t> moves_;                       // of each body: whether the joints move it
-  std::vector<std::optional<Carried>> carried_;           // of each body that a pair has named
-  std::uint64_t next_ = 0;                                // pair to be looked at
-  std::vector<std::vector<double>> positions_, weights_;  // of each robot, by column: as in the snapshot; while s is 1
-  std::vector<Wide> weight_travels_;                      // of each robot: the most that s = 1 adds to the travel
+  std::vector<std::uint8_t> moves_;                       // for each body: whether the joints move it
+  std::vector<std::optional<Carried>> carried_;           // for each body that a pair has named
+  std::uint64_t next_ = 0;                                // next pair to process
+  std::vector<std::vector<double>> positions_, weights_;  // for each robot, by column: positions of the snapshot;
+                                                          // weights (moves at s = 1)
+  std::vector<Wide> weight_travels_;                      // for each robot: the most that s = 1 adds to the travel
   std::vector<Way> ways_;
-  // Of each pair: bounds in ways_, of which each holds; the ways of one are added up.
+  // For each pair: bounds in ways_, each of which holds; the ways of one bound are summed.
   std::vector<std::uint32_t> bound_end_, pair_end_;
 };
 
-/// Of a plan with kFieldFreeScale. Throws QueryError as FreeScale does.
+/// For a plan with kFieldFreeScale. Throws QueryError as FreeScale does.
 std::unique_ptr<Job::State> make_free_scale_job(const JobContext& context, Plan plan, const ReplyView& reply);
 
 }  // namespace clearance

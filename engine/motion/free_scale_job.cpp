@@ -1,5 +1,4 @@
-// Queries with kFieldFreeScale: distances of all pairs, some configurations at a time, and what they leave to the
-// joints.
+// Queries with kFieldFreeScale: distances of all pairs for some configurations at a time, and the resulting scales.
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -11,10 +10,10 @@ namespace clearance {
 
 namespace {
 
-constexpr std::uint64_t kRowsAtOnce = std::uint64_t{1} << 18;    // of distances, which wait in memory
-constexpr std::uint64_t kPairsAtATime = 256, kPairsPerUnit = 8;  // of work
+constexpr std::uint64_t kRowsAtOnce = std::uint64_t{1} << 18;    // rows of distances that are buffered
+constexpr std::uint64_t kPairsAtATime = 256, kPairsPerUnit = 8;  // units of work
 
-/// The same pairs in configurations [first, first + count): lower bounds of all their distances.
+/// The same pairs in configurations [first, first + count): lower bounds of all distances.
 Plan distances_of(const Plan& plan, std::uint64_t first, std::uint64_t count) {
   Plan part;
   part.query = plan.query;
@@ -89,7 +88,7 @@ class FreeScaleJob final : public Job::State {
     row_ = 0;
   }
 
-  // Rows of the part, from that on in which the slice before has ended.
+  // Writes rows of the part, from the one at which the previous slice ended.
   bool write(WorkMeter& slice) {
     while (row_ < count_) {
       if (pair_ == 0) begin_row();
@@ -133,11 +132,11 @@ class FreeScaleJob final : public Job::State {
   std::uint64_t first_ = 0, count_ = 0;  // configurations of the part
   std::unique_ptr<Job::State> part_;
   bool part_is_answered_ = false;
-  std::vector<double> lower_;         // of its rows
-  std::uint64_t row_ = 0, pair_ = 0;  // that come next
-  std::vector<double> travels_;       // in that row
-  double least_ = 0;                  // so far
-  std::uint64_t nearest_ = kNobody;   // whose that is
+  std::vector<double> lower_;         // of the part's rows
+  std::uint64_t row_ = 0, pair_ = 0;  // next row and pair
+  std::vector<double> travels_;       // of that row
+  double least_ = 0;                  // smallest so far
+  std::uint64_t nearest_ = kNobody;   // pair of `least_`
 };
 
 }  // namespace

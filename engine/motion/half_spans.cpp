@@ -11,16 +11,16 @@ namespace clearance {
 
 namespace {
 
-// How far a piece's core reaches along a direction of about length 1, its body's axes. The normal of a half-space's
-// plane comes back from the world's axes as computed: a direction so near to it counts as that normal, which changes
-// what the other body reaches by less than gaps_along() leaves room for.
+// Support of a part's core along a direction of length about 1, in its body's axes. The normal of a half-space is
+// converted to world axes and back as computed: a direction this close to it counts as the normal. The effect on the
+// other body's support is below the error bound of gaps_along().
 double along(const Piece& piece, const Vec3d& n) {
   constexpr double kSame = 0x1p-46;
   if (is_half_space(piece) && std::hypot(n.x, n.y) <= kSame * n.z) return 0;
   return support(piece, n).value;
 }
 
-// How far a body reaches along a direction, world axes, from its origin.
+// Support of a body along a direction in world axes, from its origin.
 double reach_along(const MovingBody& moving, const Vec3d& n) {
   if (moving.box) return reach_of_box(*moving.box, moving.pose.t_w, n);
   const Vec3d n_b = moving.pose.R_wb.transpose_times(n);
@@ -31,7 +31,7 @@ double reach_along(const MovingBody& moving, const Vec3d& n) {
   return most;
 }
 
-// The length of what is looked at, from the origin, or more.
+// Upper bound on the distance of the bounded geometry from the body's origin.
 double size_of(const MovingBody& moving) {
   return moving.box ? size_of_box(*moving.box, moving.pose.t_w) : moving.body.reach;
 }

@@ -1,4 +1,5 @@
-// How near two bodies can come within half a span, by how fast they move at its middle: docs/bounds.md, "Motion".
+// Bounds on the distance of two bodies within half a span, from their velocities at its middle: docs/bounds.md,
+// "Motion".
 #pragma once
 
 #include "engine/hull/box.h"
@@ -9,17 +10,19 @@
 
 namespace clearance {
 
-/// A body in the middle of a span, with how fast it moves before whoever sees the pair.
+/// A body in the middle of a span, with its velocity relative to the reference body of the pair.
 struct MovingBody {
   const Body& body;
   const PoseMatrix& pose;
   Twist twist;                   ///< world axes
-  const Aabb* box = nullptr;     ///< looked at in place of the pieces that it holds; world axes
-  const Piece* piece = nullptr;  ///< looked at in place of all pieces
+  const Aabb* box = nullptr;     ///< replaces the parts that it encloses; world axes
+  const Piece* piece = nullptr;  ///< replaces all parts of the body
 };
 
-/// Along one direction, which the seer carries with him. \param normal world axes, from a to b, about of length 1.
-/// \param half of the span. \param bend metres: what the points of both are accelerated by makes so much until the ends
+/// Bounds along one direction that is fixed to the reference body.
+/// \param normal world axes, from a to b, length about 1
+/// \param half half of the span
+/// \param bend bend_of_pair(), in metres
 HalfSpans gaps_along(const Vec3d& normal, const MovingBody& a, const MovingBody& b, double half, double bend);
 
 }  // namespace clearance

@@ -21,7 +21,7 @@ bool MotionBounds::flatten(MotionArrays& arrays) const {
     flat.error_per_travel = link.error.per_travel;
     for (Mover mover : link.path.movers()) {
       mover.column = place_of(link, mover.column);
-      if (mover.column != kNone) arrays.movers.push_back(mover);  // else it stays where it is
+      if (mover.column != kNone) arrays.movers.push_back(mover);  // others do not move
     }
     flat.count = static_cast<std::uint32_t>(arrays.movers.size()) - flat.first;
     arrays.chains.push_back(flat);

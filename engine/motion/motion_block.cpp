@@ -8,21 +8,21 @@ namespace clearance {
 
 namespace {
 
-constexpr double kRough = 0.02;   // of a distance
-constexpr double kFiner = 0.125;  // a pair alone is asked for so much of the tolerance
+constexpr double kRough = 0.02;   // relative to a distance
+constexpr double kFiner = 0.125;  // share of the tolerance that a single pair must meet
 constexpr std::uint64_t kMostMotions = 64;
-constexpr std::uint64_t kMostPairs = 1u << 16;  // pair-motions of a block
-constexpr std::uint64_t kMostPlaces = 64;       // configurations that are placed at a time
-constexpr std::size_t kTogether = 2;            // of one motion
-constexpr std::uint64_t kBlocksPerWorker = 4;   // at least, if there are several workers
-constexpr std::uint64_t kBodiesPerUnit = 16;    // of work: that are placed
-constexpr std::uint64_t kPairsPerUnit = 32;     // whose bounds are made
+constexpr std::uint64_t kMostPairs = 1u << 16;  // pairs times motions of a block
+constexpr std::uint64_t kMostPlaces = 64;       // configurations that are placed together
+constexpr std::size_t kTogether = 2;            // spans of one motion
+constexpr std::uint64_t kBlocksPerWorker = 4;   // minimum, if there are several workers
+constexpr std::uint64_t kBodiesPerUnit = 16;    // bodies placed per unit of work
+constexpr std::uint64_t kPairsPerUnit = 32;     // pairs bounded per unit of work
 
 }  // namespace
 
 void set_motion_options(const Plan& plan, EvaluateOptions& options) {
   options.cull = !options.reference;
-  options.want_points = true;  // the directions that keep pairs apart
+  options.want_points = true;  // for the separating directions
   if (plan.query.reduce != Reduce::kAny) {
     options.limits.abs_tol *= kFiner;
     options.limits.rel_tol *= kFiner;
@@ -87,7 +87,7 @@ bool MotionBlock::advance(WorkMeter& meter) {
   }
 }
 
-// Pairs of which a rough look says neither that they are within their targets nor that they are beyond. False: none.
+// Selects pairs that the coarse pass could not place on either side of their targets. Returns false if there are none.
 bool MotionBlock::ask_again() {
   again_.clear();
   for (std::size_t i = 0; i < asked_.size(); ++i) {
@@ -102,8 +102,8 @@ bool MotionBlock::ask_again() {
   return true;
 }
 
-// The next spans of as many searches as there is room for, in turn. Of each as many as ever, so that a motion's rows do
-// not depend on those beside it. False: all are done.
+// Collects the next spans of as many searches as fit, in turn. The number for each search is fixed, so that a motion's
+// rows do not depend on the other motions. Returns false once all searches are done.
 bool MotionBlock::ask(WorkMeter& meter) {
   used_ = 0;
   instants_.clear();

@@ -1,4 +1,4 @@
-// Motions answered side by side.
+// Motions answered in blocks.
 #pragma once
 
 #include <cstdint>
@@ -11,41 +11,43 @@
 
 namespace clearance {
 
-/// What is asked of the pairs of a plan of motions, beyond what a job asks.
+/// Sets the evaluation options that motions need in addition to those of a job.
 void set_motion_options(const Plan& plan, EvaluateOptions& options);
 
-/// Answers a block of motions at a time, breadth first: what their searches ask for next is placed and answered
-/// together, so that lanes find many pairs of the same two hulls. Each worker has its own.
+/// Answers a block of motions at a time, breadth first: the next nodes of all their searches are placed and evaluated
+/// together, so that SIMD lanes find many pairs of the same two hulls. Each worker has its own.
 class MotionBlock {
  public:
-  /// How many motions a block has at most, so that its memory is bounded.
+  /// Maximum number of motions in a block, which bounds its memory.
   static std::uint64_t most(const Plan& plan, int workers);
 
-  /// All must outlive this. \param boxes of all bodies in the snapshot, or none. \param most motions
+  /// All references must outlive this.
+  /// \param boxes of all bodies in the snapshot, or empty
+  /// \param most maximum number of motions
   MotionBlock(const MotionQuery& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
               std::uint64_t most);
 
   bool has_begun() const { return count_ > 0; }
-  /// \param first motion of `count`
+  /// \param first first of `count` consecutive motions
   void begin(std::uint64_t first, std::uint64_t count, WorkMeter& meter) {
     begin_each(count, [first](std::uint64_t i) { return first + i; }, meter);
   }
-  /// Motions that need not be side by side.
+  /// Motions that need not be consecutive.
   void begin(std::span<const std::uint64_t> motions, WorkMeter& meter) {
     begin_each(motions.size(), [motions](std::uint64_t i) { return motions[i]; }, meter);
   }
-  /// Goes on until the slice is over. Returns true once all are answered.
+  /// Continues until the slice ends. Returns true once all motions are answered.
   bool advance(WorkMeter& meter);
-  /// Appends the rows of all motions, in order. Returns how many pairs were evaluated.
+  /// Appends the rows of all motions, in order. Returns the number of pairs evaluated.
   std::uint64_t end(std::vector<MotionRow>& rows);
 
  private:
-  // A span that is being looked at.
+  // A span that is being evaluated.
   struct Place {
     MotionSearch* search = nullptr;
     MotionSearch::Node node;
     std::vector<Twist> twists;  // of Plan::moved
-    std::size_t end = 0;        // of its questions
+    std::size_t end = 0;        // end of its pair requests
   };
   template <class At>
   void begin_each(std::uint64_t count, const At& motion, WorkMeter& meter) {
@@ -63,12 +65,12 @@ class MotionBlock {
 
   const MotionQuery& motion_query_;
   Evaluator evaluator_;
-  std::optional<Evaluator> rough_;  // asked first, where it is enough to know on which side of a bound a pair is
+  std::optional<Evaluator> rough_;  // coarse first pass, which often decides on which side of its target a pair is
   MotionPoses poses_;
   std::vector<MotionSearch> searches_;
-  std::size_t count_ = 0, turn_ = 0;  // the latter: whose it is next
+  std::size_t count_ = 0, turn_ = 0;  // the latter is the next search to serve
   std::vector<BodyPoses> placements_;
-  std::uint64_t placed_ = 0;  // instants so far: each placement is told apart by its own number
+  std::uint64_t placed_ = 0;  // number of instants so far, which identifies each placement
   std::vector<Place> places_;
   std::size_t used_ = 0;  // of places_
   std::vector<Instant> instants_;
@@ -76,7 +78,7 @@ class MotionBlock {
   std::vector<PlacedBodies> asked_;
   std::vector<MotionSearch::PairRequest> requests_;
   std::vector<PairAnswer> answers_;
-  std::vector<PlacedBodies> again_;  // those that it left open
+  std::vector<PlacedBodies> again_;  // pairs that the coarse pass left unresolved
   std::vector<std::size_t> again_at_;
   std::vector<PairAnswer> again_answers_;
   bool is_asked_ = false, is_rough_ = false;

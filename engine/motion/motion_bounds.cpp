@@ -10,8 +10,8 @@ namespace clearance {
 namespace {
 
 constexpr double kUnit = 0x1p-53;
-constexpr double kUp = kMotionSlack;    // sums and products of what follows
-constexpr double kAxisError = 0x1p-48;  // of a vector's part across an axis
+constexpr double kUp = kMotionSlack;    // for the sums and products below
+constexpr double kAxisError = 0x1p-48;  // of a vector's component perpendicular to an axis
 
 double length_of(const Vec3d& v) {
   return std::hypot(v.x, v.y, v.z);
@@ -43,7 +43,7 @@ std::uint32_t MotionBounds::add_chain(Chain chain) {
   return static_cast<std::uint32_t>(chains_.size() - 1);
 }
 
-// From a body out to the world, by all that the query moves.
+// From a body outwards to the world, by everything that the query moves.
 MotionBounds::Chain MotionBounds::chain_of(std::uint32_t body) const {
   const PoseSnapshot& snapshot = *plan_.snapshot;
   Chain chain;
@@ -59,9 +59,9 @@ MotionBounds::Chain MotionBounds::chain_of(std::uint32_t body) const {
     for (std::uint32_t m = 0; m < plan_.motions.size() && link.given == kNone; ++m)
       for (const std::uint32_t l : plan_.motions[m].links())
         if (plan_.motions[m].robot().bodies[l] == at) link.robot = m, link.link = l;
-    if (link.given == kNone && link.robot == kNone) {  // stands still before what carries it
+    if (link.given == kNone && link.robot == kNone) {  // at rest relative to its carrier
       const Pose& X = snapshot.local[at];
-      if (!snapshot.given[at] || check(X) == PoseQuality::kBad) continue;  // no pose: no answer
+      if (!snapshot.given[at] || check(X) == PoseQuality::kBad) continue;  // without a pose there is no answer
       ball.centre = rotation_of(X) * ball.centre + X.translation;
       ball.radius = (ball.radius + 0x1p-48 * (length_of(ball.centre) + length_of(X.translation))) * kUp;
       offset = (offset + length_of(X.translation)) * kUp;
@@ -80,7 +80,7 @@ MotionBounds::Chain MotionBounds::chain_of(std::uint32_t body) const {
   return chain;
 }
 
-// What carries both bodies moves neither before the other.
+// A common carrier moves neither body relative to the other.
 void MotionBounds::take_views(std::uint64_t position, BodyPair pair) {
   const std::size_t bodies = scene_.bodies().size();
   if (pair.a >= bodies || pair.b >= bodies) return;
@@ -95,7 +95,7 @@ void MotionBounds::take_views(std::uint64_t position, BodyPair pair) {
   const bool fork_in_robot =
       shared < a.size() && shared < b.size() && behind(a).robot != kNone && behind(a).robot == behind(b).robot;
   if (fork_in_robot && kinematics(behind(a)).root_of(behind(a).link) == kinematics(behind(b)).root_of(behind(b).link))
-    views_[position] = views_in_robot(Chain(a), Chain(b), shared);  // copies: chains are added
+    views_[position] = views_in_robot(Chain(a), Chain(b), shared);  // copies, because chains are added
   else if (shared > 0)
     views_[position] = view_of_carrier(at_a, at_b, shared);
 }
@@ -108,7 +108,7 @@ MotionBounds::Views MotionBounds::view_of_carrier(std::uint32_t a, std::uint32_t
   return views;
 }
 
-// A chain as what carries it sees it: without the `shared` links at its end. Many pairs ask for the same.
+// A chain relative to a carrier: without its last `shared` links. Cached, because many pairs share it.
 std::uint32_t MotionBounds::chain_before(std::uint32_t chain, std::size_t shared) {
   const auto [at, is_new] = before_.try_emplace({chain, shared}, kStill);
   if (!is_new) return at->second;
@@ -116,7 +116,7 @@ std::uint32_t MotionBounds::chain_before(std::uint32_t chain, std::size_t shared
   return at->second = add_chain(std::move(shorter));
 }
 
-// As either link sees the other's points, and as the frame that carries both sees all of them.
+// Views of the other's points from either link, and of all points from the common carrier.
 MotionBounds::Views MotionBounds::views_in_robot(const Chain& a, const Chain& b, std::size_t shared) {
   const std::size_t of_a = a.size() - 1 - shared, of_b = b.size() - 1 - shared;
   const Link &link_a = a[of_a], &link_b = b[of_b];
@@ -195,8 +195,8 @@ void MotionBounds::take(std::uint64_t motion, MovingBodies& moving) const {
     if (const std::uint32_t c = chain_of_body_[plan_.moved[i]]; c != kStill) moving.errors[i] = moving.chain_errors[c];
 }
 
-// From the points outwards. The points of the first link lie in its ball; those of one farther out at most `reach` from
-// its origin.
+// Sums from the points outwards. Points of the first link lie in its ball; for links farther out they are within
+// `reach` of the link's origin.
 MotionRates MotionBounds::rates_of(const Chain& chain, const MovingBodies& moving, double* error,
                                    double* turn_error) const {
   MotionRates sum;
@@ -232,8 +232,8 @@ MotionRates MotionBounds::rates_of(const Chain& chain, const MovingBodies& movin
   return sum;
 }
 
-// Radians that the frames behind a body's slack may be turned by: as it moves before them, its slack changes by so much
-// for each metre.
+// Radians by which the frames behind a body's slack may be rotated. As the body moves relative to them, its slack
+// changes by this much per metre.
 double MotionBounds::turn_uncertainty(std::uint32_t body, const BodyPoses& placed) const {
   if (plan_.uncertainties.empty()) return 0;
   const PoseUncertainty& uncertainty = placed.uncertainty(body);

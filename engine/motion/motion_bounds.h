@@ -1,4 +1,4 @@
-// How fast the bodies of pairs can come nearer during a motion: docs/bounds.md, "Motion".
+// Bounds on the speed at which bodies of a pair approach during a motion: docs/bounds.md, "Motion".
 #pragma once
 
 #include <cstdint>
@@ -16,57 +16,61 @@
 
 namespace clearance {
 
-/// What the start and the end of one motion say: made by MotionBounds::take().
+/// Data derived from the start and the end of one motion by MotionBounds::take().
 struct MovingBodies {
-  std::uint64_t motion = 0;                   ///< of the plan: configurations 2 motion and 2 motion + 1
-  std::vector<BodyMotion> given;              ///< of the bodies whose poses the query gives
-  std::vector<std::vector<double>> along;     ///< of each of Plan::motions, by column: q1 - q0, rounded
+  std::uint64_t motion = 0;                   ///< index in the plan: configurations 2 motion and 2 motion + 1
+  std::vector<BodyMotion> given;              ///< for the bodies whose poses the query gives
+  std::vector<std::vector<double>> along;     ///< for each of Plan::motions, by column: q1 - q0, rounded
   std::vector<std::vector<double>> change;    ///< likewise: |q1 - q0|, rounded up
-  std::vector<std::vector<double>> rounding;  ///< likewise: how far q(t) may be off as computed
-  std::vector<double> travel;                 ///< of each of Plan::motions: Kinematics::travel(), of both ends
-  std::vector<MotionRates> chains;            ///< of each chain of MotionBounds
-  std::vector<double> chain_errors;           ///< likewise: how far at() may put the points from their places
-  std::vector<double> chain_turns;            ///< likewise: radians that it may turn what carries them, by its time
-  std::vector<double> errors;                 ///< of each of Plan::moved: ConfigurationPoses::Block::errors
+  std::vector<std::vector<double>> rounding;  ///< likewise: bound on the error of q(t) as computed
+  std::vector<double> travel;                 ///< for each of Plan::motions: Kinematics::travel(), of both ends
+  std::vector<MotionRates> chains;            ///< for each chain of MotionBounds
+  std::vector<double> chain_errors;           ///< likewise: bound on the displacement of the points by the error of
+                                              ///< at()
+  std::vector<double> chain_turns;            ///< likewise: bound on the rotation error of their carrier at a time, in
+                                              ///< radians
+  std::vector<double> errors;                 ///< for each of Plan::moved: ConfigurationPoses::Block::errors
   bool half_turn = false;                     ///< one of `given` is_half_turn()
-  std::vector<std::uint8_t> end_facts;        ///< of the links in Plan::bodies: LinkFact bits of both ends; empty: 0
+  std::vector<std::uint8_t> end_facts;        ///< of the links in Plan::bodies: LinkFact bits of both ends; empty if
+                                              ///< all are 0
 };
 
-/// Which joints and poses move the bodies of each pair before each other, once for a query. Immutable.
+/// The joints and poses that move the bodies of each pair relative to each other, computed once per query. Immutable.
 class MotionBounds {
  public:
   /// Both must outlive this.
   MotionBounds(const Scene& scene, const Plan& plan);
 
   void take(std::uint64_t motion, MovingBodies& moving) const;
-  /// \param position of the pair in the plan. \param placed at any time of the motion
-  /// Metres in a unit of time, of each of Plan::moved: a pair's speed is no more than the sum of its bodies'.
+  /// Speed bound of each of Plan::moved, in metres per unit of time. A pair's speed is at most the sum of its bodies'.
+  /// \param placed at any time of the motion
   void speeds(const MovingBodies& moving, const BodyPoses& placed, std::vector<double>& speeds) const;
-  /// Of a body in Plan::moved; kNone: it is not moved.
+  /// Index of a body in Plan::moved, or kNone if it is not moved.
   std::uint32_t slot(std::uint32_t body) const { return slot_[body]; }
   PairRates rates(std::uint64_t position, BodyPair pair, const MovingBodies& moving, const BodyPoses& placed) const;
-  /// How fast a body moves before the eyes of another one; kNone: of the world. \param twists of each of Plan::moved
+  /// Twist of a body relative to another one, or to the world if `seer` is kNone.
+  /// \param twists of each of Plan::moved
   Twist twist_before(std::uint32_t seer, std::uint32_t body, std::span<const Twist> twists,
                      const BodyPoses& placed) const;
-  /// The same as plain arrays. False where poses move bodies, or a robot that is carried by another one moves: no
-  /// kernel knows such chains.
+  /// Writes the same data as plain arrays. Returns false if poses move bodies, or if a robot carried by another one
+  /// moves: kernels do not support such chains.
   bool flatten(MotionArrays& arrays) const;
 
  private:
   static constexpr std::uint32_t kStill = ~std::uint32_t{0};  // a chain that nothing moves
-  // What moves a body before its carrier: a pose that the query gives, or joints of a robot.
+  // Source of a body's motion relative to its carrier: a pose that the query gives, or joints of a robot.
   struct Link {
-    std::uint32_t given = kNone;                // of MovingBodies::given
-    std::uint32_t robot = kNone, link = kNone;  // of Plan::motions, and of that robot
+    std::uint32_t given = kNone;                // index in MovingBodies::given
+    std::uint32_t robot = kNone, link = kNone;  // index in Plan::motions; link of that robot
     std::uint32_t body = kNone;
-    LinkBall ball;             // of the points, in its axes; of the first one of a chain
-    double offset = 0;         // metres from its origin to that of the one before
-    MotionPath path;           // of a robot's link: from its root
+    LinkBall ball;             // around the points, in the link's axes; for the first link of a chain only
+    double offset = 0;         // metres from its origin to that of the previous link
+    MotionPath path;           // for a robot's link: from its root
     PlacementError error;      // likewise, of `ball`
-    std::uint32_t slides = 0;  // likewise: joints of the path that slide
+    std::uint32_t slides = 0;  // likewise: number of sliding joints in the path
   };
-  using Chain = std::vector<Link>;  // the nearest to the points first
-  // Two bodies before each other's eyes: of one of these views each bound holds. A chain moves each body.
+  using Chain = std::vector<Link>;  // nearest to the points first
+  // Two bodies relative to a reference body, each moved by a chain. A pair has several views; the bounds of each hold.
   struct View {
     std::uint32_t a = kStill, b = kStill, seer = kNone;
   };
@@ -91,9 +95,9 @@ class MotionBounds {
   const Plan& plan_;
   std::vector<std::uint32_t> slot_;  // by body
   std::vector<Chain> chains_;
-  std::vector<std::uint32_t> chain_of_body_;                               // by body: from the world, or kStill
+  std::vector<std::uint32_t> chain_of_body_;                               // by body: relative to the world, or kStill
   std::map<std::pair<std::uint32_t, std::size_t>, std::uint32_t> before_;  // chains without their last links
-  std::map<std::uint64_t, Views> views_;  // of pairs, by position, that share what moves them
+  std::map<std::uint64_t, Views> views_;  // by pair position; pairs can share what moves them
 };
 
 }  // namespace clearance

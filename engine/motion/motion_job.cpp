@@ -11,8 +11,8 @@ namespace clearance {
 
 namespace {
 
-constexpr std::uint64_t kMostPairs = 1u << 16;  // of a motion: one look at all of them goes into a slice
-constexpr std::uint64_t kBlocksAtOnce = 8;      // of each worker: rows wait for those before them
+constexpr std::uint64_t kMostPairs = 1u << 16;  // of a motion: a slice covers one evaluation of all of them
+constexpr std::uint64_t kBlocksAtOnce = 8;      // per worker: rows wait for those before them
 
 class MotionJob final : public ParallelJob {
  public:
@@ -63,8 +63,8 @@ class MotionJob final : public ParallelJob {
 
   MotionBounds bounds_;
   MotionQuery motion_query_{scene(), plan_, bounds_};
-  std::vector<MotionBlock> blocks_;           // of each worker
-  std::vector<std::vector<MotionRow>> rows_;  // of the units that are under way
+  std::vector<MotionBlock> blocks_;           // one per worker
+  std::vector<std::vector<MotionRow>> rows_;  // of the units in progress
   std::uint64_t block_ = 1, first_ = 0, next_ = 0, written_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};
 };

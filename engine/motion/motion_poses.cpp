@@ -19,7 +19,7 @@ MotionPoses::MotionPoses(const Plan& plan) : plan_(plan) {
   }
 }
 
-// A motion that begins or ends at a position that cannot be used is nowhere.
+// A motion with an unusable position at its start or end has no poses.
 void MotionPoses::take_rows(const Instant& instant, double* row) const {
   const std::size_t joints = plan_.joints.size();
   const double* const start = plan_.positions.data() + 2 * instant.moving->motion * joints;
@@ -75,7 +75,7 @@ ConfigurationPoses::Block MotionPoses::at(std::span<const Instant> instants) {
   return {poses_, facts_, travels_, {}};
 }
 
-// Of a robot's links, as they have just been placed.
+// For a robot's links, after they have been placed.
 void MotionPoses::take_twists(std::size_t motion, std::size_t at) {
   const LinkMotion& made = plan_.motions[motion];
   const std::size_t links = made.robot().kinematics.links();
@@ -102,7 +102,7 @@ void MotionPoses::twists(std::size_t k, const BodyPoses& placed, std::span<Twist
     const std::uint32_t parent = plan_.snapshot->parent[plan_.moved[i]];
     const Mat3d* const R_wp = parent == kNone ? nullptr : &placed[parent].pose.R_wb;
     const Vec3d shift = R_wp ? *R_wp * own.shift : own.shift;
-    // A body turns about an axis that it carries; a link's twist is in the axes of what it follows.
+    // A free body rotates about an axis fixed to itself; a link's twist is in its parent's axes.
     const Vec3d turn = place < plan_.given_bodies ? body.pose.R_wb * own.turn : R_wp ? *R_wp * own.turn : own.turn;
     twists[i] = {turn, shift};
     if (carrier == kNone) continue;

@@ -1,4 +1,4 @@
-// Where the bodies of a query are at times of its motions.
+// Poses of the bodies of a query at times of its motions.
 #pragma once
 
 #include <span>
@@ -10,23 +10,25 @@
 
 namespace clearance {
 
-/// A time from 0 to 1 of a motion.
+/// A time in [0, 1] of a motion.
 struct Instant {
   const MovingBodies* moving;
   double time;
 };
 
-/// What ConfigurationPoses is for configurations. Each worker has its own.
+/// Counterpart of ConfigurationPoses for times of motions. Each worker has its own.
 class MotionPoses {
  public:
-  /// \param plan outlives this, and has its configurations.
+  /// \param plan must outlive this; has configurations
   explicit MotionPoses(const Plan& plan);
 
   /// Sets MovingBodies::end_facts.
   void look_at_ends(MovingBodies& moving);
-  /// Poses and facts, without errors, at some instants; good until the next call.
+  /// Poses and facts, without errors, at some instants; valid until the next call.
   ConfigurationPoses::Block at(std::span<const Instant> instants);
-  /// How fast bodies move at instant k of those, placed at it. \param twists (Plan::moved,) world axes, rounded
+  /// Velocities of bodies at instant k of the last at().
+  /// \param placed the bodies placed at that instant
+  /// \param twists (Plan::moved,) world axes, rounded
   void twists(std::size_t k, const BodyPoses& placed, std::span<Twist> twists) const;
 
  private:
@@ -34,12 +36,12 @@ class MotionPoses {
   void take_twists(std::size_t motion, std::size_t at);
 
   const Plan& plan_;
-  std::vector<LinkTwists> robots_;      // of each of Plan::motions
-  std::vector<std::uint32_t> place_;    // of each of Plan::moved: in Plan::bodies, or kNone
-  std::vector<std::uint32_t> carrier_;  // likewise: of what it follows, in Plan::moved, or kNone
+  std::vector<LinkTwists> robots_;      // for each of Plan::motions
+  std::vector<std::uint32_t> place_;    // for each of Plan::moved: index in Plan::bodies, or kNone
+  std::vector<std::uint32_t> carrier_;  // likewise: index of its parent in Plan::moved, or kNone
   std::vector<Instant> instants_;
-  std::vector<Twist> twists_;  // (instants, Plan::bodies) of links, before their roots
-  std::vector<Twist> links_;   // of all of a robot's
+  std::vector<Twist> twists_;  // (instants, Plan::bodies) of links, relative to their roots
+  std::vector<Twist> links_;   // of all links of a robot
   std::vector<double> rows_;   // (instants, joints)
   std::vector<Pose> poses_;
   std::vector<std::uint8_t> facts_;

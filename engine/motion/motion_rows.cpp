@@ -1,4 +1,4 @@
-// What a search has found, as rows.
+// Converts the results of a search to rows.
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -8,14 +8,15 @@
 
 namespace clearance {
 
-// The better of the proved lower bounds. A motion that the search for first contact proves free gets that search's.
+// The better of the proved lower bounds: if the search for first contact proves a motion free, its bound may be the
+// better one.
 const MotionSearch::Lowest& MotionSearch::lowest_of(const Goal& goal) const {
   const bool better =
       goal.unproved == kInf && goal.lowest_of_contact.pair != kNowhere && goal.lowest_of_contact.low > goal.lowest.low;
   return better ? goal.lowest_of_contact : goal.lowest;
 }
 
-// Of all pairs together, none within its margin: proved farther; or a pair that is neither; or no usable poses.
+// If no pair is within its margin: all are proved beyond it, or some pair is undecided or has no usable pose.
 void MotionSearch::decide_any(const Goal& goal, Row& row) const {
   const Plan& plan = motion_query_.plan;
   const double low = std::max(goal.lowest.low, 0.0);
@@ -32,7 +33,7 @@ void MotionSearch::decide_any(const Goal& goal, Row& row) const {
   }
 }
 
-// A pair without usable poses may be nearer than all others. Only a proved overlap is the least distance nevertheless.
+// A pair without usable poses may be the nearest. Only a proved overlap is the least distance in any case.
 void MotionSearch::decide_distance(const Goal& goal, Row& row) const {
   const bool overlaps = goal.pair != kNowhere && goal.best.upper <= 0;
   if (goal.unusable != kNowhere && !overlaps) return take_unusable(goal, row);
@@ -87,7 +88,7 @@ void MotionSearch::append_rows(std::vector<MotionRow>& rows) const {
   rows.push_back(none);
 }
 
-// The interval's width is judged before slack, as ever.
+// Tests the interval's width before slack is added, as for other queries.
 void decide_least(const QueryView& query, double low, bool forced, PairAnswer& answer) {
   NarrowLimits limits;
   limits.max_distance = query.max_distance;

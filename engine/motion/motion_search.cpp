@@ -12,7 +12,7 @@ namespace clearance {
 
 namespace {
 
-constexpr double kLeastHalf = 0x1p-40;  // of a span
+constexpr double kLeastHalf = 0x1p-40;  // shortest half of a span
 
 bool is_less_promising(const MotionSearch::Node& p, const MotionSearch::Node& q) {
   return p.least != q.least ? p.least > q.least : p.begin > q.begin;
@@ -45,8 +45,8 @@ void MotionSearch::open_all() {
   push(std::move(root));
 }
 
-// The least distance is known, but not when pairs first are within their margins: the motion is looked at anew, its
-// beginning first. False: it is known already, or nobody asks.
+// Restarts the search from the motion's beginning, when the least distance is known but first contact is not. Returns
+// false if first contact is known or not requested.
 bool MotionSearch::seek_contact() {
   if (seeks_contact_ || !wants_contact() || steps_ >= motion_query_.plan.query.max_steps) return false;
   Node root{0, 1, {}, {}, 0, false};
@@ -66,8 +66,7 @@ void MotionSearch::push(Node&& node) {
   std::push_heap(spans_.begin(), spans_.end(), is_less_promising);
 }
 
-// How far a pair has to be all along in order to leave. Where the least distance is asked for: not so near that the
-// interval would be wider than asked, slack aside.
+// Lower bound at which a pair leaves. For the least distance, it keeps the interval within tolerance, apart from slack.
 double MotionSearch::target_of(std::uint64_t position, const Goal& goal, double slack) const {
   if (decides()) return motion_query_.plan.margins.of(position);
   const QueryView& query = motion_query_.plan.query;
@@ -119,7 +118,7 @@ void MotionSearch::end_if_done() {
   done_ = !seek_contact();
 }
 
-// What is still open leaves as it is.
+// Removes all remaining pairs with their present bounds.
 void MotionSearch::give_up() {
   for (const Node& node : spans_)
     for (std::size_t i = 0; i < node.open.size(); ++i) {
@@ -133,7 +132,7 @@ void MotionSearch::give_up() {
 void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked,
                        std::vector<PairRequest>& requests) {
   const BodyPoses& placed = moment.placed;
-  // Before anything is known of the least distance all pairs would be asked in full: one comes first.
+  // Without a first bound on the least distance all pairs would be evaluated in full, so one goes first.
   const PairList& pairs = motion_query_.plan.pairs;
   const bool seeds = motion_query_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
   const std::size_t seed = seeds ? nearest_of(node, placed) : node.open.size();
@@ -156,7 +155,7 @@ void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodie
   }
 }
 
-// Most pairs are so far apart that neither their path nor what else is known of them matters.
+// Most pairs are so far apart that neither their path nor their uncertainty matters.
 bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const BodyPoses& placed) {
   const auto speed = [&](std::uint32_t body) {
     const std::uint32_t slot = motion_query_.bounds.slot(body);
@@ -170,7 +169,7 @@ bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pai
   return true;
 }
 
-// Nor do most others come nearer along the way from one box to the other, as they move there.
+// Most others do not come near along the direction between their boxes, at their present speeds.
 bool MotionSearch::leaves_along_boxes(const PairRequest& asked, const Node& node, BodyPair pair, const Moment& moment) {
   const Aabb *const a = moment.placed.known_box(pair.a), *const b = moment.placed.known_box(pair.b);
   if (!a || !b || asked.way == 0) return false;
@@ -198,7 +197,7 @@ MotionSearch::PairRequest MotionSearch::request_for(std::size_t i, const Node& n
   return request;
 }
 
-// The pair whose boxes are nearest; none: they are all beyond max_distance, or nowhere.
+// The pair with the nearest boxes; node.open.size() if all are beyond max_distance or without poses.
 std::size_t MotionSearch::nearest_of(const Node& node, const BodyPoses& placed) const {
   std::size_t nearest = node.open.size();
   double least = motion_query_.plan.query.max_distance;
@@ -210,7 +209,7 @@ std::size_t MotionSearch::nearest_of(const Node& node, const BodyPoses& placed) 
   return nearest;
 }
 
-// Of decisions the earliest pair found within its margin counts where first contact is asked for; else the nearest.
+// Records the earliest pair found within its margin if first contact is requested, otherwise the nearest.
 void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer,
                        const BodyPoses& placed) {
   const bool within = is_within(answer, motion_query_.plan.margins.of(position));
@@ -233,8 +232,8 @@ bool MotionSearch::is_proved(std::uint64_t position, const Goal& goal, double lo
   return decides() ? low > target : low >= target;
 }
 
-// How near the pair can come in either half, along a direction that keeps it apart in the middle. \param of_boxes the
-// bodies' boxes, which hold what is not known of them
+// Lower bounds in either half, along a direction that separates the pair in the middle.
+// \param of_boxes uses the bodies' boxes, which include their uncertainty
 HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner,
                                    const Moment& moment, double half, bool of_boxes) const {
   const auto moving_body = [&](std::uint32_t body) {
@@ -246,7 +245,7 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const 
   return without_uncertainty(gaps, inner, rates.drift, half);
 }
 
-// What an answer proves of both halves of the span. Where that is not enough the pair goes on in the half.
+// Takes an answer's bounds for both halves of the span. A pair that is not proved in a half continues there.
 void MotionSearch::divide(const PairRequest& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
                           Half (&halves)[2]) {
   const std::uint64_t position = node.open[asked.open];
@@ -279,8 +278,8 @@ void MotionSearch::divide(const PairRequest& asked, const PairAnswer& answer, co
   }
 }
 
-// Up to where all pairs of a half are proved they leave; what is left of it is looked at next. Its ends stay such that
-// middles, and middles of these, are exact.
+// Drops the share of a half in which all pairs are proved and queues the remainder. Its ends keep its middle, and the
+// middles of its halves, exact.
 void MotionSearch::push_rest(Half& half, double middle) {
   Node& node = half.node;
   if (node.open.empty()) return;
@@ -304,7 +303,7 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const PairRe
   halves[0].node.begin = node.begin;
   halves[0].node.end = halves[1].node.begin = middle;
   halves[1].node.end = node.end;
-  const bool seed = node.seeds;  // the others come next, and it with them
+  const bool seed = node.seeds;  // the pair continues together with the others
   for (std::size_t k = 0; k < requests.size(); ++k) {
     const PairAnswer& answer = answers[k];
     const std::uint64_t position = node.open[requests[k].open];
@@ -315,7 +314,7 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const PairRe
       continue;
     }
     evaluated_ += answer.upper < kInf;
-    // What does not move is there from the beginning on.
+    // A pair that does not move is there from the beginning on.
     see(goal, position, requests[k].way > 0 ? middle : node.begin, answer, moment.placed);
     if (!seed) divide(requests[k], answer, moment, node, halves);
   }

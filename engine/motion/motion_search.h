@@ -1,4 +1,4 @@
-// One motion, divided until each pair is proved far enough away all along, or found near at some time.
+// Subdivision of one motion until each pair is proved far enough apart throughout, or found near at some time.
 #pragma once
 
 #include <cstdint>
@@ -13,64 +13,67 @@
 
 namespace clearance {
 
-/// When a pair is proved to be within its margin.
+/// Time at which a pair is proved to be within its margin.
 struct MotionHit {
-  double time = std::numeric_limits<double>::infinity();  // 0 to 1; inf: never
+  double time = std::numeric_limits<double>::infinity();  // in [0, 1]; inf if never
   std::uint64_t position = 0;                             // of the pair in the plan
-  std::uint32_t piece_a = 0, piece_b = 0;                 // the nearest of its bodies then
+  std::uint32_t piece_a = 0, piece_b = 0;                 // its bodies' nearest parts at that time
 };
 
 /// A row of a motion.
 struct MotionRow {
   Row row;
   double time = std::numeric_limits<double>::quiet_NaN();
-  double found = std::numeric_limits<double>::quiet_NaN();  // when the upper bound was found, whatever the row says
-  double free_until = 0;                                    // nothing is within its margin before; inf: all along
-  MotionHit hit;                                            // the first that was found
+  double found = std::numeric_limits<double>::quiet_NaN();  // time at which the upper bound was found, also if the row
+                                                            // does not report it
+  double free_until = 0;                                    // nothing is within its margin before; inf if free
+                                                            // throughout
+  MotionHit hit;                                            // the first one found
   std::uint32_t steps = 0;
 };
 
-/// Writes it as a row of a reply.
+/// Writes a motion's row to a reply.
 void write_motion_row(const ReplyView& reply, std::uint64_t at, const MotionRow& row);
 
-/// Makes the answer with the least upper bound that of the least distance. \param low no pair is nearer all along.
-/// \param forced the search was ended before it was done
+/// Converts the answer with the least upper bound to that of the least distance.
+/// \param low lower bound of all pairs throughout the motion
+/// \param forced the search ended before it had converged
 void decide_least(const QueryView& query, double low, bool forced, PairAnswer& answer);
 
-/// What every search of a query shares. All must outlive it.
+/// Data shared by all searches of a query. All references must outlive it.
 struct MotionQuery {
   const Scene& scene;
   const Plan& plan;
   const MotionBounds& bounds;
 };
 
-/// The search for one motion's rows: a tree of spans of time, each looked at in its middle. A pair leaves where what it
-/// can move until the span's ends cannot bring it as near as is asked: its margin (Reduce::kAny), or what is to be
-/// known of the least distance. It never asks anything itself: nodes come out, answers come in.
+/// The search for one motion's rows: a tree of spans of time, each evaluated at its middle. A pair leaves a span once
+/// its motion until the span's ends cannot bring it to its target: the margin (Reduce::kAny), or the required bound on
+/// the least distance. The search evaluates nothing itself: the caller fetches nodes and returns answers.
 class MotionSearch {
  public:
-  /// A span whose middle is looked at next.
+  /// A span whose middle is evaluated next.
   struct Node {
     double begin, end;
-    std::vector<std::uint64_t> open;  // positions of pairs that are not proved
-    std::vector<double> low;          // of each of them: no nearer all along
-    double least = 0;                 // of `low`
-    bool has_steps = false;           // it was looked at in part, and counts no more
-    bool seeds = false;               // one pair is asked before the others
+    std::vector<std::uint64_t> open;  // positions of unproved pairs
+    std::vector<double> low;          // lower bound for each of them throughout the span
+    double least = 0;                 // minimum of `low`
+    bool has_steps = false;           // already counted as a step: evaluated in part
+    bool seeds = false;               // one pair is evaluated before the others
 
     double middle() const { return 0.5 * begin + 0.5 * end; }
     double half() const { return 0.5 * (end - begin); }
   };
-  /// A pair that a node asks for.
+  /// A pair that a node needs evaluated.
   struct PairRequest {
-    std::uint32_t open;  // of Node::open
-    double target;       // metres: it leaves where it is proved to be no nearer all along
-    double way;          // metres that it can come nearer until the ends, at most
+    std::uint32_t open;  // index in Node::open
+    double target;       // metres: the pair leaves once this lower bound is proved throughout
+    double way;          // upper bound on the approach until the ends of the span, in metres
     double inner;        // Slack::inner of the pair
     PairRates rates;
   };
 
-  /// Where bodies are in the middle of a span, and how fast they move there.
+  /// Poses and velocities of bodies in the middle of a span.
   struct Moment {
     const BodyPoses& placed;
     std::span<const Twist> twists;  // of Plan::moved
@@ -83,53 +86,53 @@ class MotionSearch {
   MovingBodies moving;
 
   bool is_done() const { return done_; }
-  /// The most promising span; false: there is none for now.
+  /// Fetches the most promising span. Returns false if there is none at present.
   bool next(Node& node);
-  /// What it asks for in its middle. Appends to both in the same order.
+  /// Appends the pairs to evaluate in the middle of a span, and their requests in the same order.
   void ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked, std::vector<PairRequest>& requests);
-  /// The answers to that. The node is spent then.
+  /// Processes the answers to those requests. The node must not be used afterwards.
   void take(Node& node, const Moment& moment, std::span<const PairRequest> requests,
             std::span<const PairAnswer> answers);
-  /// Once is_done().
+  /// Requires is_done().
   void append_rows(std::vector<MotionRow>& rows) const;
   std::uint64_t evaluated() const { return evaluated_; }
 
  private:
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
   static constexpr double kInf = std::numeric_limits<double>::infinity();
-  // The least lower bound of what has left the search, and its pair.
+  // The least lower bound of the pairs that have left the search, and its pair.
   struct Lowest {
     double low = kInf;
     std::uint64_t pair = kNowhere;
   };
-  // What a row is about: all pairs, or one.
+  // State of a row, which concerns one pair or all pairs.
   struct Goal {
-    Lowest lowest;             // no pair is nearer
-    Lowest lowest_of_contact;  // likewise, by the search for first contact; nowhere: it had no need of one
-    double unproved = kInf;    // begin of the first span of which no margin is proved
+    Lowest lowest;             // over all pairs of the row
+    Lowest lowest_of_contact;  // likewise, from the search for first contact; kNowhere if there was none
+    double unproved = kInf;    // begin of the first span with an unproved margin
     MotionHit hit;             // the first time at which a pair is proved to be within its margin
     double time = std::numeric_limits<double>::quiet_NaN();  // of `best`
     std::uint64_t pair = kNowhere;                           // likewise
-    PairAnswer best;                                         // of the least upper bound
+    PairAnswer best;                                         // answer with the least upper bound
     Vec3d origin_a{0, 0, 0}, origin_b{0, 0, 0};              // of its bodies
-    double slack = 0;                                        // what is not known of `best` alone
+    double slack = 0;                                        // uncertainty of `best` alone
     std::uint64_t unusable = kNowhere;                       // the first pair without usable poses
     PairAnswer unusable_answer;
-    bool decided = false;  // nothing more is asked
+    bool decided = false;  // no further evaluation is needed
     bool forced = false;   // of the least distance: something left before it was proved
 
     double upper() const { return pair == kNowhere ? kInf : best.upper; }
   };
 
-  // Half a span, with the pairs that go on in it.
+  // Half a span, with the pairs that continue in it.
   struct Half {
     Node node;
-    double proved = 0;               // of it, from the middle on: all pairs are
-    std::vector<double> proved_low;  // of each pair: no nearer there
+    double proved = 0;               // time from the middle on for which all pairs are proved
+    std::vector<double> proved_low;  // lower bound of each pair in that time
   };
 
   bool any() const { return motion_query_.plan.query.reduce == Reduce::kAny; }
-  /// Whether pairs are tested against their margins now.
+  /// Returns whether pairs are currently tested against their margins.
   bool decides() const { return any() || seeks_contact_; }
   bool wants_contact() const { return (motion_query_.plan.size.fields & kFieldFirstContact) != 0; }
   bool has_converged(const Goal& goal) const { return goal.decided && !seeks_contact_; }
@@ -163,13 +166,13 @@ class MotionSearch {
 
   const MotionQuery& motion_query_;
   std::vector<Goal> goals_;
-  std::vector<Node> spans_;     // a heap: that of the least `least` first, or the earliest where contact is sought
-  bool seeks_contact_ = false;  // what is left to find is when a pair first is within its margin
+  std::vector<Node> spans_;     // a heap: the least `least` first, or the earliest span while contact is sought
+  bool seeks_contact_ = false;  // only the time at which a pair is first within its margin is still unresolved
   std::size_t under_way_ = 0;
-  std::vector<double> speeds_;  // of Plan::moved, at the node that asks
+  std::vector<double> speeds_;  // of Plan::moved, at the current node
   std::uint32_t steps_ = 0;
   std::uint64_t evaluated_ = 0;
-  bool seeded_ = false;  // one pair was asked before the others
+  bool seeded_ = false;  // one pair was evaluated before the others
   bool done_ = true;
 };
 
