@@ -105,8 +105,8 @@ const FreeScale::Carried& FreeScale::carried(std::uint32_t body) {
   return *known;
 }
 
-// The link that carries a body. The body's distance from the link's origin, uncertainty included, bounds its farthest
-// point, about which nothing is assumed but that it rotates with the link.
+// The link that carries a body, and a ball around the body's points in the link's frame. For a body that follows a
+// link, the ball is centred at the link's origin and includes the uncertainty of each attachment.
 FreeScale::Carried FreeScale::carrier_of(std::uint32_t body) const {
   if (!moves_[body]) return {};
   const PoseSnapshot& snapshot = *plan_.snapshot;

@@ -278,8 +278,8 @@ void MotionSearch::divide(const PairRequest& asked, const PairAnswer& answer, co
   }
 }
 
-// Drops the share of a half in which all pairs are proved and queues the remainder. Its ends keep its middle, and the
-// middles of its halves, exact.
+// Drops the time from the middle on for which all pairs of a half are proved, and queues the remainder. Its ends are
+// chosen such that its middle, and the middles of its halves, are exact.
 void MotionSearch::push_rest(Half& half, double middle) {
   Node& node = half.node;
   if (node.open.empty()) return;
