@@ -61,7 +61,7 @@ bool ExactScene::answers(BodyPair pair) const {
 
 namespace {
 
-// A ball's centre may be anywhere on a cap around where it is said to be: turned by up to `angle` about `origin`.
+// A ball's centre may be anywhere on a cap around its nominal place: rotated by up to `angle` about `origin`.
 Real least_from_cap(const RealVec& from, const RealVec& origin, const RealVec& centre, double angle) {
   const RealVec v = centre - origin, w = from - origin;
   const Real vv = real_length(v), ww = real_length(w);

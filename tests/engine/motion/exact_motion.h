@@ -1,5 +1,5 @@
-// Motions of balls and plates on robots and beside them, to 60 digits: the judge. It shares nothing with what it judges
-// but the numbers that go in.
+// Oracle: motions of balls and plates on and around robots, to 60 digits. It shares only the input numbers with the
+// code under test.
 #pragma once
 
 #include <map>
@@ -20,23 +20,23 @@ inline RealVec operator-(const RealVec& a, const RealVec& b) {
   return {{a.x[0] - b.x[0], a.x[1] - b.x[1], a.x[2] - b.x[2]}};
 }
 
-/// The pose at a time of a body that goes straight from one pose to another and turns at constant speed, the shorter
-/// way: slerp, by its definition.
+/// Pose at a time of a body that moves straight from one pose to another and rotates at constant speed, the shorter
+/// way: slerp by its definition.
 RealFrame real_between(const Pose& from, const Pose& to, const Real& t);
 
-/// A scene of balls and plates: one robot, and bodies beside and on it.
+/// A scene of balls and plates: one robot, and bodies on and around it.
 struct ExactScene {
   /// A ball, or a box around its body's origin.
   struct Shape {
     Vec3d centre{0, 0, 0};  ///< of the ball, body frame
     double radius = 0;      ///< of the ball
     Vec3d half{0, 0, 0};    ///< of the box: half its lengths
-    double position = 0;    ///< metres that the body may be off
-    double angle = 0;       ///< radians that it may be turned by, about its origin
+    double position = 0;    ///< uncertainty of the body's position, in metres
+    double angle = 0;       ///< uncertainty of its rotation about its origin, in radians
     bool is_box = false;
     bool is_unsure() const { return position > 0 || angle > 0; }
   };
-  /// Where a body is at a time.
+  /// Pose of a body at a time.
   struct Placed {
     RealFrame X;
     RealVec centre;
@@ -47,15 +47,15 @@ struct ExactScene {
   std::vector<RealFrame> origins;             ///< real_origins() of the robot
   std::map<std::uint32_t, Shape> shapes;      ///< by body
   std::map<std::uint32_t, Pose> poses;        ///< of bodies that nothing moves, X_wb or X_pb
-  std::map<std::uint32_t, std::uint32_t> on;  ///< what such a one follows
+  std::map<std::uint32_t, std::uint32_t> on;  ///< parent of such a body
 
   Moment at(const Motions& motions, std::uint32_t motion, const Real& t) const;
-  /// The least that the shapes' distance can be, with all that they may be off; below 0 where they overlap. Not of two
-  /// boxes, and at most one of the two may be off.
+  /// The least possible distance of the shapes within their uncertainty; below 0 if they overlap. Not for two boxes,
+  /// and only for one uncertain body at most.
   Real distance(const Moment& moment, BodyPair pair) const;
-  /// The same rounded, with an error of less than 1e-9 m within 1e5 m of the world's origin.
+  /// The same, rounded, with an error of less than 1e-9 m within 1e5 m of the world's origin.
   double rough_distance(const Moment& moment, BodyPair pair) const;
-  /// Whether distance() answers.
+  /// Returns whether distance() supports the pair.
   bool answers(BodyPair pair) const;
 };
 

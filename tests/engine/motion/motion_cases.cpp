@@ -8,7 +8,7 @@ namespace clearance::test {
 
 namespace {
 
-constexpr double kThin = 1e-4;  // metres, of plates
+constexpr double kThin = 1e-4;  // thickness of plates, in metres
 
 std::string text_of(double x) {
   char text[32];
@@ -16,7 +16,7 @@ std::string text_of(double x) {
   return text;
 }
 
-// A tree of links, each with a ball beside its origin.
+// A tree of links, each with a ball near its origin.
 std::string random_urdf(Random& random, bool is_small, std::vector<ExactScene::Shape>* balls) {
   constexpr const char* kTypes[] = {"revolute", "continuous", "prismatic", "fixed", "planar", "revolute"};
   const auto number = [&](double low, double high) { return text_of(random.uniform(low, high)); };
@@ -59,7 +59,7 @@ Vec3d rounded(const RealVec& v) {
   return {static_cast<double>(v.x[0]), static_cast<double>(v.x[1]), static_cast<double>(v.x[2])};
 }
 
-// The quaternion (w x y z) of a rotation whose columns are x, y and x cross y, by the largest of its parts.
+// The quaternion (w x y z) of a rotation with the columns x, y and x cross y, computed from its largest component.
 Pose pose_of(const Vec3d& t, const Vec3d& x, const Vec3d& y) {
   const Vec3d z = cross(x, y);
   Pose X{t};
@@ -123,7 +123,7 @@ void MotionCase::add_bodies() {
   moving_.push_back(scene.find_body("held"));
 }
 
-// It may be unsure of its pose.
+// Its pose may be uncertain.
 void MotionCase::add_ball(const std::string& name, const std::string& parent) {
   Scene::BodyOptions options;
   options.pose = random_.pose(parent.empty() ? 1 : 0.2);
@@ -153,7 +153,7 @@ void MotionCase::add_motion() {
   };
   std::vector<double> start, end;
   for (std::size_t j = 0; j < motions.joints.size(); ++j) {
-    start.push_back((is_turning(j) ? turns : 0) + random_.uniform(-1.5, 1.5));  // far around: times are rounded more
+    start.push_back((is_turning(j) ? turns : 0) + random_.uniform(-1.5, 1.5));  // large angles: times are rounded more
     const bool half = swings && is_turning(j) && random_.below(2);
     end.push_back(start[j] +
                   (half ? (random_.below(2) ? M_PI : -M_PI) : (swings ? 0.1 : 1) * size * random_.uniform(-1, 1)));
@@ -177,7 +177,7 @@ void MotionCase::add_motion() {
   named.push_back(kind_ == MotionKind::kContact ? static_cast<double>(random_.below(2)) : random_.uniform(0, 1));
 }
 
-// A unit vector across another.
+// A unit vector perpendicular to another.
 RealVec MotionCase::any_across(const RealVec& way) {
   RealVec n{{random_.normal(), random_.normal(), random_.normal()}};
   const Real by = real_dot(n, way) / real_dot(way, way);
@@ -187,7 +187,7 @@ RealVec MotionCase::any_across(const RealVec& way) {
   return n;
 }
 
-// Where a ball passes at the motion's named time.
+// Places an obstacle where a ball passes at the motion's named time.
 void MotionCase::add_obstacle(std::uint32_t motion) {
   const std::uint32_t body = moving_[random_.below(moving_.size())];
   const double radius = exact.shapes.at(body).radius, t = named[motion];
@@ -209,7 +209,7 @@ void MotionCase::add_obstacle(std::uint32_t motion) {
     const Vec3d x = rounded(n), z = rounded(way);
     return put(name, shape, pose_of(rounded(along(centre, n, beside)), x, cross(z, x)));
   }
-  if (kind_ == MotionKind::kContact) {  // before the start, or behind the end
+  if (kind_ == MotionKind::kContact) {  // before the start, or after the end
     constexpr double kGaps[] = {0, 1e-9, -1e-9, 1e-6, -1e-6};
     shape.radius = random_.uniform(0.01, 0.1);
     const double far = (radius + shape.radius + kGaps[random_.below(5)]) * (t > 0.5 ? 1 : -1);

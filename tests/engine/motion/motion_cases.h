@@ -1,28 +1,28 @@
-// Random and adversarial motions: robots of all kinds of joints, bodies beside and on them.
+// Random and adversarial motions: robots with all kinds of joints, and bodies on and around them.
 #pragma once
 
 #include "tests/engine/motion/exact_motion.h"
 
 namespace clearance::test {
 
-/// What is hard about the motions of a case.
+/// The difficulty of a case's motions.
 enum class MotionKind : std::uint8_t {
-  kRandom,   ///< as kGraze; joints may be many turns around
-  kPlate,    ///< small balls go through or just beside plates of 0.1 mm
-  kGraze,    ///< balls and plates that are passed, or cut into, by 1e-6 to 1e-4 m
+  kRandom,   ///< as kGraze; joint angles may include many turns
+  kPlate,    ///< small balls pass through plates of 0.1 mm, or just miss them
+  kGraze,    ///< balls and plates that are missed, or cut into, by 1e-6 to 1e-4 m
   kSwing,    ///< half turns
-  kContact,  ///< contact at the start or the end, or nearly
-  kStill,    ///< of no length
-  kUnsure,   ///< bodies that may stand elsewhere and otherwise
+  kContact,  ///< contact at the start or the end, or almost
+  kStill,    ///< of zero length
+  kUnsure,   ///< bodies of uncertain position and rotation
   kFar,      ///< up to 1e5 m from the origin, with grazes
 };
 inline constexpr int kMotionKinds = 8;
 const char* name_of(MotionKind kind);
 
-/// A scene, what the judge knows of it, and motions in it.
+/// A scene, its exact description for the oracle, and motions in it.
 class MotionCase {
  public:
-  /// \param folder for the robot's file, which is read at once
+  /// \param folder for the robot's file, which is read immediately
   MotionCase(Random& random, MotionKind kind, int count, const std::string& folder);
   MotionCase(const MotionCase&) = delete;
   MotionCase& operator=(const MotionCase&) = delete;
@@ -30,9 +30,9 @@ class MotionCase {
   Scene scene;
   ExactScene exact;
   Motions motions;
-  std::vector<double> named;  ///< of each motion: a time at which two bodies are near, made so
+  std::vector<double> named;  ///< for each motion: a time at which two bodies are near by construction
 
-  /// One of the motions by itself.
+  /// One of the motions alone.
   Motions one(std::uint32_t motion) const;
 
  private:
@@ -47,7 +47,7 @@ class MotionCase {
   Random& random_;
   MotionKind kind_;
   double far_ = 0;                     // metres from the origin
-  std::vector<std::uint32_t> moving_;  // balls that motions move, mostly
+  std::vector<std::uint32_t> moving_;  // balls moved by most motions
 };
 
 }  // namespace clearance::test

@@ -13,8 +13,8 @@ namespace clearance::test {
 namespace {
 
 constexpr double kTolerance = 1e-3;
-constexpr double kRough = 1e-7;  // metres: so far off nothing that is rounded is looked at again
-constexpr double kDeep = 2e-4;   // metres: deeper than what is made to graze
+constexpr double kRough = 1e-7;  // metres: results of rounded arithmetic this far off need no exact check
+constexpr double kDeep = 2e-4;   // metres: deeper than any constructed graze
 
 struct Look {
   double time;
@@ -50,7 +50,7 @@ class MotionOracle {
     }
   }
 
-  // What somebody else decides.
+  // Checks the decisions of another implementation.
   void check_decisions(const MotionDecider& decide) {
     Motions all = case_.motions;
     all.pairs = pairs_;
@@ -69,14 +69,14 @@ class MotionOracle {
   bool has_pairs() const { return !pairs_.empty(); }
 
  private:
-  // Without the column that is the CPU's.
+  // Without the column that only the CPU supports.
   static QueryView least_of(const Motions& motions) {
     QueryView query = motions.view(Reduce::kMin);
     query.fields &= ~kFieldPairLower;
     return query;
   }
 
-  // Pairs that overlap by chance would leave nothing to be found of the others.
+  // Leaves out pairs that overlap by chance, which would hide findings about the others.
   bool overlaps_by_chance(BodyPair pair) {
     if (chance_.empty())
       for (std::uint32_t m = 0; m < case_.motions.count(); ++m)
@@ -97,7 +97,7 @@ class MotionOracle {
     return known == looks_.end() ? look(time) : *known;
   }
 
-  // Evenly, where it should be near, and from the nearest of these downhill.
+  // Samples evenly and where the case should be near, then descends from the nearest sample.
   void look_around(double told) {
     const double named = case_.named[motion_];
     for (const double t : {0.0, 0.3, 0.7, 1.0}) look(t);
@@ -115,13 +115,13 @@ class MotionOracle {
         }
       }
   }
-  // Where what is said to be free ends.
+  // Samples before the time at which the free part ends.
   void look_before(double time) {
     if (time > 0 && time <= 1) look_once(std::max(time - 1e-9, 0.0));
   }
   static bool is_nearer(const Look& a, const Look& b) { return a.least < b.least; }
 
-  // Whether a pair, or any, is exactly no farther than a bound (`at`: or as far).
+  // Returns whether a pair, or any, is exactly nearer than a bound, or equally near if `at`.
   bool is_within(const Look& look, double bound, const BodyPair* one, bool at) const {
     const auto is = [&](BodyPair pair) {
       const double rough = case_.exact.rough_distance(look.moment, pair);
@@ -132,7 +132,7 @@ class MotionOracle {
     return one ? is(*one) : std::any_of(pairs_.begin(), pairs_.end(), is);
   }
 
-  // A row of the least distance, of one pair or of all.
+  // Checks a row of the least distance, of one pair or of all.
   void check_row(const Answer& answer, std::size_t row, const BodyPair* pair) {
     const ReplyView& view = answer.view;
     const double lower = view.lower[row], upper = view.upper[row], time = view.time[row];
@@ -152,13 +152,13 @@ class MotionOracle {
     for (std::size_t p = 0; p < pairs_.size(); ++p) check_row(none, m * pairs_.size() + p, &pairs_[p]);
   }
 
-  // A margin that is 1e-6 to 1e-4 m less or more than the least distance that was seen.
+  // A margin that is 1e-6 to 1e-4 m less or more than the least sampled distance.
   double margin_beside_least() {
     const double graze = std::pow(10.0, random_.uniform(-6, -4)) * (random_.below(2) ? 1 : -1);
     return std::max(look_once(best_).least + graze, 0.0);
   }
 
-  // First contact by a margin.
+  // Checks first contact for a margin.
   void check_contact(double free_until, double contact, double margin) {
     findings_.untrue += !(free_until <= contact);
     if (contact < kInf) findings_.untrue += !is_within(look_once(contact), margin, nullptr, true);
@@ -167,7 +167,7 @@ class MotionOracle {
       findings_.untrue += look.time < free_until && is_within(look, margin, nullptr, true);
   }
 
-  // \param when first contact is asked for
+  // \param when requests first contact
   void check_least_of(const MotionDecider& decide, bool when) {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
@@ -188,7 +188,7 @@ class MotionOracle {
     check_contact(found.free_until, found.contact, query.margin);
   }
 
-  // \param when first contact is asked for
+  // \param when requests first contact
   void check_decision_of(const MotionDecider& decide, bool when) {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
@@ -249,10 +249,10 @@ class MotionOracle {
   std::vector<ExactScene::Moment> chance_;
   std::uint32_t motion_ = 0;
   std::vector<Look> looks_;
-  double best_ = 0;  // the time of the nearest of these
+  double best_ = 0;  // the time of the nearest sample
 };
 
-// A folder of this process for the robots' files, gone afterwards.
+// A folder of this process for the robots' files, removed at the end.
 struct Folder {
   std::string path;
   Folder() {
@@ -290,7 +290,8 @@ void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFi
 
 namespace {
 
-// Cases of every kind in turn, or of one. \param judge returns whether to go on
+// Runs cases of every kind in turn, or of one kind.
+// \param judge returns whether to continue
 template <class CheckCase>
 void for_cases(std::uint64_t seed, int only, const CheckCase& check) {
   const Folder folder;

@@ -1,5 +1,5 @@
-// Answers about motions before a judge of 60 digits, who looks at each where it is said to be near, where it was made
-// to be, and downhill from there.
+// Checks answers about motions with an oracle of 60 digits: at the times where each motion is reported or constructed
+// to be near, and by descent from there.
 #pragma once
 
 #include <functional>
@@ -8,48 +8,50 @@
 
 namespace clearance::test {
 
-/// What was found. The engine as it is must leave wrong() at 0; a mutant must not.
+/// Findings. wrong() must be 0 for the unchanged engine, and positive for a mutant.
 struct MotionFindings {
-  int motions = 0;          ///< judged
-  int free = 0;             ///< proved to be, by a margin within 1e-4 m of the least distance that was found
-  int hits = 0;             ///< likewise: found not to be
-  int undecided = 0;        ///< likewise: neither, after 512 configurations
-  int on_device = 0;        ///< likewise: asked of a device, whose CPU finished what it left open
-  int least_on_device = 0;  ///< least distances that a device was asked for, or a MotionDecider has found
-  int overlaps = 0;         ///< of the motions, least distances of 0
+  int motions = 0;          ///< motions checked
+  int free = 0;             ///< proved free, by a margin within 1e-4 m of the least sampled distance
+  int hits = 0;             ///< likewise, found not to be free
+  int undecided = 0;        ///< likewise, undecided after 512 configurations
+  int on_device = 0;        ///< likewise, queried on a device; its CPU completed the unresolved ones
+  int least_on_device = 0;  ///< least distances requested from a device, or computed by a MotionDecider
+  int overlaps = 0;         ///< least distances of 0
   int nearer = 0;           ///< wrong: points nearer than a lower bound
   int farther = 0;          ///< wrong: witnesses farther than their upper bound
-  int untrue = 0;           ///< wrong: statuses, decisions and first contacts that the truth contradicts
-  int wide = 0;             ///< wrong: `ok`, and wider than asked
+  int untrue = 0;           ///< wrong: statuses, decisions and first contacts that contradict the exact result
+  int wide = 0;             ///< wrong: `ok`, but wider than the tolerance
 
   int wrong() const { return nearer + farther + untrue + wide; }
   void add(const MotionFindings& other);
   std::string text() const;
 };
 
-/// All motions of a case: reduced to their least distance, decided by a margin beside it, and, where `each_pair`, every
-/// pair for itself.
+/// Checks all motions of a case: reduced to their least distance, decided for a margin near it and, if `each_pair`,
+/// each pair alone.
 void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings);
 
-/// Cases of every kind in turn, four motions each: as many motions as asked for, or a few more. Those of a seed are
-/// always the same. \param only one kind, or all where it is negative. Ends early once something is wrong, if
-/// `until_wrong`. \param backend of EngineOptions; what a device does not answer the CPU does
+/// Checks cases of every kind in turn, four motions each, until at least `motions` are done. A seed determines the
+/// cases. Ends early after a wrong result if `until_wrong`.
+/// \param only the only kind to check, or all if negative
+/// \param backend of EngineOptions; the CPU answers what a device does not
 MotionFindings check_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false,
                           const std::string& backend = "cpu");
 
-/// What somebody else than the engine's CPU says of one motion.
+/// Decision of another implementation about one motion.
 struct MotionDecision {
   enum Kind { kFree, kHit, kOpen } kind = kOpen;
   BodyPair pair{};
-  double time = 0, lower = 0, upper = 0;  ///< of a hit: when, and how far the pair is apart then
-  double free_until = 0;                  ///< of a hit where first contact is asked for
-  // Of the least distance, whose bounds these are then:
-  double contact = 0;     ///< where first contact is asked for: when a pair is within its margin; inf: never
-  bool by_slack = false;  ///< the interval is wider than asked since bodies are not known exactly
+  double time = 0, lower = 0, upper = 0;  ///< of a hit: its time, and the pair's distance then
+  double free_until = 0;                  ///< of a hit, if first contact is requested
+  // Of the least distance, with the bounds above:
+  double contact = 0;     ///< if first contact is requested: the time at which a pair is within its margin, or inf if
+                          ///< never
+  bool by_slack = false;  ///< the interval exceeds the tolerance because of uncertain bodies
 };
 using MotionDecider = std::function<MotionDecision(const Scene&, const QueryView&)>;
-/// Decisions and least distances alone, of motions that joints alone make, with first contact and without: cases as
-/// those of check_many(). What is open counts as undecided.
+/// Checks only decisions and least distances of motions of joints, with and without first contact, for the cases of
+/// check_many(). Unresolved motions count as undecided.
 MotionFindings check_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide);
 
 }  // namespace clearance::test

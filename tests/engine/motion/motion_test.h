@@ -1,4 +1,4 @@
-// Motions asked of an engine, and a judge that samples them as single configurations.
+// Motion queries for tests, and checks by sampling them as single configurations.
 #pragma once
 
 #include <cmath>
@@ -11,14 +11,14 @@
 namespace clearance::test {
 
 inline constexpr double kInf = std::numeric_limits<double>::infinity();
-/// What most tests look at; first contact, which is searched for by itself, among it.
+/// The columns most tests read, including first contact, which has a search of its own.
 inline constexpr std::uint32_t kMotionAnswer =
     kDefaultFields | kFieldFlags | kFieldPair | kFieldPairLower | kFieldConfiguration | kMotionFields | kFieldPoints;
 
 /// Straight lines of some joints or bodies.
 struct Motions {
   std::vector<std::uint32_t> joints, bodies;
-  std::vector<BodyPair> pairs;    ///< none: all
+  std::vector<BodyPair> pairs;    ///< all if empty
   std::vector<double> positions;  ///< (2 K, J): start, end, start, end ...
   std::vector<Pose> poses;        ///< (2 K, M)
 
@@ -44,8 +44,8 @@ struct Motions {
   }
 };
 
-/// The same motion at n + 1 times, as configurations. Of joints alone: rounding aside they stand where the motion has
-/// them.
+/// The same motion at n + 1 times, as configurations. For joints alone the poses are those of the motion, apart from
+/// rounding.
 struct Samples {
   std::vector<double> positions;
   std::uint32_t count;

@@ -1,5 +1,5 @@
-// That the bounds bite: how far a motion can bring bodies together is claimed to a thousandth, term by term. Whoever
-// lowers one of them is found here.
+// Tightness of bounds on motion: each term of the claimed approach is attained to a thousandth, so that a bound that is
+// too small fails here.
 #include <gtest/gtest.h>
 
 #include <boost/multiprecision/cpp_bin_float.hpp>
@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kOwnRounding = 1e-12;
 
-// --- Speeds and accelerations of a path, against differences in 60 digits.
+// --- Speeds and accelerations of a path, compared with differences in 60 digits.
 
 const std::string kRobots = source_file("tests/engine/robot/");
 
@@ -25,7 +25,7 @@ Real length(const RealVec& v) {
   return sqrt(v.x[0] * v.x[0] + v.x[1] * v.x[1] + v.x[2] * v.x[2]);
 }
 
-// How fast a point goes, and how it is accelerated, while positions change by `change` in a unit of time.
+// Velocity and acceleration of a point while positions change by `change` per unit of time.
 struct Derivatives {
   Real speed, acceleration;
 
@@ -84,7 +84,7 @@ TEST(MotionRates, NoPointIsFasterOrAcceleratedByMore) {
   }
 }
 
-// A flat arm, stretched out: what is claimed is attained, of each joint alone and of several that add up.
+// A flat, stretched arm attains the claimed bounds, for each joint alone and for several that add up.
 TEST(MotionRates, AccelerationsAreAttained) {
   const RobotModel robot = flat_arm();
   const Kinematics kinematics(robot);
@@ -108,9 +108,9 @@ TEST(MotionRates, AccelerationsAreAttained) {
   }
 }
 
-// --- What one look at the middle of a motion proves, against what comes at its end.
+// --- Bounds proved from the middle of a motion, compared with the distance at its end.
 
-// A plate whose face looks along `axis` (0: x, 1: y) from `at`.
+// A plate whose face points along `axis` (0 is x, 1 is y) from `at`.
 void add_plate(Scene& scene, const std::string& name, int axis, double at, const std::string& parent = {}) {
   const double thick = 0.1, wide = 10;
   Pose X;
@@ -128,7 +128,7 @@ void add_robot(Scene& scene, const std::string& joints) {
   scene.add_robot("r", options);
 }
 
-std::string link(const std::string& name, double x = -1) {  // with a small ball, or without
+std::string link(const std::string& name, double x = -1) {  // with a small ball if x >= 0
   if (x < 0) return "<link name='" + name + "'/>";
   return "<link name='" + name + "'><collision><origin xyz='" + std::to_string(x) +
          " 0 0'/><geometry><sphere radius='0.00001'/></geometry></collision></link>";
@@ -140,13 +140,13 @@ std::string joint(const std::string& name, const std::string& type, const std::s
          "<limit lower='-3' upper='3'/></joint>";
 }
 
-// One motion of two bodies that are nearest at an end.
+// A motion of two bodies that are nearest at one end.
 struct Approach {
   Scene scene;
   Motions motion;
   BodyPair pair;
 
-  /// \param term metres that the term which is tried makes
+  /// \param term contribution of the tested term, in metres
   void expect_bound(double term) {
     motion.pairs = {pair};
     const Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
@@ -186,7 +186,7 @@ TEST(MotionBounds, AJointsSpeed) {
   arm_at_plate(kArmOfTwo, 1, 0.1, 0, {0.001, 0}, {-0.001, 0}).expect_bound(1e-3);
 }
 TEST(MotionBounds, AJointsAcceleration) {
-  // The tip passes by the plate behind it, going sideways.
+  // The tip passes behind the plate, moving sideways.
   arm_at_plate(kArmOfTwo, 0, 0.1, 1, {-0.01, 0}, {0.01, 0}).expect_bound(5e-5);
 }
 TEST(MotionBounds, TwoJointsAcceleration) {
@@ -202,7 +202,7 @@ TEST(MotionBounds, ASlidingJointOnATurningOne) {
   const std::string robot = link("base") + link("upper") + link("tip", 0) +
                             joint("one", "continuous", "base", "upper", 0, "0 0 1") +
                             joint("out", "prismatic", "upper", "tip", 0, "1 0 0");
-  // Its own speed, and what the turn makes of it.
+  // Its own speed plus the effect of the turn.
   arm_at_plate(robot, 0, 0.2, -0.1, {0, 0.1}, {0, -0.1}).expect_bound(0.1);
   arm_at_plate(robot, 1, 0.1, 0, {-5e-4, 0.05}, {5e-4, -0.05}).expect_bound(2.5e-5);
 }
@@ -230,7 +230,7 @@ TEST(MotionBounds, ABodysTurnAndShift) {
   shifted.expect_bound(0.05);
 }
 
-// A base that turns is a joint before the others.
+// A rotating base acts as a joint before the others.
 TEST(MotionBounds, ATurningBaseUnderAnArm) {
   Approach a = arm_at_plate(kArmOfTwo, 0, 0.1, 1, {-0.02, 0}, {0.02, 0});
   a.motion.bodies = {a.scene.find_body("r")};
@@ -238,7 +238,7 @@ TEST(MotionBounds, ATurningBaseUnderAnArm) {
   a.expect_bound(0.5 * 9e-4);
 }
 
-// How far out something stands on what turns is part of how fast it goes.
+// The distance from the axis of a rotating carrier contributes to the speed.
 TEST(MotionBounds, WhatStandsOnACarriedBody) {
   Approach a;
   add_plate(a.scene, "plate", 0, 0.9 - 1e-5);
@@ -251,7 +251,7 @@ TEST(MotionBounds, WhatStandsOnACarriedBody) {
   a.expect_bound(5e-5);
 }
 
-// What carries both does not count: neither a joint, nor a base, nor a body that both follow.
+// A common carrier does not count: a joint, a base, or a body that both follow.
 TEST(MotionBounds, WhatCarriesBothDoesNotCount) {
   Approach a;
   add_robot(a.scene, kArmOfTwo);
@@ -264,7 +264,7 @@ TEST(MotionBounds, WhatCarriesBothDoesNotCount) {
   a.expect_bound(0.5 * 0.5e-4);
 }
 
-// A body that is held goes where the link goes.
+// A grasped body moves with its link.
 TEST(MotionBounds, AHeldBodyMovesWithItsLink) {
   Approach a = arm_at_plate(kArmOfTwo, 0, 0.1, 1.25, {-0.01, 0}, {0.01, 0});
   a.scene.add_sphere("held", 1e-5, {.parent = "r/tip", .pose = Pose{{0.75, 0, 0}}});
@@ -272,7 +272,7 @@ TEST(MotionBounds, AHeldBodyMovesWithItsLink) {
   a.expect_bound(0.5 * 1.25e-4);
 }
 
-// Of what follows a body that may be turned more is unknown the farther out it goes.
+// The uncertainty of a follower grows with its distance from a body whose rotation is uncertain.
 TEST(MotionBounds, WhatIsNotKnownGrowsOnTheWay) {
   Approach a;
   a.scene.add_sphere("unsure", 0.1, {.pose = Pose{}, .uncertainty = {.position = 0, .angle = 0.1}});
@@ -283,7 +283,7 @@ TEST(MotionBounds, WhatIsNotKnownGrowsOnTheWay) {
   a.expect_bound(0.1);
 }
 
-// A direction that is carried by a seer who turns: his turn is taken off.
+// A direction fixed to a rotating reference body: the body's own rotation is subtracted.
 TEST(HalfSpans, AlongADirection) {
   Scene scene;
   scene.add_sphere("a", 0.1, {});
@@ -300,8 +300,8 @@ TEST(HalfSpans, AlongADirection) {
   EXPECT_LT(still.after, 1.8);
   const HalfSpans nearer = gaps({{0, 0, 0}, {0.5, 0, 0}}, {{0, 0, 0}, {-1, 7, 0}}, 1, 0.25, 0.125);
   EXPECT_NEAR(nearer.after, 1.8 - 0.25 * 1.5 - 0.125, kOwnRounding);
-  EXPECT_NEAR(nearer.before, 1.8, kOwnRounding);  // it was farther before, but for the bend
-  // A corner 1 m beside the origin of what turns towards a: n x turn is what counts.
+  EXPECT_NEAR(nearer.before, 1.8, kOwnRounding);  // the distance was larger before, apart from the bend
+  // A corner 1 m from the origin of a body that rotates towards a: only n x turn counts.
   const HalfSpans turning = gaps({}, {{0, 0, 1}, {0, 0, 0}}, 2, 0.25, 0);
   EXPECT_NEAR(turning.after, 1.9 - 0.25, kOwnRounding);
   EXPECT_NEAR(turning.before, 1.9, kOwnRounding);

@@ -1,4 +1,4 @@
-// A seeded sample of what make certify judges: every kind of motion.
+// A seeded sample of the motions that make certify checks, of every kind.
 #include <gtest/gtest.h>
 
 #include <cstdio>

@@ -1,4 +1,4 @@
-// Motions through the engine: what is proved of them holds at each time, and what is said to be there is.
+// Motions through the engine: proved bounds hold at each time, and reported contacts exist.
 #include <gtest/gtest.h>
 
 #include "tests/engine/arm_scene.h"
@@ -11,7 +11,7 @@ Engine engine_of(Scene scene, int threads = 2) {
   return Engine(std::move(scene), {.backend = "cpu", .threads = threads});
 }
 
-// A ball that flies past another: how near it comes is known.
+// A ball that flies past another at a known distance.
 struct Flight {
   Scene scene;
   Motions motions;
@@ -72,7 +72,7 @@ TEST(Motions, LeastDistanceOfABallThatFliesPast) {
   EXPECT_GT(free, 100);
 }
 
-// A ball that comes into another: when is known.
+// A ball that hits another at a known time.
 TEST(Motions, FirstContactIsNarrowed) {
   Flight flight;
   Random random(7);
@@ -106,7 +106,7 @@ TEST(Motions, FirstContactIsNarrowed) {
   }
 }
 
-// Flights past a ball, by exact gaps that are positive and negative, far from 0 and near it.
+// Flights past a ball, with exact gaps that are positive and negative, small and large.
 std::vector<double> add_flights_by_gap(Flight& flight, std::size_t count) {
   Random random(11);
   std::vector<double> gaps;
@@ -118,7 +118,7 @@ std::vector<double> add_flights_by_gap(Flight& flight, std::size_t count) {
   return gaps;
 }
 
-// However early a search ends, what it has not proved is not free.
+// A search that ends early proves no unexamined part free.
 TEST(Motions, OutOfStepsIsNeverFree) {
   Flight flight;
   const std::vector<double> gaps = add_flights_by_gap(flight, 60);
@@ -152,7 +152,7 @@ TEST(Motions, OutOfStepsIsNeverFree) {
   EXPECT_GT(unconverged, 500);
 }
 
-// A least distance below the tolerance is no contact where the same row proves the motion free.
+// A least distance below the tolerance is no contact if the same row proves the motion free.
 TEST(Motions, AMotionThatIsProvedFreeIsNoContact) {
   Flight flight;
   const std::vector<double> gaps = add_flights_by_gap(flight, 60);
@@ -176,7 +176,7 @@ TEST(Motions, AMotionThatIsProvedFreeIsNoContact) {
   }
 }
 
-// A body without a usable pose may be anywhere: only an overlap of others is certain.
+// A body without a usable pose may be anywhere, so that only an overlap of other bodies is certain.
 TEST(Motions, ABodyWithoutAPoseIsNotPassedOver) {
   Flight flight;
   flight.add({-1, 1, 0}, {1, 1, 0});
@@ -210,7 +210,7 @@ TEST(Motions, ABodyWithoutAPoseIsNotPassedOver) {
   EXPECT_EQ(static_cast<Status>(ask(engine, flight.motions.view(Reduce::kMin)).view.status[0]), Status::kOk);
 }
 
-// A rod that turns by nearly half a turn sweeps over a peg, which it does not touch at either end, nor in the middle.
+// A rod that rotates by nearly half a turn sweeps over a peg that it touches neither at the ends nor in the middle.
 TEST(Motions, ARodThatTurnsSweepsOverAPeg) {
   Scene scene;
   scene.add_sphere("peg", 0.01, {.is_static = true, .pose = Pose{{0.3, 0.3, 0}}});
@@ -222,7 +222,7 @@ TEST(Motions, ARodThatTurnsSweepsOverAPeg) {
   const Answer answer = ask(engine, motions.view(Reduce::kAny));
   EXPECT_EQ(answer.view.status[0], static_cast<std::uint8_t>(Status::kOverlap));
   EXPECT_NEAR(answer.view.time[0] * 3.1, M_PI / 4, 0.06);
-  // The other way round it is the rod's other half that comes by, from below.
+  // In the other direction the rod's other half passes, from below.
   EXPECT_EQ(answer.view.status[1], static_cast<std::uint8_t>(Status::kOverlap));
   EXPECT_NEAR(-answer.view.time[1] * 3.1, M_PI / 4 - M_PI, 0.06);
   EXPECT_EQ(answer.view.status[2], static_cast<std::uint8_t>(Status::kBeyond));
@@ -247,7 +247,7 @@ Motions random_edges(const Scene& scene, const std::vector<std::uint32_t>& joint
   return motions;
 }
 
-// Those of the arm's links that do not touch all the time, with the world and with each other.
+// Pairs of the arm's links with the world and each other that are not always in contact.
 std::vector<BodyPair> pairs_of(const Scene& scene) {
   const std::uint32_t arm = scene.find_group("arm") | kGroupBit;
   std::vector<BodyPair> pairs = {{scene.find_body("table"), arm}, {scene.find_body("ball"), arm}};
@@ -263,8 +263,8 @@ std::vector<BodyPair> pairs_of(const Scene& scene) {
 
 constexpr double kRounding = 1e-12;  // of samples' times and kinematics
 
-// Edges of an arm, itself included: no sample is nearer than the lower bound, and witnesses are found where they are
-// said to be.
+// Edges of an arm, including its own links: no sample is nearer than the lower bound, and witnesses are found at the
+// reported times.
 TEST(Motions, EdgesOfAnArmHoldAtEachSample) {
   Scene scene = arm_scene(at_home());
   Motions motions = random_edges(scene, joints_of(scene, "arm"), 60, 1.0, 2);
@@ -281,7 +281,7 @@ TEST(Motions, EdgesOfAnArmHoldAtEachSample) {
     const double nearest = *std::min_element(at.view.upper, at.view.upper + samples.count);
     EXPECT_LE(min.view.lower[i], nearest + kRounding);
     if (min.view.status[i] != static_cast<std::uint8_t>(Status::kUnconverged)) {
-      // The base's prism stands out of its cylinder by 0.12 mm.
+      // The base's prism protrudes from its cylinder by 0.12 mm.
       const double slack = min.view.flags[i] & kFlagSlack ? 1.3e-4 : 0;
       EXPECT_LE(min.view.upper[i] - min.view.lower[i], 1.001e-3 + slack);
     }
@@ -306,7 +306,7 @@ TEST(Motions, EdgesOfAnArmHoldAtEachSample) {
   EXPECT_LE(undecided, 1);
 }
 
-// What each pair says by itself is what the row of all says.
+// Rows of single pairs agree with the row of all pairs.
 TEST(Motions, PairsByThemselvesAndAllTogetherAgree) {
   Scene scene = arm_scene(at_home());
   Motions motions = random_edges(scene, joints_of(scene, "arm"), 5, 0.5, 3);
@@ -362,7 +362,7 @@ TEST(Motions, AMotionThatGoesNowhereIsAConfiguration) {
   }
 }
 
-// Both ends are part of it.
+// Both ends belong to the motion.
 TEST(Motions, ContactAtEitherEndIsFound) {
   Flight flight;
   flight.add({1, 0, 0}, {0.1499, 0, 0});
@@ -377,7 +377,7 @@ TEST(Motions, ContactAtEitherEndIsFound) {
   EXPECT_LT(any.view.time[1], 0.01);
 }
 
-// One look at all pairs is not sliced.
+// One evaluation of all pairs is not divided into slices.
 TEST(Motions, TooManyPairsAreRefusedByName) {
   Scene scene;
   Motions motions;
@@ -416,7 +416,7 @@ TEST(Motions, NoPoseAndBadPositionsAreSaid) {
   }
 }
 
-// Planes along the axes and across, which reach to any distance: what moves above them is proved like before any body.
+// Planes along the axes and oblique, which are unbounded: bounds for bodies moving above them hold as for any body.
 TEST(Motions, EdgesOfAnArmHoldAboveHalfSpaces) {
   Scene scene = arm_scene(at_home());
   const std::vector<std::uint32_t> planes{

@@ -1,4 +1,4 @@
-// The implicit pair table against a list made by the rule itself.
+// The implicit pair table, compared with a list made from the definition.
 #include <gtest/gtest.h>
 
 #include <set>

@@ -1,4 +1,4 @@
-// Bodies of points: what replaces their points, whole or not at all, and what queries then see.
+// Replacement of a body's points, as a whole or not at all, and its effect on queries.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -16,7 +16,7 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kCloud = 0, kBall = 1;
 
-/// A cloud, at the origin where it is not live, and a ball of radius 0.5 at x = 10.
+/// A cloud, at the origin unless it is live, and a ball of radius 0.5 at x = 10.
 Scene scene_of(std::span<const CloudPoint> points, double voxel = 0, bool is_live = false, double radius = 0) {
   Scene scene;
   Scene::BodyOptions options;
@@ -30,7 +30,7 @@ Scene scene_of(std::span<const CloudPoint> points, double voxel = 0, bool is_liv
   return scene;
 }
 
-/// Of the two bodies.
+/// Answer about the two bodies.
 PairAnswer look(const Engine& engine) {
   const BodyPair pair{kCloud, kBall};
   QueryView query;
@@ -138,7 +138,7 @@ TEST(Points, GrowOlderAsPosesDo) {
     query.configurations = at;
     query.configuration_count = 1;
     EXPECT_EQ(ask(engine, query).view.status[0], std::uint8_t(Status::kOk)) << "any age";
-    query.max_pose_age_ns = 1;  // nothing that was received is so young
+    query.max_pose_age_ns = 1;  // every received pose is older
     const Answer reply = ask(engine, query);
     EXPECT_EQ(reply.view.status[0], std::uint8_t(Status::kStalePose))
         << "the query says where the cloud is, but not what is there";
@@ -156,7 +156,7 @@ TEST(Points, GoOverToAnotherEngine) {
   expect_near(look(engine), 7);
 }
 
-// Each cloud is whole: all of its points have the same x, and a query sees those of one.
+// All points of a cloud have the same x, so that a query of a partly replaced cloud would fail.
 TEST(Points, AreReplacedAllAtOnceWhileQueriesRun) {
   std::vector<CloudPoint> first(3000), second(3000);
   for (std::size_t i = 0; i < first.size(); ++i) {
@@ -187,7 +187,7 @@ TEST(Points, AgainstAHalfSpaceAreExact) {
   Scene scene;
   Scene::BodyOptions options;
   const double c = std::sqrt(0.5);
-  options.pose = Pose{{0, 0, 5}, c, c, 0, 0};  // turned about x: its y is the world's z
+  options.pose = Pose{{0, 0, 5}, c, c, 0, 0};  // rotated about x: its y is the world's z
   scene.add_points("cloud", std::vector<CloudPoint>{{1, -2, 3}, {0, 4, 0}, {2, -3.5f, 9}}, 0, options);
   scene.add_half_space("floor", {});
   const Engine engine(std::move(scene));

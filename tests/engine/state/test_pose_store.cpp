@@ -1,4 +1,4 @@
-// Snapshots that are made of older ones, of which only what has changed is copied.
+// Snapshots made from older ones by copying only changes.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -23,7 +23,7 @@ Scene chain_and_crowd() {
   return scene;
 }
 
-/// Whether all bodies stand where their poses say.
+/// Checks that all bodies are placed according to their poses.
 void expect_whole(const PoseSnapshot& snapshot) {
   PoseSnapshot anew = snapshot;
   anew.place_again(*anew.order);
@@ -40,7 +40,7 @@ TEST(PoseStore, ASmallUpdateOfALargeSceneCopiesLittleAndIsWhole) {
   std::mt19937 random(11);
   std::vector<Pose> poses;
   for (const Body& body : scene.bodies()) poses.push_back(*body.pose);
-  std::deque<std::shared_ptr<const PoseSnapshot>> held;  // as jobs hold them, some for long
+  std::deque<std::shared_ptr<const PoseSnapshot>> held;  // held as by jobs, some for long
   int in_part = 0, whole = 0;
   for (int round = 0; round < 3000; ++round) {
     if (random() % 100 == 0) {

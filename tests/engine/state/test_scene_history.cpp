@@ -1,4 +1,4 @@
-// Which questions keep their meaning when a scene changes.
+// Queries that remain valid when a scene changes.
 #include <gtest/gtest.h>
 
 #include "engine/engine.h"
@@ -52,7 +52,7 @@ TEST(SceneHistory, AnAttachmentChangesThePairsOfChildAndParent) {
   EXPECT_TRUE(answers(engine, {{0, kEveryBody}}, before));
   EXPECT_FALSE(answers(engine, {{kEveryBody, kEveryBody}}, before));
   EXPECT_FALSE(answers(engine, {}, before));
-  // Set free again it is the scene that it was; another attachment starts from there.
+  // Detaching restores the original scene; another attachment starts from there.
   const std::uint64_t between = engine.scene_revision();
   engine.attach(1, kNone);
   ASSERT_EQ(engine.scene_revision(), before);
@@ -66,7 +66,7 @@ TEST(SceneHistory, AnAttachmentChangesThePairsOfChildAndParent) {
   EXPECT_TRUE(engine.ids_valid_since(before, std::vector<std::uint32_t>{1, 2}, false));
 }
 
-/// The same pieces, as in a scene that is edited.
+/// The same parts, as in a scene that is edited.
 Scene edited(const Engine& engine, const std::vector<std::string>& without, int with) {
   Scene scene;
   for (const Body& body : engine.scene().bodies())
@@ -128,7 +128,7 @@ TEST(SceneHistory, WhatIsTooOldIsUnknown) {
   int changes = 0;
   for (; known && changes < 20'000; ++changes) {
     engine.attach(1, 2 + static_cast<std::uint32_t>(changes % 3));
-    if (changes == 0) engine.attach(0, kNone);  // so that `old` does not come back
+    if (changes == 0) engine.attach(0, kNone);  // prevents the recurrence of `old`
     known = answers(engine, {{3, 4}}, old);
   }
   EXPECT_FALSE(known) << "memory would grow with every change";

@@ -1,4 +1,4 @@
-// Stamps of poses: what cannot be a time, what came late, and what answers say of the newest.
+// Stamps of poses: invalid times, late updates, and the newest stamp in answers.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -21,7 +21,7 @@ Scene three_balls() {
 
 class Stamps : public testing::Test {
  protected:
-  /// Why an update of one body is refused; empty: it was applied.
+  /// Returns the reason for rejecting an update of one body, or an empty string if it was applied.
   std::string set(std::uint32_t body, double x, std::int64_t stamp, std::uint64_t publisher = 0,
                   std::int64_t sequence = 0) {
     const BodyPose pose{body, Pose{{x, 0, 0}}};
@@ -42,7 +42,7 @@ class Stamps : public testing::Test {
       if (key == name) return value;
     return ~std::uint64_t{0};
   }
-  /// As a daemon does that loads its scene anew.
+  /// Reloads the scene as a daemon does.
   void reload() {
     auto next = std::make_unique<Engine>(three_balls(), Engine::Options{.threads = 1});
     next->take_poses(*engine_);
