@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Python environments of benchmarks that need other packages than Clearance does.
+"""Python environments of benchmarks that need other packages than Clearance.
 
     bench/environment.py FOLDER PROGRAM [OPTION...]    run a program with the packages of FOLDER/requirements.txt
 
-An environment lies in build/NAME/venv, NAME that of the folder, and is made when it is missing or its list has changed.
+The environment build/NAME/venv, where NAME is the folder's name, is created if it is missing or its list has changed.
 """
 
 import os
@@ -16,7 +16,7 @@ MODULES = ("build/python", "bench", "bench/peers", "bench/robots", "bench/surfac
 
 
 def python_of(folder, base=sys.executable):
-    """The Python with a folder's packages, made from the Python `base`, whose version is that of our modules."""
+    """A Python with a folder's packages, created from the Python `base`, whose version must fit our modules."""
     wanted, venv = ROOT / folder / "requirements.txt", ROOT / "build" / Path(folder).name / "venv"
     stamp, python = venv / "installed", venv / "bin/python"
     if not stamp.exists() or stamp.read_text() != wanted.read_text():
@@ -29,7 +29,7 @@ def python_of(folder, base=sys.executable):
 
 
 def variables():
-    """The environment variables of a benchmark program: where its modules are."""
+    """The environment variables of a benchmark program, with the folders of its modules."""
     modules = [str(ROOT / folder) for folder in MODULES]
     return {**os.environ, "PYTHONPATH": os.pathsep.join([*modules, *filter(None, [os.environ.get("PYTHONPATH")])])}
 

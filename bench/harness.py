@@ -16,7 +16,7 @@ RESULTS = ROOT / "docs/results"
 
 
 def parser(doc, seed=None):
-    """Parser of a program's options, described by its docstring's first line, with --csv and, if given, --seed."""
+    """Parser with --csv and, if a seed is given, --seed. Its description is the first line of `doc`."""
     made = argparse.ArgumentParser(description=doc.strip().splitlines()[0])
     made.add_argument("--csv", type=Path, help="file to write")
     if seed is not None:
@@ -35,7 +35,7 @@ def timed(call, *args, clock=time.process_time, **more):
 
 
 def shown(rows):
-    """Prints rows as they come, and returns all."""
+    """Prints rows as they come, and returns all of them."""
     kept = []
     for row in rows:
         kept.append(row)
@@ -44,7 +44,7 @@ def shown(rows):
 
 
 def write(rows, path, remark=None):
-    """Writes rows as CSV, the remark as a comment before them. Without a path nothing is written."""
+    """Writes rows as CSV, preceded by the remark as a comment. Without a path nothing is written."""
     if path is None:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -82,7 +82,7 @@ def stamped(remark):
 
 @functools.cache
 def machine():
-    """The processor's name, and how many of it there are."""
+    """The processor's name, and the number of processors."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
     names = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     return f"{next(names, platform.machine())} x{os.cpu_count()}"
@@ -90,7 +90,7 @@ def machine():
 
 @functools.cache
 def commit():
-    """HEAD, with a + if files differ from it other than those that benchmarks write."""
+    """HEAD, followed by + if files other than those written by benchmarks differ from it."""
     changed = run("git", "status", "--porcelain", "--", ".", ":!docs")
     return run("git", "rev-parse", "--short=8", "HEAD").strip() + ("+" if changed else "")
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Runs benchmarks: builds what a suite needs, installs its peers, measures, and rewrites results and pages.
+"""Runs benchmarks: builds the targets of a suite, installs its peers, measures, and rewrites results and pages.
 
-    bench/run.py list                         the suites, and the files that each rewrites
+    bench/run.py list                         lists the suites, and the files that each rewrites
     bench/run.py SUITE... [OPTION...]         options of the suites' programs, such as --rounds 5
-    bench/run.py all                          every suite
-    bench/run.py --quick SUITE...             a small run: results go to out/bench, pages stay
+    bench/run.py all                          runs every suite
+    bench/run.py --quick SUITE...             a small run: writes to out/bench and no pages
 """
 
 import argparse
@@ -26,14 +26,14 @@ class Suite:
     quick: str  # options of a small run
     options: str = "--csv {results}/{name}.csv"  # where the program writes
     results: str = "docs/results"  # folder of the CSV files
-    targets: str = "product"  # what is built
+    targets: str = "product"  # build target
     packages: str = ""  # list of Debian packages
-    python: str = ""  # folder of the Python requirements; empty: .venv
-    pages: str = ""  # that show the results
+    python: str = ""  # folder of the Python requirements; .venv if empty
+    pages: str = ""  # pages that show the results
     draw: str = ""  # a picture of bench/write_pages.py
 
     def files(self):
-        """What a run rewrites."""
+        """Files that a run rewrites."""
         return [*(f"{self.results}/{name}.csv" for name in self.rewrites.split()), *self.pages.split()]
 
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Writes the tables of docs/*.md from docs/results. Exit code 1 if results contradict a page's words.
+"""Writes the tables of docs/*.md from docs/results. Exit code 1 if results contradict a page's claims.
 
-    bench/write_pages.py [--draw NAME...]    and draws pictures: peers, report, robots, tradeoff
-    bench/write_pages.py --check             changes nothing; exit code 1 if pages do not show docs/results
+    bench/write_pages.py [--draw NAME...]    also draws pictures: peers, report, robots, tradeoff
+    bench/write_pages.py --check             changes nothing; exit code 1 if pages differ from docs/results
 """
 
 import argparse
@@ -18,7 +18,7 @@ TABLE = re.compile(r"(?<=<!-- table )(.*?)( -->\n)(.*?)(?=<!-- end -->)", re.DOT
 
 
 def filled(pages):
-    """The pages' texts with every table made again."""
+    """The pages' texts with every table regenerated."""
     tables = {name: make for module in MODULES for name, make in module.TABLES.items()}
     shown = [match[0] for text in pages.values() for match in TABLE.findall(text)]
     if sorted(shown) != sorted(tables):

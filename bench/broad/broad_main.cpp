@@ -1,5 +1,5 @@
-// clearance-broad: what it costs to find the pairs that are near, by every method, at the same places of the same
-// bodies in motion; then whole queries by brute force and by the tree. Writes one row for each.
+// clearance-broad: cost of finding near pairs, for every method on the same moving bodies, then of whole queries by
+// brute force and by the tree. Writes one row for each.
 #include <omp.h>
 
 #include <CLI/CLI.hpp>
@@ -23,8 +23,8 @@ namespace clearance {
 namespace {
 
 constexpr double kRadius = 2, kMargin = 2;                                 // metres
-constexpr double kStep = 0.05, kTurn = 0.02;                               // of motion, metres and rad
-constexpr std::size_t kMostForReport = 5000, kMostForBruteNearest = 5000;  // bodies; minutes, beyond
+constexpr double kStep = 0.05, kTurn = 0.02;                               // motion per step, in metres and radians
+constexpr std::size_t kMostForReport = 5000, kMostForBruteNearest = 5000;  // bodies; larger scenes take minutes
 
 struct Options {
   std::string csv;
@@ -35,11 +35,11 @@ struct Options {
 
 struct Setting {
   const char* name;
-  double edge;  // of the room of a thousand bodies, metres; larger scenes are as dense
+  double edge;  // edge of the volume of a thousand bodies, in metres; larger scenes are equally dense
 };
 constexpr Setting kSettings[] = {{"sparse", 200}, {"crowded", 60}};
 
-// Spheres of 42 vertices that drift and turn.
+// Spheres of 42 vertices that translate and rotate.
 class Motion {
  public:
   Motion(std::size_t count, double edge, std::uint64_t seed) : random_(seed) {
@@ -74,7 +74,7 @@ class Motion {
   std::vector<Pose> turn_;
 };
 
-// Sweep and prune along x. The order stays from call to call and is put right by insertion.
+// Sweep and prune along x. The order is kept between calls and corrected by insertion sort.
 class Sweep final : public BroadPhase {
  public:
   std::string_view name() const override { return "sweep"; }
@@ -111,7 +111,7 @@ struct Timing {
   std::uint64_t pairs = 0;  // found in the last round
 };
 
-// One round warms up. Every method sees the same boxes; all must find the same pairs.
+// The first round is a warm-up. Every method gets the same boxes, and all must find the same pairs.
 std::vector<Timing> time_boxes(Motion& motion, int rounds) {
   const int all = omp_get_num_procs();
   const std::size_t n = motion.poses.size();
@@ -152,7 +152,7 @@ std::vector<Timing> time_boxes(Motion& motion, int rounds) {
   return timings;
 }
 
-// Whole queries in motion, narrow phase included.
+// Whole queries during motion, including the narrow phase.
 std::vector<Timing> time_queries(Motion& motion, int rounds) {
   const int all = omp_get_num_procs();
   struct Asked {
@@ -201,7 +201,7 @@ std::vector<Timing> time_queries(Motion& motion, int rounds) {
   return timings;
 }
 
-// Of the machine when the run began: 1 or less is a quiet one.
+// Load of the machine at the start of the run; at most 1 on an idle machine.
 double load_average() {
   double load = 0;
   return getloadavg(&load, 1) == 1 ? std::round(10 * load) / 10 : -1;
@@ -222,7 +222,7 @@ void run(const Options& o) {
       std::printf("%s, %zu bodies\n", setting.name, count);
       for (const Timing& t : timings) {
         const auto [least, most] = std::minmax_element(t.ms.begin(), t.ms.end());
-        // Against the last method of the same question: the tree on all threads.
+        // compares with the last method of the same task: the tree on all threads
         const Timing& best =
             *std::find_if(timings.rbegin(), timings.rend(), [&](const Timing& b) { return b.what == t.what; });
         std::printf("  %-8s %-18s %2d threads %12.4f ms  [%.4f, %.4f]  %10llu pairs  %8.2f x the tree\n",

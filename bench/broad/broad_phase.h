@@ -1,5 +1,5 @@
-// All pairs of boxes that are near: brute force and the tree behind one interface, so that they can be held against
-// each other and against the baselines. Queries use NearPairs (near_pairs.h), made of the same parts.
+// All pairs of near boxes: brute force and the tree behind one interface, for comparisons with each other and with the
+// baselines. Queries use NearPairs (near_pairs.h), which has the same components.
 #pragma once
 
 #include <memory>
@@ -19,15 +19,16 @@ class BroadPhase {
   virtual std::string_view name() const = 0;
 
   /// Appends every pair (a < b) with certify_box_gap(boxes[a], boxes[b]) <= margin, in lexicographic order.
-  /// \param boxes world frame; an empty box (low > high) is near nothing. \param margin metres, >= 0, may be infinite.
+  /// \param boxes world frame; an empty box (low > high) is near nothing
+  /// \param margin in metres, >= 0, may be infinite
   virtual void candidates(std::span<const Aabb> boxes, double margin, std::vector<BodyPair>& out) const = 0;
 };
 
-/// Every pair of boxes, one box against many at a time: O(N^2), and hard to beat below a hundred bodies.
-/// \param threads 0: all cores.
+/// Tests every pair of boxes, one box against many at a time: O(N^2), and hard to beat below a hundred bodies.
+/// \param threads 0 for all cores
 std::unique_ptr<BroadPhase> make_brute_force_broad_phase(int threads = 1);
-/// A BoxTree: O(N log N) and the pairs found. \param keep follows the boxes from call to call, which then must come one
-/// after another; false: made anew each time.
+/// A BoxTree: O(N log N) plus the pairs found.
+/// \param keep updates the tree from call to call, which must then be successive; if false, it is rebuilt each time
 std::unique_ptr<BroadPhase> make_tree_broad_phase(int threads = 1, bool keep = false);
 
 }  // namespace clearance

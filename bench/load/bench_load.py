@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Times how long a scene of many meshes takes to load, with an empty cache and with a full one.
+"""Load time of a scene of many meshes, with an empty cache and with a full one.
 
     bench/run.py load [--meshes 1000] [--runs 3]
 
-Each mesh is a sphere of 9,942 vertices in a file of its own, no two alike. Every load is a process of its own, with the
-Python package and the file system's cache warm. `off` is without a cache, `cold` with an empty one, `warm` with what
-`cold` left.
+Each mesh is a different sphere of 9,942 vertices in its own file. Every load runs in its own process, with the Python
+package and the file system's cache warm. `off` is without a cache, `cold` with an empty one, `warm` with the one that
+`cold` filled.
 """
 import os
 import subprocess
@@ -48,7 +48,7 @@ def sphere():
 
 
 def write_scene(folder: Path, meshes: int) -> Path:
-    """A scene of so many binary STL files."""
+    """A scene of this many binary STL files."""
     vertices, triangles = sphere()
     record = np.zeros(len(triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
     bodies = []

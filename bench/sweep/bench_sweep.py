@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""What Ray costs a sweep: the engine alone in this process, beside one and two actors; and 32 that only sleep.
+"""Overhead of Ray in a sweep: the engine alone in this process, then one and two actors; and 32 sleeping workers.
 
     bench/run.py sweep [--rounds 5] [--parts 8]
 
-Each round does the same parts by the engine alone, then by one actor, then by two, whose processes stay: parts written,
-journal and manifest included. `wall` are medians over rounds of the ratio within a round; they mean something on an
-idle machine. `cpu_over_alone` is the processor time of this process and the actors over that of the engine alone, which
-other programs disturb less; `daemons_cores` what Ray's other processes take of a core all the while, work or none.
+Each round computes the same parts with the engine alone, with one actor, and with two, whose processes persist. Parts,
+journal and manifest are written. `wall` is the median over rounds of the ratio within a round, which is meaningful only
+on an idle machine. `cpu_over_alone` is the processor time of this process and the actors relative to the engine alone,
+which other programs affect less. `daemons_cores` is the share of a core that Ray's other processes use throughout.
 """
 
 import os
@@ -30,7 +30,7 @@ SLEEP_S, SLEEPERS, SLEEPS = 1.0, 32, 320
 
 
 def cpu_of_tree(pid, ours):
-    """Processor seconds of some processes, and of all else that lives and that the process `pid` has started."""
+    """Processor seconds of the processes `ours`, and of all other living descendants of the process `pid`."""
     stats = {}
     for path in pathlib.Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -48,7 +48,7 @@ def cpu_of_tree(pid, ours):
 
 
 def timed(what, workers=()):
-    """Seconds: on the wall, of this process and the workers, and of Ray's other processes."""
+    """Wall seconds, processor seconds of this process and the workers, and those of Ray's other processes."""
     ours = {os.getpid(), *workers}
     wall, before = time.perf_counter(), cpu_of_tree(os.getpid(), ours)
     what()
@@ -68,7 +68,7 @@ class Sleeping:
 
 
 def kept(plan, count, **more):
-    """Actors that outlive a run, all ready; function that begins the next."""
+    """Actors that outlive a run, all ready, and a function that begins the next run."""
     class Kept(Actors):
         def close(self):
             self._events.extend(ready)
@@ -80,7 +80,7 @@ def kept(plan, count, **more):
 
 
 def fresh(plan):
-    """The output folder, with nothing in it."""
+    """The emptied output folder."""
     shutil.rmtree(plan.output)
     plan.spec.folder.mkdir(parents=True)
 
@@ -106,7 +106,7 @@ def overhead(options):
 
 
 def asleep():
-    """Seconds that 32 workers on four simulated machines take for sleeps of 320 s in all."""
+    """Wall seconds of 32 workers on four simulated machines for sleeps of 320 s in total."""
     store = {"object_store_memory": 1 << 27}
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **store})
     for _ in range(4):

@@ -1,4 +1,4 @@
-// Rows of bodies that are not known exactly: reductions against all pairs, the pair of the least lower bound, compact.
+// Rows of uncertain bodies: reductions compared with all pairs, the pair of the least lower bound, and compact rows.
 #include <algorithm>
 #include <cmath>
 
@@ -7,7 +7,7 @@
 namespace clearance::test {
 namespace {
 
-// mixed_scene() with bodies that may be turned, each by another angle; some of them follow others.
+// mixed_scene() with bodies of uncertain rotation, each by a different angle; some of them follow others.
 Scene uncertain_scene(int count, double box, std::uint64_t seed) {
   const Scene known = mixed_scene(count, box, seed);
   Scene scene;
@@ -15,15 +15,15 @@ Scene uncertain_scene(int count, double box, std::uint64_t seed) {
   for (Body body : known.bodies()) {
     if (random.below(2) == 0) body.uncertainty = {0.01, random.uniform(0, 0.5)};
     if (!body.is_static && random.below(6) == 0 && !scene.bodies().empty()) body.parent = 0;
-    body.max_speed = random.below(4) == 0 ? 1e-9 : 0;  // has an age, and no matter
+    body.max_speed = random.below(4) == 0 ? 1e-9 : 0;  // has an age, but a negligible one
     scene.add_body(std::move(body));
   }
   return scene;
 }
 
-// Whether two bounds agree but for what a body may have moved in the time between two questions.
+// Checks that two bounds agree except for possible motion in the time between two queries.
 void expect_near(double a, double b) {
-  if (a != b) {  // infinities alike
+  if (a != b) {  // equal infinities pass
     EXPECT_NEAR(a, b, 1e-6);
   }
 }
@@ -78,7 +78,7 @@ TEST_P(EngineTest, DoubtedReductionsAgreeWithAllPairs) {
   }
 }
 
-// By what is not known of them alone: whether lanes, a scalar run or a device's thread has settled their pieces.
+// The flag depends only on uncertainty, whether SIMD lanes, a scalar run or a device thread computed the pair.
 TEST_P(EngineTest, BodiesThatMayTouchAreNonsmooth) {
   Scene scene;
   scene.add_box("known", {1, 1, 1}, {.pose = Pose{}});
@@ -116,7 +116,7 @@ TEST_P(EngineTest, TheLeastLowerBoundMayBeAnotherPairs) {
   Scene::BodyOptions unsure;
   unsure.pose = Pose{{0, 3, 0}};
   unsure.uncertainty.angle = 1;
-  scene.add_box("far", {2, 2, 2}, unsure);  // 1.5 m away; a turn may move its corners by more
+  scene.add_box("far", {2, 2, 2}, unsure);  // 1.5 m away; a rotation may move its corners by more
   const Engine engine = make(std::move(scene));
   const BodyPair pairs[] = {{0, 1}, {0, 2}};
   QueryView q;
