@@ -1,4 +1,4 @@
-// clearance bench: how long queries take, and how much of that is the transport's bare minimum.
+// clearance bench: latency of queries, and the share of the bare transport.
 #include <algorithm>
 #include <cmath>
 #include <iostream>
@@ -17,11 +17,11 @@ namespace clearance::cli {
 
 namespace {
 
-/// The run is cut into so many rounds of floor and daemon by turns, so that what else the machine does hits both.
+/// Number of rounds that alternate between baseline and daemon, so that other load affects both.
 constexpr int kRounds = 5;
-/// Time spent on each of the two floors, as a part of the time spent on the daemon.
+/// Time spent on each of the two baselines, relative to the time spent on the daemon.
 constexpr double kFloorPart = 0.5;
-/// Lost replies in a row after which nobody is there.
+/// Consecutive lost replies after which the daemon counts as gone.
 constexpr int kMostLost = 20;
 
 struct BenchOptions : BenchQueryOptions {
@@ -29,9 +29,9 @@ struct BenchOptions : BenchQueryOptions {
   Output output = Output::kTable;
   std::string rate = "closed";
   double seconds = 5, warmup_s = 1;
-  int spin_us = -1;  ///< -1: as the url says
+  int spin_us = -1;  ///< -1 for the value in the URL
   std::string csv;
-  std::string command;  ///< as it was typed
+  std::string command;  ///< as typed
 };
 
 EchoSize size_of(const Query& query, const Reply& reply) {
@@ -41,7 +41,7 @@ EchoSize size_of(const Query& query, const Reply& reply) {
       sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) + wire::columns_bytes(reply.rows(), reply.fields())};
 }
 
-/// Runs daemon and floor by turns and fills the report's series.
+/// Alternates between daemon and baseline and fills the report's series.
 void measure(Client& client, const Query& query, Floor& floor, const BenchOptions& o, BenchReport& report) {
   int lost_in_a_row = 0;
   const auto ask = [&]() -> Exchanged {
@@ -91,7 +91,7 @@ double parse_rate(const std::string& text) {
   return rate;
 }
 
-/// Connects, spinning as long as `--spin-us` says.
+/// Connects, with the spin time of `--spin-us`.
 Client open(const BenchOptions& o) {
   Connection connection = o.connection;
   if (o.spin_us >= 0) {
@@ -164,7 +164,7 @@ void add_bench(CLI::App& app) {
     run(*options);
   });
 
-  // The floor's other process; not for people.
+  // The baseline's other process; hidden from help.
   auto& echo = *app.add_subcommand("bench-echo")->group("");
   auto arguments = std::make_shared<std::vector<std::string>>();
   echo.add_option("arguments", *arguments);

@@ -20,7 +20,7 @@ namespace {
 
 constexpr const char* kReady = "ready ";
 
-/// Where the bench was pinned to some CPUs (taskset), its echo has the others, as the daemon will have.
+/// If the bench was pinned to some CPUs (taskset), the echo runs on the others, as the daemon will.
 void take_other_cpus() {
   cpu_set_t ours, others;
   if (::sched_getaffinity(0, sizeof ours, &ours) != 0) return;
@@ -28,7 +28,7 @@ void take_other_cpus() {
   const long online = ::sysconf(_SC_NPROCESSORS_ONLN);
   for (long cpu = 0; cpu < std::min<long>(online, CPU_SETSIZE); ++cpu)
     if (!CPU_ISSET(cpu, &ours)) CPU_SET(cpu, &others);
-  if (CPU_COUNT(&others) > 0) ::sched_setaffinity(0, sizeof others, &others);  // if not allowed, so be it
+  if (CPU_COUNT(&others) > 0) ::sched_setaffinity(0, sizeof others, &others);  // not an error if not permitted
 }
 
 }  // namespace
@@ -58,7 +58,7 @@ EchoProcess::EchoProcess(const std::vector<std::string>& arguments, int inherite
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
   ::posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
-  // Onto itself: takes close-on-exec off for the child alone.
+  // Duplicates the descriptor onto itself, which clears close-on-exec for the child only.
   if (inherited >= 0) ::posix_spawn_file_actions_adddup2(&actions, inherited, inherited);
   const int error = ::posix_spawn(&pid_, "/proc/self/exe", &actions, nullptr, argv.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);
@@ -102,7 +102,7 @@ std::unique_ptr<Floor> open_floor(const std::string& url, const EchoSize& size) 
 
 int run_echo(const std::vector<std::string>& arguments) {
   if (arguments.size() < 2) throw std::invalid_argument("bench-echo is started by bench");
-  // Not to be left behind by a parent that was killed, even just now.
+  // Ends with the parent even if that was killed before this call.
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != std::stoi(arguments[0])) return 1;
   take_other_cpus();

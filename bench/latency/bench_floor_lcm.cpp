@@ -1,4 +1,4 @@
-// The floor of LCM: liblcm alone, publishing and subscribing on two channels of the same network.
+// Baseline of LCM: liblcm alone, publishing and subscribing on two channels of the same network.
 #include <lcm/lcm.h>
 #include <unistd.h>
 
@@ -38,7 +38,8 @@ class Lcm {
       lcm_publish(lcm_, channel.c_str(), bytes.data() + at,
                   static_cast<unsigned>(std::min(kLcmMessageBytes, bytes.size() - at)));
   }
-  /// Waits for so many bytes; false if `timeout` passes without a message. What is left over of a loss is dropped.
+  /// Waits for the given number of bytes; false if `timeout` passes without a message. Discards the rest of an
+  /// incomplete exchange.
   bool receive(std::size_t bytes, std::chrono::milliseconds timeout) {
     while (received_bytes_ < bytes) {
       if (lcm_handle_timeout(lcm_, static_cast<int>(timeout.count())) <= 0) {
@@ -50,7 +51,7 @@ class Lcm {
     return true;
   }
 
-  /// How the bytes last received begin.
+  /// Start of the bytes last received.
   const std::byte* first() const { return first_; }
 
  private:

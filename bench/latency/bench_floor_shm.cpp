@@ -1,5 +1,5 @@
-// The floor of shared memory: two processes, one memory, a word each way; each side spins for a while and then sleeps
-// in a futex. The request is copied in and out and the reply written once, as any server must.
+// Baseline of shared memory: two processes, one mapping and one counter each way. Each side spins for a while, then
+// sleeps in a futex. The request is copied in and out and the reply written once, as in any server.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -23,13 +23,13 @@ using namespace std::chrono_literals;
 
 constexpr std::chrono::nanoseconds kSpins[] = {0us, 20us, 200us, 2000us};
 constexpr int kMostTrials = 201, kFewestTrials = 5;
-constexpr std::chrono::nanoseconds kTrialTime = 20ms;  ///< for each spin
+constexpr std::chrono::nanoseconds kTrialTime = 20ms;  ///< per candidate spin time
 constexpr std::chrono::nanoseconds kNap = 10ms;
 constexpr std::chrono::seconds kGiveUp{5};
 constexpr std::uint64_t kPage = 4096;
 
 struct Line {
-  alignas(64) std::atomic<std::uint32_t> count;  ///< messages so far this way
+  alignas(64) std::atomic<std::uint32_t> count;  ///< messages sent so far in this direction
   std::atomic<std::uint32_t> waiting;            ///< whether the reader sleeps
 };
 struct Words {
@@ -38,7 +38,7 @@ struct Words {
 };
 static_assert(sizeof(Words) <= kPage);
 
-/// A mapping of Words, the request's bytes and the reply's.
+/// A mapping with the counters, the request's bytes and the reply's.
 class Memory {
  public:
   Memory(int fd, const EchoSize& size) : size_(size), bytes_(total(size)) {
@@ -69,7 +69,7 @@ void post(Line& line, std::uint32_t count) {
   if (line.waiting.load(std::memory_order_seq_cst)) shm::futex_wake(line.count);
 }
 
-/// Waits until the line's count is no longer `seen`; false after `timeout`.
+/// Waits until the line's count differs from `seen`; false after `timeout`.
 bool await(Line& line, std::uint32_t seen, const Words& words, std::chrono::nanoseconds timeout) {
   const auto begin = Clock::now();
   do {

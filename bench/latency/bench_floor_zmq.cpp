@@ -1,4 +1,4 @@
-// The floor of ZeroMQ: a DEALER here, a ROUTER there, two message parts each way.
+// Baseline of ZeroMQ: a DEALER here, a ROUTER in the echo process, two message parts each way.
 #include <unistd.h>
 
 #include <cstring>
@@ -14,13 +14,13 @@ namespace {
 constexpr int kTimeoutMs = 5000;
 constexpr std::uint64_t kHeader = sizeof(wire::FrameHeader);
 
-/// Sends `bytes` as a header and a payload, copied as from memory that is not ZeroMQ's.
+/// Sends `bytes` as a header and a payload, copied as from memory outside ZeroMQ.
 void send_parts(zmq::socket_t& socket, const std::vector<std::byte>& bytes) {
   socket.send(zmq::buffer(bytes.data(), kHeader), zmq::send_flags::sndmore);
   socket.send(zmq::buffer(bytes.data() + kHeader, bytes.size() - kHeader));
 }
 
-/// A folder of our own for an ipc:// endpoint.
+/// A temporary folder for an ipc:// endpoint.
 class Folder {
  public:
   Folder() {

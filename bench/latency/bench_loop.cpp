@@ -1,5 +1,5 @@
-// clearance bench-loop: a control loop at a fixed rate, poses out over LCM and distances back, beside a loop that does
-// nothing.
+// clearance bench-loop: a control loop at a fixed rate that sends poses over LCM and receives distances, compared with
+// an idle loop.
 #include <stdlib.h>
 
 #include <chrono>
@@ -22,11 +22,11 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// The two loops take turns, so that what else the machine does hits both: so long the working one, then the idle one.
+/// Durations of the alternating working and idle loops; they alternate so that other load affects both.
 constexpr double kWorkS = 8, kIdleS = 2;
-/// Sets of poses that are published one after the other.
+/// Sets of poses that are published in turn.
 constexpr int kPoseSets = 64;
-/// What fits into one datagram (lcmtypes/pose_update_t.lcm).
+/// Maximum that fits into one datagram (lcmtypes/pose_update_t.lcm).
 constexpr std::size_t kMostBodies = 800;
 
 struct ControlLoopOptions : BenchQueryOptions {
@@ -37,18 +37,18 @@ struct ControlLoopOptions : BenchQueryOptions {
   std::string csv, command;
 };
 
-/// What became of the cycles of one loop.
+/// Statistics of the cycles of one loop.
 struct Cycles {
-  Samples done;               ///< from the moment a cycle was due to its end
-  std::uint64_t late = 0;     ///< ended after the next one was due
-  std::uint64_t skipped = 0;  ///< never began: an earlier one was still under way when they ended
+  Samples done;               ///< from a cycle's due time to its end
+  std::uint64_t late = 0;     ///< ended after the next cycle was due
+  std::uint64_t skipped = 0;  ///< never started, because an earlier cycle was still running
   double seconds = 0;
 
   std::uint64_t misses() const { return late + skipped; }
   std::uint64_t cycles() const { return done.size() + skipped; }
 };
 
-/// Runs `work` at every multiple of the period for so long, sleeping in between.
+/// Runs `work` at every multiple of the period for a given time, sleeping in between.
 template <class Work>
 void run_cycles(double seconds, std::chrono::nanoseconds period, Cycles& cycles, Work work) {
   const auto begin = Clock::now() + period;
@@ -67,7 +67,7 @@ void run_cycles(double seconds, std::chrono::nanoseconds period, Cycles& cycles,
   cycles.seconds += seconds;
 }
 
-/// Publishes poses of all movable bodies and asks for distances, as a controller does in each cycle.
+/// Publishes poses of all movable bodies and queries distances, as a controller does in each cycle.
 class Controller {
  public:
   Controller(Client& client, const ControlLoopOptions& o)
@@ -126,9 +126,9 @@ class Controller {
   LcmBus bus_;
   clearance_lcm::pose_update_t message_{};
   std::vector<std::vector<double>> sets_[kPoseSets];
-  std::uint64_t fresh_ = 0;       ///< answers that saw the poses of their own cycle; the others, earlier ones
-  std::uint64_t unsent_ = 0;      ///< messages that the system refused
-  std::uint64_t late_poses_ = 0;  ///< cycles without an answer: their poses did not come in time
+  std::uint64_t fresh_ = 0;       ///< answers that used the poses of their own cycle instead of earlier ones
+  std::uint64_t unsent_ = 0;      ///< messages that the system did not accept
+  std::uint64_t late_poses_ = 0;  ///< cycles without an answer, because their poses arrived too late
   std::int64_t wait_ns_;
   std::uint64_t pairs_ = 0;
   Samples engine_;

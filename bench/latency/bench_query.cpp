@@ -66,7 +66,7 @@ Pose7 jittered(const Pose7& pose, double sigma_m, std::mt19937_64& random) {
   std::normal_distribution<double> noise(0, sigma_m);
   const double a = noise(random) / 2, b = noise(random) / 2, c = noise(random) / 2;
   const double w = pose[3], x = pose[4], y = pose[5], z = pose[6];
-  // (1, a, b, c) * q: a small turn in the world's axes; the daemon normalises it.
+  // (1, a, b, c) * q: a small rotation in world axes, which the daemon normalises.
   Pose7 moved{pose[0] + noise(random),   pose[1] + noise(random),   pose[2] + noise(random),  w - a * x - b * y - c * z,
               x + a * w + b * z - c * y, y + b * w + c * x - a * z, z + c * w + a * y - b * x};
   const double norm = std::sqrt(moved[3] * moved[3] + moved[4] * moved[4] + moved[5] * moved[5] + moved[6] * moved[6]);

@@ -1,4 +1,4 @@
-// What a benchmark asks: a query drawn from the daemon's scene.
+// The query of a benchmark, drawn from the daemon's scene.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -13,8 +13,8 @@
 namespace clearance::cli {
 
 struct BenchQueryOptions {
-  std::uint64_t pairs = 0;           ///< drawn from the scene's; 0: all
-  std::uint32_t configurations = 0;  ///< 0: the current poses
+  std::uint64_t pairs = 0;           ///< drawn from the scene's; 0 for all
+  std::uint32_t configurations = 0;  ///< 0 for the current poses
   std::uint32_t moved = 6;           ///< bodies that a configuration moves
   double jitter_m = 0.05;
   std::uint64_t seed = 1;
@@ -23,7 +23,7 @@ struct BenchQueryOptions {
 };
 void add_query_options(CLI::App& command, BenchQueryOptions& question);
 
-/// A query over real poses, with the memory that it looks at.
+/// A query over real poses, with the memory that it refers to.
 struct BenchQuery {
   std::vector<IdPair> pairs;
   std::vector<std::uint32_t> bodies;
@@ -31,16 +31,16 @@ struct BenchQuery {
   Query query;
 };
 
-/// Draws a query. Throws std::invalid_argument if the scene has too few pairs, or nothing that moves.
+/// Draws a query. Throws std::invalid_argument if the scene has too few pairs, or no movable body.
 BenchQuery make_query(Client& client, const BenchQueryOptions& question);
 
-/// A pose moved by normal noise: `sigma_m` metres each way, as many radians about each axis.
+/// A pose with normal noise: `sigma_m` metres along and as many radians about each axis.
 Pose7 jittered(const Pose7& pose, double sigma_m, std::mt19937_64& random);
 
-/// Bodies that can be moved, in the order of ids: not static, no parent, at a usable pose.
+/// Bodies that can be moved, by id: not static, without a parent, with a usable pose.
 std::vector<std::uint32_t> movable_bodies(const SceneInfo& scene, const std::vector<BodyStateInfo>& states);
 
-/// The command line, as a shell would take it again; priority and pinning, which a latency depends on, are part of it.
+/// The command line in shell syntax, with priority and pinning, which affect latency.
 std::string bench_command_line(const CLI::App& command);
 
 }  // namespace clearance::cli

@@ -23,7 +23,7 @@ double ratio(const Samples& a, const Samples& b, double part) {
   return a.percentile_us(part) / b.percentile_us(part);
 }
 
-/// What the median takes beyond the bare floor's and the engine's own.
+/// Excess of the median over the bare baseline's and the engine's own.
 double added_us(const BenchReport& r) {
   return r.ours.latency.percentile_us(0.5) - r.floor.latency.percentile_us(0.5) - r.ours.engine.percentile_us(0.5);
 }
@@ -191,7 +191,7 @@ void print_report(const BenchReport& report, std::ostream& out, Output output) {
 
 namespace {
 
-/// The column names in the file; empty if there is no file or nothing in it.
+/// Column names in the file; empty if the file is missing or empty.
 std::string header_of(const std::string& path) {
   std::ifstream file(path);
   std::string header;

@@ -7,7 +7,7 @@
 namespace clearance::cli {
 
 void wait_until(std::chrono::steady_clock::time_point when) {
-  // A sleeper wakes up late by the timer's slack and the scheduler's latency, so the last stretch is spun.
+  // A sleeping thread wakes up late by the timer's slack and the scheduler's latency, so the last part is spun.
   constexpr auto kSpun = std::chrono::microseconds(150);
   const auto wake = (when - kSpun).time_since_epoch();
   if (when - kSpun > std::chrono::steady_clock::now()) {

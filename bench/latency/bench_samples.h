@@ -1,4 +1,4 @@
-// Samples of a latency benchmark, and how they are taken.
+// Samples of a latency benchmark, and the loop that takes them.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace clearance::cli {
 
-/// Every sample is kept, so that percentiles are exact; a run ends early rather than keep more than kMost.
+/// Keeps every sample, so that percentiles are exact. A run ends early at kMost samples.
 class Samples {
  public:
   static constexpr std::size_t kMost = 4'000'000;
@@ -22,8 +22,8 @@ class Samples {
   std::size_t size() const { return values_.size(); }
   bool full() const { return values_.size() >= kMost; }
 
-  /// The least sample that a part `p` (0 to 1) of all samples does not exceed (nearest rank), in microseconds; NaN:
-  /// none.
+  /// The smallest sample that is at least as large as a share `p` in [0, 1] of all samples (nearest rank), in
+  /// microseconds; NaN if there are none.
   double percentile_us(double p) const {
     if (values_.empty()) return std::nan("");
     if (!sorted_) {
@@ -41,34 +41,34 @@ class Samples {
   mutable bool sorted_ = true;
 };
 
-/// What one exchange with a server says of itself.
+/// Times of one exchange as reported by the server.
 struct Exchanged {
   bool answered = true;
   std::int64_t server_ns = 0;
   std::int64_t engine_ns = 0;
 };
 
-/// What a series of exchanges took.
+/// Measurements of a series of exchanges.
 struct Series {
-  Samples latency;    ///< closed loop: from the request to the reply; fixed rate: from when the request was due
-  Samples server;     ///< as the server says: from the request's receipt to the reply being whole
-  Samples engine;     ///< as the server says: inside the engine
-  Samples transport;  ///< from the request being sent to the reply, less the server's time
+  Samples latency;    ///< from the request (closed loop) or its due time (fixed rate) to the reply
+  Samples server;     ///< reported by the server: from receipt of the request until the reply is complete
+  Samples engine;     ///< reported by the server: time in the engine
+  Samples transport;  ///< from sending the request to the reply, minus the server's time
   std::uint64_t lost = 0;
-  std::uint64_t unsent = 0;  ///< fixed rate: due before the end, but still waiting for their turn by then
-  double seconds = 0;        ///< that the series went on
+  std::uint64_t unsent = 0;  ///< fixed rate: requests due before the end that were never sent
+  double seconds = 0;        ///< duration of the series
 
   double throughput() const { return seconds > 0 ? static_cast<double>(latency.size()) / seconds : 0; }
 };
 
-/// Waits for a moment: sleeps while it is far, spins at the end, since a sleeper wakes up late.
+/// Waits until a time: sleeps at first, then spins, because a sleeping thread wakes up late.
 void wait_until(std::chrono::steady_clock::time_point when);
 
 /// Calls `exchange` (returning Exchanged) for `seconds` and adds to `series`.
 ///
-/// \param rate_hz 0: closed loop, each request as soon as the last reply is there. Else each request is due at a fixed
-/// moment, whatever became of the ones before, and its latency counts from that moment: what waits behind a slow reply
-/// is charged with the wait (no coordinated omission).
+/// \param rate_hz 0 for a closed loop, in which each request follows the last reply. Otherwise each request is due at a
+/// fixed time and its latency counts from then, so that a request delayed by a slow reply includes the delay (no
+/// coordinated omission).
 template <class Exchange>
 void drive(Exchange&& exchange, double rate_hz, double seconds, Series& series) {
   using Clock = std::chrono::steady_clock;

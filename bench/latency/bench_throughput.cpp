@@ -1,5 +1,5 @@
-// clearance bench-throughput: queries a second of one client and of several at once, and large replies beside a memcpy
-// of as many bytes.
+// clearance bench-throughput: queries per second of one client and of several concurrent ones, and large replies
+// compared with a memcpy of the same size.
 #include <atomic>
 #include <barrier>
 #include <chrono>
@@ -33,11 +33,11 @@ struct ThroughputOptions : BenchQueryOptions {
 };
 
 struct Result {
-  std::vector<std::uint64_t> answers;  ///< of each client
+  std::vector<std::uint64_t> answers;  ///< for each client
   double seconds = 0;
   std::uint64_t pairs = 0, request_bytes = 0, reply_bytes = 0;
   Samples latency, engine;
-  Samples copy;  ///< one memcpy of a reply's bytes, by turns with the queries of the first client
+  Samples copy;  ///< one memcpy of a reply's bytes, alternating with the queries of the first client
   std::uint64_t total() const {
     std::uint64_t sum = 0;
     for (const std::uint64_t n : answers) sum += n;
@@ -49,7 +49,7 @@ std::int64_t ns_since(Clock::time_point begin) {
   return std::chrono::nanoseconds(Clock::now() - begin).count();
 }
 
-/// A reply's bytes copied from memory to memory, both of which were touched before.
+/// Copies a reply's bytes between two touched buffers.
 class Copier {
  public:
   explicit Copier(std::uint64_t bytes) : from_(bytes, std::byte{1}), to_(bytes) {}
@@ -62,7 +62,7 @@ class Copier {
   std::vector<std::byte> from_, to_;
 };
 
-/// One client's closed loop: `depth` requests under way at a time.
+/// One client's closed loop, with `depth` outstanding requests.
 std::uint64_t drive_client(Client& client, const Query& query, int depth, const std::atomic<bool>& stop,
                            Result* samples) {
   std::uint64_t answers = 0;
@@ -98,7 +98,7 @@ Result measure(const ThroughputOptions& o) {
   result.answers.resize(static_cast<std::size_t>(o.clients));
   std::vector<Client> clients;
   for (int i = 0; i < o.clients; ++i) clients.push_back(o.connection.open());
-  // Each client draws pairs of its own.
+  // Each client draws its own pairs.
   std::vector<BenchQuery> queries;
   for (int i = 0; i < o.clients; ++i) {
     BenchQueryOptions own = o;
