@@ -1,7 +1,8 @@
 """Latency and throughput of every transport, measured by `clearance bench` on daemons that this script starts.
 
-Parts: latency (every transport beside its floor), python (the client's prepared query), doorbell (spinning and sleeping
-with cores apart, shared and busy), throughput (one client, eight and 64; replies of 16 MB). Each writes out/NAME.csv.
+Parts: latency (every transport and its baseline), python (the client's prepared query), doorbell (spinning and sleeping
+with cores separate, shared and busy), throughput (one client, eight and 64; replies of 16 MB). Each writes
+out/NAME.csv.
 """
 import argparse
 import json
@@ -15,7 +16,7 @@ from harness import ROOT, read, write
 from processes import DemoError, Stage
 from service import BIN, ROUTE, start_daemon
 
-# What is asked: pairs (0: all enabled), configurations (0: the current poses), and how often.
+# The queries: pairs (0 for all enabled), configurations (0 for the current poses), and rate.
 QUESTIONS = [
     {"pairs": 1, "configs": 0, "rate": "closed"},
     {"pairs": 0, "configs": 0, "rate": "closed"},
@@ -23,19 +24,19 @@ QUESTIONS = [
     {"pairs": 0, "configs": 100, "rate": "closed"},
 ]
 NAMES = {"shm": "shared memory", "zmq": "ZeroMQ", "lcm": "LCM"}
-LONG_SPIN_US = 2000  # of a client that has a core to spare
+LONG_SPIN_US = 2000  # of a client with a core to spare
 BUSY = "while True: pass"
 
 
 class Machine:
-    """Where daemon and clients run: on cores of their own where there are two, at the priority asked for."""
+    """Placement of daemon and clients: on separate cores if there are two, at the requested priority."""
 
     def __init__(self, real_time):
         self.cores = sorted(os.sched_getaffinity(0))
         self.priority = ["chrt", "-f", "1"] if real_time else []
 
     def on(self, core):
-        """A command's prefix: `core` counts those of this process; one that is not there is the last."""
+        """A command's prefix. `core` is an index into the cores of this process, limited to the last one."""
         return ["taskset", "-c", str(self.cores[min(core, len(self.cores) - 1)]), *self.priority]
 
 
@@ -46,7 +47,7 @@ def bench_row(stage, prefix, url, **options):
 
 
 def clearance(stage, prefix, *words):
-    """Runs the command line client and returns what it printed. Raises DemoError with its complaint."""
+    """Runs the command line client and returns its output. Raises DemoError with its error message."""
     done = subprocess.run([*prefix, str(BIN / "clearance"), *map(str, words)], capture_output=True, text=True)
     stage.check()
     if done.returncode:
@@ -55,7 +56,7 @@ def clearance(stage, prefix, *words):
 
 
 def latency(machine, options, path):
-    """Each transport beside its floor, and the bars: floor, the engine's own time, what is added."""
+    """Each transport with its baseline, and the targets: baseline, the engine's own time, and the overhead."""
     path.unlink(missing_ok=True)
     with Stage() as stage:
         _, urls, _ = start_daemon(stage, options.scene, machine.on(0))
@@ -92,7 +93,7 @@ def latency(machine, options, path):
 
 
 def python(machine, options, path):
-    """The Python client's prepared query over shared memory, by turns with `clearance bench` of the same query."""
+    """The Python client's prepared query over shared memory, alternating with `clearance bench` of the same query."""
     with Stage() as stage:
         _, urls, _ = start_daemon(stage, options.scene, machine.on(0))
         rows = []
@@ -133,14 +134,14 @@ def python(machine, options, path):
 
 
 def doorbell(machine, options, path):
-    """Spinning and sleeping: cores apart, one core for both, and other programs on every core."""
+    """Spinning and sleeping: separate cores, one core for both, and other programs on every core."""
     rows = []
     for cores in ("apart", "together", "busy"):
         with Stage() as stage:
             if cores == "busy":
                 for i in range(len(machine.cores)):
                     stage.start(f"busy{i}", [sys.executable, "-c", BUSY])
-            # Beside busy programs the scheduler is what is measured: no cores or priorities of one's own.
+            # If all cores are busy, the scheduler is measured: no separate cores or priorities.
             server, client = {
                 "apart": (machine.on(0), machine.on(1)),
                 "together": (machine.on(0), machine.on(0)),
@@ -165,7 +166,7 @@ def doorbell(machine, options, path):
 
 
 def throughput(machine, options, path):
-    """Small queries of one client, of eight and of 64, and replies of 16 MB beside a memcpy of as many bytes."""
+    """Small queries of one client, of eight and of 64, and replies of 16 MB compared with a memcpy of the same size."""
     path.unlink(missing_ok=True)
     with Stage() as stage:
         _, urls, _ = start_daemon(stage, options.scene, machine.on(0))

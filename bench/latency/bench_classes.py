@@ -1,12 +1,12 @@
-"""What a client of the class control waits, beside each worst legal client of the class planning.
+"""Latency of a client of class control, alongside each worst legal client of class planning.
 
-One query of one pair over shared memory, a thousand times a second: first beside programs that do nothing but keep
-CPUs busy, as many as the daemon computes with, then beside each aggressor of bench_sections.py, whose queries are of
-the class planning; all of it once more with a daemon with --real-time. Prints and writes, as CSV: p50, p99.9 and max
-of each, p99.9 in terms of that beside the busy programs, and the CPU time that the host of a virtual machine took. Of
-some rounds the one counts in which that was least. With four CPUs or more the client and the daemon have CPUs of their
-own, which the aggressor and the busy programs keep off. The client runs at real-time priority, as a controller does,
-all others at one priority above other programs (both where that is allowed).
+A query of one pair over shared memory, a thousand times a second: first alongside programs that only keep CPUs busy, as
+many as the daemon's compute threads, then alongside each aggressor of bench_sections.py, whose queries are of class
+planning. All of it is repeated with a daemon with --real-time. Prints and writes, as CSV: p50, p99.9 and max, the ratio
+of p99.9 to that with the busy programs, and the CPU time that the host of a virtual machine took. Of several rounds,
+the one with the least of it counts. With four CPUs or more the client and the daemon have CPUs of their own, which the
+aggressor and the busy programs avoid. The client runs at real-time priority, as a controller does, all others at one
+priority above other programs (both if permitted).
 """
 
 import contextlib
@@ -25,7 +25,7 @@ SECTIONS = Path(__file__).with_name("bench_sections.py")
 
 
 class Cpus:
-    """Who runs where: the client, the daemon, and all others."""
+    """Assignment of CPUs to the client, the daemon, and all others."""
 
     def __init__(self):
         cpus = sorted(os.sched_getaffinity(0))
@@ -40,9 +40,9 @@ class Cpus:
 
 
 class Priority:
-    """Above other programs, where that is allowed: real time for the client, and the same for all others.
+    """Priorities above other programs, if permitted: real time for the client, and a common one for all others.
 
-    Of sessions, where the kernel shares CPUs out by session (autogroup), else of processes.
+    They apply to sessions if the kernel shares CPUs by session (autogroup), otherwise to processes.
     """
 
     def __init__(self):
@@ -52,7 +52,7 @@ class Priority:
 
     @staticmethod
     def allowed(prefix):
-        """It, or nothing where the kernel refuses it: a container's root may not do everything."""
+        """The prefix, or nothing if the kernel rejects it: even root of a container may lack the right."""
         done = subprocess.run([*prefix, "true"], capture_output=True)
         return [] if done.returncode or done.stderr else prefix
 
@@ -62,7 +62,7 @@ class Priority:
 
 
 class Players(Stage):
-    """Starts them at that priority."""
+    """Starts processes at that priority."""
 
     def __init__(self, priority):
         super().__init__()
@@ -75,17 +75,17 @@ class Players(Stage):
 
 
 def control_options(real_time):
-    """Options of a daemon for which this user's clients are of the class control."""
+    """Options of a daemon that assign this user's clients to the class control."""
     return ["--control-user", str(os.geteuid()), *(["--real-time"] if real_time else [])]
 
 
 def measure(kind, cpus, options, priority, real_time):
-    """One row: the client beside one aggressor, or beside busy programs."""
+    """One row: the client alongside one aggressor or busy programs."""
     with Players(priority) as stage:
         of_daemon = control_options(real_time), cpus.run_on(cpus.daemon)
         _, url = start_clearanced(stage, options.binaries, write_scene(stage.folder), *of_daemon)
         others = [*cpus.run_on(cpus.others), sys.executable]
-        if kind == "busy CPUs":  # as the daemon's threads would keep them, where they do
+        if kind == "busy CPUs":  # as the daemon's threads keep them busy at most
             for i in range(len(cpus.daemon)):
                 stage.start(f"busy{i}", [*others, "-c", "while True: pass"])
         else:
@@ -98,7 +98,7 @@ def measure(kind, cpus, options, priority, real_time):
 
 
 def row_of(kind, got, base, are_shared, real_time):
-    """base: p99.9 beside the busy programs, in us."""
+    """base: p99.9 alongside the busy programs, in us."""
     ratio, more_ms = got["p99.9_us"] / base, (got["p99.9_us"] - base) / 1000
     return {
         "daemon": "--real-time" if real_time else "ordinary",

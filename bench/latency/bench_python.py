@@ -1,11 +1,10 @@
-"""How long the Python client takes for a query: `bench_python.py URL PAIRS SECONDS` prints medians [us] as JSON.
+"""Query times of the Python client: `bench_python.py URL PAIRS SECONDS` prints medians [us] as JSON.
 
-`bench_python.py --batches BUSY SECONDS` times batches on engines in this process, of all cores (threads=0) and of one
-by turns, alone and beside BUSY processes that keep the cores busy. It prints a row for each size of batch:
-configurations, microseconds for each of them with one thread and with all (median, 99th percentile of the whole batch
+`bench_python.py --batches BUSY SECONDS` times batches on engines in this process, alternately with all cores
+(threads=0) and with one, alone and with BUSY processes that keep the cores busy. It prints a row for each batch size:
+configurations, microseconds per configuration with one thread and with all (median, 99th percentile of the whole batch
 in ms), and the ratio of the medians.
 """
-
 import contextlib
 import json
 import os
@@ -19,7 +18,7 @@ import clearance
 
 
 def timed(ask, seconds):
-    """Latencies and engine times in nanoseconds of calls, one after the other for so long."""
+    """Latencies and engine times of successive calls for the given time, in nanoseconds."""
     took, engine = [], []
     end = time.perf_counter() + seconds
     while time.perf_counter() < end:
@@ -32,7 +31,7 @@ def timed(ask, seconds):
 
 @contextlib.contextmanager
 def busy_processes(count):
-    """That many processes which do nothing but run."""
+    """Keeps that many processes busy."""
     running = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
         yield
@@ -43,7 +42,7 @@ def busy_processes(count):
 
 
 def batches_of_hulls(bodies=40, vertices=60, spread=2.5):
-    """A scene of random hulls, and poses of all of them in batches of some sizes."""
+    """A scene of random hulls, and poses of all of them in batches of several sizes."""
     rng = np.random.default_rng(9)
     scene = clearance.Scene()
     for i in range(bodies):
@@ -69,7 +68,7 @@ def time_batches(load, seconds):
             took = {threads: [] for threads in engines}
             end = time.perf_counter() + seconds
             while time.perf_counter() < end or len(took[0]) < 5:
-                for threads, engine in engines.items():  # by turns: what others do meanwhile befalls both
+                for threads, engine in engines.items():  # alternating, so that other load affects both
                     begin = time.perf_counter()
                     ask(engine, poses)
                     took[threads].append(time.perf_counter() - begin)

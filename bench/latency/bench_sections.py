@@ -1,9 +1,9 @@
-"""How long the daemon's loop is away from its transports, by kind of request, and what a client beside it sees.
+"""How long requests of each kind keep the daemon's loop from its transports, and the latency of another client.
 
-For each kind: a daemon of its own, a client that asks for the largest thing of that kind again and again, and beside it
-`clearance bench` with one pair over shared memory. Prints and writes, as CSV: the longest section of the loop by the
-wall clock and in units of work, the CPU time that the loop's thread took in all, the other client's latency, and the
-CPU time that the host of a virtual machine took meanwhile, which nothing here can do anything about.
+For each kind: a new daemon, a client that repeats the largest request of that kind, and at the same time `clearance
+bench` with one pair over shared memory. Prints and writes, as CSV: the longest section of the loop by the wall clock
+and in units of work, the total CPU time of the loop's thread, the other client's latency, and the CPU time that the
+host of a virtual machine took meanwhile, which this program cannot influence.
 """
 
 import argparse
@@ -32,7 +32,7 @@ random: {{count: {BODIES}, shape: {{uv_sphere: {{radius: 0.2, resolution: 5}}}},
 
 
 def heap(path):
-    """A mesh of many parts, each an octahedron, in one file."""
+    """A mesh of many components, each an octahedron, in one file."""
     random = np.random.default_rng(1)
     lines = []
     for part in range(PIECES):
@@ -64,7 +64,7 @@ def write_scene(folder):
 
 
 def aggressor(kind, url, as_planning=False):
-    """Asks for one kind of thing, again and again, until it is ended. as_planning: below the class of its user."""
+    """Repeats one kind of request until it is terminated. as_planning: below the class of its user."""
     import clearance
 
     options = {"timeout_s": 600, **({"as_planning": True} if as_planning else {})}
@@ -98,14 +98,14 @@ KINDS = ["nothing", "groups", "explicit pairs", "poses", "pieces with depths", "
 
 
 def start_aggressor(stage, command, kind, url):
-    """Starts it beside the others of the stage, and returns once it is about to ask."""
+    """Starts an aggressor on the stage, and returns just before its first request."""
     asking = stage.start("aggressor", [*command, "--aggressor", kind, url], stdout=subprocess.PIPE, text=True)
     if asking.stdout.readline() != "ready\n":
         raise DemoError(f"the client that asks for {kind} did not start: {stage.log('aggressor').strip()}")
 
 
 def cpu_ms(pid):
-    """CPU time of a process's first thread so far, which is the daemon's loop."""
+    """CPU time so far of a process's first thread, which runs the daemon's loop."""
     return int(Path(f"/proc/{pid}/task/{pid}/schedstat").read_text().split()[0]) / 1e6
 
 
@@ -115,13 +115,13 @@ def stats(binaries, url):
 
 
 def stolen_ms():
-    """CPU time that the host of a virtual machine gave to others while a program here wanted it, so far."""
+    """CPU time so far that the host of a virtual machine gave to others while a program here needed it."""
     steal = Path("/proc/stat").read_text().split("\n", 1)[0].split()[8]
     return 1000 * int(steal) / os.sysconf("SC_CLK_TCK")
 
 
 def quietest(rounds, measure_one):
-    """Of some rounds the one in which the host took least, which no program's outcome has a say in: (row, ms taken)."""
+    """The round in which the host took the least time, a choice that no program's result affects: (row, ms taken)."""
     got = []
     for _ in range(rounds):
         before = stolen_ms()
@@ -173,7 +173,7 @@ def measure(kind, binaries, seconds):
 
 
 def parser_of(doc):
-    """Options that these benchmarks of daemons share."""
+    """Options shared by the benchmarks of daemons."""
     parser = harness.parser(doc)
     parser.add_argument("--binaries", type=Path, default=BIN, help="where clearanced and clearance are")
     return parser

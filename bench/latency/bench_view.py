@@ -1,12 +1,11 @@
-"""What a control loop waits while `clearance view` looks at its daemon, beside the same loop without.
+"""Latency of a control loop while `clearance view` displays its daemon's scene, and without the viewer.
 
-One query of one pair over shared memory, a thousand times a second, by a client of the class control, in turns without
-and with a viewer's questions: all that a page asks of the daemon, ten times a second, from a process of its own. The
-browser and the drawing are left out: they ask nothing of a daemon, and run where the person is. Prints and writes, as
-CSV, the medians over the turns of p50, p99.9 and max, and the least and most p99.9; and how long a picture keeps the
-daemon's CPU, which other programs of the machine hardly change. The loop's client runs at real-time priority where that
-is allowed. All of it with an ordinary daemon, and with one that has --real-time: no other program holds up its loop, so
-that a difference is the viewer's.
+A query of one pair over shared memory, a thousand times a second, by a client of class control, alternately without and
+with a viewer's queries: all requests of a page, ten times a second, from a separate process. The browser and the
+drawing are left out, because they send nothing to a daemon and run on the viewer's machine. Prints and writes, as CSV,
+the medians over the turns of p50, p99.9 and max, the least and greatest p99.9, and the daemon's CPU time per picture,
+which other programs hardly change. The loop's client runs at real-time priority if permitted. Measured with an ordinary
+daemon and with one that has --real-time, whose loop no other program delays, so that a difference is due to the viewer.
 """
 
 import os
@@ -25,7 +24,7 @@ RATE_HZ, PICTURES = 10, 2000
 
 
 def pictures(url):
-    """Asks what a page asks, once for each turn of the loop that goes through it."""
+    """Sends a page's requests once per iteration."""
     import clearance
     from clearance.view.model import Question
     from clearance.view.session import Session
@@ -38,7 +37,7 @@ def pictures(url):
 
 
 def look(url):
-    """Is the viewer, until it is ended."""
+    """Acts as the viewer until it is terminated."""
     asked = pictures(url)
     next(asked)
     print("asked", flush=True)
@@ -49,7 +48,7 @@ def look(url):
 
 
 def measure(binaries, seconds, turns, real_time):
-    """{"nothing": rows of `clearance bench`, "viewer": rows}, and us of the daemon's CPU for a picture."""
+    """{"nothing": rows of `clearance bench`, "viewer": rows}, and the daemon's CPU time for a picture in us."""
     cpus, priority = Cpus(), Priority()
     rows = {"nothing": [], "viewer": []}
     with Players(priority) as stage:

@@ -1,8 +1,8 @@
-"""Tables, claims and pictures of the pages, made from docs/results by bench/write_pages.py.
+"""Tables, claims and pictures of the pages, generated from docs/results by bench/write_pages.py.
 
-A module here has TABLES: by name, a function that makes the text between `<!-- table NAME -->` and `<!-- end -->`.
-It may have claims(): by name, whether the results support the words before `<!-- claim NAME -->`. It may have PICTURE,
-a file in docs, and draw(path).
+A module has TABLES: by name, a function that returns the text between `<!-- table NAME -->` and `<!-- end -->`. It may
+have claims(): by name, whether the results support the sentence before `<!-- claim NAME -->`. It may have PICTURE, a
+file in docs, and draw(path).
 """
 
 from harness import RESULTS, read
@@ -14,13 +14,13 @@ def results(name):
 
 
 def markdown(header, rows, words=1):
-    """A table. Its first columns hold words, the others numbers."""
+    """A table with text in its first columns and numbers in the others."""
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * words + "--:|" * (len(header) - words)]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
 def all_of(conditions):
-    """Whether there are some and all hold."""
+    """Whether there is at least one condition and all hold."""
     conditions = list(conditions)
     return bool(conditions) and all(conditions)
 

@@ -26,7 +26,7 @@ class Edges:
         return float(row["ratio"])
 
     def decisions(self):
-        """Rows of (what, cells) that answer whether edges are free."""
+        """Rows of (task, cells) for deciding whether edges are free."""
         for r in self.rows:
             if r["question"] == "least":
                 continue
@@ -36,7 +36,7 @@ class Edges:
                    "" if r["question"] == "proof" else r["missed"]]  # fmt: skip
 
     def distances(self):
-        """Rows of cells of the least distance of edges."""
+        """Rows of cells for the least distance of edges."""
         for r in self.rows:
             if r["question"] == "least":
                 yield [f"{1000 * float(r['setting']):g} mm", r["us_an_edge"], r["ratio"], r["configurations"],

@@ -8,7 +8,7 @@ GPU_DAEMON = "gpu_daemon_nvidia_h100_80gb_hbm3"
 
 
 def microseconds(text):
-    """A CSV's figure for a table; nothing where nothing was measured."""
+    """A number of a CSV for a table; empty if it was not measured."""
     value = float(text or 0)
     return "" if value == 0 else f"{value:,.0f}" if value >= 10 else f"{value:.1f}"
 

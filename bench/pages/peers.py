@@ -9,7 +9,7 @@ RIGHT = 1e-5  # a peer's setting counts if its worst relative error in the run i
 
 
 def best(rows, contender):
-    """The contender's fastest setting that is right, or its fastest if none is; and whether it is right."""
+    """The contender's fastest correct setting, or its fastest one if none is correct; and whether it is correct."""
     mine = [r for r in rows if r["contender"] == contender and r.get("ns_median")]
     right = [r for r in mine if float(r["worst_relative_error"]) < RIGHT]
     rows = right or mine
@@ -43,7 +43,7 @@ def peer_cells(rows, show):
 
 
 def timing():
-    """(where and when, rows by workload)."""
+    """(machine and date, rows by workload)."""
     remark, rows = results("peers_timing")
     loads = [float(row["load"]) for row in rows if row.get("load")]
     timed = [row for row in rows if row["commit"]]

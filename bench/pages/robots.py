@@ -1,4 +1,4 @@
-"""Tables and picture of docs/robots.md: microseconds a state, and where a plan's time goes."""
+"""Tables and picture of docs/robots.md: microseconds per state, and the distribution of a plan's time."""
 
 from pages import markdown, plot, results
 
@@ -13,11 +13,11 @@ SHARES = {"kinematics": "#fdae61", "distances": "#045a8d", "transport": "#74a9cf
 
 
 ROBOTS = {"panda": "Panda", "ur5": "UR5", "fetch": "Fetch", "baxter": "Baxter"}
-COAL = "Coal"  # in tables of robots: the faster of its ways
+COAL = "Coal"  # in tables of robots: the fastest of its variants
 
 
 def by_robot(ways):
-    """Microseconds a state beside Coal of the ways {(question, contender): header}."""
+    """Microseconds per state, relative to Coal, of the ways {(question, contender): header}."""
     remark, rows = results("robots")
     found = {}
     for row in rows:
@@ -41,7 +41,7 @@ def by_robot(ways):
 
 
 def robots():
-    """Many states a call."""
+    """Many states per call."""
     return by_robot({
         ("valid", COAL): "Coal: valid",
         ("valid", "Clearance in process"): "ours",
@@ -53,7 +53,7 @@ def robots():
 
 
 def robots_one_a_call():
-    """One state a call."""
+    """One state per call."""
     return by_robot({
         ("valid", COAL): "Coal: valid",
         ("valid", "Clearance in process, one a call"): "`check()`",
@@ -67,7 +67,7 @@ def robots_one_a_call():
 
 
 def rrt():
-    """RRT-Connect end to end, and where its time goes."""
+    """RRT-Connect end to end, and the distribution of its time."""
     remark, rows = results("rrt")
     keys = ("total_ms", "checking_ms", "kinematics_ms", "transport_ms", "planning_ms")
 
@@ -88,7 +88,7 @@ TABLES = {"robots": robots, "robots_one_a_call": robots_one_a_call, "rrt": rrt}
 
 
 def microseconds(rows, robot, question):
-    """Microseconds a free state, by way."""
+    """Microseconds per free state, by way."""
     found = {}
     for row in rows:
         if (row["robot"], row["question"], row["states"]) == (robot, question, "free"):

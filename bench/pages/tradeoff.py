@@ -1,4 +1,4 @@
-"""Tables, claims and picture of docs/tradeoff.md: what each setting of a query costs."""
+"""Tables, claims and picture of docs/tradeoff.md: cost of each setting of a query."""
 
 import math
 import statistics
@@ -24,7 +24,7 @@ class Sweep:
         return self.by_setting[scene, precision, asked, reach, 0.0 if abs_tol else rel_tol, abs_tol]
 
     def ratios(self, scenes=None, **setting):
-        """Time over that of the default query, of each scene."""
+        """Time relative to the default query, for each scene."""
         return [float(self.at(s, **setting)["ratio"]) for s in scenes or self.scenes]
 
 
@@ -169,26 +169,26 @@ def no_more_than(values, limit):
 # Claims of the page about the CPU, as conditions on the results.
 CLAIMS = {
     "contained": lambda s: all(r["violations"] == "0" for r in s.rows),
-    # Loosening from 1e-6 to 1e-2 saves less than two fifths wherever bodies do not touch.
+    # Loosening from 1e-6 to 1e-2 saves less than two fifths if bodies do not touch.
     "loose saves little": lambda s: all(
         r >= 0.6 for x in s.scenes if x != "touching" for r in s.ratios([x], rel_tol=1e-2)
     ),
-    # Two digits more than the default cost less than a tenth.
+    # Two more digits than the default cost less than a tenth.
     "tight is cheap": lambda s: no_more_than(s.ratios(rel_tol=1e-8), 1.1),
     # A tolerance of 1e-2 is never slower than 1e-6, up to timing noise.
     "looser is no slower": lambda s: no_more_than(s.ratios(rel_tol=1e-2) + s.ratios(rel_tol=1e-1), 1.1),
-    # Where the curve is flat, the answer is exact already at 1e-4.
+    # Where the curve is flat, the answer is already exact at 1e-4.
     "exact already": lambda s: all(
         float(s.at(x, rel_tol=1e-4)["rel_width_p99"]) < 1e-9 for x in ("near", "boxes", "spheres", "capsules")
     ),
-    # max_distance at a tenth of the median at least halves the time, but for scenes whose boxes all overlap.
+    # max_distance at a tenth of the median at least halves the time, except in scenes whose boxes all overlap.
     "max_distance is the lever": lambda s: no_more_than(
         s.ratios([x for x in s.scenes if float(s.at(x, reach=0.1)["evaluated"]) < 0.4], reach=0.1), 0.5
     ),
     "boxes that overlap": lambda s: all(
         float(s.at(x, reach=0.1)["evaluated"]) > 0.9 and s.ratios([x], reach=0.1)[0] > 0.5 for x in ("near", "touching")
     ),
-    # Touching pairs: an absolute tolerance of a micrometre makes them at least three times as fast.
+    # Touching pairs: an absolute tolerance of a micrometre is at least three times as fast.
     "abs_tol for touching": lambda s: no_more_than(s.ratios(["touching"], abs_tol=1e-6), 1 / 3),
     # Spheres and capsules take less than half of the time of hulls, small or fine.
     "cheap forms": lambda s: all(
@@ -199,13 +199,13 @@ CLAIMS = {
         s.ratios(["near", "boxes", "spheres", "capsules", "dense", "fine", "extremes"], asked="batch"), 0.75
     ),
     "heavy batches": lambda s: s.ratios(["cell"], asked="batch")[0] < 0.75,
-    # A warm start costs nothing anywhere, and near bodies take less than half of the time.
+    # A warm start costs nothing anywhere, and halves the time at least for near bodies.
     "warm pays": lambda s: no_more_than(s.ratios(asked="warm"), 1.02) and s.ratios(["near"], asked="warm")[0] < 0.5,
     "f32 takes as long": lambda s: all(
         5 / 6 < single / double < 7 / 6
         for single, double in zip(s.ratios(rel_tol=1e-4, precision="f32"), s.ratios(rel_tol=1e-4))
     ),
-    # Below rounding an absolute tolerance only costs.
+    # An absolute tolerance below rounding only costs time.
     "abs_tol below rounding": lambda s: s.ratios(["extremes"], abs_tol=1e-6)[0] > 1.5,
     "none wider than asked": lambda s: all(
         float(s.at(x, rel_tol=t)["unconverged"]) == 0 for x in s.scenes for t in (1e-1, 1e-2, 1e-4, 1e-6)
