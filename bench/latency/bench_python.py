@@ -5,6 +5,7 @@
 configurations, microseconds per configuration with one thread and with all (median, 99th percentile of the whole batch
 in ms), and the ratio of the medians.
 """
+
 import contextlib
 import json
 import os
