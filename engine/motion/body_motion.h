@@ -20,7 +20,7 @@ class BodyMotion {
   /// given one that is farther from length 1.
   Pose at(double time) const;
 
-  Vec3d along() const { return along_; }  ///< from one pose's origin to the other's, in their common frame
+  Vec3d along() const { return along_; }            ///< from one pose's origin to the other's, in their common frame
   double angle() const { return 2 * half_angle_; }  ///< of the rotation, rounded
   double shift() const { return shift_; }           ///< metres from one pose to the other, rounded up
   double turn() const { return turn_; }             ///< radians from one pose to the other, rounded up

@@ -39,7 +39,7 @@ struct PlacedUncertainty {
   FrameUncertainty placed;  ///< from the rounding of joints and of chained poses
   Slack slack;              ///< of its parts
   SlackParts parts;         ///< without the contribution of its shape: Body::model_inner, model_error
-  Slack beside;  ///< for a link: excludes motion common to all links on its root, and the joints' rounding
+  Slack beside;             ///< for a link: excludes motion common to all links on its root, and the joints' rounding
 };
 
 namespace detail {
