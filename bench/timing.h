@@ -1,4 +1,4 @@
-// Times and medians, for every benchmark.
+// Times and medians for all benchmarks.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace clearance::bench {
 
-/// Time that a call takes by the wall clock, in microseconds.
+/// Wall time of a call, in microseconds.
 template <class Work>
 double took_us(const Work& work) {
   const auto begin = std::chrono::steady_clock::now();
@@ -16,7 +16,7 @@ double took_us(const Work& work) {
   return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begin).count();
 }
 
-/// Median of at least one value: of an even number of them, the larger of the two in the middle.
+/// Median of at least one value; the larger of the two middle ones if their number is even.
 inline double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Clearance beside Coal, FCL and Bullet: the same vertices and poses, timed side by side and judged in the same run.
+"""Clearance compared with Coal, FCL and Bullet: same vertices and poses, timed and checked for accuracy in one run.
 
     bench/run.py peers                     time every workload, then count wrong answers in every hard class
-    bench/run.py peers --workload cell     only workloads of that name or part of it (repeat); no classes
+    bench/run.py peers --workload cell     only workloads with this in their names (repeatable); no classes
     bench/run.py peers --classes           the classes only
 
-Builds the peers in build/peers (Coal in a Python environment of its own there), runs each in a process of its own, and
-writes peers_timing.csv and peers_accuracy.csv. A workload that is left out keeps its rows.
+Builds the peers in build/peers (Coal in its own Python environment there), runs each in its own process, and writes
+peers_timing.csv and peers_accuracy.csv. A workload that is left out keeps its rows.
 """
 import argparse
 import datetime
@@ -37,7 +37,7 @@ CELL_CONFIGURATIONS = 4096
 
 
 def set_up(peers=("coal", "fcl", "bullet")):
-    """Builds each peer as a project of its own, Coal's prefix holds other versions of what FCL is linked with."""
+    """Builds each peer as a separate project, because Coal's prefix has other versions of FCL's dependencies."""
     venv = python_of("bench/peers").parents[1]
     prefix = next(venv.glob("lib/python3*/site-packages/cmeel.prefix"))
     for peer in peers:
@@ -57,7 +57,7 @@ def versions():
 
 
 class Problem:
-    """A file of bench/peers/problem.h; read here is only what answers are judged by."""
+    """A file of bench/peers/problem.h, of which only the reference answers are read here."""
 
     def __init__(self, kind, name, count=0):
         self.name, self.path = name, PROBLEMS / f"{name}.bin"
@@ -73,7 +73,7 @@ class Problem:
         self.count = len(self.truth)
 
     def errors(self, answers):
-        """Error beyond 16 eps S, relative, of each answer whose truth is known; inf where there is none."""
+        """Relative error beyond 16 eps S of each answer whose exact distance is known; inf if the answer is missing."""
         known = ~np.isnan(self.truth) & ~(self.truth > self.max_distance)
         truth, answers, scale = self.truth[known], answers[known], self.scale[known]
         if not self.depth:
@@ -87,7 +87,7 @@ class Problem:
 
 
 def link_poses():
-    """Random joint angles about the cell's home position, by the cell's own arm.py."""
+    """Random joint angles about the cell's home position, from the cell's own arm.py."""
     sys.path.insert(0, str(ROOT / "scenes/cell"))
     import arm
     turns = np.random.default_rng(1).uniform(-90, 90, (CELL_CONFIGURATIONS, len(arm.HOME)))
@@ -109,7 +109,7 @@ class Contender:
         self.process = subprocess.Popen([CONTENDERS[name], problem.path], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                         stderr=self.log, text=True, bufsize=1)
         line = self.process.stdout.readline().rstrip("\n").split("\t")
-        self.settings = line[1:]  # none if it refused the problem
+        self.settings = line[1:]  # empty if it rejected the problem
         if not self.settings:
             self.log.seek(0)
             self.refusal = self.log.read().strip().split(": ", 1)[-1]
@@ -122,7 +122,7 @@ class Contender:
         return answer
 
     def time(self, setting, seconds):
-        """Seconds of a pass: on the wall, and of processor time, to which another program's turns do not count."""
+        """Seconds of a pass: wall time, and processor time, which excludes other programs' turns."""
         _, wall, processor = self._ask(f"time {seconds} {setting}").split()
         return float(wall), float(processor)
 
@@ -145,12 +145,12 @@ def time_workload(problem, what, rounds, seconds):
     for k in range(rounds + 1):
         for c, s in asked if k % 2 else reversed(asked):
             t = c.time(s, seconds)
-            if k > 0:  # the first round warms up
+            if k > 0:  # the first round is a warm-up
                 times[c, s].append(t)
     rows = []
 
     def clock(s):
-        return 0 if "threads" in s else 1  # what several threads gain shows on the wall alone
+        return 0 if "threads" in s else 1  # the gain of several threads shows in wall time only
 
     for c, s in asked:
         ns = [1e9 * t[clock(s)] / problem.count for t in times[c, s]]
@@ -179,7 +179,7 @@ def time_workload(problem, what, rounds, seconds):
             rows.append({"workload": problem.name, "what": what, "pairs": problem.count, "contender": c.name,
                          "setting": f"refused: {c.refusal}"[:80]})
         c.close()
-    # Ratios round by round, so that another program's load falls on both sides of them.
+    # Ratios within each round, so that another program's load affects both sides.
     ours = {s: times[c, s] for c, s in asked if c.name == "Clearance"}
     for (c, s), r in zip(asked, rows):
         for precision in ("f64", "f32"):
@@ -214,7 +214,7 @@ PATIENCE_S = 10  # for one answer
 
 
 def answer_one_by_one(contender, problem, setting):
-    """(answers, crashes, hangs): a pair that ends the program is passed over, and another process goes on."""
+    """(answers, crashes, hangs): a pair that ends the program is skipped, and another process continues."""
     path = PROBLEMS / "answers.bin"
     path.unlink(missing_ok=True)
     path.touch()

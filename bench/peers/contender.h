@@ -1,4 +1,4 @@
-// A problem as the engine takes it.
+// Conversion of a problem to the engine's types.
 #pragma once
 
 #include "bench/peers/problem.h"
@@ -6,9 +6,9 @@
 
 namespace clearance {
 
-/// All bodies where they are in configuration k.
+/// Scene with all bodies at configuration k.
 Scene scene_of(const peers::Problem& problem, std::uint64_t k);
-/// Bodies that are not at the same place in all configurations.
+/// Bodies whose poses differ between configurations.
 std::vector<std::uint32_t> moved_bodies(const peers::Problem& problem);
 Pose pose_of(const peers::Problem& problem, std::uint64_t k, std::uint32_t body);
 std::vector<BodyPair> pairs_of(const peers::Problem& problem);

@@ -1,14 +1,14 @@
-// What the contenders' programs have in common: they read a problem, and answer it as often as they are told to.
+// Common part of the contenders' programs: they read a problem and answer it repeatedly.
 //
 //   PROGRAM PROBLEM
-//       prints "settings\tNAME\tNAME...", then takes lines from standard input:
-//       time SECONDS SETTING    passes over all pairs until so much time is spent; prints "time\tWALL\tPROCESSOR", the
-//                               seconds of one pass by the clock on the wall and as this process had them
-//       write FILE SETTING      one more pass, its float64 answers (as many as Problem::truth has) to a file; prints
-//                               "written"
+//       prints "settings\tNAME\tNAME...", then reads lines from standard input:
+//       time SECONDS SETTING    passes over all pairs until the time is used up; prints "time\tWALL\tPROCESSOR", the
+//                               wall and processor seconds of one pass
+//       write FILE SETTING      makes another pass and writes its float64 answers (as many as Problem::truth has) to a
+//                               file; prints "written"
 //   PROGRAM PROBLEM FILE SETTING FIRST
-//       answers pairs from FIRST on, one by one, each appended to the file before the next begins: so that a crash
-//       tells which pair it was. A refusal is a NaN.
+//       answers the pairs from FIRST on, one by one, and appends each answer to the file before the next begins, so
+//       that the file identifies a pair that crashes. A rejected pair is a NaN.
 #pragma once
 
 #include <time.h>
@@ -28,16 +28,16 @@
 
 namespace peers {
 
-/// A distance that was not asked for or not found.
+/// A distance that was not requested or not found.
 constexpr double kBeyond = std::numeric_limits<double>::infinity();
 
-/// One pair that Kind::kWithin found.
+/// A pair found for Kind::kWithin.
 struct Found {
   std::uint32_t a, b;
   double distance;
 };
 
-/// Answers of a list of pairs, in the order of a problem's pairs: kBeyond where the list has none.
+/// Converts a list of pairs to answers in the order of a problem's pairs: kBeyond for pairs not in the list.
 inline void spread(const Problem& p, const std::vector<Found>& list, double* answers) {
   std::unordered_map<std::uint64_t, std::size_t> index;
   for (std::size_t i = 0; i < p.pairs.size(); ++i) index[std::uint64_t{p.pairs[i][0]} << 32 | p.pairs[i][1]] = i;
@@ -52,8 +52,9 @@ inline double seconds(clockid_t clock) {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// The first form. \param pass answers all pairs under a setting, in (K, P) order. \param finish puts the answers of
-/// the last pass in order, where that is no part of the work.
+/// Runs the first form.
+/// \param pass answers all pairs under a setting, in (K, P) order
+/// \param finish puts the answers of the last pass in order, outside the timed work
 inline int serve(const Problem& p, const std::vector<std::string>& settings,
                  const std::function<void(const std::string& setting, double* answers)>& pass,
                  const std::function<void(double* answers)>& finish) {
@@ -87,7 +88,7 @@ inline int serve(const Problem& p, const std::vector<std::string>& settings,
   return 0;
 }
 
-/// A box with edges along the world's axes, metres.
+/// A box with edges along the world axes, in metres.
 struct Box {
   Point low{kBeyond, kBeyond, kBeyond}, high{-kBeyond, -kBeyond, -kBeyond};
 
@@ -95,7 +96,7 @@ struct Box {
     for (std::size_t k = 0; k < 3; ++k)
       low[k] = std::min(low[k], other.low[k]), high[k] = std::max(high[k], other.high[k]);
   }
-  /// The square of the distance between two boxes.
+  /// Squared distance between two boxes.
   static double gap2(const Box& a, const Box& b) {
     double sum = 0;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -106,15 +107,15 @@ struct Box {
   }
 };
 
-/// A peer's library behind a few functions:
-///   using Geometry, Transform;                           a Transform can be made by default
+/// Runs a peer's library on a problem. Peer has these members:
+///   using Geometry, Transform;                           a Transform is default-constructible
 ///   static std::vector<std::string> settings(const Problem&);   names of ways to use it, the most usual first
-///   Peer(const std::string& setting, const Problem&);    the problem's kind says whether depths are asked for
-///   static std::unique_ptr<Geometry> load(const Shape&); throws if the library refuses it
+///   Peer(const std::string& setting, const Problem&);    the problem's kind determines whether depths are computed
+///   static std::unique_ptr<Geometry> load(const Shape&); throws if the library rejects it
 ///   static Transform transform(const double R[9], const double t[3], const Geometry&);
 ///   double distance(const Geometry&, const Transform&, const Geometry&, const Transform&, Cache&);
-///                                                        signed where the problem asks for depths; may throw
-///   using Cache;                                         whatever it keeps of a pair from step to step
+///                                                        signed if the problem needs depths; may throw
+///   using Cache;                                         state of a pair that is kept between steps
 ///   class Tree;                                          its tree of boxes:
 ///       explicit Tree(const std::vector<Box>&);
 ///       template <class F> void each_pair(F f);          f(i, j) once for each two boxes that overlap, in any order
@@ -131,7 +132,8 @@ class Runner {
       for (const Point& v : p.shapes[s].vertices) shape_boxes_[s].add({v, v});
   }
 
-  /// All that a user has before the clock starts: geometry, transforms and boxes of every configuration, and the tree.
+  /// Prepares everything that exists before timing starts: geometry, transforms and boxes of every configuration, and
+  /// the tree.
   void prepare() {
     for (std::uint32_t s = 0; s < p_.shapes.size(); ++s) load(s);
     for (std::uint64_t k = 0; k < p_.configurations; ++k)
@@ -162,7 +164,7 @@ class Runner {
     }
   }
 
-  /// Of Kind::kWithin.
+  /// For Kind::kWithin.
   void finish(double* answers) const {
     if (p_.kind == Kind::kWithin) spread(p_, found_, answers);
   }
@@ -224,7 +226,8 @@ class Runner {
     return k * first_.back() + first_[body] + piece;
   }
 
-  /// Of two bodies; at least the limit where it is proved to be no less. Pieces whose boxes are nearest come first.
+  /// Distance of two bodies, or at least `limit` if it is proved to be no less. Parts with the nearest boxes come
+  /// first.
   double distance(Peer& peer, std::uint64_t k, std::uint32_t a, std::uint32_t b, typename Peer::Cache& cache,
                   double limit = kBeyond) {
     const auto &pieces_a = p_.bodies[a], &pieces_b = p_.bodies[b];
@@ -246,7 +249,7 @@ class Runner {
     return least;
   }
 
-  /// Of all pairs in a configuration, those whose boxes are nearest first.
+  /// Least distance of all pairs in a configuration, those with the nearest boxes first.
   double least(Peer& peer, std::uint64_t k, typename Peer::Cache& cache) {
     const Box* boxes = &body_boxes_[k * p_.bodies.size()];
     bodies_.clear();
@@ -260,7 +263,7 @@ class Runner {
     return least;
   }
 
-  /// The pairs within max_distance, by the peer's tree of boxes.
+  /// Finds the pairs within max_distance with the peer's tree of boxes.
   void find(Peer& peer) {
     found_.clear();
     typename Peer::Cache cache;
@@ -274,9 +277,9 @@ class Runner {
   const Problem& p_;
   std::vector<std::unique_ptr<typename Peer::Geometry>> geometry_;
   std::vector<Box> shape_boxes_;               // in their own frames
-  std::vector<std::size_t> first_;             // of each body's pieces, among those of all bodies
-  std::vector<typename Peer::Transform> at_;   // (K, pieces of all bodies)
-  std::vector<Box> piece_boxes_, body_boxes_;  // (K, pieces of all bodies), (K, B)
+  std::vector<std::size_t> first_;             // index of each body's first part among those of all bodies
+  std::vector<typename Peer::Transform> at_;   // (K, parts of all bodies)
+  std::vector<Box> piece_boxes_, body_boxes_;  // (K, parts of all bodies), (K, B)
   std::unique_ptr<typename Peer::Tree> tree_;
   std::vector<Candidate> pieces_, bodies_;
   std::vector<Found> found_;

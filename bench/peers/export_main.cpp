@@ -1,4 +1,4 @@
-// clearance-peers-export: writes what all contenders are asked, and the truth about it, to files.
+// clearance-peers-export: writes the contenders' problems, and the exact distances, to files.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <iostream>

@@ -1,4 +1,4 @@
-// clearance-peers-ours: the engine as a contender: whole batches through its public interface, one thread, with bounds,
+// clearance-peers-ours: the engine as a contender. Whole batches through its public interface, one thread, with bounds,
 // witness points and normals.
 #include "bench/peers/contender.h"
 #include "bench/peers/driver.h"
@@ -14,7 +14,7 @@ class Ours {
     for (std::uint64_t k = 0; k < p.configurations; ++k)
       for (const std::uint32_t b : moved_) poses_.push_back(pose_of(p, k, b));
     const bool steps = p.kind == peers::Kind::kMotion;
-    // A list of near pairs has an eighth of all, where about a twentieth is near.
+    // Space for an eighth of all pairs; about a twentieth are near.
     const std::size_t rows = p.kind == peers::Kind::kWithin ? pairs_.size() / 8
                              : steps                        ? pairs_.size()
                                                             : static_cast<std::size_t>(p.answers());
@@ -31,7 +31,7 @@ class Ours {
 
   void pass(const std::string& setting, double* answers) {
     QueryView query;
-    query.all_pairs = p_.kind == peers::Kind::kWithin;  // as the peers' trees, which know no list either
+    query.all_pairs = p_.kind == peers::Kind::kWithin;  // as for the peers' trees, which take no list of pairs either
     if (!query.all_pairs) query.pairs = pairs_;
     if (p_.kind == peers::Kind::kWithin) query.reduce = Reduce::kWithin, query.max_results = distances_.size();
     if (p_.kind == peers::Kind::kLeast) query.reduce = Reduce::kMin;
@@ -59,7 +59,7 @@ class Ours {
     }
   }
 
-  /// Of Kind::kWithin: its list in the order of the pairs.
+  /// For Kind::kWithin: sorts its list in the order of the pairs.
   void finish(double* answers) const {
     if (p_.kind != peers::Kind::kWithin) return;
     std::vector<peers::Found> list;
@@ -73,7 +73,7 @@ class Ours {
     options.threads = threads;
     return options;
   }
-  /// Enough pairs at once for a second thread to be worth a row.
+  /// Returns whether there are enough pairs for a row with a second thread.
   static bool is_large(const peers::Problem& p) {
     return p.kind == peers::Kind::kDistance && p.truth.size() >= 100'000;
   }
@@ -99,7 +99,7 @@ class Ours {
   std::vector<Pose> poses_;  // (K, moved)
   std::vector<double> lower_, upper_, points_a_, points_b_, normals_;
   std::vector<std::uint8_t> status_;
-  std::vector<BodyPair> found_;  // of reductions
+  std::vector<BodyPair> found_;  // by reductions
   std::vector<std::uint32_t> configurations_;
   std::vector<double> distances_;
   std::uint64_t rows_ = 0;

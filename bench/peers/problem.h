@@ -1,4 +1,4 @@
-// What every contender is asked: shapes, bodies, poses and pairs, in one file that all of them read. No library needed.
+// Input of every contender: shapes, bodies, poses and pairs, in one file that all of them read without a library.
 #pragma once
 
 #include <array>
@@ -17,28 +17,29 @@ using Point = std::array<double, 3>;
 /// The convex hull of the vertices (metres, shape's frame), grown by a radius.
 struct Shape {
   std::vector<Point> vertices;
-  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< outward faces of the hull; none where it is flat
+  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< outward faces of the hull; empty if it is flat
   double radius = 0;
 };
 
 enum class Kind : std::uint32_t {
-  kDistance,  ///< how far apart; configurations have nothing to do with each other
-  kMotion,    ///< how far apart, step after step of a coherent motion: warm starts help
-  kDepth,     ///< signed: also how deep pairs overlap
-  kWithin,    ///< only pairs within max_distance, as a list
-  kLeast,     ///< of each configuration only the least distance
+  kDistance,  ///< distances of independent configurations
+  kMotion,    ///< distances along a coherent motion, for which warm starts help
+  kDepth,     ///< signed distances, with penetration depths
+  kWithin,    ///< list of the pairs within max_distance
+  kLeast,     ///< only the least distance of each configuration
 };
 
 struct Problem {
   Kind kind = Kind::kDistance;
-  double max_distance = std::numeric_limits<double>::infinity();  ///< pairs farther need no distance, metres
+  double max_distance = std::numeric_limits<double>::infinity();  ///< metres; farther pairs need no distance
   std::vector<Shape> shapes;
-  std::vector<std::vector<std::uint32_t>> bodies;  ///< the shapes that a body is the union of
+  std::vector<std::vector<std::uint32_t>> bodies;  ///< the shapes whose union is a body
   std::uint64_t configurations = 1;
   std::vector<std::array<double, 7>> poses;  ///< (K, B): x, y, z [m], qw, qx, qy, qz of any norm
   std::vector<std::array<std::uint32_t, 2>> pairs;
-  std::vector<double> truth;  ///< (K, P), of kLeast (K,): signed distance, metres; NaN where it was not worked out
-  std::vector<double> scale;  ///< likewise: S = |D| + rho_a + rho_b + r_a + r_b, metres, to judge errors by
+  std::vector<double> truth;  ///< exact signed distance in metres: (K, P), or (K,) for kLeast; NaN if not computed
+  std::vector<double> scale;  ///< likewise: S = |D| + rho_a + rho_b + r_a + r_b, in metres, to which errors are
+                              ///< compared
 
   std::uint64_t answers() const { return configurations * (kind == Kind::kLeast ? 1 : pairs.size()); }
 };
@@ -69,7 +70,8 @@ constexpr char kMagic[8] = {'C', 'L', 'P', 'E', 'E', 'R', '0', '2'};
 }  // namespace detail
 
 /// Little-endian, in this order: magic, kind, max_distance, truth, scale, shapes (radius, vertices, triangles), bodies,
-/// configurations, poses, pairs; each list after its length. Throws std::runtime_error, also for another layout.
+/// configurations, poses, pairs; each list is preceded by its length. Throws std::runtime_error, also for another
+/// layout.
 inline Problem read_problem(const std::string& path) {
   using detail::get;
   std::ifstream in(path, std::ios::binary);
@@ -112,7 +114,7 @@ inline void write_problem(const Problem& p, const std::string& path) {
   if (!out.flush()) throw std::runtime_error("cannot write " + path);
 }
 
-/// The rotation M(q) / |q|^2 of a pose, row after row, rounded from long double: made before any clock starts.
+/// The rotation M(q) / |q|^2 of a pose in row-major order, rounded from long double; computed before timing starts.
 inline void rotation(const std::array<double, 7>& pose, double R[9]) {
   const long double w = pose[3], x = pose[4], y = pose[5], z = pose[6], n = w * w + x * x + y * y + z * z;
   const long double M[9] = {

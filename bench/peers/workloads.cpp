@@ -20,9 +20,9 @@ using peers::Kind;
 using peers::Problem;
 using Random = PortableRandom;
 
-constexpr double kRadius = 2;                        // of the spheres, metres
-constexpr double kNearest = 4.05, kFarthest = 8.05;  // centres of separated pairs
-constexpr std::uint64_t kTruths = 20'000;            // worked out of each workload, about
+constexpr double kRadius = 2;                        // of the spheres, in metres
+constexpr double kNearest = 4.05, kFarthest = 8.05;  // distances between centres of separated pairs
+constexpr std::uint64_t kTruths = 20'000;            // approximate number of exact distances per workload
 const double kNan = std::numeric_limits<double>::quiet_NaN();
 
 std::array<double, 7> row(const Pose& X) {
@@ -52,7 +52,7 @@ void add_pair(Problem& p, const Pose& X_wa, const Pose& X_wb) {
   p.pairs.push_back({a, a + 1});
 }
 
-/// Random rotations, centres as far apart as `distance` says.
+/// Random rotations, with centres at random distances drawn from `distance`.
 template <class Distance>
 Problem pairs_of_spheres(Random& random, int resolution, int count, Kind kind, Distance distance) {
   Problem p = of_spheres(resolution, kind);
@@ -65,7 +65,7 @@ Problem pairs_of_spheres(Random& random, int resolution, int count, Kind kind, D
   return p;
 }
 
-/// Every body drifts by half a percent of its radius, and turns by 0.01 rad, a step.
+/// Moves every body by half a percent of its radius and 0.01 rad per step.
 void move(Problem& p, Random& random, std::uint64_t steps) {
   const std::size_t count = p.bodies.size();
   std::vector<Vec3d> drift, axis;
@@ -79,7 +79,7 @@ void move(Problem& p, Random& random, std::uint64_t steps) {
   p.configurations = steps;
 }
 
-/// Brings each pair to a distance of `gap`, by the engine's own answers.
+/// Moves each pair to a distance of `gap`, according to the engine's own answers.
 void set_gaps(Problem& p, double gap) {
   Engine engine(scene_of(p, 0));
   const std::vector<BodyPair> pairs = pairs_of(p);
@@ -121,7 +121,7 @@ void add_scales(Problem& p) {
       p.scale.push_back(norm(pose_of(p, k, b).translation - pose_of(p, k, a).translation) + reaches[a] + reaches[b]);
 }
 
-/// The reference backend's distances of every so-manieth pair, or of every pair in every so-manieth configuration.
+/// Computes the reference backend's distances of every n-th pair, or of every pair in every n-th configuration.
 void add_exact_distances(Problem& p) {
   Engine::Options options;
   options.backend = "reference";
@@ -153,7 +153,7 @@ void add_exact_distances(Problem& p) {
   }
 }
 
-/// Of each configuration the least distance, in place of all.
+/// Replaces the distances of each configuration by the least one.
 void keep_least(Problem& p) {
   const std::size_t pairs = p.pairs.size();
   std::vector<double> truth, scale;
@@ -167,14 +167,14 @@ void keep_least(Problem& p) {
   p.kind = Kind::kLeast;
 }
 
-/// A distance that about a twentieth of the pairs are within.
+/// A distance within which about a twentieth of the pairs lie.
 double near_share(const Problem& p) {
   std::vector<double> known;
   for (const double t : p.truth)
     if (!std::isnan(t)) known.push_back(t);
   const auto twentieth = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 20);
   std::nth_element(known.begin(), twentieth, known.end());
-  // On the edge itself is none of those that are judged.
+  // Between two known distances, so that no checked pair lies exactly at the limit.
   return (*twentieth + *std::min_element(twentieth + 1, known.end())) / 2;
 }
 
@@ -319,7 +319,7 @@ Problem make_class_problem(const exact::CaseClass& c, std::uint64_t seed, int co
       std::vector<Triangle> faces;
       const PiecePtr piece = make_hull_piece(solid->vertices, {}, solid->radius, 0, false, &faces);
       const auto same = [](const Vec3d& v, const Vec3d& w) { return v.x == w.x && v.y == w.y && v.z == w.z; };
-      for (Triangle& face : faces)  // from the vertices that were kept to those that were given
+      for (Triangle& face : faces)  // from indices of kept vertices to those of given ones
         for (std::uint32_t& i : face)
           i = static_cast<std::uint32_t>(std::find_if(solid->vertices.begin(), solid->vertices.end(),
                                                       [&](const Vec3d& v) { return same(v, piece->vertices[i]); }) -
@@ -330,7 +330,7 @@ Problem make_class_problem(const exact::CaseClass& c, std::uint64_t seed, int co
     p.poses.push_back(row(X));
     return static_cast<std::uint32_t>(p.bodies.size() - 1);
   };
-  std::vector<exact::Case> kept;  // so that no two shapes have one address
+  std::vector<exact::Case> kept;  // keeps shapes alive, so that no two have the same address
   for (int i = 0; i < count; ++i) {
     kept.push_back(exact::make_case(c, seed, static_cast<std::uint64_t>(i)));
     const std::uint32_t a = add(kept.back().a, kept.back().X_wa), b = add(kept.back().b, kept.back().X_wb);

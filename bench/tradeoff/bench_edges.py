@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
-"""What proving whole edges costs, by margin and by tolerance, and beside it what sampling them costs and misses.
+"""Cost of proving whole edges, by margin and tolerance, compared with the cost and misses of sampling them.
 
     bench/run.py edges [--edges 2000] [--rounds 5] [--csv FILE]
 
-The arm of scenes/cell/robot.yaml goes from random free states in random directions by 0.2 to 1.5 rad: of each edge the
-proof says whether it is free by the margin all along, or finds where it is not; sampling asks about states that are no
-more than a step apart. One engine, one thread, batches of 500, processor time; settings take turns, `ratio` is the
-median over the rounds of time over that of the proof with the same margin in the same round.
+The arm of scenes/cell/robot.yaml moves from random free states in random directions by 0.2 to 1.5 rad. The proof
+decides for each edge whether it is free by the margin throughout, or finds a violation; sampling checks states at most
+a step apart. One engine, one thread, batches of 500, processor time. Settings alternate; `ratio` is the median over the
+rounds of the time relative to the proof with the same margin in the same round.
 
-`missed` counts edges that samples call free and on which the proof has found two bodies within the margin; `wrong`
-those that are proved free and have a sample that is not: exit code 1 unless it is 0.
+`missed` counts edges that samples report free although the proof found two bodies within the margin; `wrong` counts
+edges that are proved free although a sample is not: exit code 1 unless it is 0.
 """
 
 import statistics
@@ -35,7 +35,7 @@ FIELDS = ("status", "steps", "lower", "upper")
 
 
 class Asked:
-    """The edges, and what is asked of them."""
+    """The edges, and the queries about them."""
 
     def __init__(self, count, seed):
         self.engine = clearance.Engine(clearance.Scene.load(SCENE), backend="cpu", threads=1)
@@ -56,7 +56,7 @@ class Asked:
             yield self.start[first : first + AT_ONCE], self.end[first : first + AT_ONCE]
 
     def motions(self, **asked):
-        """Columns of all edges, and the time that they took."""
+        """Columns of all edges, and the time taken."""
         answers, seconds = [], 0.0
         for start, end in self.batches():
             took, answer = timed(self.engine.motions, joints=self.joints, start=start, end=end, fields=FIELDS, **asked)
@@ -91,7 +91,7 @@ def settings():
 
 
 def measure(asked, rounds):
-    """(seconds by round, answer) of each setting; all take turns."""
+    """(seconds by round, answer) of each setting; all alternate."""
     taken, answers = {}, {}
     for _ in range(rounds):
         for setting in settings():

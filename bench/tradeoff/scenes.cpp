@@ -14,17 +14,17 @@ namespace {
 
 using Random = PortableRandom;
 
-constexpr double kStepShare = 0.01;  // of a body's size that it moves in a step
-constexpr double kStepAngle = 0.01;  // rad that it turns in a step
+constexpr double kStepShare = 0.01;  // motion of a body per step, relative to its size
+constexpr double kStepAngle = 0.01;  // rotation per step, in rad
 
-/// X turned about an axis of the world through its own origin.
+/// X rotated about a world axis through its own origin.
 Pose turned(const Pose& X, const Vec3d& axis, double angle) {
   Pose out = compose(turn(axis, angle), X);
   out.translation = X.translation;
   return out;
 }
 
-/// Points on an ellipsoid: a hull of exactly so many vertices.
+/// Points on an ellipsoid: a hull with exactly this many vertices.
 std::vector<Vec3d> egg(Random& random, int count, double size) {
   const Vec3d half{size * random.uniform(0.6, 1), size * random.uniform(0.6, 1), size * random.uniform(0.6, 1)};
   std::vector<Vec3d> points;
@@ -41,7 +41,7 @@ double size_of(const Body& body) {
   return size;
 }
 
-/// Lets every free body drift and turn, each its own way.
+/// Moves and rotates every free body, each in its own way.
 void sway(MovingScene& s, Random& random, int steps) {
   s.steps.resize(static_cast<std::size_t>(steps));
   for (std::uint32_t b = 0; b < s.scene.bodies().size(); ++b) {
@@ -60,8 +60,8 @@ void ask_all(MovingScene& s) {
   s.pairs = Engine(s.scene).pairs({});
 }
 
-/// Hulls of 20 to 60 vertices, two by two, `gap` sizes apart along some direction (a little more in truth). They turn
-/// about that direction, and b slides across it, so that the gap stays.
+/// Hulls of 20 to 60 vertices in pairs, at least `gap` sizes apart along some direction. They rotate about that
+/// direction, and b slides perpendicular to it, so that the gap stays constant.
 MovingScene couples(Random& random, int steps, double least_gap, double most_gap) {
   MovingScene s;
   s.steps.resize(static_cast<std::size_t>(steps));
@@ -96,7 +96,7 @@ MovingScene couples(Random& random, int steps, double least_gap, double most_gap
   return s;
 }
 
-/// Bodies that stand or lie on boxes, at gaps from -1e-9 m to 1e-4 m, and slide over them.
+/// Bodies that rest on boxes at gaps from -1e-9 m to 1e-4 m, and slide over them.
 MovingScene touching(Random& random, int steps) {
   constexpr double kGaps[] = {0, 0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-4, -1e-9};
   MovingScene s;
@@ -104,7 +104,7 @@ MovingScene touching(Random& random, int steps) {
   for (std::uint32_t i = 0; i < 128; i += 2) {
     const double edge = random.uniform(0.3, 0.6), size = random.uniform(0.03, 0.1);
     std::vector<Vec3d> top;
-    Pose lie;  // of the body on top, in the frame of the box's upper face
+    Pose lie;  // pose of the body on top, in the frame of the box's upper face
     if (i / 2 % 4 < 2) {
       top = make_box({size, 0.7 * size, 0.5 * size}).vertices;
       if (i / 2 % 4 == 1) lie = turn({1, 0, 0}, random.uniform(0.1, 1));  // on an edge
@@ -132,7 +132,7 @@ MovingScene touching(Random& random, int steps) {
   return s;
 }
 
-/// `count` bodies in a cube of edge `box`, all pairs; `add` adds one at a pose.
+/// `count` bodies in a cube of edge `box`, with all pairs; `add` adds one at a pose.
 template <class Add>
 MovingScene crowd(Random& random, int steps, int count, double box, Add add) {
   MovingScene s;
@@ -146,7 +146,7 @@ MovingScene crowd(Random& random, int steps, int count, double box, Add add) {
   return s;
 }
 
-/// The arm of scenes/cell turns about its base; everything else stays.
+/// The arm of scenes/cell rotates about its base; everything else is fixed.
 MovingScene cell(const std::string& folder, int steps) {
   MovingScene s;
   s.scene = Scene::load(folder + "/cell/scene.yaml");
@@ -156,15 +156,15 @@ MovingScene cell(const std::string& folder, int steps) {
     for (const std::uint32_t b : arm.bodies) {
       const Body& body = s.scene.bodies()[b];
       if (body.is_static || body.parent != kNone) continue;
-      const Pose about_base = turn({0, 0, 1}, kStepAngle * i);  // the base stands at x = y = 0
+      const Pose about_base = turn({0, 0, 1}, kStepAngle * i);  // the base is at x = y = 0
       s.steps[static_cast<std::size_t>(i)].push_back({b, compose(about_base, *body.pose)});
     }
   ask_all(s);
   return s;
 }
 
-// The same bodies, which are their pieces exactly, and hulls, which the judge knows: a cylinder is its prism. What
-// refining buys is what is measured, and slack is the same for all settings.
+// The same bodies as exactly represented hulls, which the oracle supports: a cylinder becomes its prism. Only the
+// effect of refinement is measured; slack is the same for all settings.
 Scene as_pieces(const Scene& scene) {
   Scene exact;
   for (Body body : scene.bodies()) {

@@ -1,4 +1,4 @@
-// The scenes that the sweep asks about, each in coherent motion.
+// The scenes of the sweep, each in coherent motion.
 #pragma once
 
 #include <span>
@@ -10,18 +10,19 @@
 namespace clearance::tradeoff {
 
 struct MovingScene {
-  std::string name, what;  ///< what: one line for people
+  std::string name, what;  ///< what: a one-line description
   Scene scene;
-  std::vector<BodyPair> pairs;               ///< asked about
-  std::vector<std::vector<BodyPose>> steps;  ///< poses of the moving bodies, step after step
+  std::vector<BodyPair> pairs;               ///< pairs of the queries
+  std::vector<std::vector<BodyPose>> steps;  ///< poses of the moving bodies, step by step
 };
 
 /// near, far, touching, dense, fine, cell, extremes, spheres, capsules, boxes.
 const std::vector<std::string>& scene_names();
 
-/// The same for the same seed and number of steps. From one step to the next a body moves by about 1 % of its size and
-/// turns by about half a degree, as between two control cycles.
-/// \param folder of the repository's scenes. Throws std::invalid_argument for an unknown name, SceneError.
+/// Deterministic for a seed and number of steps. In each step a body moves by about 1 % of its size and rotates by
+/// about half a degree, as between two control cycles. Throws std::invalid_argument for an unknown name, and
+/// SceneError.
+/// \param folder of the repository's scenes
 MovingScene make_moving_scene(const std::string& name, const std::string& folder, std::uint64_t seed, int steps);
 
 }  // namespace clearance::tradeoff

@@ -18,7 +18,8 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::size_t kTurn = 8;  // settings between two timings of the default query
 constexpr std::uint64_t kWarmSlot = 1;
 
-// Where the calling thread does all the work, its own time is that of an idle machine; a device is timed by the wall.
+// If the calling thread does all the work, its processor time equals that of an idle machine; a device is timed by the
+// wall clock.
 double now_ns(bool by_thread) {
   if (!by_thread)
     return static_cast<double>(
@@ -29,7 +30,7 @@ double now_ns(bool by_thread) {
   return 1e9 * static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec);
 }
 
-/// Gathers what a setting's answers are worth.
+/// Accumulates the accuracy of a setting's answers.
 class Quality {
  public:
   void add(const Interval& exact, double distance, double lower, double upper, Status status) {
@@ -68,7 +69,7 @@ class Quality {
   std::vector<double> error_, width_, rel_error_, rel_width_;
 };
 
-/// The scene in one backend, ready to be asked in any setting.
+/// The scene in one backend, ready for queries in any setting.
 class Bench {
  public:
   Bench(const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options)
@@ -82,7 +83,8 @@ class Bench {
       for (const BodyPose& b : step) configurations_.push_back(b.pose);
   }
 
-  /// Goes through all steps. Returns nanoseconds for each pair. \param quality null: only time is wanted.
+  /// Runs all steps. Returns nanoseconds per pair.
+  /// \param quality null if only the time is wanted
   double run(const Setting& s, Quality* quality, double* evaluated) {
     QueryView query;
     query.all_pairs = false;
@@ -111,7 +113,7 @@ class Bench {
       looked_at += job.info().pairs_evaluated;
     };
     engine_.set_poses(scene_.steps[0]);
-    ask(false);  // brings caches, and the warm state, to where a loop would have them
+    ask(false);  // warms caches, and the warm state, as a loop would
     if (s.asked == Asked::kBatch) {
       query.bodies = bodies_;
       query.configurations = configurations_;
@@ -136,7 +138,7 @@ class Bench {
   Engine engine_;
   Answers answers_;
   std::vector<std::uint32_t> bodies_;  // that move
-  std::vector<Pose> configurations_;   // of each step, of each of them
+  std::vector<Pose> configurations_;   // of each step, of each moving body
   bool by_thread_;
 };
 
@@ -209,7 +211,7 @@ std::vector<Point> sweep(const MovingScene& scene, const ExactDistances& truth, 
     p.ns_quartiles = times[i][times[i].size() * 3 / 4] - times[i][times[i].size() / 4];
     p.ratio = bench::median(ratios[i]);
   }
-  // Timed among the others the default query is seldom exactly as fast as between them: its own ratio is 1 by
+  // The timing of the default query among the settings differs slightly from those between them: its own ratio is 1 by
   // definition.
   const auto usual = std::find_if(points.begin(), points.end(), [](const Point& p) { return p.setting == kDefault; });
   const double offset = usual->ratio;

@@ -10,9 +10,9 @@
 
 namespace clearance::tradeoff {
 
-/// How the steps of the motion are asked about.
+/// How the steps of the motion are queried.
 enum class Asked : std::uint8_t {
-  kCold,   ///< one query for each step
+  kCold,   ///< one query per step
   kWarm,   ///< the same, with warm state
   kBatch,  ///< one query for all steps, as its configurations
 };
@@ -20,8 +20,9 @@ enum class Asked : std::uint8_t {
 struct Setting {
   Precision precision = Precision::kF64;
   double rel_tol = 1e-6;
-  double abs_tol = 0;                                      ///< metres
-  double reach = std::numeric_limits<double>::infinity();  ///< max_distance, in medians of the scene's distances
+  double abs_tol = 0;                                      ///< in metres
+  double reach = std::numeric_limits<double>::infinity();  ///< max_distance, relative to the median of the scene's
+                                                           ///< distances
   Asked asked = Asked::kCold;
 
   friend bool operator==(const Setting&, const Setting&) = default;
@@ -30,10 +31,11 @@ struct Setting {
 /// The default query.
 inline constexpr Setting kDefault{};
 
-/// precision x tolerance x max_distance x way of asking. \param brief a few of them, for tests.
+/// All combinations of precision, tolerance, max_distance and query mode.
+/// \param brief only a few of them, for tests
 std::vector<Setting> all_settings(bool brief);
 
-/// Of a number of values, all finite; 0 without any.
+/// Statistics of finite values; 0 if there are none.
 struct Spread {
   double p50 = 0, p99 = 0, max = 0;
 };
@@ -44,21 +46,21 @@ struct Point {
   Setting setting;
   double ns_per_pair = 0;       ///< median over the rounds
   double ns_quartiles = 0;      ///< third quartile minus first
-  double ratio = 0;             ///< to the default query, timed in the same round: the median
+  double ratio = 0;             ///< median of the time relative to the default query in the same round
   double evaluated = 0;         ///< share of pairs that boxes alone did not answer
-  Spread error, width;          ///< metres, of answers that are not beyond
-  Spread rel_error, rel_width;  ///< the same over the exact distance, of pairs that are apart
+  Spread error, width;          ///< in metres, of answers that are not beyond
+  Spread rel_error, rel_width;  ///< the same relative to the exact distance, of separate pairs
   double ok = 0, overlap = 0, contact = 0, beyond = 0, unconverged = 0;  ///< shares of answers
   std::size_t violations = 0;                                            ///< intervals that miss the exact distance
 };
 
 struct SweepOptions {
   std::string backend = "cpu";
-  int rounds = 9;  ///< how often each setting is timed
+  int rounds = 9;  ///< number of timings of each setting
   bool brief = false;
 };
 
-/// Times all settings in turns, round after round, with one thread, and holds every answer against the truth.
+/// Times all settings alternately, round by round, with one thread, and compares every answer with the exact distance.
 std::vector<Point> sweep(const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options);
 
 /// The column names, and one row for each point.

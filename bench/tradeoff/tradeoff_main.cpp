@@ -1,4 +1,4 @@
-// clearance-tradeoff: what accuracy costs. Sweeps the settings of a query over scenes in motion; writes one row for
+// clearance-tradeoff: cost of accuracy. Sweeps the settings of a query over scenes in motion and writes one row for
 // each.
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -26,7 +26,7 @@ int run(Options o) {
   if (o.only.empty()) o.only = scene_names();
   if (o.backends.empty()) {
     o.backends = Engine::backends();
-    std::erase(o.backends, "reference");  // it is the truth
+    std::erase(o.backends, "reference");  // it is the reference
   }
   std::ofstream out(o.csv);
   if (!out) throw std::runtime_error(o.csv + ": cannot be written");

@@ -13,10 +13,10 @@ namespace clearance::tradeoff {
 
 namespace {
 
-constexpr std::size_t kOracleVertices = 4000;  // of a body: more take the judge too long
+constexpr std::size_t kOracleVertices = 4000;  // of a body; more take the oracle too long
 constexpr std::size_t kOraclePiecePairs = 50;
 
-/// The least exact distance over the piece pairs; none if the bodies are too large to be judged.
+/// The least exact distance over the pairs of parts; unset if the bodies are too large for the oracle.
 std::optional<exact::Value> exact_answer(const MovingScene& scene, const Engine& engine, BodyPair pair) {
   const Body &a = scene.scene.bodies()[pair.a], &b = scene.scene.bodies()[pair.b];
   for (const Body* body : {&a, &b}) {
@@ -77,7 +77,7 @@ ExactDistances find_exact_distances(const MovingScene& scene, std::size_t checke
     for (std::size_t i = 0; i < scene.pairs.size() && truth.checked < checked; i += stride)
       if (const auto value = exact_answer(scene, engine, scene.pairs[i])) {
         ++truth.checked;
-        // Clipped at 0, as the answers are.
+        // Clipped at 0, like the answers.
         if (std::max(value->upper(), 0.0) < exact[i].lower || std::max(value->lower(), 0.0) > exact[i].upper) {
           char text[200];
           std::snprintf(text, sizeof text, "%s: the reference backend says [%.17g, %.17g] m, the exact judge %.17g m",

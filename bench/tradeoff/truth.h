@@ -1,4 +1,4 @@
-// What the answers of the sweep are held against.
+// Exact distances with which the answers of the sweep are compared.
 #pragma once
 
 #include <vector>
@@ -8,20 +8,20 @@
 
 namespace clearance::tradeoff {
 
-/// Intervals that hold the exact distance (0 for overlapping pairs), about 1e-15 of it wide: of each step, of each
-/// pair.
+/// Intervals that contain the exact distance (0 for overlapping pairs), with a relative width of about 1e-15: by step,
+/// then by pair.
 struct ExactDistances {
   std::vector<std::vector<Interval>> exact;
-  double median = 0;  ///< of the distances of all pairs in all steps, metres
+  double median = 0;  ///< of the distances of all pairs in all steps, in metres
 
-  std::size_t checked = 0;  ///< pairs that went before the exact judge as well
+  std::size_t checked = 0;  ///< pairs also checked by the exact oracle
 };
 
-/// Asks the reference backend about every step, and the exact judge (tests/oracle) about up to `checked` pairs of the
-/// first one whose bodies are small enough for it. Throws std::logic_error where the two contradict each other.
+/// Queries the reference backend for every step, and the exact oracle (tests/oracle) for up to `checked` pairs of the
+/// first step whose bodies are small enough. Throws std::logic_error if the two contradict each other.
 ExactDistances find_exact_distances(const MovingScene& scene, std::size_t checked);
 
-/// Answers of one query, in memory of their own.
+/// Answers of one query, with their memory.
 struct Answers {
   std::vector<double> distance, lower, upper;
   std::vector<std::uint8_t> status;

@@ -55,7 +55,7 @@ class BulletPeer {
     detector.getClosestPoints(input, result, nullptr);
     if (cached_) cache.axis = detector.getCachedSeparatingAxis();
     return result.m_hasResult ? static_cast<double>(result.m_distance)
-                              : 0;  // it reports nothing of overlaps without EPA
+                              : 0;  // without EPA it does not report overlaps
   }
 
   class Tree {

@@ -1,5 +1,5 @@
-// Coal as a contender: one GJKSolver for all pairs of hulls, with the neighbours that it makes of their faces. One
-// vertex is its sphere, two are its capsule.
+// Coal as a contender: one GJKSolver for all pairs of hulls, with the neighbours that it derives from their faces. One
+// vertex is a sphere, two are a capsule.
 #include <coal/broadphase/broadphase_callbacks.h>
 #include <coal/broadphase/broadphase_dynamic_AABB_tree.h>
 #include <coal/distance.h>
@@ -18,7 +18,8 @@ class CoalPeer {
  public:
   struct Geometry {
     std::unique_ptr<coal::ShapeBase> shape;
-    const coal::ConvexBase* hull = nullptr;  // the same, if it is one; its radius is Coal's swept sphere
+    const coal::ConvexBase* hull = nullptr;  // the same geometry if it is a convex one; its radius is Coal's swept
+                                             // sphere
     Transform3s at;                          // of a sphere or capsule in its body
   };
   using Transform = Transform3s;
@@ -67,13 +68,13 @@ class CoalPeer {
     for (const auto& t : s.triangles)
       for (const std::uint32_t v : t) ++valence[v];
     const auto [least, most] = std::minmax_element(valence.begin(), valence.end());
-    if (*most > 255) throw std::runtime_error("a vertex has more than 255 neighbours");  // a byte counts them
+    if (*most > 255) throw std::runtime_error("a vertex has more than 255 neighbours");  // they are counted in a byte
     if (*least > 0) {
       auto faces = std::make_shared<std::vector<coal::Triangle>>();
       for (const auto& t : s.triangles) faces->emplace_back(t[0], t[1], t[2]);
       g->shape =
           std::make_unique<coal::Convex<coal::Triangle>>(points, count, faces, static_cast<unsigned>(faces->size()));
-    } else {  // some vertices are not on the hull, or it is flat: as Coal makes hulls itself
+    } else {  // some vertices are not on the hull, or it is flat: Coal computes the hull itself
       g->shape.reset(coal::ConvexBase::convexHull(points, count, true, nullptr));
     }
     g->shape->setSweptSphereRadius(s.radius);

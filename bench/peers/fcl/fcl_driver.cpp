@@ -18,7 +18,7 @@ class FclPeer {
     std::unique_ptr<fcl::CollisionGeometryd> shape;
     fcl::Transform3d at = fcl::Transform3d::Identity();
     bool sphere = false;
-    double radius = 0;  // taken off the distance: FCL has no rounded hulls
+    double radius = 0;  // subtracted from the distance, because FCL has no rounded hulls
   };
   using Transform = fcl::Transform3d;
   struct Cache {};
@@ -44,7 +44,7 @@ class FclPeer {
       g->sphere = true;
       return g;
     }
-    // Vertices of no face would be in the way of its climbing; flat hulls come without faces.
+    // Vertices without faces would stop its hill climbing; flat hulls come without faces.
     std::vector<int> index(s.vertices.size(), s.triangles.empty() ? 0 : -1);
     for (const auto& t : s.triangles)
       for (const std::uint32_t v : t) index[v] = 0;
@@ -69,7 +69,7 @@ class FclPeer {
   }
 
   double distance(const Geometry& a, const Transform& at_a, const Geometry& b, const Transform& at_b, Cache&) {
-    // Of two spheres FCL knows distance and depth in closed form, but its signed distance iterates.
+    // For two spheres FCL has closed forms of distance and depth, but its signed distance iterates.
     const bool spheres = a.sphere && b.sphere;
     if (collide_ || spheres) {
       fcl::CollisionResultd result;
