@@ -11,7 +11,7 @@ namespace clearance::baselines {
 
 namespace {
 
-// The report does not say what its cost is; the surface is what such trees commonly use.
+// The report does not define its cost; surface area is common for such trees.
 double cost(const Aabb& box) {
   const Vec3d e = box.high - box.low;
   return 2 * (e.x * e.y + e.y * e.z + e.z * e.x);
@@ -38,7 +38,8 @@ struct AabbTree::Node {
 AabbTree::AabbTree(Insert insert) : insert_(insert) {}
 
 AabbTree::~AabbTree() {
-  std::vector<std::unique_ptr<Node>> waiting;  // a list of thousands of nodes would overflow the stack
+  std::vector<std::unique_ptr<Node>> waiting;  // an explicit stack, because the tree may be a list of thousands of
+                                               // nodes
   if (root_) waiting.push_back(std::move(root_));
   while (!waiting.empty()) {
     const std::unique_ptr<Node> node = std::move(waiting.back());
@@ -62,7 +63,7 @@ bool AabbTree::goes_left(const Node& node, const Aabb& box, bool& branch) {
   double left = cost(joined(node.left->box, box)) - cost(node.left->box);
   double right = cost(joined(node.right->box, box)) - cost(node.right->box);
   double here = grown;
-  if (insert_ == Insert::kNewParent) {  // going on lets this node grow as well; a leaf gets a new parent in turn
+  if (insert_ == Insert::kNewParent) {  // descending would enlarge this node as well; a leaf gets a new parent in turn
     here = grown + cost(node.box);
     left += grown + (node.left->left ? 0 : cost(node.left->box));
     right += grown + (node.right->left ? 0 : cost(node.right->box));
@@ -118,14 +119,14 @@ TreeCounts AabbTree::counts() const {
 
 namespace {
 
-/// What every method has in common: each box's partners are found on their own, by one thread or several, and joined.
+/// Common part of all methods: finds each box's partners separately, in one thread or several, and joins the results.
 class ClosePairs : public BroadPhase {
  public:
   ClosePairs(std::string_view name, int threads) : name_(name), threads_(threads) {}
   std::string_view name() const override { return name_; }
 
  protected:
-  /// \param partners_of (body, list to append partners of larger id to, ascending), called by several threads.
+  /// \param partners_of (body, list to which it appends partners with larger ids, ascending); called by several threads
   template <class PartnersOf>
   void for_all(std::size_t bodies, const PartnersOf& partners_of, std::vector<BodyPair>& out) const {
     std::vector<std::vector<BodyPair>> rows(threads_ > 1 ? bodies : 0);

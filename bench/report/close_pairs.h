@@ -1,4 +1,4 @@
-// The report's ways to find pairs of near boxes, behind the engine's interface.
+// The report's methods that find pairs of near boxes, behind the engine's interface.
 #pragma once
 
 #include <cstdint>
@@ -12,23 +12,23 @@
 
 namespace clearance::baselines {
 
-/// What the work of a tree came to.
+/// Work done in a tree.
 struct TreeCounts {
-  std::uint64_t visited_by_inserts = 0;  ///< nodes that insertions went through
-  std::uint64_t costs = 0;               ///< unions whose cost was worked out to compare
-  std::uint64_t depth = 0;               ///< of the deepest leaf; the root alone: 1
+  std::uint64_t visited_by_inserts = 0;  ///< nodes visited by insertions
+  std::uint64_t costs = 0;               ///< unions whose cost was computed for a comparison
+  std::uint64_t depth = 0;               ///< of the deepest leaf; 1 if the root is alone
 };
 
-/// A tree of boxes made by inserting them one by one (the report's Algorithms 6 and 7).
+/// A tree of boxes built by successive insertions (the report's Algorithms 6 and 7).
 class AabbTree {
  public:
-  /// How an insertion finds its way down.
+  /// How an insertion descends.
   enum class Insert : std::uint8_t {
-    /// Branch here, or go left or right, whichever makes its box grow least, as printed. A box inside the node's makes
-    /// that grow by nothing, so that it branches high up, and the tree becomes a list.
+    /// Branches here, or goes left or right, whichever enlarges its box least, as printed. A box inside the node's box
+    /// does not enlarge it, so that it branches high up and the tree becomes a list.
     kCost,
     kLeft,       ///< always left: the report's "without the heuristic"
-    kNewParent,  ///< the same choice, with the whole surface of the new parent as the price of branching: a shallow
+    kNewParent,  ///< the same choice, but branching costs the whole surface of the new parent, which gives a shallow
                  ///< tree
   };
 
@@ -38,8 +38,8 @@ class AabbTree {
   AabbTree& operator=(const AabbTree&) = delete;
 
   void insert(std::uint32_t id, const Aabb& box);
-  /// Appends the id of each box within `margin` of `box`. As printed, Algorithm 7 takes a leaf without looking at its
-  /// own box, and so finds too many: here it is looked at.
+  /// Appends the id of each box within `margin` of `box`. As printed, Algorithm 7 accepts a leaf without testing its
+  /// own box, and so finds too many; here it is tested.
   void query(const Aabb& box, double margin, std::vector<std::uint32_t>& found) const;
   TreeCounts counts() const;
 
@@ -56,7 +56,8 @@ class AabbTree {
 
 /// aabb_naive, aabb_naive_omp, aabb_tree, aabb_tree_noheuristic, aabb_tree_omp.
 const std::vector<std::string>& close_pairs_names();
-/// \param threads of those with OpenMP; 0: all cores. Throws std::invalid_argument for a name that is not there.
+/// Throws std::invalid_argument for an unknown name.
+/// \param threads of those with OpenMP; 0 for all cores
 std::unique_ptr<BroadPhase> make_close_pairs(std::string_view name, int threads = 0);
 
 }  // namespace clearance::baselines

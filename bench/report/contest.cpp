@@ -16,13 +16,13 @@ namespace clearance::report {
 
 namespace {
 
-constexpr std::uint64_t kWithPoints = 1 << 24;  // rows of an answer that also has witness points: 1.2 GB
+constexpr std::uint64_t kWithPoints = 1 << 24;  // maximum rows of an answer with witness points: 1.2 GB
 
 struct Interval {
   std::vector<double> lower, upper;
 };
 
-/// What the reference backend knows about some pairs.
+/// The reference backend's interval over all these pairs.
 Interval truth_of(const Engine& engine, const std::vector<BodyPair>& pairs) {
   Interval truth{std::vector<double>(pairs.size()), std::vector<double>(pairs.size())};
   QueryView query;
@@ -38,7 +38,7 @@ Interval truth_of(const Engine& engine, const std::vector<BodyPair>& pairs) {
   return truth;
 }
 
-/// What Coal's program prints for some lines of input.
+/// Output of Coal's program for some lines of input.
 std::vector<std::string> talk(const std::string& program, const std::string& problem, const std::string& lines) {
   const std::string command = "printf '" + lines + "' | '" + program + "' '" + problem + "' 2>&1";
   std::FILE* pipe = popen(command.c_str(), "r");
@@ -98,7 +98,7 @@ std::vector<BodyPair> Contest::sample(std::uint64_t most) const {
 }
 
 double Contest::worst_error(const std::vector<BodyPair>& pairs, const std::vector<double>& distances) {
-  std::vector<BodyPair> checked;  // of many a few tell
+  std::vector<BodyPair> checked;  // a sample suffices for many pairs
   std::vector<double> answers;
   for (std::size_t i = 0; i < pairs.size(); i += 1 + pairs.size() / 50'000) {
     checked.push_back(pairs[i]);
@@ -162,7 +162,7 @@ void Contest::engine(const std::string& method, const std::string& backend, int 
   query.fields = all_ <= kWithPoints ? kDefaultFields | kFieldPoints : kDefaultFields;
   std::uint64_t bytes = 0;
   reply_view_over(nullptr, all_, query.fields, &bytes);
-  // Replies that a GPU writes itself lie in pinned memory, as they do behind the daemon's shared memory.
+  // Replies that a GPU writes itself are in pinned memory, as in the daemon's shared memory.
   std::unique_ptr<cuda::PinnedMemory> pinned;
   std::vector<std::byte> pageable;
   void* base;

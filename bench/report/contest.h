@@ -12,25 +12,26 @@
 namespace clearance::report {
 
 struct ContestOptions {
-  int threads = 0;      ///< of systems with several; 0: all cores
-  bool once = false;    ///< take no care with times
-  bool gpu = false;     ///< whether there is one
-  std::string coal;     ///< Coal's program (bench/peers/coal); empty: leave it out
+  int threads = 0;      ///< of systems with several; 0 for all cores
+  bool once = false;    ///< accept inaccurate times
+  bool gpu = false;     ///< whether a GPU is available
+  std::string coal;     ///< Coal's program (bench/peers/coal); empty to leave it out
   std::string scratch;  ///< folder for its problems
 };
 
 class Contest {
  public:
-  /// All pairs of the scene's bodies.
+  /// Covers all pairs of the scene's bodies.
   Contest(Sheet& sheet, const ContestOptions& options, std::string experiment, std::string name, const Scene& scene);
 
-  /// A baseline by name. \param most pairs to time; of more, so many evenly spread ones. \param block_size 0: the
-  /// default.
+  /// Runs a baseline by name.
+  /// \param most maximum number of pairs to time; of more, evenly spaced ones are chosen
+  /// \param block_size 0 for the default
   void baseline(const std::string& method, std::uint64_t most = ~std::uint64_t{0}, int block_size = 0);
-  /// The engine: distance, bounds, status and, of up to 16 million pairs, witness points, in one query.
-  /// \param backend "cpu" or "cuda".
+  /// Runs the engine: distance, bounds, status and, for up to 16 million pairs, witness points, in one query.
+  /// \param backend "cpu" or "cuda"
   void engine(const std::string& method, const std::string& backend, int threads);
-  /// The engine: each body's nearest neighbour, as the report's figure 1 draws.
+  /// Runs the engine: each body's nearest neighbour, as in the report's figure 1.
   void nearest(const std::string& method);
   void coal(std::uint64_t most = 500'000);
 

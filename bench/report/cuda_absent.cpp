@@ -1,4 +1,4 @@
-// In place of cuda_gjk.cu where the build has no CUDA.
+// Replaces cuda_gjk.cu in a build without CUDA.
 #include <stdexcept>
 
 #include "bench/report/cuda_gjk.h"

@@ -1,8 +1,8 @@
 // The report's GJK on a GPU: one block works on one pair.
 //
-// As there, vertices are moved on the host and copied for every query. Four things vary: whether one thread or all scan
-// for the support vertex, whether one thread or all fill the table of products, whether pairs are launched one at a
-// time or all at once, and how many threads a block has: any number, since work is dealt out by strides.
+// As there, vertices are transformed on the host and copied for every query. Four things vary: whether one thread or
+// all scan for the support vertex, whether one thread or all fill the table of products, whether pairs are launched one
+// at a time or all at once, and the number of threads per block, which is arbitrary because work is strided.
 #include <algorithm>
 #include <stdexcept>
 
@@ -16,7 +16,7 @@ namespace {
 using cuda::check;
 constexpr std::size_t kPairsPerLaunch = std::size_t{1} << 22;  // 300 MB of answers
 
-/// The best of each warp, in shared memory.
+/// Best value of each warp, in shared memory.
 struct WarpBests {
   double most[32];
   std::uint32_t index[32];
@@ -30,7 +30,7 @@ struct BlockThreads {
   __device__ std::uint32_t count() const { return blockDim.x; }
   __device__ void sync() const { __syncthreads(); }
 
-  /// To the first thread: the index of the largest value, of the smallest index among equals.
+  /// Returns to the first thread the index of the largest value; the smallest index among equals.
   __device__ std::uint32_t highest(double most, std::uint32_t index) const {
     const unsigned lane = threadIdx.x % 32, warp = threadIdx.x / 32, warps = (blockDim.x + 31) / 32;
     reduce(most, index, lane, min(32u, blockDim.x - 32 * warp));
@@ -71,7 +71,7 @@ struct BlockScan {
   __device__ std::uint32_t operator()(int side, const Vec3d& d) const {
     if constexpr (kParallel) return scan(threads, vertices[side], count[side], d);
     const std::uint32_t index = threads.first() ? scan(OneThread{}, vertices[side], count[side], d) : 0;
-    threads.sync();  // nobody runs ahead of those who still look whether the run is done
+    threads.sync();  // waits for threads that still test whether the run is done
     return index;
   }
 };

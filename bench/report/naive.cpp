@@ -17,7 +17,7 @@ std::vector<PreparedTriangle> prepare(const Mesh& mesh) {
   return out;
 }
 
-// Outward faces of a convex mesh: inside is below all of them.
+// Tests a point against the outward faces of a convex mesh: it is inside if it is below all of them.
 bool holds(const Mesh& mesh, const Vec3d& x) {
   for (const Triangle& t : mesh.connections->triangles) {
     const Vec3d &a = mesh.vertices[t[0]], &b = mesh.vertices[t[1]], &c = mesh.vertices[t[2]];
@@ -26,7 +26,7 @@ bool holds(const Mesh& mesh, const Vec3d& x) {
   return true;
 }
 
-// Faces of a are dealt to threads, each with its own least.
+// Distributes the faces of a over threads, each with its own minimum.
 PairAnswer least(const Mesh& a, const Mesh& b, int threads) {
   const std::vector<PreparedTriangle> faces_a = prepare(a), faces_b = prepare(b);
   NearestPoints best{std::numeric_limits<double>::infinity(), {}, {}};
@@ -67,7 +67,7 @@ class Naive final : public NarrowBaseline {
   explicit Naive(int threads) : threads_(threads) {}
 
   void distances(const World& world, std::span<const BodyPair> pairs, std::span<PairAnswer> answers) override {
-    // Pairs in parallel where there are enough, else the faces of each.
+    // Runs pairs in parallel if there are enough, otherwise the faces of each.
     const bool by_pair = pairs.size() >= 4 * static_cast<std::size_t>(threads_);
     const int inner = by_pair ? 1 : threads_;
 #pragma omp parallel for schedule(dynamic, 4) num_threads(threads_) if (by_pair && threads_ > 1)

@@ -5,7 +5,7 @@
 
 namespace clearance::baselines {
 
-/// \param threads 1: naive; else naive_omp.
+/// \param threads 1 for naive; otherwise naive_omp
 std::unique_ptr<NarrowBaseline> make_naive(int threads);
 
 }  // namespace clearance::baselines

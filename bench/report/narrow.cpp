@@ -12,7 +12,7 @@ namespace clearance::baselines {
 
 namespace {
 
-/// Support by scanning all vertices (the report's Algorithm 3).
+/// Support by a scan over all vertices (the report's Algorithm 3).
 struct ScanSupport {
   const Mesh& a;
   const Mesh& b;
@@ -22,7 +22,7 @@ struct ScanSupport {
   }
 };
 
-/// The same by several threads, for meshes so large that it pays: waking them costs more than scanning a few thousand.
+/// The same in several threads, for large meshes: waking the threads costs more than scanning a few thousand vertices.
 constexpr std::size_t kParallelScan = 20'000;
 struct ParallelScanSupport {
   const Mesh& a;
@@ -48,8 +48,8 @@ struct ParallelScanSupport {
   }
 };
 
-/// Climbing over neighbours from the last support vertex (Algorithm 4): the best neighbour, until there is no better
-/// one.
+/// Hill climbing over neighbours from the last support vertex (Algorithm 4): moves to the best neighbour until none is
+/// better.
 struct HillSupport {
   const Mesh& a;
   const Mesh& b;

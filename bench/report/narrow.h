@@ -1,4 +1,4 @@
-// The report's ways to find the distance of pairs of meshes, by name, behind one interface.
+// The report's methods for the distance of pairs of meshes, by name, behind one interface.
 #pragma once
 
 #include <memory>
@@ -14,30 +14,31 @@
 namespace clearance::baselines {
 
 struct NarrowOptions {
-  int threads = 0;                            ///< of those with OpenMP; 0: all cores
-  int block_size = 64;                        ///< threads of a block, of those on a GPU
-  Reduction reduction = Reduction::kRegions;  ///< of those that iterate
+  int threads = 0;                            ///< of those with OpenMP; 0 for all cores
+  int block_size = 64;                        ///< threads per block, of those on a GPU
+  Reduction reduction = Reduction::kRegions;  ///< of iterative methods
 };
 
-/// Finds the distances of pairs of meshes. Not thread-safe: buffers are kept between calls.
+/// Computes the distances of pairs of meshes. Not thread-safe, because buffers are kept between calls.
 class NarrowBaseline {
  public:
   virtual ~NarrowBaseline() = default;
-  /// \param pairs of body ids. \param answers (pairs,)
+  /// \param pairs of body ids
+  /// \param answers (pairs,)
   virtual void distances(const World& world, std::span<const BodyPair> pairs, std::span<PairAnswer> answers) = 0;
-  /// Time in kernels of the last call, by the device's events, microseconds; 0 on a CPU.
+  /// Kernel time of the last call in microseconds, by the device's events; 0 on a CPU.
   virtual double kernel_us() const { return 0; }
 };
 
-/// naive, naive_omp, gjk, gjk_hill, gjk_omp; where the build has CUDA also cuda_support_seq, cuda_support_par,
+/// naive, naive_omp, gjk, gjk_hill, gjk_omp; in a build with CUDA also cuda_support_seq, cuda_support_par,
 /// cuda_terms_seq, cuda_terms_par, cuda_pairwise, cuda_batched.
 const std::vector<std::string>& narrow_names();
-/// Throws std::invalid_argument for a name that is not there or a bad option, std::runtime_error for a CUDA baseline
-/// without a GPU.
+/// Throws std::invalid_argument for an unknown name or a bad option, and std::runtime_error for a CUDA baseline without
+/// a GPU.
 std::unique_ptr<NarrowBaseline> make_narrow(std::string_view name, const NarrowOptions& options = {});
 
-/// The report's Algorithm 1 alone: the least distance of two meshes' triangles; 0 if some cross. A mesh inside another,
-/// whose surfaces do not meet, is as far as its surface is: the naive baselines look for that as well.
+/// The report's Algorithm 1 alone: the least distance of two meshes' triangles; 0 if some intersect. A mesh inside
+/// another without contact gets the distance of the surfaces; the naive baselines detect that case separately.
 PairAnswer least_triangle_distance(const Mesh& a, const Mesh& b);
 
 }  // namespace clearance::baselines

@@ -33,13 +33,13 @@ class Experiments {
  public:
   Experiments(Sheet& sheet, const Options& options) : sheet_(sheet), o_(options) {}
 
-  /// Sections 4.2.1 and 4.4.2: pairs of near boxes; the boxes are there.
+  /// Sections 4.2.1 and 4.4.2: pairs of near boxes; computing the boxes is not timed.
   void close_pairs() {
     boxes_of("1000 meshes", baselines::World(load("random_1000")).boxes(), {0.0, 1.0, kInf});
     boxes_of("2 meshes", baselines::World(two_large()).boxes(), {kInf});
   }
 
-  /// Section 4.4.2: where the tree's time goes.
+  /// Section 4.4.2: distribution of the tree's time.
   void tree_profile() {
     const std::vector<Aabb> boxes = baselines::World(load("random_1000")).boxes();
     using Insert = baselines::AabbTree::Insert;
@@ -71,7 +71,7 @@ class Experiments {
     }
   }
 
-  /// Sections 4.2.2 and 4.2.3: one pair of very large meshes, and the table of products where meshes are small.
+  /// Sections 4.2.2 and 4.2.3: one pair of very large meshes, and the table of products for small meshes.
   void support_and_terms() {
     {
       Contest c(sheet_, o_.contest, "support", "2 large spheres", two_large());
@@ -114,7 +114,7 @@ class Experiments {
     c.coal();
   }
 
-  /// Section 4.3, figure 5, and on.
+  /// Section 4.3, figure 5, and beyond.
   void spheres() {
     for (const std::uint32_t count : {10u, 100u, 200u, 1000u, 5000u, 20'000u}) {
       if (o_.brief && count > 200) break;
@@ -169,7 +169,7 @@ class Experiments {
  private:
   Scene load(const std::string& name) const { return Scene::load(o_.scenes + "/" + name + "/scene.yaml"); }
 
-  // scenes/two_spheres, or in a hurry the same with fewer vertices.
+  // scenes/two_spheres, or the same with fewer vertices for quick runs.
   Scene two_large() const {
     if (!o_.brief) return load("two_spheres");
     Scene scene;
@@ -178,7 +178,7 @@ class Experiments {
     return scene;
   }
 
-  // As scenes/random_*: equally dense.
+  // Like scenes/random_*, with the same density.
   static Scene random_spheres(std::uint32_t count) {
     const double box = 60 * std::cbrt(count / 1000.0);
     PortableRandom random(1);
@@ -216,7 +216,7 @@ class Experiments {
 
   void boxes_of(const std::string& name, const std::vector<Aabb>& boxes, const std::vector<double>& margins) {
     const int all = o_.contest.threads ? o_.contest.threads : omp_get_max_threads();
-    // Where the bodies are a step later: a kept tree follows them there and back.
+    // Boxes one step later: a kept tree follows them back and forth.
     std::vector<Aabb> moved = boxes;
     PortableRandom random(1);
     for (Aabb& box : moved) {
@@ -255,7 +255,7 @@ class Experiments {
   const Options& o_;
 };
 
-/// How busy the machine is as we begin: other programs' work slows those with several threads most.
+/// Load of the machine at the start: other programs slow down methods with several threads most.
 std::string load() {
   std::string one = "?";
   std::ifstream("/proc/loadavg") >> one;

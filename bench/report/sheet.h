@@ -1,4 +1,4 @@
-// The rows that clearance-report measures, and how it takes a time.
+// The rows that clearance-report measures, and its timing loop.
 #pragma once
 
 #include <algorithm>
@@ -16,15 +16,15 @@ namespace clearance::report {
 struct Row {
   std::string experiment, name, method;  ///< name: of the case
   std::uint64_t pairs = 0;               ///< of the whole case
-  std::uint64_t measured = 0;            ///< pairs that were timed; wall_us is scaled up from them
+  std::uint64_t measured = 0;            ///< pairs that were timed; wall_us is extrapolated from them
   double wall_us = 0;                    ///< least of several, for all pairs
-  double kernel_us = 0;                  ///< likewise, of kernels; 0: none, or not known
+  double kernel_us = 0;                  ///< likewise, of kernels; 0 if there are none or it is unknown
   int threads = 1;
-  double worst_error = 0;  ///< metres outside the engine's certified intervals
+  double worst_error = 0;  ///< in metres, outside the engine's certified intervals
   std::string note;
 };
 
-/// The CSV file, written row by row, and shown as it grows.
+/// The CSV file, written row by row and printed as it grows.
 class Sheet {
  public:
   Sheet(const std::string& path, const std::string& remark) : out_(path), path_(path) {
@@ -50,9 +50,9 @@ class Sheet {
   std::string path_;
 };
 
-/// The least time of a call, microseconds: other programs can only add to it. After one call to warm up, as many as
-/// half a second allows, 3 to 50; of calls that take more than two seconds, two in all.
-/// \param once in a hurry: the first call alone.
+/// Least time of a call in microseconds, because other programs can only add to it. After a warm-up call, as many calls
+/// as half a second allows, 3 to 50; calls of more than two seconds run twice in total.
+/// \param once for quick runs: the first call alone
 template <class F>
 double least_us(const F& call, bool once = false) {
   const double first = bench::took_us(call);

@@ -1,17 +1,17 @@
-// GJK as the report of 2023 has it, written once for one thread, many threads, and a block of a GPU.
+// GJK as in the report of 2023, with one source for one thread, many threads, and a block of a GPU.
 //
-// Its idea (section 3.3): a table of all dot and cross products of a simplex is made first, by as many threads as there
-// are; then the simplex is reduced by the signs of barycentric coordinates, which are sums of table entries, in four
-// ordered steps: tetrahedron, triangle, segment, point. No recursion, and the size only falls.
+// The report's idea (section 3.3): all available threads first fill a table of all dot and cross products of a simplex.
+// Then the simplex is reduced by the signs of barycentric coordinates, which are sums of table entries, in four ordered
+// steps: tetrahedron, triangle, segment, point. No recursion, and the size only decreases.
 //
 // Departures:
-// - The report's Algorithm 2 stops as soon as dot(p, d) <= 0: that decides overlap, and knows no distance. Here the
-//   iteration goes on until no vertex lies nearer than v by more than the tolerance, which is proved by the plane
-//   through the last support vertex (van den Bergen 1999); a negative dot product only says that the bodies are apart.
-// - Figure 3 drops every vertex with a negative coordinate at once. That is wrong where a simplex is obtuse
+// - The report's Algorithm 2 stops as soon as dot(p, d) <= 0: that decides overlap, but yields no distance. Here the
+//   iteration continues until no vertex is nearer than v by more than the tolerance, which is proved by the plane
+//   through the last support vertex (van den Bergen 1999); a negative dot product only proves that the bodies are apart.
+// - Figure 3 drops every vertex with a negative coordinate at once. That is wrong if a simplex is obtuse
 //   (Reduction::kFigure3, kept for the tests that show it); by default a segment must also be the nearest feature as
 //   seen from both its faces.
-// Signs still pick wrong features of slivers, in any precision: gjk.h compares distances instead.
+// Signs still select wrong features of slivers, in any precision: gjk.h compares distances instead.
 #pragma once
 
 #include <cstdint>
@@ -20,29 +20,29 @@
 
 namespace clearance::baselines {
 
-/// What a baseline says about a pair.
+/// Answer of a baseline for a pair.
 struct PairAnswer {
-  double distance = 0;     ///< metres; 0 if they overlap
-  Vec3d point_a{0, 0, 0};  ///< nearest points, world; of no meaning if the bodies overlap
+  double distance = 0;     ///< in metres; 0 if they overlap
+  Vec3d point_a{0, 0, 0};  ///< nearest points, world frame; undefined if the bodies overlap
   Vec3d point_b{0, 0, 0};
   std::int32_t iterations = 0;  ///< of GJK
-  std::uint8_t overlap = 0;     ///< 1: they share a point
-  std::uint8_t limit = 0;       ///< 1: the iteration limit was met: no answer
+  std::uint8_t overlap = 0;     ///< 1 if they share a point
+  std::uint8_t limit = 0;       ///< 1 if the iteration limit was reached without an answer
 };
 
 enum class Reduction : std::uint8_t { kRegions, kFigure3 };
 
 inline constexpr int kMaxIterations = 200;
 inline constexpr double kTolerance = 1e-12;  ///< of |v|^2: half of it is the relative error of the distance
-inline constexpr double kTouching = 1e-15;   ///< |v| over the largest |w|: rounding alone makes that much
+inline constexpr double kTouching = 1e-15;   ///< |v| over the largest |w| that rounding alone can produce
 
-/// A vertex of A - B.
+/// A vertex of the Minkowski difference A - B.
 struct DifferenceVertex {
   Vec3d w;
   std::uint32_t a, b;
 };
 
-/// Dot and cross products of up to four vertices, those of the first n vertices first.
+/// Dot and cross products of up to four vertices, ordered such that those of the first n vertices come first.
 struct Terms {
   double dots[10];
   double crosses[18];
@@ -67,9 +67,9 @@ struct Terms {
   }
 };
 
-/// A run of GJK. Plain memory, so that it can lie in a GPU's shared memory; begin() sets it up.
+/// A run of GJK. A plain struct, so that it can be in a GPU's shared memory; begin() initialises it.
 struct SignGjk {
-  DifferenceVertex p[4];  ///< the simplex; the newest vertex is the last
+  DifferenceVertex p[4];  ///< the simplex, newest vertex last
   double weight[4];       ///< of the point nearest to the origin, not divided by their sum
   Terms terms;
   Vec3d v;                ///< that point
@@ -87,12 +87,12 @@ struct SignGjk {
     done = overlap = limit = 0;
   }
 
-  /// Decides whether `next` ends the run; else it joins the simplex.
+  /// Ends the run at `next`, or adds it to the simplex.
   CLEARANCE_HD void take() {
     if (size > 0) {
       done = vv - dot(v, next.w) <= kTolerance * vv;
       for (int i = 0; i < size; ++i)
-        done |= p[i].a == next.a && p[i].b == next.b;  // of a polytope nothing is left then
+        done |= p[i].a == next.a && p[i].b == next.b;  // then nothing of a polytope is left
       if (!done && iterations == kMaxIterations) done = limit = 1;
       if (done) return;
     }
@@ -102,8 +102,8 @@ struct SignGjk {
     if (ww > largest) largest = ww;
   }
 
-  /// Keeps those vertices that carry the point nearest to the origin. \param previous whether v is a point of the
-  /// simplex.
+  /// Keeps the vertices that carry the point nearest to the origin.
+  /// \param previous whether v is a point of the simplex
   CLEARANCE_HD void reduce(Reduction reduction) {
     const int n = size;
     Feature f;
@@ -114,9 +114,9 @@ struct SignGjk {
     f = reduction == Reduction::kRegions ? by_regions(n) : by_figure_3(n);
     const Vec3d point = nearest_of(f);
     const double d = squared_norm(point);
-    if (n > 1 && !(d < vv)) {  // rounding, or a wrong feature: no nearer than before
+    if (n > 1 && !(d < vv)) {  // rounding or a wrong feature: no progress
       done = 1;
-      size = previous_size;  // the weights are those of the simplex before
+      size = previous_size;  // the weights belong to the previous simplex
       return;
     }
     for (int i = 0; i < f.size; ++i) p[i] = p[f.at[i]];  // at[] ascends
@@ -152,7 +152,7 @@ struct SignGjk {
     double weight[3];
   };
 
-  /// The step of the tetrahedron: the origin's barycentric coordinates have one sign.
+  /// The tetrahedron's step: tests whether the origin's barycentric coordinates have one sign.
   CLEARANCE_HD bool encloses() const {
     double lambda[4];
     coordinates(lambda);
@@ -176,17 +176,17 @@ struct SignGjk {
     lambda[2] = dot(normal, ij);
     return normal;
   }
-  /// Of the projection onto the line of i and j.
+  /// The same for the projection onto the line of i and j.
   CLEARANCE_HD void on_line(int i, int j, double* lambda) const {
     lambda[0] = terms.dot(j, j) - terms.dot(i, j);
     lambda[1] = terms.dot(i, i) - terms.dot(i, j);
   }
 
-  /// The nearest feature among those with the newest vertex, which are all that can be nearest.
+  /// The nearest feature among those with the newest vertex; no others can be nearest.
   CLEARANCE_HD Feature by_regions(int n) const {
     const int last = n - 1;
     bool behind[3] = {true, true,
-                      true};        // whether the edge (i, last) is beyond no face: seen from all its faces outside
+                      true};        // whether the edge (i, last) is outside all its faces
     for (int i = 0; i < last; ++i)  // triangles
       for (int j = i + 1; j < last; ++j) {
         double lambda[3];
@@ -203,7 +203,7 @@ struct SignGjk {
     }
     return {1, {last, 0, 0}, {1, 0, 0}};
   }
-  /// Whether the origin is on the outer side of the face (i, j, last) of a tetrahedron.
+  /// Returns whether the origin is on the outer side of the face (i, j, last) of a tetrahedron.
   CLEARANCE_HD bool outside(int n, int i, int j) const {
     if (n < 4) return true;
     double lambda[4];
@@ -212,7 +212,7 @@ struct SignGjk {
     return lambda[3 - i - j] * volume <= 0;
   }
 
-  /// What figure 3 of the report draws: all vertices with negative coordinates go at once.
+  /// As in figure 3 of the report: all vertices with negative coordinates are dropped at once.
   CLEARANCE_HD Feature by_figure_3(int n) const {
     Feature f{n, {0, 1, 2}, {1, 0, 0}};
     if (n == 4) {
@@ -260,7 +260,7 @@ struct SignGjk {
   }
 };
 
-/// One thread: the host's, or a GPU's that works alone.
+/// One thread, on the host or alone on a GPU.
 struct OneThread {
   CLEARANCE_HD bool first() const { return true; }
   CLEARANCE_HD std::uint32_t rank() const { return 0; }
@@ -269,7 +269,7 @@ struct OneThread {
   CLEARANCE_HD std::uint32_t highest(double, std::uint32_t index) const { return index; }
 };
 
-/// The vertex farthest along a direction, each thread looking at every count-th (the report's Algorithm 3).
+/// The vertex farthest along a direction; each thread tests every count-th vertex (the report's Algorithm 3).
 template <class Threads>
 CLEARANCE_HD inline std::uint32_t scan(const Threads& threads, const Vec3d* vertices, std::uint32_t count,
                                        const Vec3d& d) {
@@ -286,9 +286,10 @@ CLEARANCE_HD inline std::uint32_t scan(const Threads& threads, const Vec3d* vert
 }
 
 /// Runs GJK between two vertex sets.
-/// \param s shared by all threads. \param support called by all threads with (0 for a or 1 for b, direction): the
-/// farthest vertex's index, to the first thread at least. \param term_threads those that fill the table; the same or
-/// OneThread.
+/// \param s shared by all threads
+/// \param support called by all threads with (0 for a or 1 for b, direction); returns the farthest vertex's index, at
+/// least to the first thread
+/// \param term_threads the threads that fill the table; the same or OneThread
 template <class Threads, class TermThreads, class Support>
 CLEARANCE_HD inline void run_sign_gjk(SignGjk& s, const Vec3d* a, const Vec3d* b, const Threads& threads,
                                       const TermThreads& term_threads, Support& support,

@@ -1,4 +1,4 @@
-// The distance of two triangles, as the report of 2023 takes it from PQP (E. Larsen): the least over all pairs of edges
+// Distance of two triangles, as the report of 2023 adopts it from PQP (E. Larsen): the minimum over all pairs of edges
 // and all vertices against the other's face; 0 if an edge pierces the other triangle.
 #pragma once
 
@@ -14,13 +14,13 @@ struct NearestPoints {
   Vec3d a, b;
 };
 
-/// Of the segments p + s u and q + t v, s and t in [0, 1]. Either may be a point.
+/// Nearest points of the segments p + s u and q + t v, s and t in [0, 1]. Either may be a point.
 inline NearestPoints nearest_on_segments(const Vec3d& p, const Vec3d& u, const Vec3d& q, const Vec3d& v) {
   const auto clamped = [](double x) { return std::clamp(x, 0.0, 1.0); };
   const Vec3d r = q - p;
   const double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), ur = dot(u, r), vr = dot(v, r);
   const double det = uu * vv - uv * uv;
-  // The lines' nearest points; s is put on its segment, then t follows from s, and s again if t had to move.
+  // The lines' nearest points: s is clamped to its segment, t follows from s, and s again if t was clamped.
   double s = det > 0 ? clamped((ur * vv - vr * uv) / det) : 0.0, t = 0;
   if (vv > 0) t = (s * uv - vr) / vv;
   if (!(t >= 0 && t <= 1)) {
@@ -31,7 +31,7 @@ inline NearestPoints nearest_on_segments(const Vec3d& p, const Vec3d& u, const V
   return {squared_norm(b - a), a, b};
 }
 
-/// A triangle with what its pairs have in common.
+/// A triangle with the data shared by its pairs.
 struct PreparedTriangle {
   Vec3d corner[3];
   Vec3d edge[3];  ///< from corner i to corner i + 1
@@ -41,7 +41,7 @@ struct PreparedTriangle {
   explicit PreparedTriangle(const Vec3d& a, const Vec3d& b, const Vec3d& c)
       : corner{a, b, c}, edge{b - a, c - b, a - c}, normal(cross(b - a, c - a)), plane(dot(normal, a)) {}
 
-  /// Whether a point, moved along the normal into the plane, falls into the triangle.
+  /// Returns whether a point, projected along the normal onto the plane, is in the triangle.
   bool below(const Vec3d& x) const {
     for (int i = 0; i < 3; ++i)
       if (!(dot(cross(edge[i], x - corner[i]), normal) >= 0)) return false;
@@ -49,8 +49,8 @@ struct PreparedTriangle {
   }
 };
 
-/// Takes the nearest points of two triangles into `best`, where they are nearer. Returns true if the triangles share a
-/// point: then best.squared_distance is 0.
+/// Updates `best` with the nearest points of two triangles if they are nearer. Returns true if the triangles share a
+/// point; best.squared_distance is then 0.
 inline bool take_triangle_pair(const PreparedTriangle& s, const PreparedTriangle& t, NearestPoints& best) {
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) {

@@ -31,7 +31,7 @@ std::shared_ptr<const Connections> connect(const DisplayMesh& mesh) {
   return c;
 }
 
-/// The hull's own faces, of a body whose mesh is not just that.
+/// The hull's own faces, for a body whose mesh has more vertices.
 std::shared_ptr<const DisplayMesh> hull_of(const Piece& piece) {
   auto mesh = std::make_shared<DisplayMesh>();
   mesh->vertices = make_hull_piece(piece.vertices, {}, 0, 0, true, &mesh->triangles)->vertices;

@@ -1,7 +1,8 @@
-// The bodies of a scene as the report of 2023 keeps them: meshes in world coordinates, moved anew for each query.
+// The bodies of a scene as the report of 2023 stores them: meshes in world coordinates, transformed again for each
+// query.
 //
 // The report is Y. Shi, B. Y. Su, "Parallel Minimum Distance Query Among Convex Meshes", CMU 15-418/618, 2023.
-// docs/report.md compares it with what is here.
+// docs/report.md compares it with this implementation.
 #pragma once
 
 #include <cstdint>
@@ -18,33 +19,34 @@
 
 namespace clearance::baselines {
 
-/// What bodies of the same shape share: faces, and the neighbours of each vertex along them.
+/// Data shared by bodies of the same shape: faces, and the neighbours of each vertex along them.
 struct Connections {
   std::vector<Triangle> triangles;
   std::vector<std::uint32_t> neighbours_begin;  ///< (V + 1,)
   std::vector<std::uint32_t> neighbours;
 };
 
-/// A convex triangle mesh in the world, metres.
+/// A convex triangle mesh in the world frame, in metres.
 struct Mesh {
   std::span<const Vec3d> vertices;
   const Connections* connections = nullptr;
 };
 
-/// Which of World::vertices() are a body's.
+/// A body's range of World::vertices().
 struct VertexRange {
   std::uint32_t first = 0, count = 0;
 };
 
-/// All meshes of a scene where its bodies are.
+/// All meshes of a scene at the poses of its bodies.
 class World {
  public:
-  /// Takes each body's triangles, those of its hull if its mesh has vertices inside, and places it at its initial pose,
-  /// the origin without one. Throws std::invalid_argument for a body of several pieces, with a radius, or without
-  /// triangles (a flat one): the report knows neither.
+  /// Uses each body's triangles, or those of its hull if its mesh has interior vertices, and places it at its initial
+  /// pose, or at the origin without one. Throws std::invalid_argument for a body of several convex parts, with a
+  /// radius, or without triangles (a flat one), which the report does not support.
   explicit World(const Scene& scene);
 
-  /// Moves every body. \param X_wb (bodies,)
+  /// Moves every body.
+  /// \param X_wb (bodies,)
   void place(std::span<const Pose> X_wb);
 
   std::size_t size() const { return ranges_.size(); }
@@ -53,7 +55,7 @@ class World {
   }
   /// In the body's frame.
   const std::shared_ptr<const DisplayMesh>& body_mesh(std::uint32_t body) const { return meshes_[body]; }
-  std::span<const Vec3d> vertices() const { return vertices_; }    ///< of all bodies, one body after another
+  std::span<const Vec3d> vertices() const { return vertices_; }    ///< of all bodies, in sequence
   std::span<const VertexRange> ranges() const { return ranges_; }  ///< (bodies,)
   std::vector<Aabb> boxes() const;                                 ///< (bodies,) of their vertices
 
