@@ -5,9 +5,9 @@
 // steps: tetrahedron, triangle, segment, point. No recursion, and the size only decreases.
 //
 // Departures:
-// - The report's Algorithm 2 stops as soon as dot(p, d) <= 0: that decides overlap, but yields no distance. Here the
-//   iteration continues until no vertex is nearer than v by more than the tolerance, which is proved by the plane
-//   through the last support vertex (van den Bergen 1999); a negative dot product only proves that the bodies are apart.
+// - The report's Algorithm 2 stops as soon as dot(p, d) <= 0, which decides overlap but yields no distance. Here the
+//   iteration continues until no vertex is nearer than v by more than the tolerance, which the plane through the last
+//   support vertex proves (van den Bergen 1999); a negative dot product only proves that the bodies are apart.
 // - Figure 3 drops every vertex with a negative coordinate at once. That is wrong if a simplex is obtuse
 //   (Reduction::kFigure3, kept for the tests that show it); by default a segment must also be the nearest feature as
 //   seen from both its faces.
@@ -185,9 +185,8 @@ struct SignGjk {
   /// The nearest feature among those with the newest vertex; no others can be nearest.
   CLEARANCE_HD Feature by_regions(int n) const {
     const int last = n - 1;
-    bool behind[3] = {true, true,
-                      true};        // whether the edge (i, last) is outside all its faces
-    for (int i = 0; i < last; ++i)  // triangles
+    bool behind[3] = {true, true, true};  // whether the edge (i, last) is outside all its faces
+    for (int i = 0; i < last; ++i)        // triangles
       for (int j = i + 1; j < last; ++j) {
         double lambda[3];
         face_normal(i, j, last, lambda);

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Free bodies: is a box that goes straight and turns free all along? Clearance beside FCL's continuous collision.
+"""Free bodies: is a box that moves straight and rotates free throughout? Clearance and FCL's continuous collision.
 
     bench/run.py free_bodies [--motions 1000] [--csv FILE]
 
-A box goes by, or through, a block or a plate of 0.1 mm. FCL is asked by its package python-fcl, one motion a call, with
-the motion type that is the same motion (linear): by conservative advancement, of its shapes and of the same boxes as
-meshes, and by 100 samples (`naive`). Clearance gets all motions in one batch. One thread, processor time.
+A box passes, or penetrates, a block or a plate of 0.1 mm. FCL is called through its package python-fcl, one motion per
+call, with the motion type of the same motion (linear): by conservative advancement, of its shapes and of the same boxes
+as meshes, and by 100 samples (`naive`). Clearance gets all motions in one batch. One thread, processor time.
 
-A verdict is wrong where it says free and the bodies overlap at the time that Clearance names, as FCL's own distance of
-standing bodies says there; or where it says hit and Clearance proves more than 0.1 mm all along, which FCL's distance
-at 400 times does not contradict. Clearance's is wrong where FCL's standing bodies contradict it at one of these times.
-Exit code 1 if one is.
+A result is wrong if it is free although the bodies overlap at the time that Clearance reports, according to FCL's own
+distance of static bodies; or if it is a hit although Clearance proves more than 0.1 mm throughout, which FCL's distance
+at 400 times does not contradict. Clearance's result is wrong if FCL's static distances contradict it at one of these
+times. Exit code 1 if one is.
 """
 
 import importlib
@@ -27,7 +27,7 @@ fcl: Any = importlib.import_module("fcl")  # bench/peers has a folder of that na
 
 LINEAR, NAIVE, ADVANCEMENT = 1, 0, 1  # of FCL: motion type, solvers
 TIMES = 400
-NEAR = 1e-4  # metres: what FCL's hits may be off by
+NEAR = 1e-4  # metres: accepted error of FCL's hits
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 FACES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4]]
@@ -36,7 +36,7 @@ FACES = np.array(
 
 
 def random_poses(rng, count):
-    """(K, 7) starts and ends on either side of the origin, by less than half a turn."""
+    """(K, 7) starts and ends on opposite sides of the origin, less than half a turn apart."""
     start, end = rng.normal(size=(count, 7)), rng.normal(size=(count, 7))
     side = rng.normal(size=(count, 3))
     side /= np.linalg.norm(side, axis=1, keepdims=True)
@@ -50,7 +50,7 @@ def random_poses(rng, count):
 
 
 def at(start, end, t):
-    """(K, 7) where the motion is at time t: slerp."""
+    """(K, 7) poses of the motion at time t: slerp."""
     cosine = np.clip((start[:, 3:] * end[:, 3:]).sum(axis=1, keepdims=True), -1, 1)
     angle = np.arccos(cosine)
     sine = np.where(angle < 1e-9, 1, np.sin(angle))
@@ -92,7 +92,7 @@ def fcl_hits(sizes, other, start, end, solver, as_mesh):
 
 
 def standing(sizes, other, poses):
-    """(K,) FCL's distances of standing bodies."""
+    """(K,) FCL's distances of static bodies."""
     body, still = (fcl.CollisionObject(fcl.Box(*s), fcl.Transform()) for s in (sizes, other))
     found = []
     for pose in poses:

@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
-"""A robot's links before a concave mesh, beside Pinocchio and Coal (BVHModelOBBRSS), in the same states.
+"""A robot's links and a concave mesh, compared with Pinocchio and Coal (BVHModelOBBRSS) in the same states.
 
     bench/run.py link_meshes [--robots panda ur5] [--states 2000] [--rounds 3] [--csv FILE]
 
 The mesh is one body of 2,828 triangles: a bumpy floor, a shelf of five compartments, two rings. Links are hulls (panda,
-ur5), and meshes as their files have them (`meshes`). All pairs of a link and the mesh are asked in random states: a
-distance for each (`rows`), the least of each state (`least`), and whether each state is free (`valid`, where the first
-contact found is enough). One thread, processor time, rounds in turn, the least of them; with us a batch of states, with
-the peer a call in C++ for each state, in whichever of its two orders is faster (pairs in order, a tree of boxes). It
-has no call for the least distance alone. Shown beside it: how far its distances lie outside our bounds at most where
-links are apart, and how many verdicts differ.
+ur5), and meshes as in their files (`meshes`). All pairs of a link and the mesh are queried in random states: a distance
+for each pair (`rows`), the least of each state (`least`), and whether each state is free (`valid`, which stops at the
+first contact). One thread, processor time, alternating rounds, the least of them. Clearance gets a batch of states, the
+peer one call in C++ for each state, in the faster of its two orders (pairs in order, a tree of boxes). It has no call
+for the least distance alone. Also reported: the greatest excess of its distances over our bounds if links are apart,
+and the number of differing decisions.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from surface_shapes import ring, shelf
 
 @dataclass
 class Mesh:
-    """An obstacle as contenders.py has them."""
+    """An obstacle as in contenders.py."""
 
     name: str
     sizes: tuple  # vertices (N, 3) in metres, triangles (M, 3)
@@ -40,7 +40,7 @@ class Room:
 
 
 def floor(side, cells, rng):
-    """A height field about z = 0, centred."""
+    """A centred height field about z = 0."""
     x, y = np.meshgrid(*[np.linspace(-side / 2, side / 2, cells + 1)] * 2, indexing="ij")
     z = 0.03 * np.sin(7 * x + 1) * np.cos(5 * y) + 0.01 * rng.normal(size=x.shape)
     at = np.stack([x, y, z], -1).reshape(-1, 3)
@@ -50,7 +50,7 @@ def floor(side, cells, rng):
 
 
 def concave_room():
-    """What stands around a robot's foot, as one mesh that is not closed."""
+    """The surroundings of a robot's base, as one mesh that is not closed."""
     rng = np.random.default_rng(7)
     parts = [(floor(2.4, 24, rng), (0, 0, -0.3)), (shelf(), (0.45, -0.5, -0.2))]
     parts += [(ring(800, 0.12, 0.03, rng), at) for at in ((-0.4, 0.5, 0.1), (-0.3, -0.55, 0.4))]

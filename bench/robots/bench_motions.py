@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Edges of MotionBenchMaker's problems: proved free or not all along, beside sampling them with the same engine.
+"""Edges of MotionBenchMaker's problems: proved free or not, compared with sampling by the same engine.
 
     bench/run.py motions [--robots panda ur5 fetch] [--problems 10] [--edges 100] [--margins 0 0.005]
 
-From each problem's start and goal edges of 0.2 to 1.5 rad go in random directions, pairs of the robot with itself
-included. One batch for each problem, one thread, processor time. Sampling asks about every 0.02 rad of the joint that
-moves most; what it calls free and the proof does not is counted (`missed`), and so is what the proof calls free and a
-sample does not (`wrong`, which must be 0: exit code 1 otherwise).
+From each problem's start and goal, edges of 0.2 to 1.5 rad go in random directions; pairs of the robot with itself are
+included. One batch for each problem, one thread, processor time. Sampling checks every 0.02 rad of the joint that moves
+most. `missed` counts edges that are free by samples but not by proof, `wrong` edges that are free by proof but not by
+samples, which must be 0 (exit code 1 otherwise).
 """
 
 import sys
@@ -41,7 +41,7 @@ def measure(robot, resources, margin, options):
         names = [f"{robot}/{joint}" for joint in joints]
         start, end = edges_of(problem, joints, options.edges, np.random.default_rng([problem.number, options.seed]))
         ask = {"joints": names, "start": start, "end": end, "margin": margin, "reduce": "any"}
-        engine.motions(**{**ask, "start": start[:2], "end": end[:2]})  # what is made once
+        engine.motions(**{**ask, "start": start[:2], "end": end[:2]})  # fills the caches
         seconds, r = timed(engine.motions, **ask, rel_tol=1e-6, abs_tol=0.0, fields=("status", "pair", "steps"))
         proof_s += seconds
         seconds, (free_at_samples, _) = timed(within_samples, engine, names, start, end, margin, STEP)

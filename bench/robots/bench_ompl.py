@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""MotionBenchMaker's problems planned by OMPL's RRTConnect: edges sampled every 0.02 rad beside edges that are proved.
+"""MotionBenchMaker's problems planned by OMPL's RRTConnect: edges sampled every 0.02 rad, and edges that are proved.
 
     bench/run.py ompl [--robots panda ur5 fetch] [--problems 3] [--seconds 20] [--csv FILE]
 
-Both ask the same engine, one thread: samples of an edge go in one batch, and so does a proof. Every path that is found,
-and every one that is shortened after it, is then judged as a whole: proved free, or refused, with the pair and the time
-that refuse it. Times are processor time, medians over solved problems; a problem that is not solved within --seconds on
-the wall counts as unsolved. Exit code 1 if a path of proved edges is refused.
+Both use the same engine with one thread; the samples of an edge are one batch, and so is a proof. Every path that is
+found, and every path that is shortened afterwards, is then checked as a whole: proved free, or rejected with the pair
+and the time of the violation. Times are processor time, medians over solved problems; a problem that takes longer than
+--seconds of wall time counts as unsolved. Exit code 1 if a path of proved edges is rejected.
 """
 
 import statistics
@@ -28,7 +28,7 @@ from sampled import within_samples
 
 
 class SampledMotions(ob.MotionValidator):
-    """What planners do: a motion is valid where all of its samples are."""
+    """The usual method of planners: a motion is valid if all of its samples are."""
 
     def __init__(self, si, problem):
         super().__init__(si)
@@ -44,7 +44,7 @@ class SampledMotions(ob.MotionValidator):
 
 
 def shortened(path, free):
-    """From every waypoint straight to the farthest one that `free` lets through."""
+    """Connects every waypoint straight to the farthest one for which `free` holds."""
     kept, at = [0], 0
     while at < len(path) - 1:
         ends = path[at + 1 :]
@@ -77,7 +77,7 @@ def plan(problem, start, goal, sampled, seconds):
 
 
 def judged(problem, rows):
-    """'' for a path that is proved free; else what refuses it."""
+    """'' for a path that is proved free; otherwise the violation."""
     way = [rows[0]]
     for row in rows[1:]:
         way.append(problem.unwrapped(way[-1], row))
@@ -99,7 +99,7 @@ def measure(robot, resources, options):
         for way, of in found.items():
             problem = clearance.ompl.JointProblem(engine, [f"{robot}/{j}" for j in joints])
             if not problem.free(np.array([start, goal])).all():
-                continue  # a start or goal that is not free, which no planner can mend
+                continue  # a start or goal that is not free makes the problem unsolvable
             of["asked"] += 1
             rows, shorter, planning, shortening = plan(problem, start, goal, way == "sampled", options.seconds)
             if rows is None:

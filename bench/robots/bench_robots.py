@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""MotionBenchMaker's problems: is a state valid, and how near is it to contact? Clearance beside Pinocchio and Coal.
+"""MotionBenchMaker's problems: is a state valid, and how near is it to contact? Clearance, Pinocchio and Coal.
 
     bench/run.py robots [--robots panda ur5 fetch baxter] [--problems 50] [--states 1000] [--csv FILE]
 
-Every contender gets each problem's start, goal and so many random states, and makes its own kinematics. Free and
-colliding states are timed apart, since of a colliding one the first contact is enough. Contenders take turns; a row
-says processor time (over shared memory: time on the wall) for each state, and how many times the best of Pinocchio and
-Coal's ways takes. Verdicts and distances are compared: where they contradict each other by more than what Coal's may be
-off by, our certificate goes to an independent checker (tools/check_certificate.py). Exit code 1: one is not proved.
+Every contender gets each problem's start, goal and the random states, and computes its own kinematics. Free and
+colliding states are timed separately, because a colliding one needs only the first contact. Contenders alternate. A row
+has processor time (over shared memory: wall time) per state, and its ratio to the best of Pinocchio and Coal's
+variants. Decisions and distances are compared: if they contradict each other by more than Coal's error, an independent
+checker (tools/check_certificate.py) checks our certificate. Exit code 1 if it rejects one.
 """
 
 import sys
@@ -21,11 +21,11 @@ from harness import shown, stamped, timed, write
 from processes import Stage
 from service import start_daemon
 
-NEAR = 1e-6  # metres: what Coal's verdicts may be off by
+NEAR = 1e-6  # metres: accepted error of Coal's decisions
 
 
 def limits_of(model, joints):
-    """(J, 2): where random states come from."""
+    """(J, 2): range of random states."""
     found = []
     for name in joints:
         joint = model.joints[model.getJointId(name)]
@@ -40,7 +40,7 @@ class Measurement:
 
     def __init__(self, robot, contenders, seconds_of):
         self.robot, self.contenders, self.seconds_of = robot, contenders, seconds_of
-        self.seconds, self.states = {}, {}  # by (question, kind of state, way); seconds of each round
+        self.seconds, self.states = {}, {}  # by (query, kind of state, way); seconds of each round
         self.verdicts, self.near, self.contested, self.unproved = 0, 0, 0, 0
 
     def run(self, problem, Q, rounds):
@@ -59,7 +59,7 @@ class Measurement:
         return np.count_nonzero(free)
 
     def compare(self, problem, Q, free, ours, peer):
-        """Counts verdicts and distances that contradict each other by more than what Coal's may be off by."""
+        """Counts decisions and distances that contradict each other by more than Coal's error."""
         lower, upper = ours.ways()["least"]["Clearance in process"](Q)
         theirs = next(iter(peer.ways()["valid"].values()))(peer.states(Q))
         distance, _ = peer.ways()["least"]["Coal"](peer.states(Q))
@@ -112,7 +112,7 @@ class Measurement:
 
 
 def seconds_of(contender, way, states):
-    """Processor time in this process; time on the wall where a daemon works."""
+    """Processor time in this process, or wall time if a daemon computes."""
     clock = time.perf_counter if getattr(contender, "url", None) else time.process_time
     return timed(way, states, clock=clock)[0]
 
@@ -123,7 +123,7 @@ def states_of(problem, joints, limits, count, rng):
 
 
 def scene_file_of(robot, resources):
-    """A scene file with the robot alone, for the daemon: its links are hulls, as the peers have them."""
+    """A scene file with the robot alone, for the daemon; links are hulls, as for the peers."""
     urdf, srdf = problems.urdf_of(resources, robot)
     path = resources / f"{robot}.yaml"
     path.write_text(

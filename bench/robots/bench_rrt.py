@@ -1,21 +1,21 @@
 #!/usr/bin/env python3
-"""MotionBenchMaker's problems planned end to end by RRT-Connect: where the time goes, beside Pinocchio and Coal.
+"""MotionBenchMaker's problems planned end to end by RRT-Connect: distribution of time, with Pinocchio and Coal.
 
     bench/run.py rrt [--robots panda ur5] [--problems 20] [--csv FILE]
 
-One planner, written here in Python, asks everybody about the same edges, sampled every --resolution radians: ours in
-one call an edge, in process and over shared memory (a daemon of one thread), Coal state by state, up to the first that
-is not free. The random numbers are the same for all, so that equal verdicts give equal trees.
+One planner, written here in Python, checks the same edges with every contender, sampled every --resolution radians:
+ours in one call per edge, in process and over shared memory (a daemon of one thread), Coal state by state, up to the
+first that is not free. All use the same random numbers, so that equal decisions give equal trees.
 
-  checking    time on the wall in all questions whether edges are free
-  kinematics  of that: placing the robot. Of Pinocchio and Coal it is timed state by state; of ours the same states are
-              asked about one pair alone afterwards, and the engine's own time for that is taken
-  transport   of checking, ours: what the caller waits beyond the engine's own time (in process: Python; over shared
-              memory: the way there and back as well)
-  planning    the planner itself
+   checking    wall time of all checks of edges
+   kinematics  share for placing the robot. For Pinocchio and Coal it is timed state by state; for ours the same states
+               are queried afterwards for one pair alone, and the engine's own time for that counts
+   transport   share of our checking: time beyond the engine's own time (in process: Python; over shared memory: also
+               the transfer in both directions)
+   planning    the planner itself
 
-Contenders take turns with each problem, --rounds times; the round in which one took least counts. A problem counts
-where all solve it within --states states.
+Contenders alternate for each problem, --rounds times; the fastest round counts. A problem counts if all solve it within
+--states states.
 """
 
 import time
@@ -31,7 +31,7 @@ from harness import shown, stamped, write
 from processes import Stage
 from service import start_daemon
 
-STEP = 1.0  # radians and metres that a tree grows by at most, joint by joint
+STEP = 1.0  # maximum growth of a tree, in radians and metres, joint by joint
 
 
 class Tree:
@@ -81,7 +81,7 @@ def plan(checker, start, goal, limits, rng, resolution, most_states):
 
 
 class Ours:
-    """One call an edge."""
+    """One call per edge."""
 
     def __init__(self, resources, joints, robot, url=None):
         self.contender = contenders.Clearance(resources, joints, robot, url)
@@ -117,7 +117,7 @@ class Ours:
 
 
 class Theirs:
-    """Pairs as they come, or a tree of boxes: whichever is told."""
+    """Pairs in order, or a tree of boxes, as selected."""
 
     def __init__(self, *files, tree):
         self.contender = contenders.PinocchioCoal(*files)
@@ -160,7 +160,7 @@ class Theirs:
 
 
 def solve(checker, problem, joints, limits, options):
-    """What one contender takes for one problem; None where it finds no path."""
+    """One contender's times for one problem, or None if it finds no path."""
     rng = np.random.default_rng([options.seed, problem.number, len(problem.family)])
     start, goal = (np.array([at[j] for j in joints]) for at in (problem.start, problem.goal))
     checker.begin(problem)
@@ -183,12 +183,12 @@ def solve(checker, problem, joints, limits, options):
 
 
 def least(rounds):
-    """The round that took least; None where there was no path."""
+    """The fastest round, or None if there was no path."""
     return None if None in rounds else min(rounds, key=lambda one: one["total"])
 
 
 def chosen(problems, count):
-    """As many problems, of all families by turns."""
+    """The first problems, alternating between all families."""
     return sorted(problems, key=lambda p: (p.number, p.family))[:count]
 
 

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""What a robot's meshes are taken for, and what each choice costs: MotionBenchMaker's states of robots, concave ones.
+"""Geometry of a robot's links, and the cost of each choice: MotionBenchMaker's states of robots, concave ones included.
 
     bench/run.py shapes [--robots ur5 panda] [--problems 2] [--states 100] [--csv FILE]
 
-`hull`, `submeshes` and `auto` are what a scene may say (convexify); `exact` is `auto` with the links that are open as
-surfaces, and is the truth here. Each is asked whether a state is valid and how near it is to contact: start, goal and
-random states of each problem, one thread, a batch of configurations, processor time. A state that is proved free of the
-truth and not proved free with a choice is a false refusal (`unconverged` counts), one that is called free and is proved
-to collide a missed overlap: exit code 1. `short_mm` is by how much a choice's distance falls short of the truth's, the
-median of the free states and the most; `width` is what slack and tolerance leave of the interval.
+`hull`, `submeshes` and `auto` are values of a scene's `convexify`; `exact` is `auto` with open links as surfaces, and
+is the reference. Each is queried for validity and distance: start, goal and random states of each problem, one thread,
+a batch of configurations, processor time. A state that is proved free by the reference but not by a choice is a false
+rejection (`unconverged` counts); one that is free by a choice but proved to collide is a missed overlap: exit code 1.
+`short_mm` is the amount by which a choice's distance falls short of the reference, the median of the free states and
+the maximum; `width` is the part of the interval due to slack and tolerance.
 """
 
 import sys
@@ -50,13 +50,13 @@ class Robot:
 
 
 def limits(engine, joints):
-    """(J, 2): where random states come from."""
+    """(J, 2): range of random states."""
     group = engine.joints(joints)
     return np.clip(np.stack([group.lower, group.upper], 1), -np.pi, np.pi)
 
 
 class Sums:
-    """What one choice comes to over all problems."""
+    """Results of one choice over all problems."""
 
     def __init__(self):
         self.valid_s = self.least_s = 0.0
@@ -92,7 +92,7 @@ def measure(name, resources, options):
                 ends = [[at[j] for j in joints] for at in (problem.start, problem.goal)]
                 Q = np.concatenate([ends, rng.uniform(low, high, (options.states, len(joints)))])
             ask = {"joints": ids, "positions": Q}
-            engine.check(Q[:2], joints=ids)  # what is made once
+            engine.check(Q[:2], joints=ids)  # fills the caches
             valid = timed(engine.check, Q, joints=ids)
             least = timed(engine.distances, **ask, reduce="min", fields=("lower", "upper", "status"))
             answers[choice] = (*valid, *least)

@@ -1,8 +1,8 @@
-"""Who answers in bench_robots.py: the same robot, obstacles and states for each.
+"""The contenders of bench_robots.py: the same robot, obstacles and states for each.
 
-valid(Q): whether each state is free of contact, robot against obstacles and itself; the first contact found is enough.
-least(Q): each state's least distance over all pairs, metres, 0 where there is contact: (lower, upper), the same twice
-where the contender knows no bounds.
+valid(Q): whether each state is free of contact of the robot with obstacles and itself; stops at the first contact.
+least(Q): each state's least distance over all pairs in metres, 0 in contact: (lower, upper), equal if the contender has
+no bounds.
 """
 
 from typing import Any
@@ -25,11 +25,11 @@ def tree_of_triangles(coal, vertices, triangles):
 
 
 class PinocchioCoal:
-    """Pinocchio's kinematics and Coal's distances, each a call in C++ for one state.
+    """Pinocchio's kinematics and Coal's distances, one call in C++ for each state.
 
-    Meshes are their hulls, as with us, or triangles (BVHModelOBBRSS). Every pair starts from its last simplex
-    (CachedGuess). A first stop goes through pairs as they come, each after its boxes, or through a tree of boxes; a
-    least distance has no first stop.
+    Meshes are their hulls, as in Clearance, or triangles (BVHModelOBBRSS). Every pair starts from its last simplex
+    (CachedGuess). A search for the first contact visits pairs in order, each after its boxes, or through a tree of
+    boxes; a least distance cannot stop early.
     """
 
     def __init__(self, resources, joints, robot, as_hulls=True):
@@ -45,7 +45,7 @@ class PinocchioCoal:
         )
         for item in self.robot.geometryObjects:
             if as_hulls and isinstance(item.geometry, coal.BVHModelBase):  # type: ignore[attr-defined]  # not our folder of that name
-                item.geometry.buildConvexHull(True, "Qt")  # buildConvexRepresentation() takes the mesh for convex
+                item.geometry.buildConvexHull(True, "Qt")  # buildConvexRepresentation() assumes a convex mesh
                 item.geometry = item.geometry.convex
         self.robot.addAllCollisionPairs()
         pinocchio.removeCollisionPairs(self.model, self.robot, str(srdf))
@@ -80,7 +80,7 @@ class PinocchioCoal:
         return self.coal.Sphere(thing.sizes[0])
 
     def states(self, Q):
-        """Pinocchio's positions: a joint that turns without limits is a cosine and a sine."""
+        """Pinocchio's positions: a rotating joint without limits is a cosine and a sine."""
         out = np.tile(self.pin.neutral(self.model), (len(Q), 1))
         for k, name in enumerate(self.joints):
             joint = self.model.joints[self.model.getJointId(name)]
@@ -91,7 +91,7 @@ class PinocchioCoal:
         return out
 
     def ways(self):
-        """By question and by name: a function of states()."""
+        """Functions of states(), by query and by name."""
         return {
             "valid": {"Coal, pairs in order": self._valid, "Coal, tree of boxes": self._valid_by_tree},
             "least": {"Coal": self._least},
@@ -116,10 +116,10 @@ class PinocchioCoal:
 
 
 class Clearance:
-    """Us: an engine in this process with one thread, or a daemon with one thread over shared memory.
+    """Clearance: an engine in this process with one thread, or a daemon with one thread over shared memory.
 
-    Obstacles are bodies that come and go, as a planner's do. Links are hulls, as the peers have them, or what
-    `convexify` says.
+    Obstacles are bodies that are added and removed, as by a planner. Links are hulls, as for the peers, or as selected
+    by `convexify`.
     """
 
     def __init__(self, resources, joints, robot, url=None, convexify="hull"):
@@ -133,7 +133,7 @@ class Clearance:
         self.asked: Any = None
 
     def proves(self, q):
-        """Whether a program that uses nothing of ours finds every pair's bounds at one state proved (in process)."""
+        """Returns whether a program without our code finds every pair's bounds at one state proved (in process)."""
         import check_certificate
 
         document = self.asked.certificate(joints=self.joints, positions=q[None]).document
@@ -218,7 +218,7 @@ def shape_of(thing):
 
 
 def scene_of(problem, resources, convexify="hull", shape=shape_of):
-    """A problem's robot, its links as `convexify` says, among its obstacles, and nothing that moves but the robot."""
+    """A problem's robot with its links according to `convexify`, and its obstacles; only the robot moves."""
     import clearance
 
     scene = clearance.Scene()

@@ -1,9 +1,9 @@
-"""MotionBenchMaker's problems as Clearance's benchmarks use them.
+"""MotionBenchMaker's problems for Clearance's benchmarks.
 
-They come with the source package of vamp-planner on PyPI (Apache-2.0), which is downloaded and never built: its robots,
-meshes and problems are read.
+They are in the source package of vamp-planner on PyPI (Apache-2.0), which is downloaded but never built: only its
+robots, meshes and problems are read.
 
-Numbers 1 to 50 of each family are used (Baxter: 1 to 30); the rest is left for judging.
+Numbers 1 to 50 of each family are used (Baxter: 1 to 30); the others are reserved for evaluation.
 """
 
 import math
@@ -47,15 +47,15 @@ class Problem:
 
 
 def parser(doc, robots, **more):
-    """Options of a benchmark of these problems. more: of harness.parser()."""
+    """Options of a benchmark of these problems. more: arguments of harness.parser()."""
     made = harness.parser(doc, **more)
     made.add_argument("--robots", nargs="+", default=robots.split(), choices=ROBOTS)
     return made
 
 
 def fetch():
-    """The package's resources, downloaded once. Returns where the robots' folders are."""
-    warnings.simplefilter("ignore")  # what robots and meshes have in them is known
+    """The package's resources, downloaded once. Returns the folder of the robots' folders."""
+    warnings.simplefilter("ignore")  # the warnings about robots and meshes are expected
     folder, resources = FOLDER, FOLDER / "resources"
     if all((resources / robot / "problems").is_dir() for robot in ROBOTS):
         return resources
@@ -80,7 +80,7 @@ def fetch():
 
 
 def urdf_of(resources, robot):
-    """The robot's files with mesh names that readers agree on: some say package://meshes/..., some meshes/..."""
+    """The robot's files with uniform mesh names: some have package://meshes/..., some meshes/..."""
     folder = resources / robot
     text = (folder / f"{robot}.urdf").read_text()
     path = folder / f"{robot}_meshes.urdf"
@@ -89,7 +89,7 @@ def urdf_of(resources, robot):
 
 
 def files_of(resources, robot):
-    """What Scene.add_robot() needs."""
+    """Arguments of Scene.add_robot()."""
     urdf, srdf = urdf_of(resources, robot)
     return {"urdf": str(urdf), "srdf": str(srdf), "packages": {robot: str(resources / robot)}}
 
@@ -130,7 +130,7 @@ def _obstacles(objects):
         poses = thing.get("primitive_poses", [])
         for i, (part, pose) in enumerate(zip(parts, poses)):
             at = _pose(pose)
-            if "pose" in thing:  # of the object, which the primitive's is relative to
+            if "pose" in thing:  # of the object, to which the primitive's pose is relative
                 at = _product(_pose(thing["pose"]), at)
             name = thing["id"] if len(parts) == 1 else f"{thing['id']}_{i}"
             yield Obstacle(name, part["type"], [float(x) for x in part["dimensions"]], at)

@@ -1,4 +1,4 @@
-"""Edges that are checked as planners do it: at samples no more than a step apart."""
+"""Edges checked at samples at most a step apart, as planners do."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ import numpy as np
 def within_samples(engine, joints, start, end, margin, step):
     """One check for all samples of a batch. start, end: (K, J).
 
-    Returns (K,) whether each edge is free at all of its samples, and (K,) how many these are.
+    Returns (K,) whether each edge is free at all of its samples, and (K,) their number.
     """
     counts = np.maximum(np.ceil(np.abs(end - start).max(axis=1) / step).astype(int), 1) + 1
     rows = np.concatenate([s + np.linspace(0, 1, n)[:, None] * (e - s) for s, e, n in zip(start, end, counts)])

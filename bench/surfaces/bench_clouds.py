@@ -1,15 +1,14 @@
 #!/usr/bin/env python3
-"""A cloud against a robot, beside Coal's octree (OcTree) of the same voxels, in the same states.
+"""A cloud and a robot, compared with Coal's octree (OcTree) of the same voxels in the same states.
 
     bench/run.py clouds [--points 100000] [--states 100] [--csv FILE]
 
-The arm of scenes/cell stands in a cloud as a depth camera would see it: walls, a floor, boxes and noise around it, no
-point within 25 cm of its foot. In each state the links' distance to the cloud is asked for: the least of
-all (`min`), and whether every one is apart (`any`, Coal: collide() of each link until the first contact). One thread,
-processor time, one batch of states with us, a call for each link with Coal, which is asked in the order of the links
-and, for `min`, knows no bound but the octree's own. Both have voxels of one edge; ours as points, too. Shown beside it:
-how far Coal's least distance lies outside of our bounds at most, and the time to replace the cloud: set_points() with
-us, makeOctree() with Coal.
+The arm of scenes/cell is surrounded by a cloud as from a depth camera: walls, a floor, boxes and noise, no point within
+25 cm of its base. Each state is queried for the links' least distance to the cloud (`min`), and for whether all links
+are free (`any`, Coal: collide() of each link until the first contact). One thread, processor time. Clearance gets one
+batch of states; Coal one call per link, in the order of the links and, for `min`, with no bound but the octree's own.
+Both have voxels of the same edge, Clearance also points. Also reported: the greatest excess of Coal's least distance
+over our bounds, and the time to replace the cloud: set_points() for Clearance, makeOctree() for Coal.
 """
 
 import numpy as np
@@ -29,7 +28,7 @@ bodies:
 
 
 def room(count, rng):
-    """(N, 3) float32: what a camera sees of a room of about 3 m with an arm in its middle."""
+    """(N, 3) float32: a camera's view of a volume of about 3 m with an arm in its middle."""
     walls = []
     for axis, at in ((0, -1.4), (0, 1.6), (1, -1.5), (1, 1.5), (2, 0.0), (2, 2.2)):
         wall = rng.uniform([-1.4, -1.5, 0], [1.6, 1.5, 2.2], (count // 10, 3))
@@ -45,7 +44,7 @@ def room(count, rng):
 
 
 def on_grid(cloud):
-    """The middles of the voxels that some points lie in: those of an octree of this resolution."""
+    """The centres of the voxels that contain points: those of an octree of this resolution."""
     keys = np.unique(np.floor(cloud / EDGE).astype(np.int64), axis=0)
     return ((keys + 0.5) * EDGE).astype(np.float32)
 
@@ -82,7 +81,7 @@ class Coal:
         self.still = place_of(coal, [0, 0, 0, 1, 0, 0, 0])
 
     def _model(self, vertices, radius):
-        """A piece of ours: a ball, a capsule or a hull, and where it is in its link."""
+        """A convex part of Clearance as a ball, a capsule or a hull, with its place in its link."""
         if len(vertices) == 1:
             return self.coal.Sphere(radius), self.coal.Transform3s(np.eye(3), vertices[0])
         if len(vertices) == 2:
@@ -125,12 +124,12 @@ class Coal:
 
 
 def swap(call, times=20):
-    """The median of what replacing a cloud takes, in milliseconds."""
+    """Median time of replacing a cloud, in milliseconds."""
     return 1e3 * float(np.median([timed(call)[0] for _ in range(times)]))
 
 
 def row(us, coal, body, elements, states, coal_least, coal_check, cloud):
-    """Figures of one body. coal_least, coal_check: seconds, and what was found."""
+    """Results of one body. coal_least, coal_check: seconds and results."""
     least, (lower, upper) = timed(us.least, body, states)
     check, free = timed(us.free, body, states)
     is_same = body == "voxels"  # of the same boxes

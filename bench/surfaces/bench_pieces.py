@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Solids by their triangles alone, with convex pieces in front of these, and by the pieces alone (model="pieces").
+"""Solids by their triangles alone, with convex parts as accelerators, and by the parts alone (model="pieces").
 
     bench/run.py pieces [--poses 500] [--csv FILE]
 
-A shelf of nine boards before a hull, and two bumpy rings of 1000 triangles each, cut into 24 sectors; their pieces are
-the boards, and the hulls of the sectors. One thread, processor time, one batch of configurations, the best of three
-rounds in which all take turns. `least` asks for the distance, `near` for the distance up to a cut-off, `check` whether
-a pose is proved free. Shown beside it: how much wider the pieces' intervals are, and poses that each proves free.
+A shelf of nine boards and a hull, and two bumpy rings of 1000 triangles each, cut into 24 sectors. Their convex parts
+are the boards, and the hulls of the sectors. One thread, processor time, one batch of configurations, the best of three
+rounds in which all alternate. `least` queries the distance, `near` the distance up to a cut-off, `check` whether a pose
+is proved free. Also reported: how much wider the intervals of the parts are, and the poses that each proves free.
 """
 
 import os
@@ -33,7 +33,7 @@ def obj_text(vertices, faces, before=0):
 
 
 def write(path, mesh, pieces):
-    """The mesh, and beside it the pieces: any triangles that name their vertices."""
+    """Writes the mesh, and next to it the parts: any triangles that reference their vertices."""
     path.write_text("\n".join(obj_text(*mesh)) + "\n")
     lines, before = [], 0
     for i, vertices in enumerate(pieces):
@@ -58,7 +58,7 @@ def sectors(mesh, count):
 
 
 def engines(folder, a, b):
-    """Triangles alone, and decomposed. b: a hull's vertices, or a mesh and its pieces."""
+    """Triangles alone, and decomposed. b: a hull's vertices, or a mesh and its parts."""
     found = []
     for how in ("solid", "decompose"):
         scene = clearance.Scene()
@@ -74,7 +74,7 @@ def engines(folder, a, b):
 
 
 def row(case, question, both, X, **more):
-    """All three take turns; the best of each."""
+    """All three alternate; the best of each counts."""
     solid, decomposed = both
     ways = {"triangles": (solid, "truth"), "pieces_first": (decomposed, "truth"), "pieces": (decomposed, "pieces")}
     best, answers = dict.fromkeys(ways, np.inf), {}
@@ -118,7 +118,7 @@ def main():
 
 
 def measure(count):
-    """A row for each case of so many poses."""
+    """A row for each case with this many poses."""
     for case, a, b, X in cases(count):
         with tempfile.TemporaryDirectory() as folder:
             both = engines(Path(folder), a, b)

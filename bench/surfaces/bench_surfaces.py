@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Distances of meshes that are not convex, beside Coal's trees of triangles (BVHModelOBBRSS), on the same poses.
+"""Distances of non-convex meshes, compared with Coal's trees of triangles (BVHModelOBBRSS) on the same poses.
 
     bench/run.py surfaces [--poses 200] [--sizes 1000 10000 100000] [--csv FILE]
 
-Two bumpy rings of so many triangles each, in poses that are apart (by about their size), near (their surfaces at most
-1 mm apart) and crossing; and a shelf of five compartments before 2000 convex hulls. One thread, processor time, the
-least of five rounds; one batch of configurations with us, a call for each pose with Coal, whose poses are made before.
-`least` asks for the distance, `valid` whether they touch, where the first contact is enough. Shown beside it: how far
-Coal's distance lies outside of our bounds at most, and poses in which it finds bodies apart that we prove to overlap.
+Two bumpy rings with this many triangles each, in poses that are apart (by about their size), near (their surfaces at
+most 1 mm apart) and crossing; and a shelf of five compartments with 2000 convex hulls. One thread, processor time, the
+least of five rounds. Clearance gets one batch of configurations, Coal one call per pose, with poses prepared in
+advance. `least` queries the distance, `valid` whether they touch, which stops at the first contact. Also reported: the
+greatest excess of Coal's distance over our bounds, and poses in which it reports bodies apart that are proved to
+overlap.
 """
 
 import numpy as np
@@ -36,7 +37,7 @@ def requests_of(coal):
 
 
 def outside(lower, upper, distances, counted):
-    """Metres by which distances lie outside of our bounds at most, of those that count."""
+    """Maximum excess of the counted distances over our bounds, in metres."""
     return np.maximum(lower - distances, distances - upper)[counted].max(initial=0)
 
 
@@ -55,7 +56,7 @@ class Coal:
         return tree_of_triangles(self.coal, vertices, faces)
 
     def places(self, X):
-        """Poses as Coal has them: made before the time is taken."""
+        """Poses in Coal's format, prepared before timing."""
         return [place_of(self.coal, x) for x in X]
 
     def _each(self, places, call):
@@ -105,7 +106,7 @@ class Clearance:
 
 
 def least_of(call, X, rounds=5):
-    """Microseconds a pose, the least of some rounds, and what was found."""
+    """Microseconds per pose, the least of several rounds, and the results."""
     each = [timed(call, X) for _ in range(rounds)]
     return min(seconds for seconds, _ in each) / len(X) * 1e6, each[-1][1]
 
@@ -143,7 +144,7 @@ def main():
 
 
 def measure(count, sizes):
-    """A row for each case of so many poses."""
+    """A row for each case with this many poses."""
     for size in sizes:
         rng = np.random.default_rng(size)
         a, b = ring(size, 1, 0.3, rng), ring(size, 0.9, 0.25, rng)

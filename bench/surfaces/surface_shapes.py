@@ -1,4 +1,4 @@
-"""Meshes that are not convex, and poses, for benchmarks."""
+"""Non-convex meshes, and poses, for benchmarks."""
 
 import numpy as np
 
@@ -40,6 +40,6 @@ def shelf():
 
 
 def poses(count, spread, centre, rng):
-    """(count, 7): positions about the centre, turned at random."""
+    """(count, 7): positions about the centre, randomly rotated."""
     q = rng.normal(size=(count, 4))
     return np.hstack([centre + rng.uniform(-1, 1, (count, 3)) * spread, q / np.linalg.norm(q, axis=1, keepdims=True)])

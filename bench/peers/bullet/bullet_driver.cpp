@@ -54,8 +54,7 @@ class BulletPeer {
     btPointCollector result;
     detector.getClosestPoints(input, result, nullptr);
     if (cached_) cache.axis = detector.getCachedSeparatingAxis();
-    return result.m_hasResult ? static_cast<double>(result.m_distance)
-                              : 0;  // without EPA it does not report overlaps
+    return result.m_hasResult ? static_cast<double>(result.m_distance) : 0;  // without EPA it does not report overlaps
   }
 
   class Tree {
