@@ -1,4 +1,4 @@
-// The benchmark's arithmetic: percentiles, and what a fixed rate charges to whom.
+// Arithmetic of the benchmark: percentiles, and latencies at a fixed rate.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -52,8 +52,7 @@ TEST(BenchSamples, AClosedLoopAsksAgainAsSoonAsItIsAnswered) {
   EXPECT_EQ(series.unsent, 0u);
 }
 
-// One reply takes 100 ms, while a request is due every millisecond: each of those due meanwhile is charged with its
-// wait.
+// One reply takes 100 ms, while a request is due every millisecond: the latency of each of those includes its wait.
 TEST(BenchSamples, AFixedRateChargesTheWaitBehindASlowReply) {
   Series series;
   int calls = 0;

@@ -1,5 +1,4 @@
-// The tree finds what brute force finds, wherever bodies are and however they got there; boxes hold what they are boxes
-// of.
+// The tree finds the same pairs as brute force, for any positions and motions; boxes enclose their bodies.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +18,7 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-// Boxes that move, jump, vanish and come back, of sizes from a speck to the whole room.
+// Boxes that move, jump, disappear and return, of sizes from a speck to the whole volume.
 class MovingBoxes {
  public:
   MovingBoxes(std::uint64_t seed, std::size_t count, double room) : random_(seed), room_(room), boxes_(count) {
@@ -252,7 +251,7 @@ TEST(BroadPhase, ReductionsByTreeHaveTheBitsOfBruteForce) {
       engines.set_poses(poses);
     }
     if (count <= 10) continue;
-    // A list in order, a list out of order, a group against everything, and configurations of a few or of all.
+    // A sorted list, an unsorted list, a group against everything, and configurations of a few bodies or of all.
     std::vector<BodyPair> some;
     for (const BodyPair pair : engines.tree.pairs({}))
       if (random.below(3) == 0) some.push_back(pair);

@@ -1,5 +1,5 @@
-// Each of the report's ways to find close pairs finds what brute force finds; the tree does the work that its text
-// says.
+// Each of the report's methods finds the same close pairs as brute force; the tree does the work that its text
+// describes.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -37,7 +37,7 @@ TEST_P(ClosePairs, AreThoseOfBruteForce) {
     for (const double margin : {0.0, 0.5, 5.0, kInf}) {
       const std::vector<Aabb>& boxes =
           margin < kInf ? some_empty : none_empty;    // at infinity brute force takes empty ones
-      std::vector<BodyPair> expected, pairs{{7, 8}};  // what is there stays
+      std::vector<BodyPair> expected, pairs{{7, 8}};  // existing entries must stay
       brute->candidates(boxes, margin, expected);
       baseline->candidates(boxes, margin, pairs);
       ASSERT_FALSE(pairs.empty());
@@ -66,9 +66,9 @@ TreeCounts counts_of(AabbTree::Insert insert, const std::vector<Aabb>& boxes) {
   return tree.counts();
 }
 
-// docs/report.md rests on this: the printed heuristic makes a list, nearly as deep as without it, since a box inside a
-// node makes it grow by nothing. With the surface of the new parent as the price of branching the same insertion is
-// shallow.
+// Basis of docs/report.md: with the printed heuristic the tree is nearly as deep as without it and becomes a list,
+// since a box inside a node does not enlarge it. If branching costs the surface of the new parent, the same insertion
+// is shallow.
 TEST(AabbTree, ThePrintedHeuristicMakesAList) {
   constexpr std::uint64_t kBoxes = 500;
   Random random(5);

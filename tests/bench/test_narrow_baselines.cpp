@@ -1,4 +1,4 @@
-// The report's ways to find distances before the exact judge, on the classes of cases that they are made for; and the
+// The report's methods for distances compared with the exact oracle, on the case classes for which they are made, and
 // cases that they are known to get wrong.
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ namespace {
 using exact::Case;
 using exact::CaseClass;
 
-constexpr double kRight = 1e-10;  // of S, the bodies' sizes and separation
+constexpr double kRight = 1e-10;  // relative to S, the bodies' sizes and separation
 const std::vector<std::string> kWellConditioned = {
     "ordinary",          "size_nano",        "size_giga",           "gap_tiny",
     "gap_far",           "shape_duplicated", "shape_many_coplanar", "shape_dense_spheres",
@@ -31,7 +31,7 @@ const CaseClass& class_of(const std::string& name) {
   return *found;
 }
 
-// None for a body without triangles: a flat one.
+// Nothing for a body without triangles (a flat one).
 std::optional<World> world_of(const Case& c) {
   Scene scene;
   scene.add_hull("a", c.a->vertices, {.pose = c.X_wa});
@@ -50,7 +50,7 @@ PairAnswer ask(NarrowBaseline& baseline, const World& world) {
   return answer;
 }
 
-/// A baseline, or none where it wants a GPU and there is none.
+/// A baseline, or null if it needs a GPU and there is none.
 std::unique_ptr<NarrowBaseline> made(const std::string& name, NarrowOptions options = {}) {
   try {
     return make_narrow(name, options);
@@ -69,7 +69,7 @@ bool knows_no_neighbours(const World& world) {
   return false;
 }
 
-// That a world point lies in a body, up to rounding.
+// Checks that a world point is in a body, up to rounding.
 void expect_inside(const Vec3d& point, const exact::SolidPtr& solid, const Pose& X, double tolerance,
                    const std::string& where) {
   const std::vector<Vec3d> one{point};
@@ -128,11 +128,11 @@ Scene random_spheres(int count, double box) {
   return scene;
 }
 
-// Many pairs at once, so that OpenMP has some to deal out and a GPU some to batch.
+// Many pairs at once, enough for OpenMP to distribute and a GPU to batch.
 TEST_P(NarrowBaselines, AnswerManyPairsAsTheEngineDoes) {
   Scene scene = random_spheres(10, 13);
   scene.add_box("box", {3, 2, 1}, {.pose = Pose{{1, 2, 3}, 0.9, 0.1, 0.3, 0.2}});
-  scene.add_uv_sphere("small", 0.5, 4, {.pose = Pose{{1.2, 2, 3}, 1, 0, 0, 0}});  // in the box
+  scene.add_uv_sphere("small", 0.5, 4, {.pose = Pose{{1.2, 2, 3}, 1, 0, 0, 0}});  // inside the box
   const World world(scene);
   std::vector<BodyPair> pairs;
   for (std::uint32_t a = 0; a < world.size(); ++a)
@@ -163,7 +163,8 @@ TEST_P(NarrowBaselines, AnswerManyPairsAsTheEngineDoes) {
   EXPECT_LT(overlaps, 20);
 }
 
-// In doubles a world coordinate of 1e9 m is known to 1e-7 m: meshes moved into the world lose what relative poses keep.
+// A float64 world coordinate of 1e9 m has a resolution of 1e-7 m: meshes in world coordinates lose digits that relative
+// poses keep.
 TEST_P(NarrowBaselines, LoseDigitsFarFromTheWorldsOrigin) {
   const CaseClass& cls = class_of("place_far_from_world");
   int wrong = 0;
@@ -179,7 +180,7 @@ TEST_P(NarrowBaselines, LoseDigitsFarFromTheWorldsOrigin) {
   EXPECT_GT(wrong, 5);
 }
 
-// So many vertices that gjk_omp scans them with all threads, and so many faces that all pairs of them would be 4e9.
+// So many vertices that gjk_omp scans them with all threads, and so many faces that all their pairs would be 4e9.
 class NarrowBaselinesOfLargeMeshes : public NarrowBaselines {};
 
 TEST_P(NarrowBaselinesOfLargeMeshes, AnswerOnePair) {
@@ -213,7 +214,7 @@ TEST(NarrowByName, BadOptionsAndUnknownNamesAreRefused) {
     }
 }
 
-// The second mesh of this scene has dents: it counts as its hull, for the baselines as for the engine.
+// The second mesh of this scene has dents: the baselines and the engine use its hull.
 TEST(Worlds, TakeTheHullOfAMesh) {
   const Scene scene = Scene::load(source_file("scenes/benchmark_lite/scene.yaml"));
   const World world(scene);
@@ -237,7 +238,7 @@ TEST(Worlds, RefuseWhatTheReportDoesNotKnow) {
   EXPECT_THROW(World{many}, std::invalid_argument);
 }
 
-// A block of any size answers with the bits of one thread on the CPU.
+// A block of any size gives the same bits as one thread on the CPU.
 TEST(CudaBlocks, OfAnySizeGiveTheBitsOfTheCpu) {
   if (std::find(narrow_names().begin(), narrow_names().end(), "cuda_batched") == narrow_names().end() ||
       !made("cuda_batched"))
@@ -260,9 +261,9 @@ TEST(CudaBlocks, OfAnySizeGiveTheBitsOfTheCpu) {
     }
 }
 
-// ---- what is known to fail
+// ---- known failures
 
-// Algorithm 1 alone looks at surfaces: of a body inside another it tells how far the surfaces are apart.
+// Algorithm 1 alone considers surfaces only: for a body inside another it returns the distance of the surfaces.
 TEST(KnownFailures, SurfacesDoNotSeeABodyInsideAnother) {
   Scene scene;
   scene.add_box("large", {2, 2, 2}, {});
@@ -274,7 +275,8 @@ TEST(KnownFailures, SurfacesDoNotSeeABodyInsideAnother) {
   EXPECT_EQ(ask(*make_narrow("naive"), world).overlap, 1);
 }
 
-// Section 2.2.1 takes the least over pairs of edges alone: a vertex over the middle of a face is nearer than any edge.
+// Section 2.2.1 takes the minimum over pairs of edges alone: a vertex over the middle of a face is nearer than any
+// edge.
 TEST(KnownFailures, EdgesAloneMissAVertexOverAFace) {
   const PreparedTriangle floor({-3, -3, 0}, {3, -3, 0}, {0, 3, 0}), above({0, 0, 0.5}, {0.1, 0, 2}, {0, 0.1, 2});
   double edges = 1e9;
@@ -288,7 +290,7 @@ TEST(KnownFailures, EdgesAloneMissAVertexOverAFace) {
   EXPECT_GT(edges, 1.0);
 }
 
-// A vertex that no face uses has no neighbours: a climb that begins there ends there.
+// A vertex without faces has no neighbours: hill climbing that starts there stops there.
 TEST(KnownFailures, HillClimbingNeedsEveryVertexToHaveNeighbours) {
   const CaseClass& cls = class_of("shape_duplicated");
   const auto hill = make_narrow("gjk_hill"), by_scan = make_narrow("gjk");
@@ -303,7 +305,7 @@ TEST(KnownFailures, HillClimbingNeedsEveryVertexToHaveNeighbours) {
   EXPECT_GT(wrong, 3);
 }
 
-// Signs of barycentric coordinates pick wrong features of slivers, which bodies of very different sizes make.
+// Signs of barycentric coordinates select wrong features of slivers, which result from bodies of very different sizes.
 TEST(KnownFailures, SignsPickWrongFeaturesOfSlivers) {
   const CaseClass& cls = class_of("size_ratio");
   const auto gjk = make_narrow("gjk");
@@ -319,8 +321,8 @@ TEST(KnownFailures, SignsPickWrongFeaturesOfSlivers) {
   EXPECT_GE(wrong, 2);
 }
 
-// Figure 3 taken by the letter: all vertices with negative coordinates go at once. Obtuse simplices then lose the
-// vertex that carries the nearest point, v comes no nearer, and the iteration ends too early.
+// Figure 3 taken literally drops all vertices with negative coordinates at once. Obtuse simplices then lose the vertex
+// that carries the nearest point, v gets no nearer, and the iteration ends too early.
 TEST(KnownFailures, FigureThreeIsWrongWhereSimplicesAreObtuse) {
   const CaseClass& cls = class_of("ordinary");
   const auto drawn = make_narrow("gjk", {.reduction = Reduction::kFigure3});
@@ -339,7 +341,7 @@ TEST(KnownFailures, FigureThreeIsWrongWhereSimplicesAreObtuse) {
 }
 
 // Algorithm 2 as printed returns once a support vertex is not past the origin: the bodies are apart then, but v is not
-// yet the distance.
+// the distance yet.
 TEST(KnownFailures, AlgorithmTwoAsPrintedStopsBeforeTheDistanceIsKnown) {
   const CaseClass& cls = class_of("ordinary");
   int apart = 0, early = 0;

@@ -1,4 +1,4 @@
-// That what the contenders are asked is what it says: problems survive their files, and the truths in them are true.
+// The contenders' problems: files preserve them, and their exact distances are correct.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -62,7 +62,7 @@ TEST(Problem, HasTheTruthOfEveryClass) {
   }
 }
 
-// Faces are given to libraries that trust them: outward, and no vertex beyond any by more than rounding.
+// Faces are given to libraries that rely on them: outward, and no vertex beyond any by more than rounding.
 TEST(Problem, HasFacesOfTheHull) {
   int faces = 0;
   for (const char* name : {"ordinary", "size_nano", "shape_many_coplanar", "shape_duplicated"}) {
@@ -91,7 +91,7 @@ TEST(Workload, OfOneMillimetreIsThat) {
   for (const double t : p.truth) ASSERT_NEAR(t, 1e-3, 1e-9);
 }
 
-// A list of near pairs is judged by who is in it: none of those that are judged may lie on the edge.
+// The check of a list of near pairs is by membership: no checked pair may be at the limit.
 TEST(Workload, WithinHasNobodyOnItsEdge) {
   const peers::Problem p = through_a_file(make_workload("within", "", {}));
   ASSERT_EQ(p.kind, peers::Kind::kWithin);
@@ -110,7 +110,7 @@ TEST(Workload, AListIsSpreadInTheOrderOfThePairs) {
   peers::Problem p;
   p.pairs = {{0, 1}, {0, 2}, {1, 2}};
   double answers[3];
-  peers::spread(p, {{2, 1, 0.5}, {0, 1, 2}}, answers);  // a tree names the bodies of a pair in any order
+  peers::spread(p, {{2, 1, 0.5}, {0, 1, 2}}, answers);  // a tree may swap the bodies of a pair
   EXPECT_EQ(answers[0], 2);
   EXPECT_EQ(answers[1], peers::kBeyond);
   EXPECT_EQ(answers[2], 0.5);

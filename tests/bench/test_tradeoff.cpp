@@ -1,4 +1,4 @@
-// The sweep's scenes are what they say, and its numbers mean what their names say.
+// The sweep's scenes match their descriptions, and its numbers match their names.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -98,7 +98,7 @@ TEST(Tradeoff, AnswersKeepWhatTheirSettingAsks) {
     EXPECT_EQ(p.unconverged, 0);
     EXPECT_GT(p.ns_per_pair, 0);
     EXPECT_NEAR(p.ok + p.overlap + p.contact + p.beyond + p.unconverged, 1, 1e-12);
-    EXPECT_LE(p.error.max, p.width.max + 1e-15);  // the distance lies in the interval, and so does the truth
+    EXPECT_LE(p.error.max, p.width.max + 1e-15);  // the distance and the exact distance are both in the interval
     if (p.setting.rel_tol > 0) {
       EXPECT_LE(p.rel_width.max, p.setting.rel_tol * (1 + 2 * p.setting.rel_tol));
     } else {

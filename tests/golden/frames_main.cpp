@@ -1,5 +1,5 @@
-// clearance-golden-frames: the bytes of requests, replies and LCM messages. A change of the contract shows up as lines
-// of tests/golden/frames.txt.
+// clearance-golden-frames: the bytes of requests, replies and LCM messages. A change of the contract changes lines of
+// tests/golden/frames.txt.
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -31,7 +31,7 @@ namespace {
 using wire::FrameType;
 using Bytes = std::vector<std::byte>;
 
-// --- what differs from run to run, or from machine to machine
+// --- values that vary between runs or machines
 
 constexpr std::byte kMasked{0xEE};
 
@@ -44,7 +44,7 @@ void mask_members(Bytes& frame, std::initializer_list<std::size_t> members) {
   for (const std::size_t member : members) mask(frame, sizeof(wire::FrameHeader) + member);
 }
 
-/// Rounds the numbers of a reply: answers.csv has the digests of all their bits.
+/// Rounds the numbers of a reply; answers.csv has digests of all their bits.
 void round_columns(Bytes& frame, const wire::FrameHeader& header) {
   const auto parts = wire::split_payload(header, std::span(frame).subspan(sizeof header));
   std::uint32_t joints = 0;
@@ -104,13 +104,14 @@ Bytes comparable(Bytes frame) {
                         offsetof(wire::JointStateRecord, receipt_ns));
       break;
     }
-    case FrameType::kStats:  // the first two counters stand for the layout: which there are is not the wire's affair
+    case FrameType::kStats:  // two counters suffice for the layout; the set of counters is not part of the wire
+                             // contract
       mask(frame, offsetof(wire::FrameHeader, payload_bytes));
       frame.erase(frame.begin() + sizeof header + 2 * sizeof(wire::CounterRecord), frame.end());
       for (const std::size_t i : {0, 1})
         mask(frame, sizeof header + i * sizeof(wire::CounterRecord) + offsetof(wire::CounterRecord, value));
       break;
-    case FrameType::kCertificate:  // a document with a format of its own
+    case FrameType::kCertificate:  // a document with its own format
       mask(frame, offsetof(wire::FrameHeader, payload_bytes));
       frame.resize(sizeof header + 16);
       break;
@@ -122,7 +123,7 @@ Bytes comparable(Bytes frame) {
 
 // --- the record
 
-/// Lines of 32 bytes, with their offset; those of zeros are left out.
+/// Lines of 32 bytes, with their offsets; lines of zeros are left out.
 void write(std::ostream& out, const std::string& name, const Bytes& bytes) {
   out << "--- " << name << ", " << bytes.size() << " bytes\n";
   for (std::size_t at = 0; at < bytes.size(); at += 32) {
@@ -148,7 +149,7 @@ void write_message(std::ostream& out, const std::string& name, const Message& me
 
 // --- frames
 
-/// A daemon's loop, asked by one client.
+/// A daemon's loop with one client.
 class Conversation {
  public:
   explicit Conversation(Scene scene) {
@@ -186,7 +187,7 @@ Bytes record_frame(FrameType type, const Record& record) {
   return simple_frame(type, 50, std::as_bytes(std::span(&record, 1)));
 }
 
-/// Kinds of request that sample_requests() lacks.
+/// Kinds of requests that sample_requests() lacks.
 std::vector<std::pair<std::string, Bytes>> more_requests() {
   std::vector<std::pair<std::string, Bytes>> all;
   TestQuery query;
@@ -221,7 +222,7 @@ std::vector<std::pair<std::string, Bytes>> more_requests() {
   return all;
 }
 
-/// In the order in which one daemon can answer them: no query waits, and bodies that are named are there.
+/// In an order in which one daemon can answer them: no query waits, and the named bodies exist.
 std::vector<std::pair<std::string, Bytes>> ordered_requests() {
   auto all = sample_requests();
   std::stable_partition(all.begin(), all.end(), [](const auto& request) { return request.first == "poses"; });
@@ -258,7 +259,7 @@ void write_frames(std::ostream& out) {
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
   write_exchange(out, arm, "arm_query", query.frame(62));
 
-  // What a daemon with a GPU answers.
+  // Replies of a daemon with a GPU.
   write(out, "plan", simple_frame(FrameType::kPlan, 1, wire::plan_payload()));
   write(out, "plan_done", record_frame(FrameType::kPlanDone, wire::PlanResult{1, 5, 100'000, {}}));
   shm::Message hello;
@@ -341,7 +342,7 @@ void write_updates(std::ostream& out) {
   write_message(out, "frame_t", part);
 }
 
-/// What the daemon publishes, of its answers to requests.
+/// Publications of the daemon, derived from its replies.
 void write_publications(std::ostream& out) {
   Conversation daemon(small_scene());
   const auto answer = [&](const Bytes& request) { return comparable(daemon.ask(request)); };

@@ -1,4 +1,4 @@
-// clearance-golden: digests of answers, every bit of them. What only moves or merges code must leave them as they are.
+// clearance-golden: digests of all bits of answers. Moving or merging code must not change them.
 #include <CLI/CLI.hpp>
 #include <bit>
 #include <cmath>
@@ -19,7 +19,7 @@ namespace {
 struct GoldenQuery {
   const char* name;
   Reduce reduce;
-  bool cut;  // with the scene's cut-off distance; kAny: as its margin
+  bool cut;  // with the scene's cut-off distance, which is the margin for kAny
 };
 constexpr GoldenQuery kQuestions[] = {{"none", Reduce::kNone, false},    {"none_near", Reduce::kNone, true},
                                       {"within", Reduce::kWithin, true}, {"nearest", Reduce::kNearest, false},
@@ -45,21 +45,21 @@ std::vector<Setting> all_settings() {
       for (const Precision precision : {Precision::kF64, Precision::kF32})
         for (const bool depth : {false, true})
           for (const bool warm : {false, true}) {
-            if (depth && precision == Precision::kF32) continue;     // depths are float64's in any case
-            if (depth && question.reduce == Reduce::kAny) continue;  // it asks for none
-            if (warm && question.reduce != Reduce::kNone) continue;  // reductions begin cold
+            if (depth && precision == Precision::kF32) continue;     // depths are always float64
+            if (depth && question.reduce == Reduce::kAny) continue;  // kAny has no depths
+            if (warm && question.reduce != Reduce::kNone) continue;  // reductions start cold
             all.push_back({question, format, precision, depth, warm});
           }
   return all;
 }
 
-/// Of the columns that give the interval, and of all others.
+/// Of the columns with the interval, and of all others.
 struct Digests {
   Digest interval, rest;
   std::uint64_t ok = 0, overlap = 0, contact = 0, beyond = 0, other = 0;  ///< rows by status
 };
 
-// Bits of a number; one NaN is as good as another.
+// Bits of a number, with one representation of NaN.
 std::uint64_t bits_of(double x) {
   return std::isnan(x) ? ~std::uint64_t{0} : std::bit_cast<std::uint64_t>(x);
 }
@@ -141,7 +141,7 @@ std::string line_of(const GoldenScene& g, const Setting& s, const Digests& d) {
 
 constexpr const char* kHead = "scene,reduce,format,precision,depth,start,ok,overlap,contact,beyond,other,interval,rest";
 
-// The lines that each instruction set and number of threads gives; they must agree.
+// The lines for each instruction set and number of threads, which must agree.
 std::vector<std::string> lines_of(const std::string& instruction_set, int threads) {
   std::vector<std::string> lines{kHead};
   for (const GoldenScene& g : golden_scenes()) {
@@ -154,7 +154,7 @@ std::vector<std::string> lines_of(const std::string& instruction_set, int thread
   return lines;
 }
 
-// Says where lines differ from those that are expected. Returns how many do.
+// Prints where lines differ from the expected ones. Returns the number of differences.
 int compare(const std::vector<std::string>& expected, const std::vector<std::string>& got, const std::string& who) {
   int different = expected.size() == got.size() ? 0 : 1;
   if (different) std::cerr << who << ": " << got.size() << " lines, " << expected.size() << " are expected\n";

@@ -23,7 +23,7 @@ class Dice {
   /// A multiple of 2^-20.
   double number(double low, double high) { return low + (high - low) * (integer(0, 1 << 20) * 0x1p-20); }
   Vec3d vector(double size) { return {number(-size, size), number(-size, size), number(-size, size)}; }
-  /// Turned by a quaternion of integers, which the engine normalises.
+  /// Rotated by a quaternion of integers, which the engine normalises.
   Pose pose(double room) {
     Pose p{vector(room), 0, 0, 0, 0};
     while (p.qw * p.qw + p.qx * p.qx + p.qy * p.qy + p.qz * p.qz == 0)
@@ -36,7 +36,7 @@ class Dice {
       v.push_back({number(-size.x, size.x), number(-size.y, size.y), number(-size.z, size.z)});
     return v;
   }
-  /// On a sphere up to rounding.
+  /// Points on a sphere, up to rounding.
   std::vector<Vec3d> shell(int count, double radius) {
     std::vector<Vec3d> v = points(count, {1, 1, 1});
     for (Vec3d& p : v) p = p * (radius / std::sqrt(dot(p, p) + 0x1p-40));
@@ -49,7 +49,7 @@ class Dice {
 
 using Pieces = std::vector<PiecePtr>;
 
-// Bodies at random poses in configurations that move two of three of them; every seventh is static.
+// Bodies at random poses, in configurations that move two thirds of them; every seventh is static.
 template <class MakePieces>
 GoldenScene scene_of(const std::string& name, int count, double room, double cut_off, const MakePieces& pieces,
                      std::uint64_t seed) {
@@ -98,7 +98,7 @@ Pieces rounded(Dice& d, int i) {
   return {make_piece(d.points(9, {0.4, 0.4, 0.4}), radius)};
 }
 
-// Needles and plates, whose thickness is down to 2^-30 of their length.
+// Needles and plates, with a thickness down to 2^-30 of their length.
 Pieces slender(Dice& d, int i) {
   const double thin = std::ldexp(1.0, -d.integer(3, 30));
   return {i % 2 ? make_piece(d.points(10, {0.8, thin, thin})) : make_piece(d.points(10, {0.8, 0.8, thin}))};
@@ -119,7 +119,7 @@ Pieces sizes(Dice& d, int i) {
   return {make_piece(d.points(12, {size, size, size}), i % 4 == 3 ? size / 8 : 0)};
 }
 
-// Above 64 vertices a piece has a direction table.
+// Parts with more than 64 vertices have a direction table.
 Pieces large(Dice& d, int i) {
   return {make_piece(d.shell(48 << i % 4, 0.5))};
 }
@@ -139,7 +139,7 @@ Pieces several(Dice& d, int i) {
   return all;
 }
 
-// Boxes in a row without turns: faces touch exactly, are 2^-40 apart, or overlap by as much.
+// Axis-aligned boxes in a row: faces touch exactly, are 2^-40 apart, or overlap by as much.
 GoldenScene contacts() {
   GoldenScene g = scene_of("contacts", 14, 1, 0.5, [](Dice&, int) { return Pieces{box({0.25, 0.25, 0.25})}; }, 71);
   Dice dice(72);
@@ -154,7 +154,7 @@ GoldenScene contacts() {
   return g;
 }
 
-// Parents, poses that are bad or absent, and a quaternion that is far from a unit's.
+// Parents, invalid or missing poses, and a quaternion far from unit length.
 GoldenScene family() {
   GoldenScene g;
   g.name = "family";

@@ -1,5 +1,5 @@
-// Scenes whose answers are kept bit for bit. Their numbers come from integers, divisions and square roots alone: no
-// mesh, no Qhull, no function of a mathematical library, so that every machine makes the same ones.
+// Scenes whose answers are recorded bit for bit. Their numbers result from integers, divisions and square roots alone:
+// no mesh, no Qhull, no mathematical library, so that they are the same on every machine.
 #pragma once
 
 #include <string>
@@ -14,8 +14,8 @@ struct GoldenScene {
   Scene scene;
   std::vector<std::uint32_t> moved;  ///< bodies that configurations place
   std::vector<Pose> configurations,
-      next;            ///< (kConfigurations, moved); `next`: each a little farther on, for warm starts
-  double cut_off = 1;  ///< metres; some pairs are nearer, some are farther
+      next;            ///< (kConfigurations, moved); `next` is slightly displaced, for warm starts
+  double cut_off = 1;  ///< in metres; some pairs are nearer, some farther
 };
 inline constexpr std::uint32_t kConfigurations = 5;
 

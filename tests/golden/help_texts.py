@@ -29,7 +29,7 @@ def _help_of_module(module: str, packages: Path) -> str:
 
 
 def help_texts(build: Path) -> dict[str, str]:
-    """Texts by command line, of the programs in a build folder."""
+    """Help texts of the programs in a build folder, by command line."""
     texts = {}
     for program in ("clearanced", "clearance"):
         path = str(build / "bin" / program)
@@ -48,7 +48,7 @@ def recorded() -> dict[str, str]:
 
 
 def words(text: str) -> list[str]:
-    """A help text's words, without case: releases of CLI11 and argparse wrap and capitalise differently."""
+    """A help text's words in lower case, because releases of CLI11 and argparse wrap and capitalise differently."""
     return text.casefold().split()
 
 

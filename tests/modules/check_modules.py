@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Compares the tree's includes and folders with modules.txt, and compiles each header by itself.
 
-check_modules.py arrows                      every include is allowed, the modules have an order, no folder is too large
-check_modules.py headers COMPILER FLAGS...   every header compiles alone
+check_modules.py arrows                      checks that every include is allowed, and the order and size of modules
+check_modules.py headers COMPILER FLAGS...   checks that every header compiles alone
 """
 
 import collections
@@ -20,7 +20,7 @@ MOST = 25  # sources in a folder
 
 
 class Modules:
-    """modules.txt: what each module may use, from below, and the folders that may be large."""
+    """modules.txt: the modules that each module may use, in order, and the folders that may be large."""
 
     def __init__(self) -> None:
         self.allowed: dict[str, set[str]] = {}
@@ -33,7 +33,7 @@ class Modules:
                 self.allowed[name] = set(rest.split())
 
     def of(self, path: Path) -> str:
-        """A folder is a module of its own in engine/ and server/; elsewhere a module holds its subfolders."""
+        """A folder of engine/ and server/ is a module; elsewhere a module includes its subfolders."""
         if path.parts[0] in ("engine", "server"):
             return str(path.parent)
         return path.parts[0]
@@ -49,7 +49,7 @@ def files() -> list[Path]:
 
 
 def source_of(name: str) -> Path:
-    """The file of an include: <clearance/x.h> is a header of wire/ or client/, as it is installed."""
+    """The file of an include: <clearance/x.h> is a header of wire/ or client/ at its installed place."""
     if name == "clearance/engine.h":
         return Path("engine/embed/embed.h")
     if name.startswith("clearance/"):
@@ -63,13 +63,13 @@ def included_names(path: Path) -> list[str]:
 
 
 def includes(path: Path) -> list[Path]:
-    """The headers of this tree that a source includes, in its order."""
+    """The headers of this tree that a source includes, in order."""
     return [source for name in included_names(path) if (ROOT / (source := source_of(name))).is_file()]
 
 
 def check_arrows() -> list[str]:
     modules, errors, seen, arrows = Modules(), [], [], []
-    for module, allowed in modules.allowed.items():  # each may use only those above it, so there is no circle
+    for module, allowed in modules.allowed.items():  # each may use only those above it, so there is no cycle
         errors += [f"modules.txt: {module} stands above {other}, which it may use" for other in allowed - {"*", *seen}]
         seen.append(module)
     for path in files():
@@ -97,7 +97,7 @@ def check_arrows() -> list[str]:
 def check_sizes(large: set[str]) -> list[str]:
     listed = subprocess.run(
         ["git", "ls-files", "--", *FOLDERS], cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-    ).stdout.splitlines()  # without git (an unpacked archive): what is there
+    ).stdout.splitlines()  # without git (an unpacked archive): all files
     paths = [Path(name) for name in listed] or [p.relative_to(ROOT) for f in FOLDERS for p in (ROOT / f).rglob("*")]
     sizes = collections.Counter(str(p.parent) for p in paths if p.suffix in (*SOURCES, ".py") and (ROOT / p).is_file())
     errors = [
@@ -109,7 +109,7 @@ def check_sizes(large: set[str]) -> list[str]:
 
 
 def check_headers(compiler: list[str]) -> list[str]:
-    """A header that some source includes first has been compiled alone by that source. Bindings need Python's."""
+    """A header that some source includes first was compiled alone by that source. Bindings need Python's headers."""
     sources = files()
     first = {includes(path)[0] for path in sources if path.suffix == ".cpp" and includes(path)}
     left = [
