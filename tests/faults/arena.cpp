@@ -24,7 +24,7 @@ const std::string kScene = source_file("scenes/random_100/scene.yaml");
 
 namespace {
 
-/// An LCM network of our own on this host; empty where packets do not come back.
+/// A private LCM network on this host; empty if packets do not come back.
 std::string lcm_url() {
   const std::optional<LcmAddress> address = own_lcm_address("fire");
   return address ? address->url() : "";

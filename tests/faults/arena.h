@@ -1,4 +1,4 @@
-// A daemon with its three transports, witnesses beside it, and victims to harm.
+// A daemon with its three transports, witnesses that check it, and victims that are harmed.
 #pragma once
 
 #include <sys/types.h>
@@ -17,7 +17,7 @@ namespace clearance::faults {
 
 extern const std::string kScene;  ///< scenes/random_100
 
-/// fire_victim (victim_main.cpp) as a process. Killed with this object, if it still runs.
+/// The process fire_victim (victim_main.cpp). Killed with this object if it still runs.
 class Victim {
  public:
   explicit Victim(std::vector<std::string> arguments);
@@ -25,9 +25,9 @@ class Victim {
   Victim(Victim&& other) noexcept;
   Victim(const Victim&) = delete;
 
-  /// Waits until a signal stopped it; false if it ended instead.
+  /// Waits until a signal has stopped it; false if it ended instead.
   bool await_stop();
-  /// Waits for its end: its exit code, or minus the signal that ended it.
+  /// Waits for its end. Returns its exit code, or minus the signal that ended it.
   int await_end();
   void signal(int number) const;
 
@@ -38,30 +38,32 @@ class Victim {
 
 class Arena {
  public:
-  /// Starts a daemon. \param options more of its command line.
+  /// Starts a daemon.
+  /// \param options further command line options
   explicit Arena(std::vector<std::string> options = {}, const std::string& scene = kScene);
 
   const std::string& shm() const { return urls_[0]; }
   const std::string& zmq() const { return urls_[1]; }
   const std::string& lcm() const { return urls_[2]; }
   const std::vector<std::string>& urls() const { return urls_; }
-  /// Whose url comes last is left out where LCM messages do not come back (no multicast route).
+  /// Returns false if LCM messages do not come back (no multicast route); the last URL is then missing.
   bool has_lcm() const { return urls_.size() > 2; }
 
   Daemon& daemon() { return *daemon_; }
-  /// Kills it, and starts another at the same places.
+  /// Kills the daemon, and starts another at the same endpoints.
   void kill_and_restart();
-  /// Whether it has ended by itself.
+  /// Returns whether the daemon has ended by itself.
   bool has_ended() const;
-  /// Ends it as it should be ended; its exit code.
+  /// Ends the daemon regularly and returns its exit code.
   int end();
 
-  /// What the daemon holds now.
+  /// Resources that the daemon holds now.
   Census census() const;
-  /// Waits until the daemon holds what it held, at most kPatience. Returns what is left behind, or an empty text.
+  /// Waits until the daemon holds no more than before, at most kPatience. Describes the excess, or returns an empty
+  /// string.
   std::string settle(const Census& before) const;
 
-  /// A talk that ends, or stops, at a point of victim.h.
+  /// A client that ends, or stops, at a point of victim.h.
   Victim talk(const std::string& url, std::string_view point, int signal, std::uint64_t seed) const;
   std::string folder() const { return folder_.path(); }
 
@@ -71,13 +73,13 @@ class Arena {
   std::unique_ptr<Daemon> daemon_;
 };
 
-/// The points of the transport that a url names.
+/// The points of the transport that a URL names.
 std::vector<std::string_view> points_of(const std::string& url);
 
 using Stats = std::map<std::string, std::uint64_t>;
 Stats stats_of(Client& client);
-/// Whether every request that came in was answered, refused, dropped with its client, or waits. Returns what does not
-/// add up, or an empty text.
+/// Checks that every received request was answered, rejected, dropped with its client, or waits. Describes the
+/// imbalance, or returns an empty string.
 std::string unbalanced(const Stats& stats);
 
 }  // namespace clearance::faults

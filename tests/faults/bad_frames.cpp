@@ -31,7 +31,7 @@ template <class Change>
 void change_query(Bytes& frame, Change what) {
   change<wire::QueryHeader>(frame, sizeof(wire::FrameHeader), what);
 }
-/// The header speaks of the payload that is there.
+/// Sets the header's size to that of the actual payload.
 void mend_size(Bytes& frame) {
   change_header(frame, [&](auto& h) { h.payload_bytes = frame.size() - sizeof h; });
 }
@@ -41,7 +41,7 @@ T one_of(std::mt19937_64& random, std::initializer_list<T> all) {
   return all.begin()[random() % all.size()];
 }
 
-/// A good query of a few pairs, or of configurations.
+/// A valid query of a few pairs, or of configurations.
 Bytes good_frame(std::uint64_t id, std::mt19937_64& random) {
   TestQuery query;
   query.header.max_distance = 5;
@@ -58,7 +58,7 @@ Bytes good_frame(std::uint64_t id, std::mt19937_64& random) {
   return query.frame(id);
 }
 
-/// A request of one record, with `extra` zeros behind it.
+/// A request of one record, followed by `extra` zeros.
 template <class Record>
 Bytes record_frame(FrameType type, std::uint64_t id, const Record& record, std::size_t extra = 0) {
   Bytes payload(sizeof record + extra);
@@ -113,19 +113,19 @@ Bytes bad_body(std::uint64_t id, std::mt19937_64& random) {
       wire::set_name(body.name, "");
       break;
     case 3:
-      std::memset(body.name, 'x', sizeof body.name);  // no end
+      std::memset(body.name, 'x', sizeof body.name);  // no terminator
       break;
     case 4:
       body.vertex_count = one_of<std::uint64_t>(random, {1, std::uint64_t{1} << 60, ~std::uint64_t{0}});
       break;
     case 5:
-      body.has_pose = 1;  // and its quaternion is 0
+      body.has_pose = 1;  // with a quaternion of 0
       break;
     case 6:
       body.parent = 10'000;
       break;
     default:
-      body.shape = static_cast<std::uint8_t>(wire::BodyShape::kHull);  // of no vertex, or of one that is no number
+      body.shape = static_cast<std::uint8_t>(wire::BodyShape::kHull);  // with no vertex, or a NaN vertex
       std::fill(std::begin(body.size), std::end(body.size), 0.0);
       if (random() % 2) {
         body.vertex_count = 1;

@@ -62,7 +62,7 @@ std::string left_behind(const Census& before, const Census& now) {
   compare("segments", before.segments, now.segments);
   compare("mappings", before.mappings, now.mappings, kMappingsSpared);
   if (now.threads > before.threads)
-    compare("threads", before.threads, now.threads);  // one that loaded a scene may end later
+    compare("threads", before.threads, now.threads);  // a thread that loaded a scene may end later
   for (const std::string& file : now.files)
     if (std::find(before.files.begin(), before.files.end(), file) == before.files.end())
       text += "a file " + file + "; ";

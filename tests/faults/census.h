@@ -1,4 +1,4 @@
-// What a process holds, as the kernel tells it, to see whether it is still the same after trouble.
+// Resources that a process holds according to the kernel, for comparisons before and after faults.
 #pragma once
 
 #include <cstdint>
@@ -13,20 +13,20 @@ struct Census {
   int mappings = 0;                             ///< all of /proc/PID/maps
   int threads = 0;                              ///< /proc/PID/task
   std::uint64_t private_kb = 0, shared_kb = 0;  ///< resident: RssAnon; RssShmem and RssFile
-  std::vector<std::string> files;               ///< of the daemon's folders; segments in /dev/shm
+  std::vector<std::string> files;               ///< in the daemon's folders; segments in /dev/shm
 
   std::string text() const;
 };
 
-/// \param folders whose files are counted, with segments in /dev/shm (there should be none: a segment has no name).
+/// \param folders folders whose files are counted, with segments in /dev/shm (none are expected: a segment has no name)
 Census census_of(int pid, const std::vector<std::string>& folders);
 
-/// What `now` holds that `before` did not, in words; empty: nothing. Descriptors, segments, threads and files must be
-/// the same; other mappings are the allocator's, which may keep a few more (kMappingsSpared).
+/// Describes the resources in `now` that `before` lacked, or returns an empty string. Descriptors, segments, threads
+/// and files must be equal; other mappings belong to the allocator, which may keep a few more (kMappingsSpared).
 std::string left_behind(const Census& before, const Census& now);
 inline constexpr int kMappingsSpared = 24;
 
-/// Names of the entries of a folder, sorted; of one that is not there, none.
+/// Sorted names of the entries of a folder; empty if it does not exist.
 std::vector<std::string> entries_of(const std::string& folder);
 
 }  // namespace clearance::faults

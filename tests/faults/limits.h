@@ -1,4 +1,4 @@
-// Limits that are lowered on a running process, and what its clients are told then.
+// Limits that are lowered for a running process, and the errors that its clients then get.
 #pragma once
 
 #include <sys/resource.h>
@@ -12,7 +12,7 @@
 
 namespace clearance::faults {
 
-/// What a call throws, in words; empty: nothing.
+/// The message of the exception that a call throws, or an empty string.
 inline std::string error_of(const std::function<void()>& call) {
   try {
     call();
@@ -22,7 +22,7 @@ inline std::string error_of(const std::function<void()>& call) {
   return "";
 }
 
-/// Lowers a limit of a running process; the destructor lifts it again.
+/// Lowers a limit of a running process; the destructor restores it.
 class Limit {
  public:
   Limit(int pid, __rlimit_resource what, std::uint64_t value) : pid_(pid), what_(what) {
@@ -39,7 +39,7 @@ class Limit {
   rlimit before_{};
 };
 
-/// The limit of descriptors that leaves a process just so many free ones: it may have gaps.
+/// Descriptor limit that leaves a process this many free ones; its descriptors may have gaps.
 inline std::uint64_t descriptors_for(int pid, int spare) {
   const auto is_open = [pid](std::uint64_t fd) {
     struct stat info{};
@@ -50,7 +50,7 @@ inline std::uint64_t descriptors_for(int pid, int spare) {
     if (!is_open(limit) && ++free > spare) return limit;
 }
 
-/// Bytes of address space that a process has.
+/// Size of a process's address space in bytes.
 inline std::uint64_t address_space_of(int pid) {
   std::ifstream statm("/proc/" + std::to_string(pid) + "/statm");
   std::uint64_t pages = 0;

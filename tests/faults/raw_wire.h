@@ -1,4 +1,4 @@
-// Frames of any bytes to a daemon, past the client library, over each transport.
+// Sends frames with arbitrary bytes to a daemon over each transport, without the client library.
 #pragma once
 
 #include <chrono>
@@ -18,7 +18,7 @@
 
 namespace clearance::faults {
 
-/// What came back.
+/// A received reply.
 struct RawReply {
   wire::FrameHeader header;
   wire::ErrorHeader error;  ///< of a kError
@@ -37,7 +37,7 @@ inline RawReply raw_reply(std::span<const std::byte> frame) {
 class RawWire {
  public:
   virtual ~RawWire() = default;
-  /// Sends a frame, at least a header long, and waits for the one reply to it. Throws std::runtime_error if none comes.
+  /// Sends a frame, at least a header long, and waits for its reply. Throws std::runtime_error if none arrives.
   virtual RawReply ask(const std::vector<std::byte>& frame) = 0;
 };
 
@@ -94,7 +94,7 @@ class RawZmqWire final : public RawWire {
   zmq::socket_t socket_{context_, zmq::socket_type::dealer};
 };
 
-/// Of one part each way: requests and replies under 48 KB. Packets may be lost; then it asks again.
+/// Requests and replies under 48 KB, in one part each. Repeats a request if packets are lost.
 class RawLcmWire final : public RawWire {
  public:
   explicit RawLcmWire(const std::string& url) : bus_(parse_lcm_address(url)) {

@@ -1,11 +1,11 @@
-// How often faults are repeated: a few times in `make test`, as often as asked in `make soak`.
+// Number of repetitions of faults: a few in `make test`, a configurable number in `make soak`.
 #pragma once
 
 #include <cstdlib>
 
 namespace clearance::faults {
 
-/// \param short_run what `make test` does. CLEARANCE_FIRE_ROUNDS=N in the environment multiplies it.
+/// \param short_run number in `make test`; CLEARANCE_FIRE_ROUNDS=N in the environment multiplies it
 inline int rounds(int short_run) {
   const char* times = std::getenv("CLEARANCE_FIRE_ROUNDS");
   const int factor = times ? std::atoi(times) : 1;

@@ -1,5 +1,4 @@
-// A client that writes over every byte it shares with the daemon, by chance and by design, while the daemon works on
-// it.
+// A client that overwrites every byte it shares with the daemon, randomly and deliberately, while the daemon uses it.
 #include <atomic>
 #include <chrono>
 #include <thread>
@@ -11,13 +10,12 @@
 namespace clearance::faults {
 namespace {
 
-/// What a session writes over. The first two keep the rules of the rings, so that the daemon goes on answering from
-/// memory that changes under it; the others break them.
-/// kToggle: the words of the ring that the daemon checks are now right, now wrong, as fast as a core can: whoever
-/// loaded one again after checking it would go by the wrong one.
+/// The memory that a session overwrites. The first two keep the rules of the rings, so that the daemon continues to
+/// answer from changing memory; the others break them. kToggle switches the ring's checked values between valid and
+/// invalid as fast as possible, to catch a value that is loaded again after its check.
 enum class Target { kRequests, kReplies, kRings, kEverything, kToggle };
 
-/// Values near what checks compare with, and plain chance.
+/// Values near those that checks compare with, and random ones.
 std::uint64_t nasty_word(const shm::SegmentHeader& header, std::mt19937_64& random) {
   const std::uint64_t values[] = {
       0,
@@ -45,7 +43,7 @@ std::uint64_t nasty_word(const shm::SegmentHeader& header, std::mt19937_64& rand
   return drawn % 4 == 0 ? random() : values[drawn / 4 % std::size(values)];
 }
 
-/// Switches the entries of the request ring that the daemon takes next to and fro, until `done`.
+/// Toggles the entries that the daemon takes next from the request ring, until `done`.
 void toggle(const RawClient& client, const std::atomic<bool>& done, std::mt19937_64& random) {
   shm::SegmentHeader& header = *client.header;
   const std::uint64_t far = std::uint64_t{1} << 40;
@@ -53,12 +51,12 @@ void toggle(const RawClient& client, const std::atomic<bool>& done, std::mt19937
     shm::RingEntry& entry = header.requests[(header.request_head.load() + random() % 2) % shm::kRingEntries];
     for (int i = 0; i < 500; ++i) {
       std::uint64_t bytes = entry.frame_bytes.load(), ticket = entry.ticket.load();
-      // What the client has posted meanwhile is not overwritten by what was there before.
+      // Does not restore an old value over one that the client has posted meanwhile.
       if (bytes != far && entry.frame_bytes.compare_exchange_strong(bytes, far)) {
         std::uint64_t wrong = far;
         entry.frame_bytes.compare_exchange_strong(wrong, bytes);
       }
-      // Right for longer than wrong, so that a first look passes and a second one might not.
+      // Valid for longer than invalid, so that a first check passes and a second one might not.
       for (int pause = 0; pause < 10; ++pause) shm::cpu_relax();
       const std::uint64_t elsewhere = ticket | 0xFFFFFF00;
       if (ticket != elsewhere && entry.ticket.compare_exchange_strong(ticket, elsewhere)) {
@@ -80,7 +78,7 @@ void write_over(const RawClient& client, Target target, const std::atomic<bool>&
   if (target == Target::kRequests) begin = shm::kPage / 8, end = (shm::kPage + slots * request) / 8;
   if (target == Target::kReplies) begin = (shm::kPage + slots * request) / 8;
   if (target == Target::kRings) end = sizeof(shm::SegmentHeader) / 8;
-  // Values that checks compare with are in the first words of each area; that is where most writes go.
+  // Most writes go to the first words of each area, which have the checked values.
   const std::uint64_t area = target == Target::kReplies ? reply / 8 : request / 8;
   for (std::uint64_t i = 0; !done; ++i) {
     std::uint64_t at = begin + random() % (end - begin);
@@ -92,12 +90,12 @@ void write_over(const RawClient& client, Target target, const std::atomic<bool>&
   }
 }
 
-/// One connection: requests by the rules while another thread writes over the segment. Ends when the daemon hangs up.
+/// One connection: valid requests while another thread overwrites the segment. Ends when the daemon hangs up.
 void session(const std::string& socket_path, std::mt19937_64& random) {
   RawClient client(socket_path);
   const std::uint64_t request_capacity = client.header->request_capacity;
   const std::uint32_t slots = client.header->slot_count;
-  // Toggling ends a connection soonest: more of those.
+  // Toggling ends a connection soonest, so it gets more sessions.
   constexpr Target kTargets[] = {Target::kRequests, Target::kReplies, Target::kRings,  Target::kEverything,
                                  Target::kToggle,   Target::kToggle,  Target::kToggle, Target::kToggle};
   const Target target = kTargets[random() % std::size(kTargets)];
@@ -112,14 +110,14 @@ void session(const std::string& socket_path, std::mt19937_64& random) {
     return ::poll(&readable, 1, wait_ms) > 0;
   };
   for (std::uint32_t posted = 0; posted < 60 && !hung_up(0);) {
-    // Four slots in turns; the one that is used next must have been given back.
+    // Four slots in turn; the next one must have been returned.
     if (posted - answered < 4) {
       const std::uint32_t slot = posted % 4;
       const auto& frame = frames[posted % frames.size()];
       std::byte* room = client.base + shm::kPage + slot * request_capacity;
       std::memcpy(room, frame.data(), frame.size());
-      // Some queries are bad before the daemon can look: whether the other thread hits one in time is chance, and on a
-      // busy machine a rare one.
+      // Some queries are invalid before the daemon reads them, because the other thread rarely corrupts one in time on
+      // a busy machine.
       if (target == Target::kRequests && posted % 8 == 7) {
         const std::uint64_t word = nasty_word(*client.header, random);
         const std::uint64_t at = random() % (sizeof(wire::QueryHeader) / sizeof word) * sizeof word;
@@ -127,10 +125,10 @@ void session(const std::string& socket_path, std::mt19937_64& random) {
       }
       client.post(shm::pack_ticket(slot, ++generation[slot]), frame.size(), ++posted);
     } else {
-      // Replies come in any order: all four must be there before the first slot is used again.
+      // Replies come in any order: all four must have arrived before the first slot is reused.
       while (client.header->reply_head.load(std::memory_order_acquire) != posted && !hung_up(1)) {
         client.wake_daemon();
-        if (target == Target::kRings || target == Target::kEverything) break;  // nobody knows what the word says
+        if (target == Target::kRings || target == Target::kEverything) break;  // the word may have any value
       }
       answered = posted;
     }
@@ -146,7 +144,7 @@ void scribble(const std::string& socket_path, std::mt19937_64& random) {
     try {
       session(socket_path, random);
     } catch (const std::runtime_error&) {
-      std::this_thread::yield();  // refused, or hung up in the middle of the handshake: come again
+      std::this_thread::yield();  // rejected, or closed during the handshake: repeat
     }
   }
 }

@@ -117,7 +117,7 @@ void Soak::release_due(Clock::time_point now) {
     if (frozen.until > now) return false;
     frozen.victim.signal(frozen.goes_on ? SIGCONT : SIGKILL);
     const int end = frozen.victim.await_end();
-    // 1: the daemon has closed it meanwhile (no hello for five seconds), or had no room for it under another fault.
+    // 1: the daemon has closed the connection (no hello for five seconds), or had no capacity because of another fault
     expect(end == (frozen.goes_on ? 0 : -SIGKILL) || (frozen.goes_on && end == 1),
            "a frozen client ended with " + std::to_string(end));
     return true;
@@ -155,7 +155,7 @@ void Soak::take_memory() {
   query.fields = kDefaultFields | kFieldPoints | kFieldNormal;
   query.max_distance = 0.1;
   const Limit limit(pid, RLIMIT_AS, address_space_of(pid) + (96 << 20));
-  // Refused, most likely; answered where others have just given theirs back.
+  // Usually rejected; answered if others have just released their slots.
   const std::string refused = error_of([&] { client.distances(query); });
   expect(refused.find("is gone") == std::string::npos && refused.find("has gone") == std::string::npos, refused);
   ++faults_["memory"];

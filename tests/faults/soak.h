@@ -1,4 +1,4 @@
-// All faults at random, for as long as is asked for, on two daemons: one that must live, and one that is killed.
+// Random faults of all kinds for a given duration, on two daemons: one that must survive, and one that is killed.
 #pragma once
 
 #include <chrono>
@@ -19,27 +19,27 @@ class Soak {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// What was seen while everybody but the witnesses kept still.
+  /// Observations while only the witnesses are active.
   struct Sample {
     double seconds = 0;
-    double cpu = 0;  ///< of one core, by the daemon that lives, since the last sample
+    double cpu = 0;  ///< share of one core used by the surviving daemon since the last sample
     Census census;
     Stats stats;
     Witness::Counts living, mortal;  ///< sums over the witnesses
     std::map<std::string, std::uint64_t> faults;
-    std::string trouble;  ///< what is wrong now; empty: nothing
+    std::string trouble;  ///< current problem, or empty
   };
 
-  /// \param load part of the time that each witness of the living daemon asks.
+  /// \param load share of the time in which each witness of the surviving daemon sends queries
   Soak(std::uint64_t seed, double load);
 
-  /// One fault, drawn at random.
+  /// Applies one random fault.
   void fault();
-  /// Ends what is under way, waits until the daemon holds what it held at the beginning, and looks at everything.
+  /// Ends all activity, waits until the daemon holds its initial resources, and checks everything.
   Sample keep_still();
-  /// Stops both daemons. Returns what is wrong, or an empty text.
+  /// Stops both daemons. Describes a problem, or returns an empty string.
   std::string end();
-  /// What witnesses complained of, the first few.
+  /// The first few errors of the witnesses.
   std::vector<std::string> complaints() const;
 
  private:
@@ -71,7 +71,7 @@ class Soak {
   Exam exam_;
   Arena living_, mortal_;
   Witnesses living_witnesses_, mortal_witnesses_;
-  Client counters_;  ///< of the living daemon
+  Client counters_;  ///< of the surviving daemon
   Census before_;
   std::list<Frozen> frozen_;
   std::list<Scribbler> scribblers_;

@@ -1,4 +1,4 @@
-// clearance-soak: faults of all kinds at random while clients check every bit; writes what was seen as CSV.
+// clearance-soak: random faults of all kinds while clients check every bit; writes its observations as CSV.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
@@ -12,8 +12,8 @@
 namespace clearance::faults {
 namespace {
 
-/// Growth of the daemon's private memory that is not called one: allocators keep what large requests once took, the
-/// more of it is new the shorter the run.
+/// Growth of the daemon's private memory that is not counted: allocators keep memory of large requests, and more of it
+/// is new in a short run.
 constexpr double kGrowthSparedKb = 8192, kGrowthSparedShortKb = 65536, kShortMinutes = 10;
 
 struct Options {
@@ -50,8 +50,8 @@ void write_row(std::ostream& out, Soak::Sample s) {
       << std::flush;
 }
 
-/// Of the daemon's private memory, without what it keeps for clients that ask again (bounded, and counted). The first
-/// quarter is left out: it warms up.
+/// Tests the daemon's private memory without its cache for returning clients (bounded, and counted). The first quarter
+/// is left out as a warm-up.
 bool is_flat(const std::vector<Soak::Sample>& samples) {
   std::vector<double> minutes, kilobytes;
   for (std::size_t i = samples.size() / 4; i < samples.size(); ++i) {
@@ -142,7 +142,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--csv", o.csv, "where to write what was seen; default: standard output")->type_name("FILE");
   CLI11_PARSE(app, argc, argv);
-  std::setvbuf(stdout, nullptr, _IOLBF, 0);  // what went wrong is there at once, also in a file
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);  // line-buffered, so that errors also reach a file immediately
   try {
     return clearance::faults::soak(o);
   } catch (const std::exception& error) {

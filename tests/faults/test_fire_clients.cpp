@@ -1,4 +1,4 @@
-// Clients that die, freeze or scribble in the middle of anything, while others are asked about every bit.
+// Clients that die, freeze or corrupt memory at any point, while witnesses check every bit.
 #include <gtest/gtest.h>
 #include <signal.h>
 
@@ -21,7 +21,7 @@ class FireClients : public testing::Test {
     before_ = arena_.census();
   }
 
-  /// What must hold after any harm that clients have come to.
+  /// Checks the state that must hold after any fault of clients.
   void expect_unharmed() {
     EXPECT_EQ(arena_.settle(before_), "");
     ASSERT_EQ(await_answers(witnesses_, 3), "");
@@ -73,7 +73,7 @@ TEST_F(FireClients, KilledAtAnyMomentTheyLeaveNothingBehind) {
   for (int round = 0; round < rounds(6); ++round) {
     for (const std::string& url : arena_.urls()) {
       Victim victim({"ask", url, std::to_string(random())});
-      // From the middle of its start to some requests later: the moment is the fault.
+      // Between its start and a few requests later: the moment is the fault.
       std::this_thread::sleep_for(std::chrono::microseconds(random() % 40000));
       victim.signal(SIGKILL);
       ASSERT_EQ(victim.await_end(), -SIGKILL);
@@ -97,7 +97,7 @@ TEST_F(FireClients, FrozenAtEveryPointTheyKeepNobodyWaiting) {
       for (std::size_t i = 0; i < frozen.size(); ++i) {
         frozen[i].signal(i % 2 ? SIGKILL : SIGCONT);
         const int code = frozen[i].await_end();
-        // Who says nothing for five seconds is shown the door, also if it could not help it.
+        // A connection that is silent for five seconds is closed, even if the client was stopped.
         const bool silent = points[first + i] == "connected";
         EXPECT_TRUE(code == (i % 2 ? -SIGKILL : 0) || (silent && code == 1))
             << url << ", frozen at " << points[first + i] << ": ended with " << code;

@@ -1,4 +1,4 @@
-// A daemon that is killed again and again: clients come back by themselves, and nothing that it leaves is in the way.
+// A daemon that is killed repeatedly: clients reconnect by themselves, and its remains block nothing.
 #include <gtest/gtest.h>
 #include <signal.h>
 
@@ -23,19 +23,20 @@ TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   witness(arena.shm(), kPatience);
   witness(arena.shm() + "?spin_us=0", kPatience);
   witness(arena.zmq(), kPatience);
-  if (arena.has_lcm()) witness(arena.lcm(), 1s);  // where a death is a timeout
+  if (arena.has_lcm()) witness(arena.lcm(), 1s);  // for which a death is a timeout
   const Census before = arena.census();
 
   std::mt19937_64 random(4);
   const int kills = rounds(3);
   for (int kill = 0; kill < kills; ++kill) {
-    // No call may hang: each client gets right answers after each death, or this ends.
+    // No call may hang: each client gets correct answers after each death, or this test fails.
     ASSERT_EQ(await_answers(witnesses, 2), "");
     std::this_thread::sleep_for(std::chrono::microseconds(random() % 20000));  // the moment is the fault
     arena.kill_and_restart();
     ASSERT_FALSE(testing::Test::HasFailure());
   }
-  // All questions again: segments as large as before. Then the last daemon holds what the first held.
+  // All queries again, so that segments have the same size as before. Then the last daemon holds the same resources as
+  // the first.
   ASSERT_EQ(await_answers(witnesses, 3 * exam.questions().size()), "");
   const Census now = arena.census();
   EXPECT_EQ(left_behind(before, now), "") << "at first " << before.text() << "; now " << now.text();
@@ -72,7 +73,7 @@ TEST(FireDaemon, SignalledAllTheTimeItMissesNoRequest) {
   Client client = patient(arena.zmq());
   Stats stats;
   std::mt19937_64 random(6);
-  do {  // SIGHUP has the scene loaded anew; what it interrupts must go on
+  do {  // SIGHUP reloads the scene; interrupted calls must continue
     for (int i = 0; i < 50; ++i) {
       kill(arena.daemon().pid(), SIGHUP);
       std::this_thread::sleep_for(std::chrono::microseconds(random() % 500));

@@ -1,5 +1,5 @@
-// One daemon, more than a thousand inputs that nobody should send, over each transport and through its files, and after
-// each of them a good query whose every bit must be right.
+// One daemon and more than a thousand invalid inputs, over each transport and through its files. After each of them
+// every bit of a valid query's answer must be right.
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -41,7 +41,7 @@ class FireInputs : public testing::Test {
   void SetUp() override {
     for (const std::string& url : arena_.urls()) {
       good_.emplace(url, patient(url));
-      ask_all(url);  // segments have their size
+      ask_all(url);  // segments reach their final size
     }
     before_ = arena_.census();
   }
@@ -59,7 +59,7 @@ class FireInputs : public testing::Test {
   void ask_all(const std::string& url) {
     for (std::size_t i = 0; i < exam_.questions().size(); ++i) expect_good(url, "nothing");
   }
-  /// The next question's answer, over the transport that had the bad input.
+  /// The next query's answer, over the transport that had the bad input.
   void expect_good(const std::string& url, const std::string& after) {
     const KnownQuery& question = *exam_.questions()[asked_++ % exam_.questions().size()];
     ASSERT_TRUE(is_right(ask_surely(good_.at(url), question), question)) << after;
@@ -67,7 +67,7 @@ class FireInputs : public testing::Test {
   }
   std::uint64_t counter(const std::string& name) { return stats_of(good_.at(arena_.zmq()))[name]; }
 
-  /// Every kind of bad frame `rounds` times, and what became of it.
+  /// Sends every kind of bad frame `rounds` times, and checks the outcome.
   void send_bad_frames(RawWire& wire, const std::string& url, int rounds) {
     std::map<std::string_view, int> refused;
     for (int round = 0; round < rounds; ++round)
@@ -99,7 +99,7 @@ class FireInputs : public testing::Test {
   const std::string scene_ = folder_.write("scene.yaml", yaml_);
   const Exam exam_{scene_, 5};
   Arena arena_{{}, scene_};
-  std::map<std::string, Client> good_;  // by url
+  std::map<std::string, Client> good_;  // by URL
   Census before_;
   std::mt19937_64 random_{11};
   std::uint64_t id_ = 0, asked_ = 0, right_ = 0;
@@ -126,7 +126,7 @@ TEST_F(FireInputs, WordsInTheRingAndMessagesOnItsSocket) {
   const std::uint64_t violations = counter("shm.violations"), refused = counter("shm.refused");
   for (int i = 0; i < 80 * rounds(1); ++i) {
     RawClient client(path);
-    // Never the one word that keeps the rules: slot below 16, generation 1, head 1.
+    // Avoids the one value that keeps the rules: slot below 16, generation 1, head 1.
     const std::uint32_t head = 17 + any() % 0xFFFFFF00u;
     client.post(shm::pack_ticket(any(), any()), random_() % 2 ? any() : std::uint64_t{any()} << 32, i % 2 ? head : 1);
     if (i % 2 == 0) client.post(shm::pack_ticket(16 + any() % 0xFFFFFF00u, 1), 64, 2);
@@ -143,7 +143,7 @@ TEST_F(FireInputs, WordsInTheRingAndMessagesOnItsSocket) {
     if (i % 4 == 1) message.magic ^= 1u << random_() % 32;
     if (i % 4 == 3) message.wire_version ^= 0x8000;
     client.send(message, i % 8 == 5 ? random_() % sizeof message : sizeof message);
-    // Of what it says no more is asked than that it ends, or is answered: a wish for room may be granted.
+    // It need only end or get an answer, because a request for space may be granted.
     shutdown(client.socket.get(), SHUT_WR);
     while (client.receive().kind != 0) {
     }
@@ -174,7 +174,7 @@ TEST_F(FireInputs, PartsOverZeroMqAndStrangersAtItsSocket) {
     const shm::UniqueFd socket(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     ASSERT_EQ(::connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
     Bytes said = noise(random_() % 3000);
-    if (i % 3) {  // as a peer begins, and then anything
+    if (i % 3) {  // a valid start of a peer, then random bytes
       Bytes begun(64);
       std::memcpy(begun.data(), greeting, sizeof greeting);
       if (i % 3 == 1) begun.resize(random_() % 64);
@@ -204,7 +204,7 @@ TEST_F(FireInputs, PacketsOnTheLcmNetwork) {
       case 0:
         sender.send(noise(random_() % 60000));
         break;
-      case 1: {  // a channel without an end, a fragment of anything
+      case 1: {  // a channel without a terminator, a random fragment
         Bytes cut = RawSender::datagram(channel, {});
         cut.resize(random_() % cut.size());
         sender.send(cut);
@@ -224,7 +224,7 @@ TEST_F(FireInputs, PacketsOnTheLcmNetwork) {
         sender.send(RawSender::datagram(channel, std::span(frame).first(random_() % frame.size())));
         ++on_a_channel;
         break;
-      default: {  // any number in the place of the frame's own: sizes, parts, counts
+      default: {  // a random number instead of one of the frame's own: sizes, parts, counts
         Bytes odd = frame;
         for (int k = 0; k < 4; ++k) odd[40 + random_() % 20] = static_cast<std::byte>(random_());
         sender.send(RawSender::datagram(address.prefix + "CLEARANCE_FRAME_IN", odd));
@@ -272,13 +272,13 @@ TEST_F(FireInputs, ScenesAndMeshesAtAReload) {
   Client& client = good_.at(arena_.zmq());
   const std::uint64_t revision = client.scene().revision;
   client.reload();
-  before_ = arena_.census();  // of a daemon that has loaded once: OpenMP may keep a thread for it
+  before_ = arena_.census();  // after one load, because OpenMP may keep a thread for it
   int refused = 0, taken = 0;
   const auto reload = [&](const std::string& file, const std::string& bad, const std::string& good) {
     folder_.write(file, bad);
     bool is_new = false;
     try {
-      is_new = client.reload().scene_revision != revision;  // a comment that was changed, say, changes nothing
+      is_new = client.reload().scene_revision != revision;  // a changed comment changes nothing
       ++taken;
     } catch (const RequestError& error) {
       EXPECT_EQ(error.code, static_cast<std::uint16_t>(wire::ErrorCode::kReloadFailed)) << error.what();

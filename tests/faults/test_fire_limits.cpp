@@ -1,5 +1,5 @@
-// A daemon without descriptors, memory or disk: what it cannot do it refuses in words, the rest goes on, and it is
-// whole again when there is room.
+// A daemon without descriptors, memory or disk space: it rejects impossible requests with a message, continues with the
+// others, and recovers when the limit is lifted.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/mount.h>
@@ -28,8 +28,8 @@ class FireLimits : public testing::Test {
       witnesses_.push_back(std::make_unique<Witness>(url, exam_, 30 + witnesses_.size(), 0.3));
     before_ = arena_.census();
   }
-  /// Waits until what clients had is unmapped, which is done beside the loop: as long as it is there, it is room for
-  /// another. Whether the daemon takes less than 96 MiB more than `rested`.
+  /// Waits until the clients' memory is unmapped, which happens outside the loop, because until then it can serve
+  /// another client. Returns whether the daemon uses less than 96 MiB more than `rested`.
   bool await_room(std::uint64_t rested) {
     const auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (address_space_of(arena_.daemon().pid()) > rested + (96 << 20)) {
@@ -39,7 +39,7 @@ class FireLimits : public testing::Test {
     return true;
   }
 
-  /// With the limits lifted all is as before.
+  /// Checks that everything is as before once the limits are lifted.
   void expect_recovered() {
     EXPECT_EQ(arena_.settle(before_), "");
     ASSERT_EQ(await_answers(witnesses_, 3), "");
@@ -75,7 +75,7 @@ TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
         EXPECT_TRUE(contains(refused, "refused: ") && contains(refused, "Too many open files"))
             << spare << ": " << refused;
         EXPECT_EQ(clients.size(), static_cast<std::size_t>(spare / 3)) << "a client takes three";
-        // ZeroMQ has nobody who could say why.
+        // ZeroMQ cannot report the reason.
         const std::string hung_up = error_of([&] { patient(arena_.zmq()); });
         if (spare % 3 == 0) {
           EXPECT_TRUE(contains(hung_up, "has no descriptor for another client")) << hung_up;
@@ -98,7 +98,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
       ASSERT_EQ(arena_.settle(before_), "");
       ASSERT_TRUE(await_room(rested));
       Client client = patient(url);
-      // 2 M rows of 121 bytes: beyond any memory that is left.
+      // 2 M rows of 121 bytes exceed any remaining memory.
       const std::vector<Pose7> many = poses(20000);
       Query query;
       query.bodies = {&body, 1};
@@ -116,7 +116,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
       }
       EXPECT_EQ(client.distances(query).rows(), 20000u * 99) << "with memory it is answered";
     }
-    // Connections that there is no memory for.
+    // Connections for which there is no memory.
     std::vector<Client> clients;
     std::string refused;
     {
@@ -141,7 +141,7 @@ TEST_F(FireLimits, SegmentsBeyondTheFileSizeLimitAreRefused) {
   expect_recovered();
 }
 
-/// A small file system of its own; only root can mount one.
+/// A small file system; only root can mount one.
 class SmallDisk {
  public:
   explicit SmallDisk(const char* options) {
@@ -152,7 +152,7 @@ class SmallDisk {
   }
   bool is_there() const { return mounted_; }
   const std::string& path() const { return folder_.path(); }
-  /// Writes until there is no room.
+  /// Writes until the disk is full.
   void fill() const {
     std::ofstream file(path() + "/filler", std::ios::app);
     while (file << std::string(4096, 'x') << std::flush) {
@@ -183,7 +183,7 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
   const Exam exam(kScene, 4);
   const char* before = getenv("TMPDIR");
   const std::string kept = before ? before : "";
-  setenv("TMPDIR", disk.path().c_str(), 1);  // where the daemon's standard error goes
+  setenv("TMPDIR", disk.path().c_str(), 1);  // receives the daemon's standard error
   Daemon daemon({"--scene", kScene, "--shm", disk.path() + "/c.sock", "--backend", "cpu", "--threads", "1",
                  "--log-level", "trace"});
   before ? setenv("TMPDIR", kept.c_str(), 1) : unsetenv("TMPDIR");
@@ -196,7 +196,7 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
     Query bad;
     const IdPair no_such_group{5 | kGroupBit, 1};
     bad.pairs = {&no_such_group, 1};
-    EXPECT_THROW(client.distances(bad), RequestError);  // logged, if there were room
+    EXPECT_THROW(client.distances(bad), RequestError);  // would be logged if the disk had space
   }
   kill(daemon.pid(), SIGHUP);
   const auto deadline = std::chrono::steady_clock::now() + kPatience;

@@ -1,4 +1,4 @@
-// A straight line through samples: whether something grows.
+// Linear fit of samples, to detect growth.
 #pragma once
 
 #include <cmath>
@@ -12,7 +12,7 @@ struct Trend {
   double standard_error = 0;  ///< of the slope
 };
 
-/// Fewer than three samples have no trend.
+/// Zero for fewer than three samples.
 inline Trend trend_of(const std::vector<double>& x, const std::vector<double>& y) {
   Trend trend;
   const auto n = static_cast<double>(x.size());

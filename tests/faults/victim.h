@@ -1,4 +1,4 @@
-// A client that dies or freezes at a named point of its talk with the daemon.
+// A client that dies or freezes at a named point of its communication with the daemon.
 #pragma once
 
 #include <signal.h>
@@ -13,7 +13,7 @@
 
 namespace clearance::faults {
 
-/// The points of each transport, in the order in which a client comes by them.
+/// The points of each transport, in the order in which a client reaches them.
 inline constexpr std::string_view kShmPoints[] = {
     // handshake
     "connected", "hello_sent", "segment_received", "mapped",
@@ -27,7 +27,7 @@ inline constexpr std::string_view kZmqPoints[] = {
 inline constexpr std::string_view kLcmPoints[] = {"opened",      "poses_sent",  "part_sent", "sent",
                                                   "reply_begun", "reply_there", "many_sent", "query_sent"};
 
-/// Raises a signal at one point. SIGKILL: the end; SIGSTOP: goes on once somebody continues it.
+/// Raises a signal at one point: SIGKILL ends the process, SIGSTOP suspends it until it is continued.
 class Fate {
  public:
   Fate(std::string point, int signal) : point_(std::move(point)), signal_(signal) {}
@@ -40,21 +40,21 @@ class Fate {
   int signal_;
 };
 
-/// A whole kQuery frame: every pair of the scene at its current poses, points too: a reply of hundreds of KB.
+/// A whole kQuery frame: every pair of the scene at its current poses, with points, and a reply of hundreds of KB.
 std::vector<std::byte> large_request(std::uint64_t id);
-/// A whole kQuery frame of the pairs of body 1, put elsewhere in so many configurations.
+/// A whole kQuery frame for the pairs of body 1, which is moved in this many configurations.
 std::vector<std::byte> request_of(std::uint64_t id, std::uint32_t configurations, std::mt19937_64& random);
 
-/// Each talks to the daemon by hand, step by step, to the end. Throws std::runtime_error if the daemon does not keep to
-/// its part.
+/// Each communicates with the daemon without the client library, step by step, to the end. Throws std::runtime_error if
+/// the daemon breaks the protocol.
 void talk_shm(const std::string& socket_path, const Fate& fate, std::mt19937_64& random);
 void talk_zmq(const std::string& socket_path, const Fate& fate, std::mt19937_64& random);
 void talk_lcm(const std::string& url, const Fate& fate, std::mt19937_64& random);
 
-/// Connects over shared memory again and again and writes over what it was given, by chance and by design, while the
-/// daemon works on it. Until it is killed.
+/// Connects over shared memory repeatedly and overwrites it, randomly and deliberately, while the daemon uses it. Runs
+/// until it is killed.
 [[noreturn]] void scribble(const std::string& socket_path, std::mt19937_64& random);
-/// Asks through the client library without end, requests of all sizes.
+/// Sends requests of all sizes through the client library without end.
 [[noreturn]] void ask_without_end(const std::string& url, std::mt19937_64& random);
 
 }  // namespace clearance::faults

@@ -1,4 +1,4 @@
-// A victim over LCM: parts of frames, poses and queries by hand.
+// A victim over LCM: parts of frames, poses and queries without the client library.
 #include <stdexcept>
 
 #include "clearance_lcm/pose_update_t.hpp"
@@ -41,14 +41,14 @@ void talk_lcm(const std::string& url, const Fate& fate, std::mt19937_64& random)
       bus.publish_message("CLEARANCE_FRAME_IN", part);
     }
   };
-  // Some of 112 KB: three parts.
+  // Some of 112 KB, which take three parts.
   const auto long_request = request_of(100, 2000, random);
   send(long_request, 0, 1);
   fate.at("part_sent");
   send(long_request, 1, 3);
   fate.at("sent");
 
-  // Answers may be lost; then there is another one to ask for.
+  // Answers may be lost; then the request is repeated.
   const auto await_parts = [&](auto enough) {
     using namespace std::chrono_literals;
     for (int attempt = 0; attempt < 20; ++attempt) {

@@ -1,8 +1,8 @@
-// fire_victim WHAT URL SEED [POINT SIGNAL]: a client that comes to harm, or means it.
-//   talk URL SEED POINT SIGNAL   talks to the daemon by hand and raises the signal at the point
-//   ask URL SEED                 asks without end through the client library, until it is killed
-//   scribble URL SEED            writes over the memory that it shares with the daemon, until it is killed
-// Exit code 0: the talk came to its end.
+// fire_victim WHAT URL SEED [POINT SIGNAL]: a client that is harmed, or harms.
+//   talk URL SEED POINT SIGNAL   communicates with the daemon step by step and raises the signal at the point
+//   ask URL SEED                 sends requests through the client library until it is killed
+//   scribble URL SEED            overwrites the memory that it shares with the daemon until it is killed
+// Exit code 0 if the communication was completed.
 #include <sys/prctl.h>
 
 #include <cstdio>
@@ -58,11 +58,11 @@ void ask_without_end(const std::string& url, std::mt19937_64& random) {
         }
         const std::uint64_t count = 1 + random() % 4;
         for (std::uint64_t i = 0; i < count; ++i) pending.push_back(client.submit(query));
-        if (random() % 8)  // else: given up
+        if (random() % 8)  // otherwise abandoned
           for (Pending& p : pending) p.get();
       }
     } catch (const std::runtime_error&) {
-      // The daemon was killed, or has no room: come again.
+      // The daemon was killed, or has no capacity: repeat.
     }
   }
 }

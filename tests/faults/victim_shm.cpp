@@ -1,4 +1,4 @@
-// A victim over shared memory: the rules of wire/shm_layout.h by hand.
+// A victim over shared memory that implements wire/shm_layout.h itself.
 #include <sys/mman.h>
 
 #include <chrono>
@@ -11,7 +11,7 @@
 namespace clearance::faults {
 namespace {
 
-/// Another segment of a connection, mapped until the end.
+/// An additional segment of a connection, mapped until the end.
 struct Grown {
   explicit Grown(shm::UniqueFd fd) : memfd(std::move(fd)) {
     const auto bytes = static_cast<std::size_t>(::lseek(memfd.get(), 0, SEEK_END));
@@ -28,7 +28,7 @@ std::byte* request_area(std::byte* base, const shm::SegmentHeader& header, std::
   return base + header.request_offset + slot * header.request_capacity;
 }
 
-/// Waits until so many replies were posted.
+/// Waits until this many replies have been posted.
 void await_replies(const RawClient& client, const shm::SegmentHeader& header, std::uint32_t count) {
   while (header.reply_head.load(std::memory_order_acquire) < count) {
     pollfd hung_up{client.socket.get(), POLLIN, 0};
@@ -36,7 +36,7 @@ void await_replies(const RawClient& client, const shm::SegmentHeader& header, st
   }
 }
 
-/// The reply of a slot must be one to the request in it.
+/// Checks that a slot's reply belongs to the request in it.
 void check_reply(const std::byte* base, const shm::SegmentHeader& header, std::uint32_t slot, std::uint64_t id) {
   wire::FrameHeader reply;
   std::memcpy(&reply, base + header.reply_offset + slot * header.reply_capacity, sizeof reply);
@@ -81,7 +81,7 @@ void talk_shm(const std::string& socket_path, const Fate& fate, std::mt19937_64&
   std::memcpy(reply.data(), from, bytes / 2);
   fate.at("reply_half_read");
 
-  // Large ones under way in seven slots, the first of them in a slot that was used before.
+  // Large requests in seven slots, the first of them in a slot that was used before.
   std::uint32_t posted = 1;
   for (std::uint32_t slot = 0; slot < 7; ++slot) {
     const auto frame = large_request(200 + slot);

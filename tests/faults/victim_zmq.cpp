@@ -1,4 +1,5 @@
-// A victim over ZeroMQ: ZMTP 3.0 (rfc.zeromq.org/spec/23) by hand on a Unix socket, to stop between any two bytes.
+// A victim over ZeroMQ that implements ZMTP 3.0 (rfc.zeromq.org/spec/23) on a Unix socket, to stop between any two
+// bytes.
 #include <poll.h>
 #include <sys/socket.h>
 
@@ -46,7 +47,7 @@ class Stream {
     }
     return bytes;
   }
-  /// The flags of the next frame; its size in `bytes`.
+  /// Returns the flags of the next frame, and its size in `bytes`.
   unsigned read_frame_head(std::uint64_t& bytes) {
     const auto flags = std::to_integer<unsigned>(read(1)[0]);
     bytes = 0;
@@ -116,7 +117,7 @@ void talk_zmq(const std::string& socket_path, const Fate& fate, std::mt19937_64&
     return std::pair{framed(1, all.first(sizeof(wire::FrameHeader))),
                      framed(0, all.subspan(sizeof(wire::FrameHeader)))};
   };
-  // Reads a message's header part, its payload's begin, and says how much is left.
+  // Reads a message's header part and the start of its payload. Returns the number of remaining bytes.
   const auto begin_reply = [&](std::uint64_t id) {
     std::uint64_t size = 0;
     if (stream.read_frame_head(size) != 1 || size != sizeof(wire::FrameHeader))

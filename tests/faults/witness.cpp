@@ -18,7 +18,7 @@ void add_bytes(std::vector<std::byte>& all, const void* from, std::size_t bytes)
   std::memcpy(all.data() + all.size() - bytes, from, bytes);
 }
 
-/// The same bytes for the engine's columns and for a client's: counts, then the columns that are there.
+/// The same bytes for the engine's columns and a client's: counts, then the existing columns.
 template <class... Columns>
 std::vector<std::byte> bytes_of(std::uint64_t rows, std::uint64_t total, std::uint64_t pairs,
                                 std::uint64_t configurations, const Columns&... columns) {
@@ -85,7 +85,7 @@ Exam::Exam(const std::string& scene_file, std::uint64_t seed) {
     for (std::size_t k = 0; k < configurations * movable.size(); ++k)
       question->configurations.push_back({place(random), place(random), place(random), normal(random), normal(random),
                                           normal(random), normal(random)});
-    if (i % 4 < 2)  // a control loop's: few pairs
+    if (i % 4 < 2)  // a control loop's query: few pairs
       for (std::uint64_t n = 1 + random() % 200; n > 0; --n) {
         const auto a = static_cast<std::uint32_t>(random() % bodies.size());
         question->pairs.push_back(
@@ -140,7 +140,8 @@ void Witness::run(std::uint64_t seed) {
     ask(exam_.draw(random));
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
     std::this_thread::sleep_for(
-        std::min<std::chrono::duration<double>>(took * (1 / load_ - 1), 100ms));  // not as long as one was late
+        std::min<std::chrono::duration<double>>(took * (1 / load_ - 1), 100ms));  // bounded, because one may have been
+                                                                                  // late
   }
 }
 
@@ -164,7 +165,7 @@ void Witness::ask(const KnownQuery& question) {
   } catch (const ConnectionError& error) {
     count(&Counts::lost);
     complain(error.what());
-    std::this_thread::sleep_for(5ms);  // as a planner would: the daemon needs the core to come back
+    std::this_thread::sleep_for(5ms);  // as a planner would: the daemon needs the core for its restart
   } catch (const NewEpoch&) {
     count(&Counts::renewed);
     acknowledge();
@@ -180,7 +181,7 @@ void Witness::ask(const KnownQuery& question) {
 void Witness::acknowledge() {
   try {
     client_.acknowledge_epoch();
-  } catch (const ConnectionError& error) {  // gone again: the next call says so, too
+  } catch (const ConnectionError& error) {  // lost again: the next call fails as well
     complain(error.what());
   }
 }

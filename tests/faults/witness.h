@@ -1,4 +1,4 @@
-// Clients that ask without end what is known already, and look at every bit of what they are told.
+// Clients that send queries with known answers without end, and check every bit of the replies.
 #pragma once
 
 #include <atomic>
@@ -17,7 +17,7 @@
 
 namespace clearance::faults {
 
-/// A question that owns its arrays, and the engine's own answer to it.
+/// A query that owns its arrays, and the engine's own answer to it.
 struct KnownQuery {
   std::vector<IdPair> pairs;
   std::vector<std::uint32_t> bodies;
@@ -26,8 +26,8 @@ struct KnownQuery {
   std::vector<std::byte> answer;  ///< row and pair counts, then every column
 };
 
-/// Questions of all kinds and sizes about a scene, with answers by an engine in this process. Every question places all
-/// movable bodies, so that no pose update changes its answer.
+/// Queries of all kinds and sizes about a scene, with answers by an engine in this process. Every query places all
+/// movable bodies, so that pose updates do not change its answer.
 class Exam {
  public:
   Exam(const std::string& scene_file, std::uint64_t seed);
@@ -38,35 +38,36 @@ class Exam {
   std::vector<std::unique_ptr<KnownQuery>> questions_;
 };
 
-/// Whether the reply holds the engine's own bits.
+/// Returns whether the reply has the engine's bits.
 bool is_right(const Reply& reply, const KnownQuery& question);
-/// The answer; asks again where LCM lost one. Throws as Client::distances().
+/// Returns the answer, repeating the query if LCM lost one. Throws as Client::distances().
 Reply ask_surely(Client& client, const KnownQuery& question);
 
-/// LCM loses packets when a core is late to read them; an answer is then late, never wrong.
+/// LCM loses packets if a core reads them too late; an answer is then late, but never wrong.
 inline bool may_lose(const std::string& url) {
   return url.rfind("udpm://", 0) == 0;
 }
-/// How long a call may take that is not to be late.
+/// Timeout of a call that must not be late.
 inline std::chrono::nanoseconds patience(const std::string& url) {
   return may_lose(url) ? std::chrono::seconds(5) : kPatience;
 }
 
-/// A client on a thread of its own.
+/// A client on its own thread.
 class Witness {
  public:
   struct Counts {
-    std::uint64_t right = 0;    ///< answers with every bit as it should be
-    std::uint64_t wrong = 0;    ///< answers with another bit: never
+    std::uint64_t right = 0;    ///< answers with all bits correct
+    std::uint64_t wrong = 0;    ///< answers with a wrong bit: must be 0
     std::uint64_t lost = 0;     ///< calls that ended with a ConnectionError
     std::uint64_t renewed = 0;  ///< calls that ended with NewEpoch, which was acknowledged
     std::uint64_t late = 0;     ///< calls that ended with a TimeoutError
-    std::uint64_t busy = 0;     ///< refused (RequestError)
-    std::uint64_t others = 0;   ///< that ended with anything else: never
+    std::uint64_t busy = 0;     ///< rejected (RequestError)
+    std::uint64_t others = 0;   ///< calls that ended with another error: must be 0
   };
 
-  /// Connects and has every question answered once, so that its segments have their size. \param load of the time that
-  /// it asks; the rest it sleeps. \param timeout of each call.
+  /// Connects and gets every query answered once, so that its segments have their final size.
+  /// \param load share of the time in which it sends queries
+  /// \param timeout of each call
   Witness(const std::string& url, const Exam& exam, std::uint64_t seed, double load, std::chrono::nanoseconds timeout);
   Witness(const std::string& url, const Exam& exam, std::uint64_t seed, double load = 1)
       : Witness(url, exam, seed, load, patience(url)) {}
@@ -74,9 +75,9 @@ class Witness {
   void stop();
 
   Counts counts() const;
-  /// Right answers so far.
+  /// Correct answers so far.
   std::uint64_t right() const { return right_; }
-  /// The first few errors, in words.
+  /// The messages of the first few errors.
   std::vector<std::string> complaints() const;
   const std::string& url() const { return url_; }
 
@@ -100,8 +101,8 @@ class Witness {
 
 using Witnesses = std::vector<std::unique_ptr<Witness>>;
 
-/// Waits until each has had so many more right answers, at most kPatience for each of them. Returns whom it waited for
-/// in vain, or an empty text.
+/// Waits until each witness has this many more correct answers, at most kPatience each. Describes those that did not,
+/// or returns an empty string.
 std::string await_answers(const Witnesses& witnesses, std::uint64_t count);
 
 }  // namespace clearance::faults
