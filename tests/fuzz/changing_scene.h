@@ -1,4 +1,4 @@
-// A loop whose scene may change: bodies come and go, and the scene is loaded anew.
+// A loop whose scene may change: bodies are added and removed, and the scene is reloaded.
 #pragma once
 
 #include <memory>
@@ -9,7 +9,7 @@
 
 namespace clearance::fuzz {
 
-/// Has a loop over small_scene() take bodies and load that scene anew.
+/// Lets a loop over small_scene() add bodies and reload that scene.
 inline void serve_changing_scenes(Loop& loop) {
   const auto build = [](Scene scene) {
     Engine::Options options;
@@ -18,7 +18,7 @@ inline void serve_changing_scenes(Loop& loop) {
   };
   loop.reload_by([build] { return build(small_scene()); }, build);
 }
-/// Until nothing is under way, also beside the loop.
+/// Runs the loop until nothing is in progress, including in its workers.
 inline void turn_until_idle(Loop& loop) {
   while (loop.turn() || loop.is_reloading()) {
   }

@@ -1,4 +1,4 @@
-// How an input holds frames: [control 1 B | size 2 B, little-endian | bytes] one after another.
+// Format of frames in an input: [control 1 B | size 2 B, little-endian | bytes] repeated.
 #pragma once
 
 #include <algorithm>
@@ -9,13 +9,13 @@
 
 namespace clearance::fuzz {
 
-/// Set in the control byte: magic, version, sizes and reserved words of the header are put right, so that mutations of
-/// the payload are not all refused at the first look.
+/// Set in the control byte if magic, version, sizes and reserved words of the header are to be corrected, so that
+/// mutations of the payload are not all rejected by the first check.
 inline constexpr std::uint8_t kMendHeader = 1;
 
 struct InputFrame {
   std::uint8_t control = 0;
-  std::vector<std::byte> bytes;  ///< at least a header's worth
+  std::vector<std::byte> bytes;  ///< at least as many as a header has
 };
 
 inline InputFrame next_frame(Input& in) {
@@ -37,7 +37,7 @@ inline InputFrame next_frame(Input& in) {
   return frame;
 }
 
-/// The bytes of an input with one more frame.
+/// Appends a frame to the bytes of an input.
 inline void append_frame(std::vector<std::byte>& input, std::uint8_t control, Bytes frame) {
   wire::append(input, control);
   wire::append(input, static_cast<std::uint16_t>(frame.size()));

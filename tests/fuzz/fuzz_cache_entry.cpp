@@ -1,5 +1,5 @@
-// Entries of any bytes in the cache, and records of any bytes in entries that are whole: what comes back is what was
-// written, or geometry that can be computed with, or nothing.
+// Arbitrary entries in the cache, and arbitrary records in intact entries: a read returns the written record, valid
+// geometry, or nothing.
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace clearance::fuzz {
 namespace {
 
 void check_table(const DirectionTable& table, std::size_t vertices) {
-  // Directions in every cell of a coarse map, its edges and its corners.
+  // Directions in every cell of a coarse map, and on its edges and corners.
   for (int i = -8; i <= 8; ++i)
     for (int j = -8; j <= 8; ++j)
       for (const double z : {-1.0, 1.0, 0.0}) {
@@ -53,7 +53,7 @@ bool is_usable(const std::optional<Geometry>& geometry) {
 }  // namespace
 }  // namespace clearance::fuzz
 
-/// First byte: 0 the rest is the entry's file; else the rest is a record, which is kept first.
+/// First byte: if 0, the rest is the entry's file; otherwise the rest is a record that is stored first.
 CLEARANCE_FUZZ_TARGET(cache_entry) {
   using namespace clearance;
   using namespace clearance::fuzz;

@@ -1,5 +1,5 @@
-// Pieces that stand for a solid: as a record of the cache has them, where junk is no record; in a record that is not
-// the cache's, whose word for how far they miss it counts for nothing; and proved of pieces of any shape.
+// Convex parts that replace a solid: read from a record of the cache, which may be invalid; read from another record,
+// whose claimed deviation is ignored; and proved for parts of any shape.
 #include <algorithm>
 #include <cmath>
 
@@ -50,7 +50,7 @@ const Decomposition* read_back(const std::optional<Geometry>& geometry) {
   return geometry->pieces[0]->surface->decomposition();
 }
 
-/// Any bytes as a record of the cache.
+/// Reads arbitrary bytes as a record of the cache.
 bool reads(Bytes record) {
   const std::optional<Geometry> geometry = geometry_of_record(record);
   if (!geometry) return false;
@@ -66,7 +66,8 @@ bool reads(Bytes record) {
   return any;
 }
 
-/// Half of a cube for all of it, with any lengths: the cache's are kept if they are lengths at all, others proved anew.
+/// Half of a cube for the whole, with arbitrary lengths: the cache's are kept if they are valid lengths, others are
+/// proved again.
 bool is_proved_anew(Input in) {
   auto claimed = std::make_shared<Decomposition>();
   std::vector<Vec3d> half;
@@ -90,7 +91,7 @@ bool is_proved_anew(Input in) {
   return of_cache != nullptr;
 }
 
-/// Pieces of any corners for a cube.
+/// Parts with arbitrary corners for a cube.
 bool is_proved(Input in) {
   const Cube cube;
   const Surface truth(cube.vertices, cube.triangles, true);
@@ -135,7 +136,7 @@ bool is_proved(Input in) {
 }  // namespace
 }  // namespace clearance::fuzz
 
-/// First byte, by 3: 0 the rest is a record; 1 two lengths that are claimed; 2 corners of pieces.
+/// First byte, modulo 3: for 0 the rest is a record, for 1 two claimed lengths, for 2 corners of parts.
 CLEARANCE_FUZZ_TARGET(decomposition) {
   using namespace clearance::fuzz;
   Input in(bytes);

@@ -1,5 +1,5 @@
-// LCM packets of any bytes: what the check lets through is decoded, encodes to the same bytes, and makes a frame that
-// the loop can be given.
+// Arbitrary LCM packets: those that pass the check are decoded, encode to the same bytes, and convert to a frame that
+// the loop accepts.
 #include <vector>
 
 #include "server/lcm/lcm_translate.h"
@@ -21,7 +21,7 @@ bool decoded(Bytes packet, Message& message) {
   return true;
 }
 
-/// Whether a packet is a query that the daemon would begin.
+/// Returns whether a packet is a query that the daemon would start.
 bool asked(Bytes packet) {
   clearance_lcm::query_t query;
   if (!decoded(packet, query)) return false;
@@ -30,7 +30,7 @@ bool asked(Bytes packet) {
     wire::FrameHeader header;
     const auto payload = wire::split_frame(frame, header);
     wire::parse_query(header, payload);
-  } catch (const wire::WireError& error) {  // values that no query may have; its sizes are ours
+  } catch (const wire::WireError& error) {  // invalid values of a query; its sizes are ours
     require(error.code == wire::ErrorCode::kBadQuery, "a query makes a frame whose sizes fit");
     return false;
   }
@@ -40,7 +40,7 @@ bool asked(Bytes packet) {
 }  // namespace
 }  // namespace clearance::fuzz
 
-/// Packets one after another, [type 1 B | size 2 B | bytes]; those of frames meet in one assembler.
+/// Packets in sequence, [type 1 B | size 2 B | bytes]; packets of frames go to one assembler.
 CLEARANCE_FUZZ_TARGET(lcm_packet) {
   using namespace clearance;
   using namespace clearance::fuzz;

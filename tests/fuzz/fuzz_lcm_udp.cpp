@@ -1,4 +1,5 @@
-// UDP packets of any bytes on the daemon's LCM network, past liblcm's own sender: after them it still follows poses.
+// Arbitrary UDP packets on the daemon's LCM network, without liblcm's sender: the daemon must still follow poses
+// afterwards.
 #include <poll.h>
 
 #include <chrono>
@@ -18,7 +19,7 @@ namespace {
 constexpr const char* kChannels[] = {"CLEARANCE_POSES",    "CLEARANCE_POSES_NAMED", "CLEARANCE_QUERY",
                                      "CLEARANCE_FRAME_IN", "CLEARANCE_STATUS",      "OTHER"};
 
-/// A daemon on a network of its own. Opening one takes longer than a thousand inputs, so it stays.
+/// A daemon on its own network. It is kept, because opening one takes longer than a thousand inputs.
 class Network {
  public:
   Network() : engine_(small_scene(), one_thread()), loop_(engine_) {
@@ -28,10 +29,10 @@ class Network {
   }
 
   void send(Bytes datagram) { sender_->send(datagram); }
-  /// Runs the daemon until it has taken everything that was sent so far.
+  /// Runs the daemon until it has processed everything sent so far.
   void settle() {
     clearance_lcm::pose_update_t update{};
-    update.publisher_id = publisher_;  // drawn at random: no input can speak in its name
+    update.publisher_id = publisher_;  // random, so that no input can use its name
     update.sequence = update.stamp_ns = ++sequence_;
     update.count = 1;
     update.bodies = {1};
@@ -63,7 +64,7 @@ class Network {
     options.threads = 1;
     return options;
   }
-  /// Until a packet came, and lets liblcm's thread have the core meanwhile.
+  /// Waits for a packet, and yields the core to liblcm's thread meanwhile.
   void wait() {
     std::vector<pollfd> readable;
     for (const int fd : loop_.transports()[0]->descriptors()) readable.push_back({fd, POLLIN, 0});
@@ -80,8 +81,8 @@ class Network {
 }  // namespace
 }  // namespace clearance::fuzz
 
-/// Datagrams, [kind 1 B | its arguments | size 2 B | bytes]. Accepted: the daemon refused none of the messages, and
-/// took one.
+/// Datagrams, [kind 1 B | its arguments | size 2 B | bytes]. Accepted if the daemon rejected no message and accepted at
+/// least one.
 CLEARANCE_FUZZ_TARGET(lcm_udp) {
   using namespace clearance;
   using namespace clearance::fuzz;
@@ -94,7 +95,7 @@ CLEARANCE_FUZZ_TARGET(lcm_udp) {
     if (kind % 3 == 1) {  // a short message
       const char* channel = kChannels[in.number<std::uint8_t>() % std::size(kChannels)];
       datagram = RawSender::datagram(channel, in.take(in.number<std::uint16_t>()));
-    } else if (kind % 3 == 2) {  // a fragment: sequence, bytes of the whole, offset, number and count
+    } else if (kind % 3 == 2) {  // a fragment: sequence, size of the whole, offset, number and count
       const auto sequence = in.number<std::uint32_t>(), size = in.number<std::uint32_t>(),
                  offset = in.number<std::uint32_t>(), numbers = in.number<std::uint32_t>();
       datagram = RawSender::big_endian({0x4c433033, sequence, size, offset, numbers});
@@ -109,5 +110,5 @@ CLEARANCE_FUZZ_TARGET(lcm_udp) {
     if (datagram.size() <= 65507) network.send(datagram);
   }
   network.settle();
-  return network.refused() == refused && network.taken() > taken + 1;  // one is settle()'s own
+  return network.refused() == refused && network.taken() > taken + 1;  // one belongs to `settle()`
 }

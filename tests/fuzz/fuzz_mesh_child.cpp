@@ -1,5 +1,5 @@
-// Mesh files of any bytes through the loader's process, as a scene would: this process survives, and gets a mesh or an
-// error. The loader may crash; what it does is the target mesh_import's.
+// Arbitrary mesh files through the loader's process, as for a scene: this process survives and gets a mesh or an error.
+// The loader may crash; the target mesh_import tests it.
 #include <cmath>
 
 #include "engine/mesh/mesh.h"

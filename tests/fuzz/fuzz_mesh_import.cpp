@@ -1,5 +1,5 @@
-// Mesh files of any bytes through assimp in this process. A crash here is assimp's and costs a loader its life, no
-// more; what survives must leave a result that the reader takes.
+// Arbitrary mesh files through assimp in this process. A crash here is assimp's and would only end a loader; any other
+// outcome must leave a result that the reader accepts.
 #include <sys/mman.h>
 #include <unistd.h>
 

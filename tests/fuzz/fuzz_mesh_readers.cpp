@@ -1,4 +1,4 @@
-// Mesh files of any bytes through the readers of our own, in this process; of DAE the look at it before assimp.
+// Arbitrary mesh files through our own readers in this process; for DAE, through the check before assimp.
 #include <cmath>
 #include <filesystem>
 

@@ -1,4 +1,4 @@
-// What a mesh loader that lost its mind may leave behind: the reader makes a sound mesh of it or says that it cannot.
+// Arbitrary results of a compromised mesh loader: the reader returns a valid mesh or an error.
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -9,7 +9,7 @@
 #include "engine/mesh/mesh_result.h"
 #include "tests/fuzz/fuzz_target.h"
 
-/// First byte: whether the header's magic and length are put right.
+/// First byte: whether the header's magic and length are corrected.
 CLEARANCE_FUZZ_TARGET(mesh_result) {
   using namespace clearance;
   using namespace clearance::fuzz;

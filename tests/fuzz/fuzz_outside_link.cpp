@@ -1,6 +1,6 @@
-// The link between the core and a process outside, at whose other end somebody says anything: datagrams of any bytes
-// make messages within the limits, of the bytes that were said, or break it. What came whole goes on over an honest
-// link, as a request does to the core and a reply from it, and arrives as it was.
+// The link between the daemon and a gateway process that sends arbitrary data: datagrams produce messages within the
+// limits, with the bytes that were sent, or break the link. Complete messages then pass unchanged over a valid link, as
+// a request to the daemon and as a reply from it.
 #include <sys/socket.h>
 
 #include <map>
@@ -17,7 +17,8 @@ using gateway::Link;
 using gateway::Message;
 
 constexpr Link::Limits kLimits{.message_bytes = 40'000, .coming_bytes = 60'000, .waiting_bytes = 1 << 20};
-/// Set in the control byte of a datagram: the sizes in its head are put right, so that not all mutations are refused.
+/// Set in the control byte of a datagram if the sizes in its head are to be corrected, so that not all mutations are
+/// rejected.
 constexpr std::uint8_t kMendHead = 1;
 
 struct Ends {
@@ -30,7 +31,7 @@ struct Ends {
   }
 };
 
-/// The next datagram: [control 1 B | size 2 B | bytes].
+/// Reads the next datagram: [control 1 B | size 2 B | bytes].
 std::string next_datagram(Input& in) {
   const auto control = in.number<std::uint8_t>();
   const Bytes bytes = in.take(in.number<std::uint16_t>());
@@ -49,7 +50,7 @@ std::string next_datagram(Input& in) {
   return datagram;
 }
 
-/// What was said of each name's body so far.
+/// Bytes sent so far for each name's body.
 using Said = std::map<std::string, std::string>;
 
 void note(const std::string& datagram, Said& said) {

@@ -1,5 +1,5 @@
-// Points of any bytes: files through their readers, and parts of clouds over LCM through the check and the assembler.
-// What comes out is finite, or one whole frame that the daemon's parser takes.
+// Arbitrary points: files through their readers, and parts of clouds over LCM through the check and the assembler. The
+// results are finite, or one whole frame that the daemon's parser accepts.
 #include <cmath>
 #include <string>
 #include <vector>
@@ -31,7 +31,7 @@ bool read(void (*reader)(std::string_view, const PartSink&), Bytes bytes) {
   return parts > 0;
 }
 
-/// [milliseconds 1 B | size 2 B | a packet] one after another.
+/// Repeated [milliseconds 1 B | size 2 B | a packet].
 bool assemble(Input& in) {
   LcmPoints points;
   LcmPoints::Clock::time_point now{};
@@ -45,7 +45,7 @@ bool assemble(Input& in) {
       continue;
     }
     const std::optional<FrameBytes> frame = points.add(part, 7, now);
-    accepted = frame.has_value();  // of the last
+    accepted = frame.has_value();  // of the last packet
     if (!frame) continue;
     wire::FrameHeader header;
     const auto payload = wire::split_frame(frame->span(), header);

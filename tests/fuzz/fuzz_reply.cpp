@@ -1,4 +1,5 @@
-// Replies of any bytes to the client library: it takes what it checked, or says what is wrong.
+// Arbitrary replies to the client library: it accepts only replies that pass its checks, and reports an error
+// otherwise.
 #include <memory>
 
 #include "client/channel.h"
@@ -24,7 +25,7 @@ class InputReply final : public Frame {
   std::size_t size_;
 };
 
-/// Looks at every byte that a column gives out.
+/// Reads every byte of a column.
 template <class T>
 void touch(std::span<const T> column) {
   static volatile unsigned sink = 0;
@@ -56,7 +57,7 @@ void interpret(Bytes frame) {
   wire::FrameHeader header;
   const Bytes whole = wire::split_frame(frame, header), payload = wire::split_payload(header, whole).body;
   switch (static_cast<wire::FrameType>(header.type)) {
-    case wire::FrameType::kReply:  // looks at its records, too
+    case wire::FrameType::kReply:  // also reads its records
       return use(Reply(std::make_unique<InputReply>(header, whole)));
     case wire::FrameType::kScene: {
       const auto scene = wire::parse_scene(payload);

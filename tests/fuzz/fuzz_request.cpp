@@ -1,4 +1,4 @@
-// Requests of any bytes to the daemon's loop: each is answered once, by a frame that a client takes, and a good query
+// Arbitrary requests to the daemon's loop: each is answered once, by a frame that a client accepts, and a valid query
 // after them is answered, too.
 #include "tests/fuzz/changing_scene.h"
 #include "tests/fuzz/frames.h"
@@ -7,7 +7,7 @@
 namespace clearance::fuzz {
 namespace {
 
-/// Every parser of a client, on what came back. A reply of ours that it refuses is a bug of ours.
+/// Runs every parser of a client on a reply. A rejected reply is a bug of the daemon.
 void check_reply(const MemoryFrame& frame) {
   const auto [payload, records] = wire::split_payload(frame.header(), frame.payload());
   wire::PassedOver unknown;
@@ -59,12 +59,12 @@ void check_reply(const MemoryFrame& frame) {
 CLEARANCE_FUZZ_TARGET(request) {
   using namespace clearance;
   using namespace clearance::fuzz;
-  // An engine for each input: poses and attachments of one must not change the next.
+  // An engine for each input, because poses and attachments of one must not affect the next.
   Engine::Options options;
   options.threads = 1;
   static const Scene scene = small_scene();
   Engine engine(scene, options);
-  MemoryClient client, other;  // before the loop, which may hold requests of theirs to its end
+  MemoryClient client, other;  // declared before the loop, which may hold their requests until its end
   Loop loop(engine, on_one_thread());
   serve_changing_scenes(loop);
   auto owned = std::make_unique<MemoryTransport>();
@@ -80,7 +80,7 @@ CLEARANCE_FUZZ_TARGET(request) {
     ++sent;
   }
   turn_until_idle(loop);
-  // Those that wait for poses wait for longer than this.
+  // Queries that wait for poses wait for longer than this.
   const std::size_t held = loop.held();
   require(client.replies.size() + held == sent && client.sinks == static_cast<int>(held),
           "each request is answered once, or held");

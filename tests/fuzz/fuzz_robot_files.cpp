@@ -1,4 +1,4 @@
-// A URDF and, behind a zero byte, an SRDF of any bytes: a robot, or an error that names the file.
+// Arbitrary URDF and, after a zero byte, SRDF: a robot, or an error that names the file.
 #include <vector>
 
 #include "engine/robot/kinematics.h"
@@ -25,7 +25,7 @@ void check_robot(const RobotModel& robot) {
     require(pair.a < pair.b && pair.b < robot.links.size(), "pairs are of two links");
 }
 
-// At position 0 every link is somewhere, or nowhere by a mimic joint's offset.
+// At position 0 every link has a pose, or none because of a mimic joint's offset.
 void check_kinematics(const RobotModel& robot) {
   const Kinematics kinematics(robot);
   const std::vector<double> positions(kinematics.columns());

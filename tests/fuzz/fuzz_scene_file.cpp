@@ -1,4 +1,4 @@
-// Scene files of any bytes: a scene, or an error that names file and line.
+// Arbitrary scene files: a scene, or an error that names file and line.
 #include "engine/scene/scene.h"
 #include "tests/fuzz/scratch_file.h"
 

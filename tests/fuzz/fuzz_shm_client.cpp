@@ -1,5 +1,5 @@
-// A shared-memory daemon that does anything: greetings of any bytes, segments of any contents, replies that nobody
-// asked for. The client gets a frame that lies within its segment, or an error.
+// A shared-memory daemon that violates the protocol: arbitrary greetings, segments and replies. The client gets a frame
+// within its segment, or an error.
 #include <sys/mman.h>
 #include <sys/stat.h>
 
@@ -21,13 +21,13 @@ constexpr std::uint32_t kSlots = 4;
 constexpr std::uint64_t kCapacity = shm::kPage;
 constexpr std::uint64_t kSegmentBytes = shm::segment_bytes(kSlots, kCapacity, kCapacity);
 
-/// One message that the daemon says, with a segment perhaps.
+/// One message of the daemon, possibly with a segment.
 struct Prepared {
   std::vector<std::byte> message;
   shm::UniqueFd segment;
 };
 
-/// A segment as a daemon would make it, of an odd size perhaps, with a few bytes of its header changed.
+/// A segment like a daemon's, possibly of an odd size, with a few bytes of its header changed.
 shm::UniqueFd make_segment(Input& in) {
   shm::UniqueFd fd(::memfd_create("clearance-fuzz", MFD_CLOEXEC));
   std::uint64_t size = kSegmentBytes;
@@ -72,7 +72,7 @@ Prepared prepare(Input& in) {
   return out;
 }
 
-/// The daemon's view of the first segment that it handed over, to write into it while the client waits.
+/// The daemon's mapping of its first segment, for writes while the client waits.
 class Pen {
  public:
   explicit Pen(const std::vector<Prepared>& messages) {
@@ -91,7 +91,7 @@ class Pen {
   }
   Pen(const Pen&) = delete;
 
-  /// Posts what the input says: replies, a head, bytes anywhere.
+  /// Posts replies, a head, or arbitrary bytes according to the input.
   void write(Input& in) {
     const auto how = in.number<std::uint8_t>();
     if (base_ == nullptr) return;
@@ -118,7 +118,7 @@ class Pen {
   std::uint32_t posted_ = 0;
 };
 
-/// Listens where the client connects; the whole conversation is said at once, so that no timing enters.
+/// Listens for the client and sends its whole side of the communication at once, which makes it independent of timing.
 class HandDaemon {
  public:
   explicit HandDaemon(const std::string& path) {
@@ -151,13 +151,13 @@ class HandDaemon {
       }
       ::sendmsg(socket.get(), &header, MSG_NOSIGNAL | MSG_DONTWAIT);
     }
-  }  // and hangs up: nobody waits for an answer that never comes
+  }  // hangs up, because no answer follows
 
  private:
   shm::UniqueFd listener_;
 };
 
-/// Asks three times, the last time with a request that does not fit. Counts the answers that come.
+/// Sends three requests, the last of which does not fit. Counts the answers.
 void talk(const std::string& path, Pen& pen, Input& in, int& answers) {
   using Clock = std::chrono::steady_clock;
   const auto channel = open_shm_channel(path + "?spin_us=0", Clock::now() + std::chrono::seconds(10));
@@ -185,8 +185,8 @@ void talk(const std::string& path, Pen& pen, Input& in, int& answers) {
 }  // namespace
 }  // namespace clearance::fuzz
 
-/// How many messages the daemon says, 1 B; the messages, each with the segment that it hands over; and what it writes
-/// into the first segment after each request. Accepted: two answers came.
+/// Number of the daemon's messages, 1 B; the messages, each with its segment; and the writes to the first segment after
+/// each request. Accepted if two answers came.
 CLEARANCE_FUZZ_TARGET(shm_client) {
   using namespace clearance;
   using namespace clearance::fuzz;

@@ -1,6 +1,6 @@
-// A shared-memory client that does anything: messages of any bytes on the socket, any words and frames in its segment,
-// between any two steps of the daemon. Its own connection may end; the next client is served, and nothing of the first
-// one is left.
+// A shared-memory client that violates the protocol: arbitrary messages on the socket, and arbitrary words and frames
+// in its segment, between any two steps of the daemon. Its own connection may end; the next client is served, and
+// nothing of the first one remains.
 #include <sys/mman.h>
 
 #include <array>
@@ -27,7 +27,7 @@ ShmLimits small_limits() {
   return limits;
 }
 
-/// A client by hand.
+/// A client without the client library.
 class HandClient {
  public:
   explicit HandClient(const std::string& path) {
@@ -52,7 +52,7 @@ class HandClient {
     message.reply_capacity = reply;
     send(std::as_bytes(std::span(&message, 1)));
   }
-  /// Takes a message and maps the segment that may come with it. The message's kind, 0 if there is none.
+  /// Receives a message and maps its segment, if any. Returns the message's kind, or 0 if there is none.
   std::uint32_t receive() {
     shm::Message message;
     std::array<shm::UniqueFd, shm::kMaxPassedFds> fds;
@@ -62,7 +62,7 @@ class HandClient {
       bytes_ = static_cast<std::size_t>(::lseek(fds[0].get(), 0, SEEK_END));
       base_ = static_cast<std::byte*>(::mmap(nullptr, bytes_, PROT_READ | PROT_WRITE, MAP_SHARED, fds[0].get(), 0));
       require(base_ != MAP_FAILED, "a segment can be mapped");
-      capacity_ = message.request_capacity;  // as the daemon said, whatever is scribbled over the segment
+      capacity_ = message.request_capacity;  // the daemon's value; the segment may change later
       slots_ = header().slot_count;
       posted_ = 0;
       generations_ = {};
@@ -77,7 +77,7 @@ class HandClient {
     at %= bytes_;
     std::memcpy(base_ + at, bytes.data(), std::min(bytes.size(), bytes_ - at));
   }
-  /// Posts a frame as the rules say.
+  /// Posts a frame according to the rules.
   void post(std::uint32_t slot, Bytes frame) {
     if (base_ == nullptr) return;
     auto& header = *reinterpret_cast<shm::SegmentHeader*>(base_);
@@ -102,8 +102,8 @@ class HandClient {
   std::array<std::uint32_t, shm::kMaxSlots> generations_{};
 };
 
-/// Runs the daemon until it has nothing to do. A tick makes it look at its sockets: the first time it takes a
-/// connection, then what came through it, then it lets go of what ended.
+/// Runs the daemon until it is idle. At a tick it polls its sockets: first it accepts a connection, then its messages,
+/// then it releases ended ones.
 void serve(Loop& loop) {
   for (int look = 0; look < 3; ++look) {
     loop.transports()[0]->tick(loop);
@@ -115,7 +115,7 @@ void serve(Loop& loop) {
 }  // namespace
 }  // namespace clearance::fuzz
 
-/// Steps, [what 1 B | its arguments]. Accepted: no rule was broken.
+/// Steps, [kind 1 B | its arguments]. Accepted if no rule was broken.
 CLEARANCE_FUZZ_TARGET(shm_server) {
   using namespace clearance;
   using namespace clearance::fuzz;
@@ -125,7 +125,7 @@ CLEARANCE_FUZZ_TARGET(shm_server) {
   options.threads = 1;
   static const Scene scene = small_scene();
   Engine engine(scene, options);
-  Loop::Options every_turn = on_one_thread();  // what waits for poses is let go of at a tick
+  Loop::Options every_turn = on_one_thread();  // queries that wait for poses are released at a tick
   every_turn.tick = std::chrono::nanoseconds(0);
   Loop loop(engine, every_turn);
   loop.add(make_shm_transport(path, small_limits()));
@@ -172,8 +172,8 @@ CLEARANCE_FUZZ_TARGET(shm_server) {
                         loop.counter("shm.refused") == 0 && loop.counter("errors") == 0;
   client.reset();
   serve(loop);
-  // What it said last may wait in its socket, more than is read at one look; and the worker unmaps segments after the
-  // tick that lets go of them, so that only the next tick counts them as given back.
+  // Its last message may still be in its socket, which is read in portions; and the worker unmaps segments after the
+  // tick that releases them, so that only the next tick counts them as returned.
   const auto is_there = [&] { return loop.counter("shm.clients") > 0 || loop.counter("shm.segment_bytes") > 0; };
   for (int look = 0; is_there() && look < 100; ++look) serve(loop);
   require(loop.counter("shm.clients") == 0, "a client that is gone is no client any more");

@@ -1,5 +1,5 @@
-// A fuzz target: a function that takes any bytes and lets nothing break. libFuzzer runs it under the sanitizers
-// (preset "fuzz"); test_fuzz_replay runs it over the bytes kept in corpus/ and regressions/, with any compiler.
+// A fuzz target: a function that accepts arbitrary bytes and must not fail. libFuzzer runs it under the sanitizers
+// (preset "fuzz"); test_fuzz_replay runs it over the bytes in corpus/ and regressions/, with any compiler.
 #pragma once
 
 #include <algorithm>
@@ -15,28 +15,28 @@
 namespace clearance::fuzz {
 
 using Bytes = std::span<const std::byte>;
-/// Returns whether the bytes were accepted as what they are meant to be: a request that is answered, a file that loads.
+/// Returns whether the bytes were accepted for their purpose: a request that is answered, a file that loads.
 using Target = bool (*)(Bytes);
 
-/// Every target of this program, by its name.
+/// Every target of this program, by name.
 inline std::map<std::string, Target>& targets() {
   static std::map<std::string, Target> all;
   return all;
 }
 
-/// Ends the run: a promise was broken that no sanitizer knows of.
+/// Ends the run if a guarantee is broken that no sanitizer checks.
 inline void require(bool holds, const char* promise) {
   if (holds) return;
   std::fprintf(stderr, "broken promise: %s\n", promise);
   std::abort();
 }
 
-/// An input, front to back; past its end come zeros.
+/// Reads an input from front to back; zeros follow its end.
 class Input {
  public:
   explicit Input(Bytes bytes) : left_(bytes) {}
   bool empty() const { return left_.empty(); }
-  /// Up to `size` bytes.
+  /// Reads up to `size` bytes.
   Bytes take(std::size_t size) {
     const Bytes taken = left_.first(std::min(size, left_.size()));
     left_ = left_.subspan(taken.size());

@@ -1,5 +1,5 @@
-// A ZeroMQ client that frames its messages in any way, under any name, beside strangers who speak no ZeroMQ at all:
-// each message is answered once, by a frame that a client takes, and the next client is served.
+// A ZeroMQ client with arbitrary framing and names, and peers that do not use ZeroMQ at all: each message is answered
+// once, by a frame that a client accepts, and the next client is served.
 #include <sys/socket.h>
 #include <sys/un.h>
 
@@ -25,7 +25,7 @@ class Dealer {
     static zmq::context_t context;
     socket_ = zmq::socket_t(context, zmq::socket_type::dealer);
     socket_.set(zmq::sockopt::linger, 0);
-    // A name that begins with 0 is libzmq's own, and it takes none.
+    // A name that begins with 0 is reserved for libzmq, which rejects it.
     if (!identity.empty() && identity[0] != std::byte{0})
       socket_.set(zmq::sockopt::routing_id,
                   std::string(reinterpret_cast<const char*>(identity.data()), identity.size()));
@@ -34,13 +34,14 @@ class Dealer {
   void send(Bytes part, bool more) {
     zmq::message_t message(part.data(), part.size());
     clearance::send(socket_, message,
-                    more ? zmq::send_flags::sndmore : zmq::send_flags::none);  // libFuzzer's clock is a signal
+                    more ? zmq::send_flags::sndmore : zmq::send_flags::none);  // libFuzzer's clock interrupts with a
+                                                                               // signal
   }
   void send_frame(Bytes frame) {
     send(frame.first(sizeof(wire::FrameHeader)), true);
     send(frame.subspan(sizeof(wire::FrameHeader)), false);
   }
-  /// Type of a reply, if one has come.
+  /// Type of a reply, if one has arrived.
   std::optional<wire::FrameType> receive() {
     zmq::message_t head, payload;
     if (!clearance::receive(socket_, head, zmq::recv_flags::dontwait)) return std::nullopt;
@@ -57,10 +58,10 @@ class Dealer {
   zmq::socket_t socket_;
 };
 
-/// Serves until `dealer` has `count` replies. Whether none of them is an error.
+/// Serves until `dealer` has `count` replies. Returns whether none of them is an error.
 bool serve(Loop& loop, Dealer& dealer, int count) {
   using Clock = std::chrono::steady_clock;
-  Clock::duration waited{};  // without the time that this process was not given
+  Clock::duration waited{};  // excludes the time in which this process did not run
   auto last = Clock::now();
   bool good = true;
   for (int got = 0; got < count;) {
@@ -76,7 +77,7 @@ bool serve(Loop& loop, Dealer& dealer, int count) {
   return good;
 }
 
-/// Somebody at the same socket who says these bytes and hangs up.
+/// A peer at the same socket that sends these bytes and hangs up.
 void say(const std::string& path, Bytes bytes) {
   sockaddr_un address;
   require(shm::socket_address(path.c_str(), address), "the socket's path is short");
@@ -88,7 +89,7 @@ void say(const std::string& path, Bytes bytes) {
 }  // namespace
 }  // namespace clearance::fuzz
 
-/// [name's length 1 B | name], then steps, [what 1 B | its arguments]. Accepted: every message was a request that is
+/// [name's length 1 B | name], then steps, [kind 1 B | its arguments]. Accepted if every message was a request that is
 /// answered.
 CLEARANCE_FUZZ_TARGET(zmq_server) {
   using namespace clearance;
@@ -107,7 +108,7 @@ CLEARANCE_FUZZ_TARGET(zmq_server) {
   Dealer dealer(url, name);
   const wire::FrameHeader ping = wire::make_header(wire::FrameType::kPing, 1, 0);
   dealer.send_frame(std::as_bytes(std::span(&ping, 1)));
-  serve(loop, dealer, 1);  // it has its name now
+  serve(loop, dealer, 1);  // registers its name
   int sent = 0;
   bool polite = true;
   for (int step = 0; !in.empty() && step < 16; ++step) switch (in.number<std::uint8_t>() % 4) {
@@ -115,7 +116,7 @@ CLEARANCE_FUZZ_TARGET(zmq_server) {
         dealer.send_frame(next_frame(in).bytes);
         ++sent;
         break;
-      case 1: {  // parts as they come
+      case 1: {  // arbitrary parts
         int parts = in.number<std::uint8_t>() % 6;
         for (; parts > 0; --parts) dealer.send(in.take(in.number<std::uint16_t>()), true);
         dealer.send(in.take(in.number<std::uint16_t>()), false);
@@ -126,7 +127,7 @@ CLEARANCE_FUZZ_TARGET(zmq_server) {
         say(path, in.take(in.number<std::uint16_t>()));
         polite = false;
         break;
-      case 3: {  // the same name once more
+      case 3: {  // the same name again
         Dealer other(url, name);
         other.send_frame(next_frame(in).bytes);
         loop.turn();

@@ -1,4 +1,4 @@
-// libFuzzer's entry: the one target that is linked with it.
+// libFuzzer's entry point for the one target that is linked with it.
 #include "server/base/log.h"
 #include "tests/fuzz/fuzz_target.h"
 

@@ -1,4 +1,4 @@
-// The first byte of an input that is a mesh file says which format.
+// The format of an input that is a mesh file, selected by its first byte.
 #pragma once
 
 #include <iterator>

@@ -1,4 +1,4 @@
-// A file in memory-backed storage that a target writes its input to.
+// A file in memory-backed storage for the input of a target.
 #pragma once
 
 #include <unistd.h>
@@ -12,7 +12,7 @@
 
 namespace clearance::fuzz {
 
-/// A folder of its own, removed when the program ends. In /dev/shm where there is one: a million files a minute.
+/// A temporary folder, removed at the end of the program. In /dev/shm if it exists, for a million files a minute.
 class ScratchFolder {
  public:
   ScratchFolder() {

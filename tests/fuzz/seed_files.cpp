@@ -42,7 +42,7 @@ void save_meshes() {
     const std::string name = "good_" + std::string(extension) + "_" + std::to_string(++count[extension]);
     for (const char* target : {"mesh_readers", "mesh_child", "mesh_import"}) save(target, name, input);
   }
-  // What a loader writes for one of them.
+  // A loader's result for one of them.
   const std::string path = (seeds_folder() / "thing.obj").string();
   const std::string content = obj(thing);
   std::ofstream(path) << content;
@@ -95,7 +95,7 @@ void save_robots() {
 }
 
 void save_cache_entries() {
-  const Shape ball = make_uv_sphere(1, 7);  // a direction table belongs to it
+  const Shape ball = make_uv_sphere(1, 7);  // large enough for a direction table
   const auto save_record = [](const std::string& name, const Geometry& geometry) {
     const Data record = geometry_record(geometry);
     Data input;
@@ -119,7 +119,7 @@ void save_cache_entries() {
   save("cache_entry", "bad_zeros", raw);
 }
 
-// First bytes: fuzz_decomposition.cpp.
+// Their first bytes are those of fuzz_decomposition.cpp.
 void save_decompositions() {
   const Shape box = make_box({1, 2, 3});
   Geometry solid;
@@ -139,7 +139,7 @@ void save_decompositions() {
   save("decomposition", "bad_claims", claims);
   Data corners;
   add(corners, std::uint8_t{2}, std::uint8_t{2});
-  for (const int side : {-1, 1}) {  // two boxes, which shrink to half a cube and a little more
+  for (const int side : {-1, 1}) {  // two boxes, shrunk to little more than half a cube
     add(corners, std::uint8_t{8}, std::int8_t{-12});
     for (int i = 0; i < 8; ++i)
       add(corners, static_cast<std::int8_t>(i & 1 ? side * 64 : 0), static_cast<std::int8_t>(i & 2 ? 64 : -64),

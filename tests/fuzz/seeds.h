@@ -1,4 +1,4 @@
-// What those share that write the seeds of the fuzz targets.
+// Common part of the files that write the seeds of the fuzz targets.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,7 @@ namespace clearance::fuzz {
 namespace fs = std::filesystem;
 using Data = std::vector<std::byte>;
 
-/// The folder that they go to.
+/// The output folder.
 inline fs::path& seeds_folder() {
   static fs::path folder;
   return folder;
@@ -33,7 +33,7 @@ void add(Data& data, Numbers... numbers) {
   (wire::append(data, numbers), ...);
 }
 
-/// Meshes, scenes, robots and what the cache keeps.
+/// Writes meshes, scenes, robots and records of the cache.
 void save_files();
 
 }  // namespace clearance::fuzz

@@ -1,5 +1,5 @@
-// clearance-fuzz-seeds FOLDER: writes the seeds of the fuzz targets, one folder each. To be run again when the wire, a
-// message or a file format changes; tests/fuzz/corpus is what it wrote.
+// clearance-fuzz-seeds FOLDER: writes the seeds of the fuzz targets, one folder each. To be repeated if the wire, a
+// message or a file format changes; its output is tests/fuzz/corpus.
 
 #include <cstdio>
 #include <filesystem>
@@ -52,7 +52,7 @@ void save_requests_and_replies() {
     save("reply", "good_" + name, reply);
   }
   save("request", "good_conversation", conversation);
-  // A body that comes, is asked about, and goes.
+  // A body that is added, queried and removed.
   Data come_and_go;
   for (const auto& [name, frame] : sample_requests())
     if (name == "add_capsule" || name == "query_all_pairs") append_frame(come_and_go, kMendHeader, frame);
@@ -64,7 +64,7 @@ void save_requests_and_replies() {
   Data refused;
   append_frame(refused, kMendHeader, simple_frame(wire::FrameType::kQuery, 1));
   save("request", "bad_empty_query", refused);
-  // Plans, for which this daemon has no GPU.
+  // Device queries, for which this daemon has no GPU.
   Data plans;
   TestQuery plan;
   plan.bodies = {1};
@@ -133,7 +133,7 @@ void add_post(Data& steps, std::uint8_t slot, const Data& frame) {
 void save_shm() {
   const std::uint8_t receive = 0, hello = 1, message = 2, raw = 3, scribble = 4, turn = 6, anew = 7;
   auto all = sample_requests();
-  std::erase_if(all, [](const auto& request) {  // what waits for poses keeps its slot meanwhile
+  std::erase_if(all, [](const auto& request) {  // a request that waits for poses occupies its slot meanwhile
     return request.first.starts_with("add_") || request.first == "reload" || request.first == "query_waits_for_poses";
   });
   Data one, many, grown, hostile, garbage, again;
@@ -159,11 +159,10 @@ void save_shm() {
   add(again, hello, receive, anew, hello, hello, receive);
   save("shm_server", "bad_hello_twice", again);
 
-  // A daemon's side. Requests come in slot 0, with rising generations.
+  // The daemon's side. Requests use slot 0, with increasing generations.
   const auto daemon = [](std::uint64_t request_id, std::uint8_t generation) {
     Data said;
-    add(said, std::uint8_t{1}, std::uint8_t{0}, std::uint8_t{0},
-        std::uint8_t{0});  // one greeting, nothing odd about it
+    add(said, std::uint8_t{1}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0});  // one regular greeting
     for (std::uint8_t id = 0; id < 2; ++id) {
       add(said, std::uint8_t{1}, std::uint8_t{0}, static_cast<std::uint8_t>(generation + id));
       append_frame(said, kMendHeader,
@@ -269,11 +268,11 @@ void save_lcm() {
   save("lcm_udp", "bad_fragment", fragment);
 }
 
-// --- the link to a process outside
+// --- the link to a gateway process
 
 void save_link() {
   using gateway::Kind;
-  // [mended 1 B | size 2 B | a datagram]; `part` of a body from `offset` on.
+  // [corrected 1 B | size 2 B | a datagram] with a part of `body`, from `offset` on.
   const auto say = [](Data& said, Kind kind, const std::string& name, const std::string& extra, const std::string& body,
                       std::size_t offset, std::size_t part) {
     const gateway::Head head{static_cast<std::uint32_t>(kind),

@@ -1,6 +1,6 @@
-// The fuzz targets over the inputs that are kept: real requests and files (corpus/), and what fuzzing has found
-// (regressions/). No input may break anything, and those called good_... must still be accepted: seeds of an old
-// version of the wire would teach the fuzzer nothing.
+// Runs the fuzz targets over the stored inputs: real requests and files (corpus/), and findings of fuzzing
+// (regressions/). No input may break anything, and those called good_... must still be accepted, because seeds of an
+// old wire version would be useless to the fuzzer.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -53,7 +53,7 @@ TEST_P(FuzzReplay, KeptInputsBreakNothing) {
     SCOPED_TRACE(path.string());
     target(contents_of(path));
   }
-  // Cut short, and nothing at all.
+  // Truncated and empty inputs.
   target({});
   for (const fs::path& path : inputs_of(kFolder / "corpus" / GetParam())) {
     const auto bytes = contents_of(path);
