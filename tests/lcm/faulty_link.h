@@ -1,4 +1,4 @@
-// What UDP may do to messages between a publisher and the daemon, at random from a seed: lose, repeat, delay.
+// Simulates UDP between a publisher and the daemon: loses, repeats and delays messages at random from a seed.
 #pragma once
 
 #include <algorithm>
@@ -15,10 +15,10 @@ namespace clearance {
 class FaultyLink {
  public:
   struct Faults {
-    double lose = 0;       ///< probability of each
-    double duplicate = 0;  ///< the copy may come later than the message
+    double lose = 0;       ///< probabilities
+    double duplicate = 0;  ///< the copy may arrive later than the message
     double delay = 0;
-    int most_delay = 0;  ///< a message or copy comes up to so many messages later
+    int most_delay = 0;  ///< maximum delay of a message or copy, in messages
   };
   struct Counts {
     int sent = 0, lost = 0, duplicated = 0, overtaken = 0;
@@ -28,7 +28,8 @@ class FaultyLink {
   FaultyLink(std::uint32_t seed, const Faults& faults, Deliver deliver)
       : random_(seed), faults_(faults), deliver_(std::move(deliver)) {}
 
-  /// Takes a message and delivers what is due now, that message perhaps among it. \param sequence rises.
+  /// Accepts a message and delivers those that are due, possibly including this one.
+  /// \param sequence ascending
   void send(std::int64_t sequence, std::vector<std::byte> message) {
     ++counts_.sent;
     if (chance(faults_.lose)) {
@@ -43,14 +44,14 @@ class FaultyLink {
     }
     flush(counts_.sent);
   }
-  /// Delivers what is still held, and does no harm from now on.
+  /// Delivers all held messages, and causes no faults afterwards.
   void heal() {
     faults_ = {};
     flush(counts_.sent + 1'000'000);
   }
 
   const Counts& counts() const { return counts_; }
-  /// Sequences in the order in which they were delivered.
+  /// Sequence numbers in order of delivery.
   const std::vector<std::int64_t>& delivered() const { return delivered_; }
 
  private:

@@ -1,4 +1,4 @@
-// An LCM network of its own for each test, on this host alone.
+// A private LCM network for each test, on this host alone.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 
 namespace clearance {
 
-/// Skips where packets do not come back (no multicast route); such machines are the subject of test_lcm_route.
+/// Skips tests if packets do not come back (no multicast route); test_lcm_route covers such machines.
 class LcmTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -38,7 +38,7 @@ class LcmTest : public testing::Test {
     return true;
   }
 
-  /// Repeats a call whose reply was lost on the way (a busy machine drops packets); a wrong answer is not repeated.
+  /// Repeats a call whose reply was lost (a busy machine drops packets); a wrong answer is not repeated.
   template <class Call>
   static auto patiently(Client& client, Call call) {
     client.set_timeout(std::chrono::seconds(3));

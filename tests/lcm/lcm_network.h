@@ -1,4 +1,4 @@
-// An LCM network of its own: a port that nobody else has, and a sender that goes past liblcm.
+// A private LCM network, with an unused port and a sender that bypasses liblcm.
 #pragma once
 
 #include <arpa/inet.h>
@@ -21,7 +21,7 @@ namespace clearance {
 
 inline constexpr const char* kTestGroup = "239.255.76.67";
 
-/// A UDP port that nobody listens on.
+/// An unused UDP port.
 inline std::uint16_t free_udp_port() {
   std::random_device random;
   for (int attempt = 0; attempt < 100; ++attempt) {
@@ -37,7 +37,7 @@ inline std::uint16_t free_udp_port() {
   throw std::runtime_error("no free UDP port");
 }
 
-/// The address of a network on this host that nobody else uses; none where packets do not come back.
+/// The address of a private network on this host, or nothing if packets do not come back.
 /// \param name begins the prefix of its channels
 inline std::optional<LcmAddress> own_lcm_address(const std::string& name) {
   LcmAddress address;
@@ -51,7 +51,7 @@ inline std::optional<LcmAddress> own_lcm_address(const std::string& name) {
   return address;
 }
 
-/// A UDP socket that sends to the test's group, past liblcm.
+/// A UDP socket that sends to the test's group without liblcm.
 class RawSender {
  public:
   explicit RawSender(std::uint16_t port) : fd_(::socket(AF_INET, SOCK_DGRAM, 0)) {

@@ -1,5 +1,4 @@
-// The daemon's loop on an LCM network, and a planner that knows nothing of ours but the message types; both on one
-// thread.
+// The daemon's loop on an LCM network, and a planner that uses only the message types; both on one thread.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -51,12 +50,12 @@ inline Scene make_scene() {
   return scene;
 }
 
-/// Where ball i is in step k: far enough from the others that nothing touches.
+/// Position of ball i in step k, far enough from the others to avoid contact.
 inline std::vector<double> pose_of(int ball, double step) {
   return {1.0 * ball + 0.25 * std::sin(step + ball), 0.5 * std::cos(2 * step), 0.1 * ball, 1, 0.1 * ball, 0.2, 0.3};
 }
 
-/// An answer of which all parts are there, columns joined.
+/// An answer with all its parts, columns joined.
 struct Answer {
   reply_t whole;
   std::set<int> parts;
@@ -76,7 +75,7 @@ class LcmTransportTest : public LcmTest {
     bus_->subscribe("CLEARANCE_DISTANCES", 64, [this](auto packet) { keep(distances_, packet); });
   }
 
-  /// Turns the daemon's loop and takes the planner's messages until `done`; false after kPatience.
+  /// Runs the daemon's loop and receives the planner's messages until `done`; false after kPatience.
   bool until(const std::function<bool()>& done) {
     const auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (!done()) {
@@ -128,11 +127,11 @@ class LcmTransportTest : public LcmTest {
     query.request_id = ++last_request_;
     return query;
   }
-  /// The whole answer; asks again if a part was lost on the way.
+  /// Returns the whole answer, and repeats the query if a part was lost.
   std::optional<reply_t> ask(query_t query) {
     return ask(query, [&] { return bus_->publish_message("CLEARANCE_QUERY", query); });
   }
-  /// \param publish sends what holds the query.
+  /// \param publish sends the message that contains the query
   template <class Publish>
   std::optional<reply_t> ask(query_t& query, Publish publish) {
     for (int attempt = 0; attempt < 10; ++attempt) {
@@ -191,7 +190,7 @@ class LcmTransportTest : public LcmTest {
     if (answer.parts.empty()) {
       answer.whole = part;
       answer.parts.insert(part.part);
-      // Parts come in order on one host, so columns can simply be joined.
+      // On one host parts arrive in order, so columns can simply be joined.
       ASSERT_EQ(part.first_row, 0);
       return;
     }

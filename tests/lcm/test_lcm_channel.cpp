@@ -1,5 +1,5 @@
-// The client's channel over LCM against a server that loses, repeats, shuffles and forges: a reply is right or does not
-// come.
+// The client's channel over LCM and a server that loses, repeats, reorders and forges messages: a reply is correct or
+// does not arrive.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -23,7 +23,7 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 using Bytes = std::vector<std::byte>;
 
-/// Answers each request frame with the parts that the test makes of it; greetings are answered as a daemon would.
+/// Answers each request frame with parts that the test selects; greetings are answered as by a daemon.
 class ScriptedServer {
  public:
   using Script = std::function<std::vector<frame_t>(const Bytes& reply, std::vector<frame_t> parts)>;
@@ -119,7 +119,7 @@ class LcmChannelTest : public LcmTest {
     return std::equal(frame.payload().begin(), frame.payload().end(), payload.begin(), payload.end()) &&
            reinterpret_cast<std::uintptr_t>(frame.payload().data()) % 64 == 0;
   }
-  /// Asks until an answer comes (a part may be lost on a busy machine); every answer must be the right one.
+  /// Repeats a request until an answer arrives (a part may be lost on a busy machine); every answer must be correct.
   static bool echo(Channel& channel, std::uint64_t& request, const Bytes& payload) {
     for (const Deadline end = in(kPatience); Deadline::clock::now() < end;) {
       ask(channel, ++request, payload);
@@ -166,7 +166,7 @@ TEST_F(LcmChannelTest, ALostPartIsADeadlinePassed) {
   for (lose = 0; lose < 5; ++lose) {
     const Deadline end = in(kPatience);
     for (const std::uint64_t before = server.requests();
-         server.requests() == before;) {  // until the server has heard one
+         server.requests() == before;) {  // until the server has received one
       ASSERT_LT(Deadline::clock::now(), end);
       ask(*channel, ++request, payload);
       EXPECT_FALSE(channel->receive(request, in(milliseconds(100))));
@@ -192,8 +192,8 @@ TEST_F(LcmChannelTest, ShuffledAndRepeatedPartsMakeOneReply) {
 }
 
 TEST_F(LcmChannelTest, HalvesOfTwoAnswersMakeNone) {
-  // The request was answered twice (a repeated datagram), the even parts of one and the odd parts of the other are
-  // lost.
+  // The request was answered twice (a repeated datagram); the even parts of one answer and the odd parts of the other
+  // are lost.
   ScriptedServer* self = nullptr;
   ScriptedServer server(address_, [&](const Bytes& reply, std::vector<frame_t> parts) {
     Bytes other = reply;
@@ -231,7 +231,7 @@ TEST_F(LcmChannelTest, WhatIsNotOursOrNotAFrameIsPassedOver) {
     forge([](frame_t& p) { p.server_id += 1, p.bytes.back() ^= 1; });  // the answer of another daemon
     forge([](frame_t& p) { p.frame_bytes = std::int64_t{1} << 40; });
     forge([](frame_t& p) { p.parts += 1; });
-    // Whole frames whose header is not one: magic, version, size, another request.
+    // Whole frames with an invalid header: magic, version, size, another request.
     forge([](frame_t& p) { p.bytes[0] ^= p.part == 0; });
     forge([](frame_t& p) { p.bytes[4] ^= p.part == 0; });
     forge([](frame_t& p) { p.bytes[16] ^= p.part == 0; });
@@ -245,7 +245,7 @@ TEST_F(LcmChannelTest, WhatIsNotOursOrNotAFrameIsPassedOver) {
   raw.send(garbage);
   raw.send(RawSender::datagram("CLEARANCE_FRAME_OUT", garbage));
   auto endless = RawSender::datagram("CLEARANCE_FRAME_OUT", {});
-  endless.pop_back();  // the channel's name does not end
+  endless.pop_back();  // the channel's name is not terminated
   raw.send(endless);
   std::uint64_t request = 0;
   for (const std::size_t size : {100000ul, 1000ul})

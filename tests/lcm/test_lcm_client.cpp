@@ -1,5 +1,4 @@
-// The C++ client over LCM against the real loop: every call, the same bits as from the engine, large batches, lost
-// daemons.
+// The C++ client over LCM and the real loop: every call, bit-identical with the engine, large batches, lost daemons.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -56,7 +55,7 @@ class LcmClientTest : public LcmTest {
   std::thread thread_;
 };
 
-/// Distance, lower and upper of `reply` are, bit for bit, what the engine says itself.
+/// Checks that distance, lower and upper of `reply` equal the engine's, bit for bit.
 void expect_same_bits(const Reply& reply, const Engine& engine, const QueryView& query) {
   const std::uint64_t rows = engine.size(query).rows;
   std::vector<double> distance(rows), lower(rows), upper(rows);

@@ -1,4 +1,4 @@
-// clearanced as a process on an LCM network: the example planners as a user would run them, and the same bits as over
+// The process clearanced on an LCM network: the example planners as a user runs them, with the same bits as over
 // ZeroMQ.
 #include <gtest/gtest.h>
 
@@ -52,8 +52,8 @@ class LcmDaemonTest : public LcmTest {
   TestFolder folder_;
 };
 
-/// The planners ask about cup on a circle of 0.5 m about (0, 0, 0.3). Of the small scene's other bodies link2 has been
-/// put at x = 3 by the planner itself; the table's top is at z = 0.05, the capsule link1 stands at x = 0.5.
+/// The planners query cup on a circle of 0.5 m about (0, 0, 0.3). Of the small scene's other bodies the planner has
+/// moved link2 to x = 3; the table's top is at z = 0.05, the capsule link1 is at x = 0.5.
 void expect_circle(const Finished& planner, int count) {
   ASSERT_EQ(planner.code, 0) << planner.out << planner.err;
   const auto lines = table_of(planner.out);
@@ -63,7 +63,7 @@ void expect_circle(const Finished& planner, int count) {
     const Line& line = lines[k];
     EXPECT_EQ(line.configuration, k);
     const double a = 2 * M_PI * k / count, x = 0.5 * std::cos(a), y = 0.5 * std::sin(a);
-    // The sphere (0.1) above the table (2 x 1, top at 0.05) and beside the capsule: axis z from 0.3 to 0.7, radius
+    // The sphere (0.1) above the table (2 x 1, top at 0.05) and next to the capsule: axis z from 0.3 to 0.7, radius
     // 0.05.
     const double to_table = std::hypot(std::max(0.0, std::abs(x) - 1), std::max(0.0, std::abs(y) - 0.5), 0.25) - 0.1;
     const double to_link = std::hypot(x - 0.5, y) - 0.15;
@@ -100,7 +100,7 @@ TEST_F(LcmDaemonTest, PlannerInCpp) {
 }
 
 TEST_F(LcmDaemonTest, PlannersTakeNoAnswerOfOtherPosesThanTheirs) {
-  Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--lcm-poses", "off"});  // so that theirs never come
+  Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--lcm-poses", "off"});  // so that theirs never arrive
   for (const Finished& planner : {run({CLEARANCE_PYTHON, kExamples + "lcm_planner.py", "--url", url()}, kPythonPath),
                                   run({kPlannerCpp, url()})}) {
     EXPECT_EQ(planner.code, 1) << planner.out;
@@ -151,7 +151,7 @@ TEST_F(LcmDaemonTest, BeyondThisMachineAProcessOutsideReadsThePackets) {
       if (known == name) return value;
     return std::uint64_t{0};
   };
-  const auto asked = [&] {  // as often as it takes: while that process is gone, packets are lost
+  const auto asked = [&] {  // repeated, because packets are lost while that process is gone
     for (;;) try {
         return connect(address.url(), std::chrono::seconds(2)).distances().rows();
       } catch (const ConnectionError&) {  // or TimeoutError
@@ -178,7 +178,7 @@ TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTran
   std::set<std::uint64_t> compared;
   std::atomic<bool> enough{false};
   std::thread publisher([&] {
-    while (!enough) {  // a busy machine may take longer than one run
+    while (!enough) {  // a busy machine may need more than one run
       const Finished done =
           run({CLEARANCE_PYTHON, kExamples + "pose_publisher.py", "--url", url(), "--rate", "50", "--seconds", "3"},
               kPythonPath);
@@ -186,7 +186,7 @@ TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTran
       EXPECT_NE(done.out.find("moving 3 of 4 bodies"), std::string::npos) << done.out;
     }
   });
-  // While the bodies move, both transports ask; answers at one pose revision must have the same bits.
+  // Queries over both transports while the bodies move; answers at one pose revision must have the same bits.
   const auto end = std::chrono::steady_clock::now() + kPatience;
   while (compared.size() < 10 && std::chrono::steady_clock::now() < end) {
     const Reply a = patiently(over_lcm, [&] { return over_lcm.distances(); }), b = over_zmq.distances();

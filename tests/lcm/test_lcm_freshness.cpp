@@ -1,5 +1,5 @@
-// Poses over a network that loses, repeats, delays and floods: what the daemon has is the newest that was delivered,
-// and the newest that was sent after one repeat; publishers and daemons that begin anew agree within two repeats.
+// Poses over a network that loses, repeats, delays and floods: the daemon has the newest that was delivered, and after
+// one repeat the newest that was sent; restarted publishers and daemons agree within two repeats.
 #include <limits>
 
 #include "engine/state/pose_store.h"
@@ -19,7 +19,7 @@ class LcmFreshness : public LcmTransportTest {
   }
 
   static double step_of(std::int64_t sequence) { return 0.01 * static_cast<double>(sequence); }
-  /// The datagram of a message of publisher 1 that says where all balls are in a step.
+  /// The datagram of a message of publisher 1 with the positions of all balls in a step.
   std::vector<std::byte> datagram(std::int64_t sequence, double step, bool by_name = false) {
     const pose_update_t message = update(sequence, step);
     if (!by_name) return RawSender::datagram("CLEARANCE_POSES", encode(message));
@@ -32,12 +32,12 @@ class LcmFreshness : public LcmTransportTest {
     named.poses = message.poses;
     return RawSender::datagram("CLEARANCE_POSES_NAMED", encode(named));
   }
-  /// Pose messages that the daemon has come across, used or left out.
+  /// Pose messages that the daemon has received, used or left out.
   std::uint64_t seen() { return counter("lcm.pose_messages") + counter("lcm.repeated") + counter("lcm.reordered"); }
   bool until_seen(std::uint64_t count) {
     return until([&] { return seen() >= count; });
   }
-  /// Whether every ball is where message `sequence` put it, and says so: no mix of two messages.
+  /// Returns whether every ball is at the position of message `sequence` and reports it: no mix of two messages.
   bool stands_at(std::int64_t sequence, double step) {
     for (int i = 0; i < kMoving; ++i)
       if (position(1 + i) != position_of(i, step) || engine_->body_state(1 + i).stamp_ns != 1000 * sequence)
@@ -66,7 +66,7 @@ TEST_P(LcmBadLink, TheStateIsTheNewestMessageDelivered) {
   for (std::int64_t k = 1; k <= kMessages; ++k) {
     if (k == kMessages) link.heal();
     link.send(k, datagram(k, step_of(k), by_name));
-    // The same rules as in the documentation, said once more.
+    // The rules of the documentation, implemented independently.
     for (; looked_at < link.delivered().size(); ++looked_at) {
       const std::int64_t sequence = link.delivered()[looked_at];
       if (newest != 0 && sequence == newest) ++repeated;
@@ -81,7 +81,7 @@ TEST_P(LcmBadLink, TheStateIsTheNewestMessageDelivered) {
     ASSERT_TRUE(stands_at(newest)) << "after message " << k;
     behind += newest < k;
   }
-  // The faults were there, and the daemon's counters tell of each.
+  // The faults did occur, and the daemon's counters show each.
   EXPECT_GT(link.counts().lost, 30);
   EXPECT_GT(link.counts().duplicated, 20);
   EXPECT_GT(link.counts().overtaken, 30);
@@ -112,7 +112,7 @@ TEST_P(LcmBadLink, OneRepeatBringsTheNewestMessageSent) {
     }
     ASSERT_TRUE(until_seen(before + link.delivered().size()));
     missed += !stands_at(sequence);
-    // A second later: the same poses again, under the next number. What was held back comes after it.
+    // A second later: the same poses under the next number, followed by the delayed messages.
     const double step = step_of(sequence);
     ++sequence;
     raw_->send(datagram(sequence, step, by_name));
@@ -136,9 +136,9 @@ TEST_F(LcmFreshness, AFloodLosesMessagesButNeverMixesThem) {
   constexpr std::int64_t kFlood = 20'000;
   raw_->send(datagram(1, step_of(1)));
   ASSERT_TRUE(until_seen(1));
-  // Nobody serves meanwhile: the queue of the daemon's subscription overflows.
+  // The daemon does not run meanwhile, so that the queue of its subscription overflows.
   for (std::int64_t k = 2; k <= kFlood; ++k) raw_->send(datagram(k, step_of(k)));
-  // A question behind them all: its answer says that what was not lost has been taken.
+  // The answer to a final query shows that every message that was not lost has been processed.
   query_t query = question();
   query.pair_count = 1;
   query.pairs = {{1, 2}};
@@ -170,7 +170,7 @@ TEST_F(LcmFreshness, AFloodOfPublishersIsForgottenAndReported) {
   start();
   set_poses(1, 0.5);
   std::uint64_t sent = 1;
-  // Each moves ball 5, in turns with publisher 1.
+  // Each moves ball 5, alternating with publisher 1.
   for (std::int64_t publisher = 2; publisher <= 1000; ++publisher) {
     pose_update_t message{};
     message.publisher_id = publisher;
@@ -195,7 +195,7 @@ TEST_F(LcmFreshness, AFloodOfPublishersIsForgottenAndReported) {
   EXPECT_TRUE(stands_at(2000, 0.6));
 }
 
-// --- beginning anew
+// --- restarts
 
 TEST_F(LcmFreshness, APublisherThatStartsAnewIsFollowedAtOnce) {
   start();
@@ -204,12 +204,12 @@ TEST_F(LcmFreshness, APublisherThatStartsAnewIsFollowedAtOnce) {
   for (std::int64_t k = 1; k <= 100; ++k) link.send(k, datagram(k, step_of(k)));
   ASSERT_TRUE(until_seen(link.delivered().size()));
   const std::size_t before = link.delivered().size();
-  // Its successor draws another id and counts from 1.
+  // Its successor draws another id and starts at 1.
   publish(update(1, 50, 2));
   ASSERT_TRUE(until_seen(before + 1));
   EXPECT_TRUE(stands_at(1, 50));
-  // What the old one had sent and the network had kept comes now. It is another publisher's, so its newest message
-  // wins until the next repeat: the first that comes.
+  // Delayed messages of the old publisher arrive now. It counts as another publisher, so that its newest message, the
+  // first to arrive, wins until the next repeat.
   link.heal();
   ASSERT_GT(link.delivered().size(), before);
   ASSERT_TRUE(until_seen(link.delivered().size() + 1));
@@ -221,7 +221,7 @@ TEST_F(LcmFreshness, APublisherThatStartsAnewIsFollowedAtOnce) {
 }
 
 TEST_F(LcmFreshness, ADaemonThatStartsLateHasAllPosesAfterOneRepeat) {
-  for (std::int64_t k = 1; k <= 50; ++k) raw_->send(datagram(k, step_of(k)));  // nobody is there
+  for (std::int64_t k = 1; k <= 50; ++k) raw_->send(datagram(k, step_of(k)));  // no daemon runs
   start();
   EXPECT_EQ(engine_->body_state(1).status, Status::kNoPose);
   raw_->send(datagram(51, step_of(50)));
@@ -234,7 +234,7 @@ TEST_F(LcmFreshness, ADaemonThatStartsAnewWithAnotherSceneHasAllPosesAfterTwoRep
   start();
   ASSERT_TRUE(until([&] { return !scenes_.empty(); }));
   const std::int64_t old_scene = scenes_.back().revision;
-  // A publisher by id: it takes the ids and the revision from the last scene that it has heard of.
+  // A publisher by id: it takes the ids and the revision from the last scene that it received.
   std::int64_t sequence = 0;
   const auto repeat = [&] {
     pose_update_t message = update(++sequence, 3);
@@ -248,7 +248,7 @@ TEST_F(LcmFreshness, ADaemonThatStartsAnewWithAnotherSceneHasAllPosesAfterTwoRep
   ASSERT_TRUE(until_seen(1));
   EXPECT_TRUE(stands_at(1, 3));
 
-  // Another daemon, other ids: a box comes before the balls.
+  // Another daemon with other ids: a box precedes the balls.
   loop_.reset();
   Scene other;
   other.add_box("crate", {1, 1, 1}, {});
@@ -257,10 +257,10 @@ TEST_F(LcmFreshness, ADaemonThatStartsAnewWithAnotherSceneHasAllPosesAfterTwoRep
   engine_.emplace(std::move(other), Engine::Options{.threads = 1});
   loop_.emplace(*engine_);
   loop_->add(make_lcm_transport(url()));
-  while (bus_->handle()) {  // what the old one had said
+  while (bus_->handle()) {  // messages of the old daemon
   }
   ASSERT_EQ(scenes_.back().revision, old_scene);
-  repeat();  // before the new daemon has said anything
+  repeat();  // before the new daemon has sent anything
   ASSERT_TRUE(until_counter("lcm.wrong_scene", 1));
   for (const char* name : {"crate", "ball0", "ball5"})
     EXPECT_EQ(engine_->body_state(engine_->scene().find_body(name)).status, Status::kNoPose)
@@ -321,13 +321,13 @@ TEST_F(LcmFreshness, AnOldMessageIsOldHoweverOldItIs) {
   EXPECT_EQ(engine_->pose_revision(), revision);
   EXPECT_EQ(counter("lcm.reordered"), 14u);
   EXPECT_EQ(counter("lcm.restarts"), 0u);
-  // Under a higher number, but with a stamp from before: somebody counts wrong, or makes things up.
+  // A higher number with an older stamp: wrong numbering, or a forgery.
   pose_update_t forged = update(10'001, 9.9);
   forged.stamp_ns = 5;
   publish(forged);
   ASSERT_TRUE(until_counter("lcm.bad_stamps", 1));
   EXPECT_TRUE(stands_at(10'000, 1.0));
-  // After it has begun anew under its old id, what its former life has sent is old whatever its number.
+  // After a restart under its old id, messages of its former run are old, whatever their numbers.
   pose_update_t anew = update(1, 2.0);
   anew.stamp_ns = 20'000'000;
   publish(anew);
@@ -418,8 +418,8 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
     publish(one);
     ASSERT_TRUE(until([&] { return engine_->body_state(1).receipt_ns != before; }));
     const std::int64_t young = engine_->body_state(1).receipt_ns, old = engine_->body_state(2).receipt_ns;
-    // Just less than the age of the others: they are too old for certain, and ball 0 is not unless this takes longer
-    // than the others are older.
+    // Slightly less than the age of the others: they are certainly too old, and ball 0 is not unless this takes longer
+    // than the difference.
     const std::int64_t asked = monotonic_ns();
     query.max_pose_age_ns = asked - old - 1;
     const auto reply = ask(query);

@@ -1,4 +1,4 @@
-// Packets that nobody should send, and a good query after each.
+// Invalid packets, with a valid query after each.
 #include "tests/lcm/lcm_transport_fixture.h"
 
 namespace clearance {
@@ -39,7 +39,7 @@ TEST_F(LcmTransportTest, HostilePacketsAndAGoodQueryAfterEach) {
   const auto poses = encode(update(2, 0.8));
   const auto query = encode(question());
 
-  // Datagrams that never become a message.
+  // Datagrams that never form a message.
   std::vector<std::pair<std::string, std::vector<std::byte>>> datagrams{
       {"nothing", {}},
       {"noise", noise(1000)},
@@ -56,7 +56,7 @@ TEST_F(LcmTransportTest, HostilePacketsAndAGoodQueryAfterEach) {
     expect_good_answer();
   }
 
-  // Messages on our channels that are not what the channel is for: each is counted.
+  // Messages on our channels with the wrong content for the channel: each is counted.
   std::vector<std::tuple<std::string, std::string, std::vector<std::byte>>> messages{
       {"an empty message", "CLEARANCE_POSES", {}},
       {"noise for poses", "CLEARANCE_POSES", noise(500)},
@@ -85,7 +85,7 @@ TEST_F(LcmTransportTest, HostilePacketsAndAGoodQueryAfterEach) {
     expect_good_answer();
   }
   EXPECT_EQ(counter("lcm.bad_messages"), messages.size());
-  // Bad values in good messages, too.
+  // Invalid values in valid messages.
   pose_update_t bad = update(2, 0.8);
   bad.poses[0] = {std::nan(""), 0, 0, 1, 0, 0, 0};
   bad.poses[1] = {0, 0, 0, 0, 0, 0, 0};

@@ -188,7 +188,7 @@ TEST_F(LcmJoints, MotionsAreAnsweredAllTheWay) {
   EXPECT_EQ(least->configurations, 2);
   message.query.reduce = static_cast<std::int8_t>(Reduce::kAny);
   message.query.abs_tol = 0;
-  message.margin = 100;  // nothing is that far
+  message.margin = 100;  // greater than any distance
   const auto decided = ask(message.query, send);
   ASSERT_TRUE(decided);
   ASSERT_EQ(decided->error_code, 0) << decided->error_text;

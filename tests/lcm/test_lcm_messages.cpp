@@ -1,5 +1,4 @@
-// Packets that are not what they say: refused before decode() sees them. And frames in parts, whole again or not at
-// all.
+// Malformed packets are rejected before decode(). Frames in parts are restored completely or not at all.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -71,7 +70,7 @@ void put_word(std::vector<std::byte>& packet, std::size_t at, std::int32_t value
     packet[at + i] = static_cast<std::byte>(static_cast<std::uint32_t>(value) >> (24 - 8 * i));
 }
 
-/// A good packet passes, none of its beginnings does, nor it with a byte more, nor any with a count that does not fit.
+/// A valid packet passes; none of its prefixes does, nor the packet with an extra byte, nor any with a wrong count.
 template <class Message>
 void test_sizes(const Message& message, const std::vector<std::size_t>& counts_at) {
   const std::vector<std::byte> packet = encode(message);
@@ -118,7 +117,7 @@ TEST(LcmCheck, Frame) {
 }
 
 TEST(LcmCheck, ThirtySevenBytesAskForGigabytes) {
-  // What made generated code allocate 9.4 GB: a count of 2^28 - 1 at the end of a packet of 37 bytes (and of 44).
+  // Generated code allocated 9.4 GB for this: a count of 2^28 - 1 at the end of a packet of 37 bytes (and of 44).
   std::vector<std::byte> packet = encode(poses(0));
   put_word(packet, packet.size() - 4, (1 << 28) - 1);
   pose_update_t out;
@@ -128,7 +127,7 @@ TEST(LcmCheck, ThirtySevenBytesAskForGigabytes) {
 }
 
 TEST(LcmCheck, ConfigurationsWithoutBodies) {
-  // No byte belongs to such a configuration, so no size could refuse 2^31 of them.
+  // Such a configuration has no bytes, so that no size check could reject 2^31 of them.
   std::vector<std::byte> packet = encode(query(0, 0, 0));
   put_word(packet, packet.size() - 4, 2147483647);
   query_t out;
@@ -138,10 +137,10 @@ TEST(LcmCheck, ConfigurationsWithoutBodies) {
 TEST(LcmCheck, NamesEnd) {
   named_pose_update_t out;
   std::vector<std::byte> packet = encode(named_poses({"base"}));
-  packet[36 + 4 + 4] = std::byte{'x'};  // the NUL
+  packet[36 + 4 + 4] = std::byte{'x'};  // the terminator
   EXPECT_EQ(decode_checked(packet, out), "named_pose_update_t: a name does not end where it says");
   packet = encode(named_poses({"base"}));
-  packet[36 + 4 + 2] = std::byte{0};  // a NUL within
+  packet[36 + 4 + 2] = std::byte{0};  // a NUL inside the name
   EXPECT_EQ(decode_checked(packet, out), "named_pose_update_t: a name does not end where it says");
   EXPECT_EQ(decode_checked(encode(named_poses({std::string(63, 'n')})), out), "");
   EXPECT_EQ(decode_checked(encode(named_poses({std::string(64, 'n')})), out),
@@ -217,7 +216,7 @@ TEST(LcmFrames, WholeInAnyOrderWithRepeats) {
     const auto bytes = random_bytes(random, size);
     auto parts = parts_of(bytes, 1, 1);
     EXPECT_EQ(parts.size(), (size + 48639) / 48640);
-    // Every part but one, some twice, in a random order; then the last.
+    // Every part except one, some twice, in a random order; then the last.
     std::shuffle(parts.begin(), parts.end(), random);
     FrameAssembler assembler(kRoomy);
     for (std::size_t i = 0; i + 1 < parts.size(); ++i) {
@@ -237,7 +236,7 @@ TEST(LcmFrames, WholeInAnyOrderWithRepeats) {
 TEST(LcmFrames, PartsOfDifferentFramesNeverMeet) {
   std::mt19937 random(8);
   const auto a = random_bytes(random, 200000), b = random_bytes(random, 200000);
-  // The same client asks twice under one request id; the daemon answers twice. Half of each answer is lost.
+  // The same client sends two requests under one id, and the daemon answers both. Half of each answer is lost.
   auto first = parts_of(a, 1, 1), second = parts_of(b, 1, 2);
   for (auto& part : second) part.request_id = 1;
   FrameAssembler assembler(kRoomy);
@@ -270,7 +269,7 @@ TEST(LcmFrames, OldOnesAreGivenUp) {
     each->add(parts[0], begin);
     each->add(parts[1], begin + std::chrono::milliseconds(1900));
   }
-  // 1.9 s after its last part it is still there, 2.2 s after it is not.
+  // Kept 1.9 s after its last part, dropped after 2.2 s.
   EXPECT_TRUE(assembler.add(parts[2], begin + std::chrono::milliseconds(3800)));
   EXPECT_FALSE(later.add(parts[2], begin + std::chrono::milliseconds(4100)));
   EXPECT_EQ(later.counts().given_up, 1u);
@@ -285,7 +284,7 @@ TEST(LcmFrames, RoomIsBounded) {
   FrameAssembler small({.frame_bytes = 1 << 20, .total_bytes = 250000, .frames = 64});
   for (int sequence = 1; sequence <= 10; ++sequence) small.add(parts_of(bytes, 1, sequence)[0], Clock::now());
   EXPECT_EQ(small.counts().given_up, 8u);
-  // The youngest survive.
+  // The youngest are kept.
   EXPECT_FALSE(small.add(parts_of(bytes, 1, 10)[1], Clock::now()));
   EXPECT_TRUE(small.add(parts_of(bytes, 1, 10)[2], Clock::now()));
 }
@@ -313,7 +312,7 @@ TEST(LcmFrames, NumbersThatDoNotFitAreRefused) {
   refuse([](frame_t& p) { p.parts = 0; });
   refuse([](frame_t& p) { p.parts = std::numeric_limits<std::int32_t>::max(); });
   refuse([](frame_t& p) { p.bytes.resize(p.byte_count = 100); });
-  // One that contradicts the parts that are there already.
+  // One that contradicts earlier parts.
   EXPECT_FALSE(assembler.add(good, Clock::now()));
   refuse([](frame_t& p) { p.frame_bytes = 99999; });
   refuse([](frame_t& p) { p.request_id = 12; });

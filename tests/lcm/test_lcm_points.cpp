@@ -1,4 +1,4 @@
-// Clouds over LCM: whole or nothing, in whatever order their parts come, in bounded memory.
+// Clouds over LCM: complete or dropped, for any order of their parts, in bounded memory.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -129,7 +129,7 @@ TEST_F(Clouds, OfWhichAPartIsLostAreGivenUp) {
   EXPECT_FALSE(add(parts[1])) << "its first half is gone";
 }
 
-// Whoever begins clouds and never ends them takes no more than so much memory.
+// Incomplete clouds use a bounded amount of memory.
 TEST_F(Clouds, ThatNeverEndMakeRoomForOthers) {
   const auto most = static_cast<std::int32_t>(LcmPoints::kMostPoints);
   for (int i = 0; i < 9; ++i) EXPECT_FALSE(add(parts_of(most, 100 + i)[0]));

@@ -1,4 +1,4 @@
-// What the LCM transport does with poses.
+// Poses over the LCM transport.
 #include "tests/lcm/lcm_transport_fixture.h"
 
 namespace clearance {
@@ -21,7 +21,7 @@ TEST_F(LcmTransportTest, PosesApplyAsAWhole) {
 
 TEST_F(LcmTransportTest, QueriesSeeNoHalfOfAnUpdate) {
   start();
-  // All balls move together, so that the distances between them are those of the one step or of the next, never a mix.
+  // All balls move together, so that the distances between them belong to one step or the next, never to a mix.
   std::map<std::vector<double>, int> seen;
   const auto together = [&](int k) {
     pose_update_t message = update(k, 0);
@@ -46,7 +46,7 @@ TEST_F(LcmTransportTest, QueriesSeeNoHalfOfAnUpdate) {
       if (reply.pair[i][0] != 0)
         between.push_back(reply.distance[i] + 0.2 + 0.01 * (reply.pair[i][0] + reply.pair[i][1] - 2));
     }
-    ASSERT_EQ(between.size(), 12u);  // of 15 pairs of balls those with one of the arm
+    ASSERT_EQ(between.size(), 12u);  // of 15 pairs of balls, those with one of the arm
     for (auto& d : between) d = std::round(d * 1e6) / 1e6;
     ++seen[between];
   }
@@ -68,7 +68,7 @@ TEST_F(LcmTransportTest, OrderIsKeptForEachPublisher) {
   ASSERT_TRUE(until_counter("lcm.repeated", 1));
   EXPECT_EQ(engine_->pose_revision(), revision);
   EXPECT_EQ(position(1), position_of(0, 1.5));
-  // Another publisher counts for itself, and so does the other channel.
+  // Another publisher is counted separately, and so is the other channel.
   publish(update(1, 2.0, 2));
   ASSERT_TRUE(until([&] { return engine_->pose_revision() == revision + 1; }));
   named_pose_update_t named{};
@@ -83,7 +83,7 @@ TEST_F(LcmTransportTest, OrderIsKeptForEachPublisher) {
   EXPECT_EQ(counter("lcm.gaps"), 3u);
   EXPECT_EQ(counter("lcm.reordered"), 1u);
   EXPECT_EQ(counter("lcm.publishers"), 3u);
-  // One that counts anew under a stamp newer than all before has begun anew.
+  // A publisher that restarts its numbers with a newer stamp than all before has restarted.
   set_poses(5000, 3.0);
   pose_update_t anew = update(1, 3.1);
   anew.stamp_ns = 5'000'001;
@@ -161,12 +161,12 @@ TEST_F(LcmTransportTest, IdsOfAnotherSceneAreRefused) {
 TEST_F(LcmTransportTest, TwoPublishersOfOneBody) {
   start();
   set_poses(1, 1.0);
-  publish(update(1, 1.0, 2));  // takes over: a restarted publisher does that too
+  publish(update(1, 1.0, 2));  // takes over, as a restarted publisher does
   ASSERT_TRUE(until_counter("lcm.pose_messages", 2));
   publish(update(2, 1.0, 2));
   ASSERT_TRUE(until_counter("lcm.pose_messages", 3));
   EXPECT_EQ(counter("lcm.contested"), 0u);
-  set_poses(2, 1.0);  // the first one is back
+  set_poses(2, 1.0);  // the first one returns
   EXPECT_EQ(counter("lcm.contested"), static_cast<std::uint64_t>(kMoving));
 }
 

@@ -1,4 +1,4 @@
-// A machine without a multicast route: said before anything is opened, with a remedy that works.
+// A machine without a multicast route: reported before anything is opened, with a remedy that works.
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/wait.h>
@@ -17,8 +17,8 @@
 namespace clearance {
 namespace {
 
-/// Runs `body` in a child with a network of its own, in which even the loopback is down; returns what it writes.
-/// Nothing if this user may not have such a network.
+/// Runs `body` in a child with an empty network, in which even the loopback is down, and returns its result. Returns
+/// nothing if this user may not create such a network.
 std::optional<std::string> in_empty_network(const std::function<std::string()>& body) {
   int ends[2];
   if (::pipe(ends) != 0) return std::nullopt;
@@ -85,7 +85,7 @@ TEST(LcmRoute, TheRemedyWorks) {
 }
 
 TEST(LcmRoute, TheGroupCannotBeJoined) {
-  // A route alone is not enough: this kernel lets nobody join a group.
+  // A route alone is not enough: this kernel does not allow joining a group.
   const auto text = in_empty_network([] {
     if (std::system("{ ip link set lo up && ip route add 239.255.76.67/32 dev lo && "
                     "echo 0 > /proc/sys/net/ipv4/igmp_max_memberships; } 2>/dev/null") != 0) {

@@ -1,4 +1,4 @@
-// What the LCM transport is made of, each part alone: messages that fit, publishers, turns.
+// Components of the LCM transport, each alone: messages that fit, publishers, scheduling.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -153,7 +153,7 @@ TEST(LcmTranslate, RepliesOfAllSizesFitTheirMessages) {
 
 TEST(LcmTranslate, ADamagedReplyIsAnErrorAndNotAnAnswer) {
   wire::ReplyHeader reply;
-  reply.rows = 1000;  // of which no column is there
+  reply.rows = 1000;  // without any column
   reply.fields = kDefaultFields;
   const auto damaged = wire::FrameBuilder(wire::make_header(FrameType::kReply, 5, 0)).add(reply).take();
   const ReplyParts parts(hold(damaged), 1, 2, 3);
@@ -256,12 +256,12 @@ TEST(LcmPublishers, Verdicts) {
   EXPECT_EQ(log.note(0, 1, 104, 0, t).sequencing, Sequencing::kRepeated);
   EXPECT_EQ(log.note(1, 1, 1, 0, t).sequencing, Sequencing::kNew);
   EXPECT_EQ(log.note(0, 2, 1, 0, t).sequencing, Sequencing::kNew);
-  // Old is old, however far back and however long the publisher was silent.
+  // Old messages stay old, whatever their distance and however long the publisher was silent.
   EXPECT_EQ(log.note(0, 1, 100'000, 0, t).sequencing, Sequencing::kGap);
   for (const int seconds : {0, 1, 4, 3600})
     for (const std::int64_t sequence : {99'999, 99'000, 5, 1, 0, -1})
       EXPECT_EQ(log.note(0, 1, sequence, 0, t + std::chrono::seconds(seconds)).sequencing, Sequencing::kOld);
-  // The far ends of the range.
+  // The limits of the range.
   EXPECT_EQ(log.note(0, 3, std::numeric_limits<std::int64_t>::min(), 0, t).sequencing, Sequencing::kNew);
   const auto far = log.note(0, 3, std::numeric_limits<std::int64_t>::max(), 0, t);
   EXPECT_EQ(far.sequencing, Sequencing::kGap);
@@ -278,11 +278,11 @@ TEST(LcmPublishers, OneThatBeginsAnewUnderItsOldIdIsKnownByItsClock) {
   EXPECT_EQ(log.note(0, 1, 2, 9500, t).sequencing, Sequencing::kRestart);
   EXPECT_EQ(log.note(0, 1, 1, 9490, t).sequencing, Sequencing::kOld) << "overtaken";
   EXPECT_EQ(log.note(0, 1, 3, 9510, t).sequencing, Sequencing::kNext);
-  // What its former life had sent and the network had kept.
+  // Delayed messages of its former run.
   for (const auto& [sequence, stamp] : {std::pair(899, 8990), {900, 9000}, {905, 9050}})
     EXPECT_EQ(log.note(0, 1, sequence, stamp, t).sequencing, Sequencing::kOld) << sequence;
   EXPECT_EQ(log.note(0, 1, 4, 9520, t).sequencing, Sequencing::kNext);
-  // A count that has come to its end goes on at the other one.
+  // A number that overflows continues at the other end.
   EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::max(), 9600, t).sequencing, Sequencing::kGap);
   EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::min(), 9610, t).sequencing, Sequencing::kRestart);
   EXPECT_EQ(log.note(0, 1, std::numeric_limits<std::int64_t>::min() + 1, 9620, t).sequencing, Sequencing::kNext);
@@ -306,14 +306,14 @@ TEST(LcmPublishers, AQuarrelIsTakingTurns) {
   EXPECT_TRUE(log.note(20, one, t).empty());
   EXPECT_EQ(log.note(10, both, t + std::chrono::seconds(1)), (std::vector<std::uint32_t>{1}));
   EXPECT_EQ(log.note(20, one, t + std::chrono::seconds(1)), (std::vector<std::uint32_t>{1}));
-  // Each in its own time is none.
+  // Successive publishers are no conflict.
   EXPECT_TRUE(log.note(10, one, t + std::chrono::seconds(20)).empty());
-  // Four in turns: noticed from the second turn on.
+  // Four alternating ones: detected from the second turn on.
   for (int turn = 0; turn < 3; ++turn)
     for (const int publisher : {1, 2, 3, 4})
       EXPECT_EQ(log.note(publisher, one, t + std::chrono::seconds(40)).size(), turn == 0 ? 0u : 1u)
           << turn << " " << publisher;
-  // One after another, none of which comes back: restarts.
+  // Successive ones, none of which returns: restarts.
   for (int publisher = 5; publisher < 50; ++publisher)
     EXPECT_TRUE(log.note(publisher, one, t + std::chrono::seconds(41)).empty());
 }
@@ -333,12 +333,12 @@ TEST(LcmOutbox, TakesTurnsAndKeepsThePace) {
   ASSERT_TRUE(outbox.push(1, 10, item('s', 100)));
   auto now = LcmOutbox::Clock::now();
   outbox.flush(now);
-  // A burst goes out at once, the short one second in line although the long one was first.
+  // A burst is sent at once; the short second message comes before the rest of the long first one.
   ASSERT_GE(sent.size(), 3u);
   EXPECT_EQ(sent[0], 'L');
   EXPECT_EQ(sent[1], 's');
   EXPECT_LE(sent.size(), 5u);
-  // The rest at the pacer's rate, in made up time.
+  // The rest at the pacer's rate, in simulated time.
   const auto begin = now;
   while (outbox.due()) {
     ASSERT_GT(*outbox.due(), now);

@@ -1,4 +1,4 @@
-// What the LCM transport does with queries, and what it publishes by itself.
+// Queries over the LCM transport, and its own publications.
 #include "tests/lcm/lcm_transport_fixture.h"
 
 namespace clearance {
@@ -6,7 +6,7 @@ namespace {
 
 // --- queries
 
-/// Compares each column with what the engine says itself, bit for bit.
+/// Compares each column with the engine's own, bit for bit.
 void expect_same(const reply_t& reply, const Engine& engine, QueryView query, std::uint32_t fields) {
   query.fields = fields;
   const QuerySize size = engine.size(query);
@@ -195,7 +195,7 @@ TEST_F(LcmTransportTest, RefusalsSayWhy) {
   query.configuration_count = 1;
   query.configurations = {{{0, 0, 0, 1, 0, 0, 0}}};
   refuse(query, 1, "999");
-  // Out of range in a pair is a status of its row, not an error.
+  // An out-of-range body of a pair gives a status of its row, not an error.
   query = question();
   query.pair_count = 1;
   query.pairs = {{0, 999}};
@@ -215,7 +215,7 @@ TEST_F(LcmTransportTest, AQueryWaitsForPosesOfItsStamp) {
   waiting.pose_wait_ns = 10'000'000'000;
   ASSERT_TRUE(bus_->publish_message("CLEARANCE_QUERY", waiting));
   ASSERT_TRUE(until_counter("queries.held_back", 1));
-  expect_good_answer();  // to another, meanwhile
+  expect_good_answer();  // to another query, meanwhile
   EXPECT_EQ(answers_.size(), 1u);
   answers_.clear();
   set_poses(2, 0.2);
@@ -247,14 +247,14 @@ TEST_F(LcmTransportTest, PosesThatDoNotComeAreSaidSo) {
   reply = ask_for(query);
   EXPECT_EQ(reply.error_code, reply_t::ERROR_POSES_LATE);
   EXPECT_EQ(reply.error_text, "no poses with stamp 1001 or newer came within 2.000000 ms");
-  query.deadline_ns = 1'000'000;  // in a record, as is that of the reply
+  query.deadline_ns = 1'000'000;  // in the record, like the reply's
   EXPECT_EQ(ask_for(query).error_code, reply_t::ERROR_DEADLINE);
   query.pose_wait_ns = -1;
   EXPECT_EQ(ask_for(query).error_text, "query: pose_wait_ns must be 0 to 10000000000, got -1");
 
   query = question();
   query.min_pose_stamp_ns = 1000;
-  query.wait_for_one = true;  // the table has no stamp, and none of its own
+  query.wait_for_one = true;  // the table has no stamp of its own
   EXPECT_EQ(ask_for(query).error_code, reply_t::ERROR_POSES_LATE);
   query.wait_for = 1;
   query.max_pose_age_ns = 1;
@@ -264,12 +264,12 @@ TEST_F(LcmTransportTest, PosesThatDoNotComeAreSaidSo) {
   EXPECT_EQ(reply.row_count, 21);
 }
 
-// --- what the daemon publishes by itself
+// --- publications of the daemon
 
 TEST_F(LcmTransportTest, LateJoinersLearnTheScene) {
   start();
   ASSERT_TRUE(until([&] { return !scenes_.empty(); }));
-  // Somebody who comes later.
+  // A subscriber that joins later.
   LcmBus late(address_);
   std::optional<scene_t> heard;
   late.subscribe("CLEARANCE_SCENE", 8, [&](std::span<const std::byte> packet) {
@@ -368,7 +368,7 @@ TEST_F(LcmTransportTest, ListenersGetDistances) {
     for (int k = 0; k < 3; ++k) squared += std::pow(message.point_a[i][k] - message.point_b[i][k], 2);
     EXPECT_NEAR(std::sqrt(squared), message.upper[i], 1e-9);
   }
-  // A burst faster than the rate: not each of it, but always the newest.
+  // A burst beyond the rate: some are dropped, but never the newest.
   distances_.clear();
   for (int k = 2; k <= 101; ++k) publish(update(k, 0.01 * k));
   ASSERT_TRUE(until_counter("lcm.pose_messages", 101));

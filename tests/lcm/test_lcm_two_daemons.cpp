@@ -1,4 +1,4 @@
-// Two daemons under the same channels of one LCM network: a client has the answers of one of them, or an error.
+// Two daemons on the same channels of one LCM network: a client gets the answers of one of them, or an error.
 #include <gtest/gtest.h>
 
 #include <csignal>
@@ -39,7 +39,7 @@ class LcmTwoDaemonsTest : public LcmTest {
   static double distance_of(Client& client) {
     return patiently(client, [&] { return client.distances().distance()[0]; });
   }
-  /// Queries until the answer is an error that is no lost packet; fails the test for an answer.
+  /// Queries until the result is an error other than a lost packet; fails the test for an answer.
   template <class Error>
   static std::string error_of(Client& client) {
     try {
@@ -49,7 +49,7 @@ class LcmTwoDaemonsTest : public LcmTest {
     }
     return "";
   }
-  /// Connects until both daemons were heard in time.
+  /// Connects until both daemons were received in time.
   std::string error_of_connect() {
     for (const auto end = std::chrono::steady_clock::now() + kPatience; std::chrono::steady_clock::now() < end;) {
       try {
@@ -115,7 +115,7 @@ TEST_F(LcmTwoDaemonsTest, TheDeathOfTheBoundOneIsANewEpoch) {
   EXPECT_THROW(under_way.get(), NewEpoch) << "it was for the other daemon";
   EXPECT_NEAR(distance_of(client), kInTwo, 1e-6);
 
-  one = start("one");  // and the client stays where it is
+  one = start("one");  // and the client keeps its daemon
   EXPECT_NEAR(distance_of(client), kInTwo, 1e-6);
 }
 
@@ -152,7 +152,7 @@ TEST_F(LcmTwoDaemonsTest, AHungOneIsNotReplacedByTheOther) {
     try {
       EXPECT_NEAR(distance_of(client), kInOne, 1e-6);
       is_back = true;
-    } catch (const NewEpoch&) {  // as long as it is not heard
+    } catch (const NewEpoch&) {  // until it is received
     }
   }
   EXPECT_NEAR(distance_of(client), kInOne, 1e-6);
