@@ -1,4 +1,4 @@
-"""check_wheel.py NAME SCENES [PROGRAM]: what an installed wheel must do; run by the Python that it is installed in."""
+"""check_wheel.py NAME SCENES [PROGRAM]: checks an installed wheel; run by the Python in which it is installed."""
 
 import importlib
 import importlib.metadata
@@ -49,12 +49,12 @@ def start_daemon(program, scene, folder):
     os.close(write)
     with os.fdopen(read) as ready:
         urls = ready.read().split()
-    assert [url.split(":")[0] for url in urls] == ["shm", "ipc", "tcp"], urls  # TCP by way of a process outside
+    assert [url.split(":")[0] for url in urls] == ["shm", "ipc", "tcp"], urls  # TCP by way of a gateway process
     return daemon, urls
 
 
 def check_robot(folder):
-    """Where a robot's joints put its links, from the command line."""
+    """Poses of a robot's links for given joints, from the command line."""
     urdf = pathlib.Path(folder) / "crane.urdf"
     urdf.write_text(ROBOT)
     robot = [BIN / "clearance", "robot"]
@@ -65,7 +65,7 @@ def check_robot(folder):
 
 
 def check_view():
-    """The one command that is Python says what it needs, which is no part of the wheel."""
+    """The only Python command reports its requirements, which are not part of the wheel."""
     done = subprocess.run([BIN / "clearance", "view", "scene.yaml"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (
         1,
@@ -85,7 +85,7 @@ def some_poses(bodies):
 
 
 def check_whole(clearance, scene):
-    """The demo's questions: each body's nearest neighbour, in this process and through both transports."""
+    """The demo's queries: each body's nearest neighbour, in this process and through both transports."""
     engine = clearance.Engine(clearance.Scene.load(scene))  # its meshes are read by the wheel's own loader
     assert len(engine.bodies) == 19
     poses = some_poses(engine.bodies)
@@ -112,7 +112,7 @@ def check_whole(clearance, scene):
 
 
 def check_answers_of(clearance, program, scene):
-    """The same of a client alone, with a daemon from elsewhere."""
+    """The same for a client alone, with a daemon from elsewhere."""
     with tempfile.TemporaryDirectory() as folder:
         daemon, urls = start_daemon(program, scene, folder)
         with clearance.connect(urls[0], timeout_s=60) as client:
@@ -127,7 +127,7 @@ def check_answers_of(clearance, program, scene):
 
 
 def check_refusals(clearance, folder):
-    """Without a daemon: errors name their cause, and what is not there is refused by name."""
+    """Without a daemon: errors name their cause, and missing programs are reported by name."""
     for url, why in (
         (f"ipc://{folder}/none", "no such socket"),
         (f"shm://{folder}/none", "no socket"),

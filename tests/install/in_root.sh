@@ -1,5 +1,6 @@
 #!/bin/sh
-# in_root.sh ROOT COMMAND...: runs a command in another system's root, with /proc and /dev of its own, and ends what it left.
+# in_root.sh ROOT COMMAND...: runs a command in another system's root, with its own /proc and /dev, and ends its
+# remaining processes.
 set -eu
 exec unshare --mount --pid --fork --kill-child sh -euc '
   root=$1

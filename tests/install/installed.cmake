@@ -1,4 +1,4 @@
-# Installs components into a folder of its own, builds the project against that, and runs the program of its name.
+# Installs components into a new folder, builds the project against them, and runs the program of its name.
 # cmake -DBUILD=build folder -DWORK=scratch folder -DPROJECT=source folder -DCOMPILER=... -DCOMPONENTS=a,b -DARGUMENTS=...,...
 #       [-DOPTIONS=...,...] -P installed.cmake
 string(REPLACE "," ";" components "${COMPONENTS}")
@@ -16,7 +16,7 @@ file(REMOVE_RECURSE ${WORK})
 foreach(component IN LISTS components)
   run(${CMAKE_COMMAND} --install ${BUILD} --component ${component} --prefix ${WORK}/prefix)
 endforeach()
-# What is installed may be moved: it names no folder of its own.
+# Installed files may be moved, because they contain no absolute path.
 file(RENAME ${WORK}/prefix ${WORK}/moved)
 run(${CMAKE_COMMAND} -S ${PROJECT} -B ${WORK}/build -DCMAKE_PREFIX_PATH=${WORK}/moved -DCMAKE_CXX_COMPILER=${COMPILER} ${options})
 run(${CMAKE_COMMAND} --build ${WORK}/build)

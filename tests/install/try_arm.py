@@ -1,11 +1,11 @@
-"""try_arm.py PROGRAMS ROOT SCENE: a daemon and a command line for 64-bit ARM, run by qemu, beside this engine.
+"""try_arm.py PROGRAMS ROOT SCENE: a daemon and a command line for 64-bit ARM in qemu, compared with this engine.
 
 PROGRAMS: the folder with clearanced, clearance and clearance-mesh-loader for ARM. ROOT: the root with their libraries.
 SCENE: a scene file. The package clearance of this machine's processor must be importable.
 
-The daemon reads the scene's meshes by its own loader. It is asked by its own command line over shared memory, ZeroMQ
-and LCM, and by this machine's client over ZeroMQ, which also moves bodies: each answer has the bits of this machine's
-engine.
+The daemon reads the scene's meshes with its own loader. It is queried by its own command line over shared memory,
+ZeroMQ and LCM, and by this machine's client over ZeroMQ, which also moves bodies. Every answer must have the same bits
+as this machine's engine.
 """
 
 import json
@@ -35,7 +35,7 @@ def same_bits(got, want, who):
 
 
 def emulated(qemu, program, folder):
-    """A script that the daemon can start in the place of a program for ARM."""
+    """A script that the daemon can start instead of a program for ARM."""
     script = folder / program.name
     script.write_text(f'#!/bin/sh\nexec {" ".join(qemu)} {program} "$@"\n')
     script.chmod(0o755)
@@ -43,7 +43,7 @@ def emulated(qemu, program, folder):
 
 
 def rows_of(qemu, programs, url):
-    """What the command line for ARM says of every pair: a dictionary for each, numbers to their last bit."""
+    """Output of the command line for ARM: a dictionary for each pair, with all bits of the numbers."""
     command = [*qemu, programs / "clearance", "query", "--connect", url, "--timeout", "120", "--json"]
     command += ["--fields", "lower", "upper", "points"]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
@@ -75,7 +75,7 @@ def main():
         with clearance.connect(urls["zmq"], timeout_s=120) as client:
             for turn in range(3):
                 poses = {}
-                for body in engine.bodies if turn else ():  # the first turn asks of the poses of the scene
+                for body in engine.bodies if turn else ():  # the first turn uses the poses of the scene
                     quaternion = rng.normal(size=4)
                     poses[body.name] = [*rng.uniform(-1, 1, 3), *(quaternion / np.linalg.norm(quaternion))]
                 engine.set_poses(poses)

@@ -1,4 +1,4 @@
-"""try_coal.py: shapes of Coal and a model of Pinocchio's as bodies of ours, and the same distances. Needs both."""
+"""try_coal.py: shapes of Coal and a model of Pinocchio as Clearance bodies, with equal distances. Needs both."""
 
 import numpy as np
 import pinocchio
@@ -72,7 +72,7 @@ def test_distances():
         answer = engine.distances()
         names = list(SHAPES)
         for (a, b), lower, upper in zip(answer.pairs, answer.lower[0], answer.upper[0]):
-            if {names[a], names[b]} == {"mesh", "swept"}:  # "Swept-sphere radius not yet supported", says Coal
+            if {names[a], names[b]} == {"mesh", "swept"}:  # Coal's error: "Swept-sphere radius not yet supported"
                 continue
             theirs = coal_distance(SHAPES[names[a]], poses[names[a]], SHAPES[names[b]], poses[names[b]])
             if theirs > 0.01:

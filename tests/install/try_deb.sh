@@ -1,5 +1,5 @@
 #!/bin/bash
-# try_deb.sh DEB SCENES: installs the Debian package in a root that has nothing of it, asks a daemon, and purges it.
+# try_deb.sh DEB SCENES: installs the Debian package in an empty root, queries a daemon, and purges the package.
 set -euo pipefail
 deb=$1 scene=$2/nineteen/scene.yaml
 export DEBIAN_FRONTEND=noninteractive CLEARANCE_CACHE=off
@@ -18,10 +18,10 @@ systemd-analyze verify /usr/lib/systemd/system/clearanced.service
   COMP_WORDS=(clearance qu) COMP_CWORD=1; _clearance; [ "${COMPREPLY[*]}" = query ]
   COMP_WORDS=(clearance query --max-d) COMP_CWORD=2; _clearance; [[ " ${COMPREPLY[*]} " = *" --max-distance "* ]]
 )
-# Its man pages say what its programs say of themselves. (An image may leave out what lies in share/man.)
+# Its man pages show its programs' help. (An image may leave out share/man.)
 dpkg-deb --fsys-tarfile "$deb" | tar -xO ./usr/share/man/man1/clearance.1.gz | gzip -d | grep 'max\\-distance' >/dev/null
 dpkg-deb --fsys-tarfile "$deb" | tar -xO ./usr/share/man/man8/clearanced.8.gz | gzip -d | grep 'real\\-time' >/dev/null
-# A daemon that reads meshes, and an answer of it.
+# A daemon that reads meshes, and one of its answers.
 folder=$(mktemp -d)
 mkfifo "$folder/ready"
 clearanced --scene "$scene" --log-level error --zmq "ipc://$folder/c.ipc" --ready-fd 3 3>"$folder/ready" &

@@ -1,4 +1,4 @@
-"""Plans with OMPL over Clearance: what is found is proved free, and motions through a plate are not taken for free."""
+"""Plans with OMPL over Clearance: paths found are proved free, and motions through a plate are not free."""
 
 import gc
 import math
@@ -32,7 +32,7 @@ def problem(margin=0.0):
         urdf.write_text(URDF)
         scene = clearance.Scene()
         scene.add_robot("arm", urdf, static=True)
-    # Between samples of 0.02 rad the arm goes 12 to 20 mm there; the plate is 0.1 mm thick. A folded arm gets past it.
+    # Samples of 0.02 rad move the arm by 12 to 20 mm there; the plate is 0.1 mm thick. A folded arm gets past it.
     scene.add_box("plate", [0.4, 1e-4, 0.1], static=True, pose=[0.8, 0.0061, 0, 1, 0, 0, 0])
     scene.ignore("arm/upper", "arm/fore")
     return clearance.ompl.JointProblem(clearance.Engine(scene, threads=1), "arm", margin=margin)
@@ -46,7 +46,7 @@ def main():
     start, goal = arm.state(below), arm.state(above)
     assert np.array_equal(arm.row(start), below) and si.isValid(start) and si.isValid(goal)
 
-    # Straight through the plate: samples say free, the proof says where it is not.
+    # Straight through the plate: free by samples, while the proof finds the collision.
     samples = below + np.linspace(0, 1, 51)[:, None] * (above - below)
     assert arm.free(samples).all(), "what sampling at 0.02 rad says"
     assert not si.checkMotion(start, goal)
@@ -55,7 +55,7 @@ def main():
     assert 0.4 < time < 0.51 and arm.free(arm.row(state)[None])[0], time
     assert validator.last_valid(start, arm.state([-1.0, 0.3])) is None
 
-    # A joint without limits goes the shorter way.
+    # A joint without limits moves the shorter way.
     a, b = np.array([[1.0, 3.1]]), np.array([[1.0, -3.1]])
     assert abs(arm.unwrapped(a, b)[0, 1] - (2 * math.pi - 3.1)) < 1e-12
     assert arm.motions(a, b).steps[0] <= 3
@@ -87,10 +87,10 @@ def main():
 
 
 def planned_once():
-    """A weak reference to an engine with which a planner has planned."""
+    """A weak reference to an engine that a planner has used."""
     arm = problem()
     si = arm.space_information()
-    gc.collect()  # OMPL alone holds what checks states and motions
+    gc.collect()  # only OMPL owns the checkers of states and motions
     definition = ob.ProblemDefinition(si)
     definition.setStartAndGoalStates(arm.state([0.5, 0.0]), arm.state([1.0, 0.5]))
     definition.setOptimizationObjective(clearance.ompl.ClearanceObjective(si, arm))

@@ -1,6 +1,6 @@
 """try_viewer.py BUILD PICTURES: `clearance view` in a browser: its numbers are the engine's, no error in its console.
 
-BUILD: a build folder. PICTURES: a folder for what the page looked like. CHROMIUM: the browser; else the one on PATH.
+BUILD: a build folder. PICTURES: a folder for screenshots. CHROMIUM: the browser; by default the one on PATH.
 """
 
 import asyncio
@@ -56,7 +56,7 @@ def viewing(front, scene, source):
 
 
 class Tab:
-    """A page in the browser, and what its console said."""
+    """A page in the browser, and its console output."""
 
     def __init__(self, browser, url):
         self.errors = []
@@ -71,7 +71,7 @@ class Tab:
         self.page.get_by_role("tab", name=name).click()
 
     def rows(self):
-        """{(a, b): (lower, upper)} of all digits, and of what is shown, and whole rows as text."""
+        """{(a, b): (lower, upper)} with all digits, the same as shown, and whole rows as text."""
         script = """() => [...document.querySelectorAll('tr[data-pair]')].map(r => [r.dataset.pair,
             r.querySelector('.lower').title, r.querySelector('.upper').title,
             r.querySelector('.lower').innerText, r.querySelector('.upper').innerText, r.innerText])"""
@@ -84,7 +84,7 @@ class Tab:
         wait_until(lambda: {pair: row[:2] for pair, row in self.rows().items()} == expected, what)
 
     def picture(self, name):
-        """Two frames after all has arrived."""
+        """A screenshot two frames after everything has arrived."""
         for notice in self.page.locator(".mantine-Notification-root button").all():
             notice.click()
         self.page.wait_for_timeout(1500)
@@ -93,7 +93,7 @@ class Tab:
 
 @contextlib.contextmanager
 def writing_in_its_loop():
-    """What the viewer writes to its page comes from viser's own loop: from other threads that ends it now and then."""
+    """Lets the viewer write to its page from viser's own loop only; other threads sometimes end that loop."""
     push, elsewhere, written = AsyncMessageBuffer.push, [], []
 
     def noted(buffer, message):
@@ -161,14 +161,14 @@ def try_scene(browser):
 
 
 def fill(page, label, value):
-    """Types a number beside a slider."""
+    """Enters a number next to a slider."""
     box = page.get_by_text(label, exact=True).locator("xpath=ancestor::*[.//input][1]").locator("input").last
     box.fill(value)
     box.press("Enter")
 
 
 def try_edge(tab, viewer, judge, arm):
-    """From where the arm is to somewhere else: each span's verdict, bounds and pair are what the engine says."""
+    """From the arm's position to another: each span's status, bounds and pair are the engine's."""
     tab.open("Joints")
     start = viewer._panel.positions()
     tab.page.get_by_role("button", name="as start").click()
@@ -195,7 +195,7 @@ def try_edge(tab, viewer, judge, arm):
 
 
 def try_daemon(browser, folder):
-    """A daemon: its numbers, what would be if joints were elsewhere, nothing told to it; gone, and back."""
+    """A daemon: its numbers, those at other joint positions without any change to it; its end, and its return."""
     url = f"ipc://{folder}/clearance.ipc"
 
     def start():
@@ -260,7 +260,7 @@ def try_command(browser):
 
 
 def main():
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore the signal
     PICTURES.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as playwright, tempfile.TemporaryDirectory() as folder:
         program = os.environ.get("CHROMIUM") or shutil.which("chromium")

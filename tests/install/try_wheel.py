@@ -1,6 +1,6 @@
-"""try_wheel.py WHEELS SCENES [PROGRAM]: installs a wheel as a new user would, asks, removes it; in a bare root.
+"""try_wheel.py WHEELS SCENES [PROGRAM]: installs a wheel as a new user would, queries, removes it; in a bare root.
 
-WHEELS: a folder with one wheel of ours and those it needs; nothing comes from a network. SCENES: as in the checkout.
+WHEELS: a folder with one wheel of ours and its dependencies; nothing comes from a network. SCENES: as in the checkout.
 PROGRAM: a clearanced for a wheel that has none.
 """
 
@@ -15,7 +15,7 @@ CHECK = pathlib.Path(__file__).with_name("check_wheel.py")
 
 
 def files(folder):
-    """Every path below, but for what Python keeps of what it compiled."""
+    """Every path below, except Python's compiled files."""
     return {path for path in pathlib.Path(folder).rglob("*") if "__pycache__" not in path.parts}
 
 

@@ -1,4 +1,4 @@
-# Installs the daemon into a prefix of its own: the unit file there names that prefix, and systemd has nothing against it.
+# Installs the daemon into a separate prefix: the unit file there names that prefix, and systemd accepts it.
 # cmake -DBUILD=build folder -DWORK=scratch folder -P unit.cmake
 set(prefix ${WORK}/opt/x)
 file(REMOVE_RECURSE ${WORK})
@@ -21,7 +21,7 @@ if(NOT SYSTEMD_ANALYZE)
   message(STATUS "There is no systemd-analyze: what systemd says of ${unit} is not known")
   return()
 endif()
-# It names what it does not understand, and a program that is not there.
+# systemd names settings that it does not know, and a missing program.
 execute_process(COMMAND ${SYSTEMD_ANALYZE} verify ${unit} RESULT_VARIABLE result OUTPUT_VARIABLE said ERROR_VARIABLE said)
 string(REGEX MATCHALL "[^\n]*clearanced[^\n]*" complaints "${said}")
 if(NOT result EQUAL 0 OR complaints)

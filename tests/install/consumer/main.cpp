@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <cstring>
 
-// Exceptions of the shared library are caught by their type, and say what they should.
+// Exceptions of the shared library are caught by their type, and have the right messages.
 int main() {
   try {
     clearance::connect("ipc:///dev/null/c.ipc");

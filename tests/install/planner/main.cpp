@@ -1,4 +1,4 @@
-// planner SCENE MESH: what a program does with the installed engine. Exit code 0: all is as it should be.
+// planner SCENE MESH: checks the use of the installed engine. Exit code 0 if all is correct.
 #include <clearance/eigen.h>
 #include <clearance/engine.h>
 
@@ -15,7 +15,7 @@ static void check(bool holds, const char* what) {
 }
 
 int main(int, char** argv) {
-  // A scene made here: two unit boxes, 1 m between their faces, the second turned by 45 degrees about z.
+  // Two unit boxes, 1 m between their faces, the second rotated by 45 degrees about z.
   Scene scene;
   scene.add_box("a", {1, 1, 1}, {.is_static = true, .X_parent_body = clearance::Pose7{0, 0, 0, 1, 0, 0, 0}});
   scene.add_box("b", {1, 1, 1});
@@ -33,7 +33,7 @@ int main(int, char** argv) {
   check(clearance::eigen::numbers(answer.distance()).minCoeff() == answer.distance()[0], "columns as Eigen maps");
   check(clearance::eigen::isometry(clearance::eigen::pose(X_wb)).isApprox(X_wb, 1e-14), "to a pose and back");
 
-  // Errors are caught by their types; what is a daemon's is refused by name.
+  // Errors are caught by their types; features of a daemon are rejected by name.
   try {
     Scene::load("/dev/null/scene.yaml");
     check(false, "a scene that is not there is an error");
