@@ -1,4 +1,4 @@
-// The payload of a kPlan, as tests of the wire and the seeds of the fuzzer have it.
+// The payload of a kPlan for tests of the wire and the seeds of the fuzzer.
 #pragma once
 
 #include <vector>
@@ -7,7 +7,7 @@
 
 namespace clearance::wire {
 
-/// Of two columns, poses and positions.
+/// Payload with two columns, poses and positions.
 inline std::vector<std::byte> plan_payload() {
   PlanHeader h;
   h.plan = 3;

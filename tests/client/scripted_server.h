@@ -1,4 +1,4 @@
-// A ZeroMQ server that answers with what a test tells it, to see what the client makes of it.
+// A ZeroMQ server whose answers a test defines, to test the client's reaction.
 #pragma once
 
 #include <unistd.h>
@@ -21,11 +21,10 @@ namespace clearance {
 class ScriptedServer {
  public:
   using Bytes = std::vector<std::byte>;
-  /// Whole frames to send back for a request, in order. Called on the server's thread.
+  /// Returns the frames to send for a request, in order. Called on the server's thread.
   using Answer = std::function<std::vector<Bytes>(const wire::FrameHeader& header, std::span<const std::byte> payload)>;
 
-  /// \param greets answers what the client library asks by itself: who is there, and whether it lives. Else the script
-  /// does.
+  /// \param greets answers the client library's own greetings and heartbeats; otherwise the script does
   explicit ScriptedServer(Answer answer, bool greets = true) : answer_(std::move(answer)), greets_(greets) {
     std::string folder = (std::filesystem::temp_directory_path() / "clearance-XXXXXX").string();
     folder_ = mkdtemp(folder.data());
@@ -41,7 +40,7 @@ class ScriptedServer {
 
   std::string url() const { return "ipc://" + folder_ + "/socket"; }
 
-  /// Ends as a daemon that dies.
+  /// Ends like a daemon that is killed.
   void stop() {
     stopping_ = true;
     if (thread_.joinable()) thread_.join();

@@ -51,7 +51,7 @@ Bytes error_frame(const wire::FrameHeader& request, wire::ErrorCode code, const 
       .take();
 }
 
-/// One row whose distance tells which request it answers.
+/// One row whose distance identifies the request.
 Bytes reply_frame(const wire::FrameHeader& request) {
   wire::ReplyHeader header;
   header.rows = 1;
@@ -226,7 +226,7 @@ TEST(Client, MalformedFramesAreErrorsOfTheConnection) {
   ScriptedServer server([&](const wire::FrameHeader& header, auto) -> std::vector<Bytes> {
     Bytes frame = reply_frame(header);
     switch (turn++) {
-      case 0: {  // more rows than came
+      case 0: {  // more rows than were sent
         const std::uint64_t rows = std::uint64_t{1} << 61;
         std::memcpy(frame.data() + sizeof header, &rows, sizeof rows);
         return {frame};
@@ -252,7 +252,7 @@ TEST(Client, MalformedFramesAreErrorsOfTheConnection) {
 /// A daemon whose scene changed from revision 1 to 2 after the client fetched it.
 struct ChangedScene {
   std::uint32_t new_cup_parent;
-  std::vector<std::uint64_t> revisions;  // of the requests that are not kDescribe
+  std::vector<std::uint64_t> revisions;  // of the requests other than kDescribe
   std::uint64_t described = 0;
   ScriptedServer server{[this](const wire::FrameHeader& header, auto) -> std::vector<Bytes> {
     if (type_of(header) == FrameType::kDescribe)
@@ -280,7 +280,7 @@ TEST(Client, QueriesForAnOldSceneAreRefusedUntilItIsLookedAt) {
 }
 
 TEST(Client, PosesAreSentAgainWhereTheyMeanTheSame) {
-  ChangedScene daemon{0, {}};  // the cup was attached to link1 by somebody else
+  ChangedScene daemon{0, {}};  // another client attached the cup to link1
   Client client = connect(daemon.server.url());
   EXPECT_EQ(client.set_poses({{"link2", kIdentity}}).applied, 1u);
   EXPECT_EQ(text_of<RequestError>([&] { client.distances(); }), "the scene is 2, not 1") << "nobody has looked at it";
@@ -340,7 +340,7 @@ TEST(Client, ADaemonThatEndsIsNoticed) {
   Pending pending = client.submit();
   server.stop();
   EXPECT_EQ(text_of<ConnectionError>([&] { pending.get(); }), server.url() + ": the daemon has gone");
-  // The next call looks for a new daemon; the dead one's socket file may still be there.
+  // The next call looks for a new daemon; the dead one's socket file may still exist.
   const std::string text = text_of<ConnectionError>([&] { client.distances(); });
   EXPECT_TRUE(text == server.url() + ": no daemon listens there" ||
               text.rfind(server.url() + ": no such socket: is clearanced running", 0) == 0)
@@ -353,7 +353,7 @@ TEST(Client, ConnectingToNothingFailsAtOnce) {
   const std::string path = folder + "/socket", url = "ipc://" + path;
   EXPECT_EQ(text_of<ConnectionError>([&] { connect(url); }),
             url + ": no such socket: is clearanced running, with --zmq " + url + "?");
-  // A socket file that nobody listens on, as a killed daemon leaves it.
+  // A socket file without a listener, as a killed daemon leaves it.
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   path.copy(address.sun_path, sizeof address.sun_path - 1);
@@ -374,7 +374,7 @@ TEST(Client, AForkedChildMustConnectAnew) {
   const pid_t child = fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
-    // 0: refused as it should be, and everything that was inherited is let go without harm.
+    // 0 if rejected as required, and everything inherited was released without harm
     int result = 1;
     {
       Client inherited = std::move(client);

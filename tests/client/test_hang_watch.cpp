@@ -1,4 +1,4 @@
-// What is taken for a hang, with clocks and signs of the test's own.
+// Detection of a hang, with simulated clocks and heartbeats.
 #include <gtest/gtest.h>
 
 #include "client/hang_watch.h"
@@ -8,7 +8,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// A channel that only lives, or not.
+/// A channel that only shows signs of life, or none.
 class Signs final : public Channel {
  public:
   std::byte* begin(std::uint64_t, std::uint64_t) override { return nullptr; }
@@ -26,7 +26,8 @@ class Signs final : public Channel {
 
 class Watched : public testing::Test {
  protected:
-  /// Looks whenever it is due. Returns how long it took to be taken for dead; zero: it was not, for a minute.
+  /// Checks whenever it is due. Returns the time until the channel counts as hung, or zero if it does not within a
+  /// minute.
   template <class Live>
   std::chrono::nanoseconds until_hung(Live live) {
     const Deadline begin = now_;

@@ -41,7 +41,7 @@ TEST(Wire, FlippedBitsNeverReadOutside) {
     for (int round = 0; round < 3000; ++round) {
       Bytes bytes = kind.good;
       const int flips = 1 + static_cast<int>(random() % 4);
-      // Headers are where sizes and counts are: half of the flips go there.
+      // Half of the flips go to headers, which have the sizes and counts.
       for (int i = 0; i < flips; ++i) {
         const std::size_t span = random() % 2 ? std::min<std::size_t>(bytes.size(), 128) : bytes.size();
         bytes[random() % span] ^= std::byte(1 << random() % 8);
@@ -53,7 +53,7 @@ TEST(Wire, FlippedBitsNeverReadOutside) {
         ++refused;
       }
     }
-    // A payload that is one struct without invalid values cannot be refused for its contents.
+    // A payload that is one struct without invalid values cannot be rejected for its contents.
     EXPECT_EQ(refused > 0, name != "poses done" && name != "remove body") << name;
     EXPECT_GT(accepted, 0) << name;
   }
@@ -64,7 +64,7 @@ TEST(Wire, RandomBytesNeverReadOutside) {
   for (const auto& [name, kind] : kinds()) {
     int refused = 0;
     for (int round = 0; round < 500; ++round) {
-      Bytes bytes(round % 2 ? kind.good.size() : random() % 400);  // the size of a good one passes the first check
+      Bytes bytes(round % 2 ? kind.good.size() : random() % 400);  // the size of a valid one passes the first check
       for (auto& byte : bytes) byte = std::byte(random());
       try {
         read_exact(kind, bytes);
@@ -84,7 +84,7 @@ TEST(Wire, AbsurdCountsDoNotOverflow) {
             "query: 0 pairs, 4294967295 bodies and 4294967295 configurations need a payload of more than 2^64 bytes, "
             "got 192");
 
-  // 2^58 records of 64 bytes are 2^64 bytes: a product in 64 bits would be 0 and fit.
+  // 2^58 records of 64 bytes are 2^64 bytes: a 64-bit product would be 0, and fit.
   Bytes poses = poses_payload(0);
   overwrite(poses, offsetof(PosesHeader, count), std::uint64_t{1} << 58);
   EXPECT_EQ(error_of([&] { parse_poses(poses); }, ErrorCode::kBadFrame),
@@ -160,7 +160,7 @@ TEST(Wire, OptionsInRecordsArriveAsTheyWereSent) {
   QueryOptions options;
   EXPECT_TRUE(option_records(options).empty()) << "defaults need none";
   options.deadline_ns = 12345;
-  options.reduce = Reduce::kMin;  // has its place in the header
+  options.reduce = Reduce::kMin;  // has a field of its own in the header
   const Bytes records = option_records(options);
   ASSERT_EQ(records.size(), sizeof(RecordHeader) + 8);
   Bytes payload = query_payload(3, 3, 2);
@@ -173,7 +173,7 @@ TEST(Wire, OptionsInRecordsArriveAsTheyWereSent) {
   EXPECT_EQ(parts.options.deadline_ns, 12345);
   EXPECT_EQ(parts.options.reduce, Reduce::kNone);
   EXPECT_EQ(parts.configurations.size(), 6u);
-  // A record that is cut anywhere, in a header that says so.
+  // A record that is truncated anywhere, with a header that agrees.
   for (std::size_t left = 1; left < records.size(); ++left) {
     const std::span<const std::byte> cut(payload.data() + body, left);
     EXPECT_EQ(
@@ -218,7 +218,7 @@ TEST(Wire, QueryRoundTrip) {
   EXPECT_EQ(parts.bodies[2], 202u);
   ASSERT_EQ(parts.configurations.size(), 6u);
   EXPECT_EQ(parts.configurations[5].pose[6], 0.5 * 41);
-  // An odd number of bodies is padded, so that the poses lie on a multiple of 8.
+  // An odd number of bodies is padded, so that the poses start at a multiple of 8.
   EXPECT_EQ((parts.configurations.data() - payload.data()) % 8, 0);
 }
 

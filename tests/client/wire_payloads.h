@@ -1,4 +1,4 @@
-// Payloads of every kind, as tests of the wire make and read them.
+// Payloads of every kind for tests of the wire, with parsers.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -86,7 +86,7 @@ inline Bytes reply_payload(std::uint64_t rows, std::uint32_t fields) {
   return payload;
 }
 
-// The records of a reply whose rows have so many numbers by joints.
+// The records of a reply whose rows have this many numbers by joints.
 inline Bytes joints_record(std::uint32_t joints) {
   Bytes records;
   append_record(records, static_cast<std::uint16_t>(ReplyRecord::kJoints), 0, std::as_bytes(std::span(&joints, 1)));
@@ -110,7 +110,7 @@ Bytes single(const T& record) {
   return payload;
 }
 
-/// Sums bytes so that every record that a parser let through is read (and checked by the address sanitizer).
+/// Sums bytes, so that every record accepted by a parser is read (and checked by the address sanitizer).
 inline std::uint64_t drain_bytes(const void* data, std::size_t size) {
   std::uint64_t sum = 0;
   for (std::size_t i = 0; i < size; ++i) sum += static_cast<const unsigned char*>(data)[i];
@@ -126,11 +126,11 @@ std::uint64_t drain(const Records<T>& records) {
   return sum;
 }
 
-/// Each kind of payload: a good example, and a parser that reads all that it accepts.
+/// A kind of payload: a valid example, and a parser that reads everything it accepts.
 struct Kind {
   Bytes good;
   std::function<std::uint64_t(std::span<const std::byte>)> read;
-  bool any_multiple_is_good = false;  ///< a shorter payload may be whole again (kStats)
+  bool any_multiple_is_good = false;  ///< a shorter payload may be valid as well (kStats)
 };
 
 inline std::map<std::string, Kind> kinds() {
@@ -213,7 +213,7 @@ inline std::map<std::string, Kind> kinds() {
   };
 }
 
-/// Reads a copy that ends where its allocation ends, so that a byte too far is an error of the sanitizer.
+/// Reads a copy that ends where its allocation ends, so that the sanitizer detects reads beyond it.
 inline std::uint64_t read_exact(const Kind& kind, const Bytes& bytes) {
   const std::unique_ptr<std::byte[]> copy(new std::byte[bytes.size()]);
   std::copy(bytes.begin(), bytes.end(), copy.get());

@@ -1,4 +1,4 @@
-// Meshes with a file of convex pieces beside them, as scenes read and keep them; and the process that proposes pieces.
+// Meshes with a file of convex parts next to them, as scenes read and keep them; and the process that proposes parts.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -62,7 +62,7 @@ TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
   EXPECT_LE(pieces->most_outer(), 1e-3);
   EXPECT_TRUE(scene.bodies()[0].source.ends_with("(decompose)")) << scene.bodies()[0].source;
   EXPECT_TRUE(mesh_warnings(scene).empty());
-  // At another scale, mirrored, and grown, which changes nothing of the pieces.
+  // Scaled, mirrored and grown, which does not change the parts.
   scene.add_mesh("grown", mesh, {-2, 1, 3}, Convexify::kDecompose, {.radius = 0.5});
   ASSERT_TRUE(pieces_of(scene, 1));
   EXPECT_LE(pieces_of(scene, 1)->inner, 1e-12);
@@ -78,7 +78,7 @@ TEST_F(DecomposedMeshes, WithoutPiecesAreSolidsAndSayWhatToRun) {
   const std::vector<MeshWarning> warnings = mesh_warnings(scene);
   ASSERT_EQ(warnings.size(), 1u);
   EXPECT_NE(warnings[0].text.find("clearance decompose FILE"), std::string::npos);
-  // A link leads elsewhere, and is not followed.
+  // A link to another folder is not followed.
   const std::string mesh = write("m.obj", kBracket);
   fs::create_symlink(write("elsewhere.obj", both_boxes()), mesh + ".pieces.obj");
   scene.add_mesh("m", mesh, {1, 1, 1}, Convexify::kDecompose, {});
@@ -124,7 +124,7 @@ TEST_F(DecomposedMeshes, AreKeptByTheCacheAndProvedAgainFromAFile) {
   const std::optional<Geometry> kept = geometry_of_record(geometry_record(made));
   ASSERT_TRUE(kept);
   EXPECT_TRUE(is_same(*kept));
-  // A file may be written by anybody: lengths that it claims count for nothing.
+  // A file may come from anywhere: the lengths that it claims are ignored.
   Geometry claims = made;
   auto less = std::make_shared<Decomposition>(pieces);
   less->inner = 0;
@@ -134,7 +134,7 @@ TEST_F(DecomposedMeshes, AreKeptByTheCacheAndProvedAgainFromAFile) {
                                         true, made.pieces[0]->radius, made.pieces[0]->loaded_vertices, less);
   const std::string saved = write_geometry_file(folder_.path().string(), claims);
   EXPECT_TRUE(is_same(read_geometry_file(folder_ / saved)));
-  // Turned into a link's frame they miss the mesh by what rounding moves both.
+  // In a link's frame the parts deviate from the mesh by the rounding of both.
   const Geometry turned = moved(made, {{1, 2, 3}, {0.1, 0.2, 0.3}});
   const Decomposition* there = turned.pieces[0]->surface->decomposition();
   ASSERT_TRUE(there);
@@ -156,7 +156,7 @@ TEST_F(DecomposedMeshes, TheCommandProvesWhatIsThere) {
   EXPECT_LE(done.inner, 1e-12);
 }
 
-// In place of a Python with CoACD: a program that is given what Python is.
+// A program that gets the arguments of a Python with CoACD, in its place.
 TEST_F(DecomposedMeshes, TheProcessThatProposesMayFailOrBeStopped) {
   const auto program = [&](const char* name, const std::string& text) {
     const std::string path = write(name, "#!/bin/sh\n" + text);

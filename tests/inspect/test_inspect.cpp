@@ -1,4 +1,4 @@
-// Reports on what bodies are modelled by, and on what could be left out.
+// Reports on the models of bodies, and on bodies and pairs that could be left out.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -54,7 +54,7 @@ TEST(Inspect, NineteenBodiesOfEveryForm) {
   EXPECT_EQ(of(scene, report, "can").form, "cylinder");
   EXPECT_EQ(of(scene, report, "can").model_error, 0);
   EXPECT_EQ(of(scene, report, "egg").model_error, 0);
-  // A text STL names each corner anew: 552 faces; of its distinct vertices many are inside the hull.
+  // A text STL repeats each corner: 552 faces; many of its distinct vertices are inside the hull.
   const BodyReport& gear = of(scene, report, "gear");
   EXPECT_EQ(gear.loaded, 3 * gear.faces);
   EXPECT_GT(gear.inside.value(), 0u);
@@ -70,7 +70,7 @@ TEST(Inspect, NineteenBodiesOfEveryForm) {
     sum += *body.ns_per_pair * 18;
     bytes += body.bytes;
   }
-  EXPECT_EQ(report.bytes, bytes);  // nobody shares
+  EXPECT_EQ(report.bytes, bytes);  // nothing is shared
   EXPECT_NEAR(report.ns_all_pairs.value(), sum / 2, 1e-9 * sum);
 }
 
@@ -97,7 +97,7 @@ TEST(Inspect, PartnersAreThoseOfThePairTable) {
   const Scene cell = load("cell");
   const SceneReport report = inspect(cell, {false, 0.01});
   EXPECT_EQ(of(cell, report, "wrist_2").ignored, 3u);
-  EXPECT_EQ(of(cell, report, "floor").ignored, 13u);  // the other three, which are static too, and ten that stand on it
+  EXPECT_EQ(of(cell, report, "floor").ignored, 13u);  // the other three static bodies, and ten that rest on it
   EXPECT_EQ(of(cell, report, "floor").partners, 8u);  // the arm without its static base
   EXPECT_TRUE(findings(report, Finding::Kind::kUnused).empty());
 }
@@ -169,7 +169,7 @@ ignore: [[carrier, "*"]]
   ASSERT_EQ(spheres.size(), 1u);
   EXPECT_EQ(spheres[0].body, scene.find_body("globe"));
   EXPECT_NE(spheres[0].text.find("1 more"), std::string::npos) << spheres[0].text;
-  // The mesh's faces lie inside the sphere by up to so much: never less than what is said.
+  // The mesh's faces are at most this far inside the sphere: never more than reported.
   const Shape globe = make_uv_sphere(0.5, 40);
   double least = 1;
   for (const Triangle& t : globe.triangles) {
@@ -180,7 +180,7 @@ ignore: [[carrier, "*"]]
   EXPECT_GE(*spheres[0].error, 0.5 - least - 1e-15);
   EXPECT_LE(*spheres[0].error, 0.5 - least + 0.1 * 0.01 * 0.5);
 
-  // Nothing of that kind when asked for less.
+  // Nothing of that kind at a smaller tolerance.
   EXPECT_TRUE(findings(inspect(scene, {false, 1e-4}), Finding::Kind::kSphere).empty());
 }
 
@@ -188,7 +188,7 @@ TEST(Inspect, BevelledBoxesAreBoxesToTheirBevel) {
   std::mt19937 bits(3);
   std::normal_distribution<double> normal;
   for (const double radius : {0.0, 0.01}) {
-    // Every corner cut off by 1 mm along each edge, turned and moved within its own frame.
+    // Every corner cut off by 1 mm along each edge, rotated and moved within its own frame.
     const Vec3d half{0.3, 0.2, 0.1};
     const double cut = 1e-3;
     const Pose X{{0.5, -0.2, 0.1}, normal(bits), normal(bits), normal(bits), normal(bits)};
@@ -224,7 +224,7 @@ TEST(Inspect, VerticesThatLieInTheSurfaceAreCounted) {
     c = R * c;
     points.push_back(c);
   }
-  for (int i = 0; i < 200; ++i) {  // on a face, but for rounding
+  for (int i = 0; i < 200; ++i) {  // on a face, apart from rounding
     double s = uniform(bits), t = uniform(bits);
     if (s + t > 1) {
       s = 1 - s;
@@ -299,7 +299,7 @@ TEST(Inspect, ASolidIsItsTrianglesAndNoSphereOrBox) {
   EXPECT_EQ(solid.sharing, 2u);
 }
 
-// Two tetrahedra that do not touch, as one mesh.
+// Two separate tetrahedra, as one mesh.
 TEST(Inspect, SaysWhatAMeshCouldBeAndWhatThatCosts) {
   const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1},
                                    {5, 0, 0}, {6, 0, 0}, {5, 1, 0}, {5, 0, 1}};
