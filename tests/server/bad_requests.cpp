@@ -13,7 +13,7 @@ using wire::FrameType;
 
 class List {
  public:
-  /// A frame as it is, but for what `change` does to its header.
+  /// A frame whose header `change` modifies.
   template <class Change>
   void frame(const std::string& name, const std::vector<std::byte>& frame, ErrorCode code, const std::string& text,
              Change change) {
@@ -59,7 +59,7 @@ TestQuery moved_query(std::vector<std::uint32_t> bodies) {
   return query;
 }
 
-/// A frame of a payload with a size of its own.
+/// A frame of a payload with an arbitrary size.
 template <class Record>
 std::vector<std::byte> record_frame(FrameType type, const Record& record, std::size_t extra = 0,
                                     std::uint64_t scene_revision = 0) {

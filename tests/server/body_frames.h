@@ -1,4 +1,4 @@
-// Requests that add and remove bodies, as tests send them.
+// Requests of tests that add and remove bodies.
 #pragma once
 
 #include <cstring>
@@ -23,7 +23,7 @@ inline std::vector<std::byte> box_frame(const std::string& name, std::uint32_t p
   record.pose[3] = 1;
   return simple_frame(wire::FrameType::kAddBody, 1, std::as_bytes(std::span(&record, 1)));
 }
-/// The same with a record that says what is not known of it.
+/// The same with a record of the body's uncertainty.
 template <class UncertaintyRecord>
 std::vector<std::byte> uncertain_frame(const std::string& name, const UncertaintyRecord& uncertainties,
                                        std::uint16_t tag = 20) {
@@ -36,7 +36,7 @@ std::vector<std::byte> uncertain_frame(const std::string& name, const Uncertaint
   frame.insert(frame.end(), records.begin(), records.end());
   return frame;
 }
-/// A tetrahedron of four corners, or what is left of it, and records by tag.
+/// A tetrahedron of up to four corners, with records by tag.
 inline std::vector<std::byte> mesh_frame(const std::string& name, std::span<const wire::TriangleRecord> triangles,
                                          std::optional<std::uint8_t> convexify,
                                          wire::BodyShape shape = wire::BodyShape::kHull) {

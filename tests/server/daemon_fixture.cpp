@@ -32,7 +32,7 @@ int code_of(int status) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
 }
 
-/// Forks and executes. Descriptors 1 and 2 go to files; `ready` becomes descriptor 3 if it is not -1.
+/// Forks and executes a program. Descriptors 1 and 2 go to files; `ready` becomes descriptor 3 unless it is -1.
 pid_t spawn(const std::vector<std::string>& command, const std::vector<std::string>& environment,
             const std::string& out, const std::string& err, int ready = -1) {
   std::vector<char*> arguments, variables;
@@ -46,12 +46,12 @@ pid_t spawn(const std::vector<std::string>& command, const std::vector<std::stri
   const pid_t pid = fork();
   if (pid < 0) throw std::runtime_error("fork failed");
   if (pid == 0) {
-    prctl(PR_SET_PDEATHSIG, SIGKILL);  // a test that is killed leaves no daemon behind
+    prctl(PR_SET_PDEATHSIG, SIGKILL);  // ends the daemon with a test that is killed
     dup2(out_fd, 1);
     dup2(err_fd, 2);
     if (ready >= 0 && ready != 3) dup2(ready, 3);
     if (ready == 3) fcntl(3, F_SETFD, 0);
-    close_range(ready >= 0 ? 4 : 3, ~0u, 0);  // liblcm's descriptors in this process are inherited otherwise
+    close_range(ready >= 0 ? 4 : 3, ~0u, 0);  // liblcm's descriptors of this process are inherited otherwise
     execve(arguments[0], arguments.data(), variables.data());
     _exit(127);
   }
@@ -106,7 +106,7 @@ Daemon::Daemon(std::vector<std::string> options, const std::vector<std::string>&
   if (pipe2(ready, O_CLOEXEC)) throw std::runtime_error("pipe failed");
   pid_ = spawn(options, environment, folder_ / "out", folder_ / "err", ready[1]);
   close(ready[1]);
-  std::istringstream urls(read_all(ready[0]));  // ends when it is ready, or dead
+  std::istringstream urls(read_all(ready[0]));  // ends when the daemon is ready, or dead
   close(ready[0]);
   for (std::string url; std::getline(urls, url);) urls_.push_back(url);
   if (urls_.empty()) {

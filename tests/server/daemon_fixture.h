@@ -1,4 +1,4 @@
-// Programs of ours as processes of their own: clearanced until it is stopped, and any program until it ends.
+// Our programs as separate processes: clearanced until it is stopped, and any program until it ends.
 #pragma once
 
 #include <string>
@@ -6,7 +6,7 @@
 
 namespace clearance {
 
-/// A folder of its own, removed with everything in it.
+/// A temporary folder, removed with its contents.
 class TestFolder {
  public:
   TestFolder();
@@ -25,23 +25,24 @@ class TestFolder {
 /// A scene file without meshes: table (static box), cup, link1, link2 (no pose), group arm.
 extern const char* const kSmallSceneYaml;
 
-/// Where this build puts its programs: beside this one, if it is there, since tests may be carried to another machine.
+/// Path of a program of this build: next to this one if it exists there, since tests may be copied to another machine.
 std::string program(const std::string& name);
 
 struct Finished {
   int code = -1;  ///< exit code, or minus the signal that ended it
   std::string out, err;
 };
-/// Runs a program to its end. \param environment "NAME=value", added to ours.
+/// Runs a program to its end.
+/// \param environment "NAME=value", added to this process's
 Finished run(const std::vector<std::string>& command, const std::vector<std::string>& environment = {});
 
-/// A clearanced of the test's own.
+/// A clearanced for one test.
 class Daemon {
  public:
   /// Starts it and waits until it is ready. Throws std::runtime_error with its log if it ends before.
-  /// \param environment "NAME=value", added to ours.
+  /// \param environment "NAME=value", added to this process's
   explicit Daemon(std::vector<std::string> options, const std::vector<std::string>& environment = {});
-  /// Stops it, if it still runs.
+  /// Stops it if it still runs.
   ~Daemon();
   Daemon(const Daemon&) = delete;
   Daemon& operator=(const Daemon&) = delete;
@@ -51,7 +52,7 @@ class Daemon {
   int pid() const { return pid_; }
   /// Sends a signal and returns the exit code (or minus the signal that ended it).
   int stop(int signal);
-  /// What it wrote to standard error so far.
+  /// Its standard error so far.
   std::string log() const;
 
  private:

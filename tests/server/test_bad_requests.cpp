@@ -1,4 +1,5 @@
-// Every bad request gets its refusal, in words, and the next good one its answer: in the loop alone, and over ZeroMQ.
+// Every invalid request gets its rejection with a message, and the next valid one its answer: in the loop alone, and
+// over ZeroMQ.
 #include <gtest/gtest.h>
 
 #include <zmq.hpp>
@@ -73,7 +74,7 @@ TEST(BadRequests, AreRefusedByTheLoop) {
   EXPECT_EQ(client.sinks, 0);
 }
 
-/// A DEALER that sends what a client library never would.
+/// A DEALER that sends requests that no client library would.
 class RawClient {
  public:
   explicit RawClient(const std::string& url) {
@@ -164,7 +165,7 @@ TEST_F(BadFramesOverZmq, UnknownBodiesAreAStatusNotAnError) {
 TEST_F(BadFramesOverZmq, AMessageBeyondTheLimitCostsOnlyItsSender) {
   expect_good("nothing");
   RawClient other(daemon_.url());
-  // ZeroMQ closes the connection of the sender as soon as it reads the size.
+  // ZeroMQ closes the sender's connection as soon as it reads the size.
   other.send({std::vector<std::byte>(64), std::vector<std::byte>(wire::kMaxRequestBytes + 1)});
   other.send(good_query(9));
   expect_good("a message of 256 MiB");
@@ -175,7 +176,7 @@ TEST_F(BadFramesOverZmq, RandomBytesNeverStopIt) {
   int answered = 0;
   for (int round = 0; round < 300; ++round) {
     std::vector<std::byte> frame = good_query(8);
-    if (round % 3 == 0) {  // noise behind a good header
+    if (round % 3 == 0) {  // noise after a valid header
       std::vector<std::byte> noise(random() % 600);
       for (auto& byte : noise) byte = std::byte(random());
       frame.resize(64);

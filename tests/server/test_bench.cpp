@@ -1,4 +1,4 @@
-// clearance bench against a daemon: what it prints, what it appends, and that its echo process goes with it.
+// clearance bench and a daemon: its output, the rows that it appends, and the end of its echo process.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
@@ -27,7 +27,7 @@ std::vector<std::string> lines_of(const std::string& path) {
   return lines;
 }
 
-/// One row of CSV by column name. Quoted fields hold no quotes here.
+/// One row of CSV by column name. Quoted fields contain no quotes here.
 std::map<std::string, std::string> row_of(const std::string& names, const std::string& values) {
   const auto split = [](const std::string& line) {
     std::vector<std::string> fields(1);
@@ -107,7 +107,7 @@ TEST_F(Bench, EachTransportIsMeasuredBesideItsFloor) {
     EXPECT_NEAR(std::stod(row.at("transport_to_floor_p50")),
                 std::stod(row.at("transport_p50_us")) / std::stod(row.at("floor_p50_us")),
                 0.01 * std::stod(row.at("transport_to_floor_p50")));
-    // What is compared with the bars is made of what the row says.
+    // The values compared with the targets follow from the row.
     const auto of = [&](const char* column) { return std::stod(row.at(column)); };
     EXPECT_NEAR(of("added_p50_us"), of("p50_us") - of("floor_p50_us") - of("engine_p50_us"), 1e-3 * of("p50_us"));
     EXPECT_GE(of("held_floor_p50_us"), of("engine_p50_us") / 2)
@@ -146,7 +146,7 @@ TEST_F(Bench, ConfigurationsReductionsAndRates) {
   EXPECT_EQ(row.at("request_bytes"), std::to_string(64 + 128 + 8 + 50 * 2 * 56));
   // Five rounds of 60 ms at 100 Hz: six requests each, sent or at least counted.
   EXPECT_EQ(std::stoull(row.at("samples")) + std::stoull(row.at("unsent")), 30u);
-  // Where it ran is part of the command.
+  // Pinning is part of the command.
   const Finished pinned = run({"/usr/bin/env", "taskset", "-c", "0", "nice", "-n", "3", program("clearance"), "bench",
                                "--seconds", "0.1", "--warmup", "0", "--pairs", "1", "--connect", url, "--json"});
   ASSERT_EQ(pinned.code, 0) << pinned.err;

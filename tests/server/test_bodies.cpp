@@ -1,4 +1,4 @@
-// Bodies that come and go while the daemon serves.
+// Bodies that are added and removed while the daemon serves.
 #include <gtest/gtest.h>
 #include <signal.h>
 
@@ -42,7 +42,7 @@ class Bodies : public LoopTest {
     if (reply->type() != FrameType::kSceneChanged) return {};
     return wire::parse_scene_changed(wire::split_payload(reply->header(), reply->payload()).body);
   }
-  /// The refusal's text; the scene is as it was.
+  /// The rejection's message; checks that the scene is unchanged.
   std::string refusal(std::vector<std::byte> frame, ErrorCode code = ErrorCode::kBadQuery) {
     const std::uint64_t before = loop_->engine().scene_revision();
     const auto error = error_of(ask_scene(a_, std::move(frame)));
@@ -81,7 +81,7 @@ TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
   loop_->on_poses(std::span(&moved, 1), 5);
   const Reply expected = ask(b_, every);
   ASSERT_EQ(answer.rows(), expected.rows());
-  ASSERT_EQ(answer.rows(), 9u);  // ten pairs, less that of parent and child
+  ASSERT_EQ(answer.rows(), 9u);  // ten pairs, minus that of parent and child
   for (std::size_t i = 0; i < answer.rows(); ++i) {
     EXPECT_EQ(answer.status()[i], expected.status()[i]) << i;
     if (answer.status()[i] == Status::kNoPose) continue;
@@ -379,7 +379,7 @@ TEST(ClearancedBodies, TheirNamesStayWithinTheirLineOfTheLog) {
   EXPECT_EQ(log.find('\x1b'), std::string::npos);
 }
 
-// A client that goes on after a refusal, with the ids that it has, is not told about other bodies.
+// A client that continues after a rejection with its old ids gets no answer about other bodies.
 TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
   const TestFolder folder;
   Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq",
@@ -445,7 +445,7 @@ TEST(ClearancedBodies, WhatAClientChangesItselfItNeedNotLookAt) {
   query.pairs = std::span(&with_two, 1);
   EXPECT_EQ(client.distances(query).rows(), 1u);
   client.attach(two, kNone);
-  client.remove_body("one");  // and `two` has its id
+  client.remove_body("one");  // `two` now has its id
   EXPECT_THROW(client.distances(query), RequestError);
   EXPECT_EQ(client.body("two"), two - 1);
   EXPECT_EQ(client.distances(query).status()[0], Status::kUnknownBody);

@@ -1,4 +1,4 @@
-// clearanced and clearance as a user meets them: exit codes, what they say, what they leave behind.
+// clearanced and clearance from the user's view: exit codes, output, and files left behind.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/socket.h>
@@ -27,7 +27,7 @@ Finished clearance_cli(std::vector<std::string> options, const std::vector<std::
   return run(options, environment);
 }
 
-/// The line that is not a log line: what clearanced says to the person who started it.
+/// The line that is not a log line: clearanced's message to the user who started it.
 std::string sentence(const Finished& finished) {
   std::istringstream lines(finished.err);
   for (std::string line; std::getline(lines, line);)
@@ -84,7 +84,7 @@ TEST_F(Clearanced, WrongCommandLinesEndWith2) {
 
 TEST_F(Clearanced, WhatIsWrongInAConfigurationFileIsNamedWithItsLine) {
   struct Case {
-    std::string text, error;  // of the file; behind its name
+    std::string text, error;  // of the file; after its name
   };
   const Case cases[] = {
       {"scene = \"x\"\n# a comment\nspeed = 11\n", ":3: there is no option \"speed\""},
@@ -214,7 +214,7 @@ TEST_F(Clearanced, SignalsEndItCleanly) {
 }
 
 TEST_F(Clearanced, ASignalEndsItWhateverItWorksOn) {
-  // Hours of work: who waited for its end, or for that of its listing, would never come back.
+  // Hours of work: waiting for its end, or for the end of its listing, would never return.
   const std::string scene = folder_.write(
       "many.yaml", "random: {count: 300, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 1, seed: 1}\n");
   const std::string shm = "shm://" + (folder_ / "c.shm");
@@ -391,7 +391,7 @@ TEST_F(Clearanced, IsQuietWhileNobodyAsks) {
       if (name == "loop.sleeps") return value;
     return std::uint64_t{0};
   };
-  // A tick each 100 ms wakes it, and the request itself: not thousands of times.
+  // Only the tick every 100 ms and the request itself wake it, not thousands of times.
   const std::uint64_t before = sleeps();
   const auto begin = std::chrono::steady_clock::now();
   std::this_thread::sleep_for(std::chrono::milliseconds(500));

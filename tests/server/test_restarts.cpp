@@ -1,5 +1,5 @@
-// A daemon that is killed and started anew, one that hangs, and clients that know of more than one: the next answer
-// must not be one of other poses than the caller thinks, nor come late.
+// A daemon that is killed and restarted, one that hangs, and clients with several daemons: the next answer must neither
+// be about other poses than the caller expects, nor be late.
 #include <gtest/gtest.h>
 #include <signal.h>
 
@@ -30,7 +30,7 @@ groups: {arm: {bodies: [tool], live: true}}
 )";
 constexpr double kAtLoad = 0.84, kSet = 8.2;
 
-/// Daemons of one scene, on every transport, each time at the same endpoints.
+/// Daemons of one scene, on every transport, always at the same endpoints.
 class Site {
  public:
   Site() : scene_(folder_.write("scene.yaml", kScene)) {
@@ -49,7 +49,7 @@ class Site {
   std::string url(const std::string& scheme) const {
     return scheme == "shm" ? "shm://" + (folder_ / "s") : scheme == "ipc" ? "ipc://" + (folder_ / "z") : lcm_;
   }
-  /// Continues one that was stopped: it could not end otherwise.
+  /// Continues a stopped daemon, which could not end otherwise.
   ~Site() {
     if (daemon_->pid() > 0) signal(SIGCONT);
   }
@@ -61,7 +61,7 @@ class Site {
   std::optional<Daemon> daemon_;
 };
 
-/// Calls until there is an answer: packets may be lost, and on a busy machine a daemon may look dead.
+/// Repeats a call until there is an answer: packets may be lost, and on a busy machine a daemon may seem dead.
 template <class Call>
 auto surely(Call call) {
   const auto deadline = std::chrono::steady_clock::now() + kPatience;
@@ -78,7 +78,7 @@ void move_tool(Client& client) {
   surely([&] { return client.set_poses({{"tool", {kSet + 0.2, 0, 0, 1, 0, 0, 0}}}); });
 }
 
-/// What ends each of the calls that follow a restart, until one is answered or refused by name.
+/// How the calls after a restart end, until one is answered or rejected by name.
 enum class Ending { kAnswered, kNewEpoch };
 Ending ask_until_someone_is_there(Client& client) {
   return surely([&] {
@@ -97,7 +97,7 @@ TEST_P(Restarts, AreNeverPassedOverInSilence) {
   Site site;
   if (site.url(GetParam()).empty()) GTEST_SKIP() << "no multicast here";
   Client client = connect(site.url(GetParam()), {.timeout = kPatience});
-  if (GetParam() == std::string("udpm")) client.set_timeout(5s);  // which may lose an answer
+  if (GetParam() == std::string("udpm")) client.set_timeout(5s);  // it may lose an answer
   move_tool(client);
   EXPECT_NEAR(distance_of(client), kSet, 1e-6);
   const std::uint64_t first = client.epoch();
@@ -146,7 +146,7 @@ TEST(Hangs, AreNoticedWhereARequestNeedsALargerSegment) {
   Site site;
   Client client = connect(site.url("shm"), {.timeout = kPatience, .hang = 300ms});
   client.set_timeout(kPatience);
-  const std::vector<IdPair> pairs(100'000, {0, 1});  // 800 KB, and a slot has 256
+  const std::vector<IdPair> pairs(100'000, {0, 1});  // 800 KB, while a slot has 256
   Query query;
   query.pairs = pairs;
   site.signal(SIGSTOP);
@@ -199,7 +199,7 @@ TEST(LiveBodies, HaveNoPoseUntilOneIsReceivedAlsoAfterAReload) {
 INSTANTIATE_TEST_SUITE_P(Over, Restarts, testing::Values("shm", "ipc", "udpm"),
                          [](const auto& transport) { return std::string(transport.param); });
 
-/// Whether the channel shows a sign, and then another.
+/// Returns whether the channel shows two successive signs of life.
 bool lives(Channel& channel) {
   const auto deadline = std::chrono::steady_clock::now() + kPatience;
   std::uint64_t first = channel.sign_of_life();
@@ -232,7 +232,7 @@ TEST(Hangs, ALoopThatSleepsIsNone) {
 TEST(Hangs, OfTheLoopAloneAreSeenThroughZeroMqWhoseThreadGoesOn) {
   std::atomic<bool> over = false;
   ScriptedServer server([&](const auto&...) {
-    while (!over) std::this_thread::sleep_for(1ms);  // the loop; the connection is answered by libzmq's thread
+    while (!over) std::this_thread::sleep_for(1ms);  // the loop; libzmq's thread answers the connection
     return std::vector<ScriptedServer::Bytes>{};
   });
   Client client = connect(server.url(), {.timeout = kPatience, .hang = 100ms});

@@ -1,4 +1,4 @@
-// Scenes of the daemon's tests, made without files.
+// Scenes of the daemon's tests, created without files.
 #pragma once
 
 #include <cmath>
@@ -16,7 +16,7 @@ inline Scene::BodyOptions at(double x, double y, double z) {
   return options;
 }
 
-/// 0 table (static), 1 cup, 2 link1, 3 link2 (no pose); group 0: arm (2, 3).
+/// 0 table (static), 1 cup, 2 link1, 3 link2 (no pose); group 0 is arm (2, 3).
 inline Scene small_scene() {
   Scene scene;
   Scene::BodyOptions table = at(0, 0, 0);
@@ -30,7 +30,7 @@ inline Scene small_scene() {
   return scene;
 }
 
-/// `count` bodies of 40 random vertices each, scattered: queries that take a while.
+/// `count` scattered bodies of 40 random vertices each, for queries that take a while.
 inline Scene scattered_scene(int count) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> unit(-1, 1);

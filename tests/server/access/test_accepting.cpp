@@ -1,5 +1,5 @@
-// A process without descriptors: whoever comes is turned away, from whichever thread takes him, and the descriptor that
-// is kept for that is never lost.
+// A process without free descriptors: new connections are closed, on either thread that accepts them, and the reserved
+// descriptor for that is never lost.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -35,7 +35,7 @@ UniqueFd socket_at(const std::string& path, bool listening) {
   return socket;
 }
 
-/// Connects to one after the other, each time as soon as the last has hung up. The number of those that said anything.
+/// Connects to each in turn, as soon as the previous one has hung up. Returns the number that sent anything.
 int knock(const std::array<std::string, 2>& paths) {
   int answered = 0;
   for (int i = 0; i < kRounds; ++i)

@@ -1,4 +1,4 @@
-// Who may do what: rights in words, in the loop, and of those who come through Unix sockets.
+// Rights of clients: as text, in the loop, and through Unix sockets.
 #include <grp.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -51,7 +51,7 @@ struct Request {
   FrameType type;
   Rights needed;
   std::vector<std::byte> frame;
-  bool is_plan = false;  ///< of which there is none without a GPU
+  bool is_plan = false;  ///< of which none exists without a GPU
 };
 std::vector<Request> requests() {
   wire::PosesHeader poses;
@@ -126,7 +126,7 @@ mode_t mode_of(const std::string& path) {
 constexpr uid_t kNobody = 65534;
 constexpr gid_t kGroup = 4242, kOtherGroup = 4343;
 
-/// Runs `work` as another user, in the given groups; its result is the exit code.
+/// Runs `work` as another user, in the given groups. Its result is the exit code.
 template <class Work>
 int as_other_user(gid_t primary, const std::vector<gid_t>& groups, Work work) {
   const pid_t child = fork();
@@ -147,7 +147,7 @@ int as_other_user(gid_t primary, const std::vector<gid_t>& groups, Work work) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
 }
 
-/// What this client may do at a daemon: 1 query, 2 poses, 4 admin.
+/// Rights of this client at a daemon: 1 query, 2 poses, 4 admin.
 int tried(const std::string& url) {
   const auto allowed = [&](auto call) {
     Client client = patient(url);
@@ -217,7 +217,7 @@ void SocketGroup::expect_rights_of_members(const std::vector<std::string>& envir
     });
     EXPECT_EQ(stranger, 0) << url;
   }
-  // The mode out of the way: the daemon looks at who it is all the same.
+  // Even if the mode permits the connection, the daemon checks the credentials.
   ASSERT_EQ(chmod((folder_ / "c.sock").c_str(), 0666), 0);
   const int stranger = as_other_user(kOtherGroup, {kOtherGroup}, [&] {
     try {
@@ -262,7 +262,7 @@ TEST_F(SocketGroup, AMemberWhoTakesAllPlacesShutsOutNobodyElse) {
       if (!said) std::fprintf(stderr, "child: %s\n", why.c_str());
       char byte = said && idle.size() >= 2 ? 'y' : 'n';
       if (write(ready[1], &byte, 1) != 1) return 1;
-      return read(go[0], &byte, 1) == 0 ? 0 : 2;  // until the test is over
+      return read(go[0], &byte, 1) == 0 ? 0 : 2;  // until the test ends
     }));
   }
   close(go[0]);

@@ -1,5 +1,5 @@
-// Descriptors that strangers send. Whoever closes the last one of a TCP socket with SO_LINGER waits for as long as its
-// sender has said: nobody but the sender may.
+// Descriptors sent by unauthenticated peers. The process that closes the last one of a TCP socket with SO_LINGER waits
+// for as long as its sender chose: this must only happen to the sender.
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -25,8 +25,8 @@ namespace {
 
 using shm::UniqueFd;
 
-/// Makes TCP sockets whose close lasts for kLinger: what they have sent is never read. Their other ends are kept until
-/// this object goes, which ends all waiting.
+/// Creates TCP sockets whose close takes kLinger, because their data is never read. Their other ends are kept until
+/// this object is destroyed, which ends all waiting.
 class Lingering {
  public:
   static constexpr int kLinger = 600;  // seconds: longer than any test
@@ -55,7 +55,7 @@ class Lingering {
     ::setsockopt(socket.get(), SOL_SOCKET, SO_LINGER, &how, sizeof how);
     return socket;
   }
-  /// Ends the waiting of whoever closes one.
+  /// Ends the waiting of processes that close one.
   void end() { others_.clear(); }
 
  private:
@@ -73,7 +73,7 @@ UniqueFd connect_to(const std::string& path, int type) {
   return socket;
 }
 
-/// Sends bytes with a descriptor. False: the kernel would not (EPERM).
+/// Sends bytes with a descriptor. Returns false if the kernel rejects it (EPERM).
 bool send_with(int socket, const void* bytes, std::size_t size, int descriptor) {
   iovec data{const_cast<void*>(bytes), size};
   alignas(cmsghdr) std::byte control[CMSG_SPACE(sizeof(int))] = {};
@@ -111,7 +111,7 @@ TEST(Lingering, KeepsWhoeverReceivesOneWaiting) {
   receiving.join();
 }
 
-/// Both ways: the kernel's, where it has one, and the doorman's.
+/// Both methods: the kernel's, if it has one, and the proxy's.
 class FdFilterProxy : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
@@ -122,7 +122,7 @@ class FdFilterProxy : public testing::TestWithParam<const char*> {
         std::vector<std::string>{std::string("CLEARANCE_DOORMAN=") + GetParam()});
   }
   bool uses_proxy() const { return std::string(GetParam()) == "on"; }
-  /// New clients and old ones are answered, on every endpoint.
+  /// Checks that new and existing clients are answered, on every endpoint.
   void expect_service() {
     for (const std::string& url : daemon_->urls()) {
       Client client = connect(url, {.timeout = std::chrono::seconds(60)});
@@ -153,16 +153,17 @@ TEST_P(FdFilterProxy, NobodyWaitsForDescriptorsOfOthers) {
   for (const std::string& url : daemon_->urls()) old.push_back(connect(url, {.timeout = std::chrono::seconds(60)}));
   expect_service();
   const shm::Message hello = RawClient::make(shm::MessageKind::kHello);
-  const std::vector<char> noise(sizeof hello, '\xff');  // begins a greeting of ZeroMQ's
+  const std::vector<char> noise(sizeof hello, '\xff');  // begins a ZeroMQ greeting
   int sent = 0, refused = 0;
   std::vector<UniqueFd> open, ours;
   for (const auto& [name, type] :
        {std::pair("c.sock", SOCK_SEQPACKET), {"c.ipc", SOCK_STREAM}, {"m.sock", SOCK_STREAM}})
-    for (const bool stays : {true, false}) {  // the descriptor is received; or closed with the connection
-      // While it stands still, so that ours are not the last when we close them: the daemon's are, where it gets any.
+    for (const bool stays : {true, false}) {  // the descriptor is received, or closed with the connection
+      // Stops the daemon, so that the daemon's copies, if it gets any, are closed last.
       ASSERT_EQ(kill(daemon_->pid(), SIGSTOP), 0);
       ASSERT_EQ(waitpid(daemon_->pid(), nullptr, WUNTRACED), daemon_->pid());
-      for (const bool good : {true, false}) {  // what comes with it is a greeting; or ends the connection
+      for (const bool good : {true, false}) {  // the descriptor comes with a greeting, or with bytes that end the
+                                               // connection
         UniqueFd socket = connect_to(folder_ / name, type);
         if (!good && type == SOCK_STREAM) ::send(socket.get(), "\n\n", 2, MSG_NOSIGNAL);
         const void* bytes = good && type == SOCK_SEQPACKET ? static_cast<const void*>(&hello) : noise.data();
@@ -170,7 +171,7 @@ TEST_P(FdFilterProxy, NobodyWaitsForDescriptorsOfOthers) {
           UniqueFd descriptor = lingering_.make();
           const bool taken = send_with(socket.get(), bytes, sizeof hello, descriptor.get());
           (taken ? sent : refused) += 1;
-          if (!taken) ours.push_back(std::move(descriptor));  // whoever closes the last one waits
+          if (!taken) ours.push_back(std::move(descriptor));  // closing the last one would wait
         }
         if (stays) open.push_back(std::move(socket));
       }
@@ -220,8 +221,7 @@ TEST_P(FdFilterProxy, ClientsComeAndGo) {
   const int after = descriptors();
   for (int i = 0; i < 5; ++i)
     for (const std::string& url : daemon_->urls()) connect(url).ping();
-  while (descriptors() > after + 4)
-    std::this_thread::yield();  // all but those of the last ones: nothing is left behind
+  while (descriptors() > after + 4) std::this_thread::yield();  // all but those of the last ones: nothing is left
 }
 
 INSTANTIATE_TEST_SUITE_P(Both, FdFilterProxy, testing::Values("off", "on"),

@@ -1,4 +1,4 @@
-// TCP with keys (CURVE): who comes in, what each key may do, and how those who do not come in are told.
+// TCP with keys (CURVE): admission, the rights of each key, and the messages of rejected connections.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/stat.h>
@@ -31,7 +31,7 @@ testing::AssertionResult contains(const std::string& text, const std::string& pa
   return testing::AssertionFailure() << "\"" << part << "\" is not in:\n" << text;
 }
 
-/// Says what a call throws.
+/// Returns the message of the exception that a call throws.
 template <class Error, class Call>
 std::string thrown_by(Call call) {
   try {
@@ -134,7 +134,7 @@ TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon_->url(), with("all", "probe.key.pub")); }),
                        "the daemon there has another key than server_key"));
   EXPECT_GE(counter("zmq.refused"), 3u);
-  ask(witness);  // as if nothing had been
+  ask(witness);  // as if nothing had happened
 }
 
 TEST_F(Keys, AKeyThatIsStruckOffLosesItsRightsAndOneThatIsAddedComesIn) {
@@ -149,12 +149,12 @@ TEST_F(Keys, AKeyThatIsStruckOffLosesItsRightsAndOneThatIsAddedComesIn) {
          << read_public_key(folder_ / "stranger.key") << " query\n";
   }
   std::filesystem::rename(folder_ / "keys/next", folder_ / "keys/authorized");
-  Client stranger = come("stranger");  // the list is looked at when somebody knocks
+  Client stranger = come("stranger");  // the list is read when a client connects
   ask(stranger);
   EXPECT_EQ(thrown_by<RequestError>([&] { ask(probe); }), "kQuery needs the right \"query\"; this client has nothing");
   EXPECT_TRUE(contains(daemon_->log(), "event=keys_read keys=2"));
 
-  // A list that cannot be read changes nothing.
+  // An unreadable list changes nothing.
   std::ofstream(folder_ / "keys/authorized", std::ios::app) << "nonsense\n";
   ask(stranger);
   come("stranger");

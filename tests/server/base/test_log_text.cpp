@@ -1,4 +1,4 @@
-// What comes from outside stays one value of one line of the log.
+// External text stays one value in one line of the log.
 #include <gtest/gtest.h>
 
 #include <random>

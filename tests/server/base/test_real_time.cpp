@@ -1,4 +1,4 @@
-// --real-time: what each step does, and what is said where the kernel refuses it.
+// --real-time: the effect of each step, and the messages if the kernel rejects it.
 #include <grp.h>
 #include <gtest/gtest.h>
 #include <sched.h>
@@ -17,7 +17,7 @@
 namespace clearance {
 namespace {
 
-/// What a child says, which may do to itself what it likes.
+/// Result of `work` in a child process, which may change its own limits and rights.
 std::string in_child(const std::function<std::string()>& work) {
   int ends[2];
   if (pipe(ends) != 0) return "no pipe";
@@ -37,7 +37,7 @@ std::string in_child(const std::function<std::string()>& work) {
   return said;
 }
 
-/// Gives up what root may, and what limits allow.
+/// Drops root's privileges and lowers the limits.
 void become_nobody() {
   const rlimit none{0, 0}, little{64 << 10, 64 << 10};
   setrlimit(RLIMIT_RTPRIO, &none);

@@ -1,4 +1,4 @@
-// What the daemon counts about itself, without a loop.
+// Counters of the daemon, without a loop.
 #include <gtest/gtest.h>
 
 #include <future>

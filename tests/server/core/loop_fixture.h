@@ -1,4 +1,4 @@
-// A loop, a transport in memory, and clients: requests in, turns of the loop, replies out, on one thread.
+// A loop, an in-memory transport, and clients: requests, turns of the loop, and replies on one thread.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ using namespace std::chrono_literals;
 /// A loop over an engine, with one in-memory transport and the clients of a test.
 class LoopTest : public testing::Test {
  protected:
-  /// Without a worker's thread: what the loop would leave to it takes its turns, too, so that they can be counted.
+  /// Without a worker thread: the loop also does the worker's share, so that its turns can be counted.
   void start(Scene scene, Loop::Options options = {}, int threads = 1) {
     options.worker_thread = with_worker_;
     Engine::Options engine_options;
@@ -28,14 +28,14 @@ class LoopTest : public testing::Test {
     transport_ = transport.get();
     loop_->add(std::move(transport));
   }
-  /// Each turn works on one query, for a short slice of it.
+  /// Each turn works on one query, for a short slice.
   static Loop::Options short_slices() {
     Loop::Options options;
     options.slice = 1ns;
     return options;
   }
-  /// A large query that was sent just now is read, its pairs are listed and its reply has room. With short_slices() it
-  /// then runs for long.
+  /// Runs the loop until a large query has been read, its pairs are listed and its reply has memory. With
+  /// short_slices() it then runs for long.
   void turn_until_it_runs() {
     for (int i = 0; i < 10; ++i) loop_->turn();
   }
@@ -50,7 +50,7 @@ class LoopTest : public testing::Test {
     client.replies.pop_front();
     return frame;
   }
-  /// Sends, serves, and takes the one reply.
+  /// Sends a frame, serves, and returns the one reply.
   std::unique_ptr<MemoryFrame> ask(MemoryClient& client, std::vector<std::byte> frame) {
     transport_->send(client, std::move(frame));
     turn_until_idle();
@@ -63,7 +63,7 @@ class LoopTest : public testing::Test {
   }
 
   bool with_worker_ = false;
-  MemoryClient a_, b_, c_;  // before the loop, which may hold requests of theirs to its end
+  MemoryClient a_, b_, c_;  // declared before the loop, which may hold their requests until its end
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<Loop> loop_;
   MemoryTransport* transport_ = nullptr;
@@ -84,7 +84,7 @@ inline TestQuery small_query() {
   query.pairs = {{0, 1}};
   return query;
 }
-/// A small one that waits until body 1 has a pose with stamp 1000 or a newer one.
+/// A small query that waits until body 1 has a pose with a stamp of 1000 or newer.
 inline TestQuery waiting_query() {
   TestQuery query = small_query();
   query.header.min_pose_stamp_ns = 1000;

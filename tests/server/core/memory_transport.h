@@ -1,4 +1,4 @@
-// A transport inside the test's process: frames go into a queue, replies into another.
+// A transport inside the test's process: frames go into one queue, replies into another.
 #pragma once
 
 #include <sys/eventfd.h>
@@ -22,14 +22,14 @@
 
 namespace clearance {
 
-/// A loop that works on everything itself: a test counts slices by its turns, and it is idle once a turn does nothing.
+/// A loop without workers, so that a test counts slices by its turns, and a turn without effect shows that it is idle.
 inline Loop::Options on_one_thread() {
   Loop::Options options;
   options.worker_thread = false;
   return options;
 }
 
-/// A frame that came back.
+/// A received frame.
 class MemoryFrame final : public Frame {
  public:
   MemoryFrame(const std::byte* frame, std::uint64_t bytes) {
@@ -48,18 +48,18 @@ class MemoryFrame final : public Frame {
   AlignedBytes payload_;
 };
 
-/// A client as the test plays it.
+/// A client controlled by the test.
 struct MemoryClient {
   std::uint64_t id = next_client_id();
   bool alive = true;
-  bool is_local = true;  ///< on this machine, as the daemon sees it
+  bool is_local = true;  ///< on the daemon's machine, according to the daemon
   Rights rights = kAllRights;
-  std::uint64_t room = std::numeric_limits<std::uint64_t>::max();  ///< bytes of the largest frame it takes
+  std::uint64_t room = std::numeric_limits<std::uint64_t>::max();  ///< bytes of the largest frame that it accepts
   std::deque<std::unique_ptr<MemoryFrame>> replies;
-  int sinks = 0;  ///< requests that have neither been answered nor dropped
+  int sinks = 0;  ///< requests that have been neither answered nor dropped
 };
 
-/// Used from the thread of the loop, but for send(), wait_for_reply() and sleeps.
+/// Used from the loop's thread, except send(), wait_for_reply() and sleeps.
 class MemoryTransport final : public Transport {
  public:
   MemoryTransport() : wake_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)), replied_(eventfd(0, EFD_CLOEXEC)) {}
@@ -79,9 +79,9 @@ class MemoryTransport final : public Transport {
     std::uint64_t count;
     if (read(replied_, &count, sizeof count) != sizeof count) std::abort();
   }
-  /// How often the loop was about to sleep.
+  /// Number of times that the loop was about to sleep.
   std::atomic<int> sleeps{0};
-  /// Payloads are handed in on an odd address, as a transport may that aligns nothing.
+  /// Payloads are passed at an odd address, as by a transport that aligns nothing.
   bool unaligned = false;
 
   std::string url() const override { return "memory://"; }
@@ -152,7 +152,7 @@ class MemoryTransport final : public Transport {
   int wake_, replied_;
 };
 
-/// The parts of a query as a client would send them.
+/// The parts of a query as a client sends them.
 struct TestQuery {
   wire::QueryHeader header;
   std::vector<IdPair> pairs;
@@ -162,7 +162,7 @@ struct TestQuery {
   std::vector<double> positions, weights;
   std::vector<std::byte> records;
   std::uint64_t scene_revision = 0;
-  std::uint32_t plan_configurations = 0;  ///< of kOpenPlan, which has none itself
+  std::uint32_t plan_configurations = 0;  ///< for kOpenPlan, which has no configurations itself
 
   TestQuery() { header.max_distance = std::numeric_limits<double>::infinity(); }
   std::vector<std::byte> frame(std::uint64_t request_id, wire::FrameType type = wire::FrameType::kQuery) const {
@@ -192,7 +192,7 @@ struct TestQuery {
   }
 };
 
-/// A frame whose payload is one record, or none.
+/// A frame whose payload is one record, or empty.
 inline std::vector<std::byte> simple_frame(wire::FrameType type, std::uint64_t request_id,
                                            std::span<const std::byte> payload = {}) {
   return wire::FrameBuilder(wire::make_header(type, request_id, 0)).add_bytes(payload.data(), payload.size()).take();

@@ -1,5 +1,5 @@
-// However much a legal request asks for, the loop does little of it: told by the units of work that its thread does
-// between two looks at its transports.
+// The loop's share of a valid request is bounded, however large the request, measured in the units of work that its
+// thread does between two polls of its transports.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -11,7 +11,7 @@ namespace {
 
 using wire::FrameType;
 
-/// A slice of a small query, and a payload that is just not large.
+/// A slice of a small query, and a payload just below the limit of a large one.
 constexpr std::uint64_t kMostUnits = 8192;
 constexpr int kBodies = 3000;
 
@@ -27,7 +27,7 @@ Scene crowd() {
   return scene;
 }
 
-/// Two bodies of so many pieces that overlap in many places.
+/// Two bodies of many convex parts that overlap in many places.
 Scene heaps(int pieces) {
   Scene scene;
   std::mt19937 random(3);
@@ -50,11 +50,11 @@ Scene heaps(int pieces) {
 class BoundedLoop : public LoopTest {
  protected:
   BoundedLoop() { with_worker_ = true; }
-  /// Turns until a client has so many replies.
+  /// Runs the loop until a client has this many replies.
   void serve(const MemoryClient& client, std::size_t replies = 1) {
     while (client.replies.size() < replies) loop_->turn();
   }
-  /// Sends a frame, and takes its reply after so many units at most between two looks.
+  /// Sends a frame and returns its reply, checking the units between two polls.
   std::unique_ptr<MemoryFrame> ask_within(std::vector<std::byte> frame) {
     loop_->counter("loop.longest_section_units") = 0;
     transport_->send(a_, std::move(frame));
@@ -62,7 +62,7 @@ class BoundedLoop : public LoopTest {
     EXPECT_LE(loop_->counter("loop.longest_section_units"), kMostUnits);
     return take(a_);
   }
-  /// Another client's echo, whose turn it is at once.
+  /// Another client's echo, which is served at once.
   std::unique_ptr<MemoryFrame> ask_other() {
     transport_->send(b_, simple_frame(FrameType::kPing, 1));
     serve(b_);
@@ -89,7 +89,7 @@ TEST_F(BoundedLoop, ListsOfPairsAreReadElsewhere) {
   start(crowd());
   TestQuery query;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
-  // 250 MB of them, as large as a message over ZeroMQ may be.
+  // 250 MB of them, the maximum of a message over ZeroMQ.
   constexpr std::uint32_t kPairs = 31'250'000;
   query.pairs.reserve(kPairs);
   for (std::uint32_t i = 0; i < kPairs; ++i)
@@ -104,7 +104,7 @@ TEST_F(BoundedLoop, PairsWithinADistanceAreFoundElsewhere) {
   start(crowd());
   TestQuery query;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
-  query.header.max_distance = 0.85;  // those side by side
+  query.header.max_distance = 0.85;  // adjacent ones
   EXPECT_EQ(Reply(ask_within(query.frame(1))).rows(), 50u * 59 + 60u * 49);
 }
 
@@ -117,7 +117,8 @@ TEST_F(BoundedLoop, BodiesOfManyPiecesAreAnsweredElsewhere) {
 }
 
 TEST_F(BoundedLoop, ASmallQueryOfDearPairsIsHandedOver) {
-  // Few pieces, so that it begins on the loop, but each of a thousand vertices, so that it does not end there.
+  // Few convex parts, so that it starts on the loop, but each with a thousand vertices, so that it does not finish
+  // there.
   Scene scene;
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
@@ -165,7 +166,7 @@ TEST_F(BoundedLoop, LargeScenesAreDescribedElsewhere) {
             sizeof(wire::PairsHeader) + std::uint64_t{kBodies} * (kBodies - 1) / 2 * sizeof(BodyPair));
 }
 
-/// Poses of a body, each once more.
+/// Poses of a body, repeated `count` times.
 std::vector<std::byte> poses_frame(std::uint64_t request, std::uint32_t body, double x, std::uint32_t count) {
   wire::PosesHeader header;
   header.count = count;

@@ -1,4 +1,4 @@
-// The class control goes before the class planning, and what planning takes never keeps it out.
+// The class control precedes the class planning, and planning never takes the resources that control needs.
 #include <gtest/gtest.h>
 
 #include "server/shm/shm_segment.h"
@@ -11,7 +11,7 @@ namespace {
 using wire::ErrorCode;
 using wire::FrameType;
 
-constexpr std::uint16_t kAsPlanning = 3;  // its record's tag
+constexpr std::uint16_t kAsPlanning = 3;  // tag of its record
 
 class Classes : public LoopTest {
  protected:
@@ -78,7 +78,7 @@ TEST_F(Classes, ALargeRequestIsReadBeforeItsClassIsKnown) {
   serve(a_);
 }
 
-/// What queries of the class planning hold is full; who has the other class is let in.
+/// The share of the class planning is full; a client of class control is admitted.
 TEST_F(Classes, MemoryIsKeptForControl) {
   Loop::Options options = short_slices();
   options.max_waiting_bytes = 1 << 20;
@@ -141,7 +141,7 @@ TEST(Segments, AreKeptForTheClassControl) {
   EXPECT_TRUE(take(ServiceClass::kControl)) << why;
 }
 
-/// A control client may ask as much as others: the loop does as little of it.
+/// A control client may send requests as large as others': the loop's share is as small.
 TEST_F(Classes, ControlDoesNotHoldTheLoopUpEither) {
   with_worker_ = true;
   Scene scene;

@@ -1,4 +1,4 @@
-// The daemon counts bounds that contradict each other, and says so once.
+// The daemon counts contradictory bounds, and logs them once.
 #include <map>
 
 #include "engine/hull/hull.h"
@@ -11,7 +11,7 @@ namespace {
 
 using wire::FrameType;
 
-/// Balls around one whose direction table is wrong in a place.
+/// Balls around one whose direction table has a wrong entry.
 Scene misled_scene() {
   const PiecePtr ball = make_hull_piece(make_uv_sphere(1, 20).vertices, {}, 0);
   PortableRandom random(4);

@@ -1,4 +1,4 @@
-// A query with a deadline is answered by then, or refused: early where like ones took longer.
+// A query with a deadline is answered by then, or rejected: early if similar ones took longer.
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -26,7 +26,7 @@ class Deadlines : public LoopTest {
     transport_->send(client, query.frame(1));
   }
   void wait_for(std::chrono::nanoseconds deadline) const { std::this_thread::sleep_until(sent_ + deadline + 1ms); }
-  /// The text of a refusal.
+  /// The message of a rejection.
   std::string refusal(MemoryClient& client) {
     const auto frame = take(client);
     EXPECT_EQ(frame->type(), FrameType::kError);
@@ -93,7 +93,7 @@ TEST_F(Deadlines, OneThatLikeQueriesDidNotKeepIsRefusedBeforeAnyWork) {
   for (int i = 0; i < 10 && said.find("it would take about ") == std::string::npos; ++i) {
     send(a_, with_deadline(large_query(20), 500us));
     turn_until_idle();
-    said = refusal(a_);  // where this thread had no CPU for so long, the deadline had passed
+    said = refusal(a_);  // the deadline had passed if this thread had no CPU for so long
   }
   EXPECT_NE(said.find(" ms, by what like queries took"), std::string::npos) << said;
 }

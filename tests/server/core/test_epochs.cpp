@@ -1,4 +1,4 @@
-// Which run of the daemon a request is for, and which one answers (docs/wire.md, "Epochs").
+// The run of the daemon that a request is for, and the one that answers (docs/wire.md, "Epochs").
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ Bytes poses_frame(double z) {
   return wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0)).add(header).add(record).take();
 }
 
-/// The same request with the record of an epoch.
+/// The same request with an epoch record.
 Bytes for_epoch(const Bytes& frame, std::uint64_t epoch) {
   wire::FrameHeader header;
   std::memcpy(&header, frame.data(), sizeof header);

@@ -1,4 +1,4 @@
-// Robots through the daemon: joint positions in, queries in joint space, and what is refused.
+// Robots through the daemon: joint positions, queries in joint space, and rejections.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -131,7 +131,7 @@ TEST_F(FreeScaleTest, IsThatOfTheEngine) {
   for (int k = 0; k < 3; ++k) {
     EXPECT_GT(expected[k], 0);
     EXPECT_EQ(reply.free_scale()[k], expected[k]);
-    // Without the pair that allows no more, there is more.
+    // Without the limiting pair the scale is larger.
     std::vector<BodyPair> others;
     for (const BodyPair pair : engine_->pairs(view_of(query)))
       if (pair.a != reply.pair()[k][0] || pair.b != reply.pair()[k][1]) others.push_back(pair);
@@ -198,7 +198,7 @@ TEST_F(FreeScaleTest, WhatItIsNotForIsSaid) {
   EXPECT_EQ(refusal(query), "fields: motions have no free_scale");
 }
 
-// A column as wide as the query has joints, between others, with fewer rows than there was room for.
+// A column as wide as the number of joints, between others, with fewer rows than reserved.
 TEST_F(JointsTest, GradientsByJointsAreThoseOfTheEngine) {
   start(arm_scene());
   TestQuery query = joint_query();
@@ -259,7 +259,7 @@ TEST_F(JointsTest, AQueryWaitsForTheStampOfALink) {
   query.header.min_pose_stamp_ns = 5000;
   query.header.pose_wait_ns = 10'000'000'000;
   query.header.wait_for = engine_->scene().find_body("arm/palm");
-  ask(a_, update({{0, 0, 0.1}, {1, 0, 0.1}}, 1000));  // since then the palm has a stamp
+  ask(a_, update({{0, 0, 0.1}, {1, 0, 0.1}}, 1000));  // gives the palm a stamp
   transport_->send(a_, query.frame(9));
   turn_until_idle();
   EXPECT_TRUE(a_.replies.empty());

@@ -1,4 +1,4 @@
-// Queries through the loop: whose turn it is, what comes back, what is refused.
+// Queries through the loop: scheduling, replies, and rejections.
 #include <gtest/gtest.h>
 
 #include "tests/server/core/loop_fixture.h"
@@ -129,7 +129,7 @@ TEST_F(LoopTest, TooManyQueriesOfOneClientAreRefused) {
   for (std::uint64_t i = 1; i <= 5; ++i) transport_->send(a_, small_query().frame(i));
   transport_->send(b_, small_query().frame(9));
   loop_->turn();
-  // Two refusals came at once, besides the answer to the first query.
+  // Two rejections were sent at once, in addition to the answer to the first query.
   ASSERT_EQ(a_.replies.size(), 3u);
   EXPECT_EQ(a_.replies[0]->header().request_id, 4u);
   const auto error = error_of(a_.replies[0]);
@@ -192,7 +192,7 @@ TEST_F(LoopTest, SparseRepliesAreClosedUp) {
   EXPECT_GT(near, 10u);
   EXPECT_LT(near, dense.rows() / 2) << "most of the room was not needed";
 
-  // A client with no room for the most that might come back, but for what does.
+  // A client whose buffer fits the actual reply, but not the largest possible one.
   a_.room = sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) +
             wire::columns_bytes(sparse.rows(), sparse.fields()) + wire::kEpochRecordBytes;
   const Reply narrow = ask(a_, query);
@@ -226,7 +226,7 @@ TEST_F(LoopTest, WhatAClientHasNoRoomForIsSaid) {
   EXPECT_EQ(loop_->counter("errors.unsent"), 1u);
 }
 
-/// A transport that fails in every way that it may.
+/// A transport with every permitted failure.
 class FailingTransport final : public Transport {
  public:
   std::string url() const override { return "failing://"; }

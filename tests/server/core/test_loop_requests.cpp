@@ -1,4 +1,4 @@
-// What is asked of the daemon besides distances.
+// Requests to the daemon other than distance queries.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -120,9 +120,9 @@ TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
   };
   TestQuery others, both, moved, carrier, all, nearest;
   others.pairs = {{0, 3}, {4, 5}};
-  both.pairs = {{1, 2}};  // a named pair stays one, enabled or not
+  both.pairs = {{1, 2}};  // an explicit pair stays, enabled or not
   moved.pairs = {{1, 3}};
-  moved.bodies = {1};  // whose poses are now relative to another body
+  moved.bodies = {1};  // their poses are now relative to another body
   moved.configurations = {{0, 0, 0, 1, 0, 0, 0}};
   carrier = moved;
   carrier.bodies = {2};
@@ -173,7 +173,7 @@ TEST_F(LoopTest, TellsTheOrderOfPairs) {
     EXPECT_EQ(table.pairs[i].a, reply.pair()[i][0]);
     EXPECT_EQ(table.pairs[i].b, reply.pair()[i][1]);
   }
-  // With moved bodies: the pairs that have one, though no configuration is sent.
+  // With moved bodies but no configurations: all pairs that include one.
   TestQuery moved;
   moved.bodies = {1};
   moved.configurations = {{0, 0, 0, 1, 0, 0, 0}};
@@ -188,7 +188,7 @@ TEST_F(LoopTest, EchoesAndCounts) {
   EXPECT_EQ(echo->type(), FrameType::kPong);
   EXPECT_TRUE(std::equal(payload.begin(), payload.end(), echo->body().begin(), echo->body().end()));
   ask(a_, small_query());
-  ask(a_, simple_frame(FrameType::kDescribe, 1, payload));  // refused: it has a payload
+  ask(a_, simple_frame(FrameType::kDescribe, 1, payload));  // rejected, because it has a payload
 
   const auto frame = ask(a_, simple_frame(FrameType::kGetStats, 9));
   std::map<std::string, std::uint64_t> stats;

@@ -1,4 +1,4 @@
-// When the loop polls, when it sleeps, and what wakes it.
+// Conditions under which the loop polls, sleeps and wakes up.
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -29,7 +29,7 @@ TEST(SpinGate, IsGivenUpWhereItDoesNotPayAndTriedAgain) {
 TEST_F(LoopTest, SleepsWakesAndStops) {
   Loop::Options options;
   options.spin = 0ns;
-  options.tick = 10s;  // nothing but the descriptor can wake it in time
+  options.tick = 10s;  // only the descriptor can wake it in time
   start(small_scene(), options);
   std::thread server([&] { loop_->run(); });
   for (int i = 0; i < 20; ++i) {
@@ -66,12 +66,12 @@ TEST_F(LoopTest, OnceWokenItSleepsAgain) {
   std::thread server([&] { loop_->run(); });
   const auto sleeps_in_five_ticks = [&] {
     const int first = transport.ticks;
-    while (transport.ticks < first + 1) std::this_thread::sleep_for(1ms);  // what woke it is done with
+    while (transport.ticks < first + 1) std::this_thread::sleep_for(1ms);  // the work that woke it is done
     const int begin = transport_->sleeps, tick = transport.ticks;
     while (transport.ticks < tick + 5) std::this_thread::sleep_for(1ms);
     return transport_->sleeps - begin;
   };
-  // Nothing ends an idle loop's sleep but the next tick, however long a busy machine makes it wait for that.
+  // Only the next tick ends an idle loop's sleep, however much a busy machine delays it.
   EXPECT_LE(sleeps_in_five_ticks(), 15) << "nothing has woken it";
   EXPECT_TRUE(loop_->read_metrics(30s));
   EXPECT_LE(sleeps_in_five_ticks(), 15) << "after a look at its figures";
@@ -88,7 +88,7 @@ TEST_F(LoopTest, OnceWokenItSleepsAgain) {
   server.join();
 }
 
-/// Its descriptor stays readable, as a listener's does when no descriptor is left to accept with.
+/// Its descriptor stays readable, like a listener's if there is no descriptor to accept with.
 class NaggingTransport final : public Transport {
  public:
   NaggingTransport() : fd_(eventfd(1, EFD_CLOEXEC)) {}
@@ -115,7 +115,7 @@ TEST_F(LoopTest, ADescriptorThatStaysReadableDoesNotKeepItBusy) {
   std::thread server([&] { loop_->run(); });
   const auto begin = std::chrono::steady_clock::now();
   while (transport.polls < 300)
-    std::this_thread::sleep_for(1ms);  // 100 of them without a pause, then one a millisecond
+    std::this_thread::sleep_for(1ms);  // 100 of them without a pause, then one per millisecond
   const auto wall = std::chrono::steady_clock::now() - begin;
   loop_->stop();
   server.join();

@@ -1,4 +1,4 @@
-// 64 clients at once: nobody waits for another's large batch, told by turns and counts, and every answer is the
+// 64 clients at once: none waits for another's large batch, measured by turns and counts, and every answer is the
 // engine's.
 #include <gtest/gtest.h>
 
@@ -20,14 +20,14 @@ constexpr int kClients = 64;
 
 class ManyClients : public LoopTest {
  protected:
-  /// Keeps one small query of each client under way, and one turn more of the loop.
+  /// Keeps one small query of each client in progress, and runs one turn of the loop.
   void turn() {
     for (std::size_t i = 0; i < small_.size(); ++i)
       while (!small_[i].replies.empty()) {
         ASSERT_EQ(take(small_[i])->type(), wire::FrameType::kReply);
         ++answers_[i];
       }
-    // Many are answered in one turn. They ask again as they would have in time: who was answered less often, earlier.
+    // One turn answers many. They repeat their queries in the order of real time: clients with fewer answers first.
     std::vector<std::size_t> order(small_.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
     std::stable_sort(order.begin(), order.end(),
@@ -39,8 +39,8 @@ class ManyClients : public LoopTest {
   }
   int least() const { return *std::min_element(answers_.begin(), answers_.end()); }
   int most() const { return *std::max_element(answers_.begin(), answers_.end()); }
-  /// They take turns, but for those that ask again within the turn that they were answered in: the test then changes
-  /// their order.
+  /// They are served in turn, except those that send again within the turn in which they were answered: the test then
+  /// changes their order.
   int most_allowed() const { return least() + 2 + least() / 10; }
 
   std::vector<MemoryClient> small_{kClients - 1};
@@ -61,8 +61,8 @@ TEST_F(ManyClients, TakeTurnsBesideALargeBatch) {
   constexpr int kBatches = 4;
   for (int i = 0; i < kBatches; ++i) transport_->send(large_, large_query(60).frame(static_cast<std::uint64_t>(2 + i)));
   loop_->turn();
-  // A small query takes one slice here, and the large one gets one of five: 63 clients are through after 79 turns, and
-  // one more for what each had waiting as the round began.
+  // A small query takes one slice here, and the large one gets one of five: 63 clients are served after 79 turns, plus
+  // one for the queries already waiting at the start of the round.
   while (least() < 1) {
     turn();
     ASSERT_LE(turns_, 2 * kClients) << "a client waits longer than all the others take together";
@@ -99,7 +99,7 @@ TEST_F(ManyClients, ABatchOfTenMillionPairsDelaysNobodyByMoreThanItsSlices) {
   EXPECT_GT(least(), 10) << "everybody was answered again and again meanwhile";
 }
 
-/// A query of a client, and what the engine in this process answers.
+/// A query of a client, and the answer of the engine in this process.
 struct Expected {
   TestQuery query;
   test::Answer own;

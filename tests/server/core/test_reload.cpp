@@ -1,5 +1,4 @@
-// A scene that is loaded anew while the daemon serves: aside, as a whole or not at all, and with the poses that are
-// known.
+// A scene that is reloaded while the daemon serves: in the background, as a whole or not at all, with the known poses.
 #include <gtest/gtest.h>
 #include <signal.h>
 
@@ -21,7 +20,7 @@ using wire::FrameType;
 
 class Reload : public LoopTest {
  protected:
-  /// Turns until the reloader has handed out `count` outcomes.
+  /// Runs the loop until the reloader has delivered `count` results.
   void turn_until(const char* counter, std::uint64_t count) {
     while (loop_->counter(counter) < count) {
       loop_->turn();
@@ -62,7 +61,7 @@ TEST_F(Reload, QueriesGoOnWhileItLoadsAndThoseUnderWayEndWithTheOldScene) {
   const Reply old(take(a_));
   EXPECT_EQ(old.scene_revision(), before);
 
-  // As an engine of its own answers that has only ever known the old scene.
+  // Answers equal those of an engine that has only the old scene.
   start(scattered_scene(20));
   const Reply expected = ask(a_, large);
   ASSERT_EQ(old.rows(), expected.rows());
@@ -132,7 +131,7 @@ TEST_F(Reload, QueriesThatWaitForPosesAreHeldToTheSceneTheyName) {
   TestQuery query = small_query();
   query.header.min_pose_stamp_ns = 100;
   query.header.pose_wait_ns = std::chrono::nanoseconds(10s).count();
-  transport_->send(a_, query.frame(1));  // names none
+  transport_->send(a_, query.frame(1));  // refers to no revision
   query.scene_revision = revision();
   transport_->send(b_, query.frame(2));
   turn_until_idle();
@@ -164,7 +163,7 @@ TEST_F(Reload, ARequestIsAnsweredWhenTheNewSceneIsIn) {
   transport_->send(a_, simple_frame(FrameType::kReload, 7));
   while (begun < 1) loop_->turn();
   EXPECT_TRUE(a_.replies.empty());
-  // This one may have been sent after a file was changed that the first load had read already.
+  // It may have been sent after a change of a file that the first load had already read.
   transport_->send(b_, simple_frame(FrameType::kReload, 8));
   loop_->turn();
   may_end = 1;
@@ -209,7 +208,7 @@ TEST_F(Reload, RequestsAreCountedAmongThoseUnderWay) {
   loop_->turn();
   EXPECT_EQ(static_cast<ErrorCode>(error_of(take(a_)).header.code), ErrorCode::kBusy);
   EXPECT_EQ(a_.sinks, 2);
-  a_.alive = false;  // it has gone: what it waited for is forgotten
+  a_.alive = false;  // disconnected: its pending request is dropped
   loop_->turn();
   EXPECT_EQ(a_.sinks, 0);
   may_end = true;
@@ -231,7 +230,7 @@ TEST(TakePoses, OfBodiesThatBothScenesKnow) {
   scene.add_sphere("cup", 0.2, at(0, 0, 0.3));
   Scene::BodyOptions fixed = at(9, 9, 9);
   fixed.is_static = true;
-  scene.add_capsule("link2", 0.05, 0.4, fixed);  // static now
+  scene.add_capsule("link2", 0.05, 0.4, fixed);  // now static
   Engine engine(std::move(scene));
   engine.take_poses(old);
   EXPECT_EQ(engine.body_state(0).X_wb.translation.x, 7);
@@ -243,7 +242,7 @@ TEST(TakePoses, OfBodiesThatBothScenesKnow) {
   EXPECT_EQ(engine.body_state(3).X_wb.translation.x, 9);
   EXPECT_GT(engine.pose_revision(), old.pose_revision());
 
-  // The leader is gone: whoever followed it stays where the new scene has it.
+  // The leader is gone: its followers take the new scene's poses.
   Scene alone;
   alone.add_capsule("link1", 0.05, 0.4, at(0.5, 0, 0.5));
   Engine without(std::move(alone));
@@ -251,7 +250,7 @@ TEST(TakePoses, OfBodiesThatBothScenesKnow) {
   EXPECT_EQ(without.body_state(0).parent, kNone);
   EXPECT_EQ(without.body_state(0).X_wb.translation.x, 0.5);
 
-  // The other way round in the new scene: an attachment that would close a circle is left out.
+  // Reversed in the new scene: an attachment that would close a cycle is left out.
   Scene turned;
   turned.add_capsule("link1", 0.05, 0.4, at(0.5, 0, 0.5));
   Scene::BodyOptions follows = at(0, 0, 1);

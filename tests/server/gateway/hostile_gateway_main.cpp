@@ -1,5 +1,5 @@
-// What a process outside might say that has been taken over: started by the daemon in place of clearance-outside
-// (CLEARANCE_OUTSIDE), it does what CLEARANCE_HOSTILE names.
+// A compromised gateway process: started by the daemon in place of clearance-outside (CLEARANCE_OUTSIDE), it misbehaves
+// as selected by CLEARANCE_HOSTILE.
 #include <poll.h>
 #include <unistd.h>
 
@@ -29,7 +29,7 @@ Message frame(const std::string& key, wire::FrameType type = wire::FrameType::kG
   return {Kind::kFrame, 0, kSomebody, std::string(reinterpret_cast<const char*>(&header), sizeof header) + key, {}};
 }
 
-/// Waits for a message of this kind. Throws Broken once the daemon has had enough.
+/// Waits for a message of this kind. Throws Broken once the daemon has broken the link.
 Message await(Link& link, Kind kind) {
   for (;;) {
     pollfd waiting{link.descriptor(), POLLIN, 0};
@@ -50,10 +50,10 @@ void act(Link& link, const std::string& what) {
   if (what == "headless") link.send({Kind::kFrame, 0, kSomebody, "x", {}});
   if (what == "handed over") link.send({Kind::kHandedOver, 12345, {}, {}, {}});
   if (what == "knock") link.send({Kind::kKnock, 0, "127.0.0.1", "no key", {}});
-  if (what == "bodies")  // begun and never ended, until there are too many
+  if (what == "bodies")  // started and never finished, until there are too many
     for (int i = 0; i < 100; ++i)
       send_datagram({static_cast<std::uint32_t>(Kind::kFrame), 3, 0, 0, 8 << 20, 0}, std::to_string(100 + i) + "x");
-  // A key that nobody has: there is nothing that it may do, and the answer says so.
+  // An unauthorised key has no rights, and the answer reports that.
   if (what == "stranger's key") {
     link.send(frame(std::string(40, 'a')));
     const Message reply = await(link, Kind::kReply);
@@ -64,7 +64,7 @@ void act(Link& link, const std::string& what) {
     const char* const said = forbidden ? "forbidden as it should be" : "something else";
     link.send({Kind::kFailed, 0, {}, {}, Bytes(std::string_view(said))});
   }
-  if (what == "greedy") {  // asks and reads nothing
+  if (what == "greedy") {  // sends requests and reads nothing
     for (;;) {
       link.turn();
       if (link.waiting_bytes() < 1 << 20)
@@ -82,7 +82,7 @@ int main() try {
             {.message_bytes = 64 << 20, .coming_bytes = 64 << 20, .waiting_bytes = 64 << 20});
   await(link, Kind::kStart);
   link.send({Kind::kReady, 0, {}, {}, {}});
-  // The daemon is ready once it has heard this; what follows is what it has to live with.
+  // The daemon is ready once it has received this; it must tolerate everything that follows.
   act(link, std::getenv("CLEARANCE_HOSTILE"));
   for (;;) await(link, Kind::kVerdict);
 } catch (const clearance::gateway::Broken&) {

@@ -1,4 +1,4 @@
-// Strangers at a TCP endpoint, who speak ZMTP 3 (https://rfc.zeromq.org/spec/23) by hand, past any library.
+// Unauthenticated peers at a TCP endpoint, with ZMTP 3 (https://rfc.zeromq.org/spec/23) implemented without a library.
 #pragma once
 
 #include <arpa/inet.h>
@@ -31,7 +31,7 @@ class RawTcp {
       throw std::runtime_error(std::string("connect: ") + std::strerror(errno));
   }
 
-  /// Whether all of it was taken before the other end hung up.
+  /// Sends bytes. Returns whether all were accepted before the other end hung up.
   bool say(std::string_view bytes) {
     while (!bytes.empty()) {
       const ssize_t sent = ::send(socket_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
@@ -41,12 +41,12 @@ class RawTcp {
     }
     return true;
   }
-  /// As much as the other end takes at once. False: it has hung up.
+  /// Sends as much as the other end accepts at once. Returns false if it has hung up.
   bool say_some(std::string_view bytes) {
     const ssize_t sent = ::send(socket_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
     return sent >= 0 || errno == EAGAIN || errno == EINTR;
   }
-  /// Waits until the other end has hung up; takes what it says. False: it has not in that time.
+  /// Waits until the other end has hung up, and discards its data. Returns false if it has not in that time.
   bool is_hung_up(std::chrono::milliseconds patience) {
     const auto deadline = std::chrono::steady_clock::now() + patience;
     for (char sink[4096];;) {
@@ -67,13 +67,14 @@ class RawTcp {
     std::memcpy(bytes.data() + 12, mechanism.data(), mechanism.size());
     return bytes;
   }
-  /// The head of a frame with a size in eight bytes. \param flags 1: more parts follow, 4: a command
+  /// The head of a frame with a size of eight bytes.
+  /// \param flags 1 if more parts follow, 4 for a command
   static std::string head(unsigned flags, std::uint64_t bytes) {
     std::string text(1, static_cast<char>(flags | 2));
     for (int shift = 56; shift >= 0; shift -= 8) text += static_cast<char>(bytes >> shift);
     return text;
   }
-  /// What a client without keys says before its first message.
+  /// Bytes that a client without keys sends before its first message.
   static std::string handshake() {
     using namespace std::string_literals;
     const std::string ready = "\5READY\13Socket-Type\0\0\0\6DEALER\10Identity\0\0\0\0"s;

@@ -1,5 +1,5 @@
-// What is left to a process outside of the core: what it may ask of the kernel, and what strangers may say before they
-// have shown who they are.
+// Restrictions of a gateway process: the system calls that it may use, and the messages that peers may send before
+// authentication.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <linux/seccomp.h>
@@ -24,13 +24,13 @@ namespace {
 
 constexpr int kForbidden = 5, kDone = 0, kUnfiltered = 77;
 
-/// Asked of the kernel, so that a filter that it has and does not take is a failure.
+/// Queries the kernel, so that a filter that it has but does not install counts as a failure.
 bool kernel_has_filters() {
   std::uint32_t action = SECCOMP_RET_KILL_PROCESS;
   return ::syscall(SYS_seccomp, SECCOMP_GET_ACTION_AVAIL, 0, &action) == 0;
 }
 
-/// How a process ends that is confined and then does something.
+/// How a process ends that is confined and then calls `act`.
 int ending(std::string (*confine)(), void (*act)()) {
   const pid_t child = ::fork();
   if (child == 0) {

@@ -1,5 +1,5 @@
-// Strangers at TCP endpoints, and the process outside of the core that has to do with them: whatever ends it, clients
-// in shared memory are served all the while, and those over TCP again.
+// Unauthenticated peers at TCP endpoints, and the gateway process that handles them: however it ends, clients in shared
+// memory are served throughout, and those over TCP again afterwards.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/stat.h>
@@ -23,7 +23,7 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-/// A line of /proc/PID/status, in KiB.
+/// A value of /proc/PID/status, in KiB.
 std::uint64_t status_kib(int pid, const std::string& name) {
   std::ifstream in("/proc/" + std::to_string(pid) + "/status");
   for (std::string line; std::getline(in, line);)
@@ -31,7 +31,7 @@ std::uint64_t status_kib(int pid, const std::string& name) {
   return 0;
 }
 
-/// The one child of a process that has this name; 0: there is none.
+/// The single child of a process with this name, or 0 if there is none.
 int child_of(int parent, const std::string& name) {
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
     const std::string pid = entry.path().filename();
@@ -46,7 +46,7 @@ int child_of(int parent, const std::string& name) {
   return 0;
 }
 
-/// A client in shared memory that asks all the while.
+/// A client in shared memory that sends queries continuously.
 class Busy {
  public:
   explicit Busy(const std::string& url)
@@ -62,7 +62,7 @@ class Busy {
     stop_ = true;
     thread_.join();
   }
-  /// Waits for more answers: to questions that are asked now.
+  /// Waits for further answers, to queries that are sent from now on.
   void expect_answers() const {
     const std::uint64_t before = answers_;
     while (answers_ < before + 3) std::this_thread::sleep_for(1ms);
@@ -77,7 +77,7 @@ class Busy {
 
 class Gateway : public testing::Test {
  protected:
-  static constexpr const char* kName = "clearance-outsi";  // as the kernel shortens it
+  static constexpr const char* kName = "clearance-outsi";  // as truncated by the kernel
 
   void start(const std::vector<std::string>& more, const std::vector<std::string>& environment = {}) {
     std::vector<std::string> options{"--scene",   folder_.write("scene.yaml", kSmallSceneYaml),
@@ -98,7 +98,7 @@ class Gateway : public testing::Test {
   void wait_for(const std::string& name, std::uint64_t value) const {
     while (counter(name) < value) std::this_thread::sleep_for(1ms);
   }
-  /// Connects anew, as often as it takes, and asks. Returns how long that took.
+  /// Reconnects, as often as necessary, and sends a query. Returns the time taken.
   std::chrono::milliseconds served_again(const ConnectOptions& options = {}) const {
     const auto begin = Clock::now();
     for (;;) try {
@@ -135,7 +135,7 @@ TEST_F(Gateway, PartsThatNeverEndAreAffairsOfItsMemoryAndNotOfTheCores) {
   std::uint64_t sent = 0;
   while (stranger.say(part)) ASSERT_LT(++sent, 200u) << "MiB in one message, and nothing happens";
   EXPECT_GT(sent, 16u);
-  // libzmq gives up the connection, or, where it was another that found no memory, its process.
+  // libzmq drops the connection or, if another one found no memory, its process ends.
   report("after parts that never end, until served over TCP", served_again());
   busy.expect_answers();
   expect_core_unharmed(before);
@@ -222,7 +222,7 @@ TEST_F(Gateway, LargeRequestsAndRepliesComeThroughWhole) {
   query.fields = kDefaultFields | kFieldPoints | kFieldNormal;
   std::vector<std::uint32_t> bodies{1};
   std::vector<Pose7> poses;
-  for (int i = 0; i < 50'000; ++i) poses.push_back({0.001 * i, 0, 1, 1, 0, 0, 0});  // 2.8 MB there, 20 MB back
+  for (int i = 0; i < 50'000; ++i) poses.push_back({0.001 * i, 0, 1, 1, 0, 0, 0});  // 2.8 MB of request, 20 MB of reply
   query.bodies = bodies;
   query.configurations = poses;
   const Reply a = over_tcp.distances(query), b = over_shm.distances(query);
@@ -246,7 +246,7 @@ class GatewayWithKeys : public Gateway {
     std::ofstream(folder_ / "keys/authorized") << read_public_key(folder_ / "own.key") << " query own\n";
     start({"--keys", folder_ / "keys", "--limit", "outside-mib=256"});
   }
-  /// A daemon with a process outside that does this, once it is there.
+  /// Starts a daemon with a gateway process that misbehaves in this way once it runs.
   void start_hostile(const std::string& what) {
     daemon_.reset();
     start({"--keys", folder_ / "keys", "--limit", "outside-mib=64"},
@@ -262,7 +262,7 @@ TEST_F(GatewayWithKeys, StrangersSayLittleBeforeAHandshake) {
   const std::uint64_t before = high_water_kib();
   const int pid = child_of(daemon_->pid(), kName);
   ASSERT_GT(pid, 0);
-  // What would be 1.6 GB: a command of 16 MiB, begun and not ended, over each of a hundred connections.
+  // Would take 1.6 GB: an incomplete command of 16 MiB over each of a hundred connections.
   std::vector<std::unique_ptr<RawTcp>> strangers;
   const std::string command = RawTcp::head(4, 16 << 20) + std::string(8 << 20, 'x');
   for (int i = 0; i < 100; ++i) {

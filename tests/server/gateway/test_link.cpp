@@ -1,5 +1,5 @@
-// The link between the core and a process outside: messages of any size come through in order and in turns, and what
-// does not keep to the rules breaks it.
+// The link between the daemon and a gateway process: messages of any size arrive in order and interleaved, and a
+// violation of the rules breaks it.
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -23,7 +23,7 @@ class LinkTest : public testing::Test {
     core_.emplace(shm::UniqueFd(ends[0]), kLimits);
     raw_ = ends[1];
   }
-  /// An honest end in place of the raw one.
+  /// A valid end in place of the raw one.
   Link& other() {
     if (!other_) other_.emplace(shm::UniqueFd(raw_), kLimits);
     return *other_;
@@ -37,7 +37,7 @@ class LinkTest : public testing::Test {
     for (std::size_t i = 0; i < bytes; ++i) body[i] = static_cast<char>(i * 31 + number);
     return {Kind::kFrame, number, name, "extra", Bytes(std::string_view(body))};
   }
-  /// Moves both ends on until so many messages have come.
+  /// Runs both ends until this many messages have arrived.
   std::vector<Message> transfer(Link& from, Link& to, std::size_t count) {
     std::vector<Message> got;
     while (got.size() < count) {
@@ -47,7 +47,7 @@ class LinkTest : public testing::Test {
     }
     return got;
   }
-  /// Sends a datagram that nobody honest sends, and says why the core breaks the link.
+  /// Sends an invalid datagram, and returns the reason for which the daemon breaks the link.
   std::string broken_by(const Head& head, std::size_t more, std::string (LinkTest::*before)() = nullptr) {
     if (before) (this->*before)();
     std::string datagram(sizeof head + more, 'x');
@@ -110,7 +110,7 @@ TEST_F(LinkTest, ItsDescriptorIsReadableWhereThereIsSomethingToDo) {
   };
   EXPECT_FALSE(readable(*core_));
   core_->send(message("a", 3 << 20));
-  while (readable(*core_)) core_->turn();  // as long as there is room
+  while (readable(*core_)) core_->turn();  // as long as there is space
   EXPECT_GT(core_->waiting_bytes(), 0u);
   while (readable(other())) {
     other().turn();
@@ -186,7 +186,7 @@ TEST(LinkOfAnyBytes, GivesMessagesWithinItsLimitsOrBreaks) {
     std::uint64_t offset = 0;
     try {
       for (int i = 0; i < 8; ++i) {
-        // What is meant, a whole body or the next part of one; now and then something of it is wrong.
+        // The intended content, a whole body or the next part of one; occasionally one field is wrong.
         const bool in_part = offset > 0 || random() % 2;
         const std::uint64_t part = 100, body = in_part ? 300 : part;
         Head head{static_cast<std::uint32_t>(Kind::kFrame), 1, 0, 7, body, in_part ? offset : 0};

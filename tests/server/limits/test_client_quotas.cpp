@@ -1,4 +1,4 @@
-// What each client may have under way: the accounts alone, without a loop.
+// Limits of requests in progress per client: the accounts alone, without a loop.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -14,7 +14,7 @@ constexpr auto kPlanning = ServiceClass::kPlanning;
 
 constexpr Quotas::Limits kSmall{.max_waiting_per_client = 3, .max_waiting_bytes = 1000, .max_client_bytes = 500};
 
-/// What is said to a client; empty: it is let in.
+/// The rejection of a client, or an empty string if it is admitted.
 template <class Check>
 std::string refusal(Check check) {
   try {

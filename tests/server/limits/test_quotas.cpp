@@ -1,4 +1,4 @@
-// What one client may have at most: each refusal names the limit, and the next request is answered.
+// Limits of one client: each rejection names the limit, and the next request is answered.
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -16,7 +16,7 @@ using wire::ErrorCode;
 
 class Quotas : public LoopTest {
  protected:
-  /// Sends without serving; the replies come by turn_until_idle().
+  /// Sends without serving; turn_until_idle() collects the replies.
   void send(MemoryClient& client, const TestQuery& query, std::uint64_t id) {
     transport_->send(client, query.frame(id));
   }
@@ -39,7 +39,7 @@ TEST_F(Quotas, PairsOfOneQuery) {
   EXPECT_EQ(
       error.text,
       "21 configurations of 6 pairs are more than the 120 that one query may ask about (limit max-pairs): split it");
-  query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);  // few rows, and as many pairs
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);  // few rows, but as many pairs
   EXPECT_EQ(ask_for(21)->type(), wire::FrameType::kError);
   EXPECT_EQ(ask_for(20)->type(), wire::FrameType::kReply);
 }
@@ -119,7 +119,7 @@ TEST_F(Quotas, WarmStateHasWhatIsLeft) {
       ASSERT_EQ(answer.upper()[row], cold.upper()[row]) << "the first is cold, too";
   }
   EXPECT_EQ(loop_->counter("queries.cold"), 0u);
-  // While it works on it, warm state is under way like the rest: another request has no room beside it.
+  // During the work, warm state counts like the rest: another request does not fit in addition.
   TestQuery wide = large_query(20);
   wide.configurations.insert(wide.configurations.end(), wide.configurations.begin(), wide.configurations.end());
   send(a_, warm, 1);
@@ -130,7 +130,7 @@ TEST_F(Quotas, WarmStateHasWhatIsLeft) {
   EXPECT_EQ(static_cast<ErrorCode>(error_of(take(a_)).header.code), ErrorCode::kBusy);
   turn_until_idle();
   EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
-  // What it left makes way for a reply, and for nobody else's.
+  // Kept warm state is evicted for a reply, but not for another client's.
   ask(b_, large_query(20));
   EXPECT_EQ(warm_bytes(), kWarm);
   ask(a_, large_query(20));
@@ -153,7 +153,7 @@ TEST_F(Quotas, OfAClientThatGoesAreGivenBack) {
   EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
 }
 
-/// Options of a daemon that takes two clients on each endpoint.
+/// Options of a daemon that accepts two clients on each endpoint.
 std::vector<std::string> for_two(const TestFolder& folder) {
   const std::string scene = folder.write(
       "scene.yaml", "random: {count: 400, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 60, seed: 1}\n");
@@ -183,7 +183,7 @@ TEST(Places, AreKeptForThoseWhoHaveFew) {
   for (; places.why_not(greedy, "clients").empty(); ++taken) places.take(greedy);
   EXPECT_EQ(taken, 128u);
   EXPECT_EQ(places.why_not(greedy, "clients"), "process 1 already has 128 clients; the last 128 places are for others");
-  ucred another = greedy;  // of the same user: a program that was started anew
+  ucred another = greedy;  // of the same user: a restarted program
   for (another.pid = 2; places.why_not(another, "clients").empty(); ++another.pid, ++taken) places.take(another);
   EXPECT_EQ(taken, 192u);
   EXPECT_EQ(places.why_not(another, "clients"), "user 10 already has 192 clients; the last 64 places are for others");
@@ -240,7 +240,7 @@ TEST(MaxClients, OverSharedMemory) {
     }
     second.ping();
   }
-  for (bool in = false; !in; std::this_thread::yield()) try {  // until the daemon has seen that the second has gone
+  for (bool in = false; !in; std::this_thread::yield()) try {  // until the daemon notices the second's end
       patient(daemon.urls()[0]).ping();
       in = true;
     } catch (const ConnectionError&) {
@@ -252,7 +252,7 @@ TEST(MaxClients, OverZeroMq) {
   const TestFolder folder;
   Daemon daemon(for_two(folder));
   Client first = patient(daemon.urls()[1]), second = patient(daemon.urls()[1]), third = patient(daemon.urls()[1]);
-  for (Client* client : {&first, &second, &third}) client->ping();  // one after the other any number may come
+  for (Client* client : {&first, &second, &third}) client->ping();  // any number may come in succession
   const std::uint32_t body = 1;
   std::string said;
   for (std::size_t configurations = 20000; said.empty(); configurations *= 2) {  // until both outlast a few echoes

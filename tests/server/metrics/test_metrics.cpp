@@ -1,4 +1,4 @@
-// Counters and errors as those read them who watch the daemon.
+// Counters and errors as seen by monitoring systems.
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -137,7 +137,7 @@ bool is_name(const std::string& text) {
   return !text.empty() && !std::isdigit(static_cast<unsigned char>(text[0])) && std::ranges::all_of(text, is_allowed);
 }
 
-/// What a strict reader of Prometheus' text format finds wrong with it; empty: nothing. All labels here are `le`.
+/// Errors that a strict reader of Prometheus' text format finds; empty if there are none. All labels here are `le`.
 class FormatReader {
  public:
   std::string problem(const std::string& text) {
@@ -394,8 +394,8 @@ TEST_F(Metrics, WhatWakesTheDaemonLetsItSleepAgain) {
       if (key == name) return value;
     return std::uint64_t{0};
   };
-  // Idle it wakes ten times a second for its tick, and a few times for each of our looks, of which there are fifty:
-  // fewer on a busy machine.
+  // Idle, it wakes ten times a second for its tick, and a few times for each of our fifty polls; less often on a busy
+  // machine.
   const auto expect_sleep = [&](const char* after) {
     for (auto uptime = counter("uptime_s"); counter("uptime_s") == uptime;) std::this_thread::sleep_for(20ms);
     const std::uint64_t sleeps = counter("loop.sleeps"), uptime = counter("uptime_s");

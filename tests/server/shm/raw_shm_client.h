@@ -1,4 +1,4 @@
-// A shared-memory client by hand, for tests that break the rules, or die between any two of its steps.
+// A shared-memory client without the client library, for tests that break the rules, or that die between any two steps.
 #pragma once
 
 #include <poll.h>
@@ -16,7 +16,7 @@
 
 namespace clearance {
 
-/// A client by hand: says hello and maps the segment, and then does as it likes.
+/// Completes the handshake and maps the segment; all further steps are up to the test.
 class RawClient {
  public:
   explicit RawClient(const std::string& path, bool hello = true) {
@@ -30,7 +30,7 @@ class RawClient {
     take_segment();
     map();
   }
-  /// What answers a hello: the segment's descriptor and the eventfd.
+  /// Receives the answer to a hello: the segment's descriptor and the eventfd.
   void take_segment() {
     std::array<shm::UniqueFd, shm::kMaxPassedFds> fds;
     const shm::Message answer = receive(&fds);
@@ -69,7 +69,7 @@ class RawClient {
       return message;
     }
   }
-  /// Posts a request as the rules say, or with words of the caller's.
+  /// Posts a request, with valid or arbitrary values.
   void post(std::uint64_t ticket, std::uint64_t frame_bytes, std::uint32_t head) {
     header->requests[posted % shm::kRingEntries].ticket.store(ticket);
     header->requests[posted % shm::kRingEntries].frame_bytes.store(frame_bytes);

@@ -1,4 +1,4 @@
-// A small server for tests of the shared-memory transport: it echoes frames, holds them back or drops them, as told.
+// A small server for tests of the shared-memory transport that echoes, delays or drops frames, as configured.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -34,7 +34,7 @@ inline Deadline soon() {
   return std::chrono::steady_clock::now() + 30s;
 }
 
-/// A folder of its own for each test, removed at the end.
+/// A temporary folder for each test, removed at the end.
 class TemporaryFolder {
  public:
   TemporaryFolder() {
@@ -50,7 +50,7 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-/// Answers kPing with the same payload, or, if the header's scene_revision is not 0, with a pattern of that many bytes.
+/// Answers kPing with the same payload or, if the header's scene_revision is not 0, with a pattern of that many bytes.
 class EchoRequestHandler final : public RequestHandler {
  public:
   enum class Mode { kEcho, kHold, kDrop };
@@ -106,26 +106,26 @@ class EchoRequestHandler final : public RequestHandler {
   }
 
   Mode mode = Mode::kEcho;
-  std::uint64_t hold_after = ~std::uint64_t{0};  ///< frames past so many are held back whatever the mode
+  std::uint64_t hold_after = ~std::uint64_t{0};  ///< frames beyond this number are held back in any mode
   std::vector<Held> held;
   std::uint64_t frames = 0;
   std::map<std::string, std::uint64_t> counters;
 };
 
-/// A transport and its inbox, with a loop that sleeps like the daemon's. Run it by hand, or as an EchoThread.
+/// A transport and its handler, with a loop that sleeps like the daemon's. Run it directly, or as an EchoThread.
 class EchoServer {
  public:
   explicit EchoServer(const std::string& path, const ShmLimits& limits = {})
       : transport(make_shm_transport(path, limits)) {}
 
-  /// Serves what is there.
+  /// Serves all pending requests.
   void serve() {
     while (transport->poll(handler) > 0) {
     }
     transport->tick(handler);
   }
   /// Sleeps until there is something to serve. Returns false if nothing came within `timeout`.
-  /// \param extra a descriptor to wait for as well; -1: none.
+  /// \param extra a descriptor to wait for as well; -1 for none
   bool sleep(std::chrono::milliseconds timeout, int extra = -1) {
     if (transport->prepare_sleep()) return true;
     std::vector<pollfd> waiting;
@@ -135,7 +135,7 @@ class EchoServer {
     transport->finish_sleep();
     return ready != 0;
   }
-  /// Serves until `done`, which is asked before every sleep. Fails the test if nothing happens for a long time.
+  /// Serves until `done`, which is tested before every sleep. Fails the test if nothing happens for a long time.
   template <class Done>
   void run_until(Done done, int extra = -1) {
     for (;;) {
@@ -152,7 +152,7 @@ class EchoServer {
   EchoRequestHandler handler;
 };
 
-/// An EchoServer in a thread of its own.
+/// An EchoServer in its own thread.
 class EchoThread {
  public:
   explicit EchoThread(const std::string& path, const ShmLimits& limits = {})
@@ -174,14 +174,14 @@ class EchoThread {
   void set_mode(EchoRequestHandler::Mode mode) {
     call([mode](EchoServer& s) { s.handler.mode = mode; });
   }
-  /// Waits until so many requests are held back.
+  /// Waits until this many requests are held back.
   void await_held(std::size_t count) {
     while (call([](EchoServer& s) { return s.handler.held.size(); }) < count) std::this_thread::yield();
   }
   std::uint64_t counter(const std::string& name) {
     return call([&](EchoServer& s) { return s.handler.counters[name]; });
   }
-  /// Sleeps of the loop that ended because nothing came for long: each is a lost wake-up.
+  /// Sleeps of the loop that timed out: each is a lost wake-up.
   int idle_timeouts() const { return idle_timeouts_; }
   void stop() {
     if (!thread_.joinable()) return;
@@ -231,8 +231,9 @@ inline std::vector<std::byte> random_bytes(std::size_t size, std::uint64_t seed)
   return bytes;
 }
 
-/// Sends a kPing. \param reply_bytes not 0: the payload wanted back (EchoRequestHandler). \param hint what begin() is told of
-/// the reply.
+/// Sends a kPing.
+/// \param reply_bytes if not 0, the size of the payload to return (EchoRequestHandler)
+/// \param hint expected reply size for begin()
 inline void send_ping(Channel& channel, std::uint64_t id, std::span<const std::byte> payload,
                       std::uint64_t reply_bytes = 0, std::uint64_t hint = 0) {
   wire::FrameHeader header;
@@ -246,7 +247,7 @@ inline void send_ping(Channel& channel, std::uint64_t id, std::span<const std::b
   channel.send();
 }
 
-/// Whether the reply to a ping came and holds `payload`.
+/// Returns whether the reply to a ping came with `payload`.
 inline ::testing::AssertionResult echoes(Channel& channel, std::uint64_t id, std::span<const std::byte> payload) {
   const auto frame = channel.receive(id, soon());
   if (!frame) return ::testing::AssertionFailure() << "no reply to " << id;

@@ -1,5 +1,4 @@
-// Segments that are pinned for a GPU: what the thread does that pins them, and through a whole service where there is a
-// GPU.
+// Segments that are pinned for a GPU: the pinning thread alone, and through a whole service if there is a GPU.
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 
@@ -18,7 +17,7 @@ namespace {
 
 constexpr std::size_t kBytes = 1 << 20;
 
-/// Waits for what another thread will bring about.
+/// Waits for a condition that another thread will satisfy.
 template <class Condition>
 bool comes(Condition condition) {
   const auto deadline = soon();
@@ -37,7 +36,7 @@ bool is_mapped(std::byte* memory) {
   return ::mincore(memory, 4096, &page) == 0;
 }
 
-/// Pins nothing, and takes note.
+/// Pins nothing, and records the calls.
 struct Notes {
   std::atomic<int> pinned{0}, unpinned{0}, unpinned_unmapped{0};
   SegmentPinner::Pin pin() {
@@ -107,7 +106,7 @@ TEST(SegmentPinner, HasUnpinnedAllAtItsEnd) {
   EXPECT_EQ(notes.unpinned_unmapped, 0);
 }
 
-/// A loop over an engine, on a thread of its own, met in shared memory.
+/// A loop over an engine, on its own thread, with a shared-memory endpoint.
 class Service {
  public:
   Service(const std::string& path, Scene scene, const std::string& backend, std::uint64_t pinned_bytes)

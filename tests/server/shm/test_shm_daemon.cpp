@@ -1,4 +1,4 @@
-// Shared memory through a real clearanced: the engine's own bits come back, and neither side's death harms the other.
+// Shared memory with a real clearanced: replies have the engine's own bits, and neither side's death harms the other.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -50,7 +50,7 @@ TEST_F(ShmDaemon, TheEnginesOwnBitsComeBack) {
   Engine engine(Scene::load(kScene), {.threads = 1});
   ASSERT_EQ(client.scene().revision, engine.scene_revision());
 
-  // Configurations of three bodies: rows enough for the reply to outgrow the first segment.
+  // Configurations of three bodies, with enough rows for the reply to exceed the first segment.
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
   std::vector<std::uint32_t> bodies{3, 50, 77};
@@ -86,7 +86,7 @@ TEST_F(ShmDaemon, TheEnginesOwnBitsComeBack) {
     EXPECT_TRUE(statuses.contains(Status::kOk));
   }
 
-  // Reductions, whose room is larger than what comes back.
+  // Reductions, which reserve more memory than they return.
   for (const Reduce reduce : {Reduce::kWithin, Reduce::kNearest, Reduce::kMin}) {
     query.reduce = view.reduce = reduce;
     query.max_distance = view.max_distance = 3;
@@ -135,7 +135,7 @@ TEST_F(ShmDaemon, ADaemonThatIsKilledIsNoticedAndItsSuccessorTakesThePath) {
   query.max_distance = 5;
   const Reply before = client.distances(query);
   const std::vector<double> distances(before.distance().begin(), before.distance().end());
-  ASSERT_EQ(::kill(daemon->pid(), SIGSTOP), 0);  // so that the request is surely under way when it dies
+  ASSERT_EQ(::kill(daemon->pid(), SIGSTOP), 0);  // so that the request is certainly in progress when the daemon dies
   Pending pending = client.submit(query);
   EXPECT_FALSE(pending.ready());
   EXPECT_EQ(daemon->stop(SIGKILL), -SIGKILL);
@@ -197,7 +197,7 @@ TEST_F(ShmDaemon, ClientsKilledMidQueryLeaveNothingInTheDaemon) {
   const std::size_t descriptors = descriptors_of(daemon.pid()), segments = segments_of(daemon.pid());
   EXPECT_EQ(segments, 1u);
   const auto deadline = soon();
-  // Until some query was under way when its client died, however late the kills come.
+  // Until some query was in progress when its client died, however late the kills come.
   for (int round = 0; round < 20 || counter("requests.dropped") == 0; ++round) {
     ASSERT_LT(std::chrono::steady_clock::now(), deadline);
     int ends[2];
@@ -239,7 +239,7 @@ TEST_F(ShmDaemon, ClientsKilledMidQueryLeaveNothingInTheDaemon) {
   EXPECT_EQ(clients_now(), 1u);
 }
 
-// Frames that are wrong in themselves, in slots that are right: an error reply each, and the connection goes on.
+// Malformed frames in valid slots: an error reply each, and the connection continues.
 TEST_F(ShmDaemon, GarbledFramesAreAnsweredWithErrors) {
   Daemon daemon(options());
   auto channel = open_shm_channel(path_, soon());

@@ -1,4 +1,4 @@
-// Clients that break the rules of the shared-memory transport: the daemon lives, and others get right answers.
+// Clients that break the rules of the shared-memory transport: the daemon survives, and others get correct answers.
 #include <fcntl.h>
 
 #include "tests/server/shm/raw_shm_client.h"
@@ -121,7 +121,7 @@ TEST_F(ShmHostile, BadMessagesOnTheSocketEndTheConnection) {
   }
   {
     RawClient client(path_, false);
-  }  // hangs up without a word
+  }  // hangs up without a message
   expect_good_service();
 }
 
@@ -198,7 +198,7 @@ TEST_F(ShmHostile, AnotherVersionIsRefusedWithBothVersions) {
   expect_good_service();
 }
 
-// The client's side of the same: a daemon of another version, and things that are no daemon at all.
+// The client's side of the same: a daemon of another version, and servers that are no daemon at all.
 TEST_F(ShmHostile, AClientRefusesAStrangeDaemon) {
   const std::string path = folder_ / "strange.sock";
   sockaddr_un address;
@@ -265,7 +265,7 @@ TEST_F(ShmHostile, TheSegmentCannotBeResizedAndDescriptorsSentToTheDaemonAreClos
     EXPECT_NE(::ftruncate(client.memfd.get(), 0), 0);
     EXPECT_NE(::ftruncate(client.memfd.get(), 1 << 30), 0);
     EXPECT_NE(::fcntl(client.memfd.get(), F_ADD_SEALS, F_SEAL_WRITE), 0);
-    // A hole under the daemon's mapping reads as zeros: no harm either.
+    // A hole under the daemon's mapping reads as zeros, which is harmless as well.
     ASSERT_EQ(::fallocate(client.memfd.get(), FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 0,
                           static_cast<off_t>(client.bytes)),
               0);
@@ -297,7 +297,7 @@ TEST_F(ShmHostile, ASilentConnectionIsClosed) {
   EXPECT_EQ(client.receive().kind, 0u);
 }
 
-// Random words over every byte of a mapped segment while the daemon reads it and another client is served.
+// Random values over every byte of a mapped segment while the daemon reads it and another client is served.
 TEST_F(ShmHostile, AScribblingClientHurtsOnlyItself) {
   std::atomic<bool> done{false};
   std::atomic<std::uint64_t> connections{0}, whole_passes{0};
@@ -306,7 +306,7 @@ TEST_F(ShmHostile, AScribblingClientHurtsOnlyItself) {
     while (!done) {
       RawClient client(path_);
       ++connections;
-      // Some requests by the rules first, so that there is work under way in the segment.
+      // Some valid requests first, so that there is work in progress in the segment.
       const std::uint32_t polite = random() % 5;
       for (std::uint32_t i = 0; i < polite; ++i) {
         wire::FrameHeader header;
@@ -317,9 +317,9 @@ TEST_F(ShmHostile, AScribblingClientHurtsOnlyItself) {
       }
       const auto words = reinterpret_cast<std::atomic<std::uint64_t>*>(client.base);
       const std::size_t count = client.bytes / 8, control = sizeof(shm::SegmentHeader) / 8;
-      // The control words many times over; now and then every byte.
+      // The control words many times over, and occasionally every byte.
       for (int i = 0; i < 3000; ++i) {
-        // Mostly small values: they come closer to what is allowed.
+        // Mostly small values, which are closer to valid ones.
         const std::uint64_t value = random() >> (random() % 64);
         words[random() % control].store(value, std::memory_order_relaxed);
         if (i % 64 == 0) client.wake_daemon();

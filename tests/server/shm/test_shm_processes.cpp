@@ -1,4 +1,4 @@
-// Shared memory between processes: deaths on both sides, forks, and who may connect.
+// Shared memory between processes: deaths on both sides, forks, and permission to connect.
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/stat.h>
@@ -11,7 +11,7 @@ namespace {
 
 using Mode = EchoRequestHandler::Mode;
 
-/// Runs `body` in a forked child, which dies with its parent and exits with what `body` returns.
+/// Runs `body` in a forked child, which dies with its parent and exits with the result of `body`.
 template <class Body>
 pid_t in_child(Body body) {
   const pid_t parent = ::getpid();
@@ -34,7 +34,7 @@ int exit_code(pid_t child) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
 }
 
-/// One byte from a child to its parent: "I have come so far".
+/// One byte from a child to its parent, to report progress.
 class Signal {
  public:
   Signal() {
@@ -93,7 +93,7 @@ TEST_F(ShmProcesses, ClientsKilledMidRequestLeaveNothingBehind) {
       for (std::uint64_t id = 1; id <= 4; ++id) send_ping(*channel, id, random_bytes(1000, id));
       posted.give();
       channel->receive(4, soon());
-      return 1;  // not reached: it is killed while it waits
+      return 1;  // not reached, because it is killed while it waits
     });
     server.run_until([&] { return server.handler.held.size() == 4; }, round % 2 ? -1 : posted.descriptor());
     posted.await();
@@ -103,7 +103,7 @@ TEST_F(ShmProcesses, ClientsKilledMidRequestLeaveNothingBehind) {
     EXPECT_EQ(exit_code(child), -SIGKILL);
     server.run_until([&] { return server.handler.counters["shm.clients"] == 0; });
     EXPECT_FALSE(server.handler.held[0].sink->alive());
-    // Replies under way are written into memory that is still there; then it goes.
+    // Replies in progress are written into memory that still exists; it is then released.
     for (std::size_t i = 0; i + 1 < server.handler.held.size(); ++i) server.handler.answer_held(i);
     server.handler.held.clear();
     ASSERT_EQ(mapped_segments(), 0u);
@@ -144,7 +144,7 @@ TEST_F(ShmProcesses, AWaitingClientNoticesThatTheDaemonDied) {
     EXPECT_EQ(exit_code(daemon), -SIGKILL);
     EXPECT_THROW(send_ping(*channel, 3, {}), ConnectionError);
     EXPECT_THROW(channel->receive(2, soon()), ConnectionError);
-    const auto payload = random_bytes(100, 1);  // what had arrived stays readable
+    const auto payload = random_bytes(100, 1);  // received data stays readable
     EXPECT_TRUE(std::equal(payload.begin(), payload.end(), first->payload().begin(), first->payload().end()));
   }
 }
@@ -210,8 +210,8 @@ TEST_F(ShmProcesses, AnotherUserIsRefused) {
     });
   };
   EXPECT_EQ(exit_code(connect_as_nobody("the socket belongs to another user")), 0) << "by the socket's mode";
-  // With the mode out of the way, each side looks at the other's credentials. Our client looks first; an older or other
-  // one would not, so speak to the daemon without it.
+  // With a permissive mode, each side checks the other's credentials. Our client checks first; an older or different
+  // one would not, so the test communicates with the daemon without it.
   ASSERT_EQ(::chmod(path_.c_str(), 0666), 0);
   EXPECT_EQ(exit_code(connect_as_nobody("the socket is user 0's, not ours (user 65534)")), 0);
   const pid_t raw = in_child([&] {

@@ -1,4 +1,4 @@
-// The shared-memory transport and its channel: frames of every size, slots, growth, and the two ends' manners.
+// The shared-memory transport and its channel: frames of every size, slots, growth, and the rules of both ends.
 #include <fcntl.h>
 #include <sys/stat.h>
 
@@ -61,8 +61,8 @@ TEST_F(ShmTransport, EchoesFramesOfManySizes) {
   EXPECT_EQ(server.counter("shm.clients"), 1u);
 }
 
-// Every wake-up has to get through, on both sides: the server sleeps after each frame, and the client without spinning
-// too.
+// Every wake-up must arrive, on both sides: the server sleeps after each frame, and the client as well without
+// spinning.
 TEST_F(ShmTransport, NoWakeUpIsLost) {
   EchoThread server(path_);
   for (const char* options : {"", "?spin_us=0", "?spin_us=200"}) {
@@ -128,7 +128,7 @@ TEST_F(ShmTransport, RepliesStayWhileTheirFramesLive) {
                       "received, 16 replies still held"),
             std::string::npos);
   frames[5].reset();
-  for (std::uint64_t id = 100; id < 200; ++id) {  // the one free slot, again and again
+  for (std::uint64_t id = 100; id < 200; ++id) {  // the one free slot, repeatedly
     send_ping(*channel, id, random_bytes(3000, id));
     EXPECT_TRUE(echoes(*channel, id, random_bytes(3000, id)));
   }
@@ -155,8 +155,7 @@ TEST_F(ShmTransport, UnreceivedRepliesAndRequestsUnderWayTakeSlots) {
   EXPECT_TRUE(echoes(*channel, 20, {}));
 }
 
-// The same request id again, in the same slot, while the first one's reply is still to come: generations keep them
-// apart.
+// The same request id in the same slot, while the first one's reply is still to come: generations distinguish them.
 TEST_F(ShmTransport, TheLateReplyOfAForgottenRequestIsNotTakenForAnother) {
   ShmLimits limits;
   limits.slots = 1;
@@ -186,11 +185,11 @@ TEST_F(ShmTransport, ForgettingARequestWhoseReplyIsThereFreesItsSlot) {
     send_ping(*channel, id, {});
     if (id % 2) {
       send_ping(*channel, 10000 + id, {});
-      EXPECT_TRUE(echoes(*channel, 10000 + id, {}));  // so the first one's has arrived
+      EXPECT_TRUE(echoes(*channel, 10000 + id, {}));  // so that the first one's has arrived
     }
     channel->forget(id);
   }
-  channel->forget(12345);  // none such: no harm
+  channel->forget(12345);  // an unknown id is harmless
 }
 
 TEST_F(ShmTransport, ATimeoutLeavesTheRequestUnderWay) {
@@ -243,7 +242,7 @@ TEST_F(ShmTransport, AReplyThatDoesNotFitGetsALargerSegment) {
       << "three of them should have been sent again";
   const auto expected = random_bytes(100, 1);
   EXPECT_TRUE(std::equal(expected.begin(), expected.end(), kept->payload().begin(), kept->payload().end()));
-  while (mapped_segments() > 4) std::this_thread::yield();  // the daemon lets go of outgrown ones when it is told
+  while (mapped_segments() > 4) std::this_thread::yield();  // the daemon releases outgrown ones on request
   EXPECT_EQ(mapped_segments(), 4u) << "the first, still leased, and the newest, in client and server";
 }
 
@@ -273,10 +272,10 @@ TEST_F(ShmTransport, WhatTheDaemonDoesNotAllowIsSaid) {
   }
   EXPECT_NE(error_of([&] { channel->begin(std::uint64_t{1} << 40, 0); }).find("the limit is 268435456"),
             std::string::npos);
-  send_ping(*channel, 2, random_bytes(100, 2), 0, std::uint64_t{1} << 60);  // an absurd hint is only a hint
+  send_ping(*channel, 2, random_bytes(100, 2), 0, std::uint64_t{1} << 60);  // an absurd hint is harmless
   EXPECT_TRUE(echoes(*channel, 2, random_bytes(100, 2)));
 
-  // The pool is common to all clients.
+  // The pool is shared by all clients.
   std::vector<std::unique_ptr<Channel>> others;
   std::string refusal;
   for (int i = 0; i < 20 && refusal.empty(); ++i)
@@ -344,7 +343,7 @@ TEST_F(ShmTransport, TheSocketIsOursAloneAndGoesWithTheDaemon) {
 }
 
 TEST_F(ShmTransport, AStaleSocketIsReplacedAndALiveOneIsNot) {
-  {  // what a killed daemon leaves behind
+  {  // the remains of a killed daemon
     sockaddr_un address;
     ASSERT_TRUE(shm::socket_address(path_.c_str(), address));
     shm::UniqueFd dead(::socket(AF_UNIX, SOCK_SEQPACKET, 0));
@@ -355,7 +354,7 @@ TEST_F(ShmTransport, AStaleSocketIsReplacedAndALiveOneIsNot) {
   EchoThread server(path_);
   EXPECT_NE(error_of([&] { EchoServer second(path_); }).find("shm://" + path_ + ": another process listens there"),
             std::string::npos);
-  auto channel = open_shm_channel(path_, soon());  // the refused one has not taken the socket away
+  auto channel = open_shm_channel(path_, soon());  // the rejected one has not removed the socket
   send_ping(*channel, 1, {});
   EXPECT_TRUE(echoes(*channel, 1, {}));
 }
@@ -401,7 +400,7 @@ TEST_F(ShmTransport, MisuseOfAChannelIsSaid) {
   EXPECT_NE(error_of([&] { channel->send(); }).find("send() without begin()"), std::string::npos);
   EXPECT_NE(error_of([&] { channel->begin(63, 0); }).find("a frame begins with its header"), std::string::npos);
   EXPECT_NE(error_of([&] { channel->receive(1, soon()); }).find("no request 1 is under way"), std::string::npos);
-  for (int i = 0; i < 100; ++i) channel->begin(100, 0);  // room that is not used is given up
+  for (int i = 0; i < 100; ++i) channel->begin(100, 0);  // unused space is released
   wire::FrameHeader header;
   header.payload_bytes = ~std::uint64_t{0};
   std::memcpy(channel->begin(64, 0), &header, sizeof header);

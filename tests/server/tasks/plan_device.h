@@ -1,5 +1,5 @@
-// A device in whose place host memory answers plans, so that what a daemon does with them needs no GPU: it works out
-// rows from the poses and positions in that memory when it is told to, and says that it is done when a test lets it.
+// A fake device that answers device queries in host memory, so that the daemon's part needs no GPU. It computes rows
+// from the poses and positions in that memory when it is started, and completes when a test allows it.
 #pragma once
 
 #include <atomic>
@@ -17,17 +17,17 @@
 
 namespace clearance::test {
 
-/// What the device does, and what was done with it. One at a time.
+/// State of the device, and a record of its use. One at a time.
 struct PlanDevice {
-  std::atomic<bool> is_done{true};          ///< what was launched is over
-  std::atomic<bool> is_lost{false};         ///< asking it fails
+  std::atomic<bool> is_done{true};          ///< all launched work is done
+  std::atomic<bool> is_lost{false};         ///< requests to it fail
   std::atomic<bool> has_room{true};         ///< for memory that is shared
-  std::atomic<int> launches{0}, shared{0};  ///< chunks; blocks of memory that are there
+  std::atomic<int> launches{0}, shared{0};  ///< chunks; existing blocks of memory
   std::atomic<int> waiting{0};              ///< threads that wait in share()
   std::mutex mutex;
   std::condition_variable opened;
-  bool may_share = true;              ///< else share() waits
-  std::set<std::thread::id> threads;  ///< that made, launched and freed
+  bool may_share = true;              ///< otherwise share() waits
+  std::set<std::thread::id> threads;  ///< threads that created, launched and freed
 
   PlanDevice() { current() = this; }
   ~PlanDevice() { current() = nullptr; }
@@ -58,7 +58,7 @@ struct PlanDevice {
     if (!self.has_room)
       throw cuda::DeviceError(cuda::DeviceError::kNoRoom, "device memory, " + std::to_string(bytes) + " bytes: full");
     cuda::SharedBlock block;
-    block.stream = std::calloc(bytes + 64, 1);  // cleared as it is touched
+    block.stream = std::calloc(bytes + 64, 1);  // zeroed when it is touched
     std::size_t room = bytes + 64;
     void* at = block.stream;
     block.data = static_cast<std::byte*>(std::align(64, bytes, at, room));
@@ -83,14 +83,15 @@ struct PlanDevice {
   static constexpr cuda::SharedMemoryCalls kCalls{share, wait, release, ask};
 };
 
-/// Where a client maps the memory of a handle.
+/// Address at which a client maps the memory of a handle.
 inline std::byte* mapped(const void* handle) {
   std::byte* at = nullptr;
   std::memcpy(&at, handle, sizeof at);
   return at;
 }
 
-/// What a row's `lower` is: of the first body's and the first joint's numbers in its configuration, and of the pair.
+/// A row's `lower`, computed from the first body's and the first joint's numbers in its configuration, and from the
+/// pair.
 inline double planned(double x, double position, std::uint64_t pair) {
   return x + 1000 * position + 1e-3 * static_cast<double>(pair);
 }
@@ -153,7 +154,7 @@ class PlansDevice final : public IdleDevice {
   PlanDevice& device_;
 };
 
-/// An engine made while it lives has such a device.
+/// An engine that is created during its lifetime has such a device.
 struct FakePlanDevice {
   Fault fault;
   PlanDevice device;

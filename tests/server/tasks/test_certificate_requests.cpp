@@ -1,4 +1,4 @@
-// Certificates through the loop: the engine's own document, made in slices beside the others, and refused by name.
+// Certificates through the loop: the engine's own document, made in slices alongside other requests, and rejections.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,7 +21,7 @@ std::vector<std::byte> rows_record(std::vector<std::uint64_t> rows) {
   return records;
 }
 
-/// Combs beside each other, of so many teeth: pieces of their own.
+/// Adjacent combs, whose teeth are convex parts.
 Scene combs(int count, int teeth) {
   Scene scene;
   for (int b = 0; b < count; ++b) {
@@ -88,7 +88,7 @@ TEST_F(CertificateRequests, OfConfigurations) {
 }
 
 TEST_F(CertificateRequests, AreMadeInSlices) {
-  // Rows of many pieces: no turn of whoever works takes long, and others are answered between.
+  // Rows of many parts: no turn of a worker takes long, and others are answered in between.
   start(combs(4, 40), short_slices());
   transport_->send(a_, TestQuery().frame(1, FrameType::kCertify));
   std::uint64_t most = 0;
@@ -129,7 +129,7 @@ TEST_F(CertificateRequests, AreRefusedByName) {
 }
 
 TEST_F(CertificateRequests, OfTooMuchAreRefusedAsSoonAsThatIsSeen) {
-  start(combs(2, 1000));  // each pair of pieces has a direction of its own in the document
+  start(combs(2, 1000));  // each pair of parts has its own direction in the document
   expect_refused(TestQuery().frame(1, FrameType::kCertify), ErrorCode::kTooLarge,
                  "certificate: the document takes more than " + std::to_string(CertificateRequest::kMostBytes) +
                      " bytes: ask for fewer rows at a time");

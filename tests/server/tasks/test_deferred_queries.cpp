@@ -1,4 +1,4 @@
-// Queries that wait for poses: begun once these are there, refused when time is up, in nobody's way.
+// Queries that wait for poses: started once the poses exist, rejected after the timeout, without blocking others.
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -25,7 +25,7 @@ class DeferredQueries : public LoopTest {
     const BodyPose pose{body, Pose{{0, 0, 1e-3 * static_cast<double>(stamp_ns)}}};
     ASSERT_EQ(loop_->on_poses(std::span(&pose, 1), stamp_ns, sequence).applied, 1u);
   }
-  /// What an error reply says.
+  /// Code and message of an error reply.
   std::pair<ErrorCode, std::string> refusal(MemoryClient& client) {
     const auto error = error_of(take(client));
     return {static_cast<ErrorCode>(error.header.code), error.text};

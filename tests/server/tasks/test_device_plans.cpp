@@ -1,5 +1,5 @@
-// Plans in a device's memory through the loop: memory that the client maps, runs beside everybody else's requests, what
-// a client may take, and what becomes of it when he goes. A device in host memory stands in.
+// Device queries through the loop: memory that the client maps, runs alongside other requests, quotas of a client, and
+// cleanup after it disconnects. Uses a fake device in host memory.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@ namespace {
 using wire::ErrorCode;
 using wire::FrameType;
 
-/// A plan as its client sees it.
+/// A device query as seen by its client.
 struct Mapped {
   wire::PlanHeader header;
   std::vector<wire::PlanColumnRecord> columns;
@@ -51,7 +51,7 @@ class DevicePlansTest : public LoopTest {
   }
   void begin(Loop::Options options = {}) { begin(test::spheres(12), options); }
   void TearDown() override {
-    loop_.reset();  // before what stands in
+    loop_.reset();  // before the fake device
     engine_.reset();
     EXPECT_EQ(device_.shared, 0) << "all memory was given back";
   }
@@ -105,7 +105,7 @@ class DevicePlansTest : public LoopTest {
     ADD_FAILURE() << name;
     return 0;
   }
-  /// Turns until plans take so many bytes: freeing goes by way of a worker.
+  /// Runs the loop until device queries use this many bytes: a worker frees them.
   void turn_until_shared(int blocks) {
     while (device_.shared != blocks) loop_->turn();
   }
@@ -200,7 +200,7 @@ TEST_F(DevicePlansTest, ThatRunForLongHoldUpNobody) {
     EXPECT_EQ(tell(b_, small_query().frame(2))->type(), FrameType::kReply);
   }
   EXPECT_TRUE(a_.replies.empty());
-  // Its memory is the run's as long as that lasts.
+  // The run owns its memory until it ends.
   expect_refused(tell(a_, plan_frame(FrameType::kRunPlan, long_one.header.plan)), ErrorCode::kBusy,
                  "a plan on a device: plan 1 is running already; wait for its rows, which are the same memory");
   EXPECT_EQ(tell(a_, small_query().frame(2))->type(), FrameType::kReply) << "its client's other requests";
@@ -241,7 +241,7 @@ TEST_F(DevicePlansTest, EndWithTheirClient) {
   turn_until_shared(1);
   EXPECT_EQ(counter("plans.open"), 1u);
   EXPECT_EQ(counter("plans.closed"), 2u);
-  // Also one that runs.
+  // Including one that runs.
   const Mapped plan = open(c_);
   device_.is_done = false;
   transport_->send(c_, plan_frame(FrameType::kRunPlan, plan.header.plan));
@@ -295,7 +295,7 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
                  "a plan on a device: 3 plans of all clients are open already (limit max-plans)");
   tell(a_, plan_frame(FrameType::kClosePlan, first.header.plan));
   turn_until_shared(2);
-  const auto all_taken = error_of(ask_for(c_, plan_query(12'000)));  // three pieces of 2 MiB
+  const auto all_taken = error_of(ask_for(c_, plan_query(12'000)));  // three blocks of 2 MiB
   EXPECT_EQ(static_cast<ErrorCode>(all_taken.header.code), ErrorCode::kBusy);
   EXPECT_NE(all_taken.text.find("are taken already (limit max-plan-mib)"), std::string::npos) << all_taken.text;
   open(c_);
@@ -438,7 +438,7 @@ TEST_F(PlanThreads, ThatAreOpenedForAClientWhoHasGoneAreClosed) {
   device_.let_share(true);
   while (a_.sinks > 0) loop_->turn();
   turn_until_shared(0);
-  while (counter("plans.open") > 0) loop_->turn();  // the thread that freed it says so a moment later
+  while (counter("plans.open") > 0) loop_->turn();  // the thread that freed it reports a moment later
   EXPECT_TRUE(a_.replies.empty());
 }
 

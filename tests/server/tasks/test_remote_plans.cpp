@@ -1,4 +1,4 @@
-// Plans as the C++ client has them, over real transports; a device in host memory stands in, which this process "maps".
+// Device queries of the C++ client over real transports, with a fake device in host memory that this process "maps".
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -20,7 +20,7 @@ namespace {
 
 class RemotePlans : public testing::Test {
  protected:
-  /// After what is forked: of a process with threads the child has only one.
+  /// Call after forking: the child of a process with threads has only one.
   void serve() {
     Loop::Options options;
     options.tick = 5ms;
@@ -123,7 +123,7 @@ TEST_F(RemotePlans, EndWithWhatHoldsThem) {
     wait_for_blocks(0);
     EXPECT_EQ(client.distances().rows(), 66u) << "the connection goes on";
   }
-  // The plan keeps the connection, and both end together.
+  // The device query keeps the connection alive, and both end together.
   auto client = std::make_unique<Client>(patient(urls_[0]));
   auto plan = std::make_unique<RemotePlan>(client->plan_on_device(query(), 4));
   client.reset();

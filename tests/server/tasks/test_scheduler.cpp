@@ -1,4 +1,4 @@
-// Whose turn it is, told by queries that do nothing but write down their slices, by a clock that they move themselves.
+// Scheduling, tested with queries that only record their slices and advance a simulated clock.
 #include <gtest/gtest.h>
 
 #include <vector>
@@ -67,13 +67,13 @@ class SchedulerTest : public testing::Test {
   };
 
   void add(const What& what) { scheduler_.add(std::make_unique<FakeQuery>(*this, what)); }
-  /// Returns how many were let go of because nobody wanted them any more.
+  /// Returns the number of queries dropped because their clients are gone.
   int work() {
     const int before = let_go_;
     scheduler_.work(Clock::time_point(), [](Scheduler::QueryPtr) {});
     return let_go_ - before;
   }
-  /// The slices that so many calls of work() give, by name.
+  /// The slices that this many calls of work() give, by name.
   std::vector<int> work(int calls) {
     slices_.clear();
     while (calls-- > 0) work();

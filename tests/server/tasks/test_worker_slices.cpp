@@ -1,5 +1,5 @@
-// However dear a step of one query is, whoever works on it comes up for others after few units of work: told by the
-// units that one turn takes where the loop itself takes the worker's turns.
+// A worker yields after few units of work, however expensive a step of one query, measured by the units of one turn if
+// the loop itself does the worker's share.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,7 +31,7 @@ Scene crowd() {
 
 class WorkerSlices : public LoopTest {
  protected:
-  /// Sends a frame and takes its reply, in turns of which none takes many units.
+  /// Sends a frame and returns its reply, checking that no turn takes many units.
   std::unique_ptr<MemoryFrame> ask_in_slices(std::vector<std::byte> frame) {
     transport_->send(a_, std::move(frame));
     std::uint64_t most = 0;
@@ -98,7 +98,7 @@ std::vector<Vec3d> ball(int corners, unsigned seed) {
 }
 
 TEST_F(WorkerSlices, TheDepthOfOnePairOfPiecesIsFoundInThem) {
-  // One in the middle of the other: the surface between them is refined until there is no more room.
+  // One inside the other: the surface between them is refined until the memory is used up.
   Scene scene;
   scene.add_hull("a", ball(5000, 1), at(0, 0, 0));
   scene.add_hull("b", ball(5000, 2), at(0, 0, 0));

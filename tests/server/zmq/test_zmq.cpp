@@ -1,4 +1,4 @@
-// clearanced over ZeroMQ, with the client library: answers, many clients, clients that go or do not read.
+// clearanced over ZeroMQ, with the client library: answers, many clients, clients that disconnect or do not read.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
@@ -30,7 +30,7 @@ std::uint64_t counter(Client& client, const std::string& wanted) {
   return 0;
 }
 
-/// Asks until the counter has the value.
+/// Repeats a request until the counter has the value.
 void wait_for_counter(Client& client, const std::string& name, std::uint64_t value) {
   while (counter(client, name) < value) std::this_thread::sleep_for(1ms);
 }
@@ -52,7 +52,7 @@ TEST_F(ZmqTest, BothEndpointsGiveTheSameBits) {
   Query query;
   query.fields = kDefaultFields | kFieldPoints | kFieldNormal | kFieldPair;
   const Reply a = ipc.distances(query), b = tcp.distances(query);
-  ASSERT_EQ(a.rows(), 100u * 99 / 2);  // 500 KB: handed over to ZeroMQ, not copied
+  ASSERT_EQ(a.rows(), 100u * 99 / 2);  // 500 KB: passed to ZeroMQ without a copy
   EXPECT_TRUE(same_bits(a.lower(), b.lower()));
   EXPECT_TRUE(same_bits(a.upper(), b.upper()));
   EXPECT_TRUE(same_bits(a.point_a(), b.point_a()));
@@ -142,7 +142,7 @@ TEST_F(ZmqTest, AClientThatDiesMidQueryCostsNothing) {
   EXPECT_GE(counter(witness, "queries.answered") + counter(witness, "queries.dropped"), answered + 7);
 }
 
-/// A client that does not read: its own library takes one reply, the others stay with the daemon's.
+/// A client that does not read: its own library accepts one reply, the others stay in the daemon's.
 zmq::socket_t lazy_client(zmq::context_t& context, const std::string& url) {
   zmq::socket_t lazy(context, zmq::socket_type::dealer);
   lazy.set(zmq::sockopt::linger, 0);
@@ -156,7 +156,7 @@ TEST_F(ZmqTest, RepliesToAClientThatReadsLateAreKept) {
   zmq::context_t context;
   zmq::socket_t lazy = lazy_client(context, daemon_.url());
   Client witness = patient(daemon_.url());
-  const std::vector<std::byte> payload(4096);  // more in all than the sockets between hold
+  const std::vector<std::byte> payload(4096);  // more in total than the sockets hold
   for (std::uint64_t id = 1; id <= kAsked; ++id) {
     const auto header = wire::make_header(wire::FrameType::kPing, id, payload.size());
     lazy.send(zmq::buffer(&header, sizeof header), zmq::send_flags::sndmore);
@@ -190,7 +190,7 @@ TEST_F(ZmqTest, AClientStopsBeforeTheDaemonHasToDropReplies) {
   ASSERT_EQ(kill(daemon_.pid(), SIGCONT), 0);
   EXPECT_EQ(why, daemon_.url() + ": the daemon takes no more requests: its queue is full");
   EXPECT_LE(pending.size(), 1000u);
-  for (Pending& p : pending) {  // answered or refused, each of them
+  for (Pending& p : pending) {  // each of them is answered or rejected
     try {
       p.get();
     } catch (const RequestError&) {
@@ -202,7 +202,7 @@ TEST_F(ZmqTest, RepliesToAClientThatDoesNotReadAreDroppedAndCounted) {
   zmq::context_t context;
   zmq::socket_t lazy = lazy_client(context, daemon_.url());
   Client witness = patient(daemon_.url());
-  // Echoes of 1 MiB that nobody fetches: the daemon keeps a bounded number, and goes on.
+  // Echoes of 1 MiB that the client does not read: the daemon keeps a bounded number, and continues.
   const std::vector<std::byte> payload(1 << 20);
   const auto header = wire::make_header(wire::FrameType::kPing, 1, payload.size());
   for (std::uint64_t sent = 0; counter(witness, "zmq.replies_dropped") == 0; ++sent) {
