@@ -1,4 +1,4 @@
-"""What tests of certificates share: names of statuses, both judges, and ways to tamper with documents."""
+"""Shared by tests of certificates: names of statuses, both checkers, and ways to tamper with documents."""
 
 import copy
 import json
@@ -12,13 +12,13 @@ NAMES = [status.name.lower() for status in Status]
 
 
 class Judges:
-    """tools/check_certificate.py and, where it is built, the judge in C++: what the one refuses the other does, too."""
+    """tools/check_certificate.py and, if it is built, the oracle in C++, which must reject the same rows."""
 
     def __init__(self, checker, program: "pathlib.Path | None"):
         self.checker, self.program, self.MALFORMED = checker, program, checker.MALFORMED
 
     def verdicts(self, document):
-        """Of each row, whether both find it proved, and what the checker says; or what the checker raises."""
+        """For each row, whether both find it proved, and the checker's message; or the checker's exception."""
         refused = self.refused(document) if self.program else None
         try:
             found = list(self.checker.verdicts(document))
@@ -32,7 +32,7 @@ class Judges:
         return iter([(is_proved and place not in refused, why) for place, (is_proved, why) in enumerate(found)])
 
     def each_refuses(self, document):
-        """Whether the checker refuses any row, and whether the judge does; of the judge True where it is not built."""
+        """Whether the checker rejects any row, and whether the oracle does; True for the oracle if it is not built."""
         try:
             refuses = not all(is_proved for is_proved, _ in self.checker.verdicts(document))
         except self.checker.MALFORMED:
@@ -40,7 +40,7 @@ class Judges:
         return [refuses, bool(len(self.refused(document))) if self.program else refuses]
 
     def refused(self, document):
-        """The rows that the judge refuses: a container, which is not empty if it finds anything wrong."""
+        """The rows that the oracle rejects: a container, which is not empty if it finds an error."""
         text = json.dumps(document)
         done = subprocess.run([self.program, "/dev/stdin"], input=text, capture_output=True, text=True, check=False)
         assert done.stderr == "" and done.returncode in (0, 1), done.stderr
@@ -57,7 +57,7 @@ def turned(vector):
 
 
 def junk_refused(checker, documents, rng, times):
-    """How often junk in place of any part of one of the documents is not found good; nothing else may come of it."""
+    """Number of rejections of junk in place of any part of one of the documents; nothing else may result from it."""
     junk = [None, True, -1, 0, 1e300, "inf", "nan", "", [], {}, [[]], {"a": 1}, 10**400, [1, 2, 3]]
     found = 0
     for _ in range(times):

@@ -20,11 +20,11 @@ import pytest
 from limits import pytest_configure, pytest_runtest_protocol  # noqa: F401
 from patience import PATIENCE_S
 
-# A runner in the background may have left SIGINT ignored, which the programs that tests start would inherit.
+# A background runner may ignore SIGINT, which the programs started by tests would inherit.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Tests are of what is computed, not of what was kept; those of the cache say which one.
+# Tests use no stored meshes; those of the cache name one.
 os.environ["CLEARANCE_CACHE"] = "off"
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -41,7 +41,7 @@ PYTHON_CLIENT = os.environ.get("CLEARANCE_CLIENT") == "python"
 
 
 def use_python_client() -> None:
-    """Puts the client in Python alone where the extension module would be."""
+    """Puts the client in Python alone in place of the extension module."""
     import clearance
 
     name, file = "clearance._client", BUILD / "python" / "clearance_client" / "_client" / "__init__.py"
@@ -61,7 +61,7 @@ def root() -> pathlib.Path:
 
 
 class Daemon:
-    """A clearanced of the tests' own: on sockets in a folder, a free TCP port and an LCM port that nobody else has."""
+    """A clearanced for tests: on sockets in a folder, a free TCP port and a private LCM port."""
 
     def __init__(self, folder: pathlib.Path, scene: pathlib.Path, kinds, *options: str):
         program = shutil.which("clearanced") if INSTALLED else str(BUILD / "bin" / "clearanced")
@@ -79,7 +79,7 @@ class Daemon:
             self.process = subprocess.Popen([*arguments, "--ready-fd", str(write)], stderr=log, pass_fds=[write])
         os.close(write)
         with os.fdopen(read) as ready:
-            urls = ready.read().split()  # until the daemon closes it: ready, or ended
+            urls = ready.read().split()  # until the daemon closes it, because it is ready or has ended
         self.log = (folder / "log").read_text
         self.urls = {url.partition(":")[0]: url for url in urls}
         if set(self.urls) != set(kinds):
@@ -106,7 +106,7 @@ def free_tcp_port() -> int:
 
 
 def missing(kind: str) -> "str | None":
-    """Why this machine or build cannot serve a transport; None if it can."""
+    """The reason why this machine or build cannot serve a transport, or None if it can."""
     if kind == "udpm" and PYTHON_CLIENT:
         return "the client in Python alone speaks no LCM"
     with tempfile.TemporaryDirectory() as folder:
@@ -127,7 +127,7 @@ KINDS = ["shm", "ipc", "tcp", "udpm"]
 
 @pytest.fixture(scope="session")
 def kinds():
-    """The transports that this machine and build have, and why the others are not there."""
+    """The transports of this machine and build, and the reasons why others are missing."""
     return {kind: missing(kind) for kind in KINDS}
 
 
@@ -141,7 +141,7 @@ def kind(request, kinds):
 
 @pytest.fixture(params=["engine", "shm", "ipc", "udpm"])
 def front(request, scene, start_daemon, kinds):
-    """An engine of the file that the test's own fixture `scene` names, or a client of a daemon over a transport."""
+    """An engine for the file of the test's own fixture `scene`, or a client of a daemon over a transport."""
     import clearance
 
     if request.param == "engine":
@@ -180,7 +180,7 @@ def arm_daemon(urdf, tmp_path_factory, kinds):
 
 @pytest.fixture
 def start_daemon(tmp_path_factory):
-    """start_daemon(scene, kinds, *options) -> Daemon, stopped when the test is over."""
+    """start_daemon(scene, kinds, *options) -> Daemon, stopped at the end of the test."""
     daemons = []
 
     def start(scene, kinds, *options):
@@ -200,11 +200,11 @@ def cell(root):
 
 @pytest.fixture
 def ipc(start_daemon, cell):
-    """A daemon that a test may do anything to."""
+    """A daemon for one test alone."""
     return start_daemon(cell, ["ipc"])
 
 
-# Engines in this process. The package and what needs it are imported when it is known where it lies.
+# Engines in this process. The package and its dependencies are imported once its path is known.
 
 
 @pytest.fixture
@@ -233,7 +233,7 @@ def crowd():
 
 @pytest.fixture(scope="module")
 def daemon(cell, kinds, tmp_path_factory):
-    """One daemon on every transport there is, for the tests that leave its scene alone."""
+    """One daemon on every available transport, for the tests that do not change its scene."""
     daemon = Daemon(tmp_path_factory.mktemp("daemon"), cell, [kind for kind, why in kinds.items() if why is None])
     yield daemon
     assert daemon.stop() == 0, daemon.log()
@@ -241,7 +241,7 @@ def daemon(cell, kinds, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def checker(root):
-    """tools/check_certificate.py, and beside it the judge in C++, if it is built."""
+    """tools/check_certificate.py, and the oracle in C++ if it is built."""
     from certificates import Judges
 
     spec = importlib.util.spec_from_file_location("check_certificate", root / "tools" / "check_certificate.py")

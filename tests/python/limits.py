@@ -1,4 +1,4 @@
-"""A limit for each test: one that hangs ends the run, after the stacks of all threads have been printed."""
+"""A time limit for each test: a test that hangs ends the run, after the stacks of all threads have been printed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from patience import PATIENCE_S
 
-#: Many times what any test needs on a busy machine, and more than they wait for what must come.
+#: Far longer than any test needs on a busy machine, and than any test waits for a condition.
 LIMIT_S = 3 * PATIENCE_S
 
 _stderr = 2
@@ -19,7 +19,7 @@ def pytest_configure(config: pytest.Config) -> None:
     global _stderr
     config.addinivalue_line("markers", "limit_s(seconds): another limit than limits.LIMIT_S")
     with config.pluginmanager.getplugin("capturemanager").global_and_fixture_disabled():
-        _stderr = os.dup(2)  # while a test runs, pytest has a file of its own there
+        _stderr = os.dup(2)  # during a test, pytest redirects it to a file
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -1,4 +1,4 @@
-"""How long tests wait for what must come: a stop for what never will, and no measure of anything. Machines are busy."""
+"""How long tests wait for a condition: an upper limit for failures, not a measurement, because machines are busy."""
 
 from __future__ import annotations
 

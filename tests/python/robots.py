@@ -5,7 +5,7 @@ import numpy as np
 import clearance
 from scenes import at
 
-#: The same as arm_scene(), for a daemon in a folder that has arm.urdf.
+#: The same as arm_scene(), for a daemon in a folder with arm.urdf.
 ARM_YAML = (
     "bodies:\n  - {name: table, box: [1, 1, 0.1], static: true, pose: [0.5, 0, -0.1, 1, 0, 0, 0]}\n"
     "  - {name: cup, sphere: 0.05, pose: [0.4, 0.3, 0.5, 1, 0, 0, 0]}\n"

@@ -1,4 +1,4 @@
-"""Scenes and an independent judge for the tests."""
+"""Scenes and an independent oracle for the tests."""
 
 from fractions import Fraction
 
@@ -18,7 +18,7 @@ def box_vertices(x, y, z):
 
 
 def arm():
-    """base (static), link1, link2, cup on link2, table (static): every kind of relation that a pair can have."""
+    """base (static), link1, link2, cup on link2, table (static): every kind of relation of a pair."""
     scene = clearance.Scene()
     scene.add_box("base", [0.4, 0.4, 0.2], static=True, pose=IDENTITY)
     scene.add_hull("link1", box_vertices(0.1, 0.1, 0.5))
@@ -68,8 +68,9 @@ def placed(vertices, pose):
 def least_norm(points):
     """Bounds (lo, hi) of the distance of the hull of (V, 3) points from the origin, by Wolfe's algorithm (1976).
 
-    Independent of the engine: no simplices of a Minkowski difference searched by support, but an active set of all its
-    vertices with a least-squares step. hi is the norm of a point of the hull, lo the gap along its direction.
+    Independent of the engine: instead of simplices of a Minkowski difference found by support functions, it uses an
+    active set of all its vertices with a least-squares step. hi is the norm of a point of the hull, lo the gap along
+    its direction.
     """
     active = [int(np.argmin((points**2).sum(axis=1)))]
     weights = np.array([1.0])
@@ -110,7 +111,7 @@ def hull_distance(a, radius_a, b, radius_b):
 
 
 def sphere_gap_bounds_hold(lower, upper, centre_a, radius_a, centre_b, radius_b):
-    """Whether lower <= |c_b - c_a| - r_a - r_b <= upper, in exact rational arithmetic."""
+    """Returns whether lower <= |c_b - c_a| - r_a - r_b <= upper, in exact rational arithmetic."""
     squared = sum((Fraction(float(p)) - Fraction(float(q))) ** 2 for p, q in zip(centre_b, centre_a))
     radii = Fraction(float(radius_a)) + Fraction(float(radius_b))
     low, high = Fraction(float(lower)) + radii, Fraction(float(upper)) + radii
@@ -118,7 +119,7 @@ def sphere_gap_bounds_hold(lower, upper, centre_a, radius_a, centre_b, radius_b)
 
 
 def same(a, b, fields=None):
-    """Bit for bit, NaN included."""
+    """Bit for bit, including NaN."""
     names = set(a.columns) & set(b.columns) if fields is None else fields
     assert names
     return all(a.columns[name].tobytes() == b.columns[name].tobytes() for name in names)

@@ -1,4 +1,4 @@
-"""What the tests of sweeps share: a small job, results as bytes, and a pool that is no processes."""
+"""Shared by tests of sweeps: a small job, results as bytes, and a pool without processes."""
 
 import json
 import os
@@ -19,7 +19,7 @@ JOINTS = ["arm/joint1", "arm/joint2", "arm/joint3", "arm/joint4"]
 
 
 def arm_job(folder, urdf, **keys):
-    """A job on the arm of robots.py, as a dict; its scene is written into `folder`."""
+    """A job on the arm of robots.py, as a dict; writes its scene into `folder`."""
     shutil.copy(urdf, folder / "arm.urdf")
     (folder / "scene.yaml").write_text(ARM_YAML)
     job = {"scene": "scene.yaml", "joints": list(JOINTS), "rows": {"uniform": {"count": 1000, "seed": 5}}}
@@ -28,7 +28,7 @@ def arm_job(folder, urdf, **keys):
 
 
 def motion_job(folder, urdf, parts=40, part_rows=50, **keys):
-    """A job of that many parts of motions, drawn from a file; each part is some tenths of a second of work."""
+    """A job with this many parts of motions, drawn from a file; each part takes some tenths of a second."""
     rng = np.random.default_rng(3)
     start = rng.uniform([-2.9, -1.7, -2.9, -3.0], [2.9, 1.7, 2.9, -0.1], (parts * part_rows, 4))
     np.save(folder / "motions.npy", np.stack([start, start + rng.normal(0, 0.6, start.shape)], axis=1))
@@ -37,14 +37,14 @@ def motion_job(folder, urdf, parts=40, part_rows=50, **keys):
 
 
 def result_of(folder):
-    """What a result is: the bytes of its manifest and of every part, by name. Nothing else lies among the parts."""
+    """A result: the bytes of its manifest and of every part, by name. The folder of the parts contains nothing else."""
     folder = pathlib.Path(folder)
     found = {path.name: path.read_bytes() for path in (folder / "parts").iterdir()}
     return {**found, "manifest.json": (folder / "manifest.json").read_bytes()}
 
 
 def table_of(folder):
-    """All rows of a result in order, as {column: array}, by what its manifest lists."""
+    """All rows of a result in order, as {column: array}, according to its manifest."""
     import pyarrow.parquet as pq
 
     folder = pathlib.Path(folder)
@@ -55,36 +55,36 @@ def table_of(folder):
 
 
 def journal_of(folder):
-    """The whole lines of a result's journal."""
+    """The complete lines of a result's journal."""
     path = pathlib.Path(folder) / "journal.jsonl"
     text = path.read_text() if path.exists() else ""
     return [json.loads(line) for line in text.split("\n")[:-1]]
 
 
 def parts_done(folder):
-    """How many parts the journal has noted."""
+    """Number of parts in the journal."""
     return sum("done" in entry for entry in journal_of(folder))
 
 
 def workers_of(folder, first=0):
-    """Process numbers in the journal from a line on, the last one's last."""
+    """Process numbers in the journal from a line on; the last line's is last."""
     return [int(entry["by"].rpartition(" ")[2][:-1]) for entry in journal_of(folder)[first:] if "by" in entry]
 
 
 def start(job, *options):
-    """The command on a job file, in a session of its own."""
+    """Starts the command on a job file, in its own session."""
     command = [sys.executable, "-m", "clearance.sweep", str(job), *map(str, options)]
     return subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True)
 
 
 def finish(process):
-    """Its exit code and what it printed."""
+    """Its exit code and output."""
     out, err = process.communicate(timeout=PATIENCE_S)
     return process.returncode, out + err
 
 
 def until(condition, process):
-    """Waits for a condition while a process runs; fails if that ends first."""
+    """Waits for a condition while a process runs; fails if the process ends first."""
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
         assert process.poll() is None, "ended too early: " + process.communicate()[1]
@@ -93,15 +93,15 @@ def until(condition, process):
 
 
 def kill(process):
-    """kill -9, and the process is gone."""
+    """kill -9, and waits for the end of the process."""
     os.kill(process.pid, signal.SIGKILL)
     process.communicate(timeout=PATIENCE_S)
 
 
 class InProcess:
-    """A pool of workers that take turns in this process. A worker that raises SystemExit is lost.
+    """A pool of workers that alternate in this process. A worker that raises SystemExit is lost.
 
-    make(number) makes a worker; each has a machine of its own.
+    make(number) makes a worker; each has its own machine.
     """
 
     def __init__(self, size, make):

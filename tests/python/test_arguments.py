@@ -1,4 +1,4 @@
-"""Every argument of every public call: a wrong type, shape or value is a TypeError or ValueError that names it."""
+"""Every argument of every public call: a wrong type, shape or value raises a TypeError or ValueError that names it."""
 
 import inspect
 import math
@@ -22,7 +22,7 @@ WORDS = ["nonesuch", "", 3, None, b"none", ["none"]]
 TEXTS = [3, None, b"text", ["text"], "\ud800"]
 PATHS = [3, b"path", ["path"], "\ud800", True]
 BODIES = ["nonesuch", 1.5, True, -1, 1 << 33, b"cup", ["cup"], np.ones(1)]
-#: Entries of masked arrays are no numbers, whatever lies under the mask.
+#: Entries of masked arrays are no numbers, whatever the mask hides.
 MASKED = [np.ma.masked_equal([[0.0] * 3 + [1] * 4], 0.0), [np.ma.masked_equal([0.0] * 3 + [1] * 4, 0.0)]]
 BODY_LISTS = [
     np.ma.masked_equal([0, 1], 1),
@@ -67,7 +67,7 @@ OUTS = [3, "lower", {"lower": [0.0]}, {"lowr": np.zeros(1)}, {"lower": np.zeros(
 
 _ONE = {"configurations": np.tile(IDENTITY, (1, 1, 1)).astype(float), "bodies": ["cup"]}
 
-#: What each argument of a query must not be.
+#: Invalid values of each argument of a query.
 QUERY = {
     "pairs": [7, "cup", b"ab", [1.5, 2.5], [("cup", True)], [("cup",)], [{"cup": 1, "ball": 2}],
               [{"cup", "ball"}], ("cupp", "*"), [("cup", -1)], np.zeros((2, 2)), np.zeros(3, int), np.array([[0, -1]]),
@@ -97,7 +97,7 @@ QUERY = {
     "model": WORDS,
 }  # fmt: skip
 OF_A_BODY = {"parent": BODIES, "static": BOOLS, "pose": POSE}
-#: What a scene is told of a body besides.
+#: Further invalid values of a body of a scene.
 DOUBTS = {
     "uncertainty": [0.1, "angle", [0.1], {"turn": 0.1}, {3: 1.0}, *({"angle": x} for x in NUMBERS)],
     "padding": [*NUMBERS, None],
@@ -107,10 +107,10 @@ DOUBTS = {
 MARGINS = ["1.5", True, 1j, math.nan, None, [], ["0.1"], [[0.1]], {"cup": 0.1}, {("cup",): 0.1},
            {("nonesuch", "*"): 0.1}, {("cup", "*"): "0.1"}, {("cup", "*"): -0.1}, {("cup", "*"): math.inf},
            {("cup", 1.5): 0.1}]  # fmt: skip
-#: Of motions of one body.
+#: Invalid values of motions of one body.
 ENDS = [None, "x", 3, [], [IDENTITY], [[[1, 2, 3]]]]
 
-#: Of both fronts: call -> (arguments that are right, what each argument must not be).
+#: Of both front ends: call -> (valid arguments, invalid values of each argument).
 FRONT = {
     "distances": ({}, QUERY),
     "submit": ({}, QUERY),
@@ -207,7 +207,7 @@ HELPFUL = r"expected .*(got|numpy says)|named|no body|at least one|expected \[0,
 
 
 def complaints(call, right, arguments, leave_out=()):
-    """Which bad values were taken, or refused in words that do not help."""
+    """The invalid values that were accepted, or rejected with an unhelpful message."""
     all_of_them = inspect.signature(call).parameters.values()  # options that travel in records: test_client.py
     parameters = {p.name for p in all_of_them if p.kind is not p.VAR_KEYWORD} - set(leave_out)
     assert set(arguments) == parameters, "an argument is missing from the table"
@@ -263,7 +263,7 @@ def test_every_argument_of_both_fronts(front):
     wrong = [f"{name}: {text}" for name, (right, arguments) in calls.items()
              for text in complaints(getattr(front, name), right, arguments)]  # fmt: skip
     assert not wrong, "\n".join(wrong)
-    for argument, bad in QUERY.items():  # by name alone
+    for argument, bad in QUERY.items():  # by keyword only
         with pytest.raises((TypeError, ValueError), match=argument):
             front.prepare(**{**(_ONE if argument == "bodies" else {}), argument: bad[0]})
     with pytest.raises(TypeError, match="sined"):

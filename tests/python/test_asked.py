@@ -1,4 +1,4 @@
-"""Arguments that came before are not parsed again: what comes out is the same, and what has changed is seen."""
+"""Repeated arguments are not parsed again: results are equal, and changes are detected."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def engine(root):
 
 @pytest.fixture
 def parsed(monkeypatch):
-    """How often arguments were parsed."""
+    """Number of times that arguments were parsed."""
     calls = []
     parse = _front.Front._parse
 
@@ -83,7 +83,7 @@ def test_check_and_poses_as_well(engine, parsed):
     assert np.array_equal(np.concatenate(ones), batch.lower) and len(parsed) == 1
 
 
-# What decides is looked at each time, not only which object it is.
+# Contents are compared each time, not only the identity of the object.
 def test_what_has_changed_is_parsed_again(engine, parsed):
     arm = engine.joints("arm")
     q = rows(4, 1, len(arm))
@@ -132,13 +132,13 @@ def test_another_scene_is_seen(engine, root):
         for e in engine, fresh:
             change(e)
         answer = engine.distances(joints=arm, positions=q)
-        anew = fresh.distances(joints=list(arm.ids), positions=q)  # numpy's integers are not known again
+        anew = fresh.distances(joints=list(arm.ids), positions=q)  # numpy's integers are not recognised
         assert same_bits(answer, anew)
         tables.add(answer.pairs.tobytes())
     assert len(tables) > 1
 
 
-# A prepared query may be changed: it is nobody else's.
+# A prepared query may be changed, because it has one owner.
 def test_prepared_queries_are_their_own(engine):
     arm = engine.joints("arm")
     Q = rows(7, 3, len(arm))
@@ -149,7 +149,7 @@ def test_prepared_queries_are_their_own(engine):
         assert same(prepared(), engine.distances(joints=arm, positions=q[None], reduce="min"))
 
 
-# Whoever asks with the very objects of the call before is answered without looking at what they hold.
+# A call with the very objects of the previous call is answered without reading their contents.
 def test_the_same_objects_are_the_same_question_and_others_are_not(engine, parsed):
     arm = engine.joints("arm")
     q = rows(8, 1, len(arm))

@@ -1,4 +1,4 @@
-"""bench/run.py has every benchmark, and runs what its table says; pages show the results."""
+"""bench/run.py has every benchmark, and runs its table's commands; pages show the results."""
 
 import re
 import shutil
@@ -48,7 +48,7 @@ def test_the_list_has_every_suite_and_its_files(capsys):
 
 @pytest.fixture
 def checkout(tmp_path):
-    """A folder with the runner, where every program it starts writes its arguments to the file calls."""
+    """A folder with the runner, in which every program it starts writes its arguments to the file calls."""
     (tmp_path / "bench/robots").mkdir(parents=True)
     for file in ("bench/run.py", "bench/environment.py", "bench/robots/requirements.txt"):
         shutil.copy(ROOT / file, tmp_path / file)

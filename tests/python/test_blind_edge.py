@@ -1,5 +1,5 @@
-"""An edge that sampling calls free, and contact between two of its samples: both before exact arithmetic, with poses
-from kinematics of its own."""
+"""An edge that is free by sampling, and contact between two of its samples: both are checked by exact arithmetic, with
+poses from independent kinematics."""
 
 import sys
 
@@ -22,7 +22,7 @@ def edge(root):
 
 @pytest.fixture(scope="module")
 def tools(edge, root):
-    """The checker of certificates, and the arm's kinematics: neither uses anything of Clearance."""
+    """The checker of certificates, and the arm's kinematics; neither uses Clearance."""
     sys.path[:0] = [str(root / "tools"), str(root / "scenes" / "cell")]
     try:
         import arm
@@ -44,7 +44,7 @@ def exact_rows(tools, certificate):
 
 
 def probe_pose(tools, edge, time):
-    """x, y, z, qw, qx, qy, qz of the probe by kinematics of its own; only its axis and centre matter."""
+    """x, y, z, qw, qx, qy, qz of the probe by independent kinematics; only its axis and centre matter."""
     _, arm = tools
     links = arm.link_poses(np.degrees(edge.at([time])[0, :6]))
     t, q = links["flange"][:3], links["flange"][3:]

@@ -1,4 +1,4 @@
-"""clearance cache: what is kept of meshes, and an end of it."""
+"""clearance cache: its entries for meshes, and their removal."""
 
 import csv
 import json
@@ -43,7 +43,7 @@ def test_entries_are_listed_and_cleared(tmp_path, monkeypatch):
     answer = run(cache, "clear")
     assert answer.returncode == 0 and "2 entries removed" in answer.stdout
     assert json.loads(run(cache, "list", "--json").stdout) == [] and not list(cache.iterdir())
-    assert load(tmp_path, cache, monkeypatch, 1.0).bodies  # and made anew
+    assert load(tmp_path, cache, monkeypatch, 1.0).bodies  # and rebuilt
     assert len(list(cache.iterdir())) == 1
 
 

@@ -1,5 +1,5 @@
-"""Certificates: rows of every status and kind are proved to a program that shares nothing with the engine, which finds
-every tampering."""
+"""Certificates: rows of every status and kind are proved to a program that shares nothing with the engine, which
+detects every tampering."""
 
 import copy
 import json
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
 
 
 def zoo():
-    """Bodies of every kind, those that are known less well than their pieces say among them."""
+    """Bodies of every kind, including some that are less certain than their parts."""
     rng = np.random.default_rng(7)
     scene = clearance.Scene()
     scene.add_hull("point", [[0.1, 0.2, 0.3]])
@@ -40,7 +40,7 @@ def zoo():
 
 
 def dense(result, document):
-    """Rows of a document beside those of the result."""
+    """Rows of a document together with those of the result."""
     rows = document["rows"]
     assert [row["row"] for row in rows] == list(range(result.lower.size))
     for name in ("lower", "upper"):
@@ -50,7 +50,7 @@ def dense(result, document):
 
 
 def check_all(checker, certificate):
-    """Every row is proved; returns how often each status came."""
+    """Checks that every row is proved; returns the number of rows by status."""
     document = certificate.document
     for (is_proved, why), row in zip(checker.verdicts(document), document["rows"]):
         assert is_proved, (why, row["row"], row["status"], row["lower"], row["upper"])
@@ -225,7 +225,7 @@ def test_the_program(root, tmp_path):
 
 @pytest.fixture(scope="module")
 def documents(root, tmp_path_factory):
-    """Of one row each, proved: what a mutation is tried on."""
+    """One proved row each, as inputs of mutations."""
     engine = clearance.Engine(zoo())
     q = np.array([0.9, 0.1, 0.3, 0.2])
     places = {"box": at(0), "hull": at(1.5, 0.2, 0.1, q), "round": at(0.1, 1.4, 0.2, q), "vague": at(-1.5, 0.3, 0.2, q)}
@@ -296,7 +296,7 @@ def directions(document, change):
 
 
 def move_vertex(document):
-    """The nearest of a's by half of what lies between."""
+    """The vertex of a that is nearest, by half of the gap."""
     (i, _), (vertex, _) = upper(document)["pieces"], upper(document)["vertices"][0]
     body = next(body for body in document["bodies"] if body["id"] == row(document)["bodies"][0])
     direction = np.array([x[0] for x in lower(document)[0]["direction"]])

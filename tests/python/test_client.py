@@ -1,4 +1,4 @@
-"""The client through a daemon, on every transport, before the engine in this process."""
+"""The client through a daemon, on every transport, compared with the engine in this process."""
 
 import contextlib
 import dataclasses
@@ -105,7 +105,7 @@ def test_one_transport_sees_the_poses_that_another_set(daemon, engine):
 
 
 def test_a_query_waits_for_its_poses(daemon, engine):
-    """Over every transport, for poses that came over another."""
+    """Over every transport, for poses that arrive over another one."""
     clients = {kind: clearance.connect(url, timeout_s=PATIENCE_S) for kind, url in daemon.urls.items()}
     mover = next(iter(clients.values()))
     before = mover.body_states()[mover.body_id("bottle")].pose
@@ -136,7 +136,7 @@ def test_a_query_waits_for_its_poses(daemon, engine):
 
 
 def test_scene_and_pairs(client, engine):
-    # What is not known of bodies is told in their own process alone.
+    # The uncertainty of bodies is only available in their own process.
     assert client.bodies == tuple(dataclasses.replace(body, model_inner=0.0) for body in engine.bodies)
     assert {name: ids.tolist() for name, ids in client.groups.items()} == {
         name: ids.tolist() for name, ids in engine.groups.items()
@@ -213,7 +213,7 @@ def test_wrong_arguments_are_named(client, arguments, error, text):
 
 
 def test_an_option_that_travels_in_a_record(client, engine):
-    """Over every transport; Python has no code of its own for it."""
+    """Over every transport; Python has no specific code for it."""
     whole = client.distances(fields=["lower", "upper"])
     assert same_bits(client.distances(fields=["lower", "upper"], deadline_ns=60 * 10**9), whole)
     with pytest.raises(TypeError, match=r"deadline_ns: expected an integer, got 1\.5"):
@@ -247,7 +247,7 @@ def test_views_are_read_only_and_outlive_result_and_client(daemon, kind):
         lower[0, 0] = 1
     with pytest.raises(ValueError, match="the array is read-only"):
         client.distances(out=result)
-    for _ in range(3):  # others come and go
+    for _ in range(3):  # others are allocated and released
         client.distances(copy=False)
     client.close()
     del result, client
@@ -278,7 +278,7 @@ def test_a_leased_slot_returns_when_its_arrays_are_gone(daemon, kinds):
 
 
 def test_views_die_on_another_thread_while_the_client_works(daemon, kinds):
-    """Slots are given back by whatever thread drops the last array, also in the middle of a call."""
+    """Slots are released by any thread that drops the last array, even during a call."""
     kind = "ipc" if kinds["shm"] else "shm"
     client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
     expected = client.distances().lower.tobytes()

@@ -1,4 +1,4 @@
-"""The client where something goes wrong: daemons that end or hang, bad urls and timeouts, forks."""
+"""Failures of the client: daemons that end or hang, invalid URLs and timeouts, forks."""
 
 import gc
 import os
@@ -42,7 +42,7 @@ def test_a_client_finds_the_next_daemon(start_daemon, cell, kind):
         assert client.acknowledge_epoch() == client.epoch != known
         assert same_bits(client.distances(pairs=("cup", "*")), expected)
         with pytest.raises(clearance.ConnectionError):
-            future.result()  # what the first daemon left unanswered stays so
+            future.result()  # the first daemon's unanswered requests stay so
     finally:
         second.stop()
 
@@ -169,7 +169,7 @@ def test_a_forked_child_must_connect_anew(daemon, kind):
 
 
 def test_a_fork_while_another_thread_waits(ipc):
-    """The lock that the other thread held does not stop the child."""
+    """A lock held by the other thread does not block the child."""
     client = clearance.connect(ipc.urls["ipc"], timeout_s=PATIENCE_S)
     view = client.distances(copy=False)
     os.kill(ipc.process.pid, signal.SIGSTOP)

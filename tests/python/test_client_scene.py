@@ -1,4 +1,4 @@
-"""A client that changes what a daemon serves, or may not: attachments, bodies added and removed, reloads, keys."""
+"""A client that changes a daemon's scene, or may not: attachments, bodies added and removed, reloads, keys."""
 
 import subprocess
 
@@ -157,7 +157,7 @@ def test_a_cloud_is_added_and_replaced(start_daemon, tmp_path):
             assert np.isfinite(ours.upper[0]).tolist() == [True, True, step == "replaced", True]
             for who in (engine, client):
                 assert who.set_points("nothing", points[:10]).applied == 10
-        client.add_body("ball", sphere=0.1, pose=at(9))  # another edit keeps the points that were received
+        client.add_body("ball", sphere=0.1, pose=at(9))  # another edit keeps the received points
         later = client.distances(pairs=("wall", "*"))
         assert (later.upper[0, :4] == ours.upper[0]).all()
         client.remove_body("nothing")

@@ -1,4 +1,4 @@
-"""Certificates that come through the daemon are those of the engine, and a program that uses nothing of ours proves
+"""Certificates that come through the daemon equal those of the engine, and a program without Clearance's code proves
 them."""
 
 import subprocess
@@ -56,7 +56,7 @@ def test_motions_are_proved(arm_daemon, arm_engine, kind, root, tmp_path):
         arm = client.joints("arm")
         start = rows_of(arm, 1)
         asked = {"joints": arm.names, "start": start, "end": start + 0.05, "reduce": "none", "pairs": ("arm", "cup")}
-        asked["margin"] = 0.4  # which a pair reaches on its way
+        asked["margin"] = 0.4  # which a pair reaches during its motion
         result = client.motions(**asked)
         document = proved(root, tmp_path, client.certificate(**asked), result.lower.size)
         assert [row["lower"] for row in document["rows"]] == result.lower.ravel().tolist()

@@ -57,7 +57,7 @@ def test_margins_of_pairs(front):
     assert front.check(PLACES, each, pairs, ["ball"]).free.tolist() == [True, False, False]
     assert front.check(PLACES, each[::-1], pairs, ["ball"]).free.tolist() == [True, True, False]
     prepared = front.prepare(pairs=pairs, configurations=PLACES, bodies=["ball"], reduce="any", margin=each)
-    each[:] = 9  # a copy was taken
+    each[:] = 9  # the query has a copy
     assert (prepared().status == Status.BEYOND).tolist() == [True, False, False]
     r = front.submit(pairs, PLACES, ["ball"], reduce="any", margin={("ball", "*"): 0.06}, fields="default").result()
     assert r.status.tolist() == [Status.BEYOND, Status.OK, Status.OVERLAP]

@@ -1,4 +1,4 @@
-"""The demo ends by itself, shows that the transports agree, and leaves nothing behind, whatever ends it."""
+"""The demo ends by itself, shows that the transports agree, and leaves nothing behind, however it ends."""
 
 import os
 import re
@@ -44,7 +44,7 @@ def start(tmp_path, *options, prefix=()):
 
 
 def read_until(process, pattern):
-    """The match of a line, and all lines up to it; fails if the demo ends before."""
+    """The match of a line, and all lines up to it; fails if the demo ends first."""
     lines = []
     for line in process.stdout:
         lines.append(line)
@@ -68,7 +68,7 @@ def assert_nothing_is_left(tmp_path, output):
 def test_it_runs_to_its_end(tmp_path):
     output, errors = start(tmp_path).communicate(timeout=PATIENCE_S)
     assert "The demo failed" not in errors, errors
-    # A row for each body, with an interval that holds its distance.
+    # A row for each body, with an interval that contains its distance.
     rows = re.findall(
         r"^  ([\w/]+) +([\w/]+) +(\d+\.\d+) +(\d+\.\d+) +(\d+\.\d+)  (ok|overlap|contact)$", output, re.MULTILINE
     )
@@ -119,12 +119,12 @@ def test_a_scene_that_is_not_there_is_named(tmp_path):
 
 
 def test_without_multicast_it_goes_on(tmp_path):
-    """In a network namespace of its own, whose loopback is down."""
+    """In its own network namespace, whose loopback is down."""
     prefix = ["unshare", "--net"] if os.getuid() == 0 else ["unshare", "--map-root-user", "--net"]
     if not shutil.which("unshare") or subprocess.run([*prefix, "true"], capture_output=True).returncode:
         pytest.skip("no network namespaces on this machine")
     process = start(tmp_path, prefix=prefix)
-    _, output = read_until(process, "^Picture ")  # which takes most of the time, and is the same with multicast
+    _, output = read_until(process, "^Picture ")  # takes most of the time, and is the same with multicast
     process.terminate()
     rest, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 143, errors

@@ -1,4 +1,4 @@
-"""Plans on a device: what they take and refuse, without a GPU by a stand-in, and with one against the CPU."""
+"""Device queries: accepted and rejected arguments, with a fake device, and on a GPU compared with the CPU."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from clearance._words import COLUMNS, Field
 from robots import arm_scene, rows_of
 
 ARM = Path(__file__).resolve().parents[1] / "engine" / "robot" / "arm.urdf"
-#: Those of its pairs that do not overlap wherever it is.
+#: Those of its pairs that do not overlap at any of its positions.
 ARM_PAIRS = [
     (f"arm/{link}", other)
     for link in ("fore", "wrist", "palm", "flange", "left_finger")
@@ -27,7 +27,7 @@ MASK = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.COMPACT)
 
 
 class StandIn:
-    """In place of the extension module's plan."""
+    """Replaces the extension module's plan."""
 
     shape = (3, 2, MASK)
     device = 0
@@ -43,7 +43,7 @@ class StandIn:
 
 
 class OnDevice:
-    """Memory that says that it is a GPU's."""
+    """Memory that claims to be on a GPU."""
 
     def __init__(self, address: int, shape: tuple[int, ...], typestr: str, strides: object = None):
         self.__cuda_array_interface__ = {
@@ -192,7 +192,7 @@ needs_gpu = pytest.mark.skipif("cuda" not in clearance.Engine.backends(), reason
 
 
 class Driver:
-    """Memory of the GPU by its driver alone, in the context that the engine has."""
+    """GPU memory from its driver alone, in the engine's context."""
 
     def __init__(self) -> None:
         self._cuda = ctypes.CDLL("libcuda.so.1")
@@ -234,7 +234,7 @@ def test_positions_of_a_robot_on_the_gpu() -> None:
         got = {name: driver.get(getattr(rows, name)) for name in columns}
         assert got["lower"].shape == plan.shape == expected.lower.shape
         assert got["gradient_joints"].shape == expected.gradient_joints.shape
-        apart = (expected.lower > 0) & (got["lower"] > 0)  # of what overlaps the CPU finishes some
+        apart = (expected.lower > 0) & (got["lower"] > 0)  # the CPU completes some overlapping pairs
         assert apart.mean() > 0.7
         for name in columns:
             np.testing.assert_array_equal(got[name][apart], getattr(expected, name)[apart], err_msg=name)

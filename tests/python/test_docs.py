@@ -1,4 +1,4 @@
-"""What the README and the pages say is true: examples run, links lead somewhere, tables show the result files."""
+"""Claims of the README and the pages: examples run, links resolve, tables show the result files."""
 
 import os
 import re
@@ -23,7 +23,9 @@ def code_blocks(path, language):
 
 @pytest.fixture
 def daemon(tmp_path):
-    """The daemon that the README starts, with its sockets in tmp_path. Gives a function that moves code there, too."""
+    """The daemon that the README starts, with its sockets in tmp_path. Provides a function that adapts code to that
+    folder.
+    """
     (command,) = re.findall(r"^    (build/bin/clearanced .*)$", (ROOT / "README.md").read_text(), re.MULTILINE)
 
     def place(text):
@@ -67,7 +69,7 @@ def test_python_example_of_the_readme(daemon, engine):
 
 
 def test_cpp_example_of_the_first_page(daemon, engine, tmp_path):
-    """Built as a user would: against an installed Clearance, through find_package."""
+    """Built as a user would, against an installed Clearance, through find_package."""
     (code,) = code_blocks("docs/start.md", "cpp")
     prefix, source, build = tmp_path / "prefix", tmp_path / "source", tmp_path / "out"
     source.mkdir()
@@ -108,7 +110,7 @@ FRAGMENTS = [("docs/security.md", "client.h"), ("docs/install.md", "eigen.h")]
 
 @pytest.mark.parametrize("page, header", FRAGMENTS)
 def test_cpp_fragments_compile(page, header, tmp_path):
-    """Against the headers as they are installed; what a fragment does not include itself is put before it."""
+    """Against the installed headers; includes that a fragment lacks are prepended."""
     if header == "eigen.h" and not Path("/usr/include/eigen3").exists():
         pytest.skip("no Eigen on this machine")
     for component in ("client_library", "engine_library"):
@@ -159,7 +161,9 @@ def test_links_lead_somewhere():
 
 
 def test_nothing_is_installed_from_an_index_by_our_names():
-    """Nobody owns `clearance` and `clearance-client` on PyPI: whoever registers them would be installed."""
+    """`clearance` and `clearance-client` are unregistered on PyPI: any registered package of that name would be
+    installed.
+    """
     by_name = re.compile(
         r"""pip3? install(?: [^\n`]*?)?["' ]clearance(?:-client)?(?:\[|["'\s`]|$)|\bclearance\[\w+\]""", re.MULTILINE
     )

@@ -17,7 +17,7 @@ from threads import end_with_daemon_threads, turns_beside
 
 
 def big_query():
-    """A query of seconds: 80 bodies of 300 vertices, many configurations."""
+    """A query that takes seconds: 80 bodies of 300 vertices, many configurations."""
     scene, poses = random_hulls(80, seed=3, vertices=300, spread=2.0)
     engine = clearance.Engine(scene)
     engine.set_poses(poses)
@@ -106,7 +106,7 @@ def test_two_threads_on_one_engine(crowd):
 
 
 def test_poses_while_other_threads_ask(engine):
-    """Each answer is of one snapshot: link2 and the cup on it are never seen apart."""
+    """Each answer belongs to one snapshot: link2 and the cup on it are never seen apart."""
     stop = threading.Event()
     failures = []
 
@@ -120,7 +120,7 @@ def test_poses_while_other_threads_ask(engine):
     thread.start()
     revisions = set()
     try:
-        # On a busy machine the other thread may be long in getting its turn: wait for it, up to a limit.
+        # On a busy machine the other thread may be delayed: wait for it, up to a limit.
         deadline = time.monotonic() + PATIENCE_S
         for i in itertools.count():
             if i >= 300 and (len(revisions) > 10 or time.monotonic() > deadline):
@@ -165,7 +165,7 @@ def test_use_after_fork_is_refused(engine):
 
 
 def test_interrupt():
-    """Ctrl-C ends a long query: sent once the main thread is inside the engine."""
+    """Ctrl-C ends a long query; it is sent once the main thread is inside the engine."""
     import subprocess
     import sys
 

@@ -1,4 +1,4 @@
-"""What is wrong with a body or pose is a status of its rows; what is wrong with a call raises, and names it."""
+"""An invalid body or pose gives a status of its rows; an invalid call raises an exception that names the cause."""
 
 import pickle
 

@@ -1,4 +1,4 @@
-"""Columns of the caller's own (out=)."""
+"""Columns provided by the caller (out=)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the examples judge themselves by: without it they could promise anything."""
+"""The examples' own checks, without which they could claim anything."""
 
 import sys
 from pathlib import Path
@@ -38,7 +38,7 @@ def truth(engine):
 def positions(engine):
     arm = engine.joints("arm")
     rows = arm.lower + (arm.upper - arm.lower) * np.random.default_rng(1).random((300, len(arm)))
-    rows[:, -1] = 0.0  # the judge knows no mimic joints: the fingers are shut
+    rows[:, -1] = 0.0  # the oracle has no mimic joints: the fingers are closed
     return rows
 
 

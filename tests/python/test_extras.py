@@ -1,4 +1,4 @@
-"""tools/extras.sh runs what needs much, and --changed only what a change is about."""
+"""tools/extras.sh runs the extended checks, and with --changed only those that a change affects."""
 
 import shutil
 import subprocess
@@ -28,7 +28,7 @@ NAMES = [
 
 @pytest.fixture
 def checkout(tmp_path):
-    """A repository with the script and, in place of what it calls, programs that say how they were called."""
+    """A repository with the script and, in place of the programs it calls, ones that record their calls."""
     (tmp_path / "tools").mkdir()
     for name in ("extras.sh", "step.sh"):
         shutil.copy(ROOT / "tools" / name, tmp_path / "tools")
@@ -114,7 +114,8 @@ def test_without_the_commit_that_passed_all_are_run(checkout, passed, why):
     (checkout / ".ci/passed").write_text(passed)
     done, calls = extras(checkout, "--changed")
     assert why in done.stdout and "all extras count as changed" in done.stdout
-    assert done.returncode != 0 and "client_install ..." in done.stdout, done.stdout  # the first, which fails here
+    assert done.returncode != 0 and "client_install ..." in done.stdout, done.stdout  # the first check, which fails
+                                                                                      # here
     assert "venv" in calls
 
 

@@ -1,4 +1,4 @@
-"""Answers in process do not depend on how the caller's thread rounds, nor on what it traps."""
+"""Answers in process do not depend on the calling thread's rounding mode and floating-point traps."""
 
 import ctypes
 import platform
@@ -9,7 +9,7 @@ import pytest
 import clearance
 from scenes import random_poses
 
-#: fenv.h, as the C library has it: FE_DOWNWARD, FE_UPWARD, FE_TOWARDZERO, FE_INVALID.
+#: The C library's values of fenv.h: FE_DOWNWARD, FE_UPWARD, FE_TOWARDZERO, FE_INVALID.
 NUMBERS = {
     "x86_64": ({"downward": 0x400, "upward": 0x800, "toward_zero": 0xC00}, 1),
     "aarch64": ({"downward": 0x800000, "upward": 0x400000, "toward_zero": 0xC00000}, 1),
@@ -20,7 +20,7 @@ COLUMNS = ("distance", "lower", "upper", "status", "flags", "point_a", "point_b"
 
 
 def hard_scene():
-    """Needles, slabs and grown hulls, many of which touch or overlap, read and built here and now."""
+    """Needles, slabs and grown hulls, many of which touch or overlap, built without the cache."""
     rng = np.random.default_rng(29)
     scene = clearance.Scene()
     for i in range(40):

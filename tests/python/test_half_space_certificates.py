@@ -1,5 +1,5 @@
-"""Certificates of half-spaces: rows and motions over floors and before walls are proved, and what is tampered with is
-found, by both judges."""
+"""Certificates of half-spaces: rows and motions above floors and in front of walls are proved, and both checkers detect
+tampering."""
 
 import copy
 import json
@@ -30,7 +30,7 @@ TILTED = (0.9, 0.1, 0.8, 0.05)
 
 
 def add_planes(scene):
-    """One as floors are, one turned anyhow and grown by all that bodies are grown by."""
+    """A horizontal plane, and one rotated arbitrarily and with every kind of growth."""
     scene.add_half_space("floor", pose=at(0, 0, -0.4))
     scene.add_half_space("wall", pose=at(-0.5, 0.1, 0, TILTED), padding=0.01, radius=0.02,
                          uncertainty={"position": 0.005})  # fmt: skip
@@ -38,7 +38,7 @@ def add_planes(scene):
 
 
 def checked(checker, engine, **arguments):
-    """All rows are proved, and are those of distances(). Returns the document."""
+    """Checks that all rows are proved, and equal those of distances(). Returns the document."""
     result, document = engine.distances(**arguments), engine.certificate(**arguments).document
     for name in ("lower", "upper"):
         assert [float(row[name]) for row in document["rows"]] == getattr(result, name).ravel().tolist(), name
@@ -49,7 +49,7 @@ def checked(checker, engine, **arguments):
 
 
 def both_sides(engine, names):
-    """Each body with the floor and the wall, of which one is a, and one b."""
+    """Each body with the floor and the wall, once as a and once as b."""
     ids = {body.name: k for k, body in enumerate(engine.bodies)}
     return np.array([pair for k in map(ids.get, names) for pair in ((ids["floor"], k), (k, ids["wall"]))])
 
@@ -70,7 +70,7 @@ ARGUMENTS = [
 
 @pytest.mark.parametrize(("arguments", "seen"), ARGUMENTS, ids=str)
 def test_rows_are_proved(checker, tmp_path, arguments, seen):
-    """Each body from both sides; one direction does for all pieces, and depths need no surface."""
+    """Each body from both sides; one direction suffices for all parts, and depths need no surface."""
     scene = add_planes(test_certificates.zoo())
     (tmp_path / "two.urdf").write_text(TWO_BOXES)
     scene.add_robot("r", tmp_path / "two.urdf")
@@ -104,7 +104,7 @@ def test_bodies_that_are_not_convex(checker, tmp_path, signed):
     places = np.stack([random_poses(rng, len(movable), spread) for spread in (0.3, 0.8, 1.5)])
     document = checked(checker, engine, signed=signed, pairs=pairs, bodies=movable, configurations=places)
     assert {row["status"] for row in document["rows"]} >= {"ok", "overlap"}
-    if signed:  # of several surfaces, too, depths are proved by one direction
+    if signed:  # depths of several surfaces are also proved by one direction
         assert {len(claims(document, k)) for k in range(len(document["rows"]))} == {1}
 
 
@@ -136,7 +136,7 @@ def test_hard_places(checker):
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory):
-    """An arm on a cart over a floor and before a wall that leans."""
+    """An arm on a cart above a floor and in front of an oblique wall."""
     urdf = tmp_path_factory.mktemp("arm") / "arm.urdf"
     urdf.write_text(test_motion_certificates.ARM)
     scene = clearance.Scene()
@@ -183,7 +183,7 @@ def test_motions_are_proved(checker, robot, reduce, seen):
 
 
 def test_an_edge_over_a_floor_is_proved_free(checker, root):
-    """As docs/certificates.md has it, in the cell, with a floor under it that is a half-space."""
+    """As in docs/certificates.md, in the cell, with a half-space as floor."""
     scene = clearance.Scene.load(root / "scenes" / "cell" / "robot.yaml")
     scene.add_half_space("ground", pose=at(0, 0, -2))
     engine = clearance.Engine(scene)
@@ -205,7 +205,7 @@ def test_motions_before_two_half_spaces_that_say_nothing(checker, robot):
 
 
 def test_a_path_over_a_floor(start_daemon, root, tmp_path):
-    """From a shell: what proves that an arm stays off the floor, or until when it does."""
+    """From a shell: the proof that an arm stays off the floor, or until when it does."""
     (tmp_path / "arm.urdf").write_text(test_motion_certificates.ARM)
     scene = tmp_path / "scene.yaml"
     scene.write_text("bodies:\n  - {name: floor, half_space: true, pose: [0, 0, -0.2, 1, 0, 0, 0]}\n"
@@ -229,7 +229,7 @@ def test_a_path_over_a_floor(start_daemon, root, tmp_path):
 
 @pytest.fixture(scope="module")
 def documents(checker, robot):
-    """Of one row each, proved: what a mutation is tried on. The half-space is b; of `first` it is a."""
+    """One proved row each, as inputs of mutations. The half-space is b; in `first` it is a."""
     scene = add_planes(test_certificates.zoo())
     engine = clearance.Engine(scene)
     engine.set_poses({"box": at(0.4, 0.2, 0.5, (0.9, 0.1, 0.3, 0.2)), "egg": at(0.6, 0.1, 0.7), "hull": at(0.1)})
@@ -262,7 +262,7 @@ def row(d):
 
 
 def plane(d):
-    """The piece that is a half-space."""
+    """The part that is a half-space."""
     return next(piece for piece in d["pieces"] if piece.get("core", {}).get("kind") == "half_space")
 
 
@@ -275,13 +275,13 @@ def other_body(d):
 
 
 def points(d):
-    """Those that the witness gives of the half-space."""
+    """The witness's points of the half-space."""
     side = row(d)["bodies"].index(plane_body(d)["id"])
     return row(d)["witness"]["points"][side]
 
 
 def rounded_direction(d):
-    """What the engine takes for the plane's normal: rounded once, in a's axes."""
+    """The engine's normal of the plane: rounded once, in a's axes."""
 
     def matrix(b):
         w, x, y, z = np.array(b["pose"][3:]) / np.linalg.norm(b["pose"][3:])
@@ -304,7 +304,7 @@ def lower_by(metres):
 
 
 def follow(d):
-    """The half-space hangs on the other body."""
+    """Attaches the half-space to the other body."""
     plane_body(d)["on"] = other_body(d)["id"]
 
 
@@ -321,13 +321,13 @@ def move_plane(start, end):
 
 
 def swap(d):
-    """Which of them is a."""
+    """Exchanges a and b."""
     row(d)["bodies"].reverse()
     row(d)["pairs"][0]["bodies"].reverse()
 
 
 def swap_all(d):
-    """Swapped with its witness, but for the direction."""
+    """Exchanges them and the witness, but not the direction."""
     swap(d)
     row(d)["witness"]["pieces"].reverse()
     row(d)["witness"]["points"].reverse()
@@ -335,7 +335,7 @@ def swap_all(d):
 
 
 def raise_plane(metres):
-    """Along its normal, as far as the document's numbers tell."""
+    """Along its normal, by as much as the document's numbers resolve."""
 
     def mutate(d):
         w, x, y, z = np.array(plane_body(d)["pose"][3:]) / np.linalg.norm(plane_body(d)["pose"][3:])
@@ -347,14 +347,14 @@ def raise_plane(metres):
 
 
 def dig(d):
-    """A point above the plane, from which the other body's is less high; less is said from below."""
+    """A point above the plane, which reduces the other body's height; a smaller bound is claimed."""
     points(d)[0][2] = [0.01, 0.0]
     row(d)["upper"] -= 0.005
     lower_by(-0.01)(d)
 
 
 def call_apart(direction):
-    """What is all in the half-space, by a direction away from it."""
+    """Claims separation of a body inside the half-space, by a direction away from it."""
 
     def mutate(d):
         row(d).update(status="unconverged", upper="inf", lower=0.2)
@@ -429,7 +429,7 @@ MUTATIONS = {
 }  # fmt: skip
 
 
-#: After which the document is no certificate.
+#: Mutations after which the document is no certificate.
 WHOLE = {"plane of an unknown kind", "plane thinner than its doubt", "plane in doubt of its place", "padding",
          "plane of another kind"}  # fmt: skip
 
@@ -449,7 +449,7 @@ def test_tampering_is_found(checker, documents, name):
 
 
 def test_what_changes_nothing_is_still_good(checker, documents):
-    """Another point of the plane; one above it, which is taken off again; a vertex, which is none of it; a longer or
+    """Another point of the plane; one above it, compensated elsewhere; a vertex, which is not part of it; a longer or
     shorter direction."""
 
     def changed(name, change):

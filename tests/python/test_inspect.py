@@ -1,4 +1,4 @@
-"""clearance inspect: what a scene costs, and what it could do without."""
+"""clearance inspect: the cost of a scene, and parts that it could do without."""
 
 import json
 import shutil

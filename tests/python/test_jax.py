@@ -1,5 +1,5 @@
-"""Plans as JAX functions. Without a GPU XLA calls a stand-in in the CPU's memory, whose rows are the engine's own; with
-one, in JAX and here, the plans of a device are asked, too."""
+"""Device queries as JAX functions. Without a GPU, XLA calls a fake in CPU memory, whose rows are the engine's own; with
+one, in JAX and here, device queries are tested as well."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def answer(engine: clearance.Engine, pairs: np.ndarray, numbers: np.ndarray, nam
 
 
 class StandIn:
-    """In place of the extension module's plan: an engine on the CPU answers what lies at the addresses."""
+    """Replaces the extension module's plan: an engine on the CPU answers with the data at the addresses."""
 
     device = 0
 
@@ -175,7 +175,7 @@ def test_columns_that_are_refused(engine: clearance.Engine, plan: DevicePlan) ->
 
 
 class ArmStandIn:
-    """The same of joint positions, of every pair or the nearest."""
+    """The same for joint positions, of every pair or the nearest."""
 
     device = 0
 
@@ -229,7 +229,7 @@ def test_the_gradient_by_joints_is_the_slope(root: Path, reduce: str) -> None:
 
 
 def gpus() -> list[object]:
-    """Those of JAX, if the engine has one, too."""
+    """JAX's GPUs, if the engine has one, too."""
     try:
         return jax.devices("gpu") if "cuda" in clearance.Engine.backends() else []
     except RuntimeError:

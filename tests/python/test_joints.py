@@ -99,7 +99,7 @@ def test_gradients_by_joints_are_differences(engine):
         engine.distances(fields="gradient_joints")
 
 
-# A link that turns about z, and what it is beside. At q = 0 their faces and edges lie side by side.
+# A link that rotates about z, and the obstacles next to it. At q = 0 their faces and edges are parallel.
 ROUND_LINK = """<robot name="r"><link name="base"/><link name="l"><collision><origin xyz="0.3 0.05 0.02" rpy="{rpy}"/>
 <geometry>{shape}</geometry></collision></link><joint name="j" type="continuous"><parent link="base"/><child link="l"/>
 <axis xyz="0 0 1"/></joint></robot>"""
@@ -119,7 +119,7 @@ BESIDE = {
 
 @pytest.mark.parametrize("beside", BESIDE)
 def test_gradients_of_round_bodies_are_right_or_flagged(tmp_path, beside):
-    """Before differences, at the default tolerance: to what the normal is known to then, or NONSMOOTH."""
+    """Compared with differences, at the default tolerance: accurate to the normal's uncertainty, or NONSMOOTH."""
     step, seen, flagged = 1e-5, 0, 0
     rng = np.random.default_rng(3)
     for shape in ROUND_SHAPES:
@@ -137,7 +137,7 @@ def test_gradients_of_round_bodies_are_right_or_flagged(tmp_path, beside):
                 for d in (-step, 0, step)
             )
             smooth = (r.flags & Flag.NONSMOOTH) == 0
-            slopes = np.sort([(here - below) / step, (above - here) / step], axis=0)  # which differ beside an edge
+            slopes = np.sort([(here - below) / step, (above - here) / step], axis=0)  # they differ next to an edge
             gradient = r.gradient_joints[..., 0]
             wrong = np.maximum(slopes[0] - gradient, gradient - slopes[1])
             assert (wrong[smooth] < 5e-3).all(), (shape, rpy, wrong[smooth].max())
@@ -311,7 +311,7 @@ def one(request, engine, arm_daemon, kinds):
 
 
 def test_a_check_says_which_joints_are_beyond_their_limits(one):
-    pairs = [("cup", "table")]  # free wherever the arm is
+    pairs = [("cup", "table")]  # free for all positions of the arm
     rows = np.array([HOME, HOME, HOME, HOME])
     rows[1, 7], rows[3, 0], rows[3, 1] = 0.05, -3.0, math.nan
     with warnings.catch_warnings():
@@ -329,7 +329,7 @@ def test_a_check_says_which_joints_are_beyond_their_limits(one):
     )
     assert within and within.ok.all() and not within.beyond_limits.any() and within.limit_violations == ()
     assert repr(within) == "<clearance.Check: 2 of 2 free>"
-    rows[1] = HOME  # what was answered stays
+    rows[1] = HOME  # earlier answers stay
     assert check.limit_violations[0].position == 0.05
     edge = one.check([[2.9, *HOME[1:]], [-2.9, *HOME[1:]]], joints=list(one.joints("arm").names), pairs=pairs)
     assert edge.ok.all(), "at the limit is within"

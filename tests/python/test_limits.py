@@ -1,4 +1,4 @@
-"""No test can hang: those of ctest and of pytest have limits."""
+"""No test can hang: tests of ctest and of pytest have time limits."""
 
 import json
 import os

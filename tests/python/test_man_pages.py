@@ -1,4 +1,4 @@
-"""The man pages that the build makes hold all that the programs say of themselves, and roff takes them as they are."""
+"""The generated man pages contain all help texts of the programs, and roff accepts them."""
 
 import os
 import re
@@ -44,7 +44,7 @@ def test_roff_warns_of_nothing(tmp_path):
 
 
 def completed(*words):
-    """What bash offers for the last of some words."""
+    """Completions that bash offers for the last of some words."""
     script = (
         'source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _clearance; printf "%s\\n" "${COMPREPLY[@]}"'
     )

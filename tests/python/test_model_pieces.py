@@ -1,4 +1,4 @@
-"""model="pieces": bodies answered by convex pieces alone, in process and through a daemon over every transport."""
+"""model="pieces": bodies answered by convex parts alone, in process and through a daemon over every transport."""
 
 import subprocess
 from types import SimpleNamespace
@@ -20,8 +20,8 @@ bodies:
   - {name: plate, mesh: bracket.obj, convexify: solid, static: true, pose: [0,3,0, 1,0,0,0]}
   - {name: floor, half_space: true, pose: [0,0,-1, 1,0,0,0]}
 """
-SHRUNK = 0.01  # metres, of each side of each piece
-# The ball: in the bracket's corner, nearly at its foot, in it, and far away.
+SHRUNK = 0.01  # metres, for each side of each part
+# The ball: in the bracket's corner, near its foot, inside it, and far away.
 PLACES = np.array([[at(0.6, 0.25, 0.6)], [at(0.6, 0.25, 0.355)], [at(0.6, 0.25, 0.2)], [at(9)]], float)
 TRUE = [0.25, 0.005, 0.0]
 
@@ -37,7 +37,7 @@ def bracket_text():
     """An L of 1 m, 0.25 m thick and 0.5 m wide."""
     profile = [(0, 0), (1, 0), (1, 0.25), (0.25, 0.25), (0.25, 1), (0, 1)]
     lines = [f"v {x} {y} {z}" for y in (0, 0.5) for x, z in profile]
-    for a, b, c in ((1, 2, 3), (1, 3, 4), (1, 4, 5), (1, 5, 6)):  # sides: the corner sees all of the L
+    for a, b, c in ((1, 2, 3), (1, 3, 4), (1, 4, 5), (1, 5, 6)):  # sides: all of the L is visible from the corner
         lines += [f"f {a} {b} {c}", f"f {a + 6} {c + 6} {b + 6}"]
     for i in range(1, 7):
         j = i % 6 + 1
@@ -84,7 +84,7 @@ def test_the_interval_holds_the_mesh_s_distance_and_is_as_wide_as_the_pieces_mis
 
 def test_signed_values_below_0_are_the_pieces(front):
     pieces = ask(front, model="pieces", signed=True)
-    depth = 0.25 - SHRUNK - 0.1  # of the ball's lowest point below the piece's top
+    depth = 0.25 - SHRUNK - 0.1  # of the ball's lowest point below the part's top
     assert pieces.lower[2] <= -depth <= pieces.upper[2] < 0
     assert pieces.status[2] == Status.OVERLAP and pieces.flags[2] & Flag.PIECES and not pieces.flags[0] & Flag.PIECES
     assert pieces.lower[0] <= TRUE[0] <= pieces.upper[0]
@@ -99,7 +99,7 @@ def test_reductions_and_decisions(front):
     assert within.lower.size == 2 and within.configuration.tolist() == [1, 2]
     nearest = front.distances(reduce="nearest", **asked)
     assert nearest.lower.size == len(PLACES) * 4
-    truth = {"pairs": [("bracket", "ball")], "bodies": ["ball"]}  # what is kept of one is not taken for the other
+    truth = {"pairs": [("bracket", "ball")], "bodies": ["ball"]}  # results cached for one are not used for the other
     assert front.check(PLACES, **truth).free.tolist() == [True, True, False, True]
     check = front.check(PLACES, pairs=[("bracket", "ball")], bodies=["ball"], model="pieces")
     assert check.free.tolist() == [True, False, False, True]

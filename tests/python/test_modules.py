@@ -1,4 +1,4 @@
-"""The extension modules as files: what they show to the rest of the process, and what they need."""
+"""The extension modules as files: their exported symbols and their dependencies."""
 
 import ast
 import graphlib
@@ -58,7 +58,7 @@ def test_importing_the_package_loads_no_engine():
     ["clearance._engine", "clearance._client", "lcm", "numpy"],
 ])  # fmt: skip
 def test_lives_in_one_process_with_others(order, tmp_path):
-    """LCM's own module holds another copy of liblcm and glib than ours do."""
+    """LCM's own module contains another copy of liblcm and glib than ours."""
     for name in ("lcm", "clearance._engine"):
         if importlib.util.find_spec(name) is None:
             order = [other for other in order if other != name]
@@ -131,7 +131,7 @@ def package_modules(root):
 
 
 def imported_modules(name, path, modules):
-    """The package's modules that one of them imports: anywhere in it, for its types alone as well."""
+    """The package's modules that one of them imports, at any place and also for types alone."""
     package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -150,7 +150,7 @@ def test_no_module_imports_one_that_imports_it(root):
     imports = {name: imported_modules(name, path, modules) for name, path in modules.items()}
     assert len(modules) > 50 and sum(map(len, imports.values())) > 250
     assert "clearance._scene" in imports["clearance"]  # within `if TYPE_CHECKING`
-    tuple(graphlib.TopologicalSorter(imports).static_order())  # raises CycleError, which names the circle
+    tuple(graphlib.TopologicalSorter(imports).static_order())  # raises CycleError, which names the cycle
 
 
 def test_unknown_attribute():
@@ -159,7 +159,7 @@ def test_unknown_attribute():
 
 
 def test_dev_link_makes_a_venv_import_a_build(root, tmp_path):
-    """What `make build` does to .venv: one line in one file, written once."""
+    """Effect of `make build` on .venv: one line in one file, written once."""
     import venv
 
     venv.create(tmp_path / "venv", with_pip=False)

@@ -1,5 +1,5 @@
-"""Certificates of motions: every kind of proof is found good by a program that shares nothing with the engine, and
-every tampering with one is found."""
+"""Certificates of motions: every kind of proof is accepted by a program that shares nothing with the engine, and every
+tampering is detected."""
 
 import copy
 import random
@@ -35,7 +35,7 @@ ARM = """<robot name="arm">
 
 @pytest.fixture(scope="module")
 def engine(tmp_path_factory):
-    """Joints of four kinds, bodies that move and follow, and those that are known less well than their poses say."""
+    """Joints of four kinds, bodies that move and follow, and bodies with uncertain poses."""
     urdf = tmp_path_factory.mktemp("arm") / "arm.urdf"
     urdf.write_text(ARM)
     scene = clearance.Scene()
@@ -50,7 +50,7 @@ def engine(tmp_path_factory):
 
 
 def moves(count, seed, spread=0.6):
-    """Joints and a cart that carries them; an egg that goes by itself."""
+    """Joints and a cart that carries them; an egg that moves by itself."""
     rng = np.random.default_rng(seed)
     start = rng.uniform(-1, 1, (count, 3)) * [1, 1.5, 0.1]
     end = start + rng.uniform(-spread, spread, (count, 3)) * [1, 1, 0.2]
@@ -63,7 +63,7 @@ def moves(count, seed, spread=0.6):
 
 
 def check(checker, engine, seen, **asked):
-    """All rows are proved, and are those of motions(); counts kinds of proofs."""
+    """Checks that all rows are proved, and equal those of motions(); counts kinds of proofs."""
     result, document = engine.motions(**asked), engine.certificate(**asked).document
     rows = document["rows"]
     for name in ("lower", "upper"):
@@ -82,7 +82,7 @@ def check(checker, engine, seen, **asked):
 
 
 def kind_of_contact(row):
-    """Until when it is free, how that is proved, and what proves the hit."""
+    """Time until which it is free, the kind of that proof, and the proof of the hit."""
     first = row["first_contact"]
     until = first["free_until"] if first["free_until"] in (0, "inf") else "a while"
     by = {"spans of its own" if pair["free"] else "spans of all" for pair in row["pairs"]} if until else ()
@@ -91,7 +91,9 @@ def kind_of_contact(row):
 
 
 def test_first_contact(checker, engine):
-    """It is that of motions(), and proved for each reduction: by spans until then, and by a witness at that time."""
+    """It equals that of motions(), and is proved for each reduction: by spans until then, and by a witness at that
+    time.
+    """
     kinds = set()
     pairs = [("arm/finger", "egg"), ("arm/fore", "wall"), ("arm/upper", "vague")]
     for seed, reduce in ((3, "min"), (6, "min"), (3, "any"), (7, "any"), (3, "none")):
@@ -149,7 +151,7 @@ def test_half_turns_and_long_ways(checker):
 
 @pytest.fixture(scope="module")
 def document(engine):
-    """A row that is apart, by several spans that are looked at as bodies move."""
+    """A row that is apart, proved by several spans of moving bodies."""
     asked = {"pairs": [("arm/finger", "egg")], "reduce": "none"}
     for seed in range(10, 40):
         found = engine.certificate(**moves(1, seed), **asked).document
@@ -225,7 +227,7 @@ def test_tampering_is_found(checker, document, name):
 
 @pytest.fixture(scope="module")
 def touching(checker, engine):
-    """A row that is free for a while, by spans of its own of which some are halves of others, and is hit then."""
+    """A row that is free for a while, by its own spans, some of which are halves of others, and then hit."""
     asked = {"pairs": [("arm/finger", "egg")], "reduce": "none", "margin": 0.2, "abs_tol": 0.1}
     for seed in range(10, 90):
         found = engine.certificate(**moves(1, seed, spread=1.2), **asked).document
@@ -253,7 +255,7 @@ def last_free(d):
 
 
 def free_longer(d):
-    """Until it is within its margin, in spans as well."""
+    """Until it is within its margin, also in the spans."""
     last_free(d)["end"] = first(d)["free_until"] = first(d)["hit_at"]
 
 
@@ -317,7 +319,7 @@ def test_tampering_with_first_contact_is_found(checker, touching, name):
 
 
 def test_decisions(checker, engine):
-    """`beyond` needs all pairs beyond their own margins, and a hit a witness within its margin."""
+    """`beyond` needs all pairs beyond their own margins, and a hit needs a witness within its margin."""
     asked = {**moves(1, 3, spread=0.2), "reduce": "any"}
     pairs = [("arm/upper", "wall"), ("arm/upper", "egg")]
     document = engine.certificate(**asked, pairs=pairs, margin=[0.001, 0.3]).document

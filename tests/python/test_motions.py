@@ -1,4 +1,4 @@
-"""Motions: the least distance all along, in process and through a daemon on every transport."""
+"""Motions: the least distance throughout, in process and through a daemon on every transport."""
 
 import json
 import subprocess
@@ -84,7 +84,7 @@ def test_a_decision_has_tolerances_that_decide(engine):
 
 
 def test_a_path_whose_search_ends_early_is_not_free():
-    """A ball turns around a post, 0.1 um from it, and hits an obstacle by 4 cm at 0.8 of its way."""
+    """A ball circles a post at 0.1 um, and penetrates an obstacle by 4 cm at 0.8 of its path."""
     scene = clearance.Scene()
     scene.add_sphere("post", 0.95 - 1e-7, static=True, pose=at(0, 0, 0))
     scene.add_sphere("obstacle", 0.03, static=True, pose=at(1.04 * np.cos(2.4), 1.04 * np.sin(2.4), 0))

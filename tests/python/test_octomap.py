@@ -1,7 +1,7 @@
-"""Octomaps in scene files, beside their occupied leaves as liboctomap itself lists them.
+"""Octomaps in scene files, compared with the occupied leaves according to liboctomap.
 
-octomaps/*.bt and *.ot were written by liboctomap 1.9.7, and *.txt are the centres of what it calls occupied in them,
-cut into voxels (OcTree::expand()).
+octomaps/*.bt and *.ot were written by liboctomap 1.9.7, and *.txt are the centres of the voxels that it reports
+occupied in them, after OcTree::expand().
 """
 
 import pathlib

@@ -1,4 +1,4 @@
-"""What pages name and the tests do not run: it is little, each has its reason, and our own programs would take it."""
+"""Commands on pages that the tests do not run: few, each with a reason, and our own programs accept them."""
 
 import re
 import shlex
@@ -38,7 +38,7 @@ def test_the_list_of_what_is_left_out_is_up_to_date():
 
 
 def commands(*programs):
-    """(page, command) of what is left out, where the command is one of some programs'."""
+    """(page, command) of the untested commands of the given programs."""
     found = []
     for page in snippets.pages():
         name = snippets.name_of(page)

@@ -1,4 +1,4 @@
-"""Pages whose snippets are run, and pages that are made from the code."""
+"""Pages whose snippets are run, and pages that are generated from the code."""
 
 import os
 import re

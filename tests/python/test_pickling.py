@@ -1,4 +1,4 @@
-"""What goes to other processes, and what says why it does not."""
+"""Objects that can be sent to other processes, and the errors of those that cannot."""
 
 import concurrent.futures
 import copy

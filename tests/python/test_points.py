@@ -1,4 +1,4 @@
-"""Bodies of points: made, replaced in this process and through every transport, and refused."""
+"""Bodies of points: created, replaced in this process and through every transport, and rejected."""
 
 import importlib.util
 import time
@@ -30,7 +30,7 @@ def scene_file(tmp_path):
 
 
 def gap(who, other="ball", body="cloud"):
-    """The bounds of a body's distance, as exact as asked; None: there is no distance."""
+    """The bounds of a body's distance to the given accuracy, or None if there is no distance."""
     answer = who.distances(pairs=[(body, other)])
     if answer.status[0, 0] != clearance.Status.OK:
         return None
@@ -43,14 +43,14 @@ def expect(bounds, distance):
 
 
 def exact(points, radius):
-    """The least distance to the ball, in reals but for the last digits."""
+    """The least distance to the ball, exact up to the last digits."""
     return np.sqrt(((points.astype(np.longdouble) - [10, 0, 0]) ** 2).sum(1)).min() - 0.5 - radius
 
 
 def check_updates(who):
     rng = np.random.default_rng(7)
-    assert who.distances(pairs=[("cloud", "ball")]).status[0, 0] == clearance.Status.BEYOND  # nothing is there
-    assert who.distances(pairs=[("live", "ball")]).status[0, 0] == clearance.Status.NO_POSE  # nothing is known
+    assert who.distances(pairs=[("cloud", "ball")]).status[0, 0] == clearance.Status.BEYOND  # no points yet
+    assert who.distances(pairs=[("live", "ball")]).status[0, 0] == clearance.Status.NO_POSE  # no pose yet
     for n, radius in ((1, None), (5000, 0.02), (30000, 0.0)):
         points = rng.normal(size=(n, 3)).astype(np.float32)
         done = who.set_points("cloud", points, radius)
@@ -268,11 +268,11 @@ def test_messages_of_lcm_make_a_cloud(scene_file, start_daemon, kinds):
             bus.publish("CLEARANCE_POINTS", message.encode())
 
     with clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) as client:
-        send([0, 2], 1)  # never whole
+        send([0, 2], 1)  # never complete
         deadline = time.monotonic() + PATIENCE_S
         while not client.stats().get("points.updates", 0):
             assert time.monotonic() < deadline
-            send([2, 0, 1], 2)  # UDP may lose some: again, as a publisher does
+            send([2, 0, 1], 2)  # UDP may lose some: repeated, as a publisher does
             time.sleep(0.05)
         low, high = gap(client)
         assert low - 1e-12 <= float(exact(points, 0.02)) <= high + 1e-12

@@ -1,4 +1,4 @@
-"""Queries that are parsed once: the same answers as of distances(), from the engine and from a client."""
+"""Prepared queries: the same answers as from distances(), by the engine and a client."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_answers_are_those_of_distances(front, copy):
     pairs = [("cup", "*"), ("forearm", "table")]
     prepared = front.prepare(pairs=pairs, max_distance=0.5, fields="default", copy=copy)
     expected = front.distances(pairs, max_distance=0.5, fields="default")
-    for _ in range(40):  # more than there are slots: each answer gives its own back
+    for _ in range(40):  # more than there are slots: each answer releases its own
         result = prepared()
         assert same(result, expected)
     assert np.array_equal(result.pairs, expected.pairs)

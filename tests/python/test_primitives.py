@@ -1,4 +1,4 @@
-"""Primitives come back from a saved scene."""
+"""Primitives are restored from a saved scene."""
 
 import clearance
 

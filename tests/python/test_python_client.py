@@ -1,4 +1,4 @@
-"""The client in Python alone: the tests of the native client, and what it refuses."""
+"""The client in Python alone: the tests of the native client, and its rejections."""
 
 import os
 import re

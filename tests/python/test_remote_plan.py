@@ -1,5 +1,5 @@
-"""Plans of a daemon: what they take, copy and refuse, by stand-ins for the daemon's plan and the CUDA driver; and with
-a GPU against the CPU, through a daemon."""
+"""Device queries of a daemon: accepted arguments, copies and rejections, with fakes of the daemon's plan and the CUDA
+driver; and with a GPU compared with the CPU, through a daemon."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class StandInDriver:
 
 
 class StandInPlan:
-    """In place of the extension module's: writes rows from what is in the memory when it is run."""
+    """Replaces the extension module's plan: computes rows from the contents of the memory when it is run."""
 
     def __init__(self, driver: StandInDriver, joints: int = 0):
         self.driver, self.joints = driver, joints
@@ -99,7 +99,7 @@ def some_poses(seed: int) -> np.ndarray:
 
 
 def seen(array: Any) -> np.ndarray:
-    """What a DeviceArray's memory holds."""
+    """The contents of a DeviceArray's memory."""
     interface = array.__cuda_array_interface__
     count = int(np.prod(interface["shape"])) * np.dtype(interface["typestr"]).itemsize
     raw = (ctypes.c_uint8 * count).from_address(interface["data"][0])
@@ -205,7 +205,7 @@ def test_rows_keep_the_memory_mapped(driver: StandInDriver) -> None:
 
 
 class NoSuchDevice:
-    """A driver that knows one device, of another UUID; cuDeviceGet fails on request."""
+    """A driver with one device, of another UUID; cuDeviceGet fails on request."""
 
     def __init__(self, fails: str = ""):
         self.fails = fails
@@ -269,11 +269,11 @@ def test_rows_of_a_daemons_gpu(urdf: str, tmp_path: Path, start_daemon: Any) -> 
                 for array in (given, positions):
                     rows = plan(positions=array)
                     got = {name: device.get(getattr(rows, name)) for name in columns}
-                    apart = (expected.lower > 0) & (got["lower"] > 0)  # of what overlaps the CPU finishes some
+                    apart = (expected.lower > 0) & (got["lower"] > 0)  # the CPU completes some overlapping pairs
                     assert apart.mean() > 0.7
                     for name in columns:
                         np.testing.assert_array_equal(got[name][apart], getattr(expected, name)[apart], err_msg=name)
-        wait_until(lambda c=client: c.stats()["plans.open"] == 0)  # freed on a thread of its own
+        wait_until(lambda c=client: c.stats()["plans.open"] == 0)  # freed by a thread of its own
 
 
 @needs_gpu

@@ -1,4 +1,4 @@
-"""clearance robot: what a URDF holds, and where joint positions put its links."""
+"""clearance robot: the contents of a URDF, and poses of links for given joint positions."""
 
 import csv
 import io
@@ -143,7 +143,7 @@ def test_pairs_says_what_is_proved_and_writes_an_srdf_that_is_read_again(tmp_pat
     assert answer.returncode == 0, answer.stderr
     found = {frozenset((r["link_a"], r["link_b"])): r["finding"] for r in csv.DictReader(io.StringIO(answer.stdout))}
     assert found[frozenset(("wrist", "palm"))] == "adjacent"
-    assert found[frozenset(("fore", "palm"))] == "always"  # the palm's ball reaches into the fore arm's box
+    assert found[frozenset(("fore", "palm"))] == "always"  # the palm's ball reaches into the forearm's box
     assert found[frozenset(("wrist", "left_finger"))] == "never"
     assert found[frozenset(("base", "flange"))] == "sometimes"
     written = srdf.read_text()

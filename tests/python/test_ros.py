@@ -1,4 +1,4 @@
-"""The ROS 2 package's logic against a daemon, with stand-ins of the message types: ROS is not needed."""
+"""The ROS 2 package's logic with a daemon and fakes of the message types; ROS is not needed."""
 
 import ast
 import importlib
@@ -51,7 +51,7 @@ def header(ns):
 
 
 def pose(x=0.0, y=0.0, z=0.0, q=(0.0, 0.0, 0.0, 1.0)):
-    """geometry_msgs/Pose; the quaternion as ROS has it, w last."""
+    """geometry_msgs/Pose; the quaternion as in ROS, w last."""
     return Message(position=Message(x=x, y=y, z=z), orientation=Message(**dict(zip("xyzw", map(float, q)))))
 
 
@@ -153,7 +153,7 @@ def test_objects_come_move_and_go(bridge):
     assert "pair.0" not in {body.name for body in client.bodies}
     follower.on_scene(scene([thing("crate", APPEND, primitives=[(primitive(2, 0.1), pose())])]))
     assert client.bodies[-1].name == "crate.1"
-    follower.on_scene(scene([cone], is_diff=False))  # the whole scene: what it does not name is gone
+    follower.on_scene(scene([cone], is_diff=False))  # a whole scene removes objects that it does not name
     assert {body.name for body in client.bodies if "crate" in body.name or "pair" in body.name} == set()
     assert "table" in {body.name for body in client.bodies}
 
@@ -194,7 +194,7 @@ def test_an_attached_object_follows_its_link_and_may_touch_its_fingers(bridge):
 
 
 def test_pairs_that_may_touch_are_not_asked_about(bridge):
-    ball = thing("ball", primitives=[(primitive(2, 0.05), pose(0.4, 0.3, 0.5))])  # where the cup is
+    ball = thing("ball", primitives=[(primitive(2, 0.05), pose(0.4, 0.3, 0.5))])  # at the cup's place
     bridge.scene.on_scene(scene([ball]))
     ids = sorted((bridge.client.body_id("ball"), bridge.client.body_id("cup")))
     assert ids in np.sort(bridge.client.pairs, axis=1).tolist()
@@ -240,7 +240,7 @@ def test_a_new_version_that_cannot_be_taken_leaves_the_old_one(bridge):
 
 
 def test_without_a_name_all_are_meant(bridge):
-    """As in MoveIt: a removal that names no object is of all of them, of what is attached as of what is not."""
+    """As in MoveIt: a removal without a name removes all objects, attached or not."""
     client, follower = bridge.client, bridge.scene
     link = next(body.name for body in reversed(client.bodies) if body.name.startswith("arm/") and body.piece_count)
     balls = [thing(name, primitives=[(primitive(2, 0.05), pose(k))]) for k, name in enumerate("abc", 3)]
@@ -324,7 +324,7 @@ print(bridge.Bridge(clearance.connect(sys.argv[1]), "arm").report(0.5).least)
 
 
 def test_the_package_is_whole():
-    """What ROS looks for is there, and the node imports nothing else of ROS than package.xml names."""
+    """The files that ROS needs exist, and the node imports no other ROS package than those of package.xml."""
     text = (PACKAGE / "package.xml").read_text()
     tree = ast.parse((PACKAGE / "clearance_ros" / "node.py").read_text())
     modules = {
@@ -386,7 +386,7 @@ def test_a_message_sent_again_is_no_sign_of_life(bridge):
 
 
 def test_a_clock_that_was_set_back_is_followed(bridge):
-    """As when a simulation begins again, or use_sim_time is switched on."""
+    """As when a simulation restarts, or use_sim_time is switched on."""
     position = lambda: next(j.position for j in bridge.client.joint_states() if j.name == "arm/joint1")  # noqa: E731
     now, second = time.time_ns(), 10**9
     bridge.on_joints(joints(now, joint1=0.1, joint4=-1.0))
@@ -441,7 +441,7 @@ def test_objects_of_planning_scenes_do_not_age_and_those_that_are_lost_are_misse
 
 
 def answers(bridge):
-    """Whether a daemon is there again; raises what it refuses with."""
+    """Returns whether a daemon is running again; raises its rejection."""
     try:
         return bridge.report(0.5) is not None
     except clearance.ConnectionError:
@@ -453,7 +453,7 @@ def answers(bridge):
 
 @pytest.fixture
 def make_node(ros, bridge, monkeypatch):
-    """make_node(parameter=value, ...) -> the node itself, on a stand-in of rclpy, and what it publishes by topic."""
+    """make_node(parameter=value, ...) -> the node itself, on a fake rclpy, and its publications by topic."""
     published = {}
 
     given = {"url": bridge.daemon.urls["ipc"], "robot": "arm", "within": 0.5}
@@ -526,7 +526,7 @@ def test_the_node_publishes_what_the_bridge_reports(bridge, make_node):
     assert ["planes are not taken" in text for text in published["log"]] == [True]
     with clearance.connect(bridge.daemon.urls["ipc"]) as other:
         other.add_body("new", sphere=0.1, pose=at(5))
-    node.calls["timer"]()  # is refused, and learns the scene
+    node.calls["timer"]()  # is rejected, and fetches the scene
     node.calls["timer"]()
     assert len(published["~/clearance"]) == 2 and len(published["log"]) == 2
     states = [message.status[0] for message in published["/diagnostics"]]
@@ -575,7 +575,7 @@ def test_the_node_shows_that_its_daemon_died(bridge, make_node):
     assert len(published["~/distances"]) == shown, "no pairs are no answer"
     state = published["/diagnostics"][-1].status[0]
     assert state.level == b"\2" and bridge.daemon.urls["ipc"] in state.message
-    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))  # is said, and the node goes on
+    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))  # is reported, and the node continues
     assert len(published["log"]) == 3
 
 

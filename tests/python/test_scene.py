@@ -232,7 +232,7 @@ def test_a_saved_scene_is_the_same_scene(tmp_path, root):
 
 
 def test_the_cells_robot_stands_where_its_arm_does(root):
-    """arm.urdf and arm.py say the same of the same arm."""
+    """arm.urdf and arm.py describe the same arm."""
     spec = importlib.util.spec_from_file_location("arm", root / "scenes" / "cell" / "arm.py")
     arm = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(arm)

@@ -9,7 +9,7 @@ import clearance
 from patience import PATIENCE_S
 from scenes import IDENTITY, at
 
-#: A box of edge 2 about the origin, hollow above: closed, and not convex.
+#: A box of edge 2 about the origin with a hollow from above: closed, and not convex.
 CUP_VERTICES = [
     [r * x, r * y, z if r == 1 or z > 0 else -0.5]
     for r in (1.0, 0.5)
@@ -141,7 +141,7 @@ def test_what_is_wrong_with_a_mesh_is_said(arguments, error, text):
 
 
 def write_shelf(path):
-    """Five panels that do not touch: an open shelf, 1 m wide, 0.4 m deep, 2 m high."""
+    """Five separate panels: an open shelf, 1 m wide, 0.4 m deep, 2 m high."""
     panels = [
         ((0, 0.19, 0), (1, 0.02, 2)),
         ((-0.49, 0, 0), (0.02, 0.3, 2)),

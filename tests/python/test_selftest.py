@@ -1,4 +1,4 @@
-"""clearance selftest: every way to answer computes rightly."""
+"""clearance selftest: every backend computes correctly."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The set-up script and the Makefile: what a newcomer's machine meets first."""
+"""The set-up script and the Makefile on a new user's machine."""
 
 import json
 import os
@@ -98,6 +98,6 @@ def test_presets_that_look_for_bugs_have_assertions():
     presets = json.loads((ROOT / "CMakePresets.json").read_text())["configurePresets"]
     variables = {preset["name"]: preset["cacheVariables"] for preset in presets}
     assert variables["debug"]["CLEARANCE_WERROR"] == "ON"
-    for name in ("asan", "fuzz"):  # whose type's own flags leave assertions out
+    for name in ("asan", "fuzz"):  # their type's own flags leave assertions out
         assert variables[name]["CMAKE_BUILD_TYPE"] == "RelWithDebInfo"
         assert "NDEBUG" not in variables[name]["CMAKE_CXX_FLAGS_RELWITHDEBINFO"], name

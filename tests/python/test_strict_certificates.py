@@ -1,5 +1,5 @@
-"""What docs/certificates.md demands of a document beside its proofs: what does not keep to it is refused by the checker
-and by the judge, each by itself."""
+"""Requirements of docs/certificates.md on a document in addition to its proofs: the checker and the oracle each reject
+violations by themselves."""
 
 import copy
 
@@ -63,14 +63,14 @@ def claim(document, **changes):
 
 
 def renamed(document, name):
-    """Gives the only key of one of the configuration's tables another form."""
+    """Changes the format of the only key of one of the configuration's tables."""
     table = document["configurations"][0][name]
     [(key, ends)] = table.items()
     document["configurations"][0][name] = {"0" + key: ends}
 
 
 def without_a_triangle(document, piece):
-    """Of a solid one that the witness does not name, so that the border alone is wrong."""
+    """Removes a triangle of a solid that the witness does not name, so that only the border is wrong."""
     elements, named = document["pieces"][piece]["elements"], witness(document)["pieces"]
     if named[piece] == len(elements) - 1:
         elements[-2:] = elements[:-3:-1]
@@ -79,7 +79,7 @@ def without_a_triangle(document, piece):
 
 
 def pair_of_another_row(document):
-    """The row of two bodies has what is proved of two others; no witness tells."""
+    """Gives the row of two bodies the proof of two others; no witness shows that."""
     first, second = document["rows"]
     assert first["upper"] == second["upper"] == "inf" and first["bodies"] != second["bodies"]
     first["pairs"] = copy.deepcopy(second["pairs"])
@@ -92,7 +92,7 @@ def free_of_no_spans(document):
 
 
 MUTATIONS = {
-    # Bodies that are not convex.
+    # Non-convex bodies.
     "a border far from the other body": ("solids", lambda d: without_a_triangle(d, 1)),
     "a border of the first": ("solids", lambda d: without_a_triangle(d, 0)),
     "a border beside a box": ("solid and box", lambda d: without_a_triangle(d, 0)),

@@ -1,5 +1,5 @@
-"""Certificates of bodies that are not convex: surfaces, solids and clouds. Rows of every status are proved, and what is
-tampered with is found, by both judges."""
+"""Certificates of non-convex bodies: surfaces, solids and clouds. Rows of every status are proved, and both checkers
+detect tampering."""
 
 import copy
 import json
@@ -57,7 +57,7 @@ def ball(radius, faces=4):
 
 
 def shell():
-    """A ball with a hollow ball in it, and triangles that say nothing: one that is there twice, there and back, and one
+    """A ball with a hollow ball in it, and redundant triangles: a duplicate, a pair of opposite orientation, and one
     without area."""
     outer, outside = ball(1.0)
     inner, inside = ball(0.7)
@@ -133,7 +133,7 @@ def test_rows_are_proved_and_are_those_of_distances(checker, arguments, seen):
 
 
 def test_what_is_in_a_hollow_is_apart(checker):
-    """In the hollow of a shell, in its wall, and around all of it; a part of several in the wall."""
+    """In the hollow of a shell, in its wall, and around all of it; a component of several in the wall."""
     scene = clearance.Scene()
     scene.add_body("shell", mesh=shell(), convexify="solid", pose=at(0))
     scene.add_body("in the hollow", mesh=torus(8, 5, 0.2, 0.05), convexify="solid", pose=at(0.1))
@@ -150,7 +150,7 @@ def test_what_is_in_a_hollow_is_apart(checker):
     assert [row["status"] for row in document["rows"]] == ["ok", "overlap", "ok", *["overlap"] * 3, "ok"]
     assert [row["witness"].get("within") for row in document["rows"]] == [None, 0, None, 0, 0, 0, None]
     proved(checker, document)
-    # The same triangles as a surface: all but the cut are apart. That it were a solid is then not to be said.
+    # The same triangles as a surface: all but the cut are apart. A claim that it is a solid must then fail.
     scene = clearance.Scene()
     scene.add_body("shell", mesh=shell(), convexify="surface", pose=at(0))
     scene.add_body("in the wall", mesh=torus(8, 5, 0.02, 0.005), convexify="surface", pose=at(0.85))
@@ -163,7 +163,7 @@ def test_what_is_in_a_hollow_is_apart(checker):
 
 
 def test_links_that_are_solids(checker, tmp_path):
-    """Placed in numbers that are rounded, and with slack."""
+    """Placed with rounding, and with slack."""
     vertices, triangles = torus(8, 5, 0.3, 0.1)
     rows = "".join(f"v {x} {y} {z}\n" for x, y, z in vertices)
     (tmp_path / "ring.obj").write_text(rows + "".join(f"f {i + 1} {j + 1} {k + 1}\n" for i, j, k in triangles))
@@ -186,7 +186,7 @@ def test_links_that_are_solids(checker, tmp_path):
 
 @pytest.fixture(scope="module")
 def documents():
-    """One row each, by what it is of."""
+    """One row each, by its content."""
     scene = clearance.Scene()
     scene.add_body("ring", mesh=torus(9, 6), convexify="solid")
     scene.add_body("link", mesh=torus(9, 6), convexify="solid")
@@ -212,7 +212,7 @@ def documents():
 
 
 def several(document):
-    """A claim of several pieces of a or b, and which."""
+    """A claim about several parts of a or b, and the index of that body."""
     return next((c, k) for c in claims(document) for k in (0, 1) if c["pieces"] and type(c["pieces"][k]) is list)
 
 
@@ -339,7 +339,7 @@ def test_the_documents_are_good_and_name_each_vertex_once(checker, documents):
 
 
 def test_motions_are_proved(checker):
-    """Through a ring and into it, of a solid, and past a cloud; until first contact, too."""
+    """Through a ring and into it, of a solid, and past a cloud; also until first contact."""
     scene = clearance.Scene()
     scene.add_body("ring", mesh=torus(12, 8), convexify="solid", static=True, pose=at(0))
     scene.add_body("hand", mesh=torus(6, 4, 0.2, 0.06), convexify="solid")

@@ -1,4 +1,4 @@
-"""Sweeps on this machine: rows come out as in process, in the same bytes whoever makes them and whatever is killed."""
+"""Sweeps on this machine: the same rows as in process, byte for byte, for any workers and after any kills."""
 
 import contextlib
 import importlib.util
@@ -147,7 +147,7 @@ def test_a_run_that_is_killed_five_times_gives_the_bytes_of_one_that_is_not(tmp_
             wanted = parts_done(result) + 1
             until(lambda wanted=wanted: parts_done(result) >= wanted, process)
         kill(process)
-        assert not (result / "manifest.json").exists()  # it was in mid-run
+        assert not (result / "manifest.json").exists()  # interrupted in mid-run
     assert 0 < killed_workers < 5
     code, text = finish(start(tmp_path / "job.json", "--workers", 2))
     assert code == 0 and "goes on" in text, text
@@ -174,7 +174,7 @@ def test_a_worker_that_is_killed_is_replaced(tmp_path, urdf):
 
 
 def test_only_what_is_whole_is_believed(tmp_path, urdf):
-    """A part with a changed byte, one that is gone, half a line of journal, and what a killed worker left."""
+    """A part with a changed byte, a missing part, half a line of journal, and a killed worker's remains."""
     job = arm_job(tmp_path, urdf)
     undisturbed, result = done(job, tmp_path, workers=1), tmp_path / "result"
     part = result / "parts" / part_name(3)
@@ -212,7 +212,7 @@ def test_another_job_or_another_run_in_the_folder_is_refused(tmp_path, urdf):
 
 
 class Wrong(Worker):
-    """Answers with the last bit of some number changed; of parts that it writes, or of rows that it is asked again."""
+    """Changes the last bit of some number, in parts that it writes or in rows that are recomputed as a check."""
 
     def perform(self, task):
         import clearance.sweep._work as work
@@ -254,7 +254,7 @@ def test_a_machine_that_answers_otherwise_is_named(tmp_path, urdf, size, wrong, 
     with pytest.raises(SweepError, match=said) as caught:
         driven(plan, size, make)
     assert "rows asked again do not come out as they are written: row " in str(caught.value)
-    # What it has written is not believed, and made anew by those who take over.
+    # Its parts are not accepted, and are recomputed by the workers that take over.
     summary, _ = driven(plan, 2, lambda number: Worker(plan.spec, plan.packed))
     assert summary.made > 0
     other = prepare(Job.from_dict(arm_job(tmp_path, urdf, answer="least", check=0.05), tmp_path), tmp_path / "other")
@@ -270,13 +270,13 @@ def test_a_share_of_all_rows_is_asked_again_by_another(tmp_path, urdf):
     makers = {entry["done"]["part"]: entry["by"] for entry in entries if "done" in entry}
     checks = {entry["checked"]: entry["by"] for entry in entries if "checked" in entry}
     assert sorted(checks) == list(range(8)) and all(makers[part] != by for part, by in checks.items())
-    # Without a share nothing is; with one machine it is asked again itself.
+    # Without a share nothing is checked; with one machine it checks its own rows.
     plan = plan_of(tmp_path, urdf, output="none")
     assert driven(plan, 2, lambda number: Worker(plan.spec, plan.packed))[0].checked == 0
 
 
 class Sleepless:
-    """Does nothing, at once: what is left is the driver."""
+    """Does nothing, immediately, which leaves only the driver's work."""
 
     def __init__(self, fails=lambda part: None):
         self.fails = fails

@@ -1,4 +1,4 @@
-"""Jobs of sweeps: what a bad one is told, and rows that depend on their number alone."""
+"""Jobs of sweeps: errors of invalid ones, and rows that depend on their number alone."""
 
 import importlib
 import itertools
@@ -17,7 +17,7 @@ from sweeps import arm_job
 
 EDGES = {"edges": {"of": {"uniform": {"count": 50}}, "nearest": 3}}
 
-# Keys that replace those of a good job (None: the key is taken away), and what the error has to say, in this order.
+# Keys that replace those of a valid job (None removes the key), and the texts of the error, in order.
 BAD = {
     "no scene": ({"scene": None}, ["the job: expected one of scene, robot", "none"]),
     "both": ({"robot": {"urdf": "arm.urdf"}}, ["expected one of scene, robot", "scene and robot"]),
@@ -71,7 +71,7 @@ def with_keys(job, changes):
 @pytest.mark.parametrize("name", BAD)
 def test_a_bad_job_is_told_file_key_and_what_is_allowed(name, good, tmp_path):
     changes, parts = BAD[name]
-    Job.from_dict(good, tmp_path, "reach.yaml")  # without them it is one
+    Job.from_dict(good, tmp_path, "reach.yaml")  # valid without them
     with pytest.raises(JobError) as caught:
         Job.from_dict(with_keys(good, changes), tmp_path, "reach.yaml")
     text, place = str(caught.value), 0
@@ -100,7 +100,7 @@ def test_yaml_is_read_and_refused(tmp_path, good):
         Job.load(tmp_path / "bad.yaml")
 
 
-#: What only a scene can tell.
+#: Errors that only a scene can show.
 BAD_WITH_SCENE = {
     "joint": ({"joints": ["arm/joint9"]}, "joints: group[0]: no joint is named 'arm/joint9'; did you mean"),
     "limits": ({"limits": {"arm/joint7": [0, 1]}}, "limits.arm/joint7: is not a joint of this job; there are arm/j"),
@@ -171,7 +171,7 @@ def test_a_row_depends_on_its_number_alone(rows):
 
 
 def test_uniform_is_split_mix_64():
-    """By integers of Python: the finaliser twice, of the seed and of the count."""
+    """By Python integers: the finaliser twice, of the seed and of the count."""
     gamma, bits = 0x9E3779B97F4A7C15, (1 << 64) - 1
 
     def mixed(z):
@@ -179,7 +179,7 @@ def test_uniform_is_split_mix_64():
         z = (z ^ (z >> 27)) * 0x94D049BB133111EB & bits
         return z ^ (z >> 31)
 
-    # The generator itself, from its published first numbers for the seed 1234567.
+    # The generator itself, checked with its published first numbers for the seed 1234567.
     assert [mixed(1234567 + (i + 1) * gamma & bits) for i in range(2)] == [6457827717110365317, 3203168211198807973]
     unit = Uniform(Box(np.zeros(2), np.ones(2)), 1 << 50, 99)
     far = (1 << 50) - 1

@@ -1,4 +1,4 @@
-"""Sweeps on Ray: the bytes of a sweep without it, whatever is killed; and its simulated cluster of many machines."""
+"""Sweeps on Ray: the bytes of a sweep without it, after any kills; and its simulated cluster of many machines."""
 
 import json
 import os
@@ -27,7 +27,7 @@ OPTIONS = ("--ray", "--workers", 2, "--quiet")
 
 @pytest.fixture
 def job(tmp_path, urdf, request):
-    """A job file of 40 parts, of 50 rows or as many as a test says, and what a run without Ray makes of it."""
+    """A job file of 40 parts, of 50 rows or as many as a test specifies, and the result of a run without Ray."""
     job = motion_job(tmp_path, urdf, part_rows=getattr(request, "param", 50), check=0.05)
     (tmp_path / "job.json").write_text(json.dumps(job))
     run(Job.load(tmp_path / "job.json"), output=tmp_path / "undisturbed", workers=2)
@@ -47,7 +47,7 @@ def assert_once(job):
 
 
 def children(pid):
-    """Process numbers and names of all that a process has started, and they in turn."""
+    """Process numbers and names of all descendants of a process."""
     parents, names = {}, {}
     for path in pathlib.Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -91,16 +91,16 @@ def test_the_driver_is_killed(job):
     assert_once(job)
 
 
-@pytest.mark.parametrize("job", [1500], indirect=True)  # Ray takes some ten seconds to miss it
+@pytest.mark.parametrize("job", [1500], indirect=True)  # Ray takes some ten seconds to notice the loss
 def test_the_store_is_killed(job):
-    """The raylet, whose process holds the object store: the only one. What the run has not done, the next one does."""
+    """The raylet, whose process holds the only object store. The next run completes the rest."""
     process = start(job, *OPTIONS)
     until(lambda: parts_done(job.parent / "result") >= 3, process)
     (raylet,) = (number for number, name in children(process.pid).items() if name == "raylet")
     os.kill(raylet, signal.SIGKILL)
-    assert not (job.parent / "result/manifest.json").exists()  # it was in mid-run
+    assert not (job.parent / "result/manifest.json").exists()  # interrupted in mid-run
     code, text = finish(process)
-    if code:  # else its workers, to whom the driver speaks directly, were done before they missed it
+    if code:  # otherwise its workers, which the driver addresses directly, finished before they noticed the loss
         assert not (job.parent / "result/manifest.json").exists(), text
         code, text = finish(start(job, *OPTIONS))
     assert code == 0, text
@@ -112,7 +112,7 @@ def test_the_store_is_killed(job):
 
 @pytest.fixture
 def cluster():
-    """Ray's simulated cluster: each node is a raylet with a store of its own. The head has no CPUs, so no workers."""
+    """Ray's simulated cluster: each node is a raylet with its own store. The head has no CPUs, so no workers."""
     from ray.cluster_utils import Cluster
 
     store = {"object_store_memory": 1 << 27}
@@ -129,7 +129,7 @@ def connect(cluster):
 
 @pytest.mark.parametrize("job", [4000], indirect=True)
 def test_a_machine_with_its_store_is_killed(job, cluster):
-    """Of two nodes one is killed; its workers are lost, and others begin on the node that is left."""
+    """Of two nodes one is killed; its workers are lost, and others start on the remaining node."""
     cluster.add_node(num_cpus=3, **cluster.node_arguments)
     second = cluster.add_node(num_cpus=1, **cluster.node_arguments)
     connect(cluster)
@@ -155,10 +155,10 @@ def test_a_machine_with_its_store_is_killed(job, cluster):
 
 
 class Sleeping:
-    """Takes the time of an engine, and leaves the processor to others."""
+    """Takes the time of an engine without using the processor."""
 
     def __init__(self, spec, packed):
-        assert packed.data  # the scene has come
+        assert packed.data  # the scene has arrived
 
     def perform(self, task):
         time.sleep(1.0)
@@ -166,7 +166,7 @@ class Sleeping:
 
 
 def test_thirty_two_workers_on_four_machines(tmp_path, urdf, cluster):
-    """Each part is done once, by one of 32, all of whom have work; few are under way at a time."""
+    """Each part is done once, by one of 32 workers, all of which get work; few are in progress at a time."""
     for _ in range(4):
         cluster.add_node(num_cpus=8, **cluster.node_arguments)
     connect(cluster)

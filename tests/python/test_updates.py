@@ -1,4 +1,4 @@
-"""An update that is rejected changes nothing, on every way in; one that is accepted counts what is bad in it."""
+"""A rejected update changes nothing, over any interface; an accepted one counts its invalid entries."""
 
 import math
 import shutil
@@ -30,7 +30,7 @@ def scene(tmp_path, urdf):
 
 
 def state_of(front):
-    """All that updates can change."""
+    """All state that updates can change."""
     bodies = [(*s.pose, s.status, s.parent, s.stamp_ns) for s in front.body_states()]
     joints = [(s.position, s.status, s.stamp_ns) for s in front.joint_states()]
     r = front.distances([("cloud", "cup")], fields=["lower", "upper"])
@@ -38,7 +38,7 @@ def state_of(front):
 
 
 def rejected(front):
-    """Calls whose first entry is good, and what they raise."""
+    """Calls whose first entry is valid, and their exceptions."""
     later = time.time_ns() + 3600 * 10**9
     sheared = np.eye(4)
     sheared[0, 1] = 0.5

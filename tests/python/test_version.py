@@ -1,4 +1,4 @@
-"""The version is said once, in CMakeLists.txt; everything else repeats it."""
+"""The version is defined once, in CMakeLists.txt; all other places derive from it."""
 
 import re
 import subprocess

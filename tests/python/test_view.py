@@ -1,4 +1,4 @@
-"""What the viewer's page shows is what was answered: shapes, pictures, edges, tables. None of it needs viser."""
+"""The viewer's page shows the answers: shapes, pictures, edges, tables. None of it needs viser."""
 
 import html
 import math
@@ -73,7 +73,7 @@ def test_every_kind_of_body_has_a_shape():
         else:
             assert np.linalg.norm(corners, axis=1).max() <= body.extent * 1.001  # the prism around a cylinder
             assert np.linalg.norm(corners, axis=1).max() > 0.9 * body.extent
-    balls = shapes_of(engine, None)  # as of a daemon whose scene file is not at hand
+    balls = shapes_of(engine, None)  # as for a daemon whose scene file is not available
     for body, shape in zip(engine.bodies, balls):
         for mesh in shape.look("mesh"):
             np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), body.extent)
@@ -152,7 +152,7 @@ def test_a_daemon_is_asked_and_not_told(arm_daemon, arm_engine, kind, urdf):
 
 
 def test_what_follows_a_link_would_follow_it(urdf):
-    """As the engine itself has it, when joints move: attached bodies and a base that somebody else moved, too."""
+    """As in the engine when joints move: also attached bodies, and a base that another client moved."""
     scene = arm_scene(urdf)
     scene.add_sphere("tool", 0.03, pose=at(0.9, 0.1, 0.4))
     engine = clearance.Engine(scene, threads=1)

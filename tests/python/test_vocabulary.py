@@ -1,4 +1,4 @@
-"""tools/vocabulary.py: which text counts as prose, which uses it finds, and a budget that only falls."""
+"""tools/vocabulary.py: the text that counts as prose, the uses that it finds, and a budget that only decreases."""
 
 import importlib.util
 import re

@@ -1,4 +1,4 @@
-"""clearance.wire is wire/protocol.h, and docs/wire.md has the table of options that the extension module has."""
+"""clearance.wire equals wire/protocol.h, and docs/wire.md has the extension module's table of options."""
 
 import re
 

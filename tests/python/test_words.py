@@ -1,4 +1,4 @@
-"""The vocabulary of Python is that of wire/types.h."""
+"""The vocabulary of Python equals that of wire/types.h."""
 
 import enum
 import re
@@ -67,7 +67,7 @@ def test_columns_have_the_sizes_of_the_header(header):
     sizes = [int(n) for n in re.search(r"kFieldBytes\[kFieldCount\] = {([^}]+)}", header).group(1).split(",")]
     assert len(sizes) == _words.FIELD_COUNT and len(_words.COLUMNS) == len(_words.Field)
     for name, column in _words.COLUMNS.items():
-        size = sizes[column.bit]  # of gradient_joints: of one joint
+        size = sizes[column.bit]  # of one joint for gradient_joints
         assert _words.Field[name.upper()] == 1 << column.bit
         count = 1
         for n in column.shape:

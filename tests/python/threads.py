@@ -1,4 +1,4 @@
-"""What tests of threads share."""
+"""Shared by tests of threads."""
 
 import pathlib
 import subprocess
@@ -9,7 +9,9 @@ from patience import PATIENCE_S
 
 
 def turns_beside(work):
-    """How many turns this thread's loop makes while another does `work`: few if that holds the interpreter's lock."""
+    """Number of turns of this thread's loop while another thread does `work`; small if that holds the interpreter's
+    lock.
+    """
     begun, done = threading.Event(), threading.Event()
 
     def run():
@@ -54,7 +56,7 @@ sys.exit(3)
 
 
 def end_with_daemon_threads(prepare, calls):
-    """Runs a program that ends with 3 while a daemon thread of its own repeats each call. Returns how it ended."""
+    """Runs a program that ends with 3 while one of its daemon threads repeats each call. Returns how it ended."""
     lines = [f"lambda: {call}" for call in calls]
     code = _ENDS.format(folder=str(pathlib.Path(__file__).parent), prepare=prepare, calls=", ".join(lines))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE_S)
