@@ -22,7 +22,7 @@ WORDS = ["nonesuch", "", 3, None, b"none", ["none"]]
 TEXTS = [3, None, b"text", ["text"], "\ud800"]
 PATHS = [3, b"path", ["path"], "\ud800", True]
 BODIES = ["nonesuch", 1.5, True, -1, 1 << 33, b"cup", ["cup"], np.ones(1)]
-#: Entries of masked arrays are no numbers, whatever the mask hides.
+#: Masked entries of arrays are invalid, for any value under the mask.
 MASKED = [np.ma.masked_equal([[0.0] * 3 + [1] * 4], 0.0), [np.ma.masked_equal([0.0] * 3 + [1] * 4, 0.0)]]
 BODY_LISTS = [
     np.ma.masked_equal([0, 1], 1),

@@ -114,8 +114,7 @@ def test_without_the_commit_that_passed_all_are_run(checkout, passed, why):
     (checkout / ".ci/passed").write_text(passed)
     done, calls = extras(checkout, "--changed")
     assert why in done.stdout and "all extras count as changed" in done.stdout
-    assert done.returncode != 0 and "client_install ..." in done.stdout, done.stdout  # the first check, which fails
-                                                                                      # here
+    assert done.returncode != 0 and "client_install ..." in done.stdout, done.stdout  # the first check fails
     assert "venv" in calls
 
 
