@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Configures (once) and builds a preset: tools/build.sh [PRESET=release] [TARGET...]
 #
-# Jobs: one per core, but no more than the free memory allows at 1.5 GB each (the engine's and CGAL's largest files);
-# JOBS=n overrides that.
+# Jobs: one per core, limited to 1.5 GB of free memory each (the engine's and CGAL's largest files); JOBS=n overrides
+# that.
 set -euo pipefail
 . "$(dirname "$0")/step.sh"
 
@@ -19,7 +19,7 @@ if [ -z "${JOBS:-}" ]; then
   ((JOBS >= 1)) || JOBS=1
 fi
 
-# Ninja configures again by itself when a CMakeLists.txt changes; the cache names another place after a move.
+# Ninja reconfigures by itself when a CMakeLists.txt changes; after a move the cache has another path.
 if [ ! -f "$dir/build.ninja" ] || ! grep -qx "CMAKE_HOME_DIRECTORY:INTERNAL=$PWD" "$dir/CMakeCache.txt"; then
   [ ! -f "$dir/CMakeCache.txt" ] || rm -f "$dir/CMakeCache.txt"
   step "configure-$preset" "Configure ($preset)" cmake --preset "$preset"

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Checks certificates of Clearance (docs/certificates.md) in exact arithmetic, with Python 3.9 and nothing else.
-check_certificate.py [--all] FILE... prints why rows fail, and what proves the others. Exit code 0: all are proved."""
+"""Checks certificates of Clearance (docs/certificates.md) in exact arithmetic, with Python 3.9 alone.
+check_certificate.py [--all] FILE... prints why rows fail, and the proofs of the others. Exit code 0: all are proved."""
 import json
 import math
 import sys
 from fractions import Fraction
 
 RAYS = [((3, -5, 8), (732, 481, -483)), ((-7, 2, 2), (-377, 618, 691)), ((2, 7, -4), (127, -911, 392)),
-        ((-5, -4, -6), (-802, -223, -554))]  # points by the origin, and rays from them: one has to meet no edge
-ONE = 1 << 320  # where bodies follow others, or lie between two poses, numbers are rounded to 1 / ONE
-BLUR, LARGEST = Fraction(1, 1 << 150), 1 << 64  # metres: more than that comes to, if no body is as large or as far away
-WORLD = ZERO, AXES, _ = (0, 0, 0), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), 0  # a pose: origin, rotation's rows, how far off
+        ((-5, -4, -6), (-802, -223, -554))]  # points near the origin, and rays from them: one must miss all edges
+ONE = 1 << 320  # 1 / ONE is the rounding of numbers if bodies follow others, or are between two poses
+BLUR, LARGEST = Fraction(1, 1 << 150), 1 << 64  # metres: bound on it, if no body is as large or as far away
+WORLD = ZERO, AXES, _ = (0, 0, 0), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), 0  # a pose: origin, rotation's rows, error bound
 MALFORMED = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError)
 def require(condition, why, value=None):
     if not condition:
@@ -23,7 +23,7 @@ def several(x, n): return require(x is None or (type(x) is list and len(x) == n)
 def high_and_low(x): return sum(map(exact, several(x, 2)))
 def vector(v, read=exact): return tuple(map(read, several(v, 3)))
 def at(items, k, what): return items[require(type(k) is int and 0 <= k < len(items), f"no {what} {k!r}", k)]
-def run(named, count):  # which pieces: one, from one until before another, or (None) all
+def run(named, count):  # range of parts: one, [begin, end), or all for None
     begin, end = (0, count) if named is None else named if type(named) is list else (named, named + 1)
     return require(type(begin) is type(end) is int and 0 <= begin < end <= count, f"no pieces {named!r}", (begin, end))
 def no_repeats(pairs): return require(len(dict(pairs)) == len(pairs), "a name stands twice in one object", dict(pairs))
@@ -31,12 +31,12 @@ def dot(u, v): return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 def cross(u, v): return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
 def plus(u, v, factor=1): return tuple(x + factor * y for x, y in zip(u, v))
 def times(factor, v): return tuple(factor * x for x in v)
-def turned(rows, v): return tuple(dot(row, v) for row in rows)  # and back: turned(zip(*rows), v)
+def turned(rows, v): return tuple(dot(row, v) for row in rows)  # inverse: turned(zip(*rows), v)
 def near(*v): return tuple(Fraction(x.numerator * ONE // x.denominator, ONE) for x in v)
-def integers(vectors):  # the vectors times one number, so that all coordinates are integers; and it
+def integers(vectors):  # the vectors times a common factor that makes all coordinates integers; and the factor
     scale = math.lcm(*(x.denominator for v in vectors for x in v))
     return [tuple(int(x * scale) for x in v) for v in vectors], scale
-def size(v):  # no less than |v|, and no more than 2^-320 of it more
+def size(v):  # upper bound on |v|, at most 2^-320 of it larger
     x = Fraction(dot(v, v))
     return Fraction(math.isqrt(x.numerator * x.denominator << 640) + 1, x.denominator << 320) if x else x
 def turn_about(axis, angle):  # cosine and sine of a half of 2^-200 of it, in two terms and one, are doubled 200 times
@@ -63,13 +63,13 @@ def turn_between(a, u, w, v):  # of quaternions (a, u), (w, v): the axis, of len
     return near(*axis), near(sine / cosine * (1 << 121))[0]
 class Piece:
     def __init__(self, document, whole=None):
-        core = document.get("core", {"kind": None, "size": [1, 1, 1]})  # none: the hull of the vertices
+        core = document.get("core", {"kind": None, "size": [1, 1, 1]})  # if missing, the hull of the vertices
         self.radius, self.kind, self.size = length(document["radius"]), core["kind"], vector(core["size"], length)
         require(self.kind in (None, "cone", "cylinder", "ellipsoid", "half_space"), f"no core: {core!r}")
         self.vertices = [vector(v) for v in document["vertices"]]
         require(len(self.vertices) == document["count"] > 0, "a piece has not as many vertices as it says")
         elements, given, self.solid = document.get("elements", ()), "elements" in document, document.get("solid", False)
-        parts = [Piece({"radius": document["radius"], "count": len(element), "vertices": [  # pieces in its place
+        parts = [Piece({"radius": document["radius"], "count": len(element), "vertices": [  # parts in its place
             at(document["vertices"], k, "vertex") for k in element]}, self) for element in elements]
         require(bool(self.solid) <= bool(parts) == given <= (not self.kind), "elements are missing, or those of a core")
         (self.numbers, self.scale), self.parts = integers(self.vertices), parts or [self]
@@ -77,11 +77,11 @@ class Piece:
         later = set().union(*(set(face) - {min(face)} for face in self.faces or [range(len(self.vertices))]))
         self.seeds = [ZERO] if self.kind else [v for k, v in enumerate(self.vertices) if k not in later]  # of each part
         self.box, self.whole = [(min(x), max(x)) for x in zip(*self.vertices)], whole
-    def reach(self, centre):  # no point is farther from it
+    def reach(self, centre):  # upper bound on the distance of its points
         (x, y, z), farthest = self.size, max((plus(v, centre, -1) for v in self.vertices), key=lambda d: dot(d, d))
         around = size(centre) + (max(x, y, z) if self.kind == "ellipsoid" else size((x, 0, z)))
         return math.inf if self.kind == "half_space" else self.radius + (around if self.kind else size(farthest))
-    def support(self, n):  # no less than n.v for all its points v; of vertices without radius the largest
+    def support(self, n):  # upper bound of n.v for all its points v; the maximum for vertices without radius
         if not self.kind:
             (m,), scale = integers([n])
             return Fraction(max(dot(m, v) for v in self.numbers), scale * self.scale) + self.radius * size(n)
@@ -89,8 +89,8 @@ class Piece:
         egg, flat = size([s * x for s, x in zip(self.size, n)]), 0 if n[0] == n[1] == 0 < n[2] else math.inf
         cores = {"cylinder": rim + abs(along), "cone": max(along, rim - along), "ellipsoid": egg, "half_space": flat}
         return cores[self.kind] + self.radius * size(n)
-    def off(self, p):  # how far a point is from the core, or more
-        if self.kind in ("ellipsoid", "half_space"):  # p / scale lies in the one
+    def off(self, p):  # upper bound on a point's distance from the core
+        if self.kind in ("ellipsoid", "half_space"):  # p / scale is in the core for an ellipsoid
             return (size(tuple(x / s for s, x in zip(self.size, p))) - 1) * size(p) if self.kind[0] == "e" else p[2]
         half = require(abs(p[2]) <= self.size[2], "a point lies beyond the ends of its core", self.size[2])
         return size((p[0], p[1], 0)) - (1 if self.kind == "cylinder" else (half - p[2]) / (2 * half)) * self.size[0]
@@ -106,12 +106,12 @@ class Body:
         self.reach, radius = (max([p.reach(c) for p in self.wholes], default=0) + self.inner for c in (ZERO, centre))
         self.ball, grown = (centre, radius), length(document["padding"]) + self.position
         require(all(p.radius + self.inner >= grown for p in self.pieces), f"{self.name!r} lacks padding or uncertainty")
-class Motion:  # where bodies are between the two ends of a configuration, at times from 0 to 1; or in one of one end
+class Motion:  # bodies between the two ends of a configuration, at times in [0, 1]; or at its only end
     def __init__(self, bodies, document, count):
         self.bodies, self.seen, self.poses, self.positions = bodies, {}, document["poses"], document["positions"]
         ends = (*self.poses.items(), *self.positions.items())
         require(all(len(x) == count and key == str(int(key)) for key, x in ends), "an end is missing, or whose it is")
-    def steps(self, id, time):  # each in what comes before: (pose, how fast it turns or slides, whether it turns)
+    def steps(self, id, time):  # each in the previous: (pose, rate, whether it turns or slides)
         if str(id) in self.poses:
             (*t, a, b, c, d), (*t1, w, x, y, z) = (map(exact, several(self.poses[str(id)][k], 7)) for k in (0, -1))
             axis, angle = turn_between(a, (b, c, d), w, (x, y, z))
@@ -125,7 +125,7 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
             axis, now = near(*times(1 / size(axis), axis)), first + time * (last - first)
             pose = turn_about(axis, now) if move["turns"] else (times(now, axis), AXES, BLUR)
             yield pose, times(last - first, axis), bool(move["turns"])
-    def at(self, id, time):  # its pose, and what moves it, from the world on: (rate, point, whether it turns)
+    def at(self, id, time):  # its pose, and its movers from the world on: (rate, point, whether it rotates)
         if (id, time) not in self.seen:
             X, movers = (WORLD, []) if self.bodies[id].on is None else self.at(self.bodies[id].on, time)
             for (t, rows, blur), rate, turns in self.steps(id, time):
@@ -136,11 +136,11 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
             require(max(*map(abs, X[0]), self.bodies[id].reach) < LARGEST or not X[2], "a body is too large or far")
             self.seen[id, time] = X, movers
         return self.seen[id, time]
-    def path(self, seer, id, time):  # what moves a body before another's eyes (None: the world's), from these on
+    def path(self, seer, id, time):  # movers of a body relative to another one (None: world)
         mine, his = self.at(id, time)[1], self.at(seer, time)[1] if seer is not None else []
         shared = sum(x is y for x, y in zip(mine, his))
         return [(times(-1, rate), point, turns) for rate, point, turns in reversed(his[shared:])] + mine[shared:]
-    def rates(self, seer, id, time, half):  # no point is faster before these eyes within `half`, nor accelerated more
+    def rates(self, seer, id, time, half):  # bounds on speed and acceleration before the seer
         (centre, rest), (o, R, _), slide, speeds, angles = self.bodies[id].ball, self.at(id, time)[0], ZERO, [], []
         nearest = plus(o, turned(R, centre))
         for rate, point, turns in reversed(self.path(seer, id, time)):
@@ -150,12 +150,12 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
             rest += max(map(size, ends)) if turns else 0
             nearest, slide = (point, ZERO) if turns else (nearest, plus(slide, rate))
         return sum(speeds), sum(v * (w + 2 * sum(angles[k + 1:])) for k, (v, w) in enumerate(zip(speeds, angles)))
-    def frames(self, id):  # the bodies that it follows, the farthest first; not the links before it on its robot
+    def frames(self, id):  # the bodies that it follows, outermost first, without other links of its robot
         on, joint = self.bodies[id].on, self.bodies[id].joint
         while joint and self.bodies[on].joint:
             on = self.bodies[on].on
         return [] if on is None else [*self.frames(on), on]
-    def slack(self, id, frames, time, half):  # metres: inner slack of a body in the middle of a span, and all along it
+    def slack(self, id, frames, time, half):  # metres: inner slack of a body in the middle of a span, and throughout it
         shift, turn, along, body = 0, 0, 0, self.bodies[id]
         for frame, next_ in zip(frames, [*frames[1:], id]):
             own = self.bodies[frame].position + self.bodies[frame].moved
@@ -167,10 +167,10 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
     def check_span(self, ids, span, bound):
         begin, middle, end = (exact(span[key]) for key in ("begin", "at", "end"))
         half, rates = max(end - middle, middle - begin), {}
-        (t_a, R_a, blur_a), (t_b, R_b, blur_b) = (self.at(id, middle)[0] for id in ids)  # first: it finds circles
+        (t_a, R_a, blur_a), (t_b, R_b, blur_b) = (self.at(id, middle)[0] for id in ids)  # first: it detects cycles
         a, b, *frames = *(self.bodies[id] for id in ids), *map(self.frames, ids)
         require(begin <= middle <= end and a.pieces and b.pieces, "a time beyond the ends, or a body without pieces")
-        shared = sum(x == y for x, y in zip(*frames))  # what carries both moves neither before the other
+        shared = sum(x == y for x, y in zip(*frames))  # common carriers move neither body relative to the other
         known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, half) for id, f in zip(ids, frames))))
         require(sum(length(term["inner"]) for term in span["slack"]["terms"]) >= known, "slack is too little")
         counts = len(a.pieces), len(b.pieces)
@@ -180,7 +180,7 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
             n = times(-1, turned(R_b, AXES[2])) if named is None else turned(R_a, vector(named, high_and_low))
             rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, half) for id in ids]
             speed, bend = map(sum, zip(*rates[seer]))
-            for s in (begin - middle, end - middle) if moves else (0,):  # between these what is proved is concave
+            for s in (begin - middle, end - middle) if moves else (0,):  # the proved gap is concave between these
                 need = bound + inner + blur_a + blur_b + (bend * s * s / 2 if moves else speed * half)
                 (n_a, to_a), (n_b, to_b) = (self.lean(seer, id, middle, n, s) for id in ids)
                 gap = dot(n_b, t_b) + to_b - dot(n_a, t_a) - to_a
@@ -188,7 +188,7 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
                 gap -= max(p.support(n_a) for p in a.pieces[i:i_end]) + max(p.support(n_b) for p in b.pieces[j:j_end])
                 require(any(n) and gap >= need * size(n) * (1 if need > 0 else 1 - BLUR),
                         f"pieces {i} and {j} of {a.name!r} and {b.name!r} are not {float(need)!r} m apart")
-        for place in {0, *(end for (_, end), _ in cover if end < counts[0])}:  # what another covers ends at none else
+        for place in {0, *(end for (_, end), _ in cover if end < counts[0])}:  # coverage changes where a range ends
             done = 0
             for begin_b, end_b in sorted(of_b for (first, end), of_b in cover if first <= place < end):
                 done = max(done, end_b) if begin_b <= done else done
@@ -201,7 +201,7 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
                         f"a part of {held.name!r} is within {holder.name!r}")
         require(bound > 0 or len(cover) == 1 or a.pieces + b.pieces == a.wholes + b.wholes, "a depth of surfaces")
         return begin, end
-    def lean(self, seer, id, time, n, s):  # points x that keep their speed get along n, by s, to lean.x + more
+    def lean(self, seer, id, time, n, s):  # upper bound at s of n.x for points x of constant velocity: lean.x + more
         path = self.path(seer, id, time) if s else []
         turn = tuple(map(sum, zip(ZERO, *(rate for rate, _, turns in path if turns))))
         return plus(n, cross(n, turn), s), s * sum(dot(n, cross(p, v) if turns else v) for v, p, turns in path)
@@ -210,10 +210,10 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         (t_a, R_a, blur_a), (t_b, R_b, blur_b) = (self.at(id, time)[0] for id in ids)
         cores, named = (at(a.pieces, i, "piece"), at(b.pieces, j, "piece")), []
         reach = bound - a.outer - b.outer - blur_a - blur_b
-        for core, found in zip(cores, several(claim.get("points"), 2)):  # of one in closed form points near it
+        for core, found in zip(cores, several(claim.get("points"), 2)):  # for a core in closed form, points near it
             named.append([vector(p, high_and_low) for p in found] if core.kind else core.vertices)
             reach += core.radius - (max(0, *map(core.off, named[-1])) if core.kind else 0)
-        if "within" in claim:  # a vertex in a solid, which goes around the origin as seen from it
+        if "within" in claim:  # a vertex in a solid, whose surface encloses the origin as seen from it
             whole, side, [[k, m]] = at(cores, claim["within"], "side").whole, claim["within"], claim["vertices"]
             named[side], all_ = require(whole.solid is True, "no solid", whole.vertices), range(len(whole.vertices))
             claim = {**claim, "faces": whole.faces, "vertices": [((x, m), (k, x))[side] for x in all_]}
@@ -228,14 +228,14 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         up = [n for c, n in zip(cores, ((0, 0, -1), turned(zip(*R_a), turned(R_b, AXES[2])))) if c.kind == "half_space"]
         require((reach >= 0 and dot(apart, apart) <= reach * reach) or any(dot(apart, n) <= reach for n in up),
                 "the witness points are farther apart than upper")
-def check_surface(claim, points, depth):  # it goes around the origin, beyond a ball: cores overlap by its radius
+def check_surface(claim, points, depth):  # it encloses a ball around the origin: cores overlap by the ball's radius
     faces, normals = closed(claim["faces"]), [vector(m, high_and_low) for m in claim["normals"]]
     beyond = [(min(dot(m, at(points, k, "vertex")) for k in face), m) for face, m in zip(faces, normals)]
     require(len(faces) == len(normals) > 0 and all(d > 0 and d >= depth * size(m) for d, m in beyond), "a face is near")
     require(turns_around(points, faces, min(d * d / dot(m, m) for d, m in beyond)) != 0, "it is not around the origin")
 def edges(faces): return sorted((f[k - 1], f[k]) for f in faces for k in range(len(several(f, 3))))
 def closed(faces): return require(edges(faces) == edges([f[::-1] for f in faces]), "the surface has a border", faces)
-def turns_around(points, faces, least):  # how often; rays begin nearer than any face, which the root of `least` is not
+def turns_around(points, faces, least):  # winding number; rays begin within sqrt(least), which no face is
     numbers, scale = integers(points)
     while least * scale * scale <= max(dot(o, o) for o, _ in RAYS):
         numbers, scale = [times(1 << 64, w) for w in numbers], scale << 64
@@ -264,7 +264,7 @@ def check_row(row, motions, query):
     for pair in pairs:
         whole, margin = real(pair["lower"]) if bounded else -math.inf, real(pair["margin"])
         kept = not bounded or lower <= whole > (margin if decides and status == "beyond" else -math.inf)
-        early = pair["free"] is not None or (free > 0 and not whole > margin)  # else it is proved beyond it all along
+        early = pair["free"] is not None or (free > 0 and not whole > margin)  # otherwise beyond it throughout
         require(kept and not (early and real(pair["free"]["lower"]) <= margin), "a pair may be nearer than is said")
         for proof, until in [(pair, 1)] * bounded + ([(pair["free"], min(free, 1))] if early else []):
             ends = sorted(motion.check_span(pair["bodies"], span, exact(proof["lower"])) for span in proof["spans"])
@@ -277,7 +277,7 @@ def check_row(row, motions, query):
         require(exact(first["witness"]["time"]) == exact(hit), "the witness of first contact is at another time")
         motion.check_upper(first["bodies"], first["witness"], margin)
     return f"proved by spans of {len(pairs)} pair(s), and by {(upper < math.inf) + (hit < math.inf)} witness(es)"
-def verdicts(document):  # of each row, whether it is proved, and by what or why not; may raise one of MALFORMED
+def verdicts(document):  # for each row, whether it is proved, and the proof or the failure; may raise one of MALFORMED
     require((document["format"], document["version"]) == ("clearance certificate", 3), "another format or version")
     pieces, ends = list(map(Piece, document["pieces"])), {False: 1, True: 2}[document["query"]["motions"]]
     bodies = no_repeats([(body["id"], Body(body, pieces)) for body in document["bodies"]])

@@ -1,9 +1,9 @@
-"""The demo: a daemon, an arm that moves by joint messages over LCM, and one question through three transports.
+"""The demo: a daemon, an arm that moves by joint messages over LCM, and one query through three transports.
 
-Starts clearanced on a scene, moves its joints and bodies from separate processes, asks for every body's nearest
-neighbour through shared memory (Python), ZeroMQ (C++) and LCM (Python) at one pose revision, compares the answers bit
-for bit, measures latency, proves of an edge that sampling calls free that it is not, and draws a picture. Ends by
-itself and leaves nothing behind.
+Starts clearanced on a scene, moves its joints and bodies from separate processes, and queries every body's nearest
+neighbour through shared memory (Python), ZeroMQ (C++) and LCM (Python) at one pose revision. Compares the answers bit
+for bit, measures latency, proves a collision on an edge that sampling reports free, and draws a picture. Ends by itself
+and leaves nothing behind.
 """
 import argparse
 import csv
@@ -62,7 +62,7 @@ def main():
 def run(stage, options):
     scene = clearance.Scene.load(options.scene)
     names = [body.name for body in scene.bodies]
-    solid = [body.id for body in scene.bodies if body.piece_count]  # frames are near nothing
+    solid = [body.id for body in scene.bodies if body.piece_count]  # frames have no distances
     say(f"Scene     {shown(options.scene)}: {len(solid)} bodies")
 
     daemon, urls, seconds = start_daemon(stage, options.scene)
@@ -89,7 +89,8 @@ def run(stage, options):
 
 
 class Mover:
-    """Moves joints and bodies: separate processes over LCM or, without multicast, this one through shared memory."""
+    """Moves joints and bodies: by separate processes over LCM or, without multicast, by this one through shared
+    memory."""
 
     def __init__(self, stage, client, lcm_url):
         self.stage, self.client, self.processes = stage, client, {}
@@ -108,7 +109,7 @@ class Mover:
         self.processes[name] = self.stage.start(name, command)
 
     def revision(self):
-        """The poses' revision as the daemon has it now."""
+        """The daemon's current pose revision."""
         return self.client.distances(reduce="min", max_distance=0.0).snapshot_revision
 
     def describe(self):
@@ -122,7 +123,7 @@ class Mover:
                 yield f"{title:9} {count} of them are moved by this process through shared memory"
 
     def move(self, seconds):
-        """Lets all move for a while; with publishers, at least until their updates have arrived."""
+        """Lets everything move for a while; with publishers, at least until their updates have arrived."""
         deadline = time.monotonic() + seconds
         if self.processes:
             self.stage.wait_until(lambda: self.revision() > self.first + 10, "the publishers' updates to arrive")
@@ -139,7 +140,7 @@ class Mover:
             time.sleep(0.01)
 
     def pause(self):
-        """Nobody moves anything until resume(). What was sent before may still arrive."""
+        """Stops all motion until resume(). Messages sent before may still arrive."""
         for process in self.processes.values():
             os.kill(process.pid, signal.SIGSTOP)
 
@@ -149,12 +150,12 @@ class Mover:
 
 
 def is_free(client, body):
-    """Whether a body goes where it is told: it is not static, follows nobody, and is no base of a robot."""
+    """Returns whether a body can be moved: it is not static, follows no other body, and is no base of a robot."""
     return not body.is_static and body.parent is None and body.name not in client.groups
 
 
 def swings_of(client):
-    """{joint: (low, high)}: a quarter of a radian or metre about where each is, within its limits."""
+    """{joint: (low, high)}: a quarter of a radian or metre around its position, within its limits."""
     states = client.joint_states()
     if not states:
         return {}
@@ -166,19 +167,19 @@ def swings_of(client):
 
 
 def wandered(body, pose, t):
-    """A pose a little off `pose`: a small circle for each body, with a phase of its own."""
+    """A pose slightly off `pose`: a small circle for each body, with its own phase."""
     moved = np.array(pose)
     moved[:2] += 0.05 * np.array([np.cos(2 * t + body) - np.cos(body), np.sin(2 * t + body) - np.sin(body)])
     return moved
 
 
-# ---- the question ----------------------------------------------------------------------------------------------------
+# ---- the query -------------------------------------------------------------------------------------------------------
 
 
 def ask_everywhere(client, urls, mover):
-    """Asks for every body's nearest neighbour through each transport, until all answers are of one pose revision.
+    """Queries every body's nearest neighbour through each transport, until all answers belong to one pose revision.
 
-    Returns {transport: Answer}, the poses (as body states) they are of, and how often it took to ask.
+    Returns {transport: Answer}, their poses (as body states), and the number of attempts.
     """
     lcm = clearance.connect(urls["lcm"]) if "lcm" in urls else None
     mover.pause()
@@ -220,7 +221,7 @@ def ask_python(client):
     r = client.distances(reduce="nearest", fields=FIELDS)
     pairs = r.pairs[0]
     bodies = np.arange(len(pairs))
-    first = pairs[:, 0] == bodies  # else the body is the second of its pair
+    first = pairs[:, 0] == bodies  # otherwise the body is the second of its pair
     return Answer(
         r.snapshot_revision,
         np.where(first, pairs[:, 1], pairs[:, 0]),
@@ -234,7 +235,7 @@ def ask_python(client):
 
 
 def ask_cpp(client, url):
-    """The same through client/examples/nearest.cpp, whose 17 digits give back the same bits."""
+    """The same through client/examples/nearest.cpp, whose 17 digits reproduce the bits."""
     done = subprocess.run([ROOT / "build/examples/nearest", url], capture_output=True, text=True, timeout=60)
     if done.returncode:
         raise DemoError(done.stderr.strip())
@@ -252,7 +253,7 @@ def ask_cpp(client, url):
 
 
 def compare(answers, attempts):
-    """Says whether the transports agree; raises DemoError if they do not."""
+    """Prints whether the transports agree; raises DemoError if they do not."""
     reference = answers["shm"]
     say(f"Every body's nearest neighbour at pose revision {reference.revision}"
         + (f" (asked {attempts} times until all were of one revision)" if attempts > 1 else ""))
@@ -265,7 +266,7 @@ def compare(answers, attempts):
     say()
 
 
-# ---- what is shown ---------------------------------------------------------------------------------------------------
+# ---- output ----------------------------------------------------------------------------------------------------------
 
 WAYS = {"shm": "shared memory (Python)", "zmq": "ZeroMQ (C++)", "lcm": "LCM (Python)"}
 
@@ -283,7 +284,7 @@ def print_table(names, solid, answer):
 
 
 def print_latency(stage, urls, seconds):
-    """Measures with the command line's benchmark, each transport in turn."""
+    """Runs the command line's benchmark on each transport in turn."""
     file = stage.folder / "latency.csv"
     for transport, url in urls.items():
         done = subprocess.run(
@@ -320,7 +321,7 @@ def print_latency(stage, urls, seconds):
 
 
 def print_edge():
-    """An edge that samples call free, and the proof that it is not, checked by a program that uses nothing of ours."""
+    """An edge that is free by sampling, and the proof of a collision, checked by a program without Clearance's code."""
     edge = Edge()
     sampled, proved = edge.sampled(), edge.proved()
     if not sampled.free or not all(good for good, _ in check_certificate.verdicts(proved.witness.document)):
@@ -359,7 +360,7 @@ def draw_picture(options, scene, solid, states, answer):
     say(f"Picture   {shown(options.picture)} ({time.monotonic() - started:.0f} s)")
 
 
-# ---- small things ----------------------------------------------------------------------------------------------------
+# ---- utilities -------------------------------------------------------------------------------------------------------
 
 
 def say(line=""):
@@ -375,7 +376,7 @@ def status_word(value):
 
 
 def hull_of(points):
-    """Triangles of the hull of a few points, by trying all of them: bodies given as points have no mesh."""
+    """Triangles of the hull of a few points, by brute force: bodies given as points have no mesh."""
     points = points[:60]
     triples = np.array(list(itertools.combinations(range(len(points)), 3)), dtype=np.int64).reshape(-1, 3)
     a, b, c = (points[triples[:, i]] for i in range(3))

@@ -1,7 +1,7 @@
-"""An edge that sampling calls free, and what proves that it is not: the arm of scenes/cell/probe.yaml turns by 0.6 rad.
+"""An edge that is free by sampling, and the proof of a collision: the arm of scenes/cell/probe.yaml turns by 0.6 rad.
 
 Samples 0.02 rad apart, as planners take them, are all proved free; between two of them the probe goes through a sheet.
-The certified answer says when, and a certificate of that configuration proves it to whoever trusts nobody.
+The certified answer contains the time, and a certificate of that configuration proves it to any independent checker.
 """
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,26 +17,26 @@ STEP = 0.02  # radians between samples
 
 @dataclass(frozen=True)
 class Sampled:
-    """What samples of the edge say."""
+    """Results of samples of the edge."""
 
     count: int
     free: bool  #: every pair is proved apart at each of them
-    nearest: float  #: metres: at none is any pair nearer
+    nearest: float  #: metres: lower bound of all pairs at all samples
 
 
 @dataclass(frozen=True)
 class Proved:
-    """What the whole edge says."""
+    """Results of the whole edge."""
 
     status: clearance.Status
     bodies: tuple[str, str]
-    free_until: float  #: of the way: up to here every pair is proved apart
-    contact: float  #: of the way: here two bodies are proved to overlap
-    witness: clearance.Certificate  #: of the two, at `contact`
+    free_until: float  #: share of the edge up to which every pair is proved apart
+    contact: float  #: share of the edge at which two bodies are proved to overlap
+    witness: clearance.Certificate  #: of the two bodies, at `contact`
 
 
 class Edge:
-    """The scene's arm at home, and turned."""
+    """The scene's arm at home, and after the turn."""
 
     def __init__(self):
         self.engine = clearance.Engine(clearance.Scene.load(SCENE), backend="cpu", threads=1)
@@ -49,7 +49,7 @@ class Edge:
         return self.start + np.asarray(times)[:, None] * (self.end - self.start)
 
     def times(self, step):
-        """Of samples that are no more than `step` radians apart, both ends included."""
+        """Times of samples at most `step` radians apart, including both ends."""
         return np.linspace(0.0, 1.0, int(np.ceil(TURN / step - 1e-9)) + 1)
 
     def sampled(self, step=STEP):
@@ -67,5 +67,5 @@ class Edge:
         return Proved(status, tuple(self.engine.bodies[i].name for i in pair), free_until, contact, witness)
 
     def certificate(self, times, pair):
-        """What proves how two bodies are to each other at these times."""
+        """Proof of the relation of two bodies at these times."""
         return self.engine.certificate(pairs=[tuple(pair)], joints=self.joints, positions=self.at(times))

@@ -14,7 +14,7 @@ from picture import INK, PALETTE, RED
 
 WIDTH, HEIGHT, OVERSAMPLING = 720, 420, 2
 AZIMUTH, ELEVATION, MARGIN = -35, 24, 0.04  # degrees; share of the image that stays free
-SHOWN = ("probe", "sheet", "arm/gripper", "arm/left_finger", "arm/right_finger")  # what the camera is fitted to
+SHOWN = ("probe", "sheet", "arm/gripper", "arm/left_finger", "arm/right_finger")  # bodies that the camera fits
 COLOURS = 96
 GREEN = "#18794e"
 
@@ -46,7 +46,7 @@ class Film:
         self.names = names
 
     def meshes(self, time):
-        """For each body its (vertices in the world, triangles) at a time from 0 to 1."""
+        """(vertices in the world, triangles) of each body at a time in [0, 1]."""
         engine = self.edge.engine
         engine.set_joints(dict(zip((state.name for state in engine.joint_states()), self.edge.at([time])[0])))
         found = []

@@ -2,7 +2,7 @@
 """Writes docs/errors.md: every status, flag, error code, exception and exit code, with its line in the code.
 
     tools/error_page.py            # writes the page
-    tools/error_page.py --check    # exit code 1 where it is not what this would write
+    tools/error_page.py --check    # exit code 1 if the page differs from the result
 
 Lines are the comments of the enumerators, the docstrings of the exceptions and the texts of --help.
 """
@@ -97,7 +97,7 @@ def exceptions() -> "list[tuple[str, str, str]]":
 
 
 def exit_codes(program: str) -> "list[tuple[str, str]]":
-    """(code, meaning) as a program's --help lists them, by code."""
+    """(code, meaning) from a program's --help, by code."""
     name, *command = program.split()
     arguments = [BUILD / "bin" / name, *command, "--help"]
     text = subprocess.run(arguments, capture_output=True, text=True, check=True).stdout

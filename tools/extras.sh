@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Tests that need packages, compilers or minutes which `make test` does without: all of them, or with --changed only those
+# Tests that need packages, compilers or minutes that `make test` does without: all of them, or with --changed only those
 # whose folders differ from the last commit that passed CI (.ci/passed), except those that are run before a release.
-# Where that commit is missing (a shallow clone, no git) all count as changed, and a line says so.
+# If that commit is missing (a shallow clone, no git), all count as changed, and a line reports that.
 # With --minutes no extra starts that would end later, by the times below; the last line names those that were left out.
 #
 #   tools/extras.sh [--changed] [--minutes N] [NAME...]     a name alone is run whatever has changed
@@ -27,10 +27,10 @@ extras=(
   "kernels         20  engine/cuda engine/device engine/narrow engine/base engine/hull engine/pose bench/report CMakeLists.txt cmake"
 )
 
-# These build everything once more, in roots of other systems: --changed names them and leaves them to a release.
+# These rebuild everything in roots of other systems: --changed lists them and leaves them to a release.
 before_a_release=(wheels deb arm)
 
-# A client-only install from the source, as `pip install` makes it for those who have no engine, in an environment of its own.
+# A client-only install from the source, like `pip install` without an engine, in a separate environment.
 run_client_install() {
   local venv=out/extras/venv
   step extras-venv "Make out/extras/venv" .venv/bin/python -m venv --clear "$venv"
@@ -56,7 +56,7 @@ PYTHON
   "$venv/bin/clearance" --help >/dev/null
 }
 
-# Each wheel in roots that have Python and nothing else: Ubuntu 22.04, Debian 13, and for the client alone Debian 11 (Python 3.9).
+# Each wheel in roots with Python alone: Ubuntu 22.04, Debian 13, and for the client alone Debian 11 (Python 3.9).
 run_wheels() {
   local native abi3 client root
   tools/setup.sh tools/install_packages.txt
@@ -73,10 +73,10 @@ run_wheels() {
   try_wheel "$root" python3 3.9 "$client"
 }
 
-# The last made of some files.
+# The newest of some files.
 newest() { compgen -G "$1" | xargs ls -t | head -n 1; }
 
-# try_wheel ROOT PYTHON VERSION WHEEL [WHEEL with a daemon]: with numpy and pyzmq beside it, and no network.
+# try_wheel ROOT PYTHON VERSION WHEEL [WHEEL with a daemon]: with numpy and pyzmq installed, and no network.
 try_wheel() {
   local root=$1 python=$2 version=$3 wheel=$4 program=
   rm -rf "$root/tmp/try"
@@ -95,7 +95,7 @@ try_wheel() {
   tests/install/in_root.sh "$root" "$python" /tmp/try/install/try_wheel.py /tmp/try/wheels /tmp/try/scenes ${program:+"$program"}
 }
 
-# The Debian package in a root of the distribution that it was built on.
+# The Debian package in a root of the distribution on which it was built.
 run_deb() {
   local root deb
   tools/setup.sh tools/install_packages.txt
@@ -110,8 +110,8 @@ run_deb() {
   tests/install/in_root.sh "$root" /tmp/try/install/try_deb.sh "/tmp/try/deb/$(basename "$deb")" /tmp/try/scenes
 }
 
-# 64-bit ARM: cross-built against Debian 12's libraries, and run by qemu. The golden answers are those of x86-64, bit for bit;
-# what is written for the processor alone does what it is for; and a daemon is asked over every transport, in a network of its own.
+# 64-bit ARM: cross-built against Debian 12's libraries, and run in qemu. The golden answers must equal those of x86-64,
+# bit for bit; processor-specific code is tested; and a daemon is queried over every transport, in a network namespace.
 run_arm() {
   local tests=(test_fp_environment test_lanes test_kinematics) packages root bin=build-arm64/bin
   tools/setup.sh tools/install_packages.txt
@@ -125,7 +125,7 @@ run_arm() {
     env PYTHONPATH=build/python .venv/bin/python tests/install/try_arm.py "$bin" "$root" scenes/nineteen/scene.yaml
 }
 
-# lcm_for_arm FOLDER: LCM's library and headers, out of its wheel for ARM.
+# lcm_for_arm FOLDER: extracts LCM's library and headers from its wheel for ARM.
 lcm_for_arm() {
   [ -d "$1/lib" ] && return
   rm -rf out/lcm-arm64
@@ -134,7 +134,7 @@ lcm_for_arm() {
   .venv/bin/python -m zipfile -e out/lcm-arm64/*.whl "$1"
 }
 
-# What comes from Coal and Pinocchio, in an environment that has them.
+# Conversions from Coal and Pinocchio, in an environment with both.
 run_coal() {
   local venv=out/extras/coal
   tools/build.sh release product
@@ -144,7 +144,7 @@ run_coal() {
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_coal.py
 }
 
-# Planning with OMPL, whose edges are proved, in an environment that has it.
+# Planning with OMPL, whose edges are proved, in an environment with OMPL.
 run_ompl() {
   local venv=out/extras/ompl
   tools/build.sh release product
@@ -153,7 +153,7 @@ run_ompl() {
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_ompl.py
 }
 
-# Plans as functions of JAX, which calls a stand-in in the CPU's memory: no GPU is needed, nor JAX's parts for one.
+# Device queries as functions of JAX, which calls a fake in CPU memory: neither a GPU nor JAX's GPU parts are needed.
 run_jax() {
   local venv=out/extras/jax
   tools/build.sh release product
@@ -162,7 +162,7 @@ run_jax() {
   JAX_PLATFORMS=cpu "$venv/bin/python" -m pytest -q tests/python/test_jax.py
 }
 
-# The viewer's page in a headless browser; what it looked like is in out/extras/pages.
+# The viewer's page in a headless browser; screenshots are in out/extras/pages.
 run_viewer() {
   local venv=out/extras/viewer
   [ "${CHROMIUM:-$(command -v chromium)}" ] || tools/setup.sh tools/viewer_packages.txt
@@ -177,8 +177,8 @@ run_viewer() {
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_viewer.py build out/extras/pages
 }
 
-# Programs to start from, each of which judges by other means what it has done: an optimiser, a planner, a simulator, and a
-# controller for EXAMPLE_SECONDS of a clock's time (600: the run of docs/examples.md).
+# Example programs, each of which checks its results by independent means: an optimiser, a planner, a simulator, and a
+# controller for EXAMPLE_SECONDS of real time (600: the run of docs/examples.md).
 run_examples() {
   local venv=out/extras/examples python=out/extras/examples/bin/python
   tools/build.sh release product
@@ -191,7 +191,7 @@ run_examples() {
   "$python" client/examples/safe_controller.py --seconds "${EXAMPLE_SECONDS:-10}" --csv out/safe_controller.csv --plot out/safe_controller.png
 }
 
-# The documentation as a site, in out/site: every link leads somewhere, and the notebook says what it says when it is run.
+# The documentation as a site, in out/site: every link resolves, and the notebook's outputs are reproduced.
 run_site() {
   local venv=out/extras/site
   tools/build.sh release product
@@ -202,7 +202,7 @@ run_site() {
   step site "Build out/site" env NO_MKDOCS_2_WARNING=1 PATH="$PWD/$venv/bin:$PATH" mkdocs build --strict
 }
 
-# Sweeps on Ray and without it, what is killed meanwhile included, and a small roadmap, in an environment that has it.
+# Sweeps on Ray and without it, including kills, and a small roadmap, in an environment with Ray.
 run_ray() {
   local venv=out/extras/ray
   tools/build.sh release product
@@ -220,7 +220,7 @@ run_fuzz() {
   .venv/bin/python tools/fuzz.py --seconds "${FUZZ_SECONDS:-30}" --jobs 2
 }
 
-# The 69 URDFs and 38 SRDFs of a package that other tools are tested with (131 MB), against 60 digits and Pinocchio.
+# The 69 URDFs and 38 SRDFs of a package that tests other tools (131 MB), compared with 60 digits and Pinocchio.
 run_robots() {
   local venv=out/extras/robots
   tools/build.sh release clearance_cli
@@ -230,7 +230,7 @@ run_robots() {
   "$venv/bin/python" tests/engine/robot/check_example_robots.py build
 }
 
-# Transports and clients under ThreadSanitizer. It follows no fork of a process with threads: no client that is one.
+# Transports and clients under ThreadSanitizer, which follows no fork of a process with threads: clients are threads.
 run_races() {
   local test threaded=(test_shm_transport test_shm_hostile test_lcm_transport test_lcm_freshness test_loop test_client test_zmq
     test_bad_requests test_lcm_client test_lcm_channel)
@@ -241,7 +241,7 @@ run_races() {
   done
 }
 
-# The kernels for every GPU architecture: that needs nvcc, and no GPU.
+# The kernels for every GPU architecture, which needs nvcc, but no GPU.
 run_kernels() {
   if [ -z "$(PATH=$PATH:/usr/local/cuda/bin command -v nvcc)" ]; then
     say "The kernels are not compiled: there is no nvcc"
@@ -268,7 +268,7 @@ if [ "$changed_only" ]; then
     say "The commit of .ci/passed, $passed, is not in this repository (a shallow clone?): all extras count as changed"
   else
     say "Extras whose folders differ from $(git log -1 --format='%h (%s)' "$since"), the last that passed CI"
-    # The trees are compared, which needs no common history.
+    # Compares the trees, which needs no common history.
     git merge-base --is-ancestor "$since" HEAD || say "It is no ancestor of HEAD: was history rewritten?"
   fi
 fi
@@ -280,7 +280,7 @@ for line in "${extras[@]}"; do
     [[ " ${wanted[*]} " = *" $name "* ]] || continue
   elif [ "$since" ]; then
     read -ra paths <<<"$paths"
-    # What is not committed counts, too.
+    # Uncommitted changes count, too.
     if git diff --quiet "$since" -- "${paths[@]}" && [ -z "$(git ls-files -o --exclude-standard -- "${paths[@]}")" ]; then
       say "$name: nothing of it has changed"
       continue

@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
-"""Runs the fuzz targets of build-fuzz and writes what came of each into a CSV file.
+"""Runs the fuzz targets of build-fuzz and writes their results into a CSV file.
 
     tools/fuzz.py [--seconds 600] [--jobs 1] [--csv docs/results/fuzz.csv] [TARGET...]
 
-Seeds are tests/fuzz/corpus/TARGET and regressions/TARGET. What a run adds is kept in out/fuzz/corpus/TARGET, and the
-next run goes on from there. An input that breaks something is left in out/fuzz/findings, and the exit code is 1.
-Make it small (-minimize_crash=1), mend the cause, and keep it in tests/fuzz/regressions/TARGET under a name that says
-what it was.
+Seeds are tests/fuzz/corpus/TARGET and regressions/TARGET. New inputs are kept in out/fuzz/corpus/TARGET, from which the
+next run continues. An input that causes a failure is written to out/fuzz/findings, and the exit code is 1. Minimise it
+(-minimize_crash=1), fix the cause, and keep it in tests/fuzz/regressions/TARGET under a descriptive name.
 """
 
 import argparse
@@ -25,9 +24,9 @@ PROGRAMS = ROOT / "build-fuzz" / "bin"
 KEPT = ROOT / "tests" / "fuzz"
 OUT = ROOT / "out" / "fuzz"
 
-# Findings that are expected, since the code is not ours, and what contains them. These targets go on after a finding.
+# Expected findings in third-party code, and their containment. These targets continue after a finding.
 CONTAINED = {"mesh_import": "in assimp: it runs in a process of its own, which may end (target mesh_child)"}
-# An input is a file or some frames; longer ones find the same, more slowly.
+# An input is a file or a few frames; longer ones find the same, but more slowly.
 MAX_BYTES = 8192
 PROGRESS = re.compile(r"#(\d+).*?cov: (\d+).*?corp: (\d+)")
 WHY = re.compile(r"^broken promise|ERROR|runtime error|Assertion|^\s+#\d+ .*/(wire|server|engine|client|tests)/")
@@ -35,7 +34,7 @@ FINDINGS = ("crash-", "timeout-", "oom-", "leak-")
 
 
 def run(target: str, seconds: int) -> dict:
-    """One target; its row of the table."""
+    """Runs one target and returns its row of the table."""
     corpus = OUT / "corpus" / target
     findings = OUT / "findings" / target
     for folder in (corpus, findings):
@@ -66,7 +65,7 @@ def run(target: str, seconds: int) -> dict:
     found = sorted(p for p in set(findings.iterdir()) - before if p.name.startswith(FINDINGS))
     for path in found:
         print(f"  {path.relative_to(ROOT)}: {base64.b64encode(path.read_bytes()).decode()}")
-    if found:  # where a run's files are gone with its machine, this is all that is left of it
+    if found:  # the only record if a run's files are lost with its machine
         print(*[f"    {line[:200]}" for line in lines if WHY.search(line)][:20], sep="\n", flush=True)
     return {"target": target, "seconds": round(took), "executions": progress[-1][0], "corpus": progress[-1][2],
             "edges": max(p[1] for p in progress), "findings": len(found)}

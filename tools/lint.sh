@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Layout of C++ and CUDA (clang-format), lint and layout (ruff) and types (mypy) of Python, and the vocabulary of comments and
-# pages (tools/vocabulary.py). Runs all of them; the exit code is 1 if any finds something.
+# Layout of C++ and CUDA (clang-format), lint and layout (ruff) and types (mypy) of Python, and the vocabulary of
+# comments and pages (tools/vocabulary.py). Runs all of them; the exit code is 1 if any reports something.
 set -euo pipefail
 . "$(dirname "$0")/step.sh"
 

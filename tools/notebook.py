@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Runs a notebook and compares what its cells print with what it says they print; pictures have to be there.
+"""Runs a notebook and compares the output of its cells with the stored output; pictures only have to exist.
 
-    tools/notebook.py --check docs/notebook/first_steps.ipynb     # exit code 1, and the cell, where it says otherwise
-    tools/notebook.py --write docs/notebook/first_steps.ipynb     # writes what they print and draw into the notebook
+    tools/notebook.py --check docs/notebook/first_steps.ipynb     # exit code 1, and the cell, if the output differs
+    tools/notebook.py --write docs/notebook/first_steps.ipynb     # writes the output and pictures into the notebook
 
-It runs in the repository's folder, with the Python that runs this. Needs nbclient and ipykernel.
+Runs in the repository's folder, with the Python that runs this. Needs nbclient and ipykernel.
 """
 import argparse
 import sys
@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def outputs(cell) -> list:
-    """What a cell printed, in words; a picture counts as one."""
+    """The output of a cell as text; a picture counts as one."""
     found = []
     for output in cell.get("outputs", []):
         data = output.get("data", {})
@@ -36,7 +36,7 @@ def main() -> int:
     NotebookClient(after, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(ROOT)}}).execute()
     if options.write:
         for cell in after.cells:
-            cell.metadata.pop("execution", None)  # times, which differ each time
+            cell.metadata.pop("execution", None)  # times, which differ in each run
         nbformat.write(after, options.notebook)
         return 0
     said, ran = [[outputs(cell) for cell in each.cells if cell.cell_type == "code"] for each in (before, after)]

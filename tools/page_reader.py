@@ -1,4 +1,4 @@
-"""One who does what a page says: runs its snippets and commands, in a folder that has the repository's files."""
+"""Runs the snippets and commands of a page, in a folder with the repository's files."""
 
 import contextlib
 import getpass
@@ -18,11 +18,11 @@ ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 DAEMON = re.compile(r"(?:build/bin/)?clearanced\s")
 EXPORT = re.compile(r"export (\w+)=(\S*)")
-LONGEST_S = 600  # a command that hangs ends then; none takes a tenth of it
+LONGEST_S = 600  # timeout of a command that hangs; none takes a tenth of it
 
 
 class Failed(Exception):
-    """A command of a page failed; the text says which and how."""
+    """A command of a page failed; the message contains the command and the error."""
 
 
 def lines_of(block):
@@ -37,8 +37,8 @@ def lines_of(block):
 
 
 class Reader:
-    """A folder, an environment and a daemon. What a page names and no machine has two of stands in for by its own:
-    /tmp and /run are folders within, host "robot" and port 5555 are a free port here, user and groups are one's own.
+    """A folder, an environment and a daemon. Replaces names on pages that are unique to a machine: /tmp and /run become
+    folders within, host "robot" and port 5555 a free port here, user and groups the current ones.
     """
 
     def __enter__(self):
@@ -85,7 +85,7 @@ class Reader:
         return printed
 
     def python(self, names: dict, code: str, name: str, line: int) -> str:
-        """What a snippet prints; its line numbers are those of the page."""
+        """The output of a snippet; its line numbers are those of the page."""
         printed, before, environment = io.StringIO(), os.getcwd(), dict(os.environ)
         os.chdir(self.work)
         os.environ["XDG_RUNTIME_DIR"] = self._environment["XDG_RUNTIME_DIR"]
@@ -99,7 +99,9 @@ class Reader:
         return self._as_written(printed.getvalue())
 
     def command(self, line: str, where: str) -> str:
-        """What a command prints. One that starts a daemon ends the one before it, and returns when it is ready."""
+        """The output of a command. One that starts a daemon ends the previous one, and returns when the daemon is
+        ready.
+        """
         line = self.stand_in(line)
         exported = EXPORT.match(line)
         if DAEMON.match(line):

@@ -14,7 +14,7 @@ ELEVATION, MARGIN = 27, 0.09  # degrees; share of the image that stays free
 RED = np.array([0.86, 0.30, 0.26])
 INK = "#1f2937"
 SEGMENT = "#0b57d0"
-# Calm, light colours that leave red and blue to the meaning.
+# Muted, light colours, so that red and blue stand out.
 PALETTE = np.array(
     [
         [0.58, 0.68, 0.78],
@@ -57,7 +57,7 @@ def draw(path, names, meshes, rows, title, footnote):
     for row in rows:
         if row["status"] in ("overlap", "contact") or not np.isfinite(row["point"]).all():
             continue
-        # Hidden stretches are drawn faintly, so that the eye is not fooled about what is in front.
+        # Hidden parts are drawn faintly, to show the order in depth.
         world = np.linspace(row["point"], row["other_point"], 65)
         screen = project(world)
         column = screen[:, 0].astype(int).clip(0, WIDTH - 1)
@@ -100,7 +100,7 @@ def draw(path, names, meshes, rows, title, footnote):
 
 
 def _best_azimuth(meshes, points):
-    """The direction (degrees) from which the bodies hide each other least: little ones count, too."""
+    """The direction (degrees) from which the bodies hide each other least; small ones count equally."""
     def visible(azimuth):
         owner = render.seen(meshes, render.Camera(points, azimuth, ELEVATION, WIDTH // 5, HEIGHT // 5, MARGIN))
         return np.sqrt(np.bincount(owner[owner >= 0], minlength=len(meshes))).sum()
@@ -109,7 +109,7 @@ def _best_azimuth(meshes, points):
 
 
 def _label_place(mask):
-    """x, y of the pixel of a mask that is deepest inside it, roughly: the last to go when its rim is peeled off."""
+    """x, y of a pixel deep inside a mask: the last one left when its rim is repeatedly removed."""
     while True:
         y, x = np.nonzero(mask)
         padded = np.pad(mask, 1)
@@ -120,7 +120,7 @@ def _label_place(mask):
 
 
 def _spread(centres, widths, height):
-    """Moves labels of these widths apart, up and down, until none covers another."""
+    """Moves labels of these widths vertically until none covers another."""
     places = np.array(centres, float)
     for _ in range(200):
         moved = False

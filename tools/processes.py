@@ -1,4 +1,4 @@
-"""Child processes that end with the demo, whatever ends it, and a check that nothing stays behind."""
+"""Child processes that end with the demo, however it ends, and a check that nothing is left behind."""
 import ctypes
 import os
 import shutil
@@ -12,15 +12,16 @@ from pathlib import Path
 
 
 class DemoError(Exception):
-    """Something that the user should read, without a traceback."""
+    """An error for the user, shown without a traceback."""
 
 
 def _die_with_parent():
-    ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG: also if we are killed
+    ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG: also if this process is killed
 
 
 class Stage:
-    """A folder for sockets and logs, and the processes that use it. Leaving this context ends and removes all."""
+    """A folder for sockets and logs, and the processes that use it. Leaving this context ends and removes
+    everything."""
 
     def __init__(self):
         self.folder = Path(tempfile.mkdtemp(prefix="clearance-demo-"))
@@ -31,7 +32,7 @@ class Stage:
         return self
 
     def __exit__(self, *_):
-        # A second Ctrl-C must not leave half of it behind.
+        # A second Ctrl-C must not interrupt the cleanup.
         old = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
             for _, child in reversed(self.children):
@@ -41,7 +42,7 @@ class Stage:
             signal.signal(signal.SIGINT, old)
 
     def start(self, name, command, **options):
-        """Starts a child; what it prints goes to a log in the folder, unless stdout= says otherwise."""
+        """Starts a child; its output goes to a log in the folder, unless stdout= is given."""
         with open(self.folder / f"{name}.log", "w") as log:
             options.setdefault("stdout", log)
             try:
@@ -53,7 +54,7 @@ class Stage:
         return child
 
     def log(self, name):
-        """The last lines that a child printed."""
+        """The last lines of a child's output."""
         return "\n".join("    " + line for line in (self.folder / f"{name}.log").read_text().splitlines()[-20:])
 
     def check(self):
@@ -72,8 +73,8 @@ class Stage:
             time.sleep(0.01)
 
     def left_behind(self):
-        """What is still there after the end: processes, and the folder with the sockets. To be asked after the stage
-        was left. (Shared memory has no name, and goes with the processes.)"""
+        """Remains after the end of the stage: processes, and the folder with the sockets. Call it after leaving the
+        stage. (Shared memory has no name, and is freed with the processes.)"""
         found = [f"process {child.pid} ({name})" for name, child in self.children if child.poll() is None]
         found += [f"process {pid}" for pid in _processes_naming(str(self.folder))]
         if self.folder.exists():
@@ -82,7 +83,7 @@ class Stage:
 
 
 class ReadyNotice:
-    """The socket on which a service says that it is ready, as for systemd (NOTIFY_SOCKET)."""
+    """The socket on which a service reports that it is ready, as for systemd (NOTIFY_SOCKET)."""
 
     def __init__(self, folder):
         self.path = str(folder / "notify")

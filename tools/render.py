@@ -10,7 +10,7 @@ _DEPTH_STEPS = 2**31
 
 
 class Camera:
-    """A perspective view of some points, from `azimuth` and `elevation` (degrees), that fits them into the image."""
+    """A perspective view from `azimuth` and `elevation` (degrees) that fits some points into the image."""
 
     def __init__(self, points, azimuth, elevation, width, height, margin, field_of_view=28.0):
         azimuth, elevation = np.radians([azimuth, elevation])
@@ -19,8 +19,8 @@ class Camera:
         self.axes = np.stack([right, np.cross(back, right), back])  # rows: right, up, towards the eye
         self.size = np.array([width, height])
         self.focal = height / 2 / np.tan(np.radians(field_of_view) / 2)
-        # Nearest eye from which every point falls inside the image: each point asks for a distance along `back` once
-        # the view is centred, and centring is done by a few rounds because it moves with perspective.
+        # Nearest eye from which every point is inside the image: each point requires a distance along `back` once the
+        # view is centred. Centring is iterated, because it changes with perspective.
         local = points @ self.axes.T
         half = self.size / 2 * (1 - 2 * margin) / self.focal
         centre = (local.min(0) + local.max(0)) / 2
@@ -46,7 +46,7 @@ class Camera:
 
 
 def rasterise(screen, triangles, width, height):
-    """Which triangle is in front at each pixel.
+    """Returns the frontmost triangle at each pixel.
 
     screen: (V, 3) x, y in pixels and depth (larger is farther; affine in the image, such as -1/distance).
     Returns (height, width) index of the triangle, -1 for none, and depth.
@@ -63,7 +63,7 @@ def rasterise(screen, triangles, width, height):
     area = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]
     drawable = (last >= first).all(1) & (np.abs(area) > 1e-12)
 
-    # Triangles of about the same size on the screen go through together, as stacks of square tiles.
+    # Triangles of similar size on the screen are processed together, as stacks of square tiles.
     for power in range(1, int(np.ceil(np.log2(max(width, height) + 1))) + 1):
         side = 2**power
         chosen = np.flatnonzero(drawable & (extent <= side) & (extent > (side // 2 if power > 1 else 0)))
@@ -96,20 +96,20 @@ def corner_normals(vertices, triangles, crease=35.0):
     corners = vertices[triangles]
     weighted = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat = weighted / np.maximum(np.linalg.norm(weighted, axis=1, keepdims=True), 1e-300)
-    # Vertices at the same place share their normals whether or not the mesh shares them.
+    # Vertices at the same place share their normals, whether or not the mesh shares them.
     _, place = np.unique(np.round(vertices / (np.ptp(vertices, axis=0).max() + 1e-300), 7), axis=0, return_inverse=True)
     place = place.reshape(-1)[triangles]
-    # Directions are put into a few groups by a coarse look: a corner takes the mean over the faces around it that face
-    # nearly its own way. Exact smoothing groups are not worth their cost here.
+    # A corner's normal is the mean over the adjacent faces with a similar direction. Exact smoothing groups are not
+    # worth their cost here.
     order = np.argsort(place.reshape(-1), kind="stable")
     starts = np.flatnonzero(np.r_[True, np.diff(place.reshape(-1)[order]) > 0])
     normals = np.repeat(flat[:, None, :], 3, axis=1).reshape(-1, 3)
     faces = np.repeat(np.arange(len(triangles)), 3)
     limit = np.cos(np.radians(crease))
     counts = np.diff(np.r_[starts, len(order)])
-    for count in np.unique(counts):  # corners that meet in equal numbers go together
+    for count in np.unique(counts):  # corners with the same number of faces are processed together
         rows = order[starts[counts == count][:, None] + np.arange(count)[None, :]]  # (n, count) corners
-        if count > 400:  # a pole of a very fine sphere: the mean of all is as good
+        if count > 400:  # a pole of a very fine sphere, where the mean of all suffices
             mean = weighted[faces[rows]].sum(1, keepdims=True).repeat(count, axis=1)
         else:
             mean = np.empty(rows.shape + (3,))
@@ -128,9 +128,9 @@ def corner_normals(vertices, triangles, crease=35.0):
 def render(meshes, camera, ground=None, background=(0.965, 0.97, 0.978)):
     """Draws meshes: a list of (vertices (V, 3), triangles (T, 3), colour (3,)).
 
-    ground: height of a floor that catches shadows, or None. The light comes over the viewer's left shoulder.
-    Returns the image, (height, width) distance in front of the eye, infinite where nothing is, and (height, width)
-    index of the mesh that is seen, -1 for none.
+    ground: height of a floor that receives shadows, or None. The light comes over the viewer's left shoulder.
+    Returns the image, (height, width) distance in front of the eye, infinite without a surface, and (height, width)
+    index of the visible mesh, -1 for none.
     """
     width, height = camera.size
     offsets = np.cumsum([0] + [len(v) for v, _, _ in meshes])
@@ -176,9 +176,9 @@ def render(meshes, camera, ground=None, background=(0.965, 0.97, 0.978)):
         colour[part] = colours[t] * shade[:, None] + (gloss + rim)[:, None]
     image[hit] = colour
 
-    # The floor: only its shadows show, and they fade into the background far away.
+    # The floor: only its shadows are visible, and they fade into the background with distance.
     if ground is not None:
-        # Soft as they are, every fourth pixel of the floor is enough.
+        # The shadows are soft, so that every fourth pixel of the floor suffices.
         step = 4
         coarse = camera.rays(np.arange(0, width, step)[None, :], np.arange(0, height, step)[:, None])
         along = np.where(coarse[..., 2] < -1e-6, (ground - camera.eye[2]) / np.minimum(coarse[..., 2], -1e-6), np.nan)
@@ -195,7 +195,7 @@ def render(meshes, camera, ground=None, background=(0.965, 0.97, 0.978)):
 
 
 def seen(meshes, camera):
-    """(height, width) index of the mesh that is seen at each pixel, -1 for none; without shading."""
+    """(height, width) index of the visible mesh at each pixel, -1 for none; without shading."""
     offsets = np.cumsum([0] + [len(v) for v, _ in meshes])
     screen = camera.project(np.concatenate([v for v, _ in meshes]))
     screen[:, 2] = -1 / screen[:, 2]
@@ -206,7 +206,7 @@ def seen(meshes, camera):
 
 
 def shrink(image, factor):
-    """Averages factor x factor pixels: smooth edges for an image that was drawn larger."""
+    """Averages factor x factor pixels, which smooths the edges of a larger image."""
     height, width = image.shape[0] // factor, image.shape[1] // factor
     return image[:height * factor, :width * factor].reshape(height, factor, width, factor, -1).mean((1, 3))
 
@@ -222,7 +222,7 @@ def _barycentric(points, corners):
 
 
 class _ShadowMap:
-    """Depth as the light sees it."""
+    """Depth from the light's view."""
 
     SIZE = 1536
     TAPS = 24
@@ -246,7 +246,7 @@ class _ShadowMap:
         """(N,) share of the light that arrives, softened over about `spread` texels."""
         place = self._place(points).astype(np.float32)
         total = np.zeros(len(points), np.float32)
-        for tap in range(self.TAPS):  # a sunflower disc
+        for tap in range(self.TAPS):  # sunflower pattern
             radius, angle = spread * np.sqrt((tap + 0.5) / self.TAPS), tap * 2.399963
             x = (place[:, 0] + radius * np.cos(angle)).astype(int).clip(0, self.SIZE - 1)
             y = (place[:, 1] + radius * np.sin(angle)).astype(int).clip(0, self.SIZE - 1)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes the root of another system, once, for tests that a machine of its own would be asked for: tools/root.sh SUITE PACKAGE...
-# Prints the folder, out/roots/SUITE. As root, on Debian; packages may be added by another call.
+# Creates the root of another system, once, for tests that need a separate machine: tools/root.sh SUITE PACKAGE...
+# Prints the folder, out/roots/SUITE. Needs root on Debian; another call may add packages.
 #
 #   bullseye bookworm trixie    Debian 11, 12, 13
 #   jammy noble                 Ubuntu 22.04, 24.04
@@ -18,7 +18,7 @@ mirror=http://deb.debian.org/debian
 [ "$(id -u)" = 0 ] || die "tools/root.sh makes roots by debootstrap, and needs to be root"
 command -v debootstrap >/dev/null || die "there is no debootstrap: tools/setup.sh tools/install_packages.txt"
 
-# Ubuntu's keys are no Debian package: the deb that holds them, known by its digest.
+# Ubuntu's keys are not in a Debian package: the deb that contains them is verified by its digest.
 ubuntu_keys() {
   local deb=out/roots/ubuntu-keyring.deb
   [ -f "$deb" ] || curl -sSfo "$deb" http://archive.ubuntu.com/ubuntu/pool/main/u/ubuntu-keyring/ubuntu-keyring_2021.03.26_all.deb
@@ -27,7 +27,7 @@ ubuntu_keys() {
   echo "$PWD/out/roots/ubuntu-keyring/usr/share/keyrings/ubuntu-archive-keyring.gpg"
 }
 
-# Nothing of it need run on this machine, so neither its kernel nor its root has to know of qemu.
+# Nothing of it needs to run on this machine, so that neither its kernel nor its root needs qemu.
 unpack() {
   [ "$(cat "$root.packages" 2>/dev/null)" = "${packages[*]}" ] && return
   rm -rf "$root"
@@ -37,7 +37,7 @@ unpack() {
   for deb in "$root"/var/cache/apt/archives/*.deb; do
     dpkg-deb --fsys-tarfile "$deb" | tar -x -C "$root" --keep-directory-symlink
   done
-  # What names a place from the root on must name it from here.
+  # Absolute links must be resolved from here.
   find "$root/usr/lib" -lname '/*' | while read -r link; do ln -sfnr "$root$(readlink "$link")" "$link"; done
   grep -rlE '/usr/(lib|include)' "$root"/usr/lib/*/cmake/{assimp,draco}* | xargs sed -Ei "s|([\";:])/usr([/\"])|\1$root/usr\2|g"
   echo "${packages[*]}" >"$root.packages"

@@ -1,4 +1,4 @@
-"""Starting clearanced for the demo and the benchmark: where it listens, how it says that it is ready."""
+"""Starts clearanced for the demo and the benchmark: its endpoints, and its readiness."""
 import os
 import random
 import socket
@@ -18,11 +18,11 @@ def start_daemon(stage, scene, prefix=(), options=(), program=BIN / "clearanced"
     """Starts clearanced on a scene file with its sockets in the stage's folder, and waits until it serves.
 
     prefix: a command that runs it, such as ("taskset", "-c", "0").
-    options: more of the daemon's.
+    options: additional options of the daemon.
     program: the daemon, if it is not this build's.
-    seconds: how long to wait for it.
+    seconds: timeout.
 
-    Returns the process, {"shm": url, "zmq": url, "lcm": url} (lcm only where multicast works), and the seconds it took.
+    Returns the process, {"shm": url, "zmq": url, "lcm": url} (lcm only if multicast works), and the seconds it took.
     """
     urls = {"shm": f"shm://{stage.folder}/shm.sock", "zmq": f"ipc://{stage.folder}/zmq.sock"}
     command = [
@@ -48,7 +48,7 @@ def start_daemon(stage, scene, prefix=(), options=(), program=BIN / "clearanced"
 
 
 def free_udp_port():
-    """A port that no other daemon on this machine listens on at the moment."""
+    """A port on which no other daemon on this machine listens at the moment."""
     for port in random.SystemRandom().sample(range(20000, 30000), 100):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what the build, the tests and the demo need: Debian packages through apt, Python packages into .venv.
-# Only what is missing is installed; a second run changes nothing, and needs neither root nor a network.
+# Installs the requirements of the build, the tests and the demo: Debian packages through apt, Python packages into .venv.
+# Only missing ones are installed; a second run changes nothing, and needs neither root nor a network.
 #
 #   tools/setup.sh LIST...              the Debian packages of other lists, too
 #   PYTHON=python3.12 tools/setup.sh    another Python than python3
@@ -22,7 +22,7 @@ sys.exit(not os.path.exists(os.path.join(sysconfig.get_paths()["include"], "Pyth
 # pythonX.Y if it is the system's own, so that its venv and headers are Debian packages.
 system_python() { "$python" -c 'import sys; print("python%d.%d" % sys.version_info[:2] if sys.base_prefix == "/usr" else "")'; }
 
-# Whether apt's lists hold a package. (A fresh image has no lists: there they hold none, not even g++.)
+# Tests whether apt's lists contain a package. (A fresh image has no lists, and then none contains even g++.)
 known() { apt-cache show "$1" >/dev/null 2>&1; }
 
 missing_packages() {
@@ -37,7 +37,7 @@ missing_packages() {
   done
   name=$(system_python)
   if [ -n "$name" ]; then
-    # The versioned names serve a Python that is not the distribution's default one, too.
+    # The versioned names also work for a Python that is not the distribution's default.
     python_has_venv || echo "$name-venv"
     python_has_headers || echo "$name-dev"
   fi
@@ -46,7 +46,7 @@ missing_packages() {
 install_packages() {
   local apt=("$@")
   apt+=(-o DPkg::Lock::Timeout=300)
-  # The lists may be absent (a fresh image) or old (files that are gone from the mirror).
+  # The lists may be absent (a fresh image) or old (files that the mirror no longer has).
   if ! apt-get --simulate install --no-install-recommends "${missing[@]}" >/dev/null 2>&1; then
     "${apt[@]}" update
     mapfile -t missing < <(missing_packages)
@@ -80,8 +80,8 @@ fi
 python_has_venv || die "$python has no venv module (python3-venv); install it or set PYTHON to another Python"
 python_has_headers || die "$python has no headers (python3-dev); install them or set PYTHON to another Python"
 
-# .venv is remade if its Python is gone or it was moved (its scripts name their interpreter by absolute path), and filled
-# again if the requirements changed.
+# .venv is recreated if its Python is gone or it was moved (its scripts name their interpreter by absolute path), and
+# refilled if the requirements changed.
 venv=$(realpath -m .venv)
 stamp=$venv/clearance-setup
 want=$({ echo "$venv"; cat requirements.txt; } | sha256sum | cut -d' ' -f1)

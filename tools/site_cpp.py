@@ -1,4 +1,4 @@
-"""The C++ reference: what a public header declares, with its comments, as Markdown."""
+"""The C++ reference: the declarations of a public header, with their comments, as Markdown."""
 import re
 from pathlib import Path
 
@@ -6,7 +6,7 @@ TYPE = re.compile(r"^(?:enum class|struct|class)(?: CLEARANCE_API)? (\w+)[^;(]*\
 
 
 def reference(header: Path) -> str:
-    """Each declaration of a header's namespace under a heading of its name; what is private is left out."""
+    """Each declaration of a header's namespace under a heading of its name, without private parts."""
     body = header.read_text()
     first = body.index("\n\n", body.index("\nnamespace clearance"))
     name = "engine.h" if header.name == "embed.h" else header.name  # as cmake installs it
@@ -22,7 +22,7 @@ def reference(header: Path) -> str:
 
 
 def head(body):
-    """The comment that a header begins with: its first sentences, and the code in it as code."""
+    """The comment at the start of a header: its first sentences, and its code as code."""
     lines = []
     for line in body.splitlines():
         if not line.startswith("//"):
@@ -32,7 +32,7 @@ def head(body):
 
 
 def declarations(text):
-    """(comment, code) of each declaration at the outermost level; code that stands together stays together."""
+    """(comment, code) of each declaration at the outermost level; adjacent code stays together."""
     comment, code, depth = [], [], 0
     for line in [*text.splitlines(), ""]:
         if not depth and not line.strip():

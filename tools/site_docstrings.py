@@ -1,4 +1,4 @@
-"""Docstrings as Markdown: what they say of each argument becomes a list, for the reference of the site."""
+"""Docstrings as Markdown for the reference of the site: descriptions of arguments become a list."""
 import re
 
 import griffe
@@ -7,7 +7,7 @@ ARGUMENT = re.compile(r"^(\w+(?:, \w+)*): ")
 
 
 class Arguments(griffe.Extension):
-    """Lines "name: what it is", and what is indented under them, become items of a list."""
+    """Lines "name: description", with the lines indented under them, become items of a list."""
 
     def on_object(self, *, obj, **_):
         if obj.docstring:

@@ -23,7 +23,7 @@ LANGUAGES = {".h": "cpp", ".cpp": "cpp", ".py": "python", ".lcm": "c", ".sh": "b
 
 
 def on_config(config):
-    """The navigation: headings of docs/README.md, and under each the pages that its list names, in order."""
+    """The navigation: headings of docs/README.md, each with the pages of its list, in order."""
     nav, section = [{"Home": ["README.md"]}], None
     for line in (DOCS / "README.md").read_text().splitlines():
         if line.startswith("## "):
@@ -36,7 +36,7 @@ def on_config(config):
 
 
 def on_files(files, config):
-    """Adds a page for each file outside of docs/ that a page links to, and for those that these link to."""
+    """Adds a page for each file outside of docs/ that a page links to, and for those linked from there."""
     seen = set()
     queue = [(page, page.read_text()) for page in DOCS.rglob("*.md")]
     while queue:
@@ -52,7 +52,7 @@ def on_files(files, config):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Links, lists and references of one page as the site has them."""
+    """Converts links, lists and references of one page for the site."""
     here = DOCS / page.file.src_uri
     if page.file.generated_by:
         here = ROOT / page.file.src_uri[len("source/"):]
@@ -62,7 +62,7 @@ def on_page_markdown(markdown, page, config, files):
         target = resolved(here, link[2])
         return link[1] + up + place(target) + link[3] if target else link[0]
 
-    if here == DOCS / "README.md":  # which names pages by their files, as a folder's list does
+    if here == DOCS / "README.md":  # it names pages by their files, as a folder's list does
         markdown = re.sub(r"\[[\w/]+\.md\]\(([\w/]+\.md)\)", lambda link: f"[{title(link[1])}]({link[1]})", markdown)
     markdown = LINK.sub(moved, markdown)
     markdown = re.sub(r"^::: cpp (\S+)$", lambda found: reference(ROOT / found[1]), markdown, flags=re.MULTILINE)
@@ -108,7 +108,7 @@ def outside(page, text):
 
 
 def place(target):
-    """Where the site has the page of a file."""
+    """Place of a file's page on the site."""
     if DOCS in target.parents:
         return target.relative_to(DOCS).as_posix()
     path = "source/" + target.relative_to(ROOT).as_posix()
@@ -127,7 +127,7 @@ def shown(target):
 
 
 def spaced_lists(markdown):
-    """Markdown with an empty line before each list, which Python-Markdown wants and others do not."""
+    """Markdown with an empty line before each list, which only Python-Markdown requires."""
     lines, fenced = [], False
     for line in markdown.splitlines():
         fenced ^= bool(FENCE.match(line))

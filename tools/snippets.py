@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Does what pages say, as it stands there and in its order, and compares what comes out with what they say comes out.
+"""Runs the snippets and commands of pages in order, and compares their output with the output shown on the page.
 
-    tools/snippets.py docs/cookbook.md             # exit code 1, and the difference, where a page says something else
-    tools/snippets.py --write docs/cookbook.md     # writes what its snippets print into the page
+    tools/snippets.py docs/cookbook.md             # exit code 1, and the difference, if the output differs
+    tools/snippets.py --write docs/cookbook.md     # writes the output of its snippets into the page
 
-```python       is run. The first of a page is what the others begin with: it is run anew before each of them, so that a
-                reader who has the first can take any other. What it prints is the block ```text right behind it.
-an indented     block is commands of a shell, one a line. A daemon that one starts serves until the next, or the end.
+```python       is run. The first of a page is a common start: it is run again before each of the others, so that a
+                reader can combine it with any of them. Its output is the block ```text that follows immediately.
+an indented     block contains shell commands, one per line. A daemon that one starts serves until the next, or the end.
 ```yaml         that begins with "# NAME.yaml" is that file.
 
-What else is fenced is not run (```py is another library's Python), nor what LEFT_OUT names, with the reason. A page is
-read in a folder of its own, in which the repository's files are (tools/page_reader.py).
+Other fenced blocks are not run (```py is another library's Python), nor are those in LEFT_OUT, with the reason. A page
+is read in a separate folder with the repository's files (tools/page_reader.py).
 """
 
 import argparse
@@ -32,7 +32,8 @@ NAMED_FILE = re.compile(r"# ([\w.-]+\.yaml)\b")
 ELSEWHERE = "a test of its own runs it: "
 NEEDS = "needs "
 LONG = "takes minutes; the same in little: "
-#: What is not run: of each page how the command, or the block's first line, begins, and why. A test finds stale ones.
+#: Snippets that are not run: by page, the start of the command or of the block's first line, and the reason. A test
+#: finds stale ones.
 LEFT_OUT: dict[str, dict[str, str]] = {
     "README.md": {
         "make demo": ELSEWHERE + "tests/python/test_demo.py",
@@ -90,22 +91,22 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
     },
 }
-#: Pages on which what is indented is formulas or drawings.
+#: Pages whose indented blocks are formulas or drawings.
 FORMULAS = {"docs/bounds.md", "docs/architecture.md"}
 
 
 class Differs(Exception):
-    """A page says otherwise than its snippets do; the text is the difference."""
+    """A page differs from the output of its snippets; the message is the difference."""
 
 
 @dataclass(frozen=True)
 class Block:
     """Code on a page."""
 
-    kind: str  #: the fence's language; "shell": an indented block
+    kind: str  #: the fence's language; "shell" for an indented block
     code: str  #: without fence and indentation
-    line: int  #: where the code begins on the page, from 1
-    end: int  #: the page's line behind the block, from 0
+    line: int  #: line of the page on which the code begins, from 1
+    end: int  #: line of the page after the block, from 0
 
 
 def pages() -> "list[Path]":
@@ -136,24 +137,24 @@ def blocks(text: str, name: str = "") -> "list[Block]":
 
 
 def begins_code(lines: "list[str]", i: int) -> bool:
-    """Whether an indented line begins a block: behind an empty line or a heading."""
+    """Whether an indented line begins a block: after an empty line or a heading."""
     return i == 0 or not lines[i - 1].strip() or lines[i - 1].startswith("#")
 
 
 def left_out(name: str, beginning: str) -> "str | None":
-    """Why a command or block is not run; None: it is."""
+    """The reason why a command or block is not run, or None if it is."""
     return next((why for key, why in LEFT_OUT.get(name, {}).items() if beginning.startswith(key)), None)
 
 
 def run_page(text: str, name: str) -> str:
-    """The page with what its snippets print. Raises what a snippet raises, with the page's line."""
+    """The page with the output of its snippets. Raises a snippet's exception, with the page's line."""
     lines, out, done = text.splitlines(), [], 0
     found = blocks(text, name)
     with Reader() as reader:
         first: list = []
         for i, block in enumerate(found):
             if block.end <= done:
-                continue  # what the one before it prints
+                continue  # the previous block's output
             printed = run_block(reader, block, name, first)
             out += lines[done : block.end]
             done = block.end
@@ -166,7 +167,7 @@ def run_page(text: str, name: str) -> str:
 
 
 def run_block(reader: Reader, block: Block, name: str, first: list) -> "str | None":
-    """What a block prints; None: it is not run."""
+    """The output of a block, or None if it is not run."""
     if block.kind == "shell":
         return "".join(
             reader.command(line, f"{name}:{at}") for at, line in lines_of(block) if left_out(name, line) is None
@@ -183,7 +184,7 @@ def run_block(reader: Reader, block: Block, name: str, first: list) -> "str | No
 
 
 def check(page: Path) -> None:
-    """Raises Differs where the page says otherwise than its snippets do, and what a snippet raises."""
+    """Raises Differs if the page differs from the output of its snippets, and a snippet's exception."""
     text = page.read_text()
     before, after = text.splitlines(keepends=True), run_page(text, name_of(page)).splitlines(keepends=True)
     if before != after:

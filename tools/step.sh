@@ -1,4 +1,5 @@
-# Sourced by the scripts of this folder: runs long commands quietly, with a line of progress, and shows the log if they fail.
+# Sourced by the scripts of this folder: runs long commands quietly, with a line of progress, and shows the log if they
+# fail.
 
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 log_dir=out/log
@@ -7,7 +8,7 @@ mkdir -p "$log_dir"
 say() { printf '%s\n' "$*"; }
 die() { printf 'error: %s\n' "$*" >&2; exit 1; }
 
-# limited COMMAND...: a test program, which fails if it hangs.
+# limited COMMAND...: runs a test program with a time limit.
 limited() {
   local status=0
   timeout -k 10 1800 "$@" || status=$?
@@ -15,7 +16,7 @@ limited() {
   return $status
 }
 
-# progress LOG: where a running command is, in a few words: ninja's counter if there is one, else the log's last line.
+# progress LOG: a short status of a running command: ninja's counter if there is one, otherwise the log's last line.
 progress() {
   local text
   text=$(tail -c 400 "$1" 2>/dev/null | tr '\r' '\n' | grep -v '^[[:space:]]*$' | tail -n 1 || true)
@@ -23,8 +24,8 @@ progress() {
   printf '%.70s' "$text"
 }
 
-# step NAME "what it does" COMMAND...: the command's output goes to out/log/NAME.log. A terminal shows one line that is kept
-# up to date, anything else gets a line every 15 seconds.
+# step NAME "description" COMMAND...: writes the command's output to out/log/NAME.log. A terminal shows one updated
+# line, other outputs get a line every 15 seconds.
 step() {
   local name=$1 title=$2 log=$log_dir/$1.log start=$SECONDS shown=0 child status=0
   shift 2

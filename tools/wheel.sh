@@ -25,17 +25,18 @@ tools_in_venv() {
 
 build_native() { build .venv/bin/python; }
 
-# A Python of a newer Debian needs its own glibc, which the wheel must not: it runs under its own loader, and all else is here.
+# A Python of a newer Debian needs its own glibc, which the wheel must not: it runs under its own loader, with
+# everything else from here.
 build_abi3() {
   local root packages=$PWD/out/wheel-abi3/packages python=$PWD/out/wheel-abi3/python3.13 triplet
   triplet=$(uname -m)-linux-gnu
   root=$(tools/root.sh trixie-build python3 python3-dev)
   mkdir -p "$packages"
-  # Debian's Python.h asks for what depends on the processor as <TRIPLET/python3.13/pyconfig.h>, below /usr/include. That folder also
-  # has a C library's headers, which are not to be found; so it leads there from the folder of Python.h.
+  # Debian's Python.h includes processor-dependent parts as <TRIPLET/python3.13/pyconfig.h>, below /usr/include. That
+  # folder also has a C library's headers, which must not be found, so a link from the folder of Python.h leads there.
   mkdir -p "$root/usr/include/python3.13/$triplet"
   ln -sfnr "$root/usr/include/$triplet/python3.13" "$root/usr/include/python3.13/$triplet/python3.13"
-  # Python::SABIModule, by which a module is built for the stable ABI, came with CMake 3.26.
+  # Python::SABIModule, which builds a module for the stable ABI, was added in CMake 3.26.
   [ -d "$packages/cmake" ] || step wheel-abi3 "Install what builds for Python 3.13" .venv/bin/python -m pip install \
     --disable-pip-version-check --progress-bar off --target "$packages" --python-version 3.13 --implementation cp \
     --only-binary=:all: --platform "$platform" --platform "manylinux_2_28_$(uname -m)" --platform "manylinux_2_17_$(uname -m)" \
