@@ -1,7 +1,7 @@
-"""How far the arm of scenes/cell is from balls and from a floor, without Clearance: numpy and the URDF alone.
+"""Distance of the arm of scenes/cell from balls and from a floor, without Clearance: numpy and the URDF alone.
 
 Shapes of the URDF are boxes, cylinders and spheres, for which the distance from a point has a closed form, and a floor
-needs the lowest point alone. The examples judge by this what they have done.
+needs only the lowest point. The examples check their results with it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Joint(NamedTuple):
 
 
 class ArmTruth:
-    """The arm at (K, J) positions of some of its joints, radians and metres; the others are at 0."""
+    """The arm at (K, J) positions of some of its joints, in radians and metres; the others are at 0."""
 
     def __init__(self, urdf, joints, X_world_base=None):
         robot = xml.parse(urdf).getroot()
@@ -48,7 +48,7 @@ class ArmTruth:
         children = {joint.child for joint in self.joints}
         (root,) = {joint.parent for joint in self.joints} - children
         poses = {root: np.broadcast_to(self.base, (len(rows), 4, 4))}
-        for joint in self.joints:  # the file has parents before children
+        for joint in self.joints:  # the file lists parents before children
             turn = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
             if joint.name in self.moving:
                 q = rows[:, self.moving.index(joint.name)]
@@ -60,7 +60,7 @@ class ArmTruth:
         return poses
 
     def to_points(self, positions, points) -> np.ndarray:
-        """(K, N) metres: from the nearest point of the arm to (K, N, 3) points in the world; 0 within it."""
+        """(K, N) metres: distance of the arm from (K, N, 3) points in the world; 0 inside it."""
         poses = self.links(positions)
         least = np.full(np.shape(points)[:2], np.inf)
         for shape in self.shapes:
@@ -81,7 +81,7 @@ class ArmTruth:
 
 
 def outside(shape: Shape, p: np.ndarray) -> np.ndarray:
-    """How far points in a shape's own frame are from it."""
+    """Distance of points in a shape's own frame from the shape."""
     if shape.kind == "sphere":
         return np.maximum(np.linalg.norm(p, axis=-1) - shape.size[0], 0)
     if shape.kind == "box":
@@ -92,7 +92,7 @@ def outside(shape: Shape, p: np.ndarray) -> np.ndarray:
 
 
 def reach_down(shape: Shape, down: np.ndarray) -> np.ndarray:
-    """How far a shape reaches below its middle; down: (K, 3), the world's z axis in the shape's frame."""
+    """Distance by which a shape extends below its centre; down: (K, 3), the world's z axis in the shape's frame."""
     if shape.kind == "sphere":
         return np.full(len(down), shape.size[0])
     if shape.kind == "box":
@@ -106,7 +106,7 @@ def numbers(text: str) -> np.ndarray:
 
 
 def rotations(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """(K, 3, 3) turns about a unit axis."""
+    """(K, 3, 3) rotations about a unit axis."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     s, c = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""A simulated depth camera: rays into a known scene, noise, a self-filter, and how near a robot comes to what was seen.
+"""A simulated depth camera: rays into a known scene, noise, a self-filter, and a robot's distance to the point cloud.
 
     python3 client/examples/depth_camera.py [--connect URL] [--frames 3] [--noise 0.002]
 
-The camera stands in scenes/cell and sees the bodies that do not belong to the arm, and the arm itself. A ray's depth is
-found by sphere tracing: it goes on by the certified lower bound on the distance to the nearest body, until that is at
-most a tenth of a millimetre. The noise that is declared becomes the radius of the points: what a ray met lies within.
+The camera is in scenes/cell and sees the arm and the bodies that do not belong to it. A ray's depth is found by sphere
+tracing: it advances by the certified lower bound on the distance to the nearest body, until that is at most a tenth of
+a millimetre. The declared noise becomes the radius of the points, so that the surface that a ray hits is within it.
 
-What the camera sees of the robot is no obstacle. The self-filter leaves out a point where the distance to the robot's
-links, in the same state, is not proved to be more than its radius; nothing is left out beside that. The cloud then
-replaces the points of the body "seen", at once, and the arm's distance to it is asked for. With --connect a daemon
-answers whose scene has such a body (`points: []`); without, this process does.
+Points on the robot are no obstacles. The self-filter removes a point if its distance to the robot's links, in the same
+state, is not proved to be more than its radius; it removes nothing else. The cloud then replaces the points of the body
+"seen" at once, and the arm's distance to it is queried. With --connect a daemon answers, whose scene needs such a body
+(`points: []`); otherwise this process does.
 """
 
 import argparse
@@ -23,18 +23,18 @@ import numpy as np
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 try:
     import clearance
-except ImportError:  # not installed: where the build puts it
+except ImportError:  # not installed: the build's folder
     sys.path.append(str(ROOT / "build" / "python"))
     import clearance
 
-HIT = 1e-4  # metres: a ray ends so near to a body
-FAR = 4.0  # metres: what is farther is not seen
+HIT = 1e-4  # metres: distance at which a ray ends
+FAR = 4.0  # metres: range of the camera
 HOME = {"arm/turn": -0.2618, "arm/lift": 0.05, "arm/elbow": 1.3, "arm/wrist_lift": 0.15, "arm/wrist_turn": -1.5708,
         "arm/tool": 0.1745}  # fmt: skip
 
 
 class Camera:
-    """Looks along its z; rows of pixels along its x."""
+    """Points along its z axis; rows of pixels are along its x axis."""
 
     def __init__(self, position, target, width, height, view=0.9):
         z = np.subtract(target, position) / np.linalg.norm(np.subtract(target, position))
@@ -47,7 +47,7 @@ class Camera:
 
 
 class World:
-    """The cell as it is, with a probe: a point that is asked about anywhere."""
+    """The actual cell, with a probe: a point whose distance can be queried anywhere."""
 
     def __init__(self, scene_file):
         self.scene = clearance.Scene.load(scene_file)
@@ -57,7 +57,7 @@ class World:
         self.engine.set_joints(HOME)
 
     def distance(self, points, bodies):
-        """Lower bounds on the distance of points (N, 3) from bodies, metres."""
+        """Lower bounds on the distance of points (N, 3) from bodies, in metres."""
         at = np.zeros((len(points), 1, 7))
         at[:, 0, :3], at[:, 0, 3] = points, 1
         answer = self.engine.distances(
@@ -66,7 +66,7 @@ class World:
         return answer.lower
 
     def depths(self, camera, bodies):
-        """How far each ray gets, metres; inf: it meets nothing within FAR."""
+        """Length of each ray in metres; inf if it hits nothing within FAR."""
         depth = np.zeros(len(camera.rays))
         active = np.arange(len(depth))
         for _ in range(400):
@@ -80,7 +80,7 @@ class World:
 
 
 def self_filtered(world, points, radius):
-    """Which points (N, 3) are proved not to be the robot's: farther from its links than their radius. (N,) bool."""
+    """Mask (N,) of points (N, 3) that are proved not to be the robot's: farther from its links than their radius."""
     return world.distance(points, ["arm"]) > radius
 
 

@@ -1,10 +1,10 @@
-"""Drives of an arm as they are: they follow a commanded speed for a while, and stop by themselves without a new one."""
+"""Realistic drives of an arm: they follow a commanded speed for a while, and stop by themselves without a new one."""
 
 from __future__ import annotations
 
 import numpy as np
 
-HOLD = 0.005  # seconds that a command counts for
+HOLD = 0.005  # seconds during which a command is valid
 STOP = 0.02  # seconds from a command's end to a standstill, at a constant deceleration
 GRID = 1e-3  # seconds between samples of the log
 
@@ -17,18 +17,18 @@ class Drive:
         self.start(0.0)
 
     def start(self, now: float) -> None:
-        """Stands still from now on."""
+        """Is at rest from now on."""
         self.dq, self.commanded, self.time = np.zeros_like(self.q), -np.inf, now
 
     def travel(self, now: float) -> float:
-        """Seconds at full speed that the way from the command until now amounts to."""
+        """Equivalent time at full speed since the command, in seconds."""
         if not np.isfinite(self.commanded):
             return 0.0
         full, ramp = min(now - self.commanded, HOLD), min(max(now - self.commanded - HOLD, 0.0), STOP)
         return full + ramp - ramp**2 / (2 * STOP)
 
     def advance(self, now: float, log) -> np.ndarray:
-        """(J,) where the arm is now; the log gets where it was meanwhile, every GRID."""
+        """(J,) present position of the arm; logs the positions since the last call, every GRID."""
         count = max(1, int(np.ceil((now - self.time) / GRID)))
         from_here, q = self.travel(self.time), self.q
         for t in np.linspace(self.time, now, count + 1)[1:]:
@@ -38,6 +38,6 @@ class Drive:
         return self.q
 
     def command(self, dq, now: float, log) -> None:
-        """New speeds from now on, rad/s."""
+        """New speeds from now on, in rad/s."""
         self.advance(now, log)
         self.dq, self.commanded = np.array(dq), now

@@ -1,10 +1,10 @@
-// A planner that speaks LCM alone: liblcm and the message types of lcmtypes/, nothing else of Clearance.
+// A planner that uses LCM alone: liblcm and the message types of lcmtypes/, nothing else of Clearance.
 //
 //   clearanced --scene scenes/nineteen/scene.yaml --lcm "udpm://239.255.76.67:7667?ttl=0" &
 //   build/examples/lcm_planner "udpm://239.255.76.67:7667?ttl=0" [PREFIX] [CONFIGURATIONS]
 //
-// It waits for the scene, publishes where the bodies are (again every second, for late joiners and losses), then asks
-// about a batch of configurations of the first body that moves, at these poses or newer ones, and prints, for each, the
+// It waits for the scene, publishes the bodies' poses (repeated every second, for late joiners and losses), then
+// queries a batch of configurations of the first movable body, at these poses or newer ones, and prints, for each, the
 // nearest pair with its bounds.
 #include <chrono>
 #include <clearance_lcm/pose_update_t.hpp>
@@ -35,12 +35,12 @@ namespace {
 const char* const kStatus[] = {"ok",          "overlap",  "contact", "beyond",
                                "unconverged", "bad pose", "no pose", "unknown body"};
 
-/// Messages that come in parts, by what their parts share.
+/// Messages in parts, by the key that their parts share.
 template <class Message>
 struct Parts {
   std::map<std::pair<std::int64_t, std::int64_t>, std::map<int, Message>> by_key;
   void keep(std::int64_t server, std::int64_t key, const Message& part) { by_key[{server, key}][part.part] = part; }
-  /// The newest of which all parts are there; null if there is none.
+  /// The newest message with all parts, or null.
   const std::map<int, Message>* whole() const {
     for (auto it = by_key.rbegin(); it != by_key.rend(); ++it) {
       if (static_cast<int>(it->second.size()) == it->second.begin()->second.parts) return &it->second;
@@ -60,7 +60,7 @@ class Planner {
     listen("CLEARANCE_REPLY", &Planner::on_reply);
   }
 
-  /// Learns the bodies and their poses; bodies without a pose are put side by side.
+  /// Takes over the bodies and their poses; bodies without a pose are placed side by side.
   void learn_scene() {
     wait([this] { return scene_.whole() != nullptr && states_.whole() != nullptr; }, "the scene");
     for (const auto& [number, part] : *scene_.whole()) {
@@ -98,11 +98,11 @@ class Planner {
     published_ = Clock::now();
   }
 
-  /// The parts of the answer, in order. A lost part costs a repeat of the question, and so do lost poses.
+  /// The parts of the answer, in order. Repeats the query if a part or poses are lost.
   const std::map<int, reply_t>& ask(query_t question) {
     question.pose_wait_ns = 200'000'000;
     question.wait_for_one = true;
-    question.wait_for = poses_.rbegin()->first;  // the last that we published: a message applies as a whole
+    question.wait_for = poses_.rbegin()->first;  // the last body published: a message applies as a whole
     std::string why = "no answer";
     for (int attempt = 0; attempt < 5; ++attempt) {
       question.client_id = id_;
@@ -140,7 +140,7 @@ class Planner {
     if (subscription == nullptr) give_up(std::string("cannot listen to ") + channel);
     subscription->setQueueCapacity(1000);  // a long answer is many messages; 30 would be kept otherwise
   }
-  /// Each daemon of the network has poses of its own, and answers every query: there must be one.
+  /// There must be one daemon: each one of the network has its own poses, and answers every query.
   void check_daemon(std::int64_t server) {
     if (server_ == 0) server_ = server;
     if (server != server_)
@@ -177,7 +177,7 @@ class Planner {
 
   lcm::LCM lcm_;
   std::string prefix_;
-  std::int64_t server_ = 0;  // of the daemon that was heard first
+  std::int64_t server_ = 0;  // of the first daemon received
   std::int64_t id_ = 0, sequence_ = 0, stamp_ns_ = 0, request_ = 0, revision_ = 0;
   Clock::time_point published_;
   std::map<std::int32_t, std::string> names_;
@@ -196,16 +196,16 @@ int main(int argc, char** argv) {
   planner.publish_poses();
 
   const auto& [body, start] = *planner.poses().begin();
-  query_t query{};  // what is left at zero has its default
+  query_t query{};  // fields left at zero have their defaults
   query.body_count = 1;
   query.bodies = {body};
   query.configuration_count = count;
-  for (int k = 0; k < count; ++k) {  // a circle about where it is
+  for (int k = 0; k < count; ++k) {  // a circle around its position
     const double a = 2 * 3.14159265358979 * k / count;
     query.configurations.push_back({{start[0] + 0.5 * std::cos(a), start[1] + 0.5 * std::sin(a), start[2],
                                      std::cos(a / 2), 0, 0, std::sin(a / 2)}});
   }
-  query.reduce = query_t::REDUCE_MIN;  // of each configuration the nearest pair with this body
+  query.reduce = query_t::REDUCE_MIN;  // for each configuration the nearest pair with this body
 
   std::printf("\n%13s  %-32s %12s %12s %12s  %s\n", "configuration", "nearest pair", "distance", "lower", "upper",
               "status");

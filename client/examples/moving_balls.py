@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Balls that move on closed ways, published over LCM from a process of its own.
+"""Balls on closed paths, published over LCM from a separate process.
 
     python3 client/examples/moving_balls.py --url "udpm://239.255.76.67:7667?ttl=0" --begin 123.4
 
-Where a ball is depends on the machine's monotonic clock alone, so that another program knows it at any time, too: where
-the balls really are, not where the last message said. None is ever faster than MAX_SPEED.
+A ball's position depends on the machine's monotonic clock alone, so that another program can compute the actual
+position at any time, rather than the one of the last message. No ball is ever faster than MAX_SPEED.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import time
 
 import lcm
 import numpy as np
-import own_daemon  # noqa: F401  finds the message types where they are not installed
+import own_daemon  # noqa: F401  finds the message types if they are not installed
 from clearance_lcm import named_pose_update_t
 
 RADIUS = 0.06  # metres
-MAX_SPEED = 0.15  # metres a second
-#: Middle [m], reach along each axis [m], angular rates [rad/s] and phases of each ball's way.
+MAX_SPEED = 0.15  # metres per second
+#: Middle [m], amplitude along each axis [m], angular rates [rad/s] and phases of each ball's path.
 WAYS = [
     ((0.55, 0.00, 1.35), (0.10, 0.45, 0.10), (0.40, 0.23, 0.50), (0.0, 1.6, 0.0)),
     ((0.35, -0.45, 1.20), (0.25, 0.10, 0.20), (0.31, 0.50, 0.27), (1.0, 0.0, 2.0)),
@@ -30,13 +30,13 @@ NAMES = [f"ball_{i}" for i in range(len(WAYS))]
 
 
 def places(t) -> np.ndarray:
-    """(K, N, 3) metres: where the balls are at (K,) seconds since their begin."""
+    """(K, N, 3) metres: positions of the balls at (K,) seconds since their begin."""
     middle, reach, rate, phase = (np.array(each) for each in zip(*WAYS))
     return middle + reach * np.sin(rate * np.asarray(t, float)[:, None, None] + phase)
 
 
 def check_speed() -> None:
-    """The bound that the scene promises is a bound: each sine has its greatest slope at once."""
+    """Checks the speed bound of the scene, assuming that all sines have their greatest slope at once."""
     _, reach, rate, _ = (np.array(each) for each in zip(*WAYS))
     fastest = np.linalg.norm(reach * rate, axis=1).max()
     assert fastest <= MAX_SPEED, f"a ball reaches {fastest} m/s"
@@ -55,7 +55,7 @@ def main() -> None:
     message.count, message.names = len(NAMES), NAMES
     due = time.monotonic()
     while True:
-        # The clock first: a stamp that is older than the places is on the safe side.
+        # The clock first: a stamp older than the positions is safe.
         message.stamp_ns, now = time.time_ns(), time.monotonic()
         message.sequence += 1
         message.poses = [[*place, 1.0, 0.0, 0.0, 0.0] for place in places([now - options.begin])[0]]

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""MuJoCo as the world: it publishes poses over LCM, and takes our distances for a hand that gets out of the way.
+"""MuJoCo as the world: it publishes poses over LCM, and uses our distances for a hand that evades obstacles.
 
     python3 client/examples/mujoco_simulator.py --seconds 10
 
-A MuJoCo model becomes a scene, a body for each geom. After each control step the simulator publishes where its geoms
-are and asks the daemon, over shared memory, what is nearest to the hand *at those poses*: the question waits for their
-stamp, so that nothing depends on which way is faster. The hand goes to and fro, slower where something is near, and
-away from what comes nearer. MuJoCo's own distances judge each answer, and whether the hand ever came too near.
-Needs numpy, lcm and mujoco.
+A MuJoCo model becomes a scene, with a body for each geom. After each control step the simulator publishes the poses of
+its geoms and queries the daemon, over shared memory, for the bodies nearest to the hand *at those poses*: the query
+waits for their stamp, so that the result does not depend on which path is faster. The hand moves back and forth, slower
+near other bodies, and away from approaching ones. MuJoCo's own distances check each answer, and whether the hand ever
+came too near. Needs numpy, lcm and mujoco.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from clearance_lcm import named_pose_update_t
 
 import clearance
 
-KEEP = 0.02  # metres: the hand is never nearer to anything
-APPROACH = 8.0  # 1/s: how fast it may use up what is beyond KEEP
-OTHERS = 0.8  # metres a second that what it meets may have
-CONTROL = 0.01  # seconds between questions
-SPEED = 0.5  # metres a second
+KEEP = 0.02  # metres: minimum distance of the hand
+APPROACH = 8.0  # 1/s: rate at which it may use up the distance beyond KEEP
+OTHERS = 0.8  # metres per second: maximum speed of other bodies
+CONTROL = 0.01  # seconds between queries
+SPEED = 0.5  # metres per second
 GOALS = [np.array([0.5, 0.0, 0.35]), np.array([-0.5, 0.0, 0.35])]
-AGREE = 2e-6  # metres that MuJoCo's distances may be off by
+AGREE = 2e-6  # metres: accepted error of MuJoCo's distances
 WORLD = """<mujoco>
   <option timestep="0.002" integrator="implicitfast"/>
   <default><geom density="400"/></default>
@@ -56,7 +56,7 @@ WORLD = """<mujoco>
 
 
 def scene_of(model) -> clearance.Scene:
-    """A body for each named geom of a model; planes are half-spaces, and do not move."""
+    """A body for each named geom of a model; planes are static half-spaces."""
     scene = clearance.Scene()
     kinds = mujoco.mjtGeom
     for i in range(model.ngeom):
@@ -89,7 +89,7 @@ class Publisher:
         self.message.count = len(self.moving)
 
     def publish(self, data) -> int:
-        """The stamp of the poses that went out."""
+        """Publishes the poses and returns their stamp."""
         quaternion, poses = np.empty(4), []
         for i in self.moving:
             mujoco.mju_mat2Quat(quaternion, data.geom_xmat[i])
@@ -101,7 +101,7 @@ class Publisher:
 
 
 def ask_at(ask, publisher: Publisher, data):
-    """The answer for the poses of now. A lost message is sent again."""
+    """The answer for the current poses. Repeats a lost message."""
     for _ in range(10):
         try:
             return ask(min_pose_stamp_ns=publisher.publish(data))
@@ -112,13 +112,13 @@ def ask_at(ask, publisher: Publisher, data):
 
 
 def straight(hand: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """(3,) m/s of the hand to its goal, whatever is in the way."""
+    """(3,) m/s of the hand to its goal, ignoring obstacles."""
     return (goal - hand) * SPEED / max(np.linalg.norm(goal - hand), SPEED * 0.2)
 
 
 def careful(wanted: np.ndarray, lower: np.ndarray, away: np.ndarray) -> np.ndarray:
-    """(3,) m/s of the hand as wanted, but not towards what is near, and away from what comes too near."""
-    for i in lower.argsort()[::-1]:  # the nearest has the last word
+    """(3,) m/s of the hand as wanted, but not towards near bodies, and away from those that come too near."""
+    for i in lower.argsort()[::-1]:  # the nearest takes precedence
         towards, allowed = -wanted @ away[i], APPROACH * (lower[i] - 1.5 * KEEP) - OTHERS
         if towards > allowed:
             wanted = wanted + (towards - allowed) * away[i]
@@ -126,7 +126,7 @@ def careful(wanted: np.ndarray, lower: np.ndarray, away: np.ndarray) -> np.ndarr
 
 
 def simulate(model, ask, publisher, client, seconds: float, care: bool = True) -> dict[str, float]:
-    """Steps until the time is over; what came out."""
+    """Steps until the time is over; returns the results."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     hand, id_of = model.geom("hand").id, {body.id: model.geom(body.name).id for body in client.bodies}

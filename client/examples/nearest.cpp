@@ -2,8 +2,8 @@
 //
 //   nearest ipc:///run/user/1000/clearance.ipc
 //
-// Numbers have 17 digits, enough to give back the same bits when they are read. The URL says which transport is used.
-// status is a clearance::Status: 0 to 4 are answers; from 5 on there is none, since a body has no pose or a bad one.
+// Numbers have 17 digits, enough to reproduce the bits when they are read. The URL selects the transport.
+// status is a clearance::Status: 0 to 4 are answers; higher values mean that a body has no pose or an invalid one.
 #include <clearance/client.h>
 
 #include <cstdio>

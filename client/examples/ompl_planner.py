@@ -3,9 +3,9 @@
 
     python3 client/examples/ompl_planner.py --planner RRTConnect --margin 0.02
 
-clearance.ompl.JointProblem makes OMPL's space, its validity of states and of motions of an engine (or of a client of a
-daemon) and a group of joints; the rest is OMPL as ever. What is found is proved free as a whole, and shortened to as
-few motions as can be proved. Needs numpy and ompl.
+clearance.ompl.JointProblem provides OMPL's state space, and its validity of states and motions, for an engine (or a
+client of a daemon) and a group of joints; all else is ordinary OMPL. A path that is found is proved free as a whole,
+and shortened to as few motions as can be proved. Needs numpy and ompl.
 """
 
 from __future__ import annotations

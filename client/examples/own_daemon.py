@@ -1,4 +1,4 @@
-"""What the examples share: a clearanced of their own, and the folders where an unbuilt package is found.
+"""Shared by the examples: a clearanced of their own, and the folders of a package that is not installed.
 
 Import it before `clearance` and `clearance_lcm`; with an installed Clearance it changes nothing.
 """
@@ -27,7 +27,7 @@ if importlib.util.find_spec("clearance") is None:
 
 
 def die_with_parent() -> None:
-    """In a child: ends it when its parent ends, however that is."""
+    """In a child: ends it with its parent, however the parent ends."""
     ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
 
 
@@ -35,7 +35,7 @@ def die_with_parent() -> None:
 def daemon(scene, options: Sequence[str] = ()) -> Iterator[dict[str, str]]:
     """A clearanced that serves a clearance.Scene over shared memory and LCM while the block runs.
 
-    Gives its urls by kind, {"shm": ..., "udpm": ...}. Raises RuntimeError with what it said if it does not serve.
+    Yields its URLs by kind, {"shm": ..., "udpm": ...}. Raises RuntimeError with its output if it does not serve.
     """
     program = shutil.which("clearanced") or str(BUILD / "bin/clearanced")
     port = random.SystemRandom().randrange(20000, 60000)

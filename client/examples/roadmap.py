@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""A probabilistic roadmap of an arm whose edges are *proved* free all along, made by two sweeps, and paths from it.
+"""A probabilistic roadmap of an arm whose edges are *proved* free throughout, made by two sweeps, and paths from it.
 
     python3 client/examples/roadmap.py --nodes 200000 --nearest 18 --workers 2
 
-First a sweep says which points of a Halton sequence are free, then another which motions between near ones are. Both
-go on where they were if the program is ended, and may run on Ray (--ray). Then it answers --queries random ones: from
-each end proved motions lead onto the roadmap, and A* with landmarks (Goldberg and Harrelson 2005) goes along it. Each
-path that comes out is proved once more, as a whole. Needs pyarrow and scipy.
+A first sweep decides which points of a Halton sequence are free, a second one which motions between near ones are. Both
+continue after an interruption, and may run on Ray (--ray). Then it answers --queries random ones: proved motions
+connect each end to the roadmap, and A* with landmarks (Goldberg and Harrelson 2005) searches it. Each resulting path is
+proved again as a whole. Needs pyarrow and scipy.
 """
 
 import argparse
@@ -34,14 +34,14 @@ from clearance.sweep import Job, run  # noqa: E402
 JOINTS = [f"arm/{name}" for name in ("turn", "lift", "elbow", "wrist_lift", "wrist_turn", "tool")]
 
 LANDMARKS = 16
-LONGER = 1.6  # ways may be so many times as long as the shortest: they are found sooner
-ONTO = 4  # nodes that are tried at once from each end of a query
+LONGER = 1.6  # accepted length relative to the shortest path, which speeds up the search
+ONTO = 4  # nodes tried together from each end of a query
 
 
 class Roadmap:
     """Free configurations, and proved motions between them.
 
-    nodes: (N, J) radians and metres. pairs: (E, 2) nodes that a proved motion joins.
+    nodes: (N, J) radians and metres. pairs: (E, 2) nodes connected by a proved motion.
     """
 
     def __init__(self, engine, joints, nodes, pairs, margin):
@@ -52,11 +52,11 @@ class Roadmap:
         self.parts, self.part = connected_components(graph, directed=False)
         self.tree = cKDTree(nodes)
         self._far = self._landmarks(graph)
-        # Lists: a Python loop goes along them faster than along arrays.
+        # Lists, because a Python loop traverses them faster than arrays.
         self._first, self._next, self._length = graph.indptr.tolist(), graph.indices.tolist(), graph.data.tolist()
 
     def _landmarks(self, graph):
-        """(N, LANDMARKS) lengths of the shortest ways to some nodes, each far from the others."""
+        """(N, LANDMARKS) lengths of the shortest paths to some nodes that are far from each other."""
         largest = np.flatnonzero(self.part == np.bincount(self.part).argmax())
         chosen, far = int(largest[0]), []
         for _ in range(LANDMARKS):
@@ -66,7 +66,7 @@ class Roadmap:
         return np.stack(far, axis=1)
 
     def path(self, start, goal):
-        """(W, J) waypoints whose motions are proved free, or None where the roadmap has no such way."""
+        """(W, J) waypoints whose motions are proved free, or None if the roadmap has no such path."""
         begin, end = self._onto(start), self._onto(goal)
         for a in begin:
             for b in end:
@@ -76,7 +76,7 @@ class Roadmap:
         return None
 
     def _onto(self, place):
-        """The nodes near a place to which a motion is proved free, nearest first."""
+        """Nodes near a configuration to which a motion is proved free, nearest first."""
         _, near = self.tree.query(place, k=8 * ONTO)
         for i in range(0, len(near), ONTO):
             ends = self.nodes[near[i : i + ONTO]]
@@ -88,8 +88,10 @@ class Roadmap:
         return []
 
     def _along(self, start, goal):
-        """Nodes of a short way between two of one part: weighted A*, with the landmarks' triangle inequality."""
-        # A way is at least as long as the difference of its ends' ways to any landmark.
+        """Nodes of a short path between two nodes of one component: weighted A*, with the landmarks' triangle
+        inequality.
+        """
+        # A path is at least as long as the difference between its ends' paths to any landmark.
         far = self._far[:, np.isfinite(self._far[goal])]
         least = far[goal]
         rest = {}
@@ -126,7 +128,7 @@ def rows_of(folder, columns):
 
 
 def sweep(job, folder, options):
-    """Does a job, or what is left of it. Rows that were answered now, and seconds."""
+    """Runs a job, or the rest of it. Returns the number of new rows, and seconds."""
     begin = time.perf_counter()
     more = {"workers": options.workers, "progress": sys.stderr}
     job = Job.from_dict(job, ROOT, folder.name)
@@ -168,7 +170,7 @@ def make(options, engine, joints):
 
 
 def ask(roadmap, count, seed):
-    """Random queries between free configurations: processor time of each in ms, and how many were answered."""
+    """Random queries between free configurations: processor time of each in ms, and the number answered."""
     rng = np.random.default_rng(seed)
     places = rng.uniform(roadmap.joints.lower, roadmap.joints.upper, (20 * count, len(roadmap.joints)))
     free = places[roadmap.engine.check(places, joints=roadmap.joints, margin=roadmap.margin).free][: 2 * count]
@@ -185,12 +187,12 @@ def ask(roadmap, count, seed):
 
 
 def write_csv(options, sweeps, queries):
-    """The figures of both sweeps and of the queries."""
+    """Measurements of both sweeps and of the queries."""
     with open(options.csv, "w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["what", "rows", "free", "workers", "seconds", "rows_per_s", "bytes_per_row", "ms_50", "ms_99"])
         for what, rows, free, done, seconds, size in sweeps:
-            whole = done.made == done.parts  # else some were there: no rate
+            whole = done.made == done.parts  # otherwise some existed before, so that there is no rate
             rate = [f"{seconds:.0f}", f"{rows / seconds:.0f}"] if whole else ["", ""]
             writer.writerow([what, rows, free, options.workers or "", *rate, f"{size / rows:.2f}", "", ""])
         count, answered, middle, most = queries

@@ -1,4 +1,4 @@
-"""What the safe controller did, judged without Clearance, as numbers, a table and a picture."""
+"""Evaluation of the safe controller without Clearance, as numbers, a table and a picture."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 import own_daemon
 from arm_truth import ArmTruth
 
-CHUNK = 20000  # samples that are judged at a time
+CHUNK = 20000  # samples evaluated at a time
 LINKS = {"forearm", "wrist_1", "wrist_2", "flange", "gripper", "left_finger", "right_finger"}
 
 
 class Rows:
-    """Rows of numbers that grow, in one block of memory."""
+    """Growing rows of numbers in one block of memory."""
 
     def __init__(self, width: int, room: int):
         self.block, self.used = np.empty((room, width)), 0
@@ -32,7 +32,7 @@ class Rows:
 
 
 class RunLog:
-    """Samples of the arm every millisecond, a row for each answer, and what went wrong."""
+    """Samples of the arm every millisecond, a row for each answer, and failures."""
 
     def __init__(self, joints: list[str], seconds: float):
         self.joints = joints
@@ -45,7 +45,7 @@ class RunLog:
         self.samples.add(t, *q)
 
     def tick(self, *row) -> None:
-        """t, seconds that the tick took, lower, upper, by how much barriers were given up."""
+        """t, seconds that the tick took, lower, upper, amount by which barriers were relaxed."""
         self.ticks.add(*row)
 
     def missed(self, seconds: float) -> None:
@@ -55,10 +55,10 @@ class RunLog:
         self.failures[why] += 1
 
     def judge(self, began: float, keep: float, stall: float, floor: float) -> None:
-        """The true distance at every sample: closed forms, and where the balls really were.
+        """The exact distance at every sample: closed forms, and the actual positions of the balls.
 
-        `allowed` is what a stall longer than the margin covers may have cost: a ball's way in the rest of it, from
-        which the barrier recovers. 0 where no stall was longer; so the verdict is never the machine's load.
+        `allowed` is the possible loss by a stall longer than the margin covers: a ball's path in the excess time, from
+        which the barrier recovers. It is 0 if no stall was longer; so the machine's load does not affect the result.
         """
         base = np.eye(4)
         base[2, 3] = self.floor = floor
@@ -68,12 +68,12 @@ class RunLog:
         answered = self.ticks.array[:, 0]
         last = answered[np.maximum(np.searchsorted(answered, samples[:, 0], "right") - 1, 0)]
         lost = moving_balls.MAX_SPEED * np.maximum(samples[:, 0] - last - stall, 0)
-        # What was lost comes back at 1/s at least, the barrier's own rate being eight times that.
+        # A loss recovers at a rate of at least 1/s, as the barrier's own rate is eight times that.
         slow = np.maximum.accumulate(np.log(np.maximum(lost, 1e-300)) + self.t) - self.t
         self.allowed = np.where(slow > np.log(1e-9), np.exp(slow), 0.0)
 
     def distances(self, rows, began: float) -> np.ndarray:
-        """(N,) true metres to the nearest ball or the floor, of (N, 1 + J) times and positions."""
+        """(N,) exact distance in metres to the nearest ball or the floor, for (N, 1 + J) times and positions."""
         least = np.empty(len(rows))
         for k in range(0, len(rows), CHUNK):
             some = rows[k : k + CHUNK]
@@ -83,12 +83,12 @@ class RunLog:
         return least
 
     def kept(self) -> bool:
-        """Whether the arm was never nearer than it promised, and did move."""
+        """Returns whether the arm always kept its minimum distance, and did move."""
         moved = np.abs(np.diff(self.samples.array[:, 1:], axis=0)).sum()
         return bool((self.truth >= self.keep - self.allowed).all() and moved > 1.0)
 
     def bins(self, seconds: float):
-        """For each so many seconds: what a row of the table and the picture have."""
+        """Data of the table's rows and the picture, one for each interval of this length."""
         ticks, start = self.ticks.array, self.samples.array[0, 0]
         for begin in np.arange(0, self.t[-1], seconds):
             at = slice(*np.searchsorted(self.t, [begin, begin + seconds]))
@@ -100,7 +100,7 @@ class RunLog:
                 yield begin, self.truth[at].min(), rows[:, 2].min(), rows[:, 3].min(), *took, len(rows), late.sum()
 
     def report(self, margin: float, table, picture) -> None:
-        """Prints what came out, and writes the table and the picture where they are wanted."""
+        """Prints the results, and writes the table and the picture if requested."""
         ticks, misses = self.ticks.array, self.misses.array
         p50, p99, p999 = 1e6 * np.percentile(ticks[:, 1], [50, 99, 99.9])
         print(f"{len(ticks)} answers in {self.t[-1]:.1f} s; a tick took {p50:.0f} us (p99 {p99:.0f}, p99.9 {p999:.0f})")
@@ -128,7 +128,7 @@ class RunLog:
             self.draw(margin, picture)
 
     def draw(self, margin: float, picture) -> None:
-        """Distances with their promise, time of a tick, and missed deadlines, in bins."""
+        """Distances with the guaranteed minimum, time of a tick, and missed deadlines, in bins."""
         import matplotlib
 
         matplotlib.use("Agg")

@@ -3,15 +3,15 @@
 
     python3 client/examples/safe_controller.py --seconds 600 --csv out/safe.csv --plot out/safe.png
 
-It starts a daemon, and balls that a process of their own publishes over LCM. The arm goes to and fro between goals that
-know nothing of the balls. Every millisecond one question gives all pairs that may be near, with certified lower bounds
-and their slopes by joint; a small QP takes the joint speeds nearest to the wanted ones that keep the barrier:
+It starts a daemon, and balls that a separate process publishes over LCM. The arm moves back and forth between goals
+that ignore the balls. Every millisecond one query returns all pairs that may be near, with certified lower bounds and
+their slopes by joint; a small QP finds the joint speeds nearest to the wanted ones that keep the barrier:
 
     slope . dq  >=  ball's speed - ALPHA (lower - margin)         for each pair
 
-What makes it hold, and where each number comes from, stands at `margin()`. The drives are simulated as drives are: a
-command counts for HOLD, then they stop within STOP, whatever becomes of this program. At the end the arm is judged by
-ArmTruth, which uses nothing of Clearance, at every millisecond and where the balls really were.
+`margin()` explains why it holds, and the source of each number. The drives are simulated realistically: a command is
+valid for HOLD, then they stop within STOP, even if this program fails. At the end ArmTruth, which does not use
+Clearance, checks the arm at every millisecond, with the actual positions of the balls.
 Needs numpy, lcm and proxsuite, and matplotlib for --plot.
 """
 
@@ -35,31 +35,32 @@ from run_log import RunLog
 import clearance
 
 TICK = 1e-3  # seconds
-KEEP = 0.03  # metres: never nearer than this, to a ball or to the floor
+KEEP = 0.03  # metres: minimum distance to a ball or to the floor
 STALL = 0.1  # seconds without an answer that the margin covers
-SPEED = 0.6  # radians a second: limit of each joint
-REACH = [1.25, 1.25, 0.85, 0.45, 0.35, 0.25]  # metres: no point of the arm beyond a joint is farther from its axis
+SPEED = 0.6  # radians per second: limit of each joint
+REACH = [1.25, 1.25, 0.85, 0.45, 0.35, 0.25]  # metres: bound on the arm's distance from each joint's axis, beyond it
 LINK = 0.5  # metres: the longest link
-ALPHA = 8.0  # 1/s: how fast the barrier may be approached
-LOOK = 0.3  # metres: pairs that are proved farther are left out; they cannot come near within STALL
-ROWS = 24  # most pairs that the QP takes, the nearest first
+ALPHA = 8.0  # 1/s: rate at which the barrier may be approached
+LOOK = 0.3  # metres: pairs proved to be farther are left out; they cannot come near within STALL
+ROWS = 24  # maximum number of pairs in the QP, nearest first
 FLOOR = 0.75  # metres
 GOALS = np.array([[-1.0, 0.7, 0.9, 0.0, 0.0, 0.0], [1.0, 0.5, 1.2, 0.3, 0.5, 0.0], [0.1, 0.3, 1.7, -0.4, -0.6, 0.5]])
 GOAL_SECONDS = 7.0
-HOME = [-2.4, -0.3, 0.8, 0.0, 0.0, 0.0]  # where it begins, far from all balls
-DANGEROUS = 10.0  # seconds after which an arm that knows nothing of the balls would have met one
+HOME = [-2.4, -0.3, 0.8, 0.0, 0.0, 0.0]  # initial position, far from all balls
+DANGEROUS = 10.0  # seconds after which an arm that ignores the balls would have hit one
 
 
 def margin() -> float:
-    """What `lower` is kept above, so that the true distance stays above KEEP.
+    """Lower limit of `lower` that keeps the exact distance above KEEP.
 
-    `lower` holds at the question's begin, since the scene says how fast a ball may be (max_speed) and the engine counts
-    the age of its pose. After that come, until the next answer or, without one, until the drives have stopped:
-      - a ball, by its speed for as long as no answer comes: covered up to STALL;
-      - the arm, by its command during HOLD and the ramp of STOP, as far as `way` seconds at full speed. The barrier
-        lets the witness close in by at most ALPHA (lower - margin) a second; ALPHA way < 1, so it does not get past;
-      - points of the same link beside the witness, which may close in faster, by its turn times its length;
-      - the bend of their ways: the acceleration of a chain of joints that turn steadily.
+    `lower` holds at the start of the query, because the scene declares the maximum speed of a ball (max_speed) and the
+    engine counts the age of its pose. Until the next answer or, without one, until the drives have stopped, there are:
+      - a ball, with its speed until an answer comes: covered up to STALL;
+      - the arm, with its command during HOLD and the ramp of STOP, equivalent to `way` seconds at full speed. The
+        barrier lets the witness approach by at most ALPHA (lower - margin) per second; ALPHA way < 1, so it stays
+        above;
+      - other points of the witness's link, which may approach faster, by its turn times its length;
+      - the curvature of their paths: the acceleration of a chain of joints that turn steadily.
     """
     way = HOLD + STOP / 2
     assert ALPHA * way < 1
@@ -70,13 +71,13 @@ def margin() -> float:
 
 
 def scene() -> clearance.Scene:
-    """The arm on a floor, and balls whose poses come over LCM, of which only the greatest speed is known."""
+    """The arm on a floor, and balls whose poses arrive over LCM, of which only the maximum speed is known."""
     cell = clearance.Scene()
     cell.add_robot("arm", own_daemon.ARM, base=[0, 0, FLOOR, 1, 0, 0, 0], static=True, home={})
     cell.add_half_space("floor", pose=[0, 0, FLOOR, 1, 0, 0, 0])
     for name in moving_balls.NAMES:
         cell.add_sphere(name, moving_balls.RADIUS, max_speed=moving_balls.MAX_SPEED)
-    # What stands on the floor by construction; and the arm's own links, which this example leaves out.
+    # Bodies on the floor by construction; and the arm's own links, which this example leaves out.
     for pair in (("arm/base", "floor"), ("arm/shoulder", "floor"), ("arm/upper_arm", "floor"), ("arm", "arm")):
         cell.ignore(*pair)
     for pair in zip(moving_balls.NAMES, moving_balls.NAMES[1:] + moving_balls.NAMES[:1]):
@@ -87,12 +88,12 @@ def scene() -> clearance.Scene:
 
 
 def wanted(t: float, q: np.ndarray) -> np.ndarray:
-    """(J,) rad/s towards the goal of the moment, which knows nothing of the balls."""
+    """(J,) rad/s towards the current goal, ignoring the balls."""
     return np.clip(2.0 * (GOALS[int(t / GOAL_SECONDS) % len(GOALS)] - q), -SPEED, SPEED)
 
 
 def unaware(seconds: float, step: float = 0.005) -> np.ndarray:
-    """(N, 1 + J) times and positions of the arm if nothing held it back."""
+    """(N, 1 + J) times and positions of the arm without any barrier."""
     rows = [np.r_[0.0, HOME]]
     while rows[-1][0] < seconds:
         t, q = rows[-1][0], rows[-1][1:]
@@ -107,37 +108,37 @@ class SafeSpeeds:
         self.joints = joints
         self.rows, self.least = np.zeros((ROWS, joints + 1)), np.full(ROWS, -1e20)
         self.wanted = np.zeros(joints + 1)
-        # The last variable gives way where the barriers cannot all be kept. It is dear, and the log says where it was.
+        # The last variable relaxes barriers that cannot all be kept. It is expensive, and the log shows its use.
         weights = np.diag([1.0] * joints + [1e4])
         low, high = np.r_[np.full(joints, -SPEED), 0.0], np.r_[np.full(joints, SPEED), 1e20]
         self.qp = proxqp.dense.QP(joints + 1, 0, ROWS, True)
         self.qp.settings.eps_abs = 1e-5
-        self.qp.settings.max_iter, self.qp.settings.max_iter_in = 50, 50  # one that takes longer is no answer
+        self.qp.settings.max_iter, self.qp.settings.max_iter_in = 50, 50  # longer runs count as no answer
         self.qp.settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         top = np.full(ROWS, 1e20)
         self.qp.init(weights, self.wanted, None, None, self.rows, self.least, top, low, high)
 
     def __call__(self, wanted, slopes, least) -> Optional[tuple[np.ndarray, float]]:
-        """(J,) rad/s, and by how much the barriers were given up; None: the QP has no answer.
+        """(J,) rad/s, and the amount by which the barriers were relaxed; None if the QP has no answer.
 
-        slopes: (N, J) metres a radian; least: (N,) metres a second; the nearest pair first.
+        slopes: (N, J) metres per radian; least: (N,) metres per second; the nearest pair first.
         """
         n = min(len(slopes), ROWS)
-        self.rows[:, :-1], self.rows[:, -1], self.least[:] = 0.0, 1.0, -1e3  # rows that are not used say nothing
+        self.rows[:, :-1], self.rows[:, -1], self.least[:] = 0.0, 1.0, -1e3  # unused rows have no effect
         self.rows[:n, :-1], self.least[:n] = slopes[:n], least[:n]
         self.wanted[:-1] = -wanted
         self.qp.update(g=self.wanted, C=self.rows, l=self.least)
         self.qp.solve()
         x = self.qp.results.x
         if self.qp.results.info.status != proxqp.QPSolverOutput.PROXQP_SOLVED or not np.isfinite(x).all():
-            self.qp.settings.initial_guess = proxqp.InitialGuess.NO_INITIAL_GUESS  # nor is what it left behind a start
+            self.qp.settings.initial_guess = proxqp.InitialGuess.NO_INITIAL_GUESS  # its remains are no initial guess
             return None
         self.qp.settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         return np.clip(x[:-1], -SPEED, SPEED), float(x[-1])
 
 
 class Controller:
-    """One tick after another: where the arm is, what is near it, how fast it may go."""
+    """Repeated ticks: position of the arm, distances of near bodies, and permitted speeds."""
 
     def __init__(self, client, log: RunLog):
         self.client, self.log = client, log
@@ -148,14 +149,14 @@ class Controller:
         self.balls = np.zeros(len(client.bodies), bool)
         self.balls[[client.body_id(name) for name in moving_balls.NAMES]] = True
         self.margin = margin()
-        # Within STALL the arm and a ball come nearer by less than LOOK: what is left out now cannot be too near then.
+        # Within STALL the arm and a ball approach by less than LOOK: pairs left out now cannot be too near then.
         self.ask = client.prepare(
             joints=self.joints, positions=self.positions, pairs=[("arm", "*")], reduce="within", max_distance=LOOK,
             fields=["lower", "upper", "status", "pair", "gradient_joints"], rel_tol=1e-3, timeout_s=STALL,
         )  # fmt: skip
 
     def tick(self, began: float, now: float) -> None:
-        """Asks for where the arm is now, and commands speeds; without a usable answer none, so that the drives stop."""
+        """Queries the present position, and commands speeds; without a usable answer none, so that the drives stop."""
         self.positions[0] = self.drive.advance(now, self.log)
         try:
             r = self.ask()
@@ -167,7 +168,7 @@ class Controller:
             self.log.failed("no pose")
             return
         nearest = lower.argsort()
-        # What a pose took to get here, and what this question took, the engine cannot know: both by the one clock.
+        # Latencies of the pose and of this query are unknown to the engine: measured with one clock.
         late = 1e-9 * max(0, time.time_ns() - r.snapshot_stamp_ns - max(r.pose_age_ns, 0))
         approach = np.where(self.balls[r.pair].any(axis=1), moving_balls.MAX_SPEED, 0.0)
         least = approach - ALPHA * (lower - approach * late - self.margin)
@@ -183,14 +184,14 @@ class Controller:
 
 
 def run(client, log: RunLog, began: float, seconds: float) -> None:
-    """Ticks every millisecond. One that begins late is a missed deadline; there is no catching up."""
+    """Ticks every millisecond. A late start is a missed deadline, and missed ticks are not repeated."""
     controller = Controller(client, log)
-    while True:  # the balls are there once their first message is
+    while True:  # the balls exist after their first message
         controller.drive.start(time.monotonic())
         if client.body_states()[client.body_id(moving_balls.NAMES[0])].status == clearance.Status.OK:
             break
         time.sleep(0.01)
-    gc.disable()  # a pause of the collector is a missed deadline
+    gc.disable()  # a pause of the collector would be a missed deadline
     due = begin = time.monotonic()
     controller.drive.start(begin)
     while (now := time.monotonic()) - begin < seconds:

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""A trajectory that bends out of the way, by gradients; and is then proved to be free all along.
+"""A trajectory that evades obstacles by gradients, and is then proved free throughout.
 
     python3 client/examples/trajectory_optimiser.py --margin 0.02
 
-Waypoints between a start and a goal are moved by L-BFGS: short steps are cheap, and every pair that is nearer than it
-should be costs the square of what is missing. One question gives all those pairs of all waypoints, with the slope of
-each distance by each joint (`gradient_joints`). Between the waypoints nothing is assumed: `check_path` proves the whole
-way, and where it finds a pair too near, the optimiser is asked for more. Needs numpy and scipy.
+Waypoints between a start and a goal are moved by L-BFGS: short steps are cheap, and every pair below its required
+distance costs the square of the deficit. One query returns all those pairs of all waypoints, with the slope of each
+distance by each joint (`gradient_joints`). Nothing is assumed between the waypoints: `check_path` proves the whole path
+and, if it finds a pair too near, the optimiser has to keep a greater distance. Needs numpy and scipy.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from scipy.optimize import minimize
 import clearance
 
 SCENE = own_daemon.ROOT / "scenes/cell/robot.yaml"
-WAYPOINTS = 16  # beside the start and the goal
-WEIGHT = 400.0  # of the square of what is missing, against the squares of the steps
-SPARE = 0.02  # metres beyond the margin at first: a way is nearer between its waypoints than at them
-ROUNDS = 6  # how often more is asked of the optimiser
+WAYPOINTS = 16  # without the start and the goal
+WEIGHT = 400.0  # of the square of the deficit, relative to the squares of the steps
+SPARE = 0.02  # metres beyond the margin at first: a path is nearer between its waypoints than at them
+ROUNDS = 6  # maximum number of increases of the distance
 
 
 class Cost:
-    """What a trajectory costs, and its gradient."""
+    """Cost of a trajectory, and its gradient."""
 
     def __init__(self, engine, joints, start, goal, keep: float):
         self.engine, self.joints, self.start, self.goal, self.keep = engine, joints, start, goal, keep
@@ -90,7 +90,7 @@ def main() -> int:
     if not check.free:
         print(f"no way was proved free in {turns} rounds: {check}")
         return 1
-    # What the proof rests on is asked anew, motion by motion: a certified least distance of each.
+    # Independent result for each motion: its certified least distance.
     least = engine.motions(joints=joints, start=path[:-1], end=path[1:], reduce="min")
     took, nearest = time.monotonic() - begin, 1e3 * least.lower.min()
     print(f"proved in {took:.1f} s: never nearer than {nearest:.1f} mm on its whole way")
