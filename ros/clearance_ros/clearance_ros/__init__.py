@@ -1,4 +1,4 @@
-"""Clearance beside ROS 2: bridge.py and planning_scene.py are the logic and need no ROS, node.py is the node."""
+"""Clearance for ROS 2: bridge.py and planning_scene.py are the logic and need no ROS, node.py is the node."""
 
 try:
     import clearance

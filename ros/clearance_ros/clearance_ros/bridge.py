@@ -1,8 +1,8 @@
-"""What goes between ROS messages and a daemon. Messages are looked at by their fields alone: nothing of ROS is needed.
+"""Bridge between ROS messages and a daemon. It uses only the fields of messages, so that nothing of ROS is needed.
 
-ROS writes quaternions x, y, z, w; Clearance w, x, y, z. Stamps are ROS time as nanoseconds, which is the system's clock
-unless `use_sim_time` is on. A daemon refuses stamps that go backwards or lie ahead of its clock; a jump back of the
-publisher's clock is passed on as an update without a stamp, after which older stamps count again.
+ROS orders quaternions x, y, z, w; Clearance w, x, y, z. Stamps are ROS time in nanoseconds, which is the system's clock
+unless `use_sim_time` is on. A daemon rejects stamps that go backwards or are ahead of its clock; after a backward jump
+of the publisher's clock the bridge sends an update without a stamp, after which older stamps are valid again.
 """
 
 import math
@@ -12,12 +12,12 @@ from typing import Any, Optional
 from . import clearance
 from .planning_scene import SceneFollower, pose_of
 
-#: A stamp that is older than the last by more than this is of a clock that was set back, not of a late message.
+#: A stamp older than the last by more than this means a clock that was set back, not a late message.
 JUMP_NS = 1_000_000_000
 
 
 def stamp_ns(header: Any) -> int:
-    """A header's time in nanoseconds; 0: it has none."""
+    """A header's time in nanoseconds, or 0 if it has none."""
     return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
@@ -27,25 +27,25 @@ class Pair:
 
     a: str
     b: str
-    status: str  #: a word of clearance.Status
+    status: str  #: a name of clearance.Status
     lower: float  #: metres, certified
     upper: float
 
 
 @dataclass(frozen=True)
 class Report:
-    """What is published of one answer."""
+    """Published content of one answer."""
 
     pairs: list[Pair]  #: nearer than `within`, or not proved to be farther; the nearest first
-    least: float  #: metres: the certified lower bound of the least distance; -inf: nothing is proved, or input is stale
-    stamp_ns: int  #: of the newest poses that the answer saw
-    stale: list[str] = field(default_factory=list)  #: inputs that are missing or too old; empty: the answer is fresh
+    least: float  #: metres: certified lower bound of the least distance; -inf if nothing is proved, or input is stale
+    stamp_ns: int  #: of the newest poses in the answer
+    stale: list[str] = field(default_factory=list)  #: inputs that are missing or too old; empty if the answer is fresh
 
 
 class Bridge:
-    """A client of a daemon, in the terms of ROS messages.
+    """A client of a daemon, in terms of ROS messages.
 
-    robot: the robot of the scene whose joints JointState messages name; "": they name them as the scene does.
+    robot: the robot of the scene whose joints JointState messages name; if "", they use the scene's names.
     """
 
     def __init__(self, client: clearance.Client, robot: str = ""):
@@ -53,17 +53,16 @@ class Bridge:
         self._prefix = f"{robot}/" if robot else ""
         self._sequence = 0
         self._known: tuple[int, frozenset[str]] = (-1, frozenset())  # a scene's revision, and its joints
-        self._stamps: dict[str, int] = {}  # the last of each joint and body
+        self._stamps: dict[str, int] = {}  # the last one of each joint and body
         self._last: dict[tuple[str, ...], Any] = {}  # stamp and positions of the last message that named these
-        self.unknown: set[str] = set()  #: joints and frames of messages that the scene has not
+        self.unknown: set[str] = set()  #: joints and frames of messages that are not in the scene
         self.scene = SceneFollower(client, robot)
 
     def on_joints(self, message: Any) -> Optional[clearance.PosesDone]:
-        """sensor_msgs/JointState: sets the joints that the scene has, as one snapshot; None: it names none of them.
+        """sensor_msgs/JointState: sets the joints that the scene has, as one snapshot. Returns None if it names none.
 
-        A message without positions (of velocities alone) says nothing, and neither does one that repeats the last with
-        its stamp: whatever sends it may have lost its robot. Raises ValueError where names and positions do
-        not fit.
+        A message without positions (with velocities alone) is ignored, and so is one that repeats the last one with its
+        stamp: its publisher may have lost the robot. Raises ValueError if names and positions do not match.
         """
         if not len(message.position):
             return None
@@ -78,7 +77,7 @@ class Bridge:
         return self._send(self.client.set_joints, positions, stamp_ns(message.header))
 
     def _send(self, send: Any, values: dict[str, Any], stamp: int) -> Optional[clearance.PosesDone]:
-        """Sends an update, unless it is empty or an exact repeat; without its stamp where the clock was set back."""
+        """Sends an update, unless it is empty or an exact repeat; without its stamp if the clock was set back."""
         names = tuple(values)
         if not values or (stamp and self._last.get(names) == (stamp, values)):
             return None
@@ -96,9 +95,9 @@ class Bridge:
         return self._known[1]
 
     def on_poses(self, transforms: list[Any]) -> Optional[clearance.PosesDone]:
-        """geometry_msgs/TransformStamped of the bodies that have their frames' names; None: none of them is known.
+        """geometry_msgs/TransformStamped of the bodies named like their frames. Returns None if none is known.
 
-        Raises ValueError where a frame comes twice.
+        Raises ValueError if a frame occurs twice.
         """
         frames = [t.child_frame_id for t in transforms]
         if len(set(frames)) != len(frames):
@@ -110,7 +109,7 @@ class Bridge:
         return self._send(self.client.set_poses, poses, newest)
 
     def recover(self, error: clearance.ClearanceError) -> bool:
-        """Goes on after a daemon was started anew, or somebody changed its scene; False: that is not what happened."""
+        """Continues after a restart of the daemon, or a change of its scene; returns False for any other error."""
         if isinstance(error, clearance.NewEpoch):
             self.client.acknowledge_epoch()
             self.scene.forget()
@@ -122,10 +121,10 @@ class Bridge:
         return True
 
     def report(self, within: float, max_age_s: float = 0.0) -> Report:
-        """Asks which pairs may be nearer than `within` metres, and how near the nearest is.
+        """Queries the pairs that may be nearer than `within` metres, and the least distance.
 
         max_age_s: if an input is older, `least` is -inf, and pairs with an older pose have the status STALE_POSE and no
-        distance; 0: age does not count.
+        distance; 0 ignores age.
         """
         stale = self.stale(max_age_s)
         asked: dict[str, Any] = {"pairs": ("*", "*"), "fields": ("default", "pair")}
@@ -146,10 +145,10 @@ class Bridge:
         )
 
     def stale(self, max_age_s: float) -> list[str]:
-        """Inputs that are missing or older, a sentence each.
+        """Inputs that are missing or older, with a sentence for each.
 
-        Joints, bodies and clouds that have once been set age, but for objects of planning scenes and attached bodies.
-        Of the robot's joints at least one must have been set.
+        Joints, bodies and clouds that have ever been set become stale, except objects of planning scenes and attached
+        bodies. Of the robot's joints at least one must have been set.
         """
         found = ["planning_scene: the daemon was restarted and has no objects"] if self.scene.is_lost else []
         if max_age_s <= 0:
@@ -172,7 +171,7 @@ OK, WARN, ERROR, STALE = 0, 1, 2, 3
 
 
 def level_of(pair: Pair, margin: float) -> int:
-    """OK: proved farther than the margin. ERROR: an overlap, or no distance. WARN: neither."""
+    """OK if proved farther than the margin, ERROR for an overlap or no distance, otherwise WARN."""
     if pair.status in ("overlap", "no_pose", "bad_pose", "stale_pose", "unknown_body"):
         return ERROR
     return OK if pair.lower > margin else WARN

@@ -1,4 +1,4 @@
-"""The node: joint_states and planning scenes in, distances out. All that it decides is in bridge.py."""
+"""The node: joint_states and planning scenes in, distances out. Its logic is in bridge.py."""
 
 import math
 import os
@@ -14,7 +14,7 @@ from .bridge import ERROR, OK, STALE, Bridge, level_of
 
 
 class ClearanceNode(Node):
-    """Parameters: url; robot; margin, within [m]; rate [1/s]; max_age [s; 0: age does not count].
+    """Parameters: url; robot; margin, within [m]; rate [1/s]; max_age [s; 0 ignores age].
 
     Subscribes to joint_states and planning_scene (or monitored_planning_scene, remapped). Publishes ~/clearance, the
     certified lower bound of the least distance in metres, or -inf if an input is missing or older than max_age, or if
@@ -47,7 +47,7 @@ class ClearanceNode(Node):
         self._said = {}
 
     def _guarded(self, act):
-        """A bad message, and a daemon that is gone or refuses, is said; the next message is tried again."""
+        """Reports a bad message, or a daemon that is gone or rejects it; the next message is tried again."""
 
         def call(*message):
             try:
@@ -72,7 +72,8 @@ class ClearanceNode(Node):
         try:
             report = self._bridge.report(self._within, self._max_age)
         except clearance.ClearanceError as error:
-            if getattr(error, "code", None) != clearance.wire.ErrorCode.WRONG_SCENE:  # else the next answer is as good
+            if getattr(error, "code", None) != clearance.wire.ErrorCode.WRONG_SCENE:  # otherwise the next answer is
+                                                                                      # valid
                 self._least.publish(Float64(data=-math.inf))
                 self._say(ERROR, str(error), -math.inf, 0)
             raise
@@ -92,7 +93,7 @@ class ClearanceNode(Node):
         self._say(STALE if report.stale else OK, "; ".join(report.stale), report.least, report.stamp_ns)
 
     def _say(self, level, text, least, stamp):
-        """Publishes the state of the node when it changes, and once a second."""
+        """Publishes the state of the node when it changes, and once per second."""
         self._ticks += 1
         if (level, text) == self._reported and self._ticks < self._rate:
             return

@@ -1,4 +1,6 @@
-"""moveit_msgs/PlanningScene to a daemon: objects become bodies, attached ones follow links, allowed pairs may touch."""
+"""Applies moveit_msgs/PlanningScene to a daemon: objects become bodies, attached ones follow links, allowed pairs may
+touch.
+"""
 
 from collections.abc import Iterator
 from typing import Any, Optional
@@ -7,7 +9,7 @@ import numpy as np
 
 from . import clearance
 
-# Of moveit_msgs/CollisionObject and shape_msgs/SolidPrimitive.
+# Values of moveit_msgs/CollisionObject and shape_msgs/SolidPrimitive.
 ADD, REMOVE, APPEND, MOVE = 0, 1, 2, 3
 BOX, SPHERE, CYLINDER, CONE = 1, 2, 3, 4
 MATRIX = "allowed_collision_matrix"  #: its name in `left_out`
@@ -16,7 +18,7 @@ MATRIX = "allowed_collision_matrix"  #: its name in `left_out`
 def pose_of(message: Any) -> list[float]:
     """[x, y, z, qw, qx, qy, qz] of a geometry_msgs/Pose or Transform.
 
-    A quaternion of zeros in a Pose is the identity, as MoveIt takes it. In a Transform it stays: it is no rotation.
+    A quaternion of zeros in a Pose is the identity, as in MoveIt. In a Transform it stays, and is no rotation.
     """
     if hasattr(message, "translation"):
         p, q, is_empty = message.translation, message.rotation, False
@@ -41,22 +43,23 @@ def matrix_of(pose: list[float]) -> np.ndarray:
 
 
 class SceneFollower:
-    """Keeps a daemon's added bodies as planning scenes say.
+    """Updates a daemon's added bodies according to planning scenes.
 
-    An object of one shape is a body of its name; of several, bodies NAME.0, NAME.1, ... Bodies of the daemon's own
+    An object of one shape is a body of its name; one of several, bodies NAME.0, NAME.1, ... Bodies of the daemon's own
     scene are left alone.
     """
 
     def __init__(self, client: clearance.Client, robot: str = ""):
         self._client = client
         self._prefix = f"{robot}/" if robot else ""
-        self._parts: dict[str, list[tuple[str, np.ndarray]]] = {}  # of each object: its bodies, and where within it
-        self._held: dict[str, str] = {}  # the link of each object that is attached to one
-        self.is_lost = False  #: the daemon was restarted without the objects, until a whole scene comes
-        self.left_out: dict[str, str] = {}  #: objects and pairs that could not be taken, and why
+        self._parts: dict[str, list[tuple[str, np.ndarray]]] = {}  # for each object: its bodies, and their poses in the
+                                                                   # object
+        self._held: dict[str, str] = {}  # the link of each attached object
+        self.is_lost = False  #: the daemon was restarted without the objects, and no whole scene has arrived since
+        self.left_out: dict[str, str] = {}  #: objects and pairs that were not applied, and the reasons
 
     def on_scene(self, message: Any) -> None:
-        """Applies a scene or a difference; what it cannot take stays as it was, and stands in `left_out`."""
+        """Applies a scene or a difference; rejected changes are left out, and listed in `left_out`."""
         if not message.is_diff:
             self.is_lost = False
             named = {item.id for item in message.world.collision_objects}
@@ -70,13 +73,13 @@ class SceneFollower:
         self._allow(message.allowed_collision_matrix)
 
     def forget(self) -> None:
-        """The daemon was started anew, and has none of the objects."""
+        """The daemon was restarted, and has none of the objects."""
         self.is_lost = self.is_lost or bool(self._parts)
         self._parts.clear()
         self._held.clear()
 
     def bodies(self) -> set[str]:
-        """Names of the bodies that objects are: they stay where the last scene put them, however long ago."""
+        """Names of the objects' bodies, which keep the pose of the last scene, however old."""
         return {name for parts in self._parts.values() for name, _ in parts}
 
     def _try(self, name: str, apply: Any, item: Any) -> None:
@@ -89,7 +92,7 @@ class SceneFollower:
     def _object(self, item: Any, parent: Optional[str] = None) -> None:
         operation = _operation(item)
         if operation == REMOVE:
-            for name in [item.id] if item.id else list(self._parts):  # without a name: all of them
+            for name in [item.id] if item.id else list(self._parts):  # all objects, if there is no name
                 self._remove(name)
             return
         if operation not in (ADD, APPEND, MOVE):
@@ -106,7 +109,7 @@ class SceneFollower:
         several = len(shapes) > 1 or operation == APPEND
         names = [f"{item.id}.{first + i}" if several else item.id for i in range(len(shapes))]
         if operation == ADD and item.id in self._parts:
-            # The old one stays where the daemon rejects what would take its place.
+            # The old one stays if the daemon rejects its replacement.
             trial = [f"{name}~" for name in names]
             self._add(trial, shapes, place, parent)
             self._remove_bodies(trial)
@@ -115,7 +118,7 @@ class SceneFollower:
         self._parts.setdefault(item.id, []).extend((name, within) for name, (_, within) in zip(names, shapes))
 
     def _add(self, names: list[str], shapes: list[Any], place: np.ndarray, parent: Optional[str]) -> None:
-        """Adds a body for each shape, or none where the daemon rejects one."""
+        """Adds a body for each shape, or none if the daemon rejects one."""
         for i, (name, (shape, within)) in enumerate(zip(names, shapes)):
             try:
                 self._client.add_body(name, parent=parent, pose=place @ within, **shape)
@@ -146,9 +149,9 @@ class SceneFollower:
         item, link = attached.object, self._prefix + attached.link_name
         if _operation(item) == REMOVE:
             held = [item.id] if item.id else [name for name, at in self._held.items() if link in (at, self._prefix)]
-            for name in held:  # without a name: all that the link holds, or any link
+            for name in held:  # without a name: all attached to the link, or to any link
                 for body, _ in self._parts.get(name, []):
-                    self._client.attach(body, None)  # stays where it is, in the world
+                    self._client.attach(body, None)  # keeps its place in the world
                 self._held.pop(name, None)
             return
         if _shapes_given(item):
@@ -162,7 +165,7 @@ class SceneFollower:
         self._held[item.id] = link
 
     def _allow(self, matrix: Any) -> None:
-        """Pairs that may touch; of pairs that may not, those that the scene lets touch stay so: its file says why."""
+        """Pairs that may touch. Pairs that the daemon's scene file lets touch stay allowed."""
         count = len(matrix.entry_names)
         if len(matrix.entry_values) != count or any(len(entry.enabled) != count for entry in matrix.entry_values):
             self.left_out[MATRIX] = f"its {count} names need {count} rows of {count} values"
@@ -176,7 +179,7 @@ class SceneFollower:
                         self._client.allow(a, b)
 
     def _of(self, name: str) -> list[str]:
-        """Bodies that a name of MoveIt stands for: those of an object, or a link."""
+        """Bodies for a name of MoveIt: those of an object, or a link."""
         if name in self._parts:
             return [body for body, _ in self._parts[name]]
         known = {body.name for body in self._client.bodies}
@@ -184,7 +187,7 @@ class SceneFollower:
 
 
 def _operation(item: Any) -> int:
-    """A byte in ROS 2 is one of bytes in Python."""
+    """The value of a byte, which ROS 2 represents as bytes in Python."""
     value = item.operation
     return value[0] if isinstance(value, (bytes, bytearray)) else int(value)
 
@@ -194,7 +197,7 @@ def _shapes_given(item: Any) -> bool:
 
 
 def _shapes(item: Any) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
-    """Arguments of add_body() for each shape of an object, and where it is within the object."""
+    """Arguments of add_body() for each shape of an object, and its pose in the object."""
     if len(item.primitives) != len(item.primitive_poses) or len(item.meshes) != len(item.mesh_poses):
         raise ValueError("it has another number of shapes than of poses")
     for primitive, pose in zip(item.primitives, item.primitive_poses):
@@ -206,7 +209,7 @@ def _shapes(item: Any) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
 
 
 def primitive_of(primitive: Any) -> dict[str, Any]:
-    """Arguments of add_body() for a shape_msgs/SolidPrimitive, whose dimensions have an order of their own."""
+    """Arguments of add_body() for a shape_msgs/SolidPrimitive, whose dimensions have a specific order."""
     size = [float(number) for number in primitive.dimensions]
     kinds = {BOX: ("box", 3), SPHERE: ("sphere", 1), CYLINDER: ("cylinder", 2), CONE: ("cone", 2)}
     if primitive.type not in kinds:

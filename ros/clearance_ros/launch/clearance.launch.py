@@ -1,4 +1,4 @@
-"""The bridge beside a daemon that runs already: ros2 launch clearance_ros clearance.launch.py robot:=panda"""
+"""Launches the bridge for a running daemon: ros2 launch clearance_ros clearance.launch.py robot:=panda"""
 
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
