@@ -1,4 +1,4 @@
-# find_package(Clearance [COMPONENTS client engine]): Clearance::client and Clearance::engine, as far as they are installed.
+# find_package(Clearance [COMPONENTS client engine]): Clearance::client and Clearance::engine, if they are installed.
 foreach(_part client engine)
   include(${CMAKE_CURRENT_LIST_DIR}/Clearance-${_part}.cmake OPTIONAL RESULT_VARIABLE _found)
   if(_found)

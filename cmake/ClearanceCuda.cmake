@@ -6,17 +6,17 @@ if(NOT CLEARANCE_BUILD_ENGINE OR (CLEARANCE_SANITIZE AND _cuda STREQUAL "AUTO"))
 endif()
 if(_cuda)
   if(NOT CMAKE_CUDA_COMPILER AND NOT DEFINED ENV{CUDACXX})
-    find_program(CLEARANCE_NVCC nvcc PATHS /usr/local/cuda/bin)  # where installers put it and no PATH leads to
+    find_program(CLEARANCE_NVCC nvcc PATHS /usr/local/cuda/bin)  # installers put it there, outside PATH
     if(CLEARANCE_NVCC)
       set(CMAKE_CUDA_COMPILER ${CLEARANCE_NVCC})
     endif()
   endif()
-  set(CMAKE_CUDA_ARCHITECTURES OFF)  # each target says for itself
+  set(CMAKE_CUDA_ARCHITECTURES OFF)  # each target sets its own
   include(CheckLanguage)
   check_language(CUDA)
   if(CMAKE_CUDA_COMPILER)
     enable_language(CUDA)
-    foreach(_kind STANDARD EXTENSION)  # CMake 3.25 does not know how to ask C++20 of newer compilers
+    foreach(_kind STANDARD EXTENSION)  # CMake 3.25 has no C++20 options for newer compilers
       if(NOT CMAKE_CUDA20_${_kind}_COMPILE_OPTION)
         set(CMAKE_CUDA20_${_kind}_COMPILE_OPTION "-std=c++20")
       endif()

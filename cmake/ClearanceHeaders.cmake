@@ -1,8 +1,8 @@
-# Precompiled headers: of what takes the compiler longest and nobody changes. The preset `fuzz` builds without, and so finds a
-# file that leaves out an include of its own.
+# Precompiled headers that are expensive to compile and never change. The preset `fuzz` builds without them, and so
+# finds a file that lacks an include of its own.
 
-# clearance_use_standard_headers(target [source...]): the standard library's. The sources named have flags of their own, which
-# a precompiled header must share, and do without.
+# clearance_use_standard_headers(target [source...]): the standard library's. The named sources have flags of their own, which
+# a precompiled header would have to share, and are compiled without it.
 function(clearance_use_standard_headers target)
   target_precompile_headers(${target} PRIVATE <algorithm> <array> <atomic> <charconv> <chrono> <cmath> <cstdint>
     <cstring> <deque> <filesystem> <functional> <limits> <map> <memory> <mutex> <optional> <span> <sstream> <stdexcept> <string>
@@ -11,11 +11,11 @@ function(clearance_use_standard_headers target)
 endfunction()
 
 # clearance_use_cli11(target [source...]): links CLI11 into a program whose options those sources read (all of its sources,
-# where none is named).
+# if none is named).
 #
-# The header alone takes the compiler eight seconds, so it is precompiled once for all of them; and whatever includes it gets
-# all that is inline in it compiled, too, which takes as long again at -O3. Nobody reads options in a hurry: -O1. Sources that read none get
-# neither. (Not for targets with OpenMP: GCC takes no header that was compiled without.)
+# The header takes the compiler eight seconds, so it is precompiled once for all of them. Each source that includes it also
+# compiles its inline code, which takes as long again at -O3; parsing options need not be fast: -O1. Sources that read none
+# get neither. (Not for targets with OpenMP, because GCC rejects a header that was compiled without it.)
 function(clearance_use_cli11 target)
   find_package(CLI11 REQUIRED)
   target_link_libraries(${target} PRIVATE CLI11::CLI11)
@@ -32,16 +32,16 @@ function(clearance_use_cli11 target)
   if(NOT _readers)
     set(_readers ${_sources})
   endif()
-  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)  # not of a source: such a one is joined with none
+  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)  # not for sources, which would not be joined
   list(REMOVE_ITEM _sources ${_readers})
   if(_sources)
     set_source_files_properties(${_sources} PROPERTIES SKIP_PRECOMPILE_HEADERS ON COMPILE_OPTIONS $<$<CONFIG:Release>:-O3>)
   endif()
 endfunction()
 
-# clearance_join_sources(target [most]): compiles the target's sources several at a time, 8 at most or as said, so that what
-# they include is read once for all of them. Where CLEARANCE_JOIN_SOURCES says so; elsewhere each by itself, and so finds a
-# file that leaves out an include of its own.
+# clearance_join_sources(target [most]): compiles the target's sources several at a time, at most `most` (8), so that their
+# includes are read once for all of them. Only with CLEARANCE_JOIN_SOURCES; otherwise each source is compiled alone, which
+# finds a file that lacks an include of its own.
 function(clearance_join_sources target)
   set(_most ${ARGN} 8)
   list(GET _most 0 _most)

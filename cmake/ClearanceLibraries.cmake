@@ -1,6 +1,6 @@
 # clearance_install_library(part SOURCES ... HEADERS ... DEFINITIONS ... LIBS ...): the shared library Clearance::part
-# for other projects, component part_library. It shows nothing but what its headers mark as CLEARANCE_API; what it needs stays
-# inside, so that a process may hold other builds of the same libraries.
+# for other projects, component part_library. It exports only what its headers mark as CLEARANCE_API; its dependencies stay
+# inside, so that a process may contain other builds of the same libraries.
 include(CMakePackageConfigHelpers)
 function(clearance_install_library part)
   cmake_parse_arguments(ARG "" "" "SOURCES;HEADERS;DEFINITIONS;LIBS" ${ARGN})
@@ -31,7 +31,7 @@ function(clearance_install_library part)
     DESTINATION ${_package} COMPONENT ${_component})
 endfunction()
 
-# The name by which a header is included as <clearance/NAME>, here and where it is installed.
+# Name by which a header is included as <clearance/NAME>, here and after installation.
 function(clearance_installed_name header result)
   get_filename_component(_name ${header} NAME)
   if(_name STREQUAL "embed.h")  # engine.h is the engine's own, which the daemon uses

@@ -1,6 +1,6 @@
-# clearance_man_page(TARGET SECTION COMPONENT [TARGET...]): the man page of a program, made of its --help when it is built,
-# and installed with it. The other targets are programs that its commands run. Where what is built cannot be run (another
-# processor) there are no pages.
+# clearance_man_page(TARGET SECTION COMPONENT [TARGET...]): the man page of a program, generated from its --help during the
+# build, and installed with it. The other targets are programs that its commands run. If the programs cannot be run (another
+# processor), there are no pages.
 function(clearance_man_page target section component)
   if(CMAKE_CROSSCOMPILING OR CLEARANCE_SANITIZE OR SKBUILD)  # a wheel has no place for them
     return()

@@ -1,4 +1,4 @@
-# The Debian package: `cpack` in the build folder. Everything but Python, in one package.
+# The Debian package: `cpack` in the build folder. Everything except Python, in one package.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME clearance)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
@@ -14,8 +14,8 @@ set(CLEARANCE_MAINTAINER "Clearance developers <clearance@example.org>" CACHE ST
   "Whom the Debian package names: whoever builds it for others gives a name and address of theirs")
 set(CPACK_DEBIAN_PACKAGE_MAINTAINER ${CLEARANCE_MAINTAINER})
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
-set(CPACK_DEBIAN_PACKAGE_DEPENDS "adduser, procps")  # procps: /bin/kill, by which the unit reloads
-set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)  # asks dpkg what the programs link
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "adduser, procps")  # procps: /bin/kill, which the unit uses to reload
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)  # derives dependencies from linked libraries
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA
   ${PROJECT_SOURCE_DIR}/cmake/debian/postinst ${PROJECT_SOURCE_DIR}/cmake/debian/prerm ${PROJECT_SOURCE_DIR}/cmake/debian/postrm)

@@ -1,5 +1,5 @@
 # cmake -DOUT=HEADER -DNAME=CONSTANT -DBESIDE=TEXT -P CodeDigest.cmake -- FILE...
-# Writes a header with one digest of all files and of a text (the libraries' versions).
+# Writes a header with a digest of all files and of a text (the libraries' versions).
 set(_digests "${BESIDE}")
 set(_files OFF)
 math(EXPR _last "${CMAKE_ARGC} - 1")

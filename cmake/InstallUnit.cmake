@@ -1,7 +1,7 @@
-# Writes the unit file for the prefix that is installed to (server/CMakeLists.txt).
+# Writes the unit file for the installation prefix (server/CMakeLists.txt).
 get_filename_component(_prefix "${CMAKE_INSTALL_PREFIX}" ABSOLUTE)
 set(CMAKE_INSTALL_FULL_BINDIR ${_prefix}/${BINDIR})
-if(_prefix STREQUAL "/usr")  # as GNUInstallDirs has it
+if(_prefix STREQUAL "/usr")  # as in GNUInstallDirs
   set(CMAKE_INSTALL_FULL_SYSCONFDIR /${SYSCONFDIR})
 else()
   set(CMAKE_INSTALL_FULL_SYSCONFDIR ${_prefix}/${SYSCONFDIR})

@@ -1,2 +1,2 @@
-// The source of targets that only hold precompiled headers for others.
+// The source of targets that only provide precompiled headers for others.
 int main() {}

@@ -1,4 +1,4 @@
-"""Small meshes from numbers, written in the formats that Clearance reads. Used by each scene's make_meshes.py; needs numpy.
+"""Small meshes from formulas, written in the formats that Clearance reads. Used by each scene's make_meshes.py; needs numpy.
 
 A part is (name, vertices (V, 3), triangles (T, 3)), triangles counterclockwise seen from outside.
 """
@@ -12,7 +12,7 @@ import numpy as np
 
 
 def part(name, vertices, triangles):
-    """A part; coordinates rounded to float32, which every format holds."""
+    """A part; coordinates are rounded to float32, which every format represents."""
     return name, np.asarray(vertices, np.float32).astype(np.float64), np.asarray(triangles, np.int64)
 
 
@@ -28,7 +28,7 @@ def renamed(p, name):
 
 
 def rotation(axis, degrees):
-    """About the axis "x", "y" or "z"."""
+    """Rotation about the axis "x", "y" or "z"."""
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return np.array({"x": [[1, 0, 0], [0, c, -s], [0, s, c]], "y": [[c, 0, s], [0, 1, 0], [-s, 0, c]],
                      "z": [[c, -s, 0], [s, c, 0], [0, 0, 1]]}[axis])
@@ -37,7 +37,7 @@ def rotation(axis, degrees):
 def loft(name, rings, closed=False):
     """Rings of n points each, counterclockwise seen from the end of the loft, joined and capped with fans.
 
-    closed: the last ring is joined to the first (a torus), without caps.
+    closed: joins the last ring to the first (a torus), without caps.
     """
     rings = [np.asarray(r, float) for r in rings]
     n, v, t = len(rings[0]), [], []
@@ -79,7 +79,7 @@ def rounded_rectangle(width, depth, radius, z, per_corner=4):
 
 
 def extruded(name, outline, low, high):
-    """A prism over an outline of (x, y), counterclockwise and seen whole from its mean."""
+    """A prism over an outline of (x, y), counterclockwise and star-shaped about its mean."""
     o = np.asarray(outline, float)
     return loft(name, [np.column_stack([o, np.full(len(o), z)]) for z in (low, high)])
 
@@ -92,7 +92,7 @@ def box(name, size, centre=(0, 0, 0)):
 
 
 def uv_sphere(name, radius, resolution, shape=lambda v: v):
-    """Open3D's create_sphere; `shape` bends its unit sphere before it is scaled."""
+    """Open3D's create_sphere; `shape` deforms its unit sphere before it is scaled."""
     n = resolution
     v = [(0, 0, 1), (0, 0, -1)]
     for i in range(1, n):
@@ -121,7 +121,7 @@ def joined(name, parts):
 
 
 def number(x):
-    """Nine digits: a float32 comes back as it was."""
+    """Nine digits, which restore a float32 exactly."""
     return f"{x:.9g}"
 
 
@@ -179,7 +179,7 @@ def write_ply(path, parts, text=False):
 
 
 def write_dae(path, parts, nodes, unit=1.0):
-    """nodes: (name of a part, 4 x 4 matrix in the file's unit). A part may stand at several nodes."""
+    """nodes: (name of a part, 4 x 4 matrix in the file's unit). A part may occur at several nodes."""
     with open(path, "w") as f:
         f.write('<?xml version="1.0" encoding="utf-8"?>\n<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">\n'
                 f'<asset><unit meter="{unit}"/><up_axis>Z_UP</up_axis></asset>\n<library_geometries>\n')

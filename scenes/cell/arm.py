@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Where the links of this cell's arm are for given joint angles: link_poses(degrees). Needs numpy.
+"""Poses of the links of this cell's arm for given joint angles: link_poses(degrees). Needs numpy.
 
-Run with six angles in degrees, it prints each link's pose as the scene file has it.
+Run with six angles in degrees, it prints each link's pose in the scene file's format.
 """
 
 import math
@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 
-# From each link's frame to the next joint's, at angle 0: the axis that the joint turns about, and its place in metres.
+# From each link's frame to the next joint's, at angle 0: the joint's axis, and its position in metres.
 JOINTS = [
     ("shoulder", "z", (0.0, 0.0, 0.152)),
     ("upper_arm", "y", (0.0, 0.135, 0.0)),
@@ -34,7 +34,7 @@ def product(p, q):
 
 
 def rotated(q, v):
-    """v turned by q."""
+    """v rotated by q."""
     t = 2 * np.cross(q[1:], v)
     return np.asarray(v) + q[0] * t + np.cross(q[1:], t)
 

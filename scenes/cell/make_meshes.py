@@ -12,7 +12,7 @@ import mesh_tools as mt
 
 os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), "meshes"))
 
-ALONG_Y = mt.rotation("x", -90)  # turns z to y
+ALONG_Y = mt.rotation("x", -90)  # rotates z to y
 
 
 def drive(name, radius, low, high, n=20):
@@ -27,11 +27,11 @@ def tube(name, sections):
     return mt.loft(name, [mt.rounded_rectangle(w, d, 0.49 * min(w, d), z, 5) for w, d, z in sections])
 
 
-# The base: a plate, a flange and a tapering column. Its hull is taken.
+# The base: a plate, a flange and a tapering column. The scene uses its hull.
 mt.write_stl("base.stl", [mt.loft("plate", [mt.rounded_rectangle(0.20, 0.20, 0.03, z) for z in (0.0, 0.015)]),
                           mt.turned("column", [(0.095, 0.015), (0.095, 0.03), (0.075, 0.045), (0.070, 0.085)])])
 
-# The shoulder: a body that turns about z, and the housing of the next drive at its side.
+# The shoulder: a body that rotates about z, and the housing of the next drive at its side.
 mt.write_obj("shoulder.obj", [mt.turned("body", [(0.062, -0.065), (0.068, -0.055), (0.068, 0.035), (0.045, 0.068)]),
                               drive("side", 0.062, 0.02, 0.072)])
 
@@ -43,7 +43,7 @@ mt.write_obj("upper_arm.obj", [drive("shoulder_drive", 0.060, -0.060, 0.062), tu
 mt.write_stl("forearm.stl", [drive("elbow", 0.052, -0.056, 0.056, 16), tube("bend", [(0.075, 0.07, 0.02), (0.060, 0.060, 0.10)]),
                              tube("tube", [(0.060, 0.060, 0.10), (0.050, 0.050, 0.33), (0.056, 0.05, 0.36)])], text=True)
 
-# The first wrist link, in millimetres: its drive lies across the forearm's end.
+# The first wrist link, in millimetres: its drive is perpendicular to the forearm's end.
 across = np.eye(4)
 across[:3, :3] = ALONG_Y
 mt.write_dae("wrist_1.dae", [mt.turned("drive", [(32, -42), (42, -36), (42, 44), (34, 50)], 20), mt.turned("neck", [(34, -42), (40, -36), (40, 36), (30, 44)], 20)],
@@ -65,7 +65,7 @@ for side in (-1, 1):
 mt.write_obj("gripper.obj", [mt.moved(mt.loft("palm", [mt.rounded_rectangle(w, d, 0.012, z, 4) for w, d, z in ((0.060, 0.060, 0.0), (0.080, 0.064, 0.012), (0.080, 0.058, 0.055))]), rotation=ALONG_Y),
                              mt.box("rail", (0.135, 0.022, 0.030), (0, 0.066, 0))] + fingers)
 
-# A cup, as the gripper holds it; and what else stands around.
+# A cup for the gripper, and the surrounding furniture.
 mt.write_ply("cup.ply", [mt.turned("cup", [(0.028, 0.0), (0.030, 0.004), (0.0385, 0.093), (0.0375, 0.095)], 32)])
 mt.write_gltf("table.gltf", [mt.box("top", (1.6, 1.2, 0.04)), mt.box("leg", (0.06, 0.06, 0.69)), mt.box("apron", (1.4, 0.03, 0.08))],
               [("top", {"translation": [0, 0, -0.02]})] + [("leg", {"translation": [x, y, -0.385]}) for x in (-0.73, 0.73) for y in (-0.53, 0.53)] +

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the mesh of this scene that lies far from its own frame: a ball of 1 m about (4096, -2048, 1024) m; and a flat one."""
+"""Writes this scene's meshes: a ball of 1 m about (4096, -2048, 1024) m in its own frame, and a flat one."""
 
 import os
 import sys

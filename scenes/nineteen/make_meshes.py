@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the meshes of this scene: things of a workshop and of a breakfast table, in every format that Clearance reads."""
+"""Writes this scene's meshes: objects of a workshop and of a breakfast table, in every format that Clearance reads."""
 
 import math
 import os
@@ -25,11 +25,11 @@ mt.write_obj("pawn.obj", [
     mt.moved(mt.uv_sphere("head", 0.17, 8), (0, 0, 0.82)),
 ])
 
-# A bottle: its hull is taken, so its shoulder is filled.
+# A bottle; the scene uses its hull, which fills its shoulder.
 mt.write_ply("bottle.ply", [mt.turned("bottle", [(0.26, 0.0), (0.28, 0.03), (0.28, 0.70), (0.25, 0.80), (0.14, 0.95), (0.10, 1.02),
                                                  (0.10, 1.20), (0.115, 1.21), (0.115, 1.26), (0.10, 1.27)], 28)])
 
-# A mug: staves around, a bottom, and a handle of five bent pieces.
+# A mug: staves around, a bottom, and a handle of five bent segments.
 staves = []
 for i in range(12):
     a, b = 2 * math.pi * i / 12, 2 * math.pi * (i + 1) / 12
@@ -58,7 +58,7 @@ mt.write_stl("gear.stl", [mt.extruded("gear", outline, -0.08, 0.08), mt.turned("
 # A nut, with chamfers.
 mt.write_stl("nut.stl", [mt.loft("nut", [[(*p, z) for p in polygon(r, 6)] for r, z in ((0.25, -0.13), (0.28, -0.10), (0.28, 0.10), (0.25, 0.13))])], text=True)
 
-# A chair: a seat, a back, and one leg that stands at four nodes.
+# A chair: a seat, a back, and one leg that occurs at four nodes.
 mt.write_gltf("chair.gltf", [mt.box("leg", (0.06, 0.06, 0.45)), mt.box("seat", (0.50, 0.50, 0.05)), mt.box("back", (0.50, 0.05, 0.55))],
               [("leg", {"translation": [x, y, 0.225]}) for x in (-0.21, 0.21) for y in (-0.21, 0.21)] +
               [("seat", {"translation": [0, 0, 0.475]}), ("back", {"translation": [0, 0.225, 0.77], "rotation": [-math.sin(0.06), 0, 0, math.cos(0.06)]})])
