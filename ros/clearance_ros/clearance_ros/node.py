@@ -72,8 +72,7 @@ class ClearanceNode(Node):
         try:
             report = self._bridge.report(self._within, self._max_age)
         except clearance.ClearanceError as error:
-            if getattr(error, "code", None) != clearance.wire.ErrorCode.WRONG_SCENE:  # otherwise the next answer is
-                                                                                      # valid
+            if getattr(error, "code", None) != clearance.wire.ErrorCode.WRONG_SCENE:  # else recoverable
                 self._least.publish(Float64(data=-math.inf))
                 self._say(ERROR, str(error), -math.inf, 0)
             raise

@@ -52,8 +52,7 @@ class SceneFollower:
     def __init__(self, client: clearance.Client, robot: str = ""):
         self._client = client
         self._prefix = f"{robot}/" if robot else ""
-        self._parts: dict[str, list[tuple[str, np.ndarray]]] = {}  # for each object: its bodies, and their poses in the
-                                                                   # object
+        self._parts: dict[str, list[tuple[str, np.ndarray]]] = {}  # for each object: its bodies, and their places
         self._held: dict[str, str] = {}  # the link of each attached object
         self.is_lost = False  #: the daemon was restarted without the objects, and no whole scene has arrived since
         self.left_out: dict[str, str] = {}  #: objects and pairs that were not applied, and the reasons
