@@ -38,8 +38,7 @@ struct Problem {
   std::vector<std::array<double, 7>> poses;  ///< (K, B): x, y, z [m], qw, qx, qy, qz of any norm
   std::vector<std::array<std::uint32_t, 2>> pairs;
   std::vector<double> truth;  ///< exact signed distance in metres: (K, P), or (K,) for kLeast; NaN if not computed
-  std::vector<double> scale;  ///< likewise: S = |D| + rho_a + rho_b + r_a + r_b, in metres, to which errors are
-                              ///< compared
+  std::vector<double> scale;  ///< likewise: S = |D| + rho_a + rho_b + r_a + r_b, in metres, a scale for errors
 
   std::uint64_t answers() const { return configurations * (kind == Kind::kLeast ? 1 : pairs.size()); }
 };

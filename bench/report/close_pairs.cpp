@@ -38,8 +38,7 @@ struct AabbTree::Node {
 AabbTree::AabbTree(Insert insert) : insert_(insert) {}
 
 AabbTree::~AabbTree() {
-  std::vector<std::unique_ptr<Node>> waiting;  // an explicit stack, because the tree may be a list of thousands of
-                                               // nodes
+  std::vector<std::unique_ptr<Node>> waiting;  // explicit stack: the tree may be a list of thousands
   if (root_) waiting.push_back(std::move(root_));
   while (!waiting.empty()) {
     const std::unique_ptr<Node> node = std::move(waiting.back());

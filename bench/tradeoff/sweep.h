@@ -21,8 +21,7 @@ struct Setting {
   Precision precision = Precision::kF64;
   double rel_tol = 1e-6;
   double abs_tol = 0;                                      ///< in metres
-  double reach = std::numeric_limits<double>::infinity();  ///< max_distance, relative to the median of the scene's
-                                                           ///< distances
+  double reach = std::numeric_limits<double>::infinity();  ///< max_distance, in medians of the scene's distances
   Asked asked = Asked::kCold;
 
   friend bool operator==(const Setting&, const Setting&) = default;

@@ -1,4 +1,4 @@
-// What certificates of rows and of motions have in common.
+// Common part of certificates of rows and of motions.
 #pragma once
 
 #include <cstddef>

@@ -18,8 +18,7 @@ namespace clearance {
 /// Proof of a bound on two convex parts, or on two ranges of parts. The elements of a surface count as parts, in their
 /// order, in place of the surface (piece_place()).
 struct PieceProof {
-  std::uint32_t piece_a, piece_b;  ///< indices in their bodies; if both are kNone, the direction is for all pairs of
-                                   ///< parts
+  std::uint32_t piece_a, piece_b;  ///< of their bodies; if both are kNone, the direction is for all pairs of parts
   NarrowProof proof;
   int order = 1;                           ///< of a direction; 2 follows the bodies along it as they move
   std::uint32_t seer = kNone;              ///< body whose frame the motion is measured in; kNone is the world

@@ -61,8 +61,7 @@ class FreeScale {
   std::vector<std::uint8_t> moves_;                       // for each body: whether the joints move it
   std::vector<std::optional<Carried>> carried_;           // for each body that a pair has named
   std::uint64_t next_ = 0;                                // next pair to process
-  std::vector<std::vector<double>> positions_, weights_;  // for each robot, by column: positions of the snapshot;
-                                                          // weights (moves at s = 1)
+  std::vector<std::vector<double>> positions_, weights_;  // for each robot, by column: snapshot; move at s = 1
   std::vector<Wide> weight_travels_;                      // for each robot: the most that s = 1 adds to the travel
   std::vector<Way> ways_;
   // For each pair: bounds in ways_, each of which holds; the ways of one bound are summed.

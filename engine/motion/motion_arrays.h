@@ -32,8 +32,7 @@ struct MotionArrays {
   std::vector<std::uint32_t> chain_of_slot;  ///< (moved,) relative to the world; kNone if nothing moves the body
   std::vector<MotionViews> views;
   std::vector<std::uint32_t> views_of_pair;  ///< (pairs,); kNone if both bodies are observed from the world
-  std::vector<double> reach;                 ///< (bodies,) upper bound on the distance of a body's points from its
-                                             ///< origin, in metres
+  std::vector<double> reach;                 ///< (bodies,) metres: bound on the points' distance from the origin
 };
 
 }  // namespace clearance

@@ -25,14 +25,11 @@ struct MovingBodies {
   std::vector<std::vector<double>> rounding;  ///< likewise: bound on the error of q(t) as computed
   std::vector<double> travel;                 ///< for each of Plan::motions: Kinematics::travel(), of both ends
   std::vector<MotionRates> chains;            ///< for each chain of MotionBounds
-  std::vector<double> chain_errors;           ///< likewise: bound on the displacement of the points by the error of
-                                              ///< at()
-  std::vector<double> chain_turns;            ///< likewise: bound on the rotation error of their carrier at a time, in
-                                              ///< radians
+  std::vector<double> chain_errors;           ///< likewise: bound on the error of the points' places in at()
+  std::vector<double> chain_turns;            ///< likewise: bound on the carrier's rotation error, in radians
   std::vector<double> errors;                 ///< for each of Plan::moved: ConfigurationPoses::Block::errors
   bool half_turn = false;                     ///< one of `given` is_half_turn()
-  std::vector<std::uint8_t> end_facts;        ///< of the links in Plan::bodies: LinkFact bits of both ends; empty if
-                                              ///< all are 0
+  std::vector<std::uint8_t> end_facts;        ///< LinkFact bits of both ends, for links in Plan::bodies; empty if 0
 };
 
 /// The joints and poses that move the bodies of each pair relative to each other, computed once per query. Immutable.
@@ -97,7 +94,7 @@ class MotionBounds {
   std::vector<Chain> chains_;
   std::vector<std::uint32_t> chain_of_body_;                               // by body: relative to the world, or kStill
   std::map<std::pair<std::uint32_t, std::size_t>, std::uint32_t> before_;  // chains without their last links
-  std::map<std::uint64_t, Views> views_;  // by pair position; pairs can share what moves them
+  std::map<std::uint64_t, Views> views_;  // by pair position; shared by pairs with the same movers
 };
 
 }  // namespace clearance

@@ -24,10 +24,8 @@ struct MotionHit {
 struct MotionRow {
   Row row;
   double time = std::numeric_limits<double>::quiet_NaN();
-  double found = std::numeric_limits<double>::quiet_NaN();  // time at which the upper bound was found, also if the row
-                                                            // does not report it
-  double free_until = 0;                                    // nothing is within its margin before; inf if free
-                                                            // throughout
+  double found = std::numeric_limits<double>::quiet_NaN();  // time of the upper bound, even if not reported
+  double free_until = 0;                                    // no pair is within its margin before; inf if free
   MotionHit hit;                                            // the first one found
   std::uint32_t steps = 0;
 };

@@ -175,8 +175,7 @@ CLEARANCE_HD inline bool begins_late(double begin, double hit) {
 }
 
 inline constexpr double kSpanGrid = 0x1p-12;         ///< grid of the times at which spans are cut
-inline constexpr double kLeastTrimmedHalf = 0x1p-7;  ///< smallest half of a span that is cut; 30 further halvings are
-                                                     ///< exact
+inline constexpr double kLeastTrimmedHalf = 0x1p-7;  ///< smallest half that is cut; 30 more halvings are exact
 /// Start of the remainder of half a span, seen from its middle, after all pairs are proved for time `proved`. Its
 /// middle and the middles of its halves are exact. Returns the middle itself if nothing can be cut.
 /// \param half half of the half span

@@ -111,8 +111,7 @@ PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead
       joint_marks_(scene.joints().size()),
       points_marks_(scene.bodies().size()) {
   auto first = std::make_shared<PoseSnapshot>();
-  first->scene = std::shared_ptr<const Scene>(std::shared_ptr<const Scene>(), &scene);  // the scene outlives the
-                                                                                        // snapshot
+  first->scene = std::shared_ptr<const Scene>(std::shared_ptr<const Scene>(), &scene);  // outlives the snapshot
   const std::size_t n = scene.bodies().size();
   first->loaded_ns = monotonic_ns();
   first->local.resize(n);

@@ -35,8 +35,7 @@ struct PoseSnapshot {
   std::int64_t newest_stamp_ns = 0;    ///< publisher's clock: the newest stamp of the poses below
   std::int64_t newest_sequence = 0;    ///< of the update with that stamp; 0 if its publisher does not number updates
   std::int64_t oldest_receipt_ns = 0;  ///< 0 if none was received
-  std::int64_t loaded_ns = 0;          ///< monotonic clock of this process: receipt time of the poses that the scene
-                                       ///< gives
+  std::int64_t loaded_ns = 0;          ///< monotonic clock: load time of the poses that the scene gives
   std::uint64_t scene_revision = 0;    ///< changes with attachments and ignored pairs
   std::uint64_t scene_changes = 0;     ///< SceneHistory::changes() at that revision
   std::shared_ptr<const SceneHistory> history;
@@ -54,8 +53,7 @@ struct PoseSnapshot {
 
   std::vector<BodyPlacement> placed;
   std::vector<std::int64_t> stamp_ns, receipt_ns, sequence;  ///< of a link: the least recently set joint of its chain
-  std::vector<std::uint8_t> beyond_limits;                   ///< by body: whether a joint that places it is beyond its
-                                                             ///< limits
+  std::vector<std::uint8_t> beyond_limits;                   ///< by body: whether one of its joints is beyond limits
   bool is_published = false;                                 ///< it is, or was, the current snapshot
 
   /// Columns of Scene::joints().
@@ -116,8 +114,7 @@ class PoseStore {
 
  private:
   static constexpr std::size_t kSpares = 2, kRemembered = 8;
-  static constexpr std::size_t kWorthRemembering = 8;  // changes are recorded if they concern at most one body in this
-                                                       // many
+  static constexpr std::size_t kWorthRemembering = 8;  // recorded changes concern at most one body in so many
   struct Spares {
     std::mutex mutex;
     std::vector<std::unique_ptr<PoseSnapshot>> snapshots;

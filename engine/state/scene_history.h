@@ -77,8 +77,7 @@ class SceneHistory {
   std::deque<std::pair<std::uint64_t, std::uint64_t>> order_;                 // revision and change, oldest first
   std::vector<std::uint64_t> body_changed_, parent_changed_, group_changed_;  // by id: the last change
   std::uint64_t bodies_changed_ = 0;                                          // last change of any body
-  std::deque<ChangedPair> pairs_;                                             // pairs that became or ceased to be
-                                                                              // enabled
+  std::deque<ChangedPair> pairs_;                                             // newly enabled or disabled pairs
   std::uint64_t forgotten_ = 0;                                               // changes up to this one are forgotten
 };
 

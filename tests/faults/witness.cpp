@@ -140,8 +140,7 @@ void Witness::run(std::uint64_t seed) {
     ask(exam_.draw(random));
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
     std::this_thread::sleep_for(
-        std::min<std::chrono::duration<double>>(took * (1 / load_ - 1), 100ms));  // bounded, because one may have been
-                                                                                  // late
+        std::min<std::chrono::duration<double>>(took * (1 / load_ - 1), 100ms));  // bounded, in case a call was late
   }
 }
 

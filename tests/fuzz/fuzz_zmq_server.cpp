@@ -34,8 +34,7 @@ class Dealer {
   void send(Bytes part, bool more) {
     zmq::message_t message(part.data(), part.size());
     clearance::send(socket_, message,
-                    more ? zmq::send_flags::sndmore : zmq::send_flags::none);  // libFuzzer's clock interrupts with a
-                                                                               // signal
+                    more ? zmq::send_flags::sndmore : zmq::send_flags::none);  // libFuzzer's clock sends signals
   }
   void send_frame(Bytes frame) {
     send(frame.first(sizeof(wire::FrameHeader)), true);

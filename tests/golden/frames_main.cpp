@@ -104,8 +104,7 @@ Bytes comparable(Bytes frame) {
                         offsetof(wire::JointStateRecord, receipt_ns));
       break;
     }
-    case FrameType::kStats:  // two counters suffice for the layout; the set of counters is not part of the wire
-                             // contract
+    case FrameType::kStats:  // two counters show the layout; the set of counters is no contract
       mask(frame, offsetof(wire::FrameHeader, payload_bytes));
       frame.erase(frame.begin() + sizeof header + 2 * sizeof(wire::CounterRecord), frame.end());
       for (const std::size_t i : {0, 1})

@@ -48,7 +48,7 @@ def engine_of(folder):
     return clearance.Engine(clearance.Scene.load(folder / "scene.yaml"), threads=1)
 
 
-# ---- what comes out --------------------------------------------------------------------------------------------------
+# ---- results ---------------------------------------------------------------------------------------------------------
 
 
 def test_rows_are_those_of_the_engine_in_process(tmp_path, urdf):

@@ -9,9 +9,7 @@ from patience import PATIENCE_S
 
 
 def turns_beside(work):
-    """Number of turns of this thread's loop while another thread does `work`; small if that holds the interpreter's
-    lock.
-    """
+    """Number of turns of this thread's loop while another one does `work`; small if it holds the interpreter's lock."""
     begun, done = threading.Event(), threading.Event()
 
     def run():

@@ -18,8 +18,7 @@ class CoalPeer {
  public:
   struct Geometry {
     std::unique_ptr<coal::ShapeBase> shape;
-    const coal::ConvexBase* hull = nullptr;  // the same geometry if it is a convex one; its radius is Coal's swept
-                                             // sphere
+    const coal::ConvexBase* hull = nullptr;  // the same geometry if convex; its radius is Coal's swept sphere
     Transform3s at;                          // of a sphere or capsule in its body
   };
   using Transform = Transform3s;

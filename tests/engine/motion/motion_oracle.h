@@ -45,8 +45,7 @@ struct MotionDecision {
   double time = 0, lower = 0, upper = 0;  ///< of a hit: its time, and the pair's distance then
   double free_until = 0;                  ///< of a hit, if first contact is requested
   // Of the least distance, with the bounds above:
-  double contact = 0;     ///< if first contact is requested: the time at which a pair is within its margin, or inf if
-                          ///< never
+  double contact = 0;     ///< if requested: the time at which a pair is within its margin, or inf
   bool by_slack = false;  ///< the interval exceeds the tolerance because of uncertain bodies
 };
 using MotionDecider = std::function<MotionDecision(const Scene&, const QueryView&)>;

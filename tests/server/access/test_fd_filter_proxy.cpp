@@ -162,8 +162,7 @@ TEST_P(FdFilterProxy, NobodyWaitsForDescriptorsOfOthers) {
       // Stops the daemon, so that the daemon's copies, if it gets any, are closed last.
       ASSERT_EQ(kill(daemon_->pid(), SIGSTOP), 0);
       ASSERT_EQ(waitpid(daemon_->pid(), nullptr, WUNTRACED), daemon_->pid());
-      for (const bool good : {true, false}) {  // the descriptor comes with a greeting, or with bytes that end the
-                                               // connection
+      for (const bool good : {true, false}) {  // whether its bytes are a greeting
         UniqueFd socket = connect_to(folder_ / name, type);
         if (!good && type == SOCK_STREAM) ::send(socket.get(), "\n\n", 2, MSG_NOSIGNAL);
         const void* bytes = good && type == SOCK_SEQPACKET ? static_cast<const void*>(&hello) : noise.data();
