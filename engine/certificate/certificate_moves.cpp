@@ -10,7 +10,7 @@ Json vector_json(const Vec3d& v) {
   return Json::array({v.x, v.y, v.z});
 }
 
-// A rotation about, or translation along, an axis by multiplier * position of `column` + offset.
+// A rotation about, or translation along, an axis of any length by multiplier * position of `column` + offset.
 Json move(const Vec3d& axis, bool turns, double offset) {
   return {{"axis", vector_json(axis)}, {"turns", turns},  {"column", nullptr}, {"stands", 0},
           {"multiplier", 0},           {"offset", offset}};

@@ -216,7 +216,7 @@ PairProver::Halves PairProver::try_pieces(const Piece& p, const Piece& q, PieceP
   return {false, false};
 }
 
-// Distance of the pair in either half of the span along a direction in world axes.
+// Lower bounds on the pair's distance in either half of the span, along a direction in world axes.
 // \param p, q null for all parts
 PairProver::Halves PairProver::by_direction(const Vec3d& n, const Piece* p, const Piece* q) const {
   const BodyPoses& here = moment_.placed();

@@ -44,6 +44,7 @@ class MotionBounds {
   void speeds(const MovingBodies& moving, const BodyPoses& placed, std::vector<double>& speeds) const;
   /// Index of a body in Plan::moved, or kNone if it is not moved.
   std::uint32_t slot(std::uint32_t body) const { return slot_[body]; }
+  /// \param position of the pair in the plan
   PairRates rates(std::uint64_t position, BodyPair pair, const MovingBodies& moving, const BodyPoses& placed) const;
   /// Twist of a body relative to another one, or to the world if `seer` is kNone.
   /// \param twists of each of Plan::moved

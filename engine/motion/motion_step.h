@@ -12,7 +12,7 @@
 namespace clearance {
 
 inline constexpr double kMotionUnit = 0x1p-53;
-inline constexpr double kTimeUnits = 6;  ///< error of q0 + t (q1 - q0) as computed, relative to the larger of both
+inline constexpr double kTimeUnits = 6;  ///< error of q0 + t (q1 - q0) as computed, in roundings of the larger
 /// Relative error of a point's speed as computed, in addition to that of its position.
 inline constexpr double kTwistError = 0x1p-40;
 
@@ -74,7 +74,8 @@ CLEARANCE_HD inline double bend_of_pair(const PairRates& rates, double half) {
   return rates.acceleration * (0.5 * half * half) * (1 + 0x1p-40);
 }
 
-/// Twist of a body relative to a reference body at offset `away` from it. World axes.
+/// Twist of a body relative to a reference body. World axes.
+/// \param away from the reference body's origin to the body's
 CLEARANCE_HD inline Twist twist_seen(Twist twist, const Twist& seer, const Vec3d& away) {
   twist.shift = twist.shift - (seer.shift + cross(seer.turn, away));
   twist.turn = twist.turn - seer.turn;

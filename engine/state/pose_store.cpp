@@ -399,7 +399,8 @@ PoseUpdateResult PoseStore::allow(std::uint32_t a, std::uint32_t b, bool allow) 
   const std::shared_ptr<PoseSnapshot> next = copy();
   const std::vector<BodyPair> changed = changed_pairs(next->ignored->all(), ignored.all());
   changes_.clear();                                                          // the enabled pairs change
-  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));  // reasons for a pair may have changed, too
+  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));  // the attachments that allow a pair may
+                                                                             // differ
   if (!changed.empty()) {
     history_->ignored(next->scene_revision, changed);
     enable_pairs(*next);

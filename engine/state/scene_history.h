@@ -66,7 +66,8 @@ class SceneHistory {
   void begin_change(std::uint64_t revision);
   void note(std::span<const BodyPair> changed);
   void forget_old();
-  /// Finds the last change at which a revision was current. Returns false if it is unknown or newer than `changes`.
+  /// Finds the last change at which a revision was current. Returns false if it is unknown, or if the scene has changed
+  /// since `changes`.
   bool find(std::uint64_t revision, std::uint64_t changes, std::uint64_t& since) const;
   bool unchanged(std::uint32_t selector, std::uint64_t since, bool with_parents) const;
   bool pairs_unchanged(BodyPair pair, std::uint64_t since, const Scene& scene) const;
