@@ -17,8 +17,8 @@ namespace clearance {
 /// moves by at most s times its weight.
 class FreeScale {
  public:
-  /// Throws QueryError for invalid weights, for a query without joints or with bodies or too many pairs, and for a robot
-  /// whose root the joints move.
+  /// Throws QueryError for invalid weights, for a query without joints or with bodies or too many pairs, and for a
+  /// robot whose root the joints move.
   /// \param scene, plan must outlive this; the plan has weights: (J,) radians and metres, >= 0
   FreeScale(const Scene& scene, const Plan& plan);
 
