@@ -89,9 +89,9 @@ struct HalfSpans {
   double before, after, middle;
 };
 
-/// Bounds along one direction, which is fixed to the reference body. The points of a body move linearly up to `bend`, so its
-/// support along n at time s is its support along n + s (n x turn) at the middle, plus s n . shift. The gap is concave
-/// in s, so that its ends suffice.
+/// Bounds along one direction, which is fixed to the reference body. The points of a body move linearly up to `bend`,
+/// so its support along n at time s is its support along n + s (n x turn) at the middle, plus s n . shift. The gap is
+/// concave in s, so that its ends suffice.
 /// \param normal world axes, from a to b, length about 1
 /// \param D from a's origin to b's
 /// \param reach_a, reach_b support of each body along a direction, from its origin
