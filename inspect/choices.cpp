@@ -7,8 +7,8 @@
 
 #include "engine/bvh/enclosure.h"
 #include "engine/bvh/surface.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/hull/decomposition.h"
-#include "engine/scene/geometry.h"
 
 namespace clearance {
 

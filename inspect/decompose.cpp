@@ -8,8 +8,8 @@
 #include <stdexcept>
 
 #include "engine/bvh/surface.h"
+#include "engine/geometry/mesh_geometry.h"
 #include "engine/hull/decomposition.h"
-#include "engine/scene/mesh_geometry.h"
 #include "inspect/coacd_process.h"
 
 namespace clearance {

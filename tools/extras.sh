@@ -21,7 +21,7 @@ extras=(
   "examples         3  client/examples client/python/clearance scenes/cell tools/examples_requirements.txt"
   "site             3  docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/embed wire/*.h"
   "ray              6  client/python/clearance client/examples/roadmap.py tests/python/test_sweep.py tests/python/test_sweep_jobs.py tests/python/test_sweep_ray.py tests/python/sweeps.py"
-  "fuzz            12  wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/scene_io engine/state engine/cache tests/fuzz"
+  "fuzz            12  wire server client/*.cpp client/*.h engine/mesh engine/robot engine/geometry engine/scene engine/scene_io engine/state engine/cache tests/fuzz"
   "robots           3  engine/robot engine/base engine/pose cli/robot.cpp tests/engine/robot"
   "races           15  wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
   "kernels         20  engine/cuda engine/device engine/narrow engine/base engine/hull engine/pose bench/report CMakeLists.txt cmake"

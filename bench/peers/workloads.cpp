@@ -7,9 +7,9 @@
 
 #include "bench/peers/contender.h"
 #include "engine/base/digest.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/shapes.h"
-#include "engine/scene/geometry.h"
 #include "tests/oracle/cases/random_motion.h"
 
 namespace clearance {

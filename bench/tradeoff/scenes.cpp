@@ -4,8 +4,8 @@
 #include <stdexcept>
 
 #include "engine/base/digest.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/hull/shapes.h"
-#include "engine/scene/geometry.h"
 #include "tests/oracle/cases/random_motion.h"
 
 namespace clearance::tradeoff {

@@ -8,7 +8,7 @@
 
 #include "engine/bvh/enclosure.h"
 #include "engine/bvh/surface.h"
-#include "engine/scene/geometry.h"
+#include "engine/geometry/make_geometry.h"
 
 namespace clearance {
 

@@ -1,289 +1,20 @@
 #include "engine/scene/scene.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <cstdlib>
+#include <iterator>
 
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
-#include "engine/bvh/surface.h"
-#include "engine/hull/primitive.h"
-#include "engine/hull/shapes.h"
-#include "engine/mesh/mesh.h"
-#include "engine/scene/geometry.h"
-#include "engine/scene/mesh_geometry.h"
+#include "engine/scene/body_checks.h"
 
 namespace clearance {
 
 namespace {
 
-// Pairs that ignore() may name in all: more is a mistake in the scene file, not a wish.
+// Pairs of one ignore(). More is a mistake in the scene file.
 constexpr std::size_t kMaxIgnoredPairs = std::size_t{1} << 27;
 
-std::string in_quotes(const std::string& name) {
-  return '"' + name + '"';
-}
-
-std::string number(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.17g", x);
-  char shorter[32];
-  std::snprintf(shorter, sizeof shorter, "%g", x);
-  return std::strtod(shorter, nullptr) == x ? shorter : text;
-}
-
-// The length of the UTF-8 character at text[i], or 0 if there is none that may stand in a name.
-std::size_t printable_character(const std::string& text, std::size_t i) {
-  const auto byte = [&](std::size_t k) { return k < text.size() ? static_cast<unsigned char>(text[k]) : 0u; };
-  const unsigned c = byte(i);
-  if (c < 0x80) return c >= 0x20 && c != 0x7f ? 1 : 0;
-  const std::size_t length = c >= 0xf0 ? 4 : c >= 0xe0 ? 3 : 2;
-  if (c < 0xc2 || c > 0xf4) return 0;
-  std::uint32_t code = c & (0xffu >> (length + 1));
-  for (std::size_t k = 1; k < length; ++k) {
-    if ((byte(i + k) & 0xc0) != 0x80) return 0;
-    code = code << 6 | (byte(i + k) & 0x3f);
-  }
-  constexpr std::uint32_t kSmallest[] = {0, 0, 0x80, 0x800, 0x10000};
-  const bool surrogate = code >= 0xd800 && code < 0xe000;
-  return code >= kSmallest[length] && code <= 0x10ffff && !surrogate && code >= 0xa0 ? length : 0;
-}
-
-void check_name(const std::string& name, const char* what) {
-  const std::string subject = std::string(what) + " name";
-  if (name.empty()) throw SceneError(subject + " is empty");
-  if (name.size() > static_cast<std::size_t>(kMaxNameBytes))
-    throw SceneError(subject + " has " + std::to_string(name.size()) + " bytes, expected at most " +
-                     std::to_string(kMaxNameBytes) + ": " + in_quotes(name.substr(0, 40)) + "...");
-  if (name == "*") throw SceneError(subject + " \"*\" is taken: it stands for every body");
-  for (std::size_t i = 0; i < name.size();) {
-    const std::size_t length = printable_character(name, i);
-    if (length == 0)
-      throw SceneError(subject + " holds an unprintable character or bad UTF-8 at byte " + std::to_string(i));
-    i += length;
-  }
-}
-
-void check_positive(const std::string& name, const char* what, double x, bool zero_allowed = false) {
-  if ((x > 0 || (zero_allowed && x == 0)) && x <= kMaxCoordinate) return;
-  throw SceneError("body " + in_quotes(name) + ": " + what + ": expected a number of metres " +
-                   (zero_allowed ? ">= 0" : "> 0") + ", got " + number(x));
-}
-
-void check_may_be_live(const Body& body) {
-  if (body.robot != kNone) throw SceneError("body " + in_quotes(body.name) + ": live: " + placed_by_joints(body));
-  if (body.is_static)
-    throw SceneError("body " + in_quotes(body.name) + ": live: a static body never gets another pose than its own");
-}
-
-void check_uncertainty(const Body& body) {
-  const auto& [position, angle] = body.uncertainty;
-  check_positive(body.name, "uncertainty.position", position, true);
-  check_positive(body.name, "padding", body.padding, true);
-  const std::string who = "body " + in_quotes(body.name) + ": ";
-  if (!(angle >= 0 && angle <= 3.2))
-    throw SceneError(who + "uncertainty.angle: expected 0 to 3.2 radians, got " + number(angle));
-  if (!(body.max_speed >= 0 && body.max_speed <= kMaxCoordinate))
-    throw SceneError(who + "max_speed: expected a number of metres a second >= 0, got " + number(body.max_speed));
-}
-
-constexpr const char* kPlaneStands = "a half_space follows no body: it stands where its pose says";
-
-bool is_plane(const Body& body) {
-  return std::any_of(body.pieces.begin(), body.pieces.end(), [](const PiecePtr& p) { return is_half_space(*p); });
-}
-
-// A half-space has points at any distance, which the least turn moves by any length: it stays as its pose says,
-// exactly.
-void settle_half_space(Body& body) {
-  if (!is_plane(body)) return;
-  const std::string who = "body " + in_quotes(body.name) + ": ";
-  if (body.pieces.size() > 1) throw SceneError(who + "a half_space is a body of its own, and no piece of another");
-  if (body.parent != kNone) throw SceneError(who + "parent: " + kPlaneStands);
-  if (body.uncertainty.angle > 0)
-    throw SceneError(who +
-                     "uncertainty.angle: expected 0, since a turn moves a half_space by any length, far enough out");
-  body.is_static = true;
-}
-
-// A body whose one piece is a cloud has its points replaced like any that was made for it.
-void settle_cloud(Body& body) {
-  const Surface* const cloud = body.pieces.size() == 1 ? body.pieces[0]->surface.get() : nullptr;
-  if (is_cloud(body) || !cloud || !cloud->is_cloud()) return;
-  body.cloud = CloudState::kPoints;
-  const double grown_by = body.is_grown ? body.padding + body.uncertainty.position : 0;
-  body.cloud_radius = std::max(0.0, body.pieces[0]->radius - grown_by);
-  body.voxel = cloud->edge();
-  body.model_error = std::max(body.model_error, cloud->rounding());
-  body.model_inner = std::max(body.model_inner, cloud->rounding());
-}
-
-constexpr std::size_t kRememberedVertices = 5'000;  // of shapes that are recognised before their hulls are made
-
-// What a file is recognised by: another one, or the same one written anew, gives another key.
-std::string file_key(const std::string& path) {
-  struct stat info{};
-  if (::stat(path.c_str(), &info) != 0) return path + "|";
-  return std::to_string(info.st_dev) + ':' + std::to_string(info.st_ino) + ':' + std::to_string(info.st_size) + ':' +
-         std::to_string(info.st_mtim.tv_sec) + '.' + std::to_string(info.st_mtim.tv_nsec) + '|' + path + '|';
-}
-
 }  // namespace
-
-Body Scene::body_from(const std::string& name, const BodyOptions& options) const {
-  Body body;
-  body.name = name;
-  body.is_static = options.is_static;
-  body.pose = options.pose;
-  body.is_live = options.is_live;
-  body.uncertainty = options.uncertainty;
-  body.padding = options.padding;
-  body.max_speed = options.max_speed;
-  check_positive(name, "radius", options.radius, true);
-  if (!options.parent.empty()) {
-    body.parent = find_body(options.parent);
-    if (body.parent == kNone)
-      throw SceneError("body " + in_quotes(name) + ": parent: there is no body " + in_quotes(options.parent));
-  }
-  return body;
-}
-
-template <class F>
-std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of) {
-  check_free(name, "body");
-  Body body = body_from(name, options);
-  try {
-    const Geometry geometry = geometry_of();
-    for (const PiecePtr& piece : geometry.pieces) body.pieces.push_back(shared_piece(piece));
-    body.display = geometry.display;
-    body.model_error = geometry.model_error;
-    body.model_inner = geometry.model_inner;
-    body.hull_excess = geometry.hull_excess;
-    body.empty_share = geometry.empty_share;
-    body.source = geometry.source;
-  } catch (const std::invalid_argument& e) {
-    throw SceneError("body " + in_quotes(name) + ": " + e.what());
-  } catch (const MeshError& e) {
-    throw SceneError("body " + in_quotes(name) + ": " + e.what());
-  }
-  return add_body(std::move(body));
-}
-
-std::uint32_t Scene::add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options) {
-  const FpEnvironment environment;
-  return add_geometry(name, options, [&] { return geometry_of_points(vertices, options.radius); });
-}
-
-std::uint32_t Scene::add_shape(const std::string& name, const Shape& shape, const char* source,
-                               const BodyOptions& options) {
-  return add_geometry(name, options, [&] {
-    if (shape.vertices.size() > kRememberedVertices) return geometry_of_shape(shape, options.radius, source);
-    std::string key = std::string(source) + '\0';
-    const auto append = [&key](const auto* data, std::size_t count) {
-      key.append(reinterpret_cast<const char*>(data), count * sizeof *data);
-    };
-    append(&shape.radius, 1);
-    append(&options.radius, 1);
-    append(shape.vertices.data(), shape.vertices.size());
-    std::shared_ptr<const Geometry>& known = geometries_[key];
-    if (!known) known = std::make_shared<const Geometry>(geometry_of_shape(shape, options.radius, source));
-    return *known;
-  });
-}
-
-std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
-                              const BodyOptions& options, UpAxis up) {
-  const FpEnvironment environment;
-  return add_geometry(name, options, [&] { return mesh_geometry(path, {scale, convexify, options.radius, up}); });
-}
-
-std::uint32_t Scene::add_mesh(const std::string& name, std::span<const Vec3d> vertices,
-                              std::span<const Triangle> triangles, Convexify convexify, const BodyOptions& options) {
-  const FpEnvironment environment;
-  return add_geometry(name, options,
-                      [&] { return geometry_of_triangles(vertices, triangles, convexify, options.radius); });
-}
-
-// Of a file, scale and so on that were asked for before: what was made then. Throws MeshError.
-const Geometry& Scene::mesh_geometry(const std::string& path, const MeshRecipe& recipe) {
-  const auto& [scale, convexify, radius, up] = recipe;
-  const std::string key = file_key(path) + number(scale.x) + ',' + number(scale.y) + ',' + number(scale.z) + ',' +
-                          std::to_string(static_cast<int>(convexify)) + ',' + number(radius) + ',' +
-                          std::to_string(static_cast<int>(up));
-  std::shared_ptr<const Geometry>& known = geometries_[key];
-  if (known) return *known;
-  try {
-    if (!meshes_) meshes_ = std::make_shared<MeshGeometries>();
-    MeshFile file(path);
-    known = std::make_shared<const Geometry>(meshes_->make(file, recipe, path));
-    return *known;
-  } catch (const std::exception& e) {
-    geometries_.erase(key);
-    throw MeshError(path + ": " + e.what());
-  }
-}
-
-std::uint32_t Scene::add_uv_sphere(const std::string& name, double radius, int resolution, const BodyOptions& options) {
-  const FpEnvironment environment;
-  check_positive(name, "uv_sphere radius", radius);
-  if (resolution < 2 || resolution > kMaxUvSphereResolution)
-    throw SceneError("body " + in_quotes(name) + ": uv_sphere resolution: expected an integer from 2 to " +
-                     std::to_string(kMaxUvSphereResolution) + ", got " + std::to_string(resolution));
-  return add_shape(name, make_uv_sphere(radius, resolution), "uv_sphere", options);
-}
-
-std::uint32_t Scene::add_box(const std::string& name, Vec3d size, const BodyOptions& options) {
-  const FpEnvironment environment;
-  for (int k = 0; k < 3; ++k) check_positive(name, "box edge", size[k]);
-  return add_shape(name, make_box(size), "box", options);
-}
-
-std::uint32_t Scene::add_sphere(const std::string& name, double radius, const BodyOptions& options) {
-  const FpEnvironment environment;
-  check_positive(name, "sphere radius", radius);
-  return add_shape(name, make_sphere(radius), "sphere", options);
-}
-
-std::uint32_t Scene::add_capsule(const std::string& name, double radius, double length, const BodyOptions& options) {
-  const FpEnvironment environment;
-  check_positive(name, "capsule radius", radius);
-  check_positive(name, "capsule length", length, true);
-  return add_shape(name, make_capsule(radius, length), "capsule", options);
-}
-
-std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options) {
-  const FpEnvironment environment;
-  check_positive(name, "cylinder radius", radius);
-  check_positive(name, "cylinder length", length);
-  return add_geometry(name, options,
-                      [&] { return geometry_of_primitive(cylinder_of(radius, length), options.radius, "cylinder"); });
-}
-
-std::uint32_t Scene::add_cone(const std::string& name, double radius, double length, const BodyOptions& options) {
-  const FpEnvironment environment;
-  check_positive(name, "cone radius", radius);
-  check_positive(name, "cone length", length);
-  return add_geometry(name, options,
-                      [&] { return geometry_of_primitive(cone_of(radius, length), options.radius, "cone"); });
-}
-
-std::uint32_t Scene::add_ellipsoid(const std::string& name, Vec3d radii, const BodyOptions& options) {
-  const FpEnvironment environment;
-  for (int k = 0; k < 3; ++k) check_positive(name, "ellipsoid half axis", radii[k]);
-  return add_geometry(name, options, [&] {
-    return geometry_of_primitive({Primitive::Kind::kEllipsoid, radii}, options.radius, "ellipsoid");
-  });
-}
-
-std::uint32_t Scene::add_half_space(const std::string& name, const BodyOptions& options) {
-  const FpEnvironment environment;
-  return add_geometry(name, options, [&] {
-    return geometry_of_primitive({Primitive::Kind::kHalfSpace, {0, 0, 0}}, options.radius, "half_space");
-  });
-}
 
 void Scene::check_free(const std::string& name, const char* what) const {
   check_name(name, what);
@@ -309,12 +40,12 @@ std::uint32_t Scene::insert_body(Body body) {
   if (body.pose && check(*body.pose) == PoseQuality::kBad)
     throw SceneError(who + "pose: expected finite numbers and a quaternion of norm 1e-6 to 1e6");
   if (!(body.model_error >= 0 && body.model_error <= kMaxCoordinate))
-    throw SceneError(who + "model_error: expected a number of metres >= 0, got " + number(body.model_error));
+    throw SceneError(who + "model_error: expected a number of metres >= 0, got " + number_text(body.model_error));
   if (!(body.model_inner >= 0 && body.model_inner <= kMaxCoordinate))
-    throw SceneError(who + "model_inner: expected a number of metres >= 0, got " + number(body.model_inner));
+    throw SceneError(who + "model_inner: expected a number of metres >= 0, got " + number_text(body.model_inner));
   check_uncertainty(body);
-  settle_half_space(body);
-  settle_cloud(body);
+  fix_half_space(body);
+  adopt_cloud(body);
   if (body.is_live) check_may_be_live(body);
   const std::uint32_t parent = body.parent;
   body.parent = kNone;

@@ -4,8 +4,8 @@
 #include "engine/base/fp_environment.h"
 #include "engine/base/slack.h"
 #include "engine/bvh/surface.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/hull/decomposition.h"
-#include "engine/scene/geometry.h"
 #include "engine/scene/scene.h"
 
 namespace clearance {

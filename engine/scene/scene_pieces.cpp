@@ -3,9 +3,9 @@
 
 #include "engine/base/slack.h"
 #include "engine/bvh/surface.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/hull/decomposition.h"
 #include "engine/hull/primitive.h"
-#include "engine/scene/geometry.h"
 #include "engine/scene/scene.h"
 
 namespace clearance {
@@ -30,6 +30,10 @@ std::uint64_t triangle_count(const Body& body) {
   for (const PiecePtr& piece : body.pieces)
     if (piece->surface) count += piece->surface->triangles().size();  // a cloud has none
   return count;
+}
+
+std::uint64_t point_count(const Body& body) {
+  return body.cloud == CloudState::kPoints ? body.pieces[0]->surface->size() : 0;
 }
 
 std::string no_convex_truth(const Scene& scene, BodyPair pair) {

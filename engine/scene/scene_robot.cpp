@@ -1,14 +1,15 @@
-// Scene::add_robot: a URDF and its SRDF to bodies, joints, groups and ignored pairs.
+// Scene::add_robot: makes bodies, joints, groups and ignored pairs from a URDF and its SRDF.
 #include "engine/scene/scene_robot.h"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 
-#include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
-#include "engine/scene/geometry_file.h"
-#include "engine/scene/link_geometry.h"
+#include "engine/geometry/geometry_file.h"
+#include "engine/geometry/link_geometry.h"
+#include "engine/geometry/make_geometry.h"
+#include "engine/scene/body_checks.h"
+#include "engine/scene/robot_files.h"
 #include "engine/scene/scene.h"
 
 namespace clearance {
@@ -18,10 +19,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using IdPair = std::pair<std::uint32_t, std::uint32_t>;
-
-std::string in_quotes(const std::string& name) {
-  return '"' + name + '"';
-}
 
 Shape shape_of(const RobotShape& shape) {
   switch (shape.kind) {
@@ -36,51 +33,12 @@ Shape shape_of(const RobotShape& shape) {
   }
 }
 
-// Whether a path lies in a folder, links followed.
+// Whether a path lies in a folder, with symbolic links resolved.
 bool is_inside(const fs::path& path, const fs::path& folder) {
   std::error_code error;
   const fs::path real = fs::canonical(path, error);
   const fs::path home = error ? folder : fs::canonical(folder, error);
   return !error && std::mismatch(home.begin(), home.end(), real.begin(), real.end()).first == home.end();
-}
-
-// What poses of links mean: the same for the same files, wherever the robot's bodies stand in a scene.
-std::uint64_t digest_of(const SceneRobot& robot) {
-  Digest digest;
-  digest.add(std::string_view(robot.name));
-  digest.add(std::uint64_t{robot.first_joint});
-  for (const RobotColumn& column : robot.model.columns) {
-    digest.add(std::string_view(column.name));
-    digest.add(column.lower);
-    digest.add(column.upper);
-  }
-  for (const KinematicStep& step : robot.kinematics.steps()) {
-    digest.add(static_cast<std::uint64_t>(step.kind) << 32 | step.from);
-    digest.add(std::uint64_t{step.link} << 32 | step.column);
-    digest.add(std::uint64_t{step.mimics});
-    for (const double x : {step.multiplier, step.offset}) digest.add(x);
-    for (const Quaternion<double>& q : {step.still, step.turning})
-      for (const double x : {q.w, q.x, q.y, q.z}) digest.add(x);
-    for (const Vec3d& v : {step.at, step.along[0], step.along[1]}) digest.add(v);
-  }
-  return digest.value();
-}
-
-std::shared_ptr<SceneRobot> read_files(const std::string& name, const RobotOptions& options) {
-  try {
-    std::string urdf = read_text(options.urdf), srdf;
-    RobotModel model = parse_urdf(urdf, options.urdf);
-    if (!options.srdf.empty()) {
-      srdf = read_text(options.srdf);
-      parse_srdf(srdf, options.srdf, &model);
-    }
-    auto robot = std::make_shared<SceneRobot>(name, std::move(model));
-    robot->urdf = std::move(urdf);
-    robot->srdf = std::move(srdf);
-    return robot;
-  } catch (const RobotError& e) {
-    throw SceneError(e.what());
-  }
 }
 
 }  // namespace
@@ -91,7 +49,7 @@ class RobotAdder {
       : scene_(scene),
         name_(name),
         options_(options),
-        robot_(read_files(name, options)),
+        robot_(read_robot_files(name, options)),
         model_(robot_->model),
         packages_(options.packages),
         folder_(fs::path(options.urdf).parent_path().string()) {
@@ -101,16 +59,12 @@ class RobotAdder {
 
   std::uint32_t add() {
     const auto index = static_cast<std::uint32_t>(scene_.robots_.size());
-    check_names();
-    check_padding();
-    check_links("uncertainty", options_.link_uncertainty);
-    check_links("convexify", options_.link_convexify);
-    if (options_.geometry_files) check_links("geometry", *options_.geometry_files);
+    check_robot_options(*robot_, options_);
     add_base();
     add_joints(index);
     robot_->bodies.resize(model_.links.size(), kNone);
     fixed_ = links_without_joints();
-    add_link(model_.base, index);  // the others after what they may follow
+    add_link(model_.base, index);  // parents before their children
     for (const RobotJoint& joint : model_.joints) add_link(joint.child, index);
     robot_->errors = LinkErrors(robot_->kinematics, radii());
     robot_->digest = digest_of(*robot_);
@@ -121,44 +75,6 @@ class RobotAdder {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& what) const { throw SceneError("robot " + in_quotes(name_) + ": " + what); }
-
-  template <class Value>
-  void check_links(const std::string& what, const std::map<std::string, Value>& by_link) const {
-    for (const auto& [link, value] : by_link)
-      if (model_.find_link(link) == kNone) fail(what + ": there is no link " + in_quotes(link));
-  }
-
-  // Links, joints and groups are named ROBOT/NAME everywhere, so the longest of them decides about the robot's name.
-  void check_names() const {
-    const auto most = static_cast<std::size_t>(kMaxNameBytes);
-    const std::string *longest = nullptr, *what = nullptr;
-    const std::string kinds[] = {"link", "joint", "group"};
-    const auto look = [&](const std::string& name, const std::string& kind) {
-      if (!longest || name.size() > longest->size()) longest = &name, what = &kind;
-    };
-    for (const RobotLink& link : model_.links) look(link.name, kinds[0]);
-    for (const RobotColumn& column : model_.columns) look(column.name, kinds[1]);
-    for (const RobotGroup& group : model_.groups) look(group.name, kinds[2]);
-    const std::size_t bytes = name_.size() + 1 + longest->size();
-    if (bytes <= most) return;
-    fail("the " + *what + " " + in_quotes(*longest) + " would have the name " + in_quotes(name_ + "/" + *longest) +
-         " of " + std::to_string(bytes) + " bytes; names have at most " + std::to_string(most) + ": " +
-         (longest->size() + 2 <= most ? "name the robot by at most " + std::to_string(most - 1 - longest->size()) +
-                                            " bytes (name, in a scene file and of add_robot())"
-                                      : "shorten it in the robot's files"));
-  }
-
-  void check_padding() const {
-    const auto check = [&](double metres, const std::string& of) {
-      if (!(metres >= 0 && metres <= kMaxCoordinate))
-        fail("padding" + of + ": expected a number of metres >= 0, got " + std::to_string(metres));
-    };
-    check(options_.padding, "");
-    check_links("padding", options_.link_padding);
-    for (const auto& [link, metres] : options_.link_padding) check(metres, " of " + in_quotes(link));
-  }
-
   void add_base() {
     Body base;
     base.name = name_;
@@ -167,13 +83,13 @@ class RobotAdder {
     base.source = "robot base";
     scene_.check_free(name_, "robot");
     if (!options_.parent.empty() && (base.parent = scene_.find_body(options_.parent)) == kNone)
-      fail("parent: there is no body " + in_quotes(options_.parent));
+      throw SceneError("robot " + in_quotes(name_) + ": parent: there is no body " + in_quotes(options_.parent));
     robot_->base = scene_.insert_body(std::move(base));
   }
 
   void add_joints(std::uint32_t index) {
     robot_->first_joint = static_cast<std::uint32_t>(scene_.joints_.size());
-    const std::vector<std::optional<double>> home = home_positions();
+    const std::vector<std::optional<double>> home = home_positions(*robot_, options_);
     JointGroup all{name_, {}};
     for (std::uint32_t c = 0; c < model_.columns.size(); ++c) {
       const RobotColumn& column = model_.columns[c];
@@ -190,40 +106,7 @@ class RobotAdder {
     }
   }
 
-  std::vector<std::optional<double>> home_positions() const {
-    std::vector<std::optional<double>> home(model_.columns.size());
-    if (!options_.home && options_.home_state.empty()) return home;
-    if (!options_.home_state.empty()) {
-      bool found = false;
-      for (const GroupState& state : model_.states) {
-        if (state.name != options_.home_state) continue;
-        found = true;
-        for (const auto& [column, position] : state.positions) home[column] = position;
-      }
-      if (!found) fail("home: its SRDF has no group state " + in_quotes(options_.home_state));
-    } else {
-      for (const auto& [joint, position] : *options_.home) {
-        const std::uint32_t column = model_.find_column(joint);
-        if (column == kNone) fail("home: there is no joint " + in_quotes(joint) + " that takes a position");
-        home[column] = position;
-      }
-    }
-    for (std::uint32_t c = 0; c < home.size(); ++c) {
-      const RobotColumn& column = model_.columns[c];
-      if (home[c]) {
-        if (std::abs(*home[c]) <= kMaxPosition) continue;
-        fail("home: " + in_quotes(column.name) + ": expected a number from -1e6 to 1e6, got " +
-             std::to_string(*home[c]));
-      }
-      if (!(column.lower <= 0 && 0 <= column.upper))
-        fail("home: " + in_quotes(column.name) + " is not named, and 0 is beyond its limits (" +
-             std::to_string(column.lower) + " to " + std::to_string(column.upper) + ")");
-      home[c] = 0;
-    }
-    return home;
-  }
-
-  // By link: whether no joint moves it against what it hangs on in the end.
+  // By link: whether no joint moves it relative to its root.
   std::vector<std::uint8_t> links_without_joints() const {
     std::vector<std::uint8_t> fixed(model_.links.size(), 0);
     fixed[model_.base] = 1;
@@ -247,12 +130,12 @@ class RobotAdder {
       body.link = link;
       body.parent = root_body(link);
       body.is_static = options_.is_static && fixed_[link];
-      body.pose = Pose{};  // until joints make it
+      body.pose = Pose{};  // until joints place it
     }
     robot_->bodies[link] = scene_.insert_body(std::move(body));
   }
 
-  // The body that a link's pose is relative to.
+  // The body to which a link's pose is relative.
   std::uint32_t root_body(std::uint32_t link) const {
     while (robot_->places(link) && model_.links[link].joint != kNone)
       link = model_.joints[model_.links[link].joint].parent;
@@ -284,20 +167,15 @@ class RobotAdder {
         parts.push_back(moved(geometry_of(shape, convexify), shape.X_ls));
       } catch (const RobotError& e) {
         throw SceneError(e.what());
-      } catch (const std::exception& e) {  // of its mesh or its numbers
+      } catch (const std::exception& e) {  // from its mesh or its numbers
         throw SceneError(shape.place + ": " + e.what());
       }
     take(joined(std::move(parts)), body);
   }
 
   void take(Geometry geometry, Body& body) {
-    for (const PiecePtr& piece : geometry.pieces) body.pieces.push_back(scene_.shared_piece(piece));
-    body.display = std::move(geometry.display);
-    body.model_error = geometry.model_error;
-    body.model_inner = geometry.model_inner;
-    body.hull_excess = geometry.hull_excess;
-    body.empty_share = geometry.empty_share;
-    body.source = std::move(geometry.source);
+    for (PiecePtr& piece : geometry.pieces) piece = scene_.shared_piece(piece);
+    static_cast<Geometry&>(body) = std::move(geometry);
   }
 
   Geometry geometry_of(const RobotShape& shape, Convexify convexify) {
@@ -313,7 +191,7 @@ class RobotAdder {
   }
 
   void add_groups() {
-    scene_.insert_group({name_, robot_->bodies});  // beside the base of that name, which has no pairs
+    scene_.insert_group({name_, robot_->bodies});  // in addition to the base of that name, which has no pairs
     for (const RobotGroup& group : model_.groups) {
       const std::string name = name_ + "/" + group.name;
       if (scene_.find_body(name) != kNone) {
@@ -351,7 +229,7 @@ class RobotAdder {
     scene_.leave_out(std::move(pairs));
   }
 
-  // By link: how far its points are from its origin at most; negative: it has none.
+  // By link: bound on the distance of its points from its origin, negative without points.
   std::vector<double> radii() const {
     constexpr double kUp = 1 + 0x1p-40;
     std::vector<double> radii;
@@ -364,7 +242,7 @@ class RobotAdder {
 
   bool has_shape(std::uint32_t link) const { return !scene_.bodies_[robot_->bodies[link]].pieces.empty(); }
 
-  // The nearest link with a shape on the way to the base; kNone: there is none.
+  // The nearest link with a shape on the way to the base, or kNone.
   std::uint32_t shape_above(std::uint32_t link) const {
     while (model_.links[link].joint != kNone) {
       link = model_.joints[model_.links[link].joint].parent;
@@ -378,14 +256,14 @@ class RobotAdder {
   const RobotOptions& options_;
   std::shared_ptr<SceneRobot> robot_;
   const RobotModel& model_;
-  std::map<std::string, std::string> packages_;  // and those that the environment leads to
+  std::map<std::string, std::string> packages_;  // also those found through the environment
   std::string folder_;
   std::vector<std::uint8_t> fixed_;  // by link
 };
 
 std::uint32_t Scene::add_robot(const std::string& name, const RobotOptions& options) {
   const FpEnvironment environment;
-  Scene with = *this;  // a robot that is refused leaves nothing behind
+  Scene with = *this;  // a rejected robot leaves nothing behind
   const std::uint32_t index = RobotAdder(with, name, options).add();
   *this = std::move(with);
   return index;

@@ -6,8 +6,9 @@
 #include <unordered_map>
 
 #include "engine/bvh/surface.h"
+#include "engine/geometry/cloud_geometry.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/mesh/mesh.h"
-#include "engine/scene/cloud_geometry.h"
 
 namespace clearance {
 
@@ -47,7 +48,9 @@ Geometry voxels_of(const Octomap& map, double radius, const std::string& named) 
   Geometry cloud;
   if (rounded.empty()) {
     cloud.pieces = {piece_of_no_points()};
-    cloud.empty_voxel = edge;
+    cloud.cloud = CloudState::kEmpty;
+    cloud.cloud_radius = radius;
+    cloud.voxel = edge;
     cloud.source = named + " (octomap)";
     return cloud;
   }
@@ -108,24 +111,18 @@ bool is_cloud_value(const YamlValue& points) {
   return points.is_text() || (points.is_list() && points.size() == 0);
 }
 
-void read_no_points(const YamlValue& value, Body& body) {
-  const auto points = value.find("points"), radius = value.find("radius"), is_live = value.find("live");
-  if (value.find("octomap") && radius) body.cloud_radius = radius->not_negative();
-  if (!points || points->is_text() || !is_cloud_value(*points)) return;
-  body.cloud = is_live && is_live->boolean() ? CloudState::kAwaited : CloudState::kEmpty;
-  body.voxel = read_voxel(value);
-  body.cloud_radius = radius ? radius->not_negative() : 0;
-}
-
 MakeGeometry read_cloud(const YamlValue& body, const YamlValue& points, double radius, const ResolvePath& resolve) {
   const float voxel = read_voxel(body);
-  if (!points.is_text())
-    return [voxel] {
-      Geometry nothing;
-      nothing.pieces = {piece_of_no_points()};
-      nothing.source = voxel > 0 ? "voxels" : "cloud";
-      return nothing;
-    };
+  if (!points.is_text()) {
+    const auto is_live = body.find("live");
+    Geometry empty;
+    empty.pieces = {piece_of_no_points()};
+    empty.source = voxel > 0 ? "voxels" : "cloud";
+    empty.cloud = is_live && is_live->boolean() ? CloudState::kAwaited : CloudState::kEmpty;
+    empty.cloud_radius = radius;
+    empty.voxel = voxel;
+    return [empty] { return empty; };
+  }
   const std::string named = points.text("the path of a file of points"), path = resolve(points);
   return [=] {
     return in_file(named, [&] {

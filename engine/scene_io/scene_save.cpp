@@ -11,7 +11,7 @@
 #include <tuple>
 
 #include "engine/base/fp_environment.h"
-#include "engine/scene/geometry_file.h"
+#include "engine/geometry/geometry_file.h"
 #include "engine/scene/scene.h"
 #include "engine/scene_io/yaml_document.h"
 

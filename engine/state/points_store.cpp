@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "engine/bvh/surface.h"
-#include "engine/scene/cloud_geometry.h"
+#include "engine/geometry/cloud_geometry.h"
 #include "engine/state/pose_store.h"
 
 namespace clearance {

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "engine/bvh/surface.h"
+#include "engine/geometry/mesh_geometry.h"
 #include "engine/hull/direction_table.h"
-#include "engine/scene/mesh_geometry.h"
 #include "tests/fuzz/scratch_file.h"
 
 namespace clearance::fuzz {

@@ -5,7 +5,7 @@
 
 #include "engine/decomposition/measure.h"
 #include "engine/decomposition/prove.h"
-#include "engine/scene/mesh_geometry.h"
+#include "engine/geometry/mesh_geometry.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace clearance::fuzz {

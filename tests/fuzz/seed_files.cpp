@@ -9,9 +9,9 @@
 #include <memory>
 #include <stdexcept>
 
+#include "engine/geometry/mesh_geometry.h"
 #include "engine/hull/hull.h"
 #include "engine/mesh/readers/mesh_import.h"
-#include "engine/scene/mesh_geometry.h"
 #include "tests/engine/mesh/mesh_files.h"
 #include "tests/fuzz/mesh_extension.h"
 #include "tests/fuzz/seeds.h"

@@ -4,10 +4,10 @@
 #include <filesystem>
 
 #include "engine/bvh/surface.h"
+#include "engine/geometry/geometry_file.h"
+#include "engine/geometry/link_geometry.h"
+#include "engine/geometry/mesh_geometry.h"
 #include "engine/hull/decomposition.h"
-#include "engine/scene/geometry_file.h"
-#include "engine/scene/link_geometry.h"
-#include "engine/scene/mesh_geometry.h"
 #include "engine/scene/mesh_warning.h"
 #include "inspect/decompose.h"
 #include "tests/error_text.h"

@@ -7,9 +7,9 @@
 
 #include "engine/bvh/surface.h"
 #include "engine/engine.h"
+#include "engine/geometry/cloud_geometry.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/primitive.h"
-#include "engine/scene/cloud_geometry.h"
 
 namespace clearance::exact {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/engine.h"
-#include "engine/scene/geometry.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/state/pose_store.h"
 
 namespace clearance::exact {

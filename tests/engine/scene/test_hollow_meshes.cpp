@@ -7,8 +7,8 @@
 
 #include "engine/bvh/enclosure.h"
 #include "engine/bvh/surface.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/hull/shapes.h"
-#include "engine/scene/geometry.h"
 #include "engine/scene/mesh_warning.h"
 #include "tests/error_text.h"
 

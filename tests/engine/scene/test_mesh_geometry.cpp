@@ -9,8 +9,8 @@
 
 #include "engine/base/digest.h"
 #include "engine/engine.h"
+#include "engine/geometry/mesh_geometry.h"
 #include "engine/hull/direction_table.h"
-#include "engine/scene/mesh_geometry.h"
 #include "tests/engine/engine_test_util.h"
 #include "tests/engine/mesh/mesh_files.h"
 #include "tests/error_text.h"

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "engine/engine.h"
-#include "engine/scene/geometry.h"
+#include "engine/geometry/make_geometry.h"
 #include "tests/oracle/cases/mesh_shapes.h"
 #include "tests/oracle/cases/proposals.h"
 

@@ -10,8 +10,8 @@
 #include <string>
 
 #include "engine/engine.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/hull/decomposition.h"
-#include "engine/scene/geometry.h"
 #include "tests/oracle/cases/mesh_shapes.h"
 #include "tests/oracle/cases/proposals.h"
 

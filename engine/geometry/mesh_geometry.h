@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "engine/cache/cache.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/mesh/mesh.h"
-#include "engine/scene/geometry.h"
 
 namespace clearance {
 

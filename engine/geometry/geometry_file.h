@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "engine/scene/geometry.h"
+#include "engine/geometry/geometry.h"
 
 namespace clearance {
 

@@ -6,11 +6,11 @@
 #include <type_traits>
 
 #include "engine/bvh/surface.h"
+#include "engine/geometry/cloud_geometry.h"
+#include "engine/geometry/mesh_geometry.h"
 #include "engine/hull/decomposition.h"
 #include "engine/hull/direction_table.h"
 #include "engine/hull/primitive.h"
-#include "engine/scene/cloud_geometry.h"
-#include "engine/scene/mesh_geometry.h"
 
 namespace clearance {
 
@@ -204,12 +204,13 @@ PiecePtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
 }  // namespace
 
 std::vector<std::byte> geometry_record(const Geometry& geometry, Tables tables) {
-  // By name and number, so that nothing is forgotten: with another member this does not compile.
-  const auto& [pieces, display, model_error, model_inner, hull_excess, empty_share, source, empty_voxel] = geometry;
-  static_cast<void>(source);       // names the file, which is not a part of what was made of it
-  static_cast<void>(empty_voxel);  // of octomaps alone, which have no record
+  // Bound by name and number: with another member this does not compile, so that none is forgotten.
+  const auto& [pieces, display, model_error, model_inner, hull_excess, empty_share, source, cloud, radius, voxel] =
+      geometry;
+  static_cast<void>(source);  // names the file, and is no part of the geometry made from it
+  static_cast<void>(cloud), static_cast<void>(radius), static_cast<void>(voxel);  // of clouds, which have no record
   Writer out;
-  for (const double figure : {model_error, model_inner, hull_excess, empty_share}) out.add(figure);
+  for (const double number : {model_error, model_inner, hull_excess, empty_share}) out.add(number);
   out.add(std::uint64_t{display != nullptr});
   if (display) {
     out.add(display->vertices);

@@ -1,10 +1,11 @@
-#include "engine/scene/link_geometry.h"
+#include "engine/geometry/link_geometry.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "engine/base/slack.h"
 #include "engine/bvh/surface.h"
+#include "engine/geometry/make_geometry.h"
 #include "engine/hull/decomposition.h"
 #include "engine/hull/hull.h"
 #include "engine/robot/exact_frame.h"

@@ -3,8 +3,8 @@
 
 #include <vector>
 
+#include "engine/geometry/geometry.h"
 #include "engine/robot/robot.h"
-#include "engine/scene/geometry.h"
 
 namespace clearance {
 

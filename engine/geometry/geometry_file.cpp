@@ -1,4 +1,4 @@
-#include "engine/scene/geometry_file.h"
+#include "engine/geometry/geometry_file.h"
 
 #include <sys/stat.h>
 
@@ -8,8 +8,9 @@
 #include <fstream>
 #include <system_error>
 
+#include "engine/base/scene_error.h"
 #include "engine/cache/sha256.h"
-#include "engine/scene/mesh_geometry.h"
+#include "engine/geometry/mesh_geometry.h"
 
 namespace clearance {
 

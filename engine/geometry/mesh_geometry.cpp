@@ -1,4 +1,4 @@
-#include "engine/scene/mesh_geometry.h"
+#include "engine/geometry/mesh_geometry.h"
 
 #include <filesystem>
 #include <utility>

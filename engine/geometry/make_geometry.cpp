@@ -1,0 +1,138 @@
+#include "engine/geometry/make_geometry.h"
+
+#include "engine/base/digest.h"
+#include "engine/bvh/surface.h"
+#include "engine/decomposition/prove.h"
+#include "engine/hull/decomposition.h"
+#include "engine/hull/hull.h"
+
+namespace clearance {
+
+namespace {
+
+std::shared_ptr<const DisplayMesh> display_of(const Shape& shape) {
+  Shape picture = picture_of(shape);
+  auto display = std::make_shared<DisplayMesh>();
+  display->vertices = std::move(picture.vertices);
+  display->triangles = std::move(picture.triangles);
+  return display;
+}
+
+// Display mesh of a round primitive: points on its surface, or just outside.
+Shape picture_of(const Primitive& round) {
+  constexpr int kResolution = 16;
+  const Vec3d& size = round.size;
+  if (round.kind == Primitive::Kind::kCylinder) return make_cylinder(size.x, 2 * size.z);
+  if (round.kind == Primitive::Kind::kEllipsoid) {
+    Shape picture = make_uv_sphere(1, kResolution);
+    for (Vec3d& v : picture.vertices) v = {v.x * size.x, v.y * size.y, v.z * size.z};
+    return picture;
+  }
+  constexpr std::uint32_t kAround = 2 * kResolution;
+  Shape cone;
+  cone.vertices = {{0, 0, size.z}, {0, 0, -size.z}};
+  for (std::uint32_t j = 0; j < kAround; ++j) {
+    double sine, cosine;
+    sin_cos_pi(2 * j, kAround, &sine, &cosine);
+    cone.vertices.push_back({size.x * cosine, size.x * sine, -size.z});
+    const std::uint32_t here = 2 + j, next = 2 + (j + 1) % kAround;
+    cone.triangles.push_back({0, here, next});
+    cone.triangles.push_back({1, next, here});
+  }
+  return cone;
+}
+
+std::uint64_t digest_of(const Surface& surface, double radius) {
+  Digest digest;
+  digest.add(surface.digest());
+  digest.add(radius);
+  if (const Decomposition* pieces = surface.decomposition()) {
+    digest.add(pieces->inner);
+    for (const PiecePtr& piece : pieces->pieces) digest.add(piece->digest);
+  }
+  return digest.value();
+}
+
+// \param hull of the surface's vertices
+PiecePtr piece_around(const Piece& hull, const std::shared_ptr<const Surface>& surface) {
+  return make_piece(hull.vertices, hull.radius, hull.loaded_vertices, digest_of(*surface, hull.radius), hull.table,
+                    surface);
+}
+
+}  // namespace
+
+PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid, double radius,
+                            std::uint64_t loaded_vertices, std::shared_ptr<const Decomposition> decomposition) {
+  // The hull first, because it checks the coordinates.
+  const PiecePtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
+  auto surface = std::make_shared<Surface>(std::move(vertices), std::move(triangles), is_solid);
+  surface->set_decomposition(std::move(decomposition));
+  return piece_around(*hull, surface);
+}
+
+PiecePtr make_decomposed_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
+                               std::span<const std::vector<Vec3d>> proposed, double radius,
+                               std::uint64_t loaded_vertices) {
+  const PiecePtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
+  auto surface = std::make_shared<Surface>(std::move(vertices), std::move(triangles), true);
+  surface->set_decomposition(
+      std::make_shared<const Decomposition>(prove_decomposition(*surface, proposed).decomposition));
+  return piece_around(*hull, surface);
+}
+
+PiecePtr with_radius(const Piece& piece, double radius) {
+  if (piece.primitive) return make_primitive_piece(*piece.primitive, radius);
+  const std::uint64_t digest = piece.surface ? digest_of(*piece.surface, radius) : 0;
+  return make_piece(piece.vertices, radius, piece.loaded_vertices, digest, piece.table, piece.surface);
+}
+
+std::vector<Triangle> triangles_as_loaded(const Surface& surface) {
+  std::vector<Triangle> triangles(surface.triangles().size());
+  for (std::size_t i = 0; i < triangles.size(); ++i) triangles[surface.places()[i]] = surface.triangles()[i];
+  return triangles;
+}
+
+Geometry geometry_of_shape(const Shape& shape, double radius, const std::string& source) {
+  Shape grown = shape;
+  grown.radius += radius;
+  Geometry out;
+  out.pieces = {make_hull_piece(shape.vertices, shape.triangles, grown.radius)};
+  out.display = display_of(shape.radius > 0 ? grown : shape);  // boxes and prisms are shown without their rounding
+  out.model_error = shape.model_error;
+  out.source = source;
+  return out;
+}
+
+Geometry geometry_of_primitive(const Primitive& primitive, double radius, const std::string& source) {
+  Geometry out;
+  out.pieces = {make_primitive_piece(primitive, radius)};
+  if (primitive.kind != Primitive::Kind::kHalfSpace) out.display = display_of(picture_of(primitive));
+  out.source = source;
+  return out;
+}
+
+Primitive cone_of(double radius, double length) {
+  return {Primitive::Kind::kCone, {radius, radius, 0.5 * length}};
+}
+
+Primitive cylinder_of(double radius, double length) {
+  return {Primitive::Kind::kCylinder, {radius, radius, 0.5 * length}};
+}
+
+PiecePtr with_prism(const PiecePtr& piece) {
+  if (!piece->primitive || piece->primitive->kind != Primitive::Kind::kCylinder) return piece;
+  const Vec3d& size = piece->primitive->size;
+  return geometry_of_shape(make_cylinder(size.x, 2 * size.z), piece->radius, "cylinder").pieces[0];
+}
+
+Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
+  Geometry out;
+  auto display = std::make_shared<DisplayMesh>();
+  out.pieces = {make_hull_piece(points, {}, radius, 0, false, &display->triangles)};
+  display->vertices = out.pieces[0]->vertices;
+  if (!display->triangles.empty()) out.display = std::move(display);
+  out.source = "points";
+  return out;
+}
+
+}  // namespace clearance

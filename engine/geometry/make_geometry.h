@@ -1,0 +1,69 @@
+// Makes geometry from shapes, points and meshes.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/geometry/geometry.h"
+#include "engine/hull/primitive.h"
+#include "engine/hull/shapes.h"
+#include "engine/mesh/mesh.h"
+#include "wire/convexify.h"
+
+namespace clearance {
+
+struct Decomposition;  // engine/hull/decomposition.h
+
+/// All of these throw std::invalid_argument for bad numbers.
+/// \param radius added to the parts' radius, in metres
+Geometry geometry_of_shape(const Shape& shape, double radius, const std::string& source);
+Geometry geometry_of_primitive(const Primitive& primitive, double radius, const std::string& source);
+Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
+/// The primitive of a cone or a cylinder of this radius and length.
+Primitive cone_of(double radius, double length);
+Primitive cylinder_of(double radius, double length);
+/// Replaces a cylinder by the prism around it, for code that supports hulls only. Returns any other part unchanged.
+PiecePtr with_prism(const PiecePtr& piece);
+
+/// Makes a part of a surface or solid mesh, enclosed by the hull of its vertices.
+/// Throws std::invalid_argument as Surface and make_piece() do.
+/// \param loaded_vertices of the mesh file; 0 for the number given
+PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid, double radius,
+                            std::uint64_t loaded_vertices = 0,
+                            std::shared_ptr<const Decomposition> decomposition = nullptr);
+/// Makes a solid with convex parts as proxies, and proves how far these deviate from it.
+/// \param proposed vertices of each proxy
+PiecePtr make_decomposed_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
+                               std::span<const std::vector<Vec3d>> proposed, double radius,
+                               std::uint64_t loaded_vertices = 0);
+/// Returns the same part, with its exact geometry, grown by another radius.
+PiecePtr with_radius(const Piece& piece, double radius);
+/// A surface's triangles in the order of its mesh.
+std::vector<Triangle> triangles_as_loaded(const Surface& surface);
+
+/// Options that turn a mesh file into a body's geometry.
+struct MeshRecipe {
+  Vec3d scale{1, 1, 1};  ///< per axis, in the file's frame; negative mirrors
+  Convexify convexify = Convexify::kAuto;
+  double radius = 0;  ///< metres, added to the parts
+  UpAxis up = UpAxis::kZ;
+};
+/// Geometry of a mesh; that of a surface or solid is exact. Throws std::invalid_argument.
+/// \param source the file's name
+/// \param pieces proposed for kDecompose, one submesh for each, in the file's frame; null for a solid without proxies
+Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source,
+                          const Mesh* pieces = nullptr);
+/// Geometry of a mesh given in the body's frame.
+Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
+                               Convexify convexify, double radius);
+/// End of Geometry::source for kDecompose without proxies.
+inline constexpr std::string_view kNoPiecesYet = "(solid: no pieces yet)";
+/// Geometry::source of a mesh file.
+/// \param made of it, which resolves kAuto
+std::string mesh_source(const std::string& file, Convexify convexify, const Geometry& made);
+
+}  // namespace clearance
