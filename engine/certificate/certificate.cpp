@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 
+#include "engine/base/fp_environment.h"
 #include "engine/certificate/certificate_job.h"
 #include "engine/certificate/row_prover.h"
 

@@ -1,4 +1,4 @@
-// The inside of a Job: a plan carried out in slices, in parallel.
+// State of a Job, and what the engine gives each job.
 #pragma once
 
 #include <atomic>
@@ -22,21 +22,21 @@ class DeviceBackend;  // engine/device/device_job.h
 
 class KeptJobs;
 
-/// What the engine gives each job.
+/// Resources of the engine that a job uses.
 struct JobContext {
   const Scene* scene;
   int threads;
   bool reference;
   const LaneKernel* lanes;
-  bool light;                                   ///< all bodies are single pieces: a pair takes well under 1 us, not 10
-  std::atomic<std::uint64_t>* pairs_evaluated;  ///< the engine's counter
-  std::atomic<std::uint64_t>* contradictions;   ///< likewise
+  bool light;  ///< all bodies are single parts, so that a pair takes less than 1 us instead of 10
+  std::atomic<std::uint64_t>* pairs_evaluated;  ///< counter of the engine
+  std::atomic<std::uint64_t>* contradictions;   ///< counter of the engine
   WarmStore* warm = nullptr;
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;
-  cuda::DeviceBackend* device = nullptr;        ///< null: the CPU alone
-  KeptJobs* kept = nullptr;                     ///< where jobs go that may be asked again
-  std::atomic<std::uint64_t>* teams = nullptr;  ///< counts the teams of threads that were started; null: nothing does
+  cuda::DeviceBackend* device = nullptr;        ///< null to use the CPU alone
+  KeptJobs* kept = nullptr;                     ///< keeps jobs that may be reused
+  std::atomic<std::uint64_t>* teams = nullptr;  ///< counts the teams of threads that were started; may be null
 };
 
 struct Job::State {
@@ -44,20 +44,22 @@ struct Job::State {
   virtual bool advance(const WorkBudget& budget) = 0;
   virtual const QuerySize& size() const = 0;
   ReplyInfo info;
-  std::uint64_t units = 0;  ///< of work, so far
-  /// Told once how long the work took: the calls of advance() together. Empty: nobody asks.
+  std::uint64_t units = 0;  ///< of work so far
+  /// Called once with the time of all calls of advance(); may be empty.
   std::function<void(const ReplyInfo&, std::chrono::nanoseconds)> when_done;
   std::chrono::nanoseconds took{0};
 
-  /// Of a job that may be asked again (kept_jobs.h); null: it may not.
+  /// The plan of a job that may be reused (kept_jobs.h), otherwise null.
   virtual Plan* plan_to_ask_again() { return nullptr; }
-  /// Begins anew with the plan's configurations as they are now; the snapshot is the one it was made for.
+  /// Restarts with the plan's present configurations on the same snapshot.
   virtual void begin_again(const ReplyView& /*reply*/) {}
-  KeptJobs* keeper = nullptr;  ///< who takes it back; null: nobody
-  bool is_whole = false;       ///< the answer is
+  KeptJobs* keeper = nullptr;  ///< takes the job back; may be null
+  bool is_whole = false;       ///< whether the answer is complete
 };
 
-/// On the CPU.
+/// Makes a job that runs on the CPU.
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply);
+std::unique_ptr<Job::State> make_dense_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
+std::unique_ptr<Job::State> make_reduced_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
 
 }  // namespace clearance

@@ -1,5 +1,7 @@
 #include "engine/device/query/device_query.h"
 
+#include <omp.h>
+
 #include <algorithm>
 #include <cstring>
 #include <exception>

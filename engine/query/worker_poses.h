@@ -1,0 +1,44 @@
+// Body poses of the configurations that one worker evaluates.
+#pragma once
+
+#include <cassert>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/selection/body_poses.h"
+#include "engine/selection/configuration_poses.h"
+
+namespace clearance {
+
+/// Keeps the poses of the last block of configurations.
+class WorkerPoses {
+ public:
+  /// The arguments must outlive this.
+  WorkerPoses(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
+      : scene_(scene), plan_(plan), boxes_(boxes), given_(plan) {}
+
+  /// Poses in configurations [first, first + count), valid until the next call.
+  std::span<const BodyPoses> at(std::uint64_t first, std::uint64_t count) {
+    assert(count > 0 && first + count <= plan_.size.configurations);
+    while (placed_.size() < count) placed_.emplace_back(scene_, plan_, boxes_);
+    if (placed_[0].stands_at(first) && placed_[count - 1].stands_at(first + count - 1)) return {placed_.data(), count};
+    const std::size_t moved = plan_.bodies.size();
+    const ConfigurationPoses::Block given = given_.at(first, count);
+    rotations_.resize(count * moved);
+    rotations_of(given.poses, rotations_);
+    for (std::uint64_t i = 0; i < count; ++i)
+      placed_[i].configure(first + i, given.of(i, moved), std::span(rotations_).subspan(i * moved, moved));
+    return {placed_.data(), count};
+  }
+
+ private:
+  const Scene& scene_;
+  const Plan& plan_;
+  const std::span<const Aabb> boxes_;  // of all bodies in the snapshot, or empty
+  ConfigurationPoses given_;
+  std::vector<BodyPoses> placed_;
+  std::vector<Mat3d> rotations_;
+};
+
+}  // namespace clearance
