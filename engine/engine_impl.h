@@ -1,0 +1,85 @@
+// Members of Engine.
+#pragma once
+
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "engine/device/device_job.h"
+#include "engine/device/router.h"
+#include "engine/engine.h"
+#include "engine/query/job_state.h"
+#include "engine/query/kept_jobs.h"
+#include "engine/query/query_cost.h"
+#include "engine/state/pose_store.h"
+
+namespace clearance {
+
+struct Engine::Impl {
+  Impl(Scene&& s, const Options& o)
+      : scene(with_stand_ins(std::move(s))), options(o), warm(o.warm_memory), poses(scene, o.max_stamp_lead) {}
+
+  Scene scene;
+  Options options;
+  bool reference = false;
+  const LaneKernel* lanes = nullptr;
+  bool light = false;
+  NearBy near_by = NearBy::kAuto;
+  mutable WarmStore warm;
+  mutable BoxTreeStore trees;
+  std::unique_ptr<cuda::DeviceBackend> device;
+  std::string refused_device;  // reason that the device is not used, or empty
+  std::unique_ptr<cuda::Router> router;
+  PoseStore poses;
+  SceneCost bulk{scene};
+  SceneCost bulk_by_pieces{scene.by_pieces() ? *scene.by_pieces() : scene};
+  mutable KeptJobs kept{scene};  // after `trees`, to which its jobs return theirs
+  pid_t process = getpid();
+  mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
+  std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
+
+  static Scene with_stand_ins(Scene scene) {
+    scene.find_stand_ins();
+    return scene;
+  }
+
+  // Scene that answers a query. Certificates and devices support only the exact model.
+  static const Scene& scene_of(const PoseSnapshot& snapshot, Model model = Model::kTruth) {
+    const Scene* const by_pieces = model == Model::kPieces ? snapshot.scene->by_pieces() : nullptr;
+    return by_pieces ? *by_pieces : *snapshot.scene;
+  }
+
+  JobContext context(const Scene& of) const {
+    const bool is_light = light && !of.has_stand_ins();
+    return {&of,    options.threads, reference,    lanes, is_light, &pairs_evaluated, &contradictions, &warm,
+            &trees, near_by,         device.get(), &kept, &teams};
+  }
+
+  // Whether the job of a query may be reused. With a device, the router decides about every query except decisions:
+  // those that are small enough to be kept take the CPU less time than a request to the device.
+  bool keeps_job_of(const QueryView& query) const {
+    return (!device || (router && query.reduce == Reduce::kAny)) && kept.keeps(query);
+  }
+
+  // Backend of a query.
+  struct Route {
+    cuda::QueryKind kind;
+    std::uint64_t pairs;
+    bool to_device;
+    cuda::Router* router;  // learns from the answer; null if there was no choice
+  };
+  // Throws QueryError if the device does not support the query and the CPU may not replace it.
+  Route route_of(const Plan& plan, const Scene& of, bool keep_on_cpu) const;
+
+  // OpenMP's threads do not survive a fork, so a child that used them would hang.
+  void check_process() const {
+    if (getpid() != process) throw std::logic_error("this engine belongs to the process before fork(); make a new one");
+  }
+};
+
+}  // namespace clearance
