@@ -1,4 +1,4 @@
-// Pairs of bodies in configurations: from poses to answers.
+// Evaluates pairs of bodies in configurations: from poses to answers.
 #pragma once
 
 #include <cmath>
@@ -18,32 +18,32 @@ namespace clearance {
 
 class JointGradient;  // engine/evaluate/joint_gradient.h
 
-/// What is asked of every pair of a query.
+/// Options that hold for every pair of a query.
 struct EvaluateOptions : NarrowOptions {
   bool cull = false;          ///< compare bounding boxes with max_distance first
-  bool drops_beyond = false;  ///< of pairs beyond max_distance nobody wants to know how far
+  bool drops_beyond = false;  ///< the distance of pairs beyond max_distance is not needed
   bool want_flags = false;
-  const JointGradient* joint_gradient = nullptr;  ///< where its column is asked for
+  const JointGradient* joint_gradient = nullptr;  ///< null unless its column is requested
 };
 
 /// The least of the intervals of two bodies' pairs of elements.
 struct BodiesAnswer {
-  NarrowAnswer best;  ///< of the pair whose upper bound is the least
+  NarrowAnswer best;  ///< of the pair with the least upper bound
   double lower = std::numeric_limits<double>::infinity();
   Element a{0, kNone}, b{0, kNone};
 };
 
-/// A pair in the configuration that a placement stands at.
+/// A pair in the configuration of a placement.
 struct PlacedBodies {
   BodyPair pair;
   const BodyPoses* placement;
-  double max_distance;          ///< instead of the limits'
-  WarmSimplex* warm = nullptr;  ///< of a pair of single pieces; null: cold
-  /// An upper bound no higher is all that is asked, metres.
+  double max_distance;          ///< replaces that of the limits
+  WarmSimplex* warm = nullptr;  ///< of a pair of single parts; null without warm start
+  /// The search may stop at an upper bound no higher than this, in metres.
   double stop_below = -std::numeric_limits<double>::infinity();
 };
 
-/// Answers many pairs, whatever their ids. Each worker has its own.
+/// Evaluates many pairs, valid or not. Each worker has its own.
 class Evaluator {
  public:
   Evaluator(const Scene& scene, const EvaluateOptions& options)
@@ -54,57 +54,71 @@ class Evaluator {
     advance(unlimited);
   }
 
-  /// The same in slices. What is passed must stay until advance() has returned true.
+  /// Begins an evaluation in slices. The arguments must stay valid until advance() has returned true.
   void begin(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
-  /// Goes on until the slice is over, which may be between two piece pairs of a pair. Returns true once all are
-  /// answered.
+  /// Continues until the slice is over, which may be between two part pairs. Returns true once all pairs are answered.
   bool advance(WorkMeter& meter);
 
  private:
-  // Piece pairs that are listed at a time, unless those of one pair are more.
+  // Limit on the part pairs listed at a time, unless those of one pair are more.
   static constexpr std::size_t kMostPiecePairs = 1u << 16;
-
-  // Bodies of which one is not convex that are searched at a time: enough to fill lanes with.
+  // Limit on non-convex bodies searched at a time; it suffices to fill the lanes.
   static constexpr std::size_t kMostElementSearches = 16;
 
-  // The distance of two bodies is the least over their piece pairs (piece_search.h).
-  struct Search {
-    std::uint32_t index;    // of the pair
-    std::size_t next, end;  // of piece_pairs_: not looked at yet
-    std::size_t sorted;     // before this one they are in their order, and nearer than the others
-    std::size_t asked;      // of a round: how many wait in tasks_
-    Slack slack;            // of the pair
+  // Search for the nearest part pair of two bodies (piece_search.h).
+  struct PairSearch {
+    std::uint32_t index;     // of the pair
+    std::size_t next, end;   // part pairs not yet evaluated, in piece_pairs_
+    std::size_t sorted;      // part pairs before this one are sorted, and nearer than the others
+    std::size_t task_count;  // tasks of this round
+    Slack slack;             // of the pair
+    double min_penetration = 0;
     PieceSearch state;
     BodiesAnswer found;                         // without the lower bound
-    std::unique_ptr<ElementSearch> elements{};  // of bodies that are not convex: where their pairs come from
+    std::unique_ptr<ElementSearch> elements{};  // source of part pairs for bodies that are not convex, else null
   };
-  // A search among triangles is led by normals: they are there whoever asks, so that bounds are the same.
+  // Geometry that an overlap proves: the bodies themselves, their proxies, or containment of one body in the other.
+  enum class Overlap : std::uint8_t { kExact, kOfProxies, kContained };
+
+  // Computes points whenever there are surfaces: normals guide their search, and bounds must not depend on the columns.
   static NarrowOptions narrow_options(const Scene& scene, NarrowOptions options) {
     options.want_points |= scene.has_surfaces();
     return options;
   }
   bool begin_round(WorkMeter& meter);
-  bool gather(Search& search, WorkMeter& meter);
-  bool is_left_to_pieces(Search& search);
   void take_in(WorkMeter& meter);
+  void finish(const PlacedBodies& bodies, const BodiesAnswer& found, PairAnswer& answer, Overlap overlap);
+
+  // evaluate_search.cpp
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
-  void begin_element_search(const PlacedBodies& bodies, std::uint32_t index);
-  void finish_search(Search& search, WorkMeter& meter);
-  bool is_held(Search& search, WorkMeter& meter);
-  void take_held(Search& search, double apart, const Vec3d (&shared)[2]);
   bool drops(double gap, const PlacedBodies& bodies) const;
-  void sort_ahead(Search& search);
-  bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
-  // That pieces overlap is all that those which stand for a mesh have to say of how near it is.
+  void sort_ahead(PairSearch& search);
+  bool add_tasks(PairSearch& search);
+  void add_task(PairSearch& search, double cut_off, double stop_below, const Piece& a, const Piece& b);
+  double cut_off_of(const PairSearch& search) const;
+  void take_round(PairSearch& search, double stop_below, std::span<const NarrowAnswer> answers);
+  void finish_search(PairSearch& search, WorkMeter& meter);
+
+  // evaluate_elements.cpp
+  void begin_element_search(const PlacedBodies& bodies, std::uint32_t index);
+  bool gather(PairSearch& search, WorkMeter& meter);
+  bool is_left_to_pieces(PairSearch& search);
+  bool add_element_tasks(PairSearch& search);
+  bool take_hulls_or_proxies(PairSearch& search, std::span<const NarrowAnswer> answers);
+  void end_element_round(PairSearch& search, std::span<const NarrowAnswer> answers);
+
+  // evaluate_containment.cpp
+  bool finds_containment(PairSearch& search, WorkMeter& meter);
+  void take_contained(PairSearch& search, double apart, const Vec3d (&shared)[2]);
+  // Whether a body of the pair consists of proxies, so that an overlap of parts proves no overlap of bodies. Not for a
+  // half-space, whose distance depends on the body's hull alone.
+  bool is_by_pieces(BodyPair pair) const;
+  // An overlap of proxies is their last evidence of how near the mesh is.
   double stop_below(const PlacedBodies& bodies, const Slack& slack) const {
     if (std::isinf(bodies.stop_below)) return bodies.stop_below;
     const double near = slack.near_enough(bodies.stop_below);
     return near < 0 && is_by_pieces(bodies.pair) ? 0 : near;
   }
-  // Whether convex pieces stand for a body of the pair: then an overlap of pieces proves none of bodies. Before a
-  // half-space it does, where a body is as its hull is.
-  bool is_by_pieces(BodyPair pair) const;
-  void take_round(Search& search, double stop_below, std::span<const NarrowAnswer> answers);
 
   const Scene& scene_;
   EvaluateOptions options_;
@@ -112,25 +126,25 @@ class Evaluator {
   PieceBoxes boxes_;
   std::span<const PlacedBodies> pairs_;
   std::span<PairAnswer> answers_;
-  std::size_t next_ = 0;     // of pairs_: not taken in yet
-  std::size_t singles_ = 0;  // of tasks_: pairs of single pieces, the first ones
+  std::size_t next_ = 0;     // first of pairs_ not taken in yet
+  std::size_t singles_ = 0;  // tasks_ of single parts, which come first
   bool in_round_ = false;    // tasks_ are being answered
   std::vector<PieceTask> tasks_;
-  std::vector<Search> searches_;
+  std::vector<PairSearch> searches_;
   std::vector<PiecePair> piece_pairs_;
   std::vector<NarrowAnswer> found_;
-  std::vector<std::unique_ptr<ElementSearch>> unused_;  // to be used again
+  std::vector<std::unique_ptr<ElementSearch>> unused_;  // for reuse
   bool gathering_ = false;                              // a round is being put together
-  Piece rooms_[2];                                      // for triangles
+  Piece scratch_[2];                                    // for triangles
 };
 
-/// A lower bound on a pair's distance from boxes alone; +inf if one of them cannot be placed.
+/// Lower bound on a pair's distance from its boxes; +inf if a body has none.
 double box_gap(const Scene& scene, const BodyPoses& placement, BodyPair pair);
 /// Flags of the poses of a pair of known bodies: kFlagRenormalised, kFlagBeyondLimits.
 std::uint16_t pose_flags(const BodyPoses& placement, BodyPair pair);
-/// Whether a pair's answer is a bad or missing pose or an unknown body.
+/// Whether a pair has an unknown body, or one without a usable pose.
 bool is_unusable(const Scene& scene, const BodyPoses& placement, BodyPair pair);
-/// The answer for such a pair: its status says why, and the bounds are -inf and inf.
+/// The answer for such a pair: its status gives the reason, and its bounds are -inf and inf.
 PairAnswer unusable_answer(const Scene& scene, const BodyPoses& placement, BodyPair pair,
                            const EvaluateOptions& options);
 

@@ -1,4 +1,4 @@
-// Bodies of which one lies within the other, as the evaluator finds them, and pieces that stand for meshes.
+// Containment of one body in the other, as found by the evaluator, and proxies of meshes.
 #include <algorithm>
 
 #include "engine/evaluate/evaluate.h"
@@ -11,12 +11,12 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// What a body is, whatever stands for it.
-const Body& exact_piece_of(const Body& body) {
+// The exact body of a proxy.
+const Body& exact_body_of(const Body& body) {
   return body.stands_for ? *body.stands_for : body;
 }
 
-// Metres: a shift by so much takes two boxes apart, and what they hold.
+// Bound on the length of a shift that separates two boxes and their contents, in metres.
 double depth_of(const Aabb& a, const Aabb& b) {
   double least = kInf;
   for (int k = 0; k < 3; ++k) least = std::min({least, a.high[k] - b.low[k], b.high[k] - a.low[k]});
@@ -31,15 +31,15 @@ bool Evaluator::is_by_pieces(BodyPair pair) const {
   return (a.stands_for || b.stands_for) && !is_half_space(*a.pieces[0]) && !is_half_space(*b.pieces[0]);
 }
 
-// Whether one body lies within the other, though all elements that were taken are apart. That is asked of meshes, also
-// where pieces stand for them, which may be hollow.
-bool Evaluator::is_held(Search& search, WorkMeter& meter) {
+// Whether one body contains the other although all searched elements are apart. Proxies are tested as well, since their
+// meshes may be hollow.
+bool Evaluator::finds_containment(PairSearch& search, WorkMeter& meter) {
   const PlacedBodies& bodies = pairs_[search.index];
   const bool by_pieces = is_by_pieces(bodies.pair);
   BodiesAnswer& found = search.found;
   const double apart = by_pieces ? search.slack.true_lower(found.lower) : found.lower;
   if (!(apart > 0) || (by_pieces && box_gap(scene_, *bodies.placement, bodies.pair) > 0)) return false;
-  const Body &a = exact_piece_of(scene_.bodies()[bodies.pair.a]), &b = exact_piece_of(scene_.bodies()[bodies.pair.b]);
+  const Body &a = exact_body_of(scene_.bodies()[bodies.pair.a]), &b = exact_body_of(scene_.bodies()[bodies.pair.b]);
   Vec3d shared[2];
   switch (either_contains(a, (*bodies.placement)[bodies.pair.a].pose, b, (*bodies.placement)[bodies.pair.b].pose, apart,
                           meter, shared)) {
@@ -49,17 +49,17 @@ bool Evaluator::is_held(Search& search, WorkMeter& meter) {
       found.lower = 0;
       return false;
     case Containment::kYes:
-      take_held(search, apart, shared);
+      take_contained(search, apart, shared);
       return true;
   }
   return false;
 }
 
-// \param apart what is held is as far from the surface around it
-void Evaluator::take_held(Search& search, double apart, const Vec3d (&shared)[2]) {
+// \param apart distance of the inner body from the surface around it
+void Evaluator::take_contained(PairSearch& search, double apart, const Vec3d (&shared)[2]) {
   const PlacedBodies& bodies = pairs_[search.index];
   BodiesAnswer& found = search.found;
-  const Vec3d normal = found.best.bounds.upper < kInf ? found.best.normal : Vec3d{1, 0, 0};  // none was asked
+  const Vec3d normal = found.best.bounds.upper < kInf ? found.best.normal : Vec3d{1, 0, 0};  // no pair was evaluated
   found.best = NarrowAnswer{};
   found.best.bounds.upper = -apart;
   found.best.point_a = shared[0];
