@@ -12,17 +12,11 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
-constexpr std::uint64_t kProbes = 64;     // bodies whose pairs one unit looks for in a tree
-constexpr std::uint64_t kTreeBlocks = 8;  // ... or blocks of such
-constexpr std::uint64_t kEvaluate = 256;  // pairs that one unit answers
-// Of them, where the first that overlaps ends it; then twice as many, and so on.
-constexpr std::uint64_t kAtFirst = 8, kAtFirstOfMany = 2;  // the latter of each of many configurations
+// Pairs of the first step, if an overlap ends the search; each step has twice as many as the one before.
+constexpr std::uint64_t kAtFirst = 8, kAtFirstOfMany = 2;  // the latter for each of many configurations
 
-// What takes one thread a tenth of a millisecond or more.
+// Work that takes one thread a tenth of a millisecond or more.
 constexpr std::uint64_t kManyProbes = 512, kManyPairs = 65536, kManyAnswers = 1024;
-
-constexpr std::uint64_t kUnitsPerScan = kBlock / 128;  // boxes are compared eight at a time
 
 std::uint64_t blocks(std::uint64_t count, std::uint64_t size) {
   return (count + size - 1) / size;
@@ -45,12 +39,12 @@ Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions
 void Reduction::begin() {
   for (WorkerState& w : workers_) {
     w.seed.assign(groups_, Seed{kInf, ~std::uint64_t{0}});
-    w.unusable.assign(groups_, kNobody);
+    w.unusable.assign(groups_, kNoPair);
     w.candidates.clear();
     w.evaluated = 0;
   }
-  unusable_.assign(groups_, kNobody);
-  // The oracle leaves nothing out.
+  unusable_.assign(groups_, kNoPair);
+  // The reference leaves nothing out.
   cutoff_.assign(groups_, options_.reference ? kInf : any() ? plan_.margins.most() : plan_.query.max_distance);
   gaps_ = {};
   candidate_gaps_.clear();
@@ -58,7 +52,7 @@ void Reduction::begin() {
   seed_answers_.clear();
   candidates_.clear();
   candidate_pairs_.clear();
-  decided_by_ = kNobody;
+  decided_by_ = kNoPair;
   stage_ = stands_alone() ? kScan : kSeedScan;
 }
 
@@ -122,7 +116,7 @@ bool Reduction::run(std::uint64_t unit, int worker, const BodyPoses& placement, 
   return true;
 }
 
-// The exact answers of a unit's pairs.
+// Evaluates a unit's pairs.
 bool Reduction::answer(std::uint64_t unit, WorkerState& w, const BodyPoses& placement, WorkMeter& meter) {
   const auto begin_next = [&] {
     w.asked.clear();
@@ -137,7 +131,7 @@ bool Reduction::answer(std::uint64_t unit, WorkerState& w, const BodyPoses& plac
   }
   while (true) {
     if (!w.evaluator.advance(meter)) return false;
-    if (take(w) && any())  // of a minimum units behind may hold seeds' rivals, and each stops for itself
+    if (take(w) && any())  // later units of a minimum may hold rivals of the seeds, so each stops by itself
       for (std::uint64_t first = decided_by.load(std::memory_order_relaxed);
            unit < first && !decided_by.compare_exchange_weak(first, unit, std::memory_order_relaxed);) {
       }
@@ -156,7 +150,7 @@ void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint6
   w.cut_off = stage_ == kCandidates && stops_at_overlap() ? cutoff_[0] : kInf;
 }
 
-// What comes next: as many as a step has.
+// Appends the pairs of the next step.
 void Reduction::ask(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& asked) {
   const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
   auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
@@ -169,8 +163,8 @@ void Reduction::ask(WorkerState& w, const BodyPoses& placement, std::vector<Plac
   }
 }
 
-// The nearest first: the sooner others can be left out. Pairs that overlap keep their order, and those behind the first
-// of them have boxes that are apart, or come later in the query.
+// Sorts the nearest candidates first, so that others are left out sooner. Overlapping pairs keep their order, and pairs
+// after the first of them have separate boxes or come later in the query.
 void Reduction::sort_candidates(const BodyPoses& placement) {
   std::vector<Seed>& order = workers_[0].order;
   order.clear();
@@ -191,7 +185,7 @@ void Reduction::leave_out_far(WorkerState& w, double far) {
   candidate_answers_.resize(w.end);
 }
 
-// The answers to what was asked last are there. True: one of them decides.
+// Takes the answers of the last step. Returns true if one of them decides.
 bool Reduction::take(WorkerState& w) {
   const std::uint64_t next = std::min(w.end, w.first + w.step);
   w.evaluated += next - w.first;
@@ -230,164 +224,59 @@ void Reduction::take(std::span<const PairAnswer> found) {
   take(w);
 }
 
-// box_gap() of each.
-std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerState& worker,
-                                        const BodyPoses& placement) const {
-  if (have_boxes_) return worker.cull.gaps(pairs, {&placement, 1});
-  worker.gaps.resize(pairs.size());
-  for (std::size_t i = 0; i < pairs.size(); ++i) worker.gaps[i] = box_gap(scene_, placement, pairs[i]);
-  return worker.gaps;
+void Reduction::collect_seeds() {
+  for (std::size_t g = 0; g < groups_; ++g) {
+    Seed least = workers_[0].seed[g];
+    for (const WorkerState& w : workers_) least = std::min(least, w.seed[g]);
+    if (least.position != ~std::uint64_t{0}) seeds_.push_back(least.position);
+  }
+  std::sort(seeds_.begin(), seeds_.end());
+  seeds_.erase(std::unique(seeds_.begin(), seeds_.end()), seeds_.end());
+  assert(seeds_.empty() || seeds_.back() < plan_.pairs.size());
+  seed_pairs_.resize(seeds_.size());
+  seed_answers_.resize(seeds_.size());
 }
 
-void Reduction::scan_block(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const {
-  const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
-  const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
-  offer(begin, pairs, gaps(pairs, worker, placement), worker, placement);
+void Reduction::find_cutoffs() {
+  cutoff_.assign(groups_, kInf);
+  for (std::size_t i = 0; i < seeds_.size(); ++i)
+    for_groups(seed_pairs_[i], [&](std::uint32_t g) {
+      // If a seed's boxes alone are beyond max_distance, no pair with boxes farther apart lowers the interval or
+      // wins. Touching boxes do not bound the depth of an overlap, so its depth is no cut-off.
+      const PairAnswer& seed = seed_answers_[i];
+      const bool beyond_by_boxes = seed.status == Status::kBeyond && seed.upper == kInf;
+      cutoff_[g] = std::min(cutoff_[g], beyond_by_boxes ? seed.lower : std::max(seed.upper, 0.0));
+    });
 }
 
-void Reduction::scan(std::span<const double> gaps, const BodyPoses& placement) {
-  assert(gaps.size() == plan_.pairs.size());
-  WorkerState& w = workers_[0];
-  gaps_ = gaps;
-  if (per_body()) return offer(0, plan_.pairs.slice(0, gaps.size(), w.room), gaps, w, placement);
-  if (stage_ == kSeedScan) {
-    const auto least = std::min_element(gaps.begin(), gaps.end());
-    if (least != gaps.end()) w.seed[0] = {*least, static_cast<std::uint64_t>(least - gaps.begin())};
-    return;
+void Reduction::collect_candidates() {
+  for (const WorkerState& w : workers_) {
+    candidates_.insert(candidates_.end(), w.candidates.begin(), w.candidates.end());
+    for (std::size_t g = 0; g < groups_; ++g) unusable_[g] = std::min(unusable_[g], w.unusable[g]);
   }
-  w.near.resize(gaps.size());
-  const std::size_t count = gaps_within(gaps.data(), gaps.size(), cutoff_[0], w.near.data());
-  for (std::size_t i = 0; i < count; ++i) offer(w.near[i], plan_.pairs.at(w.near[i]), gaps[w.near[i]], w, placement);
-}
-
-void Reduction::offer(std::uint64_t begin, std::span<const BodyPair> pairs, std::span<const double> gap,
-                      WorkerState& worker, const BodyPoses& placement) const {
-  if (stage_ == kSeedScan) {
-    for (std::uint64_t i = 0; i < pairs.size(); ++i)
-      for_groups(pairs[i],
-                 [&](std::uint32_t g) { worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i}); });
-  } else {
-    for (std::uint64_t i = 0; i < pairs.size(); ++i) offer(begin + i, pairs[i], gap[i], worker, placement);
-  }
-}
-
-void Reduction::offer(std::uint64_t position, BodyPair pair, double gap, WorkerState& worker,
-                      const BodyPoses& placement) const {
-  bool wanted = false;
-  if (gap == kInf && is_unusable(scene_, placement, pair)) {
-    wanted = stands_alone();
-    for_groups(pair, [&](std::uint32_t g) { worker.unusable[g] = std::min(worker.unusable[g], position); });
-  } else {
-    for_groups(pair, [&](std::uint32_t g) { wanted |= gap <= cutoff_[g]; });
-    if (any() && !options_.reference) wanted = wanted && gap <= plan_.margins.of(position);
-  }
-  if (wanted) worker.candidates.push_back(position);
-}
-
-void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const {
-  worker.search.stand(placement);
-  const std::span<const std::uint32_t> probes = near_pairs_.probes();
-  for (std::uint64_t i = block * kProbes; i < std::min<std::uint64_t>(probes.size(), (block + 1) * kProbes); ++i) {
-    Seed& seed = worker.seed[per_body() ? probes[i] : 0];
-    seed = worker.search.nearest(probes[i], seed);
-    // Where no pair has boxes, the first stands for all.
-    if (per_body() && seed.gap == kInf) seed.position = near_pairs_.first_position(probes[i]);
-  }
-  if (!per_body() && block == 0) worker.seed[0] = std::min(worker.seed[0], Seed{kInf, 0});
-}
-
-void Reduction::scan_by_tree(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const {
-  worker.search.stand(placement);
-  if (block == 0) scan_unplaced(worker, placement);
-  if (near_pairs_.whole_table() && !per_body()) {
-    const auto first = static_cast<std::uint32_t>(block * kTreeBlocks);
-    const auto last = std::min<std::uint32_t>(near_pairs_.tree().blocks(), first + kTreeBlocks);
-    return worker.search.pairs(first, last, cutoff_[0], worker.candidates);
-  }
-  const std::span<const std::uint32_t> probes = near_pairs_.probes();
-  for (std::uint64_t i = block * kProbes; i < std::min<std::uint64_t>(probes.size(), (block + 1) * kProbes); ++i)
-    worker.search.around(probes[i], cutoff_[per_body() ? probes[i] : 0], per_body(), worker.candidates);
-}
-
-// Finds each group's first pair without usable poses. Where every pair within a distance is wanted, these pairs are
-// candidates: nothing is proved about them.
-void Reduction::scan_unplaced(WorkerState& worker, const BodyPoses& placement) const {
-  if (worker.search.unplaced().empty()) return;
-  const auto add = [&](std::uint32_t g, std::uint64_t position) {
-    worker.unusable[g] = std::min(worker.unusable[g], position);
-  };
-  if (!near_pairs_.whole_table()) {
-    for (std::uint64_t i = 0; i < plan_.pairs.size(); ++i) {
-      const BodyPair pair = plan_.pairs.list()[i];
-      if (!is_unusable(scene_, placement, pair)) continue;
-      for_groups(pair, [&](std::uint32_t g) { add(g, i); });
-      if (stands_alone()) worker.candidates.push_back(i);
-    }
-    return;
-  }
-  std::vector<std::uint32_t> unplaced(worker.search.unplaced().begin(), worker.search.unplaced().end());
-  std::sort(unplaced.begin(), unplaced.end());
-  const auto n = static_cast<std::uint32_t>(scene_.bodies().size());
-  const auto has_pair = [&](std::uint32_t a, std::uint32_t b) {
-    return near_pairs_.position(a, b) != NearPairs::kNowhere;
-  };
-  for (const std::uint32_t bad : unplaced) {
-    add(per_body() ? bad : 0, near_pairs_.first_position(bad));
-    if (!stands_alone()) continue;
-    for (std::uint32_t b = 0; b < n; ++b)
-      if (has_pair(bad, b) && (b > bad || placement[b].status == Status::kOk))
-        worker.candidates.push_back(near_pairs_.position(bad, b));
-  }
-  if (!per_body()) return;
-  for (std::uint32_t b = 0; b < n; ++b) {  // a table lists a body's pairs in the order of its partners
-    const auto first =
-        std::find_if(unplaced.begin(), unplaced.end(), [&](std::uint32_t bad) { return has_pair(bad, b); });
-    if (first != unplaced.end()) add(b, near_pairs_.position(*first, b));
-  }
+  std::sort(candidates_.begin(), candidates_.end());
+  candidates_.erase(std::unique(candidates_.begin(), candidates_.end()), candidates_.end());
+  assert(candidates_.empty() || candidates_.back() < plan_.pairs.size());
+  candidates_.erase(
+      std::remove_if(candidates_.begin(), candidates_.end(),
+                     [&](std::uint64_t p) { return std::binary_search(seeds_.begin(), seeds_.end(), p); }),
+      candidates_.end());
+  candidate_pairs_.resize(candidates_.size());
+  candidate_answers_.resize(candidates_.size());
 }
 
 void Reduction::end_stage() {
   switch (stage_) {
-    case kSeedScan: {
-      for (std::size_t g = 0; g < groups_; ++g) {
-        Seed least = workers_[0].seed[g];
-        for (const WorkerState& w : workers_) least = std::min(least, w.seed[g]);
-        if (least.position != ~std::uint64_t{0}) seeds_.push_back(least.position);
-      }
-      std::sort(seeds_.begin(), seeds_.end());
-      seeds_.erase(std::unique(seeds_.begin(), seeds_.end()), seeds_.end());
-      assert(seeds_.empty() || seeds_.back() < plan_.pairs.size());
-      seed_pairs_.resize(seeds_.size());
-      seed_answers_.resize(seeds_.size());
+    case kSeedScan:
+      collect_seeds();
       stage_ = kSeeds;
       break;
-    }
     case kSeeds:
-      cutoff_.assign(groups_, kInf);
-      for (std::size_t i = 0; i < seeds_.size(); ++i)
-        for_groups(seed_pairs_[i], [&](std::uint32_t g) {
-          // A seed whose boxes alone are beyond max_distance: none with boxes farther apart lowers the interval or
-          // wins. Boxes that touch do not say how deep an overlap is: its depth cuts nothing off.
-          const PairAnswer& seed = seed_answers_[i];
-          const bool beyond_by_boxes = seed.status == Status::kBeyond && seed.upper == kInf;
-          cutoff_[g] = std::min(cutoff_[g], beyond_by_boxes ? seed.lower : std::max(seed.upper, 0.0));
-        });
+      find_cutoffs();
       stage_ = kScan;
       break;
     case kScan:
-      for (const WorkerState& w : workers_) {
-        candidates_.insert(candidates_.end(), w.candidates.begin(), w.candidates.end());
-        for (std::size_t g = 0; g < groups_; ++g) unusable_[g] = std::min(unusable_[g], w.unusable[g]);
-      }
-      std::sort(candidates_.begin(), candidates_.end());
-      candidates_.erase(std::unique(candidates_.begin(), candidates_.end()), candidates_.end());
-      assert(candidates_.empty() || candidates_.back() < plan_.pairs.size());
-      candidates_.erase(
-          std::remove_if(candidates_.begin(), candidates_.end(),
-                         [&](std::uint64_t p) { return std::binary_search(seeds_.begin(), seeds_.end(), p); }),
-          candidates_.end());
-      candidate_pairs_.resize(candidates_.size());
-      candidate_answers_.resize(candidates_.size());
+      collect_candidates();
       stage_ = kCandidates;
       break;
     case kCandidates:

@@ -43,7 +43,7 @@ Row Reduction::decision(std::uint32_t configuration, const BodyPoses& placement)
     if (decides(candidates_[i], answer)) {
       Row row = row_of(candidate_pairs_[i], answer, configuration, placement);
       row.answer.status = decided_status(answer.lower, answer.upper);
-      row.answer.flags |= unusable_[0] != kNobody ? kFlagIncomplete : 0;
+      row.answer.flags |= unusable_[0] != kNoPair ? kFlagIncomplete : 0;
       return row;
     }
     if (std::isnan(answer.distance))
@@ -54,7 +54,7 @@ Row Reduction::decision(std::uint32_t configuration, const BodyPoses& placement)
   if (const std::size_t i = std::min(open == none ? unusable : open, none); i < none) {
     Row row = row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement);
     if (i == open) row.answer.status = Status::kUnconverged;
-    row.answer.flags |= unusable_[0] != kNobody ? kFlagIncomplete : 0;
+    row.answer.flags |= unusable_[0] != kNoPair ? kFlagIncomplete : 0;
     return row;
   }
   return row_of({kNone, kNone}, beyond_all_margins(plan_), configuration, placement);
@@ -118,7 +118,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
     const Candidates& group = groups[g];
     const std::uint64_t unusable = unusable_[g];
     // Only a proved overlap is the least distance whatever the pairs without usable poses are.
-    if (unusable != kNobody && !(group.winner && group.winner->upper <= 0)) {
+    if (unusable != kNoPair && !(group.winner && group.winner->upper <= 0)) {
       rows.push_back(unusable_row(unusable, configuration, placement));
       continue;
     }
@@ -130,7 +130,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
     Row row = row_of(plan_.pairs.at(group.best.place), *group.winner, configuration, placement);
     if (group.lower_place != CandidateRank::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
     widen(row, group.lower, placement);
-    if (unusable != kNobody) {
+    if (unusable != kNoPair) {
       row.answer.flags |= kFlagIncomplete;
       if (options_.limits.signed_distance) {  // of which the depth may be greater
         row.answer.lower = -kInf;
