@@ -27,7 +27,7 @@ void MotionMoment::move_to(double time) {
   if (time == time_) return;
   time_ = time;
   const Instant instant{moving_, time};
-  ConfigurationPoses::Block given = poses_.at({&instant, 1});
+  ConfigurationPoses::PoseBlock given = poses_.at({&instant, 1});
   given.errors = moving_->errors;
   rotations_.resize(plan_.bodies.size());
   rotations_of(given.poses, rotations_);

@@ -1,4 +1,4 @@
-// How a pair's distance changes with the positions of a query's joints.
+// Derivative of distances by the positions of a query's joints.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +10,8 @@
 
 namespace clearance {
 
-/// The derivative of distances by the query's joints, from witness points and the joints' axes where they are. A joint
-/// moves what its link carries, bodies and robots that follow it too. Of one job; read by all its workers.
+/// Computes derivatives from witness points and the axes of joints. A joint moves everything that its link carries,
+/// including bodies and robots that follow it. One per job, shared by its workers.
 class JointGradient {
  public:
   /// \param scene, plan outlive this.
@@ -21,7 +21,7 @@ class JointGradient {
   void write(const BodyPoses& placement, BodyPair pair, const PairAnswer& answer, double* out) const;
   /// Its `link` and `carrier` are bodies.
   const std::vector<JointMover>& movers() const { return movers_; }
-  /// (bodies,) the nearest one that carries each, or kNone
+  /// (bodies,) the nearest mover that carries each, or kNone.
   const std::vector<std::uint32_t>& mover_of() const { return mover_of_; }
 
  private:
@@ -33,7 +33,7 @@ class JointGradient {
   const PoseSnapshot& snapshot_;
   std::size_t joints_;
   std::vector<JointMover> movers_;
-  std::vector<std::uint32_t> mover_of_;  // of each body: the nearest one that carries it, or kNone
+  std::vector<std::uint32_t> mover_of_;  // by body
 };
 
 }  // namespace clearance

@@ -1,4 +1,4 @@
-// Boxes around the pieces of bodies where they stand.
+// Boxes around the convex parts of placed bodies.
 #pragma once
 
 #include <algorithm>
@@ -12,24 +12,23 @@
 
 namespace clearance {
 
-/// Remembers the boxes it made last: a body of several pieces meets many others in one configuration. Each worker has
-/// its own.
+/// Caches boxes, since a body of several parts meets many others in one configuration. Each worker has its own.
 class PieceBoxes {
  public:
   explicit PieceBoxes(const Scene& scene) : scene_(scene) {}
 
-  /// Boxes of so many bodies are about to be asked for: room is made for them, up to a bound, and what was remembered
-  /// may be forgotten. A few bodies would not pay for the room that thousands want.
+  /// Sizes the cache for the boxes of so many bodies, up to a bound, and may clear it. A few bodies would not pay for
+  /// the memory that thousands need.
   void expect(std::size_t bodies) {
     const std::size_t slots = std::clamp(std::bit_ceil(2 * bodies), kFewestSlots, kMostSlots);
-    if (slots > slots_.size()) slots_ = std::vector<Slot>(slots);
+    if (slots > slots_.size()) slots_ = std::vector<CachedBoxes>(slots);
   }
 
-  /// A box for each piece of a body that has a usable pose; valid until the next call but one.
+  /// A box for each part of a body with a usable pose, valid until the next call but one.
   std::span<const Aabb> at(const BodyPoses& placement, std::uint32_t body) {
     if (const std::span<const Aabb> known = placement.known_piece_boxes(body); !known.empty()) return known;
     if (slots_.empty()) expect(1);
-    const Slot wanted = of(placement, body);
+    const CachedBoxes wanted = of(placement, body);
     const std::size_t home =
         (reinterpret_cast<std::uintptr_t>(wanted.placement) / sizeof(BodyPoses) * 64 + body) % (slots_.size() / 2) * 2;
     for (std::size_t i = home; i < home + 2; ++i)
@@ -37,7 +36,7 @@ class PieceBoxes {
         slots_[i].used = ++count_;
         return slots_[i].boxes;
       }
-    Slot& slot = slots_[home + (slots_[home].used > slots_[home + 1].used)];
+    CachedBoxes& slot = slots_[home + (slots_[home].used > slots_[home + 1].used)];
     slot.placement = wanted.placement;
     slot.number = wanted.number;
     slot.body = body;
@@ -51,24 +50,24 @@ class PieceBoxes {
 
  private:
   static constexpr std::size_t kFewestSlots = 16, kMostSlots = 2048;
-  struct Slot {
-    const BodyPoses* placement = nullptr;  // null: of a body that stands where it does in all of them
+  struct CachedBoxes {
+    const BodyPoses* placement = nullptr;  // null for a body that does not move
     std::uint64_t number = 0, used = 0;    // BodyPoses::number()
     std::uint32_t body = kNone;
     std::vector<Aabb> boxes;
 
-    bool holds(const Slot& other) const {
+    bool holds(const CachedBoxes& other) const {
       return placement == other.placement && number == other.number && body == other.body;
     }
   };
-  static Slot of(const BodyPoses& placement, std::uint32_t body) {
+  static CachedBoxes of(const BodyPoses& placement, std::uint32_t body) {
     if (!placement.moves(body)) return {.body = body, .boxes = {}};
     return {.placement = &placement, .number = placement.number(), .body = body, .boxes = {}};
   }
 
   const Scene& scene_;
-  std::vector<Slot> slots_;
-  std::uint64_t count_ = 0;  // of questions
+  std::vector<CachedBoxes> slots_;
+  std::uint64_t count_ = 0;  // of calls
 };
 
 }  // namespace clearance

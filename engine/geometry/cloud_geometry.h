@@ -1,4 +1,4 @@
-// What bodies of points are made of.
+// Parts of point clouds.
 #pragma once
 
 #include <span>
@@ -8,13 +8,13 @@
 
 namespace clearance {
 
-/// The box around a cloud, which stands for it, grown by a radius. Throws std::invalid_argument as Surface and
-/// make_piece() do. \param points at least one
+/// The box around a cloud as its part, grown by a radius. Throws std::invalid_argument as Surface and make_piece() do.
+/// \param points at least one
 PiecePtr make_cloud_piece(std::span<const CloudPoint> points, float voxel, double radius);
 
-/// What stands where there are no points: nothing that is ever asked about.
+/// Placeholder part of an empty cloud, which is never evaluated.
 PiecePtr piece_of_no_points();
-/// The edge of voxels as they count: the float32 that is not below it. Throws std::invalid_argument.
+/// The edge of voxels, rounded up to float32. Throws std::invalid_argument.
 float voxel_of(double edge);
 
 }  // namespace clearance

@@ -1,4 +1,4 @@
-// Geometries in files of their own, as Scene::save() writes them: exactly what the engine has.
+// Geometry files of Scene::save(), which restore a geometry exactly.
 #pragma once
 
 #include <string>
@@ -7,11 +7,12 @@
 
 namespace clearance {
 
-/// Writes a geometry, its source included. The name is made of the content, so that equal geometries are one file.
-/// Returns it. Throws SceneError.
+/// Writes a geometry with its source, and returns the file name. The name is derived from the content, so that equal
+/// geometries share a file. Throws SceneError.
 std::string write_geometry_file(const std::string& folder, const Geometry& geometry);
 
-/// Reads one. Throws SceneError for a file that cannot be read, is none of these, or is damaged: its digest is in it.
+/// Reads a geometry. Throws SceneError for a file that cannot be read, has another format, or is damaged; the file
+/// contains its digest.
 Geometry read_geometry_file(const std::string& path);
 
 }  // namespace clearance

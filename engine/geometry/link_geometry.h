@@ -1,4 +1,4 @@
-// The geometry of a robot's link: all its shapes, in the link's frame.
+// Geometry of a robot's link: all its shapes, in the link's frame.
 #pragma once
 
 #include <vector>
@@ -8,12 +8,11 @@
 
 namespace clearance {
 
-/// A geometry whose own frame is X in its body. Its model_error and model_inner grow by what rounding moves a vertex at
-/// most. Throws
+/// Moves a geometry to X in its body. Its model_error and model_inner grow by the rounding of a vertex. Throws
 /// std::invalid_argument for coordinates that are too large.
 Geometry moved(const Geometry& geometry, const Origin& X);
 
-/// The geometries of one body as one.
+/// Joins the geometries of one body.
 Geometry joined(std::vector<Geometry> parts);
 
 }  // namespace clearance

@@ -66,11 +66,11 @@ std::string MeshGeometries::name_of(MeshFile& file, const MeshRecipe& recipe) {
 
 Geometry MeshGeometries::make(MeshFile& file, const MeshRecipe& recipe, const std::string& source) {
   const std::string name = name_of(file, recipe);
-  std::shared_ptr<Slot> slot;
+  std::shared_ptr<GeometrySlot> slot;
   {
     const std::lock_guard lock(mutex_);
-    std::shared_ptr<Slot>& place = slots_[name];
-    if (!place) place = std::make_shared<Slot>();
+    std::shared_ptr<GeometrySlot>& place = slots_[name];
+    if (!place) place = std::make_shared<GeometrySlot>();
     slot = place;
   }
   const std::lock_guard lock(slot->mutex);

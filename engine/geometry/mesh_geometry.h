@@ -1,4 +1,4 @@
-// Mesh files to geometry, by way of the cache: what was made of the same bytes before is not made again.
+// Makes geometry from mesh files, with a cache by content.
 #pragma once
 
 #include <cstddef>
@@ -17,16 +17,16 @@
 
 namespace clearance {
 
-/// A mesh file that several bodies may be made of: looked at and read at most once. For several threads.
+/// A mesh file of several bodies, read at most once. Thread-safe.
 class MeshFile {
  public:
   explicit MeshFile(std::string path) : path_(std::move(path)) {}
   const std::string& path() const { return path_; }
-  /// Of the file's bytes. Throws MeshError.
+  /// Digest of the file's bytes. Throws MeshError.
   Sha256Digest digest();
-  /// What it holds. Throws MeshError, each time the same.
+  /// Its mesh. Throws the same MeshError each time.
   const Mesh& mesh();
-  /// The file of pieces that are proposed for it, which `clearance decompose` writes; null where there is none.
+  /// The file of its proposed convex parts, which `clearance decompose` writes, or null.
   MeshFile* pieces();
 
  private:
@@ -38,19 +38,19 @@ class MeshFile {
   std::unique_ptr<MeshFile> pieces_;
 };
 
-/// Where the pieces that are proposed for a mesh are looked for: its path and this.
+/// Extension of the file of proposed convex parts, after the path of the mesh.
 inline constexpr std::string_view kPiecesExtension = ".pieces.obj";
 
-/// Makes the geometries of a scene's mesh files, those of equal bytes and recipes once, and keeps them in the cache.
-/// For several threads.
+/// Makes each geometry of a scene's mesh files once, by content and recipe, and keeps it in the cache. Thread-safe.
 class MeshGeometries {
  public:
-  /// \param source names the file. Throws MeshError, and std::invalid_argument as geometry_of_mesh() does.
+  /// Throws MeshError, and std::invalid_argument as geometry_of_mesh() does.
+  /// \param source names the file
   Geometry make(MeshFile& file, const MeshRecipe& recipe, const std::string& source);
   const Cache& cache() const { return cache_; }
 
  private:
-  struct Slot {
+  struct GeometrySlot {
     std::mutex mutex;
     std::optional<Geometry> geometry;
   };
@@ -60,17 +60,17 @@ class MeshGeometries {
   const Cache cache_ = Cache::of_environment();
   std::mutex mutex_;
   std::optional<Sha256Digest> loader_;
-  std::map<std::string, std::shared_ptr<Slot>> slots_;
+  std::map<std::string, std::shared_ptr<GeometrySlot>> slots_;
 };
 
-/// Whether a record holds the direction tables: the cache's do, and are read by who wrote them. Elsewhere tables are
-/// made anew, since bounds rest on them.
+/// Whether a record contains the direction tables. Those of the cache do; elsewhere the tables are computed again,
+/// because bounds rest on them.
 enum class Tables : bool { kMadeAnew, kKept };
 
-/// A geometry as the cache keeps it, without its source.
+/// A geometry as stored in the cache, without its source.
 std::vector<std::byte> geometry_record(const Geometry& geometry, Tables tables = Tables::kKept);
-/// The geometry of a record; none for bytes that are no record, or that hold tables where they should not. Whatever the
-/// bytes, what comes back can be computed with.
+/// The geometry of a record. Returns none for invalid bytes, or for tables where none are allowed; any geometry it
+/// returns is valid.
 std::optional<Geometry> geometry_of_record(std::span<const std::byte> record, Tables tables = Tables::kKept);
 
 }  // namespace clearance

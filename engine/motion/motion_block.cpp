@@ -130,11 +130,11 @@ bool MotionBlock::ask(WorkMeter& meter) {
 
 void MotionBlock::place(WorkMeter& meter) {
   const std::size_t bodies = motion_query_.plan.bodies.size();
-  const ConfigurationPoses::Block given = poses_.at(instants_);
+  const ConfigurationPoses::PoseBlock given = poses_.at(instants_);
   rotations_.resize(used_ * bodies);
   rotations_of(given.poses, rotations_);
   for (std::size_t k = 0; k < used_; ++k) {
-    ConfigurationPoses::Block own = given.of(k, bodies);
+    ConfigurationPoses::PoseBlock own = given.of(k, bodies);
     own.errors = instants_[k].moving->errors;
     placements_[k].configure(placed_++, own, std::span(rotations_).subspan(k * bodies, bodies));
     places_[k].twists.resize(motion_query_.plan.moved.size());

@@ -27,7 +27,7 @@ struct MovingBodies {
   std::vector<MotionRates> chains;            ///< for each chain of MotionBounds
   std::vector<double> chain_errors;           ///< likewise: bound on the error of the points' places in at()
   std::vector<double> chain_turns;            ///< likewise: bound on the carrier's rotation error, in radians
-  std::vector<double> errors;                 ///< for each of Plan::moved: ConfigurationPoses::Block::errors
+  std::vector<double> errors;                 ///< for each of Plan::moved: ConfigurationPoses::PoseBlock::errors
   bool half_turn = false;                     ///< one of `given` is_half_turn()
   std::vector<std::uint8_t> end_facts;        ///< LinkFact bits of both ends, for links in Plan::bodies; empty if 0
 };

@@ -49,7 +49,7 @@ void MotionPoses::look_at_ends(MovingBodies& moving) {
   for (std::size_t i = 0; i < links; ++i) moving.end_facts.push_back(facts_[i] | facts_[links + i]);
 }
 
-ConfigurationPoses::Block MotionPoses::at(std::span<const Instant> instants) {
+ConfigurationPoses::PoseBlock MotionPoses::at(std::span<const Instant> instants) {
   const std::size_t bodies = plan_.bodies.size(), given = plan_.given_bodies, joints = plan_.joints.size();
   poses_.resize(instants.size() * bodies);
   facts_.assign(instants.size() * bodies, 0);

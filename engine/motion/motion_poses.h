@@ -25,7 +25,7 @@ class MotionPoses {
   /// Sets MovingBodies::end_facts.
   void look_at_ends(MovingBodies& moving);
   /// Poses and facts, without errors, at some instants; valid until the next call.
-  ConfigurationPoses::Block at(std::span<const Instant> instants);
+  ConfigurationPoses::PoseBlock at(std::span<const Instant> instants);
   /// Velocities of bodies at instant k of the last at().
   /// \param placed the bodies placed at that instant
   /// \param twists (Plan::moved,) world axes, rounded
@@ -46,7 +46,7 @@ class MotionPoses {
   std::vector<Pose> poses_;
   std::vector<std::uint8_t> facts_;
   std::vector<double> travels_;  // (instants, Plan::bodies)
-  LinkMotion::Scratch scratch_;
+  LinkMotion::LinkScratch scratch_;
 };
 
 }  // namespace clearance

@@ -80,7 +80,7 @@ class DenseJob final : public ParallelJob {
       pair_blocks = (all_pairs + pairs - 1) / pairs;
     }
   };
-  struct Place {  // in a block
+  struct PairPlace {  // in a block
     std::uint32_t configuration, pair;
   };
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
@@ -89,7 +89,7 @@ class DenseJob final : public ParallelJob {
     bool is_asked = false;          // whether that block has begun
     std::vector<BodyPair> pairs;
     std::vector<PlacedBodies> asked;
-    std::vector<Place> places;  // of `asked`
+    std::vector<PairPlace> places;  // of `asked`
     std::vector<PairAnswer> answers;
     std::vector<std::uint32_t> near;  // in a configuration of a block
     std::vector<std::uint16_t> flags;

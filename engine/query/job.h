@@ -1,4 +1,4 @@
-// A query under way, as its caller sees it.
+// A running query, as seen by its caller.
 #pragma once
 
 #include <chrono>
@@ -13,20 +13,20 @@ class Engine;
 class Planner;
 struct Plan;
 
-/// A query under way. Holds the snapshot it began with; the columns it writes belong to the caller and must outlive it.
+/// A running query. Holds the snapshot that it began with. Its columns belong to the caller and must outlive it.
 class Job {
  public:
   Job(Job&&) noexcept;
   Job& operator=(Job&&) noexcept;
   ~Job();
 
-  /// Works for about `budget` (on one pair of pieces at least). Returns true once the answer is whole.
+  /// Works for about `budget`, at least on one part pair. Returns true once the answer is complete.
   bool advance(std::chrono::nanoseconds budget = std::chrono::nanoseconds::max()) {
     return advance(WorkBudget{.time = budget});
   }
-  /// The same within a number of units. Where one pair may not take as many as it needs, nothing comes of it.
+  /// Works within a number of units. If a part pair may not take as many as it needs, the job makes no progress.
   bool advance(const WorkBudget& budget);
-  /// Units of work so far, all threads'.
+  /// Units of work so far, of all threads.
   std::uint64_t units() const;
 
   const QuerySize& size() const;
@@ -39,7 +39,7 @@ class Job {
   friend class Engine;
   friend class KeptJobs;
   friend class PreparedQuery;
-  // A state that may be asked again goes back to where such are kept (kept_jobs.h).
+  // Puts a reusable state back (kept_jobs.h).
   struct LetGo {
     void operator()(State* state) const;
   };
@@ -48,23 +48,23 @@ class Job {
   StatePtr state_;
 };
 
-/// A query made ready for start(): checked, with one snapshot of the poses, its pairs listed and counted.
+/// A query prepared for start(): checked, with a snapshot of the poses and its pairs listed.
 class PreparedQuery {
  public:
   PreparedQuery(PreparedQuery&&) noexcept;
   PreparedQuery& operator=(PreparedQuery&&) noexcept;
   ~PreparedQuery();
-  /// Lists the pairs that the query names, for about so long. Returns true once it is ready, from when on the rest may
-  /// be called. Throws QueryError.
+  /// Lists the pairs of the query. Returns true once it is ready; only then may the functions below be called. Throws
+  /// QueryError.
   bool advance(const WorkBudget& budget = {});
   const QuerySize& size() const;
   /// Writes the pairs at [begin, begin + count) of QuerySize::pairs.
   void copy_pairs(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
-  /// Bytes that it holds.
+  /// Bytes of memory held.
   std::uint64_t bytes() const;
-  /// Leaves warm state out: QueryView::warm_slot = 0.
+  /// Disables the warm start: QueryView::warm_slot = 0.
   void begin_cold();
-  /// Has no device asked. Where Engine::has_cpu().
+  /// Forces execution on the CPU, if Engine::has_cpu().
   void keep_on_cpu();
 
  private:
@@ -73,7 +73,7 @@ class PreparedQuery {
   explicit PreparedQuery(Job::StatePtr again);
   const Plan& plan() const;
   std::unique_ptr<Planner> planner_;
-  Job::StatePtr again_;  // in place of a planner: a job that has answered the same question before
+  Job::StatePtr again_;  // instead of a planner, a job of the same query
   bool keep_on_cpu_ = false;
 };
 

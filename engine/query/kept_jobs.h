@@ -1,10 +1,9 @@
-// Jobs that have answered, kept for the same question in other configurations.
+// Finished jobs, kept for the same query in other configurations.
 //
-// A planner asks about one configuration a call, thousands of times: the same pairs, the same margins, the same bodies
-// around it. Making ready for that takes longer than the answer: the query is checked, its pairs are listed, boxes of
-// all bodies are made, and memory for all of it is found. A job that is kept has done so. Asked again it answers other
-// configurations on the same snapshot, with the bits that a new one would give: nothing of an answer depends on what
-// was answered before (tests/engine/query/test_kept_jobs.cpp).
+// A motion planner queries one configuration per call, thousands of times, with the same pairs, margins and surrounding
+// bodies. Preparation takes longer than the answer: checking the query, listing its pairs, and making boxes of all
+// bodies. A kept job has done all that, and answers other configurations on the same snapshot bit for bit as a new one
+// would: no answer depends on earlier ones (tests/engine/query/test_kept_jobs.cpp).
 #pragma once
 
 #include <cstdint>
@@ -16,37 +15,37 @@
 
 namespace clearance {
 
-/// The jobs of the last questions. Thread-safe; a job has one asker at a time.
+/// Jobs of the last queries. Thread-safe; a job has one user at a time.
 class KeptJobs {
  public:
-  static constexpr std::size_t kJobs = 8;  ///< of questions that are asked by turns, or by so many threads
+  static constexpr std::size_t kJobs = 8;  ///< for as many alternating queries or threads
 
-  /// \param scene must outlive this.
+  /// \param scene must outlive this
   explicit KeptJobs(const Scene& scene);
 
-  /// Whether the job of a query may be kept: it is small, and its answer depends on nothing but its question, its
-  /// configurations and the snapshot, neither on the clock nor on warm state.
+  /// Whether the job of a query may be kept: it is small, and its answer depends only on its key, its configurations
+  /// and the snapshot, but not on the clock or warm state.
   bool keeps(const QueryView& query) const;
-  /// Whether one of so many pair-configurations may, once they are counted.
+  /// Whether a query of this size may be kept, once its pairs are counted.
   static bool keeps(const QuerySize& size);
 
-  /// A job that answered the same question on the same snapshot, with the configurations of `query` as its plan's;
-  /// null: there is none. Throws QueryError for configurations that are not as many numbers as the query says.
+  /// A job of the same query on the same snapshot, with the configurations of `query`, or null. Throws QueryError for a
+  /// number of configurations other than the query's.
   Job::StatePtr take(const QueryView& query, const std::shared_ptr<const PoseSnapshot>& snapshot);
-  /// Takes a job back whose answer is whole.
+  /// Puts back a job whose answer is complete.
   void put_back(std::unique_ptr<Job::State> job);
 
-  std::uint64_t asked_again() const;  ///< how often a job was taken
+  std::uint64_t asked_again() const;  ///< number of jobs taken
 
  private:
   struct Kept {
     std::unique_ptr<Job::State> job;
-    std::weak_ptr<const PoseSnapshot> snapshot;  // nobody holds an old one for a job that waits
+    std::weak_ptr<const PoseSnapshot> snapshot;  // weak, so that a waiting job keeps no old snapshot alive
   };
 
   bool keeps_any_;
   mutable std::mutex mutex_;
-  std::vector<Kept> jobs_;  // the one that came back last at the end
+  std::vector<Kept> jobs_;  // the last one put back is at the end
   std::uint64_t asked_again_ = 0;
 };
 

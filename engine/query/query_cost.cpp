@@ -29,7 +29,7 @@ std::uint64_t units_of(const Body& body, const Surface* surface) {
 
 }  // namespace
 
-void SceneCost::Side::add(const Side& other) {
+void SceneCost::SelectorCost::add(const SelectorCost& other) {
   bodies += other.bodies;
   pieces += other.pieces;
   units += other.units;
@@ -37,27 +37,27 @@ void SceneCost::Side::add(const Side& other) {
 
 SceneCost::SceneCost(const Scene& scene) : scene_(&scene) {
   for (const Body& body : scene.bodies()) {
-    Side& side = bodies_.emplace_back(Side{1, body.pieces.size(), 0});
+    SelectorCost& side = bodies_.emplace_back(SelectorCost{1, body.pieces.size(), 0});
     for (const PiecePtr& piece : body.pieces)
       side.units += WorkMeter::units_of(*piece) + units_of(body, piece->surface.get());
     all_.add(side);
   }
   for (const Group& group : scene.groups()) {
-    Side& side = groups_.emplace_back();
+    SelectorCost& side = groups_.emplace_back();
     for (const std::uint32_t body : group.bodies) side.add(bodies_[body]);
   }
 }
 
-SceneCost::Side SceneCost::side(std::uint32_t selector) const {
+SceneCost::SelectorCost SceneCost::side(std::uint32_t selector) const {
   if (selector == kEveryBody) return all_;
   const bool is_group = selector & kGroupBit;
-  const std::vector<Side>& known = is_group ? groups_ : bodies_;
+  const std::vector<SelectorCost>& known = is_group ? groups_ : bodies_;
   const std::uint32_t at = is_group ? selector & ~kGroupBit : selector;
-  return at < known.size() ? known[at] : Side{1, 0, 0};
+  return at < known.size() ? known[at] : SelectorCost{1, 0, 0};
 }
 
 /// \param are_same both sides are the same bodies: each pair of them counts once
-void SceneCost::add_pairs(QueryCost& extent, const Side& a, const Side& b, bool are_same) {
+void SceneCost::add_pairs(QueryCost& extent, const SelectorCost& a, const SelectorCost& b, bool are_same) {
   const std::uint64_t ordered = times(a.bodies, b.bodies);
   extent.pairs = plus(extent.pairs, are_same ? (ordered - a.bodies) / 2 : ordered);
   extent.piece_pairs = plus(extent.piece_pairs, times(a.pieces, b.pieces));
@@ -73,12 +73,12 @@ QueryCost SceneCost::of(const QueryView& query, const PoseSnapshot& snapshot) co
   const bool moves = !query.bodies.empty() || !query.joints.empty();
   if (!query.all_pairs) {
     for (const BodyPair pair : query.pairs) {
-      const Side a = side(pair.a), b = side(pair.b);
+      const SelectorCost a = side(pair.a), b = side(pair.b);
       add_pairs(extent, a, b, pair.a == pair.b && a.bodies > 1);
     }
     extent.listed = extent.pairs;
   } else {
-    Side moved;
+    SelectorCost moved;
     std::vector<std::uint32_t> known;
     for (const std::uint32_t body : query.bodies)
       if (body < bodies_.size()) known.push_back(body);

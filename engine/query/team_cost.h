@@ -1,9 +1,9 @@
-// Whether work is worth a team of OpenMP's threads.
+// Decides whether work is worth a team of OpenMP threads.
 //
-// A team ends when its last thread does. Where other processes keep the cores busy, that thread may wait for a core for
-// many milliseconds, spinning threads of the team make it wait longer, and libgomp reads its wait policy only once,
-// when the process loads it. So work begins on the calling thread, and a team takes over what is left if that is more
-// than teams have cost lately.
+// A team ends when its last thread does. If other processes keep the cores busy, that thread may wait many milliseconds
+// for a core, and spinning threads of the team prolong the wait; libgomp reads its wait policy only when the process
+// loads it. So work begins on the calling thread, and a team takes over the rest if that is more than teams have cost
+// lately.
 #pragma once
 
 #include <chrono>
@@ -12,7 +12,7 @@
 
 namespace clearance {
 
-/// What a team has cost lately beyond the work of its threads. Thread-safe.
+/// Recent cost of a team beyond the work of its threads. Thread-safe.
 class TeamCost {
  public:
   using Clock = std::chrono::steady_clock;
@@ -20,11 +20,12 @@ class TeamCost {
 
   static constexpr Nanoseconds kLeast{100'000};          ///< on a quiet machine
   static constexpr Nanoseconds kFirst{500'000};          ///< until a team has been measured
-  static constexpr Nanoseconds kHalving{1'000'000'000};  ///< as long without a team halves it
+  static constexpr Nanoseconds kHalving{1'000'000'000};  ///< time without a team that halves the cost
 
   /// Whether work that takes one thread `left_s` seconds is worth a team of `threads`.
   bool is_worth(double left_s, int threads, Clock::time_point now) const;
-  /// \param took of a team, by the clock. \param worked of its threads, by the processors' clocks, in all
+  /// \param took of a team, by the clock
+  /// \param worked of all its threads, by processor time
   void learn(Nanoseconds took, Nanoseconds worked, Clock::time_point now);
   void set(Nanoseconds cost, Clock::time_point now);
 
@@ -36,10 +37,10 @@ class TeamCost {
   Clock::time_point learned_ = Clock::now();
 };
 
-/// Of this process: its teams compete for the same cores.
+/// The cost in this process, whose teams compete for the same cores.
 TeamCost& team_cost();
 
-/// How long the calling thread has run on a core.
+/// Processor time of the calling thread.
 std::chrono::nanoseconds thread_time();
 
 }  // namespace clearance

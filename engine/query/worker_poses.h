@@ -24,7 +24,7 @@ class WorkerPoses {
     while (placed_.size() < count) placed_.emplace_back(scene_, plan_, boxes_);
     if (placed_[0].stands_at(first) && placed_[count - 1].stands_at(first + count - 1)) return {placed_.data(), count};
     const std::size_t moved = plan_.bodies.size();
-    const ConfigurationPoses::Block given = given_.at(first, count);
+    const ConfigurationPoses::PoseBlock given = given_.at(first, count);
     rotations_.resize(count * moved);
     rotations_of(given.poses, rotations_);
     for (std::uint64_t i = 0; i < count; ++i)

@@ -65,7 +65,7 @@ void BoxCull::gaps_across(std::span<const BodyPair> pairs, std::span<const BodyP
     } else {
       for (const std::uint32_t body : {a, b})  // before the sides are taken: moved_ may grow
         if (placed[0].moves(body)) side(body, placed);
-      const Side at_a = side(a, placed), at_b = side(b, placed);
+      const BodyBoxes at_a = side(a, placed), at_b = side(b, placed);
       if (at_a.box && at_b.box)
         std::fill(row_.begin(), row_.end(), certify_box_gap(*at_a.box, *at_b.box));
       else if (at_a.box)
@@ -79,7 +79,7 @@ void BoxCull::gaps_across(std::span<const BodyPair> pairs, std::span<const BodyP
   }
 }
 
-BoxCull::Side BoxCull::side(std::uint32_t body, std::span<const BodyPoses> placed) {
+BoxCull::BodyBoxes BoxCull::side(std::uint32_t body, std::span<const BodyPoses> placed) {
   if (!placed[0].moves(body)) return {&boxes_[body], {}};
   std::uint32_t& at = moved_at_[body];
   if (at == kNone) {

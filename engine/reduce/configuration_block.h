@@ -1,4 +1,4 @@
-// Configurations reduced side by side.
+// Reduces several configurations together.
 #pragma once
 
 #include <cstdint>
@@ -11,24 +11,25 @@
 
 namespace clearance {
 
-/// Reduces a block of configurations at a time: boxes are compared for all of them at once, and what their reductions
-/// ask for next is answered together, so that lanes find many pairs of the same two hulls. Each worker has its own.
+/// Compares the boxes of a whole block of configurations at once, and evaluates the pairs of all its reductions
+/// together, so that lanes share the same two hulls. Each worker has its own.
 class ConfigurationBlock {
  public:
-  /// How many configurations a block has at most, so that its memory is bounded, and the time until others may have
-  /// their turn. \param by_tree see NearPairs. \param with_boxes those of all bodies are made beforehand
+  /// Limit on the configurations of a block, which bounds its memory and the time of a slice.
+  /// \param by_tree see NearPairs
+  /// \param with_boxes whether boxes of all bodies exist
   static std::uint64_t most(const Scene& scene, const Plan& plan, bool by_tree, bool with_boxes, int workers);
 
-  /// \param boxes must outlive this, as must the others.
+  /// The arguments must outlive this.
   ConfigurationBlock(const Scene& scene, const Plan& plan, const EvaluateOptions& options,
                      const Reduction::Boxes& boxes, std::uint64_t most);
 
   bool has_begun() const { return !placed_.empty(); }
-  /// \param placed configurations [first, first + placed.size()) of the plan; must stay until rows are taken.
+  /// \param placed configurations [first, first + placed.size()) of the plan; must stay valid until end()
   void begin(std::span<const BodyPoses> placed, std::uint64_t first);
-  /// Goes on until the slice is over. Returns true once all are reduced.
+  /// Continues until the slice is over. Returns true once all are reduced.
   bool advance(WorkMeter& meter);
-  /// Hands out the rows of each configuration, and how many pairs were evaluated in all.
+  /// Returns the number of evaluated pairs, and moves out the rows of each configuration.
   std::uint64_t end(std::span<std::vector<Row>> rows);
 
  private:
@@ -37,7 +38,7 @@ class ConfigurationBlock {
   void take();
 
   const Plan& plan_;
-  bool compares_boxes_;  // of all pairs beforehand
+  bool compares_boxes_;  // of all pairs first
   BoxCull cull_;
   Evaluator evaluator_;
   std::vector<Reduction> reductions_;
@@ -47,7 +48,7 @@ class ConfigurationBlock {
   std::vector<BodyPair> room_;
   bool is_asked_ = false;
   std::vector<PlacedBodies> asked_;
-  std::vector<std::size_t> asked_end_;  // of each configuration: in asked_
+  std::vector<std::size_t> asked_end_;  // by configuration: end in asked_
   std::vector<PairAnswer> answers_;     // (asked_.size(),) and more
 };
 

@@ -1,9 +1,8 @@
-// Which pairs of a query may be near, without a look at each: a tree over the bodies' boxes where it pays.
+// Near pairs of a query, found without comparing all pairs: by a tree over the bodies' boxes where it pays.
 //
-// The pairs are found by probes: bodies of which every pair of the query has one. Of a scene's whole table all bodies
-// ask; of moved bodies or a group against everything, those few do. A probe looks among bodies that stay where the
-// snapshot has them, in a tree that the engine keeps from query to query, and among those that a configuration moves,
-// in a tree of the worker's own.
+// Pairs are found by probes: bodies that have a pair of the query each. For the scene's whole table all bodies are
+// probes; for moved bodies or a group against everything, only those few. A probe searches two trees: the engine's tree
+// of bodies that stay, kept between queries, and the worker's tree of bodies that a configuration moves.
 #pragma once
 
 #include <cstdint>
@@ -19,27 +18,27 @@
 
 namespace clearance {
 
-/// How near pairs are found.
+/// Method of finding near pairs.
 enum class NearBy { kAuto, kBrute, kTree };
 /// "auto", "brute" or "tree"; throws std::invalid_argument for another name.
 NearBy near_by_name(std::string_view name);
 
-/// The policy of kAuto: whether a tree is expected to be faster than comparing the boxes of all pairs, eight at a time.
+/// Policy of kAuto: whether a tree is expected to be faster than comparing the boxes of all pairs, eight at a time.
 /// Measured by clearance-broad (docs/performance.md).
 bool tree_pays(std::uint64_t bodies, std::uint64_t pairs, std::uint64_t probes);
 
-/// The trees of the last queries, which fit to the next ones if bodies have moved but a little. Thread-safe; a tree
-/// belongs to one job at a time.
+/// Trees of the last queries, which fit the next ones if bodies have moved little. Thread-safe; a tree belongs to one
+/// job at a time.
 class BoxTreeStore {
  public:
-  static constexpr std::size_t kTrees = 4;  ///< of jobs that ran at a time; about 60 bytes a body each
+  static constexpr std::size_t kTrees = 4;  ///< of concurrent jobs; about 60 bytes per body each
 
-  /// The tree that was put back last, or an empty one.
+  /// The last tree put back, or an empty one.
   std::unique_ptr<BoxTree> take();
-  /// \param builds made while it was away.
+  /// \param builds made since take()
   void put_back(std::unique_ptr<BoxTree> tree, std::uint64_t builds);
   std::uint64_t bytes() const;
-  std::uint64_t builds() const;  ///< new orders made so far
+  std::uint64_t builds() const;  ///< number of builds so far
 
  private:
   mutable std::mutex mutex_;
@@ -47,26 +46,26 @@ class BoxTreeStore {
   std::uint64_t builds_ = 0;
 };
 
-/// Of one job; read by all its workers.
+/// Near pairs of one job, shared by its workers.
 class NearPairs {
  public:
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
 
-  /// \param boxes of all bodies in the snapshot; empty: none were made, and there is no tree.
+  /// \param boxes of all bodies in the snapshot; without them there is no tree
   NearPairs(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes, BoxTreeStore& store, NearBy by);
   ~NearPairs();
   NearPairs(const NearPairs&) = delete;
   NearPairs& operator=(const NearPairs&) = delete;
 
   bool by_tree() const { return tree_ != nullptr; }
-  /// Whether the pairs are all of the scene's table, and nothing moves.
+  /// Whether the pairs are the scene's whole table, and nothing moves.
   bool whole_table() const { return table_ != nullptr; }
   const BoxTree& tree() const { return *tree_; }                     ///< of bodies that stay
-  std::span<const std::uint32_t> probes() const { return probes_; }  ///< neighbours near each other
+  std::span<const std::uint32_t> probes() const { return probes_; }  ///< spatial neighbours are near each other
   bool asks(std::uint32_t body) const { return asks_[body]; }
-  /// Where the query has a pair, in either order; kNowhere: it does not ask for it.
+  /// Position of a pair, in either order, in the query, or kNowhere.
   std::uint64_t position(std::uint32_t a, std::uint32_t b) const;
-  /// Where a whole table has a body's first pair; kNowhere: it has none.
+  /// Position of a body's first pair in a whole table, or kNowhere.
   std::uint64_t first_position(std::uint32_t body) const;
 
  private:
@@ -83,15 +82,15 @@ class NearPairs {
   std::uint64_t builds_before_ = 0;
 };
 
-/// The trees as one worker asks them, in one configuration after another.
+/// Search of the trees by one worker, in one configuration after another.
 class TreeSearch {
  public:
   TreeSearch(const Scene& scene, const Plan& plan, const NearPairs& near_pairs)
       : scene_(scene), plan_(plan), near_pairs_(near_pairs) {}
 
-  /// Before anything is asked of a configuration.
+  /// Sets the configuration. Call this before any search in it.
   void stand(const BodyPoses& placement);
-  /// Bodies that cannot be placed: no tree knows them.
+  /// Bodies without a usable pose, which no tree contains.
   std::span<const std::uint32_t> unplaced() const { return unplaced_; }
 
   struct Seed {
@@ -99,13 +98,13 @@ class TreeSearch {
     std::uint64_t position;
     friend auto operator<=>(const Seed&, const Seed&) = default;
   };
-  /// The least of `best` and of the query's pairs of a body.
+  /// The least of `best` and the pairs of a body.
   Seed nearest(std::uint32_t body, Seed best) const;
-  /// Appends where the query has the pairs of a probe whose gap is <= margin. \param all false: only those that no
-  /// other probe finds as well.
+  /// Appends the positions of a probe's pairs whose gap is <= margin.
+  /// \param all false for only those that no other probe finds as well
   void around(std::uint32_t body, double margin, bool all, std::vector<std::uint64_t>& positions) const;
-  /// Appends where a whole table has the pairs of a body in blocks [first, last) of the tree and a body there or in a
-  /// later one, whose gap is <= margin.
+  /// Appends the positions in a whole table of pairs whose gap is <= margin, of a body in blocks [first, last) of the
+  /// tree with a body there or in a later block.
   void pairs(std::uint32_t first, std::uint32_t last, double margin, std::vector<std::uint64_t>& positions);
 
  private:
@@ -116,9 +115,9 @@ class TreeSearch {
   const Plan& plan_;
   const NearPairs& near_pairs_;
   const BodyPoses* placement_ = nullptr;
-  std::uint64_t stood_at_ = 0;  // meaningful if there is a placement
+  std::uint64_t stood_at_ = 0;  // valid if there is a placement
   std::vector<std::uint32_t> unplaced_, slots_;
-  std::size_t staying_unplaced_ = 0;  // of unplaced_, the first
+  std::size_t staying_unplaced_ = 0;  // first entries of unplaced_
   std::vector<Aabb> boxes_;           // of plan_.moved
   BoxTree moving_;
   std::vector<BodyPair> room_;

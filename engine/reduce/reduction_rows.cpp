@@ -88,20 +88,20 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
         rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement));
     return rows;
   }
-  struct Candidates {
+  struct GroupResult {
     CandidateRank best;
     const PairAnswer* winner = nullptr;
     double lower = kInf;                                  // the least of all
     std::uint64_t lower_place = CandidateRank::kNowhere;  // of the first that has it
   };
-  std::vector<Candidates> groups(groups_);
+  std::vector<GroupResult> groups(groups_);
   const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
     if (std::isnan(answer.distance)) return;  // scans have noted pairs without usable poses
     const double lower =
         options_.reference ? answer.lower : lower_with_box(answer.lower, box_gap(scene_, placement, pair));
     const CandidateRank rank = rank_of(answer.lower, answer.upper, position);
     for_groups(pair, [&](std::uint32_t g) {
-      Candidates& group = groups[g];
+      GroupResult& group = groups[g];
       if (lower < group.lower || (lower == group.lower && position < group.lower_place)) {
         group.lower = lower;
         group.lower_place = position;
@@ -115,7 +115,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
   for (std::size_t i = 0; i < candidates_.size(); ++i)
     offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
   for (std::size_t g = 0; g < groups_; ++g) {
-    const Candidates& group = groups[g];
+    const GroupResult& group = groups[g];
     const std::uint64_t unusable = unusable_[g];
     // Only a proved overlap is the least distance whatever the pairs without usable poses are.
     if (unusable != kNoPair && !(group.winner && group.winner->upper <= 0)) {

@@ -6,9 +6,9 @@
 
 namespace clearance {
 
-/// Holds all points of a body's pieces, and of what they stand for; body axes. Of a frame: its origin.
+/// Contains all points of a body's parts and of its exact geometry, in body axes. For a frame, its origin.
 LinkBall ball_around(const Body& body);
-/// Metres: no point of a body's pieces is farther from its origin; +inf for a half-space, 0 for a frame.
+/// Bound on the distance of a body's parts from its origin, in metres; +inf for a half-space, 0 for a frame.
 double extent_of(const Body& body);
 
 }  // namespace clearance

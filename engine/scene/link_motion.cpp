@@ -65,7 +65,7 @@ std::vector<std::uint8_t> LinkMotion::row_facts(std::span<const double> row) con
 }
 
 void LinkMotion::make(std::span<const double> rows, std::size_t count, Pose* poses, std::uint8_t* facts,
-                      std::size_t stride, Scratch& scratch) const {
+                      std::size_t stride, LinkScratch& scratch) const {
   const Kinematics& kinematics = robot_->kinematics;
   const std::size_t columns = positions_.size(), links = kinematics.links(), width = rows.size() / count;
   assert(rows.size() == count * width);
@@ -96,7 +96,7 @@ void LinkMotion::make(std::span<const double> rows, std::size_t count, Pose* pos
   }
 }
 
-void LinkMotion::travels(std::size_t k, double* travels, Scratch& scratch) const {
+void LinkMotion::travels(std::size_t k, double* travels, LinkScratch& scratch) const {
   const std::size_t columns = positions_.size();
   scratch.travels.resize(robot_->kinematics.links());
   robot_->kinematics.travels(std::span(scratch.positions).subspan(k * columns, columns), scratch.travels);

@@ -1,4 +1,4 @@
-// Where joint positions put the links of a robot, each in the frame of the body that it follows.
+// Poses of a robot's links from joint positions, each in the frame of the body that it follows.
 #pragma once
 
 #include <cstddef>
@@ -10,21 +10,21 @@
 
 namespace clearance {
 
-/// What is to be said of a link beside its pose, as bits.
+/// Facts about a link in addition to its pose, as bits.
 enum LinkFact : std::uint8_t {
   kLinkUnplaced = 1,      ///< a joint on the way to it has no position
   kLinkBeyondLimits = 2,  ///< a joint on the way to it is beyond its limits
-  kLinkBad = 4,           ///< a position on the way to it is no number, or beyond kMaxPosition: its pose is NaN
+  kLinkBad = 4,           ///< a position on the way to it is NaN or beyond kMaxPosition, so its pose is NaN
 };
 
-/// Some joints of one robot move, and its others stay where they are. Immutable; any number of threads may use one.
+/// Motion of some joints of a robot while its others stay. Immutable and thread-safe.
 class LinkMotion {
  public:
-  /// A joint that moves: a column of the robot, and where a row has its position.
+  /// A moving joint: a column of the robot, and its index in a row of positions.
   struct Moving {
     std::uint32_t column, at;
   };
-  struct Scratch {
+  struct LinkScratch {
     std::vector<double> positions;
     std::vector<Pose> poses;
     std::vector<Status> status;
@@ -32,27 +32,31 @@ class LinkMotion {
     std::vector<double> travels;        // of all links
   };
 
-  /// All links that joints place, where the joints stand.
+  /// Places all links at the given positions.
   LinkMotion(const SceneRobot& robot, std::span<const double> positions, std::span<const std::uint8_t> given);
-  /// \param positions, given of all columns. \param moving without repeats
+  /// \param positions, given of all columns
+  /// \param moving without repeats
   LinkMotion(const SceneRobot& robot, std::span<const double> positions, std::span<const std::uint8_t> given,
              std::vector<Moving> moving);
 
-  /// Those that the moving joints move, ascending.
+  /// Links that the moving joints move, ascending.
   const std::vector<std::uint32_t>& links() const { return links_; }
   const std::vector<Moving>& moving() const { return moving_; }
   const SceneRobot& robot() const { return *robot_; }
-  /// What the kernels of a device make links of: of each column where it stays, 0 where there is no position that can
-  /// be used, and LinkFact bits. Of a moving one the facts are 0.
+  /// Input of the device kernels: the position of each column that stays, or 0 without a usable one, and its LinkFact
+  /// bits. The facts of moving columns are 0.
   std::span<const double> positions() const { return positions_; }
   std::span<const std::uint8_t> column_facts() const { return column_facts_; }
 
-  /// \param rows (count, J) positions. \param poses of links() of row k from k * stride on. \param facts LinkFact bits,
-  /// likewise
+  /// Computes links() for `count` rows.
+  /// \param rows (count, J) positions
+  /// \param poses of links() of row k, from k * stride on
+  /// \param facts LinkFact bits, likewise
   void make(std::span<const double> rows, std::size_t count, Pose* poses, std::uint8_t* facts, std::size_t stride,
-            Scratch& scratch) const;
-  /// Kinematics::travels() of links() in row k of those that make() placed last. \param travels (links(),)
-  void travels(std::size_t k, double* travels, Scratch& scratch) const;
+            LinkScratch& scratch) const;
+  /// Kinematics::travels() of links() in row k of the last make().
+  /// \param travels (links(),)
+  void travels(std::size_t k, double* travels, LinkScratch& scratch) const;
 
  private:
   void take_positions(std::span<const double> positions, std::span<const std::uint8_t> given);
@@ -60,13 +64,13 @@ class LinkMotion {
 
   const SceneRobot* robot_;
   std::vector<Moving> moving_;
-  std::vector<double> positions_;           // of all columns; 0 where there is none that can be used
-  std::vector<std::uint8_t> column_facts_;  // of those that stay
+  std::vector<double> positions_;           // of all columns; 0 without a usable one
+  std::vector<std::uint8_t> column_facts_;  // of columns that stay
   std::vector<std::uint8_t> link_facts_;    // of links(), through joints that stay
   std::vector<std::uint32_t> links_;
 };
 
-/// By link: what `join` makes of all columns on the way to it; T() where there are none.
+/// By link: all columns on the way to it combined by `join`, or T() without any.
 template <class T, class Join>
 std::vector<T> along_links(const SceneRobot& robot, std::span<const T> of_columns, Join join) {
   std::vector<T> links(robot.kinematics.links()), frames(robot.kinematics.roots().size());
@@ -84,7 +88,7 @@ std::vector<T> along_links(const SceneRobot& robot, std::span<const T> of_column
 /// By link: the bits of all columns on the way to it.
 std::vector<std::uint8_t> bits_along_links(const SceneRobot& robot, std::span<const std::uint8_t> of_columns);
 
-/// What a position says of its column, whose limits these are.
+/// Facts about a position, given the limits of its column.
 CLEARANCE_HD inline std::uint8_t position_fact(double lower, double upper, double position) {
   if (!(-kMaxPosition <= position && position <= kMaxPosition)) return kLinkBad;
   return position < lower || position > upper ? kLinkBeyondLimits : 0;

@@ -1,5 +1,5 @@
-// Warnings about meshes that probably mean something else than they are taken for: the hull of a mesh that is far from
-// convex, and a mesh so large that its file is probably in millimetres.
+// Warnings about meshes that are probably not meant so: a hull far from its mesh, and a mesh so large that its file is
+// probably in millimetres.
 #pragma once
 
 #include <cstdint>
@@ -10,15 +10,15 @@
 
 namespace clearance {
 
-/// A body whose pieces stand out of its mesh by more than this share of its size is warned about.
+/// Share of a body's size above which a distance between its parts and its mesh gives a warning.
 inline constexpr double kHullExcessShare = 0.02;
 
-/// Width (largest edge of the bounding box, metres) from which a mesh is probably not in metres.
+/// Width (largest edge of the bounding box, in metres) above which a mesh is probably not in metres.
 inline constexpr double kLargeMesh = 50;
 
 struct MeshWarning {
   std::uint32_t body;  ///< its id
-  std::string text;    ///< with figures and, for an open mesh, the file and an edge
+  std::string text;    ///< with numbers and, for an open mesh, the file and an edge
 };
 /// Warnings about the bodies from `first` on, by id. Bodies that share a mesh are checked once.
 std::vector<MeshWarning> mesh_warnings(const Scene& scene, std::uint32_t first = 0);

@@ -1,4 +1,4 @@
-// The robots of a scene file.
+// Robots of a scene file.
 #pragma once
 
 #include <functional>
@@ -13,27 +13,27 @@ namespace clearance {
 struct RobotPlan {
   YamlValue place;
   std::string name;
-  RobotOptions options;  ///< but its parent, which may come later in the file
+  RobotOptions options;  ///< except the parent, which may come later in the file
   std::optional<YamlValue> parent;
   bool is_live = false;
 };
 
-/// The file or folder that a value of the scene file names.
+/// Returns the path of a file or folder that a value names.
 using ResolvePath = std::function<std::string(const YamlValue&)>;
 
-/// What the body of a mesh is. Throws SceneError.
+/// Reads the geometry of a mesh. Throws SceneError.
 Convexify read_convexify(const YamlValue& value);
 
-/// What is not known of a body's pose, or of a link's. Throws SceneError.
+/// Reads the uncertainty of a body's or link's pose. Throws SceneError.
 Uncertainty read_uncertainty(const YamlValue& value);
 
-/// Whether a scene file is a URDF: XML, which no scene file begins like.
+/// Whether a scene file is a URDF: it begins as XML.
 bool is_robot_file(const std::string& path);
 
-/// The scene of a URDF alone: a robot of the URDF's name, without positions at load. Throws SceneError.
+/// Makes a scene of a URDF: a robot with the URDF's name, without positions at load. Throws SceneError.
 Scene scene_of_robot(const std::string& path, bool allow_outside);
 
-/// One of the list `robots`. Throws SceneError.
+/// Reads an entry of the list `robots`. Throws SceneError.
 RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve);
 
 }  // namespace clearance

@@ -1,4 +1,4 @@
-// A YAML file as a tree whose every access checks what it finds and names the place of what is wrong.
+// Typed access to a YAML file. Errors name the place of the value.
 #pragma once
 
 #include <cstdint>
@@ -15,22 +15,22 @@ namespace clearance {
 
 struct YamlTree;
 
-/// One value of the file, with its place. Every failing call throws SceneError "file:line: bodies[3].radius: ...".
+/// A value of the file, with its place. All failures throw SceneError "file:line: bodies[3].radius: ...".
 class YamlValue {
  public:
-  /// Reads a file of one document. Bounded in bytes, values and depth; an alias costs nothing here.
+  /// Reads a file of one document. Limits its bytes, values and depth; an alias is not expanded.
   static YamlValue load(const std::string& path);
 
   bool is_map() const;
   bool is_list() const;
   bool is_text() const;  ///< a scalar, also one that reads as a number
 
-  /// Ends with SceneError at this place.
+  /// Throws SceneError at this place.
   [[noreturn]] void fail(const std::string& message) const;
-  /// The same: "expected <expected>, got <what is here>".
+  /// Throws "expected <expected>, got <value>".
   [[noreturn]] void fail_expected(const std::string& expected) const;
 
-  /// Any scalar, as it stands.
+  /// Any scalar, unchanged.
   std::string text(const std::string& expected) const;
   bool boolean() const;
   double number(const std::string& expected = "a number") const;    ///< finite
@@ -38,12 +38,13 @@ class YamlValue {
   double not_negative() const;                                      ///< >= 0
   std::int64_t integer(std::int64_t low, std::int64_t high) const;  ///< "1e3" is an integer as well
   std::uint64_t unsigned_integer() const;
-  /// A list of exactly `count` numbers. \param expected "7 numbers [x, y, z, qw, qx, qy, qz]".
+  /// A list of exactly `count` numbers.
+  /// \param expected such as "7 numbers [x, y, z, qw, qx, qy, qz]"
   std::vector<double> numbers(std::size_t count, const std::string& expected) const;
   std::vector<Vec3d> vectors() const;  ///< a list of [x, y, z]
-  /// [x, y, z, qw, qx, qy, qz] that can be used. Warns of a quaternion that looks like one in the order x, y, z, w.
+  /// A usable pose [x, y, z, qw, qx, qy, qz]. Warns of a quaternion that is probably in the order x, y, z, w.
   Pose pose() const;
-  /// What pose() warned of in this file, with places.
+  /// Warnings of pose() about this file, with places.
   const std::vector<std::string>& warnings() const;
 
   std::size_t size() const;  ///< entries of a list or map
@@ -51,9 +52,9 @@ class YamlValue {
   /// Keys and values in the file's order; keys are distinct scalars.
   std::vector<std::pair<std::string, YamlValue>> map(const std::string& expected) const;
 
-  /// A value by its key; of a map only.
+  /// The value of a key, or null; of a map only.
   std::unique_ptr<YamlValue> find(const std::string& key) const;
-  /// Fails for a key that is not among the known ones, and suggests the nearest.
+  /// Fails for an unknown key, and suggests the nearest known one.
   void check_keys(std::initializer_list<const char*> known) const;
 
  private:

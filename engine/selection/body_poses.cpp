@@ -75,7 +75,8 @@ BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb>
   if (!boxes.empty()) piece_boxes_.resize(pieces);
 }
 
-void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations) {
+void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
+                          std::span<const Mat3d> rotations) {
   if (stands_at(k)) return;
   const std::size_t count = plan_.bodies.size();
   assert(rotations.size() == count && given.poses.size() == count &&

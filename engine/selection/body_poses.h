@@ -1,4 +1,4 @@
-// Where the bodies of a query are.
+// Poses of the bodies of a query.
 #pragma once
 
 #include <cstdint>
@@ -11,21 +11,23 @@
 
 namespace clearance {
 
-/// Where all bodies are in one configuration: a snapshot with some bodies moved. Each worker has its own.
+/// Poses of all bodies in one configuration: a snapshot with some bodies moved. Each worker has its own.
 class BodyPoses {
  public:
-  /// \param boxes of all bodies in the snapshot; empty: made when asked for. All must outlive this.
+  /// The arguments must outlive this.
+  /// \param boxes of all bodies in the snapshot; computed on request if empty
   BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes);
 
-  /// Moves to configuration k of the plan; nothing to do where it has none. \param given (1, M) of it. \param rotations
-  /// (M,) of its poses
-  void configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations);
-  /// How many a worker may have of a plan's configurations, so that their memory is bounded.
+  /// Moves to configuration k of the plan, if it has any.
+  /// \param given (1, M) of it
+  /// \param rotations (M,) of its poses
+  void configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given, std::span<const Mat3d> rotations);
+  /// Limit on the configurations that a worker keeps, which bounds their memory.
   static std::uint64_t most(const Scene& scene, const Plan& plan);
 
   bool moves_any() const { return !moved_slot_.empty(); }
   bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
-  /// Plan::number() of the one that it was moved to last; the same value always where nothing moves.
+  /// Plan::number() of the present configuration; constant if nothing moves.
   std::uint64_t number() const { return number_; }
   bool stands_at(std::uint64_t k) const { return moved_slot_.empty() || plan_.number(k) == number_; }
 
@@ -33,7 +35,7 @@ class BodyPoses {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
   }
   bool has_uncertainties() const { return !plan_.uncertainties.empty(); }
-  /// What is not known of a body, where anything is.
+  /// Uncertainty of a body, if has_uncertainties().
   const PoseUncertainty& uncertainty(std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.uncertainties[body]
                                                              : moved_uncertainties_[moved_slot_[body]];
@@ -42,19 +44,19 @@ class BodyPoses {
     const Slack known = plan_.uncertainties.empty() ? Slack() : uncertainty(body).slack;
     return errors_.empty() ? known : known + beside_chains(body);
   }
-  /// The part of it that ConfigurationPoses::Block::errors is.
+  /// The part of slack() from ConfigurationPoses::PoseBlock::errors.
   Slack beside_chains(std::uint32_t body) const {
     if (errors_.empty() || !moves(body)) return {};
     return {errors_[moved_slot_[body]], errors_[moved_slot_[body]]};
   }
-  /// A box around the true body; empty (low > high) without a usable pose.
+  /// A box around the exact body; empty (low > high) without a usable pose.
   Aabb box(std::uint32_t body) const;
-  /// The same where it has been made already; else null.
+  /// The box if it exists already, otherwise null.
   const Aabb* known_box(std::uint32_t body) const {
     if (boxes_.empty()) return nullptr;
     return moved_slot_.empty() || moved_slot_[body] == kNone ? &boxes_[body] : &moved_boxes_[moved_slot_[body]];
   }
-  /// Boxes of the pieces of a body that is moved and has a usable pose, where they have been made; else empty.
+  /// Boxes of the parts of a moved body with a usable pose, if they exist already, otherwise empty.
   std::span<const Aabb> known_piece_boxes(std::uint32_t body) const {
     if (piece_boxes_.empty() || moved_slot_[body] == kNone) return {};
     return std::span(piece_boxes_).subspan(first_piece_[moved_slot_[body]], scene_.bodies()[body].pieces.size());
@@ -65,26 +67,26 @@ class BodyPoses {
   const Plan& plan_;
   std::span<const Aabb> boxes_;
   std::uint64_t number_ = ~std::uint64_t{0};
-  std::vector<std::uint32_t> moved_slot_;  // of each body: index into moved_, or kNone; empty without configurations
+  std::vector<std::uint32_t> moved_slot_;  // by body: index into moved_, or kNone; empty without configurations
   std::vector<Pose> local_;                // of each moved body
-  std::vector<std::uint8_t> facts_;        // likewise, LinkFact bits
-  std::vector<const Mat3d*> rotation_of_;  // of local_, while a configuration is being placed
+  std::vector<std::uint8_t> facts_;        // of each moved body, LinkFact bits
+  std::vector<const Mat3d*> rotation_of_;  // of local_, during configure()
   std::vector<double> travels_;            // of local_: PlacedLink::travel
   std::vector<BodyPlacement> moved_;
-  std::vector<PoseUncertainty> moved_uncertainties_;  // empty where the plan has none
-  std::span<const double> errors_;                    // of each moved body, beside those; empty: none
+  std::vector<PoseUncertainty> moved_uncertainties_;  // empty if the plan has none
+  std::span<const double> errors_;                    // of each moved body, in addition; may be empty
   std::vector<Aabb> moved_boxes_;
   std::vector<Aabb> piece_boxes_;           // of all moved bodies
-  std::vector<std::uint32_t> first_piece_;  // of each moved body: in piece_boxes_
+  std::vector<std::uint32_t> first_piece_;  // by moved body: index into piece_boxes_
 };
 
-/// A box that holds the true body that a placed one stands for.
+/// A box that contains the exact body at a placement.
 Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack);
-/// What the joints between two links of one robot, on one root, may put their distance off by, metres: all that counts
-/// of how they are placed, since what carries both moves neither before the other. +inf: others, which have no such.
+/// Error of the distance of two links of one robot on one root from the joints between them, in metres. Errors of
+/// joints that carry both do not count. +inf for other bodies.
 double joints_between(const PoseUncertainty& a, const PoseUncertainty& b);
-/// The slack of a pair. Whoever knows that two bodies' doubts are in part the same ones says so here: links of one
-/// robot stand on one base, wherever that is, and share what the joints make that carry both.
+/// Slack of a pair. Accounts for uncertainty that its bodies share: links of one robot stand on one base, and share the
+/// errors of the joints that carry both.
 Slack pair_slack(const BodyPoses& placement, BodyPair pair);
 
 }  // namespace clearance

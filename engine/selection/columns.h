@@ -1,4 +1,4 @@
-// From answers to the caller's columns. For host and device.
+// Writes answers to the caller's columns. For host and device.
 #pragma once
 
 #include <algorithm>
@@ -10,26 +10,26 @@
 
 namespace clearance {
 
-/// An answer with its place: which pair, which configuration, and where the bodies' origins are.
+/// An answer with its pair, its configuration and the origins of the bodies.
 struct Row {
   BodyPair pair;
   std::uint32_t configuration = 0;
   PairAnswer answer;
   Vec3d origin_a{0, 0, 0}, origin_b{0, 0, 0};  ///< world frame
-  BodyPair pair_lower{kNone, kNone};           ///< whose lower bound is the answer's
-  std::vector<double> gradient_joints{};       ///< (J,); empty: not asked for
+  BodyPair pair_lower{kNone, kNone};           ///< pair of the answer's lower bound
+  std::vector<double> gradient_joints{};       ///< (J,), or empty if not requested
 };
 
 namespace detail {
 
-// Coordinate by coordinate: a loop over them would take a sum through memory, and wait for it there.
+// One coordinate at a time: a loop would pass a sum through memory, and wait for it there.
 CLEARANCE_HD inline void write(double* column, std::uint64_t index, const Vec3d& v) {
   column[3 * index] = v.x;
   column[3 * index + 1] = v.y;
   column[3 * index + 2] = v.z;
 }
 
-// The float nearest to x on the outer side, so that the interval only grows.
+// The nearest float on the outer side of x, so that the interval only grows.
 CLEARANCE_HD inline float float_below(double x) {
 #ifdef __CUDA_ARCH__
   return __double2float_rd(x);
@@ -45,12 +45,12 @@ CLEARANCE_HD inline float float_above(double x) {
   return f < x ? nextafterf(f, __builtin_inff()) : f;
 }
 
-/// The answer's interval in float32, which holds it.
+/// A float32 interval that contains the answer's.
 struct OuterBounds {
   float lower, upper;
 
   CLEARANCE_HD explicit OuterBounds(const PairAnswer& a) : lower(float_below(a.lower)), upper(float_above(a.upper)) {
-    if (!(lower <= a.lower)) lower = -__builtin_inff();  // where rounding is broken
+    if (!(lower <= a.lower)) lower = -__builtin_inff();  // if rounding is broken
     if (!(upper >= a.upper)) upper = __builtin_inff();
   }
 };
@@ -66,7 +66,7 @@ CLEARANCE_HD inline CompactAnswer compact(const PairAnswer& a) {
 }
 
 // d distance / d twist (angular in world axes; linear of the body's origin): the distance is n . (p_b - p_a), and each
-// point moves with its body. Where bodies overlap and no depth was asked for, the distance stays 0.
+// point moves with its body. It stays 0 for overlapping bodies without a depth.
 CLEARANCE_HD inline void write_gradient(double* g, const PairAnswer& a) {
   const bool flat = a.status == Status::kOverlap && a.distance == 0;
   const Vec3d turn_a = -cross(a.point_a, a.normal), turn_b = cross(a.point_b, a.normal);
@@ -80,7 +80,7 @@ CLEARANCE_HD inline void write_gradient(double* g, const PairAnswer& a) {
 
 }  // namespace detail
 
-/// Writes one row of the columns that kDefaultFields and kFieldBounds name, where they are there.
+/// Writes one row of the columns of kDefaultFields and kFieldBounds that exist.
 CLEARANCE_HD inline void write_interval(const ReplyView& reply, std::uint64_t index, const PairAnswer& a) {
   if (reply.distance) reply.distance[index] = a.distance;
   if (reply.lower) reply.lower[index] = a.lower;
@@ -92,7 +92,7 @@ CLEARANCE_HD inline void write_interval(const ReplyView& reply, std::uint64_t in
   reply.bounds[2 * index + 1] = bounds.upper;
 }
 
-/// Writes one row of every column there is, but gradient_joints.
+/// Writes one row of every column that exists, except gradient_joints.
 /// \param origin_a, origin_b of the bodies, world frame
 CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, BodyPair pair,
                                    std::uint32_t configuration, const PairAnswer& a, const Vec3d& origin_a,

@@ -12,7 +12,7 @@ constexpr std::uint64_t kTogether = kMostLanes;
 
 }  // namespace
 
-ConfigurationPoses::Block ConfigurationPoses::at(std::uint64_t first, std::uint64_t count) {
+ConfigurationPoses::PoseBlock ConfigurationPoses::at(std::uint64_t first, std::uint64_t count) {
   const std::size_t bodies = plan_.bodies.size();
   if (plan_.motions.empty()) return {plan_.configurations.subspan(first * bodies, count * bodies), {}, {}};
   if (plan_.round != round_ || first < first_ || first + count > first_ + count_) {

@@ -1,4 +1,4 @@
-// What decisions about pairs test: how far apart each pair has to be.
+// Margins: distances that decisions test pairs against.
 #pragma once
 
 #include <cstdint>
@@ -12,26 +12,26 @@ namespace clearance {
 
 class PairList;
 
-/// The margins of a query's pairs, by their positions.
+/// Margins of a query's pairs, by position.
 class Margins {
  public:
-  /// Entries of one query, and what finding each pair's entry may cost: bodies that they name, and pairs times 64
+  /// Limits of one query on entries, and on the work of matching them: bodies that they name, and pairs times 64
   /// entries.
   static constexpr std::size_t kMostEntries = 4096;
-  static constexpr std::uint64_t kMostWork = std::uint64_t{1} << 22;  // a slice must hold it
+  static constexpr std::uint64_t kMostWork = std::uint64_t{1} << 22;  // fits into one slice
 
   Margins() = default;
-  /// Throws QueryError for a value that is no margin, an unknown body or group, one margin more or less than pairs, and
-  /// more than the limits above.
+  /// Throws QueryError for an invalid margin, an unknown body or group, a number of margins other than that of pairs,
+  /// and beyond the limits above.
   Margins(const QueryView& query, const Scene& scene, const PairList& pairs);
 
   double of(std::uint64_t position) const { return each_.empty() ? most_ : each_[position]; }
-  std::span<const double> each() const { return each_; }  ///< (P,); empty: they are all the same
+  std::span<const double> each() const { return each_; }  ///< (P,); empty if all are the same
   double least() const { return least_; }
   double most() const { return most_; }
 
  private:
-  std::vector<double> each_;  // (P,); empty: they are all the same
+  std::vector<double> each_;  // (P,); empty if all are the same
   double least_ = 0, most_ = 0;
 };
 

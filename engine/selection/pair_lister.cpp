@@ -53,7 +53,7 @@ PairLister::PairLister(const QueryView& query, const Scene& scene, std::shared_p
     : scene_(scene), table_(std::move(table)) {
   const bool every = query.all_pairs || (query.pairs.size() == 1 && query.pairs[0] == BodyPair{kEveryBody, kEveryBody});
   if (moved.empty() && every) {
-    step_ = Step::kTable;
+    step_ = ListingStep::kTable;
   } else if (query.all_pairs) {
     std::vector<std::uint32_t> ascending(moved.begin(), moved.end());
     std::sort(ascending.begin(), ascending.end());
@@ -61,16 +61,16 @@ PairLister::PairLister(const QueryView& query, const Scene& scene, std::shared_p
     begin_expanding(std::move(ascending), members(kEveryBody));
   } else {
     named_ = query.pairs;
-    step_ = moved.empty() && named_.size() == table_->size() ? Step::kCompare : Step::kCount;
+    step_ = moved.empty() && named_.size() == table_->size() ? ListingStep::kCompare : ListingStep::kCount;
   }
 }
 
 bool PairLister::advance(WorkMeter& meter) {
   while (!is_done()) {
-    const std::uint64_t looked_at = step_ == Step::kCompare ? compare_some()
-                                    : step_ == Step::kCount ? count_some()
-                                    : step_ == Step::kList  ? list_some()
-                                                            : expand_some();
+    const std::uint64_t looked_at = step_ == ListingStep::kCompare ? compare_some()
+                                    : step_ == ListingStep::kCount ? count_some()
+                                    : step_ == ListingStep::kList  ? list_some()
+                                                                   : expand_some();
     meter.count(looked_at / kPairsPerUnit);
     if (!is_done() && meter.is_over()) return false;
   }
@@ -83,10 +83,10 @@ std::uint64_t PairLister::compare_some() {
   const std::uint64_t count = std::min(kPairsPerTurn, table_->size() - next_);
   table_->copy(next_, count, room);
   if (!std::equal(room, room + count, named_.begin() + static_cast<std::ptrdiff_t>(next_))) {
-    step_ = Step::kCount;
+    step_ = ListingStep::kCount;
     next_ = 0;
   } else if ((next_ += count) == table_->size()) {
-    step_ = Step::kTable;
+    step_ = ListingStep::kTable;
   }
   return count;
 }
@@ -107,7 +107,7 @@ std::uint64_t PairLister::count_some() {
                                                       " of one query: split it, or ask about all pairs");
   }
   if (next_ == named_.size()) {
-    step_ = Step::kList;
+    step_ = ListingStep::kList;
     next_ = 0;
     pairs_.reserve(most_);  // once: to move millions of them takes long
   }
@@ -130,7 +130,7 @@ std::uint64_t PairLister::list_some() {
     pairs_.push_back(p);
     ++next_;
   }
-  if (next_ == named_.size()) step_ = Step::kDone;
+  if (next_ == named_.size()) step_ = ListingStep::kDone;
   return end - begin;
 }
 
@@ -166,7 +166,7 @@ void PairLister::begin_expanding(std::vector<std::uint32_t> as, std::vector<std:
   both_.clear();
   std::set_union(as_.begin(), as_.end(), bs_.begin(), bs_.end(), std::back_inserter(both_));
   body_ = other_ = 0;
-  step_ = Step::kExpand;
+  step_ = ListingStep::kExpand;
 }
 
 // The enabled pairs of one of as_ and one of bs_, each once, in lexicographic order: a body with those after it that
@@ -184,7 +184,7 @@ std::uint64_t PairLister::expand_some() {
       if (table_->enabled(body, others[other_])) pairs_.push_back({body, others[other_]});
     }
   }
-  if (body_ == both_.size()) step_ = named_.empty() ? Step::kDone : Step::kList;
+  if (body_ == both_.size()) step_ = named_.empty() ? ListingStep::kDone : ListingStep::kList;
   return looked_at;
 }
 

@@ -1,4 +1,4 @@
-// The pairs that a query names, listed in slices: a few bytes can name many millions.
+// Lists the pairs of a query in slices: a few bytes can name many millions.
 #pragma once
 
 #include <cstdint>
@@ -22,13 +22,14 @@ class PairList {
 
   bool is_whole_table() const { return table_ != nullptr; }
   const PairTable* table() const { return table_.get(); }
-  /// Of an explicit list.
+  /// The pairs of an explicit list.
   std::span<const BodyPair> list() const { return pairs_ ? std::span(*pairs_) : std::span<const BodyPair>(); }
   std::uint64_t size() const { return table_ ? table_->size() : list().size(); }
   BodyPair at(std::uint64_t position) const;
   /// Writes the pairs at [begin, begin + count).
   void copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
-  /// The pairs at [begin, begin + count); `room` serves where they are not stored.
+  /// The pairs at [begin, begin + count).
+  /// \param room receives them if they are not stored
   std::span<const BodyPair> slice(std::uint64_t begin, std::uint64_t count, std::vector<BodyPair>& room) const;
 
  private:
@@ -36,24 +37,25 @@ class PairList {
   std::shared_ptr<const std::vector<BodyPair>> pairs_;  // so that copies cost nothing
 };
 
-/// Explicit pairs as given; a pair with a group becomes its enabled pairs, each once, in lexicographic order. Without
-/// pairs: all enabled ones, or those with a moved body.
+/// Lists explicit pairs as given, and expands a pair with a group to its enabled pairs, each once, in lexicographic
+/// order. Without pairs, lists all enabled ones, or those with a moved body.
 class PairLister {
  public:
-  /// \param query its pairs must stay until all are listed. \param moved bodies and their followers. \param scene must
-  /// outlive this.
+  /// \param query its pairs must stay valid until all are listed
+  /// \param scene must outlive this
+  /// \param moved bodies and their followers
   PairLister(const QueryView& query, const Scene& scene, std::shared_ptr<const PairTable> table,
              std::span<const std::uint32_t> moved);
-  /// Goes on until the slice is over. Returns true once all pairs are listed. Throws QueryError.
+  /// Continues until the slice is over. Returns true once all pairs are listed. Throws QueryError.
   bool advance(WorkMeter& meter);
-  /// Once advance() has returned true.
-  PairList take() { return step_ == Step::kTable ? PairList(std::move(table_)) : PairList(std::move(pairs_)); }
+  /// Returns the pairs after advance() has returned true.
+  PairList take() { return step_ == ListingStep::kTable ? PairList(std::move(table_)) : PairList(std::move(pairs_)); }
 
  private:
-  enum class Step { kCompare, kCount, kList, kExpand, kTable, kDone };
+  enum class ListingStep { kCompare, kCount, kList, kExpand, kTable, kDone };
 
-  bool is_done() const { return step_ == Step::kTable || step_ == Step::kDone; }
-  // Each does a little of its step, and says how many pairs it has looked at.
+  bool is_done() const { return step_ == ListingStep::kTable || step_ == ListingStep::kDone; }
+  // Each of these does a part of its step, and returns the number of pairs it visited.
   std::uint64_t compare_some();
   std::uint64_t count_some();
   std::uint64_t list_some();
@@ -65,10 +67,10 @@ class PairLister {
   std::span<const BodyPair> named_;
   const Scene& scene_;
   std::shared_ptr<const PairTable> table_;
-  Step step_ = Step::kCount;
-  std::uint64_t next_ = 0;  // of named_, in this step
-  std::uint64_t most_ = 0;  // pairs that those counted so far name at most
-  bool has_group_ = false;  // among them
+  ListingStep step_ = ListingStep::kCount;
+  std::uint64_t next_ = 0;  // in named_, in this step
+  std::uint64_t most_ = 0;  // bound on the pairs named by those counted so far
+  bool has_group_ = false;  // whether any of them has a group
   std::vector<BodyPair> pairs_;
   // The pair with a group that is being expanded.
   std::vector<std::uint32_t> as_, bs_, both_;  // ascending, each once

@@ -1,4 +1,4 @@
-// What goes into a query and what comes out, as views over memory that the caller owns.
+// Input and output of queries, as views over memory that the caller owns.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace clearance {
 
-/// A batch of minimum-distance questions. Views must stay valid until the job is done.
+/// A batch of minimum-distance queries. Views must stay valid until the job is done.
 struct QueryView {
   /// Pairs to answer, in this order; a selector pair expands to its enabled pairs in lexicographic order. Read only
   /// when `all_pairs` is false.
@@ -22,42 +22,42 @@ struct QueryView {
   /// Answer every enabled pair; with configurations, every enabled pair with at least one moved body.
   bool all_pairs = true;
 
-  /// Configurations: K sets of poses of M bodies that replace their current poses (their children follow).
-  /// K = 0: the current poses, answered as one configuration.
+  /// K configurations: poses of M bodies that replace their current poses (their children follow). With K = 0, the
+  /// current poses are one configuration.
   std::uint32_t configuration_count = 0;
   std::span<const std::uint32_t> bodies;  ///< (M,) ids of the moved bodies, without repeats
-  std::span<const Pose> configurations;   ///< (K, M) poses; of a body with a parent: relative to the parent
+  std::span<const Pose> configurations;   ///< (K, M) poses; relative to the parent if there is one
   std::span<const std::uint32_t> joints;  ///< (J,) ids of the joints that move, without repeats
-  std::span<const double> positions;      ///< (K, J) radians and metres; other joints stay as they are
+  std::span<const double> positions;      ///< (K, J) radians and metres; other joints do not move
 
-  double max_distance = std::numeric_limits<double>::infinity();  ///< metres; pairs proved farther are kBeyond
-  /// Reduce::kAny, which has no max_distance, and motions: farther than this each pair must be proved. Metres, finite,
+  double max_distance = std::numeric_limits<double>::infinity();  ///< metres; pairs proved to be farther are kBeyond
+  /// Distance that pairs are tested against by Reduce::kAny, which has no max_distance, and by motions. Metres, finite,
   /// >= 0.
   double margin = 0;
-  std::span<const MarginEntry> margins;    ///< in place of `margin` for the pairs that they name; later entries win
-  std::span<const double> pair_margins{};  ///< or (P,): of each pair, in the order of the pairs
-  /// kFieldFreeScale, of Reduce::kAny: (J,) radians and metres >= 0 that joints go at a scale of 1.
+  std::span<const MarginEntry> margins;    ///< replace `margin` for their pairs; later entries win
+  std::span<const double> pair_margins{};  ///< (P,) instead of `margins`, in the order of the pairs
+  /// For kFieldFreeScale of Reduce::kAny: (J,) radians and metres >= 0 by which joints may move at a scale of 1.
   std::span<const double> weights{};
-  /// Not 0: motions, each of which asks for up to so many configurations. 2k and 2k + 1 are the ends of motion k; the
-  /// answer has K / 2 of them. Joints go in a straight line from one end to the other, and bodies as well, which turn
-  /// at a constant speed the shorter way. Reduce::kNone, kMin, kAny; `margin` is what kFieldFirstContact is about.
+  /// Maximum evaluations per motion; 0 if there are no motions. Configurations 2k and 2k + 1 are the ends of motion k,
+  /// so the answer has K / 2 motions. Joints and bodies move in a straight line, and bodies turn the shorter way at
+  /// constant speed. For Reduce::kNone, kMin and kAny; `margin` applies to kFieldFirstContact.
   std::uint32_t max_steps = 0;
-  double abs_tol = 0.0;   ///< metres; wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
-  double rel_tol = -1.0;  ///< ratio; negative: the default of the precision (1e-6 float64, 1e-4 float32)
+  double abs_tol = 0.0;   ///< metres: upper - lower <= max(abs_tol, rel_tol * |distance|) is requested
+  double rel_tol = -1.0;  ///< ratio; if negative, the default of the precision (1e-6 float64, 1e-4 float32)
   Precision precision = Precision::kF64;
-  bool signed_distance = false;  ///< also the penetration depth of overlapping pairs
-  Model model = Model::kTruth;   ///< kPieces: bodies with convex pieces by these alone (Scene::by_pieces())
+  bool signed_distance = false;  ///< computes the penetration depth of overlapping pairs
+  Model model = Model::kTruth;   ///< kPieces replaces bodies by their convex proxies (Scene::by_pieces())
   Reduce reduce = Reduce::kNone;
   Format format = Format::kFull;
   std::uint32_t fields = kDefaultFields;  ///< Field bits
-  std::uint64_t max_results = 1u << 20;   ///< rows of Reduce::kWithin that may come back
-  std::int64_t max_pose_age_ns = 0;       ///< pairs with an older pose get kStalePose in place of an answer; 0: any age
-  std::uint64_t scene_revision = 0;       ///< the scene the caller knows, whose bodies and pairs are meant; 0: any
-  /// Warm state of this client; 0: none (answers repeat bit for bit). The CPU's reductions begin cold all the same.
+  std::uint64_t max_results = 1u << 20;   ///< limit on rows of Reduce::kWithin
+  std::int64_t max_pose_age_ns = 0;       ///< pairs with older poses get kStalePose; 0 for no limit
+  std::uint64_t scene_revision = 0;       ///< scene whose ids the query uses; 0 for the present one
+  /// Client whose warm state is used; 0 for none, so that answers repeat bit for bit. Reductions on the CPU use none.
   std::uint64_t warm_slot = 0;
 };
 
-/// What of a query says which pairs it answers: the same without configurations, reduction and columns.
+/// Strips a query to its pair selection: no configurations, reduction or columns.
 QueryView for_pairs(QueryView query);
 
 /// The default relative tolerance of a precision.
@@ -65,18 +65,18 @@ constexpr double default_rel_tol(Precision p) {
   return p == Precision::kF32 ? 1e-4 : 1e-6;
 }
 
-/// How large the answer to a query is.
+/// Size of the answer to a query.
 struct QuerySize {
-  std::uint64_t configurations = 0;  ///< K, at least 1; of motions how many they are
+  std::uint64_t configurations = 0;  ///< K, at least 1; the number of motions if there are any
   std::uint64_t pairs = 0;           ///< P, after selectors are expanded
-  std::uint64_t rows = 0;            ///< rows to make room for (Reduce::kWithin: the most that may come back)
-  std::uint32_t fields = 0;  ///< columns that will be written, after the query's format and reduction have their say
-  std::uint32_t joints = 0;  ///< J
+  std::uint64_t rows = 0;            ///< rows to allocate; an upper bound for Reduce::kWithin
+  std::uint32_t fields = 0;          ///< columns that will be written, given format and reduction
+  std::uint32_t joints = 0;          ///< J
 };
 
 /// Caller-owned columns, each of at least QuerySize::rows rows; a null column is not written.
 struct ReplyView {
-  std::uint64_t rows = ~std::uint64_t{0};  ///< room in each column; start() refuses a query that needs more
+  std::uint64_t rows = ~std::uint64_t{0};  ///< size of each column; start() rejects a query that needs more
   double* distance = nullptr;
   double* lower = nullptr;
   double* upper = nullptr;
@@ -90,21 +90,21 @@ struct ReplyView {
   BodyPair* pair = nullptr;                ///< (rows,)
   std::uint32_t* configuration = nullptr;  ///< (rows,)
   CompactAnswer* compact = nullptr;        ///< (rows,)
-  double* gradient_joints = nullptr;       ///< (rows, joints), metres a radian or metre
+  double* gradient_joints = nullptr;       ///< (rows, joints), metres per radian or metre
   BodyPair* pair_lower = nullptr;          ///< (rows,)
   double* time = nullptr;                  ///< (rows,)
   double* first_contact = nullptr;         ///< (rows, 2)
   std::uint32_t* steps = nullptr;          ///< (rows,)
   float* bounds = nullptr;                 ///< (rows, 2)
   double* free_scale = nullptr;            ///< (rows,)
-  std::uint32_t joints = 0;                ///< J: entries a row of gradient_joints
+  std::uint32_t joints = 0;                ///< J, the entries per row of gradient_joints
 };
 
-/// Calls f(column of each view..., entries a row) for every column that there may be, in the order of Field. Views may
-/// be const.
+/// Calls f(column of each view..., entries per row) for every possible column, in the order of Field. Views may be
+/// const.
 template <class F, class... View>
 void for_each_column(F&& f, View&... view) {
-  int joints = 0;  // of whichever has them
+  int joints = 0;  // of any view with that column
   ((joints = view.joints ? static_cast<int>(view.joints) : joints), ...);
   f(view.distance..., 1);
   f(view.lower..., 1);
@@ -128,25 +128,27 @@ void for_each_column(F&& f, View&... view) {
   f(view.free_scale..., 1);
 }
 
-/// A view of columns laid out one after another in the order of Field, each starting on a 64-byte boundary: the layout
-/// of a reply on the wire and of the engine's own buffers. With `base` null only the size is computed.
-/// \param rows rows of each column. \param fields Field bits. \param bytes receives the size of the block, if not null.
+/// A view of columns laid out one after another in the order of Field, each on a 64-byte boundary: the layout of a
+/// reply on the wire and of the engine's buffers. If `base` is null, only the size is computed.
+/// \param rows of each column
+/// \param fields Field bits
+/// \param bytes receives the size of the block; may be null
 /// \param joints QuerySize::joints
 ReplyView reply_view_over(std::byte* base, std::uint64_t rows, std::uint32_t fields, std::uint64_t* bytes = nullptr,
                           std::uint32_t joints = 0);
 
-/// What is known about the whole answer once the job is done.
+/// Information about the whole answer, available once the job is done.
 struct ReplyInfo {
   std::uint64_t rows = 0;               ///< rows written
-  std::uint64_t total = 0;              ///< Reduce::kWithin: pairs found, also those past max_results; else rows
+  std::uint64_t total = 0;              ///< for Reduce::kWithin, pairs found, also beyond max_results; otherwise rows
   std::uint64_t snapshot_revision = 0;  ///< of the poses
-  std::int64_t snapshot_stamp_ns = 0;   ///< newest publisher's stamp among the poses
-  std::int64_t snapshot_sequence = 0;   ///< its publisher's count of the update that brought that stamp; 0: not counted
-  std::int64_t oldest_receipt_ns = 0;   ///< oldest monotonic receipt among poses of movable bodies; 0: none
-  std::int64_t pose_age_ns = -1;  ///< from that receipt to the query's begin, which max_pose_age_ns limits; -1: none
+  std::int64_t snapshot_stamp_ns = 0;   ///< newest stamp of the poses
+  std::int64_t snapshot_sequence = 0;   ///< sequence number of the update with that stamp, or 0
+  std::int64_t oldest_receipt_ns = 0;   ///< oldest monotonic receipt among poses of movable bodies, or 0
+  std::int64_t pose_age_ns = -1;        ///< age of that receipt when the query began, or -1
   std::uint64_t scene_revision = 0;
-  std::uint64_t pairs_evaluated = 0;  ///< pair-configurations that boxes alone did not answer
-  std::string_view backend;           ///< that answered: "cpu", "cuda" or "reference"
+  std::uint64_t pairs_evaluated = 0;  ///< pair-configurations not rejected by their boxes
+  std::string_view backend;           ///< "cpu", "cuda" or "reference"
 };
 
 }  // namespace clearance

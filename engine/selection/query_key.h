@@ -1,4 +1,4 @@
-// What a query asks, without its configurations: how a query is known again.
+// Cache key of a query: every option except the configurations.
 #pragma once
 
 #include <vector>
@@ -7,17 +7,17 @@
 
 namespace clearance {
 
-/// A copy of all that decides about a query's answer but where its configurations put bodies and joints, and the scene.
+/// A copy of all inputs of a query's answer except the scene and the configurations' values.
 class QueryKey {
  public:
   explicit QueryKey(const QueryView& query);
   QueryKey(QueryKey&&) = default;
   QueryKey& operator=(QueryKey&&) = default;
-  /// Whether `query` asks the same, bit for bit, in as many configurations.
+  /// Whether `query` is the same, bit for bit, with as many configurations.
   bool is_of(const QueryView& query) const;
 
  private:
-  QueryView query_;  // its spans point into the members below, or at nothing
+  QueryView query_;  // its spans point into the members below, or are empty
   std::vector<BodyPair> pairs_;
   std::vector<std::uint32_t> bodies_, joints_;
   std::vector<MarginEntry> margins_;

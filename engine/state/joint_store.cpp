@@ -32,7 +32,7 @@ std::vector<std::uint32_t> PoseSnapshot::move_links(const SceneRobot& robot, std
   const std::size_t links = motion.links().size();
   std::vector<Pose> poses(links);
   std::vector<std::uint8_t> facts(links), is_changed(count, changed.empty());
-  LinkMotion::Scratch scratch;
+  LinkMotion::LinkScratch scratch;
   motion.make({}, 1, poses.data(), facts.data(), links, scratch);
   for (const std::uint32_t joint : changed) is_changed[joint - first] = 1;
   std::vector<Marks> of_columns;

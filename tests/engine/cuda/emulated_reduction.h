@@ -293,7 +293,7 @@ class HostReduction {
     std::vector<PairAnswer> answers(counts_[kRest]);
     for (std::uint32_t i = 0; i < answers.size(); ++i) {
       const std::uint32_t k = r_.rest_rows[i] / r_.chunk.pair_count;
-      const ConfigurationPoses::Block given = poses.at(k, 1);
+      const ConfigurationPoses::PoseBlock given = poses.at(k, 1);
       rotations_of(given.poses, rotations);
       placement.configure(k, given, rotations);
       const std::uint64_t p = r_.rest_rows[i] % r_.chunk.pair_count;

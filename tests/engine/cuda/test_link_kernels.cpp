@@ -74,7 +74,7 @@ class Moved {
     std::vector<Mat3d> rotations(device.plan.bodies.size());
     Seen seen;
     for (std::uint32_t k = 0; k < K_; ++k) {
-      const ConfigurationPoses::Block given = poses.at(k, 1);
+      const ConfigurationPoses::PoseBlock given = poses.at(k, 1);
       compare_given(device, given, k, seen);
       rotations_of(given.poses, rotations);
       placement.configure(k, given, rotations);
@@ -92,7 +92,7 @@ class Moved {
     return random.uniform(middle - 1.02 * half, middle + 1.02 * half);
   }
 
-  void compare_given(const HostBodies& device, const ConfigurationPoses::Block& cpu, std::uint32_t k,
+  void compare_given(const HostBodies& device, const ConfigurationPoses::PoseBlock& cpu, std::uint32_t k,
                      Seen& seen) const {
     const Plan& plan = device.plan;
     constexpr int kSaid = kLinkUnplaced | kLinkBeyondLimits;

@@ -34,7 +34,7 @@ struct Comparison {
     ConfigurationPoses poses(plan);
     std::vector<Mat3d> rotations(plan.bodies.size());
     for (std::uint32_t k = 0; k < view.configurations; ++k) {
-      const ConfigurationPoses::Block given = poses.at(k, 1);
+      const ConfigurationPoses::PoseBlock given = poses.at(k, 1);
       rotations_of(given.poses, rotations);
       placement.configure(k, given, rotations);
       for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) compare_body(scene, view, placement, slot, k);
