@@ -24,7 +24,7 @@ clearance::Scene::BodyOptions options_of(const BodyOptions& options) {
   return ours;
 }
 
-/// The engine's errors as those of the installed library, whose types others can catch.
+/// Converts the engine's errors to those of the installed library, whose types programs can catch.
 template <class F>
 auto translated(F&& f) {
   try {

@@ -21,10 +21,10 @@ JointGradient::JointGradient(const Scene& scene, const Plan& plan)
   std::vector<std::uint32_t> at_of_joint(scene.joints().size(), kNone);
   for (std::uint32_t i = 0; i < plan.joints.size(); ++i) at_of_joint[plan.joints[i]] = i;
   for (const std::uint32_t body : plan.moved) find_mover(body, at_of_joint);
-  std::replace(mover_of_.begin(), mover_of_.end(), kUnknown, kNone);  // of bodies that nothing moves
+  std::replace(mover_of_.begin(), mover_of_.end(), kUnknown, kNone);  // bodies that nothing moves
 }
 
-// What a body stands on: of a link the one before it, else what it follows; kNone: nothing.
+// Body below a body: for a link the previous link, otherwise its parent, or kNone.
 std::uint32_t JointGradient::carrier_of(std::uint32_t body) const {
   const Body& of = scene_.bodies()[body];
   if (of.robot == kNone) return snapshot_.parent[body];
@@ -33,7 +33,7 @@ std::uint32_t JointGradient::carrier_of(std::uint32_t body) const {
   return step ? robot.bodies[robot.kinematics.carrier_of(*step)] : snapshot_.parent[body];
 }
 
-// ... and those of all that carry it.
+// Finds the movers of a body and of all bodies below it.
 void JointGradient::find_mover(std::uint32_t body, std::span<const std::uint32_t> at_of_joint) {
   std::vector<std::uint32_t> way;
   for (; body != kNone && mover_of_[body] == kUnknown; body = carrier_of(body)) way.push_back(body);
@@ -41,7 +41,7 @@ void JointGradient::find_mover(std::uint32_t body, std::span<const std::uint32_t
   for (auto b = way.rbegin(); b != way.rend(); ++b) above = mover_of_[*b] = add_mover(*b, above, at_of_joint);
 }
 
-// The one that moves a body by itself, if the query moves any of its columns; else what is above.
+// Adds a mover of the body itself if the query moves any of its columns. Otherwise returns the one above.
 std::uint32_t JointGradient::add_mover(std::uint32_t body, std::uint32_t above,
                                        std::span<const std::uint32_t> at_of_joint) {
   const Body& of = scene_.bodies()[body];

@@ -18,8 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A file is this line, the digest of what follows as hexadecimal digits and a line's end, the source's length as a
-// uint64, the source, and the record. Another layout gets another number.
+// Format: this line, the digest of the rest as hexadecimal digits with a line end, the source's length as a uint64, the
+// source, and the record. Another layout gets another number.
 constexpr std::string_view kFirstLine = "clearance geometry 2\n";
 constexpr std::size_t kHexDigits = 2 * sizeof(Sha256Digest), kHeadBytes = kFirstLine.size() + kHexDigits + 1;
 constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 32;

@@ -1,4 +1,4 @@
-// Geometry as bytes and back, for the cache.
+// Serializes geometry for the cache.
 #include <algorithm>
 #include <bit>
 #include <cstring>
@@ -23,7 +23,7 @@ class Writer {
     static_assert(std::is_trivially_copyable_v<T>);
     append(&value, sizeof value);
   }
-  /// How many there are, then the elements.
+  /// Their number, then the elements.
   template <class T>
   void add(const std::vector<T>& values) {
     static_assert(std::is_trivially_copyable_v<T>);
@@ -44,7 +44,7 @@ struct Damaged : std::runtime_error {
   Damaged() : std::runtime_error("no record of a geometry") {}
 };
 
-// Reads what a Writer has written, front to back. Throws Damaged where there is less.
+// Reads the bytes of a Writer in order. Throws Damaged at their end.
 class Reader {
  public:
   explicit Reader(std::span<const std::byte> bytes) : left_(bytes) {}
@@ -81,7 +81,7 @@ bool same(std::span<const T> a, std::span<const T> b) {
   return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size_bytes()) == 0;
 }
 
-// A list that the mesh for pictures may hold already, as it does as a rule: then only that is said.
+// A list, or only a note that it equals the one of the display mesh, as is usual.
 template <class T>
 void add_list(Writer& out, const std::vector<T>& list, const std::vector<T>* displayed) {
   const bool is_there = displayed && same<T>(list, *displayed);
@@ -98,7 +98,7 @@ std::vector<T> get_list(Reader& in, const std::vector<T>* displayed) {
 
 enum class ExactKind : std::uint64_t { kPiece, kSurface, kSolid, kPrimitive, kCloud, kDecomposed };
 
-// What the piece stands for: vertices and triangles, of which the rest is made anew.
+// The exact geometry of the part: vertices and triangles, from which the rest is computed again.
 void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display) {
   const Decomposition* const pieces = surface ? surface->decomposition() : nullptr;
   out.add(pieces                ? ExactKind::kDecomposed
@@ -115,7 +115,7 @@ void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display
   out.add(pieces->outer);
 }
 
-// Pieces that stand for a solid. The cache is believed what was proved of them; elsewhere it is proved anew.
+// Proxies of a solid. The cache is trusted with their proved deviation; elsewhere it is proved again.
 PiecePtr get_decomposed_piece(Reader& in, std::vector<Vec3d> vertices, std::vector<Triangle> triangles, double radius,
                               std::uint64_t loaded, Tables tables) {
   std::vector<std::vector<Vec3d>> proposed;
@@ -156,7 +156,7 @@ void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display, Tabl
     return out.add(std::vector<CloudPoint>(piece.surface->points().begin(), piece.surface->points().end()));
   }
   add_surface(out, piece.surface.get(), display);
-  if (piece.surface) return;  // its hull is made anew with it: nothing else says that it is around it
+  if (piece.surface) return;  // its hull is computed again, since nothing else proves that it encloses the surface
   out.add(piece.digest);
   add_list(out, piece.vertices, display ? &display->vertices : nullptr);
   const bool has_table = piece.table && tables == Tables::kKept;
@@ -227,7 +227,7 @@ std::optional<Geometry> geometry_of_record(std::span<const std::byte> record, Ta
   geometry.model_error = in.get<double>();
   geometry.model_inner = in.get<double>();
   geometry.hull_excess = in.get<double>();
-  geometry.empty_share = in.get<double>();  // NaN where there is none
+  geometry.empty_share = in.get<double>();  // may be NaN
   if (!(geometry.model_error >= 0) || !(geometry.model_inner >= 0) || !(geometry.hull_excess >= 0) ||
       geometry.empty_share < 0 || geometry.empty_share > 1)
     return {};
@@ -247,7 +247,7 @@ std::optional<Geometry> geometry_of_record(std::span<const std::byte> record, Ta
   return geometry;
 } catch (const Damaged&) {
   return {};
-} catch (const std::invalid_argument&) {  // of make_piece(): vertices that none may have
+} catch (const std::invalid_argument&) {  // of make_piece(), for invalid vertices
   return {};
 }
 

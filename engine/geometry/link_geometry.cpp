@@ -18,14 +18,14 @@ bool is_zero(const Vec3d& v) {
   return v.x == 0 && v.y == 0 && v.z == 0;
 }
 
-// Points of a frame in another, each coordinate rounded once.
+// Transforms points to another frame, with each coordinate rounded once.
 class PointMover {
  public:
   explicit PointMover(const Origin& X) : X_(exact_frame(X)) {}
   Vec3d operator()(const Vec3d& p) {
     double off = 0;
     const Vec3d at = rounded(X_.t + turned(X_.q, cast<DoubleDouble>(p)), &off);
-    worst_ = std::max(worst_, off + 0x1p-90 * (norm(at) + norm(p)));  // and what double-double leaves out
+    worst_ = std::max(worst_, off + 0x1p-90 * (norm(at) + norm(p)));  // covers the rounding of double-double
     return at;
   }
   double worst() const { return worst_ * (1 + 0x1p-40); }
@@ -33,7 +33,7 @@ class PointMover {
  private:
   static double norm(const Vec3d& v) { return std::abs(v.x) + std::abs(v.y) + std::abs(v.z); }
   ExactFrame X_;
-  double worst_ = 0;  // metres that rounding moved a point
+  double worst_ = 0;  // bound on the rounding of a point, in metres
 };
 
 }  // namespace
@@ -48,7 +48,7 @@ Geometry moved(const Geometry& geometry, const Origin& X) {
     for (const Vec3d& p : points) there.push_back(mover(p));
     return there;
   };
-  // Pieces that stand for a surface, and how far they miss it as both were moved.
+  // Proxies of a surface, with the deviation of both after the move.
   const auto pieces_of = [&](const Surface& surface) -> std::shared_ptr<const Decomposition> {
     if (!surface.decomposition()) return nullptr;
     auto there = std::make_shared<Decomposition>(*surface.decomposition());
@@ -59,7 +59,7 @@ Geometry moved(const Geometry& geometry, const Origin& X) {
     return there;
   };
   for (PiecePtr& piece : out.pieces)
-    if (const Surface* surface = piece->surface.get())  // its hull anew: rounding may have moved inner vertices out
+    if (const Surface* surface = piece->surface.get())  // a new hull: rounding may have moved inner vertices out
       piece = make_surface_piece(all_of(surface->vertices()), triangles_as_loaded(*surface), surface->is_solid(),
                                  piece->radius, piece->loaded_vertices, pieces_of(*surface));
     else

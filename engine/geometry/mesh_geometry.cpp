@@ -9,7 +9,7 @@ namespace clearance {
 
 namespace {
 
-// What a file of pieces says, with its own name where that is an error.
+// Reads a file of convex parts, whose name is added to errors.
 template <class Ask>
 decltype(auto) of_pieces(MeshFile& pieces, const Ask& ask) {
   try {
@@ -43,12 +43,13 @@ MeshFile* MeshFile::pieces() {
   if (pieces_) return pieces_.get();
   const std::string path = path_ + std::string(kPiecesExtension);
   std::error_code ignored;
-  if (std::filesystem::symlink_status(path, ignored).type() == std::filesystem::file_type::regular)  // nowhere else
+  if (std::filesystem::symlink_status(path, ignored).type() ==
+      std::filesystem::file_type::regular)  // follows no symbolic link
     pieces_ = std::make_unique<MeshFile>(path);
   return pieces_.get();
 }
 
-// Everything that a geometry depends on: the engine's code, the program that reads meshes, the files, the recipe.
+// Key of all inputs of a geometry: the engine's code, the mesh loader, the files and the recipe.
 std::string MeshGeometries::name_of(MeshFile& file, const MeshRecipe& recipe) {
   CacheKey key("mesh", kAlgorithmVersion);
   {
@@ -86,8 +87,8 @@ Geometry MeshGeometries::make(MeshFile& file, const MeshRecipe& recipe, const st
   return geometry;
 }
 
-// \param shared set if any file of these bytes has this geometry: not if it is also that of other files, or of bytes
-// that came after those of the name.
+// \param shared set if every file of these bytes has this geometry. Not if it depends on other files, or if the bytes
+// changed after the key was made.
 Geometry MeshGeometries::made(MeshFile& file, const MeshRecipe& recipe, const std::string& name, bool* shared) {
   if (const auto record = cache_.read(name))
     if (std::optional<Geometry> kept = geometry_of_record(*record)) {

@@ -1,4 +1,4 @@
-// Queries between a caller's device memory and a caller's device memory, for Python: clearance/_device_plan.py.
+// Queries from device memory to device memory, for clearance/_device_plan.py.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -15,7 +15,7 @@
 
 namespace clearance::python {
 
-/// Addresses are numbers here: who gives them has looked at what they are of.
+/// Addresses are plain numbers, validated by the caller.
 class PyDevicePlan {
  public:
   PyDevicePlan(std::shared_ptr<Engine> engine, ProcessGuard guard, std::unique_ptr<DevicePlan> plan)
@@ -28,7 +28,7 @@ class PyDevicePlan {
   }
   int device() const { return plan_->device(); }
 
-  /// An address for each bit of a field; 0: the plan has no such column.
+  /// An address per bit of a field, or 0 without such a column.
   std::vector<std::uintptr_t> own_columns() {
     guard_.check("this plan");
     std::vector<std::uintptr_t> addresses;
@@ -55,7 +55,7 @@ class PyDevicePlan {
   }
 
  private:
-  std::shared_ptr<Engine> engine_;  // the plan's, so before it
+  std::shared_ptr<Engine> engine_;  // outlives the plan
   ProcessGuard guard_;
   std::unique_ptr<DevicePlan> plan_;
 };

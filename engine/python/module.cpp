@@ -1,4 +1,4 @@
-// clearance._engine: the scene and the engine in this process. The public face is clearance/_engine_front.py.
+// Module clearance._engine: scene and engine in this process, wrapped by clearance/_engine_front.py.
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
@@ -19,10 +19,10 @@
 namespace clearance::python {
 namespace {
 
-/// How often a long call looks whether Ctrl-C was pressed.
+/// Interval at which a long call tests for Ctrl-C.
 constexpr std::chrono::milliseconds kSignalPeriod{50};
 
-/// A query under way, with the memory that it writes.
+/// A running query with its columns.
 class PyJob {
  public:
   PyJob(std::shared_ptr<Engine> engine, ProcessGuard guard, Job job, Answer answer, OutArrays out)
@@ -41,7 +41,7 @@ class PyJob {
     return done;
   }
 
-  /// Works until done (true) or until the time is up.
+  /// Works for a time. Returns true once done.
   bool run(double timeout_s) {
     const auto begin = std::chrono::steady_clock::now();
     while (!advance(std::chrono::nanoseconds(kSignalPeriod).count())) {
@@ -51,7 +51,7 @@ class PyJob {
     return true;
   }
 
-  /// The answer, once advance() returned true.
+  /// The answer, after advance() returned true.
   Answer answer() const {
     const ReplyInfo& info = job_.info();
     Answer a = answer_;
@@ -101,20 +101,20 @@ QueryView view_of(const Query& q) {
   return view;
 }
 
-// A device writes straight into pinned memory; elsewhere each answer is copied once more. Where none can be had, or so
-// much of it is in use that the machine might suffer, the memory is ordinary.
+// A device writes directly into pinned memory; into other memory each answer is copied again. Falls back to ordinary
+// memory if none is available, or so much is pinned that the machine might suffer.
 std::shared_ptr<void> pinned_block(std::size_t bytes) {
   constexpr std::size_t kMostPinned = std::size_t{2} << 30;
   static std::atomic<std::size_t> pinned{0};
-  struct Block {
-    explicit Block(std::size_t n) : bytes(n), memory(n) { pinned += bytes; }
-    ~Block() { pinned -= bytes; }
+  struct PinnedBlock {
+    explicit PinnedBlock(std::size_t n) : bytes(n), memory(n) { pinned += bytes; }
+    ~PinnedBlock() { pinned -= bytes; }
     std::size_t bytes;
     cuda::PinnedMemory memory;
   };
   if (pinned + bytes > kMostPinned) return allocate_block(bytes);
   try {
-    auto block = std::make_shared<Block>(bytes);
+    auto block = std::make_shared<PinnedBlock>(bytes);
     return {block, block->memory.data()};
   } catch (const cuda::DeviceError&) {
     return allocate_block(bytes);
@@ -192,7 +192,7 @@ class PyEngine {
     return nb::cast(job->answer());
   }
 
-  /// \param configurations how many; 0: the current poses
+  /// \param configurations number of configurations; 0 for the current poses
   std::unique_ptr<PyDevicePlan> plan_on_device(const Query& query, std::uint32_t configurations) const {
     QueryView view = view_of(query);
     view.configuration_count = configurations;
@@ -211,7 +211,7 @@ class PyEngine {
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
   }
 
-  /// \param rows null: all
+  /// \param rows null for all
   std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
     const GilRelease release;
     const QueryView view = view_of(query);
@@ -259,7 +259,7 @@ class PyEngine {
     return done(result);
   }
 
-  /// As Client.joints().
+  /// See Client.joints().
   nb::tuple joints() const {
     const Scene& scene = use().scene();
     const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -340,7 +340,7 @@ class PyEngine {
 }  // namespace
 
 NB_MODULE(_engine, m) {
-  nb::set_leak_warnings(false);  // caches of a program that ends by exit() are no leak
+  nb::set_leak_warnings(false);  // caches at exit() are not leaks
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {
     try {
       std::rethrow_exception(p);

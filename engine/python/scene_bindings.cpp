@@ -1,4 +1,4 @@
-// The class _engine.Scene; its public face is clearance/_scene.py.
+// The class _engine.Scene, wrapped by clearance/_scene.py.
 #include "engine/python/scene_bindings.h"
 
 #include <nanobind/ndarray.h>
@@ -91,7 +91,7 @@ nb::object display(const Scene& scene, std::uint32_t id) {
 
 namespace {
 
-// What adds bodies.
+// Binds the functions that add bodies.
 void bind_shapes(nb::class_<Scene>& scene) {
   using Parent = std::optional<std::string>;
   using P = std::optional<PoseRow>;

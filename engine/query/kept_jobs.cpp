@@ -7,9 +7,9 @@ namespace clearance {
 
 namespace {
 
-// What one kept job may hold, some MB at most.
-constexpr std::uint64_t kMostPairs = 4096;  // pair-configurations, and pairs and margins that the query names
-constexpr std::size_t kMostBodies = 4096;   // of the scene: a job knows where each is
+// Limits of one kept job, some MB at most.
+constexpr std::uint64_t kMostPairs = 4096;  // pair-configurations, and pairs and margins in the query
+constexpr std::size_t kMostBodies = 4096;   // of the scene, since a job has a pose of each
 
 }  // namespace
 
@@ -22,7 +22,7 @@ KeptJobs::KeptJobs(const Scene& scene)
     : keeps_any_(scene.bodies().size() <= kMostBodies &&
                  std::none_of(scene.bodies().begin(), scene.bodies().end(),
                               [](const Body& body) { return body.max_speed > 0; })) {
-  jobs_.reserve(kJobs);  // so that put_back() needs no memory
+  jobs_.reserve(kJobs);  // so that put_back() allocates nothing
 }
 
 bool KeptJobs::keeps(const QueryView& query) const {

@@ -19,10 +19,11 @@ std::uint64_t plus(std::uint64_t a, std::uint64_t b) {
   return __builtin_add_overflow(a, b, &sum) ? ~std::uint64_t{0} : sum;
 }
 
-// What a search through a surface takes about, whatever it meets: more for each triangle than a tree that prunes well
-// needs, so that a query of large meshes counts as large.
+// Estimated work of a search in a surface: more per triangle than a well pruned tree needs, so that a query of large
+// meshes counts as large.
 std::uint64_t units_of(const Body& body, const Surface* surface) {
-  constexpr std::uint64_t kOfASearch = 64, kElementsPerUnit = 64, kOfACloud = 100'000;  // points: they come and go
+  constexpr std::uint64_t kOfASearch = 64, kElementsPerUnit = 64,
+                          kOfACloud = 100'000;  // a constant, since points change
   if (is_cloud(body)) return kOfASearch + kOfACloud / kElementsPerUnit;
   return surface ? kOfASearch + surface->size() / kElementsPerUnit : 0;
 }
@@ -56,7 +57,7 @@ SceneCost::SelectorCost SceneCost::side(std::uint32_t selector) const {
   return at < known.size() ? known[at] : SelectorCost{1, 0, 0};
 }
 
-/// \param are_same both sides are the same bodies: each pair of them counts once
+/// \param are_same both sides are the same bodies, so that each pair counts once
 void SceneCost::add_pairs(QueryCost& extent, const SelectorCost& a, const SelectorCost& b, bool are_same) {
   const std::uint64_t ordered = times(a.bodies, b.bodies);
   extent.pairs = plus(extent.pairs, are_same ? (ordered - a.bodies) / 2 : ordered);

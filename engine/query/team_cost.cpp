@@ -17,8 +17,8 @@ bool TeamCost::is_worth(double left_s, int threads, Clock::time_point now) const
   return left_s * (1 - 1.0 / threads) > std::chrono::duration<double>(at(now)).count();
 }
 
-// What one thread would have done sooner is a loss. One loss may be chance: it counts half, so that a machine which
-// others use by turns does without teams only after some.
+// Time beyond that of a single thread is a loss. A single loss may be chance and counts half, so that a shared machine
+// does without teams only after several.
 void TeamCost::learn(Nanoseconds took, Nanoseconds worked, Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   cost_ = (at(now) + std::max(took - worked, Nanoseconds(0))) / 2;

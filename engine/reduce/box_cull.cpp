@@ -22,7 +22,7 @@ std::span<const double> BoxCull::gaps(std::span<const BodyPair> pairs, std::span
   if (!placed[0].moves_any()) {
     gaps_where_they_are(pairs);
   } else if (placed.size() >= kSideBySideFrom) {
-    if (const std::uint64_t first = placed[0].number(); first != first_) {  // other configurations: other boxes
+    if (const std::uint64_t first = placed[0].number(); first != first_) {  // other configurations have other boxes
       for (const std::uint32_t body : moved_bodies_) moved_at_[body] = kNone;
       moved_bodies_.clear();
       first_ = first;
@@ -36,7 +36,8 @@ std::span<const double> BoxCull::gaps(std::span<const BodyPair> pairs, std::span
   return all;
 }
 
-// Runs of pairs (a, b), (a, b + 1), ... , of which a whole table consists and most lists: one box and its row.
+// Compares runs of pairs (a, b), (a, b + 1), ... by one box and a row of boxes. A whole table and most lists consist of
+// such runs.
 void BoxCull::gaps_where_they_are(std::span<const BodyPair> pairs) {
   const std::size_t n = boxes_.size();
   for (std::size_t i = 0, end; i < pairs.size(); i = end) {
@@ -63,7 +64,7 @@ void BoxCull::gaps_across(std::span<const BodyPair> pairs, std::span<const BodyP
     if (a >= boxes_.size() || b >= boxes_.size()) {
       std::fill(row_.begin(), row_.end(), kInf);
     } else {
-      for (const std::uint32_t body : {a, b})  // before the sides are taken: moved_ may grow
+      for (const std::uint32_t body : {a, b})  // before taking references, as moved_ may grow
         if (placed[0].moves(body)) side(body, placed);
       const BodyBoxes at_a = side(a, placed), at_b = side(b, placed);
       if (at_a.box && at_b.box)
@@ -94,7 +95,7 @@ BoxCull::BodyBoxes BoxCull::side(std::uint32_t body, std::span<const BodyPoses> 
 
 namespace {
 
-// Column by column, so that each is one stream of plain stores.
+// Column by column, so that each is one stream of stores.
 template <class T>
 void fill(T* column, std::uint64_t first, std::uint64_t count, const T& value) {
   if (column) std::fill_n(column + first, count, value);

@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::uint64_t kMostConfigurations = 256;
 constexpr std::uint64_t kMostPairs = 1u << 16;     // pair-configurations of a block: some 10 MB if all are near
-constexpr std::uint64_t kMostWithoutBoxes = 1024;  // ... where each makes its own boxes
+constexpr std::uint64_t kMostWithoutBoxes = 1024;  // the same if each makes its own boxes
 constexpr std::uint64_t kBlocksPerWorker = 4;      // at least, if there are several workers
 constexpr std::uint64_t kBoxesPerUnit = 64;        // of work, side by side
 
@@ -17,7 +17,7 @@ constexpr std::uint64_t kBoxesPerUnit = 64;        // of work, side by side
 
 std::uint64_t ConfigurationBlock::most(const Scene& scene, const Plan& plan, bool by_tree, bool with_boxes,
                                        int workers) {
-  // Each configuration would have a tree of its own, and walks through it find what is near soon enough.
+  // Each configuration would need a tree of its own, and a search in it finds near pairs soon enough.
   if (by_tree) return 1;
   const std::uint64_t most_pairs = with_boxes ? kMostPairs : kMostWithoutBoxes;
   const std::uint64_t count = plan.size.configurations, pairs = std::max<std::uint64_t>(plan.size.pairs, 1);
@@ -61,7 +61,7 @@ bool ConfigurationBlock::advance(WorkMeter& meter) {
   }
 }
 
-// What all configurations want to know next, in asked_. False: nothing.
+// Collects the next pairs of all configurations in asked_. Returns false if there are none.
 bool ConfigurationBlock::ask(WorkMeter& meter) {
   if (compares_boxes_ && gaps_.empty()) {
     gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed_);
@@ -76,7 +76,7 @@ bool ConfigurationBlock::ask(WorkMeter& meter) {
   return !asked_.empty();
 }
 
-// What the current stage of a configuration wants to know next; false: the stage is over.
+// Collects the next pairs of a configuration's stage. Returns false if the stage is over.
 bool ConfigurationBlock::ask(std::size_t i, WorkMeter& meter) {
   Reduction& r = reductions_[i];
   if (r.stage() == Reduction::kSeeds || r.stage() == Reduction::kCandidates) return r.ask(placed_[i], asked_);

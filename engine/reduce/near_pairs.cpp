@@ -13,10 +13,9 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Measured (docs/results/broad.csv): below so many bodies a probe's walk through a tree takes longer than comparing
-// all.
+// Number of bodies below which a search of a tree takes longer than comparing all boxes (docs/results/broad.csv).
 constexpr std::uint64_t kTreeFromBodies = 64;
-// A walk through a tree takes as long as comparing so many pairs of boxes.
+// Pairs of boxes that can be compared in the time of one tree search.
 constexpr std::uint64_t kPairsPerWalk = 32;
 
 }  // namespace
@@ -68,12 +67,12 @@ NearPairs::NearPairs(const Scene& scene, const Plan& plan, std::span<const Aabb>
   std::iota(ids.begin(), ids.end(), 0u);
   if (plan.moved.empty() || plan.query.configuration_count == 0) {
     tree_->fit(ids, boxes);
-  } else {  // those that move are nowhere in this tree
+  } else {  // moving bodies are not in this tree
     std::vector<Aabb> staying(boxes.begin(), boxes.end());
     for (const std::uint32_t b : plan.moved) staying[b] = {{kInf, kInf, kInf}, {-kInf, -kInf, -kInf}};
     tree_->fit(ids, staying);
   }
-  // In the tree's order a probe finds in the caches what the one before it has read.
+  // In the tree's order, a probe finds in the caches the data that the one before it read.
   std::vector<std::uint32_t> in_order;
   for (const std::uint32_t b : tree_->order())
     if (b != kNone && asks_[b]) in_order.push_back(b);
@@ -86,7 +85,7 @@ NearPairs::~NearPairs() {
   store_.put_back(std::move(tree_), builds);
 }
 
-// The body with more pairs asks for a pair. False if there is no tree for these pairs or it would not pay.
+// Selects the body with more pairs as the probe of a pair. Returns false if no tree contains the pairs or pays.
 bool NearPairs::find_probes(const Plan& plan, bool always) {
   asks_.assign(bodies_, 0);
   if (plan.pairs.is_whole_table() && plan.query.configuration_count == 0) {
@@ -96,7 +95,7 @@ bool NearPairs::find_probes(const Plan& plan, bool always) {
     table_ = nullptr;
     return false;
   }
-  // Each body of a list would have to ask, for its own nearest.
+  // Each body of a list would be a probe for its own nearest.
   if (plan.pairs.is_whole_table() || plan.query.reduce == Reduce::kNearest) return false;
   list_ = plan.pairs.list();
   if (!always && bodies_ < kTreeFromBodies) return false;
@@ -157,7 +156,7 @@ void TreeSearch::stand(const BodyPoses& placement) {
   moving_.fit(slots_, boxes_);
 }
 
-// Offers (gap, position) of the query's pairs of a body.
+// Offers (gap, position) of a body's pairs in the query.
 template <class Offer>
 void TreeSearch::ask(std::uint32_t body, double bound, Offer&& offer) const {
   assert(placement_ && near_pairs_.by_tree());

@@ -1,4 +1,4 @@
-// What a configuration's answers come to: rows, once all stages are done.
+// Rows of a reduction, once all stages are done.
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -16,7 +16,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-// Pairs that boxes alone answer leave no bound behind, but for that they are farther than their margins.
+// Pairs rejected by their boxes leave no bound except that they are beyond their margins.
 PairAnswer beyond_all_margins(const Plan& plan) {
   return plan.pairs.size() == 0 ? empty_answer() : beyond_answer(std::nextafter(plan.margins.least(), kInf));
 }
@@ -33,8 +33,8 @@ Row Reduction::row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t con
   return row;
 }
 
-// What Reduce::kAny says: of the first pair within its margin; else of the first that is proved neither farther nor
-// within; else of the first without usable poses, of which nothing is proved; else of all pairs together.
+// The row of Reduce::kAny: the first pair within its margin; otherwise the first unresolved one; otherwise the first
+// without usable poses, about which nothing is proved; otherwise one row for all pairs.
 Row Reduction::decision(std::uint32_t configuration, const BodyPoses& placement) const {
   const std::size_t none = candidates_.size();
   std::size_t open = none, unusable = none;
@@ -70,7 +70,7 @@ void Reduction::widen(Row& row, double lower, const BodyPoses& placement) const 
                  slack_of(row.pair_lower));
 }
 
-// The row of a group that holds a pair without usable poses, which may be nearer than all others.
+// The row of a group with a pair without usable poses, which may be nearer than all others.
 Row Reduction::unusable_row(std::uint64_t position, std::uint32_t configuration, const BodyPoses& placement) const {
   const BodyPair pair = plan_.pairs.at(position);
   Row row = row_of(pair, unusable_answer(scene_, placement, pair, options_), configuration, placement);
@@ -91,12 +91,12 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
   struct GroupResult {
     CandidateRank best;
     const PairAnswer* winner = nullptr;
-    double lower = kInf;                                  // the least of all
-    std::uint64_t lower_place = CandidateRank::kNowhere;  // of the first that has it
+    double lower = kInf;                                  // least of all
+    std::uint64_t lower_place = CandidateRank::kNowhere;  // position of the first pair with it
   };
   std::vector<GroupResult> groups(groups_);
   const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
-    if (std::isnan(answer.distance)) return;  // scans have noted pairs without usable poses
+    if (std::isnan(answer.distance)) return;  // scans found pairs without usable poses
     const double lower =
         options_.reference ? answer.lower : lower_with_box(answer.lower, box_gap(scene_, placement, pair));
     const CandidateRank rank = rank_of(answer.lower, answer.upper, position);
@@ -117,7 +117,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
   for (std::size_t g = 0; g < groups_; ++g) {
     const GroupResult& group = groups[g];
     const std::uint64_t unusable = unusable_[g];
-    // Only a proved overlap is the least distance whatever the pairs without usable poses are.
+    // Only a proved overlap is the minimum regardless of pairs without usable poses.
     if (unusable != kNoPair && !(group.winner && group.winner->upper <= 0)) {
       rows.push_back(unusable_row(unusable, configuration, placement));
       continue;
@@ -132,7 +132,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
     widen(row, group.lower, placement);
     if (unusable != kNoPair) {
       row.answer.flags |= kFlagIncomplete;
-      if (options_.limits.signed_distance) {  // of which the depth may be greater
+      if (options_.limits.signed_distance) {  // whose depth may be greater
         row.answer.lower = -kInf;
         row.pair_lower = plan_.pairs.at(unusable);
       }

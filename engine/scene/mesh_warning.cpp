@@ -14,7 +14,7 @@ namespace clearance {
 
 namespace {
 
-// Said to be decomposed, without a file of pieces: mesh_source().
+// Whether the file of convex parts is missing, as mesh_source() notes.
 bool lacks_pieces(const Body& body) {
   return body.source.ends_with(kNoPiecesYet);
 }

@@ -31,7 +31,7 @@ std::uint32_t Scene::add_body(Body body) {
   return insert_body(std::move(body));
 }
 
-// A body with a free name; one without pieces is a frame.
+// Inserts a body with a free name; one without parts is a frame.
 std::uint32_t Scene::insert_body(Body body) {
   const std::string who = "body " + in_quotes(body.name) + ": ";
   for (const PiecePtr& piece : body.pieces)

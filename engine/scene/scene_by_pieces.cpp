@@ -1,4 +1,4 @@
-// A scene with its bodies by the convex pieces that stand for their meshes.
+// A scene with convex proxies in place of meshes.
 #include <algorithm>
 
 #include "engine/base/fp_environment.h"
@@ -20,8 +20,8 @@ bool has_stand_ins_of_its_own(const Body& body) {
   return std::ranges::any_of(body.pieces, [](const PiecePtr& piece) { return stand_ins_of(*piece) != nullptr; });
 }
 
-// How far convex pieces may miss a mesh is slack of the body's shape, and what they stand for is grown as they are. A
-// part without any stays as it is.
+// The deviation of convex proxies from their mesh is slack of the shape, and proxies are grown as the mesh is. Parts
+// without proxies are unchanged.
 Body body_by_pieces(const Body& body) {
   Body made = body;
   made.pieces.clear();
@@ -45,7 +45,7 @@ Body body_by_pieces(const Body& body) {
 
 }  // namespace
 
-// A copy without what only adding bodies needs.
+// A copy without the caches for adding bodies.
 Scene Scene::without_memory() const {
   Scene next;
   next.bodies_ = bodies_;

@@ -1,4 +1,4 @@
-// What the pieces of bodies stand for; equal pieces are shared, and grown by what their bodies are padded with.
+// Exact geometry of bodies, and sharing and growth of their convex parts.
 #include <algorithm>
 
 #include "engine/base/slack.h"
@@ -52,7 +52,7 @@ std::string placed_by_joints(const Body& body) {
 
 namespace {
 
-// Whether the same pieces, or none, stand for two surfaces.
+// Whether two surfaces have the same proxies, or none.
 bool same_decomposition(const Decomposition* a, const Decomposition* b) {
   if (!a || !b) return a == b;
   return a->inner == b->inner && a->outer == b->outer &&
@@ -61,7 +61,7 @@ bool same_decomposition(const Decomposition* a, const Decomposition* b) {
              [](const PiecePtr& p) { return p->digest; });
 }
 
-// Whether two pieces stand for the same: themselves, or equal surfaces.
+// Whether two parts have the same exact geometry: themselves, or equal surfaces.
 bool same_truth(const Piece& a, const Piece& b) {
   if (!a.surface || !b.surface) return a.surface == b.surface;
   const auto same_vertex = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
@@ -74,7 +74,7 @@ bool same_truth(const Piece& a, const Piece& b) {
 
 }  // namespace
 
-// Bodies of the same shape share one piece: less memory, and their pairs can be answered side by side.
+// Shares one part among bodies of the same shape: this saves memory, and their pairs can share lanes.
 PiecePtr Scene::shared_piece(const PiecePtr& piece) {
   const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
   const auto [begin, end] = pieces_.equal_range(piece->digest);
@@ -90,8 +90,8 @@ PiecePtr Scene::shared_piece(const PiecePtr& piece) {
   return piece;
 }
 
-// A position within a ball, and padding, are the pieces' own: their radius is larger by as much, which is exact but for
-// the rounding of that sum.
+// Adds padding and the uncertainty of position to the radius of the parts, which is exact but for the rounding of the
+// sum.
 void Scene::grow(Body& body, bool shares_pieces) {
   const double by = body.is_grown ? 0 : sum_above(body.padding, body.uncertainty.position);
   double rounding = 0;

@@ -14,13 +14,13 @@ namespace clearance {
 
 namespace {
 
-// Products with one are not rounded.
+// Products with a power of two are exact.
 bool is_a_power_of_two(double x) {
   int exponent = 0;
   return std::frexp(x, &exponent) == 0.5;
 }
 
-// Runs what reads a file, so that an error names it.
+// Calls a function that reads a file, and adds its name to errors.
 template <class F>
 auto in_file(const std::string& named, F&& f) {
   try {
@@ -32,7 +32,7 @@ auto in_file(const std::string& named, F&& f) {
   }
 }
 
-// Voxels of a map, as boxes about float32 centres: how far these and the map's may be apart counts as slack.
+// Boxes around float32 centres for the voxels of a map. Their deviation from the voxels counts as slack.
 Geometry voxels_of(const Octomap& map, double radius, const std::string& named) {
   constexpr double kUp = 1 + 0x1p-40;
   const float edge = voxel_of(map.edge);
@@ -61,7 +61,7 @@ Geometry voxels_of(const Octomap& map, double radius, const std::string& named) 
   return cloud;
 }
 
-// A grid's samples, and its triangles: two in each cell whose corners are all there.
+// A mesh of a grid's samples, with two triangles in each cell whose corners all exist.
 Geometry height_field(const std::vector<Vec3d>& samples, double cell, double radius, const std::string& named) {
   std::unordered_map<std::uint64_t, std::uint32_t> at;  // by row and column
   const auto place = [](double row, double column) {

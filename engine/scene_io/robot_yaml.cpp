@@ -81,7 +81,7 @@ Scene scene_of_robot(const std::string& path, bool allow_outside) {
     Scene scene;
     scene.add_robot(read_urdf(path).name, options);
     return scene;
-  } catch (const std::runtime_error& e) {  // RobotError or SceneError, which may name the robot alone
+  } catch (const std::runtime_error& e) {  // RobotError or SceneError, which may lack the place
     const std::string what = e.what();
     throw SceneError(what.starts_with(path) ? what : path + ": " + what);
   }

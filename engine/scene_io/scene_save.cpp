@@ -1,4 +1,4 @@
-// Scene::save: a scene as a scene file (docs/scenes.md) with all that it needs beside it.
+// Scene::save: writes a scene file (docs/scenes.md) and its geometry.
 #include <yaml-cpp/emitter.h>
 
 #include <array>
@@ -27,7 +27,7 @@ std::string quoted(const std::string& text) {
   return out.c_str();
 }
 
-// The shortest decimal that gives back every bit.
+// The shortest decimal that restores every bit.
 std::string exact(double x) {
   std::array<char, 32> text{};
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), x).ptr};
@@ -72,7 +72,7 @@ class SceneWriter {
     add_ignored();
     const std::string file = (folder_ / "scene.yaml").string();
     write_file("scene.yaml", text_);
-    YamlValue::load(file);  // it may be larger than a scene file can be
+    YamlValue::load(file);  // fails if it exceeds the limits of a scene file
   }
 
  private:
@@ -143,7 +143,7 @@ class SceneWriter {
     }
   }
 
-  // All of a robot's joints have a position at load, or none has.
+  // Either all of a robot's joints have a position at load, or none has.
   void add_home(const SceneRobot& robot) {
     std::string home;
     for (std::uint32_t c = 0; c < robot.model.columns.size(); ++c)
@@ -169,7 +169,7 @@ class SceneWriter {
     text_ += ",\n     geometry: {" + files + "}";
   }
 
-  // Those that come with a robot are in its files.
+  // Groups of robots come from their files.
   void add_groups() {
     std::set<std::string> of_robots;
     for (const auto& robot : scene_.robots()) {
@@ -195,7 +195,7 @@ class SceneWriter {
     }
   }
 
-  // The file that holds a body's geometry, from the scene's folder.
+  // Path of a body's geometry file in the scene's folder.
   std::string geometry_of(const Body& body) {
     Geometry geometry{body.pieces,      body.display,     body.model_error, body.model_inner,
                       body.hull_excess, body.empty_share, body.source};
@@ -215,9 +215,9 @@ class SceneWriter {
   using Key = std::tuple<std::vector<PiecePtr>, std::shared_ptr<const DisplayMesh>, std::string, double, double>;
   const Scene& scene_;
   const fs::path folder_;
-  std::vector<std::uint32_t> robot_of_;  // by body; kNone: none's
+  std::vector<std::uint32_t> robot_of_;  // by body, or kNone
   std::vector<std::string> names_;       // by body, quoted
-  std::map<Key, std::string> files_;     // geometries that are written
+  std::map<Key, std::string> files_;     // of the geometries written
   std::string text_;
 };
 

@@ -11,9 +11,9 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr std::uint64_t kMostPieces = 8192;  // placed at a time, of moved bodies
+constexpr std::uint64_t kMostPieces = 8192;  // limit on the parts of moved bodies in all configurations of a worker
 
-// \param each gets the box of each piece of a body that has a usable pose
+// \param each receives the box of each part of a body with a usable pose
 template <class Each>
 Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack, const Each& each) {
   Aabb box = kEmptyBox;
@@ -98,9 +98,9 @@ void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& 
     moved_[i] = place(is_unplaced ? nullptr : &local_[i], on, rotation_of_[i]);
     moved_[i].beyond_limits |= (facts_[i] & kLinkBeyondLimits) != 0;
     if (moved_[i].status == Status::kOk && snapshot.placed[body].status == Status::kStalePose)
-      moved_[i].status = Status::kStalePose;  // through a joint that the query leaves as it is
+      moved_[i].status = Status::kStalePose;  // through a joint that the query does not move
     if (!moved_uncertainties_.empty() && moved_[i].status == Status::kOk) {
-      // What the query itself places is there now.
+      // Bodies that the query places are there now.
       const double age_s =
           rotation_of_[i] ? points_age_s(snapshot, body, plan_.begun_ns) : pose_age_s(snapshot, body, plan_.begun_ns);
       PlacedLink link = plan_.uncertainties[body].link;

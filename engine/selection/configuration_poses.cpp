@@ -7,7 +7,7 @@ namespace clearance {
 
 namespace {
 
-// As many as lanes may have: whoever asks for one configuration asks for its neighbours soon, and they take no longer.
+// Number of lanes: the neighbours of a configuration are needed soon, and take no longer.
 constexpr std::uint64_t kTogether = kMostLanes;
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace clearance {
 namespace {
 
 constexpr std::uint64_t kWorkPerUnit = 16;
-constexpr std::uint64_t kSlice = 4096;  // pairs that are looked at together
+constexpr std::uint64_t kSlice = 4096;  // pairs matched together
 
 [[noreturn]] void refuse(const std::string& what, QueryErrorCode code = QueryErrorCode::kBadQuery) {
   throw QueryError(code, what);
@@ -32,7 +32,7 @@ std::string name_of(std::uint32_t selector, const Scene& scene) {
   return index < scene.bodies().size() ? "'" + scene.bodies()[index].name + "'" : "body " + std::to_string(index);
 }
 
-// Which entries name a body, of each body: a bit for each entry.
+// By body: a bit for each entry that names it.
 class NamedBy {
  public:
   NamedBy(std::size_t bodies, std::size_t entries) : words_((entries + 63) / 64), bits_(bodies * words_) {}
@@ -54,7 +54,7 @@ class NamedBy {
   std::vector<std::uint64_t> bits_;
 };
 
-// The last entry that names the pair in either order; negative: none does.
+// The last entry that names the pair in either order, negative if there is none.
 std::ptrdiff_t last_entry(BodyPair pair, const NamedBy& first, const NamedBy& second) {
   for (std::size_t i = first.words(); i-- > 0;)
     if (const std::uint64_t both =
@@ -63,7 +63,7 @@ std::ptrdiff_t last_entry(BodyPair pair, const NamedBy& first, const NamedBy& se
   return -1;
 }
 
-// Bodies that a selector names. Throws QueryError for an unknown one.
+// Bodies of a selector. Throws QueryError for an unknown one.
 std::uint64_t count_named(std::uint32_t selector, const Scene& scene, const std::string& place) {
   if (selector == kEveryBody) return scene.bodies().size();
   const std::uint32_t index = selector & ~kGroupBit;

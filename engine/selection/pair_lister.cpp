@@ -31,11 +31,11 @@ BodyPair PairList::at(std::uint64_t position) const {
 
 namespace {
 
-constexpr std::uint64_t kPairsPerUnit = 16;   // of work: that are looked at
-constexpr std::uint64_t kPairsPerTurn = 512;  // ... before the meter is
+constexpr std::uint64_t kPairsPerUnit = 16;   // pairs visited per unit of work
+constexpr std::uint64_t kPairsPerTurn = 512;  // pairs visited between tests of the meter
 
-// Pairs of bodies that the groups of one query may name together: as many as the largest request could name itself. A
-// few bytes would fill memory otherwise.
+// Limit on the pairs that the groups of one query name together: as many as the largest request could list. Otherwise a
+// few bytes could exhaust memory.
 constexpr std::uint64_t kMaxNamedByGroups = std::uint64_t{1} << 25;
 
 bool has(const std::vector<std::uint32_t>& ascending, std::uint32_t body) {
@@ -77,7 +77,7 @@ bool PairLister::advance(WorkMeter& meter) {
   return true;
 }
 
-// Whether the list is the scene's whole table: who sends that back means all of it.
+// Whether the list is the scene's whole table, as returned to clients.
 std::uint64_t PairLister::compare_some() {
   BodyPair room[kPairsPerTurn];
   const std::uint64_t count = std::min(kPairsPerTurn, table_->size() - next_);
@@ -91,7 +91,7 @@ std::uint64_t PairLister::compare_some() {
   return count;
 }
 
-// How many pairs are named at most. Looking them up takes time, too.
+// Counts an upper bound on the named pairs, since listing them takes time as well.
 std::uint64_t PairLister::count_some() {
   const std::uint64_t begin = next_, end = std::min<std::uint64_t>(begin + kPairsPerTurn, named_.size());
   for (; next_ < end; ++next_) {
@@ -109,7 +109,7 @@ std::uint64_t PairLister::count_some() {
   if (next_ == named_.size()) {
     step_ = ListingStep::kList;
     next_ = 0;
-    pairs_.reserve(most_);  // once: to move millions of them takes long
+    pairs_.reserve(most_);  // once, because moving millions of them takes long
   }
   return end - begin;
 }
@@ -134,7 +134,7 @@ std::uint64_t PairLister::list_some() {
   return end - begin;
 }
 
-// Ascending, each once.
+// Sorts, and removes repeats.
 std::vector<std::uint32_t> PairLister::members(std::uint32_t selector) const {
   std::vector<std::uint32_t> all;
   if (selector == kEveryBody) {
@@ -169,8 +169,8 @@ void PairLister::begin_expanding(std::vector<std::uint32_t> as, std::vector<std:
   step_ = ListingStep::kExpand;
 }
 
-// The enabled pairs of one of as_ and one of bs_, each once, in lexicographic order: a body with those after it that
-// the other side has.
+// Lists the enabled pairs of a body in as_ and one in bs_, each once, in lexicographic order: each body with later ones
+// of the other side.
 std::uint64_t PairLister::expand_some() {
   std::uint64_t looked_at = 0;
   for (; body_ < both_.size() && looked_at < kPairsPerTurn; ++body_, other_ = 0) {

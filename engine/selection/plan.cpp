@@ -69,7 +69,7 @@ void check_numbers(const QueryView& q) {
   check_free_scale(q);
 }
 
-// A depth is how far things have to move apart: points have no inside, and who asks for it means something else.
+// A depth is the length of a shift that separates bodies, and points have no inside.
 void refuse_depths_of_clouds(const PairList& pairs, const Scene& scene) {
   constexpr std::uint64_t kAtATime = 1024;
   std::vector<BodyPair> room;
@@ -92,8 +92,7 @@ std::uint32_t written_fields(const QueryView& q) {
   return fields;
 }
 
-// All pairs have changed whatever has, and with a body more or less there is a row more or less for the nearest of
-// each.
+// Any change affects a query of all pairs, and a new or removed body also the rows of `nearest`.
 /// \param bodies that the query moves
 bool ids_valid_since(const QueryView& query, std::span<const std::uint32_t> bodies, const PoseSnapshot& snapshot,
                      const Scene& scene) {
@@ -123,7 +122,7 @@ void take_bodies(const QueryView& query, const Scene& scene, Plan& plan) {
   units_of_this_thread += seen.size() / 1024;
 }
 
-constexpr std::uint64_t kLinksPerUnit = 64;  // of work: links that are looked through for those that joints move
+constexpr std::uint64_t kLinksPerUnit = 64;  // links searched per unit of work
 
 void take_joints(const QueryView& query, const Scene& scene, Plan& plan) {
   if (query.joints.empty()) return;
