@@ -109,12 +109,7 @@ void Evaluator::finish(const PlacedBodies& bodies, const BodiesAnswer& found, Pa
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
   const PoseMatrix &pose_a = (*bodies.placement)[bodies.pair.a].pose, &pose_b = (*bodies.placement)[bodies.pair.b].pose;
 
-  if (best.bounds.upper == kInf && lower == -kInf) {
-    const std::uint16_t flags = answer.flags;
-    answer = unproved_answer();
-    answer.flags = flags;
-    return;
-  }
+  if (best.bounds.upper == kInf && lower == -kInf) return replace_answer(answer, unproved_answer());
   if (options_.want_points) {
     answer.piece_a = found.a.piece;
     answer.piece_b = found.b.piece;

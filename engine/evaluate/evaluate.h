@@ -43,6 +43,13 @@ struct PlacedBodies {
   double stop_below = -std::numeric_limits<double>::infinity();
 };
 
+/// Replaces an answer except its flags.
+inline void replace_answer(PairAnswer& answer, const PairAnswer& by) {
+  const std::uint16_t flags = answer.flags;
+  answer = by;
+  answer.flags = flags;
+}
+
 /// Evaluates many pairs, valid or not. Each worker has its own.
 class Evaluator {
  public:

@@ -42,11 +42,7 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
     left = far.gap;
   } else if (drops(far.gap, bodies) &&
              !(is_by_pieces(bodies.pair) && box_gap(scene_, *bodies.placement, bodies.pair) <= 0)) {
-    PairAnswer& answer = answers_[index];
-    const std::uint16_t flags = answer.flags;
-    answer = beyond_answer(slack.true_lower(far.gap));
-    answer.flags = flags;
-    return;
+    return replace_answer(answers_[index], beyond_answer(slack.true_lower(far.gap)));
   } else {
     piece_pairs_.push_back(far);
   }
@@ -75,12 +71,8 @@ void Evaluator::finish_search(PairSearch& search, WorkMeter& meter) {
   PairAnswer& answer = answers_[search.index];
   const double true_lower = search.slack.true_lower(found.lower);
   const bool was_asked = found.best.bounds.upper < kInf;
-  if (by_elements && !was_asked && true_lower > bodies.max_distance) {
-    const std::uint16_t flags = answer.flags;
-    answer = beyond_answer(true_lower);
-    answer.flags = flags;
-    return;
-  }
+  if (by_elements && !was_asked && true_lower > bodies.max_distance)
+    return replace_answer(answer, beyond_answer(true_lower));
   finish(bodies, found, answer, !by_pieces ? Overlap::kExact : held ? Overlap::kContained : Overlap::kOfProxies);
 }
 

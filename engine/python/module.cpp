@@ -227,12 +227,7 @@ class PyEngine {
       batch[i].body = ids.data()[i];
       batch[i].pose = pose_from(poses.data() + 7 * i);
     }
-    PoseUpdateResult result;
-    {
-      const GilRelease release;
-      result = use().set_poses(batch, stamp_ns, sequence);
-    }
-    return done(result);
+    return update([&] { return use().set_poses(batch, stamp_ns, sequence); });
   }
 
   nb::tuple set_joints(const BodiesArray& ids, const PositionRow& positions, std::int64_t stamp_ns,
@@ -240,23 +235,13 @@ class PyEngine {
     if (ids.shape(0) != positions.shape(0)) throw nb::value_error("positions: expected one for each joint");
     std::vector<JointPosition> batch(ids.shape(0));
     for (std::size_t i = 0; i < batch.size(); ++i) batch[i] = {ids.data()[i], positions.data()[i]};
-    PoseUpdateResult result;
-    {
-      const GilRelease release;
-      result = use().set_joints(batch, stamp_ns, sequence);
-    }
-    return done(result);
+    return update([&] { return use().set_joints(batch, stamp_ns, sequence); });
   }
 
   nb::tuple set_points(std::uint32_t body, const CloudRows& xyz, const std::optional<double>& radius,
                        std::int64_t stamp_ns, std::int64_t sequence) const {
     const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(xyz.data()), xyz.shape(0));
-    PoseUpdateResult result;
-    {
-      const GilRelease release;
-      result = use().set_points(body, points, radius, stamp_ns, sequence);
-    }
-    return done(result);
+    return update([&] { return use().set_points(body, points, radius, stamp_ns, sequence); });
   }
 
   /// See Client.joints().
@@ -281,21 +266,12 @@ class PyEngine {
       if (pose->shape(0) != 1) throw nb::value_error("pose: expected one pose");
       X_pc = pose_from(pose->data());
     }
-    PoseUpdateResult result;
-    {
-      const GilRelease release;
-      result = use().attach(child, parent, pose ? &X_pc : nullptr, {allow.data(), allow.shape(0)});
-    }
-    return done(result);
+    const std::span<const std::uint32_t> allowed(allow.data(), allow.shape(0));
+    return update([&] { return use().attach(child, parent, pose ? &X_pc : nullptr, allowed); });
   }
 
   nb::tuple allow(std::uint32_t a, std::uint32_t b, bool allow) const {
-    PoseUpdateResult result;
-    {
-      const GilRelease release;
-      result = use().allow(a, b, allow);
-    }
-    return done(result);
+    return update([&] { return use().allow(a, b, allow); });
   }
 
   nb::list body_states() const {
@@ -329,7 +305,13 @@ class PyEngine {
     return (backend == "cuda" || backend == "auto" ? pinned_blocks() : plain_blocks()).take(bytes);
   }
 
-  nb::tuple done(const PoseUpdateResult& r) const {
+  // Calls a function without the interpreter's lock, and returns its PoseUpdateResult.
+  template <class F>
+  nb::tuple update(F&& f) const {
+    const PoseUpdateResult r = [&] {
+      const GilRelease release;
+      return f();
+    }();
     return nb::make_tuple(r.revision, engine_->scene_revision(), r.applied, r.bad, r.unknown, r.fixed);
   }
 

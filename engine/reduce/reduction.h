@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "engine/evaluate/evaluate.h"
+#include "engine/narrow/group.h"
 #include "engine/reduce/box_cull.h"
 #include "engine/reduce/near_pairs.h"
 #include "engine/selection/columns.h"
@@ -81,6 +83,12 @@ class Reduction {
     BoxCull cull;
     TreeSearch search;
   };
+  struct GroupResult {
+    CandidateRank best;
+    const PairAnswer* winner = nullptr;
+    double lower = std::numeric_limits<double>::infinity();  // least of all
+    std::uint64_t lower_place = CandidateRank::kNowhere;     // position of the first pair with it
+  };
   bool per_body() const { return plan_.query.reduce == Reduce::kNearest; }
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }
   bool any() const { return plan_.query.reduce == Reduce::kAny; }
@@ -122,6 +130,9 @@ class Reduction {
   void scan_unplaced(WorkerState& worker, const BodyPoses& placement) const;
   Row row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration, const BodyPoses& placement) const;
   Row decision(std::uint32_t configuration, const BodyPoses& placement) const;
+  std::vector<GroupResult> group_results(const BodyPoses& placement) const;
+  Row group_row(std::uint32_t g, const GroupResult& group, std::uint32_t configuration,
+                const BodyPoses& placement) const;
   Row unusable_row(std::uint64_t position, std::uint32_t configuration, const BodyPoses& placement) const;
   void widen(Row& row, double lower, const BodyPoses& placement) const;
 

@@ -78,22 +78,8 @@ Row Reduction::unusable_row(std::uint64_t position, std::uint32_t configuration,
   return row;
 }
 
-std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& placement) {
-  assert(stage_ == kDone);
-  if (any()) return {decision(configuration, placement)};
-  std::vector<Row> rows;
-  if (within()) {
-    for (std::size_t i = 0; i < candidates_.size(); ++i)
-      if (candidate_answers_[i].status != Status::kBeyond)
-        rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement));
-    return rows;
-  }
-  struct GroupResult {
-    CandidateRank best;
-    const PairAnswer* winner = nullptr;
-    double lower = kInf;                                  // least of all
-    std::uint64_t lower_place = CandidateRank::kNowhere;  // position of the first pair with it
-  };
+// The best and the lowest of each group's answers.
+std::vector<Reduction::GroupResult> Reduction::group_results(const BodyPoses& placement) const {
   std::vector<GroupResult> groups(groups_);
   const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
     if (std::isnan(answer.distance)) return;  // scans found pairs without usable poses
@@ -114,32 +100,42 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& p
   for (std::size_t i = 0; i < seeds_.size(); ++i) offer(seeds_[i], seed_pairs_[i], seed_answers_[i]);
   for (std::size_t i = 0; i < candidates_.size(); ++i)
     offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
-  for (std::size_t g = 0; g < groups_; ++g) {
-    const GroupResult& group = groups[g];
-    const std::uint64_t unusable = unusable_[g];
-    // Only a proved overlap is the minimum regardless of pairs without usable poses.
-    if (unusable != kNoPair && !(group.winner && group.winner->upper <= 0)) {
-      rows.push_back(unusable_row(unusable, configuration, placement));
-      continue;
+  return groups;
+}
+
+Row Reduction::group_row(std::uint32_t g, const GroupResult& group, std::uint32_t configuration,
+                         const BodyPoses& placement) const {
+  const std::uint64_t unusable = unusable_[g];
+  // Only a proved overlap is the minimum regardless of pairs without usable poses.
+  if (unusable != kNoPair && !(group.winner && group.winner->upper <= 0))
+    return unusable_row(unusable, configuration, placement);
+  if (!group.winner) return row_of({per_body() ? g : kNone, kNone}, empty_answer(), configuration, placement);
+  Row row = row_of(plan_.pairs.at(group.best.place), *group.winner, configuration, placement);
+  if (group.lower_place != CandidateRank::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
+  widen(row, group.lower, placement);
+  if (unusable != kNoPair) {
+    row.answer.flags |= kFlagIncomplete;
+    if (options_.limits.signed_distance) {  // its depth may be greater
+      row.answer.lower = -kInf;
+      row.pair_lower = plan_.pairs.at(unusable);
     }
-    if (!group.winner) {
-      const auto body = static_cast<std::uint32_t>(g);
-      rows.push_back(row_of({per_body() ? body : kNone, kNone}, empty_answer(), configuration, placement));
-      continue;
-    }
-    Row row = row_of(plan_.pairs.at(group.best.place), *group.winner, configuration, placement);
-    if (group.lower_place != CandidateRank::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
-    widen(row, group.lower, placement);
-    if (unusable != kNoPair) {
-      row.answer.flags |= kFlagIncomplete;
-      if (options_.limits.signed_distance) {  // whose depth may be greater
-        row.answer.lower = -kInf;
-        row.pair_lower = plan_.pairs.at(unusable);
-      }
-    }
-    assert(row.answer.lower <= row.answer.upper);
-    rows.push_back(row);
   }
+  assert(row.answer.lower <= row.answer.upper);
+  return row;
+}
+
+std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& placement) {
+  assert(stage_ == kDone);
+  if (any()) return {decision(configuration, placement)};
+  std::vector<Row> rows;
+  if (within()) {
+    for (std::size_t i = 0; i < candidates_.size(); ++i)
+      if (candidate_answers_[i].status != Status::kBeyond)
+        rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement));
+    return rows;
+  }
+  const std::vector<GroupResult> groups = group_results(placement);
+  for (std::uint32_t g = 0; g < groups.size(); ++g) rows.push_back(group_row(g, groups[g], configuration, placement));
   return rows;
 }
 

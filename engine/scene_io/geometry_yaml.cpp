@@ -24,14 +24,14 @@ namespace {
 constexpr std::uint64_t kMaxMadeVertices = 20'000'000;
 
 // A number in a key, with all of its bits and a separator.
-std::string exact(double x) {
+std::string key_of(double x) {
   char text[40];
   std::snprintf(text, sizeof text, "%a,", x);
   return text;
 }
 
-std::string exact(const Vec3d& v) {
-  return exact(v.x) + exact(v.y) + exact(v.z);
+std::string key_of(const Vec3d& v) {
+  return key_of(v.x) + key_of(v.y) + key_of(v.z);
 }
 
 // [radius, length] of a capsule, cylinder or cone.
@@ -68,15 +68,15 @@ struct NumberedShape {
 std::optional<NumberedShape> read_shape(const std::string& kind, const YamlValue& value) {
   if (kind == "box") {
     const Vec3d size = read_box(value);
-    return NumberedShape{exact(size), [size] { return make_box(size); }};
+    return NumberedShape{key_of(size), [size] { return make_box(size); }};
   }
   if (kind == "sphere") {
     const double r = value.positive();
-    return NumberedShape{exact(r), [r] { return make_sphere(r); }};
+    return NumberedShape{key_of(r), [r] { return make_sphere(r); }};
   }
   if (kind == "capsule") {
     const auto [r, length] = read_round(value, true);
-    return NumberedShape{exact(r) + exact(length), [r = r, length = length] { return make_capsule(r, length); }};
+    return NumberedShape{key_of(r) + key_of(length), [r = r, length = length] { return make_capsule(r, length); }};
   }
   if (kind != "uv_sphere") return {};
   value.map("{radius: ..., resolution: ...}");
@@ -86,7 +86,7 @@ std::optional<NumberedShape> read_shape(const std::string& kind, const YamlValue
   if (!resolution) value.fail("expected the key \"resolution\"");
   const double r = radius->positive();
   const int n = static_cast<int>(resolution->integer(2, kMaxUvSphereResolution));
-  return NumberedShape{exact(r) + std::to_string(n), [r, n] { return make_uv_sphere(r, n); },
+  return NumberedShape{key_of(r) + std::to_string(n), [r, n] { return make_uv_sphere(r, n); },
                        2 * std::uint64_t(n) * (n - 1) + 2};
 }
 
@@ -145,7 +145,7 @@ std::size_t GeometryReader::read(const YamlValue& body) {
   if (const auto shape = read_shape(kind, value)) {
     const std::size_t before = planned_.size();
     const std::size_t index =
-        add(kind + " " + shape->numbers + " +" + exact(radius), value,
+        add(kind + " " + shape->numbers + " +" + key_of(radius), value,
             [make = shape->make, radius, kind = kind] { return geometry_of_shape(make(), radius, kind); });
     if (planned_.size() > before) made_vertices_ += shape->vertices;
     if (made_vertices_ > kMaxMadeVertices)
@@ -153,7 +153,7 @@ std::size_t GeometryReader::read(const YamlValue& body) {
     return index;
   }
   if (const auto p = read_primitive(kind, value))
-    return add(kind + " " + exact(p->size) + " +" + exact(radius), value,
+    return add(kind + " " + key_of(p->size) + " +" + key_of(radius), value,
                [p = *p, radius, kind = kind] { return geometry_of_primitive(p, radius, kind); });
   return read_file(kind, body, value, radius);
 }
@@ -199,8 +199,8 @@ std::size_t GeometryReader::read_mesh(const YamlValue& body, const YamlValue& me
   const std::string path = resolve(mesh, named);
   std::shared_ptr<MeshFile>& file = mesh_files_[path];
   if (!file) file = std::make_shared<MeshFile>(path);
-  const std::string key = "mesh " + path + " " + exact(scale) + std::to_string(static_cast<int>(convexify)) +
-                          std::to_string(static_cast<int>(up)) + " +" + exact(radius);
+  const std::string key = "mesh " + path + " " + key_of(scale) + std::to_string(static_cast<int>(convexify)) +
+                          std::to_string(static_cast<int>(up)) + " +" + key_of(radius);
   return add(key, mesh, [this, file = file, recipe = MeshRecipe{scale, convexify, radius, up}, named] {
     const auto in_file = [&](const std::exception& e) { return named + ": " + e.what(); };
     try {

@@ -151,8 +151,7 @@ std::vector<Vec3d> YamlValue::vectors() const {
   if (!is_list() || size() == 0) fail_expected("a list of points [x, y, z]");
   std::vector<Vec3d> out;
   out.reserve(size());
-  tree_->reads += 4 * size();
-  if (tree_->reads > kMaxReads) fail("too many values, aliases counted each time they are used");
+  count_reads(4 * size());
   const std::vector<YamlNode>& nodes = tree_->nodes;
   for (std::size_t i = 0; i < nodes[node_].children.size(); ++i) {
     const YamlNode& point = nodes[nodes[node_].children[i].node];
@@ -190,6 +189,11 @@ std::size_t YamlValue::size() const {
   return node.kind == YamlKind::kMap ? node.children.size() / 2 : node.children.size();
 }
 
+void YamlValue::count_reads(std::size_t values) const {
+  tree_->reads += values;
+  if (tree_->reads > kMaxReads) fail("too many values, aliases counted each time they are used");
+}
+
 YamlValue YamlValue::entry(std::size_t i) const {
   const YamlChild& child = tree_->nodes[node_].children[i];
   return YamlValue(tree_, child.node, child.line, place_ + "[" + std::to_string(i) + "]");
@@ -197,8 +201,7 @@ YamlValue YamlValue::entry(std::size_t i) const {
 
 std::vector<YamlValue> YamlValue::list(const std::string& expected) const {
   if (!is_list()) fail_expected(expected);
-  tree_->reads += size();
-  if (tree_->reads > kMaxReads) fail("too many values, aliases counted each time they are used");
+  count_reads(size());
   std::vector<YamlValue> out;
   out.reserve(size());
   for (std::size_t i = 0; i < size(); ++i) out.push_back(entry(i));
@@ -207,8 +210,7 @@ std::vector<YamlValue> YamlValue::list(const std::string& expected) const {
 
 std::vector<std::pair<std::string, YamlValue>> YamlValue::map(const std::string& expected) const {
   if (!is_map()) fail_expected(expected);
-  tree_->reads += size();
-  if (tree_->reads > kMaxReads) fail("too many values, aliases counted each time they are used");
+  count_reads(size());
   const YamlNode& node = tree_->nodes[node_];
   std::vector<std::pair<std::string, YamlValue>> out;
   std::set<std::string> seen;

@@ -61,6 +61,7 @@ class YamlValue {
   YamlValue(std::shared_ptr<const YamlTree> tree, std::uint32_t node, std::uint32_t line, std::string place)
       : tree_(std::move(tree)), node_(node), line_(line), place_(std::move(place)) {}
   YamlValue entry(std::size_t i) const;
+  void count_reads(std::size_t values) const;
   std::string described() const;
 
   std::shared_ptr<const YamlTree> tree_;
