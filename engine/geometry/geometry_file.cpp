@@ -8,9 +8,9 @@
 #include <fstream>
 #include <system_error>
 
-#include "engine/base/scene_error.h"
 #include "engine/cache/sha256.h"
 #include "engine/geometry/mesh_geometry.h"
+#include "engine/geometry/scene_error.h"
 
 namespace clearance {
 

@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "engine/base/body_pair.h"
-#include "engine/base/scene_error.h"
 #include "engine/base/triangle.h"
 #include "engine/bvh/cloud_point.h"
 #include "engine/geometry/geometry.h"
+#include "engine/geometry/scene_error.h"
 #include "engine/pose/pose.h"
 #include "engine/scene/scene_robot.h"
 #include "wire/types.h"

@@ -10,7 +10,7 @@
 #include <system_error>
 #include <unordered_map>
 
-#include "engine/base/scene_error.h"
+#include "engine/geometry/scene_error.h"
 
 namespace clearance {
 
