@@ -197,11 +197,8 @@ class SceneWriter {
 
   // Path of a body's geometry file in the scene's folder.
   std::string geometry_of(const Body& body) {
-    Geometry geometry{body.pieces,      body.display,     body.model_error, body.model_inner,
-                      body.hull_excess, body.empty_share, body.source};
-    std::string& file =
-        files_[{geometry.pieces, geometry.display, geometry.source, body.model_error, body.model_inner}];
-    if (file.empty()) file = "geometry/" + write_geometry_file((folder_ / "geometry").string(), geometry);
+    std::string& file = files_[{body.pieces, body.display, body.source, body.model_error, body.model_inner}];
+    if (file.empty()) file = "geometry/" + write_geometry_file((folder_ / "geometry").string(), body);
     return file;
   }
 
