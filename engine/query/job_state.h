@@ -1,4 +1,4 @@
-// State of a Job, and what the engine gives each job.
+// State of a Job, and the resources that the engine gives each job.
 #pragma once
 
 #include <atomic>
