@@ -23,6 +23,7 @@
 #include "engine/base/fd.h"
 #include "engine/base/helper_program.h"
 #include "engine/mesh/mesh_format.h"
+#include "engine/mesh/mesh_formats.h"
 #include "engine/mesh/mesh_result.h"
 
 namespace clearance {
@@ -118,14 +119,23 @@ bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* end
                   " and no result; is the file damaged?");
 }
 
-const std::vector<std::string> kMeshes = {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb"};
+const std::vector<std::string>& mesh_extensions() {
+  static const std::vector<std::string> all = [] {
+    std::vector<std::string> out;
+    for (const std::string_view own : kOwnFormats) out.push_back('.' + std::string(own));
+    for (const AssimpFormat& format : kAssimpFormats) out.push_back('.' + std::string(format.extension));
+    return out;
+  }();
+  return all;
+}
 const std::vector<std::string> kPoints = {".ply", ".xyz", ".npy", ".pcd"};
 const std::vector<std::string> kOctomaps = {".bt", ".ot"}, kHeights = {".npy"};
 
 // Opens a mesh file; what can be seen without reading it is in order.
 /// \param known formats, in words for a message
-Fd open_file(const std::string& path, const MeshLimits& limits, const std::vector<std::string>& known = kMeshes) {
-  struct stat info{};
+Fd open_file(const std::string& path, const MeshLimits& limits,
+             const std::vector<std::string>& known = mesh_extensions()) {
+  struct stat info {};
   if (::stat(path.c_str(), &info) != 0) throw MeshError(reason(errno));
   if (S_ISDIR(info.st_mode)) throw MeshError("expected a mesh file, got a folder");
   if (!S_ISREG(info.st_mode)) throw MeshError("expected a mesh file, got a device, pipe or socket");
@@ -230,7 +240,7 @@ Mesh load(const std::string& path, const MeshLimits& limits, const std::vector<s
 }  // namespace
 
 Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
-  Mesh mesh = load(path, limits, kMeshes);
+  Mesh mesh = load(path, limits, mesh_extensions());
   if (std::all_of(mesh.submeshes.begin(), mesh.submeshes.end(), [](const Submesh& s) { return s.triangles.empty(); }))
     throw MeshError("it holds points or lines only, no face with an area");
   return mesh;

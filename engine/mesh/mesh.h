@@ -49,7 +49,7 @@ struct MeshLimits {
 /// it.
 Sha256Digest mesh_file_digest(const std::string& path, const MeshLimits& limits = {});
 
-/// Reads an OBJ, STL, PLY, OFF, DAE, glTF or GLB file. Other files that it names are opened only inside its folder.
+/// Reads a file of a format that mesh_formats.h lists. Other files that it names are opened only inside its folder.
 /// Throws MeshError.
 Mesh load_mesh(const std::string& path, const MeshLimits& limits = {});
 

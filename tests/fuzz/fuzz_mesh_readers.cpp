@@ -1,9 +1,10 @@
-// Arbitrary mesh files through our own readers in this process; for DAE, through the check before assimp.
+// Mesh files of any bytes through the project's own readers and its checks before assimp, in this process.
 #include <cmath>
 #include <filesystem>
 
 #include "engine/mesh/mesh_part.h"
 #include "engine/mesh/mesh_text.h"
+#include "engine/mesh/readers/mesh_assimp.h"
 #include "engine/mesh/readers/mesh_dae.h"
 #include "engine/mesh/readers/mesh_gltf.h"
 #include "tests/fuzz/mesh_extension.h"
@@ -37,6 +38,10 @@ CLEARANCE_FUZZ_TARGET(mesh_readers) {
     }
     if (extension == "dae") {
       check_dae(content);
+      ++parts;
+    }
+    if (const AssimpFormat* format = find_assimp_format(extension)) {
+      check_assimp(*format, content);
       ++parts;
     }
     return parts > 0;

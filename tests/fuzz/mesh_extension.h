@@ -7,7 +7,8 @@
 
 namespace clearance::fuzz {
 
-inline constexpr const char* kMeshExtensions[] = {"obj", "stl", "ply", "off", "dae", "gltf", "glb"};
+inline constexpr const char* kMeshExtensions[] = {"obj", "stl", "ply", "off", "dae", "gltf", "glb", "3ds", "3mf", "ac",
+                                                  "amf", "ase", "dxf", "fbx", "lwo", "raw",  "x",   "x3d", "xgl"};
 
 inline const char* next_mesh_extension(Input& in) {
   return kMeshExtensions[in.number<std::uint8_t>() % std::size(kMeshExtensions)];

@@ -31,7 +31,15 @@ void save_meshes() {
                                                        {"off", off(thing)},
                                                        {"dae", dae(thing)},
                                                        {"glb", glb(thing)},
-                                                       {"gltf", gltf(thing)}};
+                                                       {"gltf", gltf(thing)},
+                                                       {"ac", ac(thing)},
+                                                       {"amf", amf(thing)},
+                                                       {"ase", ase(thing)},
+                                                       {"dxf", dxf(thing, "4")},
+                                                       {"lwo", lwo(thing)},
+                                                       {"raw", raw(thing)},
+                                                       {"x3d", x3d(thing)},
+                                                       {"xgl", xgl(thing)}};
   std::map<std::string, int> count;
   for (const auto& [extension, text] : files) {
     Data input;

@@ -15,6 +15,7 @@
 #include "engine/mesh/mesh_format.h"
 #include "engine/mesh/mesh_part.h"
 #include "engine/mesh/mesh_text.h"
+#include "engine/mesh/readers/mesh_assimp.h"
 #include "engine/mesh/readers/mesh_dae.h"
 #include "engine/mesh/readers/mesh_gltf.h"
 
@@ -101,6 +102,8 @@ bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::pat
     read_octomap(content, sink);
   else if (extension == "gltf" || extension == "glb")
     read_gltf(content, extension == "glb", folder, kMostRepeatedVertices, sink);
+  else if (const AssimpFormat* format = find_assimp_format(extension))
+    read_assimp(*format, kept, path, content, folder, kMostRepeatedVertices, sink);
   else
     read_dae(kept, path, content, folder, kMostRepeatedVertices, sink);
   return result->finish(folder.alone());

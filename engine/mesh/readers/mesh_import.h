@@ -1,5 +1,5 @@
 // What the mesh loader does with a file: the reader of its format reads it, and what it holds goes to a descriptor
-// (mesh_format.h). DAE alone goes through assimp.
+// (mesh_format.h). mesh_formats.h lists which formats go through assimp.
 #pragma once
 
 #include <cstdint>

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
@@ -151,6 +152,116 @@ inline std::string dae(const Source& m, const DaeOptions& options = {}) {
          options.scene +
          "</visual_scene></library_visual_scenes>\n"
          "<scene><instance_visual_scene url=\"#s\"/></scene></COLLADA>\n";
+}
+
+/// Coordinates are multiples of 1/64 metre, which six decimals hold.
+inline Source coarse_ball() {
+  Source out = ball();
+  for (Vec3d& v : out.vertices)
+    for (int k = 0; k < 3; ++k) v[k] = std::round(64 * v[k]) / 64;
+  return out;
+}
+
+inline std::string raw(const Source& m) {
+  std::string out = "thing\n";
+  for (const Triangle& t : m.triangles) {
+    for (const std::uint32_t i : t) out += print("%.9g %.9g %.9g ", m.vertices[i].x, m.vertices[i].y, m.vertices[i].z);
+    out += "\n";
+  }
+  return out;
+}
+
+inline std::string ac(const Source& m) {
+  std::string out =
+      "AC3Db\nMATERIAL \"m\" rgb 1 1 1 amb 0 0 0 emis 0 0 0 spec 0 0 0 shi 0 trans 0\nOBJECT world\nkids 1\n";
+  out += print("OBJECT poly\nname \"thing\"\nnumvert %zu\n", m.vertices.size());
+  for (const Vec3d& v : m.vertices) out += print("%.9g %.9g %.9g\n", v.x, v.y, v.z);
+  out += print("numsurf %zu\n", m.triangles.size());
+  for (const Triangle& t : m.triangles)
+    out += print("SURF 0x0\nmat 0\nrefs 3\n%u 0 0\n%u 0 0\n%u 0 0\n", t[0], t[1], t[2]);
+  return out + "kids 0\n";
+}
+
+/// \param unit of the root element, with its name, or nothing.
+inline std::string amf(const Source& m, const std::string& unit = " unit=\"meter\"") {
+  std::string out = "<?xml version=\"1.0\"?>\n<amf" + unit + " version=\"1.1\"><object id=\"0\"><mesh><vertices>\n";
+  for (const Vec3d& v : m.vertices)
+    out += print("<vertex><coordinates><x>%.9g</x><y>%.9g</y><z>%.9g</z></coordinates></vertex>\n", v.x, v.y, v.z);
+  out += "</vertices><volume>\n";
+  for (const Triangle& t : m.triangles)
+    out += print("<triangle><v1>%u</v1><v2>%u</v2><v3>%u</v3></triangle>\n", t[0], t[1], t[2]);
+  return out + "</volume></mesh></object></amf>\n";
+}
+
+inline std::string xgl(const Source& m) {
+  std::string out = "<WORLD>\n<MESH ID=\"0\">\n<MAT ID=\"0\"><AMB>0,1,0</AMB><DIFF>0,1,0</DIFF></MAT>\n";
+  for (std::size_t i = 0; i < m.vertices.size(); ++i)
+    out += print("<P ID=\"%zu\">%.9g,%.9g,%.9g</P>\n", i, m.vertices[i].x, m.vertices[i].y, m.vertices[i].z);
+  for (const Triangle& t : m.triangles) {
+    out += "<F><MATREF>0</MATREF>";
+    for (int k = 0; k < 3; ++k)
+      out += print("<FV%d><PREF>%u</PREF></FV%d>", k + 1, t[static_cast<std::size_t>(k)], k + 1);
+    out += "</F>\n";
+  }
+  return out + "</MESH>\n<OBJECT><MESHREF>0</MESHREF></OBJECT>\n</WORLD>\n";
+}
+
+/// \param insunits the unit's number in the header, or nothing.
+inline std::string dxf(const Source& m, const std::string& insunits = "") {
+  std::string out;
+  if (!insunits.empty()) out += "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n" + insunits + "\n0\nENDSEC\n";
+  out += "0\nSECTION\n2\nENTITIES\n";
+  for (const Triangle& t : m.triangles) {
+    out += "0\n3DFACE\n8\nlayer\n";
+    for (int k = 0; k < 4; ++k) {
+      const Vec3d& v = m.vertices[t[static_cast<std::size_t>(k < 3 ? k : 2)]];
+      out += print("1%d\n%.9g\n2%d\n%.9g\n3%d\n%.9g\n", k, v.x, k, v.y, k, v.z);
+    }
+  }
+  return out + "0\nENDSEC\n0\nEOF\n";
+}
+
+inline std::string ase(const Source& m) {
+  std::string out = "*3DSMAX_ASCIIEXPORT 200\n*GEOMOBJECT {\n*NODE_NAME \"thing\"\n*NODE_TM {\n*NODE_NAME \"thing\"\n";
+  out += "*TM_ROW0 1 0 0\n*TM_ROW1 0 1 0\n*TM_ROW2 0 0 1\n*TM_ROW3 0 0 0\n}\n*MESH {\n";
+  out += print("*MESH_NUMVERTEX %zu\n*MESH_NUMFACES %zu\n*MESH_VERTEX_LIST {\n", m.vertices.size(), m.triangles.size());
+  for (std::size_t i = 0; i < m.vertices.size(); ++i)
+    out += print("*MESH_VERTEX %zu %.9g %.9g %.9g\n", i, m.vertices[i].x, m.vertices[i].y, m.vertices[i].z);
+  out += "}\n*MESH_FACE_LIST {\n";
+  for (std::size_t i = 0; i < m.triangles.size(); ++i) {
+    const Triangle& t = m.triangles[i];
+    out += print("*MESH_FACE %zu: A: %u B: %u C: %u AB: 1 BC: 1 CA: 1 *MESH_SMOOTHING 1 *MESH_MTLID 0\n", i, t[0], t[1],
+                 t[2]);
+  }
+  return out + "}\n}\n}\n";
+}
+
+/// \param head content of the <head> element.
+inline std::string x3d(const Source& m, const std::string& head = "") {
+  std::string out = "<?xml version=\"1.0\"?>\n<X3D profile=\"Interchange\" version=\"3.3\"><head>" + head + "</head>";
+  out += "<Scene><Shape><IndexedFaceSet coordIndex=\"";
+  for (const Triangle& t : m.triangles) out += print("%u %u %u -1 ", t[0], t[1], t[2]);
+  out += "\"><Coordinate point=\"";
+  for (const Vec3d& v : m.vertices) out += print("%.9g %.9g %.9g ", v.x, v.y, v.z);
+  return out + "\"/></IndexedFaceSet></Shape></Scene></X3D>\n";
+}
+
+/// LightWave is left-handed, and its faces are clockwise seen from outside.
+inline std::string lwo(const Source& m) {
+  std::string points, faces;
+  for (const Vec3d& v : m.vertices)
+    for (int k = 0; k < 3; ++k) points += bytes(static_cast<float>(k == 2 ? -v[k] : v[k]), true);
+  for (const Triangle& t : m.triangles) {
+    faces += bytes<std::uint16_t>(3, true);
+    for (const int k : {0, 2, 1}) faces += bytes(static_cast<std::uint16_t>(t[static_cast<std::size_t>(k)]), true);
+  }
+  const auto chunk = [](const char* name, std::string data) {
+    return name + bytes(static_cast<std::uint32_t>(data.size()), true) + data +
+           (data.size() % 2 ? std::string(1, '\0') : "");
+  };
+  std::string body = "LWO2" + chunk("TAGS", std::string("s\0", 2)) + chunk("LAYR", std::string(18, '\0')) +
+                     chunk("PNTS", points) + chunk("POLS", "FACE" + faces);
+  return "FORM" + bytes(static_cast<std::uint32_t>(body.size()), true) + body;
 }
 
 inline std::string base64(const std::string& data) {

@@ -41,8 +41,8 @@ std::vector<BadMesh> bad_meshes() {
   const char* too_much_memory = "reading it takes more than 4096 MiB of memory; is the file damaged?";
   return {
       // What concerns every format.
-      {"a.xyz", "1 2 3", "unknown format \".xyz\"; expected .obj, .stl, .ply, .off, .dae, .gltf or .glb"},
-      {"a", "1 2 3", "unknown format \"\"; expected .obj, .stl, .ply, .off, .dae, .gltf or .glb"},
+      {"a.xyz", "1 2 3", "unknown format \".xyz\"; expected .obj, .stl, .ply, .off, .dae, .gltf, .glb, .3ds, .3mf, "},
+      {"a", "1 2 3", "unknown format \"\"; expected .obj, .stl, .ply, .off, .dae, .gltf, .glb, .3ds, .3mf, "},
       {"empty.obj", "", "the file is empty"},
       {"empty.stl", "", "the file is empty"},
       {"empty.ply", "", "the file is empty"},

@@ -88,7 +88,12 @@ TEST_F(LoaderSandbox, TheRealLoaderIsHeldByItAndReadsEveryFormat) {
                                                        {"a.off", off(thing)},
                                                        {"a.dae", dae(thing)},
                                                        {"a.gltf", gltf(thing)},
-                                                       {"a.glb", glb(thing)}};
+                                                       {"a.glb", glb(thing)},
+                                                       {"a.x3d", x3d(thing)},
+                                                       {"a.amf", amf(thing)},
+                                                       {"a.ase", ase(thing)},
+                                                       {"a.dxf", dxf(thing)},
+                                                       {"a.lwo", lwo(thing)}};
   for (const auto& [name, text] : files) {
     SCOPED_TRACE(name);
     EXPECT_EQ(load_mesh(folder_.write(name, text)).submeshes.at(0).vertices.size(), thing.vertices.size());
