@@ -74,9 +74,8 @@ struct Format {
 std::vector<Format> formats(const TemporaryFolder& folder, const Source& m) {
   return {{"a.3ds", exported(folder, m, "3ds")},
           {"a.fbx", exported(folder, m, "fbxa"), 0.01},
-          {"metre.fbx",
-           replaced(exported(folder, m, "fbxa"), "\"UnitScaleFactor\", \"double\", \"Number\", \"\",1.0",
-                    "\"UnitScaleFactor\", \"double\", \"Number\", \"\",100.0")},
+          {"metre.fbx", replaced(exported(folder, m, "fbxa"), "\"UnitScaleFactor\", \"double\", \"Number\", \"\", 1\n",
+                                 "\"UnitScaleFactor\", \"double\", \"Number\", \"\", 100\n")},
           {"exported.3mf", exported(folder, m, "3mf"), 1e-3},
           {"a.3mf", packed_3mf(folder, model_3mf(m, " unit=\"inch\"")), 0.0254},
           {"a.x", exported(folder, m, "x")},
