@@ -1,5 +1,4 @@
-// What the daemon knows: bodies, poses, ping.
-#include <algorithm>
+// clearance bodies: the bodies of the scene and their poses.
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -9,16 +8,17 @@
 namespace clearance::cli {
 namespace {
 
-struct PlainOptions {
+struct BodiesOptions {
   Connection connection;
   Output output = Output::kTable;
+  bool poses = false;
 };
 
 Cell parent_cell(const SceneInfo& scene, std::uint32_t parent) {
   return parent < scene.bodies.size() ? Cell(scene.bodies[parent].name) : Cell();
 }
 
-void print_bodies(const PlainOptions& o) {
+void print_bodies(const BodiesOptions& o) {
   Client client = o.connection.open();
   const SceneInfo& scene = client.scene();
   Table table({"id", "body", "kind", "parent", "pieces", "vertices", "extent_m", "model_error_m", "hull_excess_m",
@@ -56,7 +56,7 @@ const char* pose_status(Status status) {
   }
 }
 
-void print_poses(const PlainOptions& o) {
+void print_poses(const BodiesOptions& o) {
   Client client = o.connection.open();
   const SceneInfo& scene = client.scene();
   const auto states = client.body_states();
@@ -71,53 +71,15 @@ void print_poses(const PlainOptions& o) {
   table.print(std::cout, o.output);
 }
 
-/// Like clearance::cli subcommands everywhere: options live as long as the callback that reads them.
-template <class Run>
-CLI::App& add_plain(CLI::App& app, const char* name, const char* description, Run run) {
-  auto& command = *app.add_subcommand(name, description);
-  auto options = std::make_shared<PlainOptions>();
-  add_connection_options(command, options->connection);
-  add_output_options(command, options->output);
-  command.callback([options, run] { run(*options); });
-  return command;
-}
-
-struct PingOptions {
-  Connection connection;
-  unsigned count = 100;
-};
-
-void ping(const PingOptions& o) {
-  Client client = o.connection.open();
-  const std::vector<std::byte> payload(64);
-  std::vector<double> us;
-  for (unsigned i = 0; i < o.count; ++i) us.push_back(1e-3 * static_cast<double>(client.ping(payload).count()));
-  std::sort(us.begin(), us.end());
-  const auto at = [&us](double part) {
-    return us[std::min(us.size() - 1, static_cast<std::size_t>(part * static_cast<double>(us.size())))];
-  };
-  std::printf("%s: %u echoes of %zu bytes, round trip min %.1f us, p50 %.1f us, p99 %.1f us, max %.1f us\n",
-              client.url().c_str(), o.count, payload.size(), us.front(), at(0.5), at(0.99), us.back());
-}
-
 }  // namespace
 
 void add_bodies(CLI::App& app) {
-  add_plain(app, "bodies", "the bodies of the scene", print_bodies);
-}
-void add_poses(CLI::App& app) {
-  add_plain(app, "poses", "where the bodies are", print_poses);
-}
-
-void add_ping(CLI::App& app) {
-  auto& command = *app.add_subcommand("ping", "time bare echoes through the daemon");
-  auto options = std::make_shared<PingOptions>();
+  auto& command = *app.add_subcommand("bodies", "the bodies of the scene, or where they are");
+  auto options = std::make_shared<BodiesOptions>();
   add_connection_options(command, options->connection);
-  command.add_option("--count", options->count, "echoes")
-      ->check(quiet(CLI::Range(1u, 100000000u)))
-      ->type_name("N")
-      ->capture_default_str();
-  command.callback([options] { ping(*options); });
+  add_output_options(command, options->output);
+  command.add_flag("--poses", options->poses, "where they are, and what they follow");
+  command.callback([options] { options->poses ? print_poses(*options) : print_bodies(*options); });
 }
 
 }  // namespace clearance::cli

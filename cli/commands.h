@@ -57,19 +57,16 @@ void warn_of_bad(const PosesDone& done);
 std::string name_of(const SceneInfo& scene, std::uint32_t body);
 
 void add_bodies(CLI::App& app);
-void add_poses(CLI::App& app);
 void add_query(CLI::App& app);
 void add_stat(CLI::App& app);
-void add_ping(CLI::App& app);
 void add_set_pose(CLI::App& app);
-void add_attach(CLI::App& app);
 void add_joints(CLI::App& app);
 void add_points(CLI::App& app);
 void add_path(CLI::App& app);
 void add_scene(CLI::App& app);
-void add_bench(CLI::App& app);             // bench.cpp
-void add_bench_throughput(CLI::App& app);  // bench_throughput.cpp
-void add_bench_loop(CLI::App& app);        // bench_loop.cpp
+void add_bench(CLI::App& app);              // bench.cpp
+void add_throughput_mode(CLI::App& bench);  // bench_throughput.cpp
+void add_loop_mode(CLI::App& bench);        // bench_loop.cpp
 void add_keygen(CLI::App& app);
 void add_inspect(CLI::App& app);  // these five where the engine is built
 void add_decompose(CLI::App& app);

@@ -11,23 +11,16 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("clearance ") + CLEARANCE_VERSION);
   app.require_subcommand(1);
   cli::add_bodies(app);
-  cli::add_poses(app);
   cli::add_query(app);
   cli::add_set_pose(app);
-  cli::add_attach(app);
   cli::add_joints(app);
   cli::add_points(app);
   cli::add_path(app);
   cli::add_scene(app);
   cli::add_stat(app);
-  cli::add_ping(app);
   cli::add_keygen(app);
 #ifdef CLEARANCE_HAVE_BENCH
   cli::add_bench(app);
-  cli::add_bench_throughput(app);
-#ifdef CLEARANCE_HAVE_LCM
-  cli::add_bench_loop(app);
-#endif
 #endif
 #ifdef CLEARANCE_HAVE_ENGINE
   cli::add_inspect(app);

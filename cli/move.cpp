@@ -1,4 +1,4 @@
-// What changes where bodies are: set-pose, attach.
+// clearance set-pose: places a body, attaches it to another or frees it.
 #include <iostream>
 #include <memory>
 
@@ -9,12 +9,26 @@ namespace {
 
 struct SetPoseOptions {
   Connection connection;
-  std::string body;
+  std::string body, parent;
+  bool free = false;
   std::vector<double> pose;
+  std::vector<std::string> allow;
 };
+
+// Attaches the body to its parent, or frees it.
+void attach(const SetPoseOptions& o, const Pose7& pose) {
+  Client client = o.connection.open();
+  std::vector<std::uint32_t> allowed;
+  for (const std::string& name : o.allow) allowed.push_back(selector_of(client, name));
+  const PosesDone done = client.attach(body_of(client, o.body), o.free ? kNone : body_of(client, o.parent),
+                                       o.pose.empty() ? nullptr : &pose, allowed);
+  std::cout << "pose revision " << done.revision << "\n";
+}
 
 void set_pose(const SetPoseOptions& o) {
   const Pose7 wanted = pose_of("POSE", o.pose);
+  if (o.free || !o.parent.empty()) return attach(o, wanted);
+  if (o.pose.empty()) throw std::invalid_argument("set-pose: expected POSE, --parent or --free");
   Client client = o.connection.open();
   const std::pair<std::uint32_t, Pose7> pose{body_of(client, o.body), wanted};
   const PosesDone done = client.set_poses(std::span(&pose, 1));
@@ -23,52 +37,26 @@ void set_pose(const SetPoseOptions& o) {
   warn_of_bad(done);
 }
 
-struct AttachOptions {
-  Connection connection;
-  std::string child, parent;
-  bool free = false;
-  std::vector<double> pose;
-  std::vector<std::string> allow;
-};
-
-void attach(const AttachOptions& o) {
-  const Pose7 pose = pose_of("--pose", o.pose);
-  if (o.free == !o.parent.empty()) throw std::invalid_argument("attach: name a parent, or say --free");
-  Client client = o.connection.open();
-  std::vector<std::uint32_t> allowed;
-  for (const std::string& name : o.allow) allowed.push_back(selector_of(client, name));
-  const PosesDone done = client.attach(body_of(client, o.child), o.free ? kNone : body_of(client, o.parent),
-                                       o.pose.empty() ? nullptr : &pose, allowed);
-  std::cout << "pose revision " << done.revision << "\n";
-}
-
 }  // namespace
 
 void add_set_pose(CLI::App& app) {
-  auto& command = *app.add_subcommand("set-pose", "put a body somewhere");
+  auto& command =
+      *app.add_subcommand("set-pose", "put a body somewhere, or make it follow another, as a grasped object does");
   auto options = std::make_shared<SetPoseOptions>();
   command.add_option("BODY", options->body, "its name or number")->required();
-  command.add_option("POSE", options->pose, "x y z [qw qx qy qz], metres; of a body with a parent: relative to it")
-      ->required()
+  command
+      .add_option("POSE", options->pose,
+                  "x y z [qw qx qy qz], metres; of a body with a parent: relative to it;\n"
+                  "default with --parent or --free: where it is now")
       ->expected(3, 7);
+  auto* parent = command.add_option("--parent", options->parent, "follow this body from now on")->type_name("NAME");
+  command.add_flag("--free", options->free, "follow nobody any more")->excludes(parent);
+  command.add_option("--allow", options->allow, "bodies and groups that it may touch while it follows the parent")
+      ->delimiter(',')
+      ->type_name("NAME,...")
+      ->needs(parent);
   add_connection_options(command, options->connection);
   command.callback([options] { set_pose(*options); });
-}
-
-void add_attach(CLI::App& app) {
-  auto& command = *app.add_subcommand("attach", "make a body follow another, as a grasped object does");
-  auto options = std::make_shared<AttachOptions>();
-  command.add_option("CHILD", options->child, "name or number")->required();
-  command.add_option("PARENT", options->parent, "name or number");
-  command.add_flag("--free", options->free, "follow nobody any more");
-  command.add_option("--pose", options->pose, "where in the parent: x y z [qw qx qy qz]; default: where it is now")
-      ->expected(3, 7)
-      ->type_name("X");
-  command.add_option("--allow", options->allow, "bodies and groups that the child may touch while it is attached so")
-      ->delimiter(',')
-      ->type_name("NAME,...");
-  add_connection_options(command, options->connection);
-  command.callback([options] { attach(*options); });
 }
 
 }  // namespace clearance::cli

@@ -1,4 +1,4 @@
-// The daemon's counters: once, again and again with their rates, or in Prometheus' words.
+// clearance stat: the daemon's counters, once, repeatedly with rates or in Prometheus' format; times of echoes.
 #include <algorithm>
 #include <chrono>
 #include <iostream>
@@ -21,7 +21,20 @@ struct StatOptions {
   double watch_s = 0;
   std::uint64_t count = 0;
   bool prometheus = false;
+  unsigned echoes = 0;
 };
+
+void print_echoes(Client& client, unsigned count) {
+  const std::vector<std::byte> payload(64);
+  std::vector<double> us;
+  for (unsigned i = 0; i < count; ++i) us.push_back(1e-3 * static_cast<double>(client.ping(payload).count()));
+  std::sort(us.begin(), us.end());
+  const auto at = [&us](double part) {
+    return us[std::min(us.size() - 1, static_cast<std::size_t>(part * static_cast<double>(us.size())))];
+  };
+  std::printf("%s: %u echoes of %zu bytes, round trip min %.1f us, p50 %.1f us, p99 %.1f us, max %.1f us\n",
+              client.url().c_str(), count, payload.size(), us.front(), at(0.5), at(0.99), us.back());
+}
 
 /// How long those queries took that were answered between the two readings.
 Latencies latencies_between(const Counters& before, const Counters& now) {
@@ -79,6 +92,7 @@ Counters counters_of(Client& client) {
 
 void stat(const StatOptions& o) {
   Client client = o.connection.open();
+  if (o.echoes > 0) return print_echoes(client, o.echoes);
   if (o.prometheus) {
     std::cout << prometheus_text(client.stats());
     return;
@@ -119,6 +133,15 @@ void add_stat(CLI::App& app) {
       ->needs(watch)
       ->type_name("N");
   command.add_flag("--prometheus", options->prometheus, "in the text format that Prometheus reads")->excludes(watch);
+  auto* ping = command
+                   .add_option("--ping", options->echoes,
+                               "time so many bare echoes through the daemon instead (100 if no number is given)")
+                   ->check(quiet(CLI::Range(1u, 100000000u)))
+                   ->expected(0, 1)
+                   ->default_str("100")
+                   ->type_name("[N]")
+                   ->excludes(watch);
+  for (const char* other : {"--json", "--csv", "--prometheus"}) ping->excludes(command.get_option(other));
   command.callback([options] { stat(*options); });
 }
 

@@ -137,7 +137,8 @@ void run(const BenchOptions& o) {
 }  // namespace
 
 void add_bench(CLI::App& app) {
-  auto& command = *app.add_subcommand("bench", "how long queries take, beside the bare transport");
+  auto& command =
+      *app.add_subcommand("bench", "how long queries take, beside the bare transport; modes: throughput, loop");
   auto options = std::make_shared<BenchOptions>();
   add_connection_options(command, options->connection);
   add_query_options(command, *options);
@@ -158,8 +159,14 @@ void add_bench(CLI::App& app) {
       ->check(quiet(CLI::Range(0, 1'000'000)))
       ->type_name("N");
   command.add_option("--csv", options->csv, "add a row to this file")->type_name("FILE");
-  command.add_flag_callback("--json", [options] { options->output = Output::kJson; }, "print JSON");
+  command.add_flag_callback(
+      "--json", [options] { options->output = Output::kJson; }, "print JSON");
+  add_throughput_mode(command);
+#ifdef CLEARANCE_HAVE_LCM
+  add_loop_mode(command);
+#endif
   command.callback([options, &command] {
+    if (!command.get_subcommands().empty()) return;
     options->command = bench_command_line(command);
     run(*options);
   });

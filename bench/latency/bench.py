@@ -181,7 +181,7 @@ def throughput(machine, options, path):
                 if transport != "shm" and "--configs" in words:
                     continue
                 words = ["--connect", url, "--seconds", options.seconds, "--csv", path, *words]
-                print(clearance(stage, machine.on(1), "bench-throughput", *words), flush=True)
+                print(clearance(stage, machine.on(1), "bench", "throughput", *words), flush=True)
 
 
 PARTS = {"latency": latency, "python": python, "doorbell": doorbell, "throughput": throughput}

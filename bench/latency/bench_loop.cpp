@@ -1,4 +1,4 @@
-// clearance bench-loop: a control loop at a fixed rate that sends poses over LCM and receives distances, compared with
+// clearance bench loop: a control loop at a fixed rate that sends poses over LCM and receives distances, compared with
 // an idle loop.
 #include <stdlib.h>
 
@@ -75,7 +75,7 @@ class Controller {
     const std::vector<BodyStateInfo> states = client.body_states();
     const std::vector<std::uint32_t> bodies = movable_bodies(client.scene(), states);
     if (bodies.empty() || bodies.size() > kMostBodies)
-      throw std::invalid_argument("bench-loop: the scene has " + std::to_string(bodies.size()) +
+      throw std::invalid_argument("bench loop: the scene has " + std::to_string(bodies.size()) +
                                   " bodies that can be moved; one pose message takes 1 to " +
                                   std::to_string(kMostBodies));
     std::mt19937_64 random(o.seed);
@@ -197,8 +197,8 @@ void run(const ControlLoopOptions& o) {
 
 }  // namespace
 
-void add_bench_loop(CLI::App& app) {
-  auto& command = *app.add_subcommand("bench-loop", "a control loop's deadline misses, beside those of an idle loop");
+void add_loop_mode(CLI::App& bench) {
+  auto& command = *bench.add_subcommand("loop", "a control loop's deadline misses, beside those of an idle loop");
   auto options = std::make_shared<ControlLoopOptions>();
   options->pairs = 200;
   add_connection_options(command, options->connection);
@@ -222,7 +222,8 @@ void add_bench_loop(CLI::App& app) {
       ->capture_default_str();
   add_query_options(command, *options);
   command.add_option("--csv", options->csv, "add a row to this file")->type_name("FILE");
-  command.callback([options, &command] {
+  command.callback([options, &bench, &command] {
+    expect_mode_first(bench);
     options->command = bench_command_line(command);
     run(*options);
   });

@@ -109,6 +109,11 @@ BenchQuery make_query(Client& client, const BenchQueryOptions& o) {
   return q;
 }
 
+void expect_mode_first(const CLI::App& bench) {
+  for (const CLI::Option* option : bench.get_options())
+    if (option->count() > 0) throw std::invalid_argument("bench: " + option->get_name() + " belongs behind the mode");
+}
+
 std::string bench_command_line(const CLI::App& command) {
   std::string line;
   if (const int nice = ::getpriority(PRIO_PROCESS, 0); nice != 0) line += "nice -n " + std::to_string(nice) + " ";
@@ -126,7 +131,8 @@ std::string bench_command_line(const CLI::App& command) {
       if (CPU_ISSET(cpu, &cpus)) list += (list.empty() ? "" : ",") + std::to_string(cpu);
     line += "taskset -c " + list + " ";
   }
-  line += "clearance " + command.get_name();
+  const bool is_mode = command.get_parent()->get_name() == "bench";
+  line += std::string(is_mode ? "clearance bench " : "clearance ") + command.get_name();
   for (const CLI::Option* option : command.get_options())
     for (const std::string& value : option->results())
       if (option->get_name() != "--csv" && option->get_name() != "--help")

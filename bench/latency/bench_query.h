@@ -40,6 +40,9 @@ Pose7 jittered(const Pose7& pose, double sigma_m, std::mt19937_64& random);
 /// Bodies that can be moved, by id: not static, without a parent, with a usable pose.
 std::vector<std::uint32_t> movable_bodies(const SceneInfo& scene, const std::vector<BodyStateInfo>& states);
 
+/// Throws std::invalid_argument if `bench` has options before its mode, which would not apply to it.
+void expect_mode_first(const CLI::App& bench);
+
 /// The command line in shell syntax, with priority and pinning, which affect latency.
 std::string bench_command_line(const CLI::App& command);
 

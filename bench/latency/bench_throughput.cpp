@@ -1,4 +1,4 @@
-// clearance bench-throughput: queries per second of one client and of several concurrent ones, and large replies
+// clearance bench throughput: queries per second of one client and of several concurrent ones, and large replies
 // compared with a memcpy of the same size.
 #include <atomic>
 #include <barrier>
@@ -181,9 +181,9 @@ void run(const ThroughputOptions& o) {
 
 }  // namespace
 
-void add_bench_throughput(CLI::App& app) {
-  auto& command = *app.add_subcommand("bench-throughput",
-                                      "queries a second of several clients at once; large replies beside a memcpy");
+void add_throughput_mode(CLI::App& bench) {
+  auto& command =
+      *bench.add_subcommand("throughput", "queries a second of several clients at once; large replies beside a memcpy");
   auto options = std::make_shared<ThroughputOptions>();
   add_connection_options(command, options->connection);
   command.add_option("--clients", options->clients, "connections, each with a thread of its own")
@@ -200,7 +200,8 @@ void add_bench_throughput(CLI::App& app) {
       ->type_name("S")
       ->capture_default_str();
   command.add_option("--csv", options->csv, "add a row to this file")->type_name("FILE");
-  command.callback([options, &command] {
+  command.callback([options, &bench, &command] {
+    expect_mode_first(bench);
     options->command = bench_command_line(command);
     run(*options);
   });

@@ -235,7 +235,9 @@ TEST_F(LcmDaemonTest, WhereNotEveryPoseIsTakenClientsMayAskAlone) {
     };
     const std::string has = how == "on" ? "query,poses" : "query";
     EXPECT_EQ(refused([&] { client.reload(); }), "kReload needs the right \"admin\"; this client has " + has);
-    EXPECT_EQ(refused([&] { client.set_poses({{"cup", {0, 0, 0.5, 1, 0, 0, 0}}}); }),
+    EXPECT_EQ(refused([&] {
+                client.set_poses({{"cup", {0, 0, 0.5, 1, 0, 0, 0}}});
+              }),
               how == "on" ? "" : "kSetPoses needs the right \"poses\"; this client has query");
     EXPECT_EQ(refused([&] { client.attach(1, 2); }),
               how == "on" ? "" : "kAttach needs the right \"poses\"; this client has query");
@@ -254,7 +256,7 @@ TEST_F(LcmDaemonTest, PosesOfWhatTheSceneHasNotEndWith2) {
 
 TEST_F(LcmDaemonTest, AControlLoopCountsItsCycles) {
   const Daemon daemon({"--scene", scene_file(), "--shm", folder_ / "c.sock", "--lcm", url()});
-  const Finished done = run({program("clearance"), "bench-loop", "--connect", daemon.urls().at(0), "--lcm", url(),
+  const Finished done = run({program("clearance"), "bench", "loop", "--connect", daemon.urls().at(0), "--lcm", url(),
                              "--pairs", "1", "--minutes", "0.01", "--rate", "500", "--csv", folder_ / "loop.csv"});
   ASSERT_EQ(done.code, 0) << done.err;
   std::uint64_t working[2] = {}, idle[2] = {};

@@ -148,7 +148,7 @@ def test_a_command_that_is_rejected_changes_nothing(daemon):
             (["set-pose", "cup", 0, 0, 0, "1e7", 0, 0, 0], 2, "got 1e+07"),
             (["set-pose", "table", 0, 0, 0], 1, '"table" is static'),
             (["set-pose", "arm/fore", 0, 0, 0], 1, "is a link that joints place"),
-            (["attach", "cup", "arm/palm", "--pose", 0, 0, "inf"], 2, "--pose: expected finite numbers"),
+            (["set-pose", "cup", 0, 0, "inf", "--parent", "arm/palm"], 2, "POSE: expected finite numbers"),
             (["points", "cloud", "-"], 2, "standard input:2: expected 3 numbers, metres, with white space between "
                                          'them, got "0,4,0"'),
         ]:  # fmt: skip

@@ -161,7 +161,8 @@ TEST_F(Bench, ConfigurationsReductionsAndRates) {
 
 TEST_F(Bench, ThroughputOfSeveralClientsAndOfLargeReplies) {
   const std::vector<std::string> throughput = {
-      program("clearance"), "bench-throughput", "--connect", daemon_.urls().at(0), "--seconds", "0.2", "--csv", csv_};
+      program("clearance"), "bench", "throughput", "--connect", daemon_.urls().at(0),
+      "--seconds",          "0.2",   "--csv",      csv_};
   const auto measure = [&](std::vector<std::string> options) {
     options.insert(options.begin(), throughput.begin(), throughput.end());
     const Finished done = run(options);

@@ -203,7 +203,7 @@ TEST_F(Clearanced, SignalsEndItCleanly) {
   for (const int signal : {SIGTERM, SIGINT}) {
     Daemon daemon({"--scene", scene_, "--zmq", ipc_});
     EXPECT_EQ(daemon.url(), ipc_);
-    struct stat info{};
+    struct stat info {};
     ASSERT_EQ(stat((folder_ / "c.ipc").c_str(), &info), 0);
     EXPECT_EQ(info.st_mode & 0077, 0u) << "nobody else may connect";
     EXPECT_EQ(patient(ipc_).scene().bodies.size(), 4u);
@@ -453,19 +453,19 @@ TEST_F(CommandLine, Query) {
 
 TEST_F(CommandLine, PosesAndAttachments) {
   EXPECT_EQ(ask({"set-pose", "link2", "0.5", "0", "1.5"}).out, "pose revision 1\n");
-  EXPECT_EQ(ask({"attach", "cup", "link2"}).code, 0);
-  const Finished poses = ask({"poses", "--csv"});
+  EXPECT_EQ(ask({"set-pose", "cup", "--parent", "link2"}).code, 0);
+  const Finished poses = ask({"bodies", "--poses", "--csv"});
   EXPECT_TRUE(contains(poses.out, "3,link2,ok,0.5,0,1.5,1,0,0,0,"));
   EXPECT_TRUE(contains(poses.out, ",link2\n2,link1,ok,")) << "the cup follows link2";
-  EXPECT_EQ(ask({"attach", "cup", "--free"}).code, 0);
-  EXPECT_FALSE(contains(ask({"poses", "--csv"}).out, ",link2\n2,link1,ok,"));
+  EXPECT_EQ(ask({"set-pose", "cup", "--free"}).code, 0);
+  EXPECT_FALSE(contains(ask({"bodies", "--poses", "--csv"}).out, ",link2\n2,link1,ok,"));
 }
 
 TEST_F(CommandLine, BodiesComeAndGo) {
   const Finished added =
       ask({"scene", "add", "mug", "--cylinder", "0.04", "0.1", "--parent", "link1", "--pose", "0", "0", "0.3"});
   EXPECT_TRUE(contains(added.out, ", 5 bodies, added in ")) << added.out << added.err;
-  EXPECT_TRUE(contains(ask({"poses", "--csv"}).out, "4,mug,ok,"));
+  EXPECT_TRUE(contains(ask({"bodies", "--poses", "--csv"}).out, "4,mug,ok,"));
   EXPECT_EQ(ask({"scene", "add", "ball", "--sphere", "0.25", "--pose", "0", "0", "2"}).code, 0);
   EXPECT_TRUE(contains(ask({"query", "--pairs", "table,ball", "--csv", "--fields", "distance"}).out, "table,ball,1.7"));
   EXPECT_EQ(ask({"scene", "add", "plate", "--box", "0.1", "0.1", "0.01", "--radius", "0.005", "--static"}).code, 0);
@@ -534,7 +534,7 @@ TEST_F(CommandLine, StatAndPing) {
   std::size_t tables = 0;
   for (std::size_t at = 0; (at = watched.out.find("counter,value,per_s\n", at)) != std::string::npos; ++at) ++tables;
   EXPECT_EQ(tables, 2u) << watched.out;
-  EXPECT_TRUE(contains(ask({"ping", "--count", "10"}).out, ": 10 echoes of 64 bytes, round trip min "));
+  EXPECT_TRUE(contains(ask({"stat", "--ping", "10"}).out, ": 10 echoes of 64 bytes, round trip min "));
 }
 
 TEST_F(CommandLine, ErrorsSayWhatIsWrong) {
@@ -556,9 +556,13 @@ TEST_F(CommandLine, ErrorsSayWhatIsWrong) {
       {{"set-pose", "cup", "1", "2", "3", "4"},
        2,
        "clearance: POSE: expected x y z, or x y z qw qx qy qz; got 4 numbers\n"},
-      {{"attach", "cup"}, 2, "clearance: attach: name a parent, or say --free\n"},
-      {{"attach", "cup", "cup"}, 1, "clearance: attach: 'cup' would follow itself through 'cup'\n"},
-      {{"attach", "table", "cup"}, 1, "clearance: attach: 'table' is static\n"},
+      {{"set-pose", "cup"}, 2, "clearance: set-pose: expected POSE, --parent or --free\n"},
+      {{"set-pose", "cup", "--free", "--parent", "link2"}, 2, "clearance: --parent excludes --free\n"},
+      {{"set-pose", "cup", "--free", "--allow", "link2"}, 2, "clearance: --allow requires --parent\n"},
+      {{"stat", "--ping", "--json"}, 2, "clearance: --json excludes --ping\n"},
+      {{"bench", "--pairs", "3", "throughput"}, 2, "clearance: bench: --pairs belongs behind the mode\n"},
+      {{"set-pose", "cup", "--parent", "cup"}, 1, "clearance: attach: 'cup' would follow itself through 'cup'\n"},
+      {{"set-pose", "table", "--parent", "cup"}, 1, "clearance: attach: 'table' is static\n"},
       {{"frobnicate"}, 2, "clearance: there is no command \"frobnicate\"; clearance --help lists them\n"},
   };
   for (const Case& c : cases) {
@@ -580,8 +584,8 @@ TEST_F(CommandLine, FindsTheDaemonByTheEnvironment) {
 TEST_F(CommandLine, HelpHasAnExample) {
   const Finished help = clearance_cli({"--help"});
   EXPECT_EQ(help.code, 0);
-  for (const char* part : {"bodies", "poses", "query", "stat", "ping", "set-pose", "attach", "scene",
-                           "Example\n  clearance query", "CLEARANCE_URL"})
+  for (const char* part :
+       {"bodies", "query", "stat", "set-pose", "scene", "Example\n  clearance query", "CLEARANCE_URL"})
     EXPECT_TRUE(contains(help.out, part));
   EXPECT_FALSE(contains(clearance_cli({"query", "--help"}).out, "Exit codes"));
 }

@@ -220,7 +220,7 @@ TEST(MaxClients, ConnectionsThatAProgramForgetsShutOutNoOtherProgram) {
   EXPECT_NE(why.find("already has 8 shared-memory clients; the last 8 places are for others (limit max-clients)"),
             std::string::npos)
       << why;
-  const Finished controller = run({program("clearance"), "ping", "--connect", daemon.url()});
+  const Finished controller = run({program("clearance"), "stat", "--ping", "--connect", daemon.url()});
   EXPECT_EQ(controller.code, 0) << controller.err;
 }
 
