@@ -28,15 +28,21 @@ def _help_of_module(module: str, packages: Path) -> str:
     ).stdout
 
 
+def _add_with_commands(texts: dict[str, str], program: str, path: str, commands: list[str]) -> None:
+    """Adds the text of a command and those of the commands below it."""
+    text = man_page.help_of(path, *commands)
+    texts[" ".join([program, *commands])] = text
+    for command in man_page.commands_of(text):
+        if commands or command not in MODULES:
+            _add_with_commands(texts, program, path, [*commands, command])
+
+
 def help_texts(build: Path) -> dict[str, str]:
     """Help texts of the programs in a build folder, by command line."""
     texts = {}
     for program in ("clearanced", "clearance"):
         path = str(build / "bin" / program)
-        texts[program] = man_page.help_of(path)
-        for command in man_page.commands_of(texts[program]):
-            if command not in MODULES:
-                texts[f"{program} {command}"] = man_page.help_of(path, command)
+        _add_with_commands(texts, program, path, [])
     for command, module in MODULES.items():
         texts[f"clearance {command}"] = _help_of_module(module, build / "python")
     return texts
