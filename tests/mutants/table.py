@@ -43,7 +43,7 @@ MUTANTS = [
     # Support functions and direction tables.
     *mutants_of(
         "mutants",
-        ("scan", "hull/support.cpp", "for (std::size_t i = @8@; i < count;", "16"),
+        ("scan", "hull/support.cpp", "count = @piece.x.size()@", "(piece.x.size() + 8) / 16 * 8"),
         ("lookup", "hull/direction_table.cpp", "table.cells[@v * grid + u@] = at", "u * grid + v"),
         (
             "corners", "hull/direction_table.cpp",

@@ -1,0 +1,10 @@
+#define CLEARANCE_ISA lanes_scan_avx2
+#include "engine/hull/lanes_scan.h"
+
+namespace clearance {
+
+SupportPoint<double> scan_avx2(const VertexColumns& vertices, const Vec3d& n) {
+  return lanes_scan_avx2::scan_in_packs(vertices, n);
+}
+
+}  // namespace clearance
