@@ -8,7 +8,6 @@
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(CLEARANCE_ASAN) && \
     !defined(CLEARANCE_TSAN)
 #define CLEARANCE_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
-#define CLEARANCE_VERSIONS  // there may be several definitions of a function, each with its own target
 #else
 #define CLEARANCE_CLONES
 #endif
