@@ -31,7 +31,7 @@ namespace {
 using Corner = std::uint32_t;
 constexpr std::uint64_t kMostWorkPerCorner = 500;
 
-// A tree of boxes over points, of which some are taken out again.
+// Box tree over points that supports removal.
 class PointTree {
  public:
   PointTree(std::span<const FlatPoint> points, std::vector<Corner> held)
@@ -45,7 +45,7 @@ class PointTree {
   }
   bool holds(Corner c) const { return leaf_[c] != kNone; }
 
-  // Whether `found` holds of a point that may lie in a counterclockwise triangle, border included.
+  // Returns whether `found` holds for some point that may lie in a counterclockwise triangle, border included.
   template <class F>
   bool any_in(const std::array<FlatPoint, 3>& triangle, std::uint64_t* work, F&& found) const {
     std::vector<Corner> stack;
@@ -98,7 +98,7 @@ class PointTree {
     build(middle, end, at);
   }
 
-  // Whether a box lies to the right of an edge, by more than rounding could make of it.
+  // Returns whether a box lies to the right of an edge by more than the rounding error.
   static bool misses(const Node& node, const std::array<FlatPoint, 3>& triangle) {
     for (std::size_t k = 0; k < 3; ++k) {
       const FlatPoint &a = triangle[k], &b = triangle[(k + 1) % 3];
@@ -121,8 +121,8 @@ std::vector<Corner> range(std::size_t count) {
   return out;
 }
 
-// Corners of a polygon that is cut smaller and smaller. Only corners that do not turn counterclockwise can lie in an
-// ear, so that the tree holds these alone.
+// Remaining corners of a polygon while ears are cut. The tree holds only corners that do not turn counterclockwise,
+// since no other corner can lie in an ear.
 class EarCutter {
  public:
   EarCutter(std::span<const FlatPoint> points, std::span<const Vec3d> face, double tolerance,
@@ -162,7 +162,7 @@ class EarCutter {
   }
 
  private:
-  // What counts as an ear. Each stage is for polygons of which the one before leaves something.
+  // Definitions of an ear, ever looser. A stage is used if the stage before finds no more ears.
   enum class Stage { kStrict, kTouching, kFlat };
 
   static std::vector<Corner> not_convex(std::span<const FlatPoint> points) {
@@ -176,7 +176,7 @@ class EarCutter {
   int turn_of(Corner a, Corner b, Corner c) const { return turn(points_[a], points_[b], points_[c]); }
   int turn_at(Corner b) const { return turn_of(previous_[b], b, next_[b]); }
 
-  // Whether the polygon goes back the way that it came: the end of a slit, or of a line that stands out of it.
+  // Returns whether the polygon reverses its direction: at the end of a slit or of a protruding line.
   bool folds_back(Corner b) const {
     const FlatPoint &a = points_[previous_[b]], &at = points_[b], &c = points_[next_[b]];
     return (a.u - at.u) * (c.u - at.u) + (a.v - at.v) * (c.v - at.v) > 0;
@@ -198,12 +198,12 @@ class EarCutter {
                          [&](Corner q) { return q != a && q != b && q != c && blocks(q, a, b, c); });
   }
 
-  // Whether the polygon comes into the triangle a, b, c at its corner q.
+  // Returns whether the polygon enters the triangle a, b, c at its corner q.
   bool blocks(Corner q, Corner a, Corner b, Corner c) const {
     const int ab = turn_of(a, b, q), bc = turn_of(b, c, q), ca = turn_of(c, a, q);
     if (ab < 0 || bc < 0 || ca < 0) return false;
     if (ab > 0 && bc > 0 && ca > 0) return true;
-    // Equal positions, as at the ends of a bridge: its edges may go along the triangle's, or away from it.
+    // Equal positions, as at the ends of a bridge, whose edges may run along the triangle's or away from it.
     const auto enters = [&](Corner before, Corner at, Corner after) {
       for (const Corner x : {previous_[q], next_[q]})
         if (turn_of(before, at, x) > 0 && turn_of(at, after, x) > 0) return true;

@@ -20,10 +20,10 @@ struct FlatPoint {
 /// Coordinates up to here are allowed, and those below its inverse count as 0.
 inline constexpr double kMaxFlatCoordinate = 1e60;
 
-/// The sign of the area of a, b, c: 1 if they turn counterclockwise. Exact.
+/// Returns the exact sign of the area of a, b, c: 1 if they turn counterclockwise.
 int turn(const FlatPoint& a, const FlatPoint& b, const FlatPoint& c);
 
-/// Whether no triangle of the fan around the first corner turns clockwise.
+/// Returns whether no triangle of the fan around the first corner turns clockwise.
 bool fan_is_right(std::span<const FlatPoint> polygon);
 
 /// Cuts a polygon that may touch itself, as where a bridge leads to a hole, into triangles of its corners' indices.

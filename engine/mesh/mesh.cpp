@@ -40,7 +40,7 @@ std::string reason(int error) {
   return std::generic_category().message(error);
 }
 
-// How a loader process ended; none if somebody else reaped it.
+// Exit status of a loader process; none if it was reaped elsewhere.
 using Ending = std::optional<int>;
 
 struct Loader {
@@ -54,7 +54,7 @@ Fd memory_file(const char* name, unsigned flags) {
   return fd;
 }
 
-// \param content what the loader reads for the file.
+// \param content of the file
 Loader start_loader(const std::string& path, const Fd& content, const MeshLimits& limits, bool as_heights) {
   const std::string program = mesh_loader_program();
   Loader loader;
@@ -76,14 +76,14 @@ Loader start_loader(const std::string& path, const Fd& content, const MeshLimits
   return loader;
 }
 
-// Waits until the loader is gone; past the time limit it is killed. Returns whether it ended by itself.
+// Waits for the loader's end and kills it after the time limit. Returns whether it ended in time.
 bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* ending) {
   using Clock = std::chrono::steady_clock;
   const auto deadline = Clock::now() + limit;
   bool in_time = false;
   for (;;) {
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now()).count();
-    pollfd pipe{loader.lifetime.get(), 0, 0};  // it closes; what may be written into it says nothing
+    pollfd pipe{loader.lifetime.get(), 0, 0};  // closes with the loader; data in it is ignored
     const int ready = ::poll(&pipe, 1, static_cast<int>(std::clamp<long long>(left, 0, 1'000'000)));
     if (ready < 0 && errno == EINTR) continue;
     in_time = ready > 0;
@@ -96,8 +96,7 @@ bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* end
     while (reaped < 0 && errno == EINTR);
     return reaped;
   };
-  // The pipe closes as the loader ends; one that has closed it and goes on must not keep us here. One that is ending
-  // has its exit code already, and SIGKILL does not change it.
+  // A loader that closes the pipe and goes on is killed. SIGKILL does not change the exit code of one that is ending.
   pid_t reaped = reap(WNOHANG);
   if (reaped == 0) {
     ::kill(loader.pid, SIGKILL);
@@ -131,8 +130,8 @@ const std::vector<std::string>& mesh_extensions() {
 const std::vector<std::string> kPoints = {".ply", ".xyz", ".npy", ".pcd"};
 const std::vector<std::string> kOctomaps = {".bt", ".ot"}, kHeights = {".npy"};
 
-// Opens a mesh file; what can be seen without reading it is in order.
-/// \param known formats, in words for a message
+// Opens a mesh file and checks its type, size and extension.
+// \param known extensions of its formats
 Fd open_file(const std::string& path, const MeshLimits& limits,
              const std::vector<std::string>& known = mesh_extensions()) {
   struct stat info {};
@@ -156,7 +155,8 @@ Fd open_file(const std::string& path, const MeshLimits& limits,
   return file;
 }
 
-// Reads a file to its end, into a copy if there is one to be made. Returns the digest of what was read.
+// Reads a file to its end and returns its digest.
+// \param copy receives the bytes unless null
 Sha256Digest read_through(const Fd& file, const MeshLimits& limits, const Fd* copy) {
   static thread_local std::vector<char> chunk(std::size_t{1} << 18);
   Sha256 digest;
@@ -210,7 +210,7 @@ Sha256Digest mesh_loader_digest() {
 
 namespace {
 
-// The loader gets a copy of the bytes that the digest is of, and no second look at a file that may have changed.
+// Passes the loader the very bytes of the digest, since the file may change meanwhile.
 Mesh load(const std::string& path, const MeshLimits& limits, const std::vector<std::string>& known,
           bool as_heights = false) {
   const Fd content = memory_file("clearance-mesh-file", MFD_ALLOW_SEALING);

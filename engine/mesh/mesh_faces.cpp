@@ -11,11 +11,11 @@ namespace clearance {
 
 namespace {
 
-constexpr double kFloatRounding = 0x1p-20;  // share of the largest coordinate: eight times what float32 rounds it by
+constexpr double kFloatRounding = 0x1p-20;  // share of the largest coordinate: eight roundings of float32
 
 struct Normal {
-  Vec3d sum{0, 0, 0};   // M. E. Newell's: twice the area that is seen along each axis
-  Vec3d size{0, 0, 0};  // the same of all triangles of a fan, whichever way they turn
+  Vec3d sum{0, 0, 0};   // M. E. Newell: twice the projected area along each axis
+  Vec3d size{0, 0, 0};  // the same, summed over all triangles of a fan by magnitude
 };
 
 Normal normal_of(std::span<const Vec3d> face) {
@@ -33,20 +33,20 @@ int largest(const Vec3d& v) {
   return size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
 }
 
-// What exact signs are known for: smaller numbers count as 0.
+// Range of exact signs; smaller numbers count as 0.
 FlatPoint flat(double u, double v) {
   const auto flushed = [](double x) { return std::abs(x) * kMaxFlatCoordinate < 1 ? 0 : x; };
   return {flushed(u), flushed(v)};
 }
 
-// The face along an axis, counterclockwise: coordinates are taken as they are, so that signs are those of the file.
+// Projection of the face along an axis, counterclockwise. Coordinates stay exact, so signs are the file's.
 void see_along_axis(std::span<const Vec3d> face, int axis, bool is_mirrored, std::vector<FlatPoint>* out) {
   const int u = (axis + 1) % 3, v = (axis + 2) % 3;
   out->clear();
   for (const Vec3d& p : face) out->push_back(is_mirrored ? flat(p[v], p[u]) : flat(p[u], p[v]));
 }
 
-// The face along its normal, which is rounded: for those that are bent so far that an axis shows them folded.
+// Projection of the face along its rounded normal, for a face that overlaps itself along an axis.
 std::vector<FlatPoint> along_normal(std::span<const Vec3d> face, const Vec3d& normal) {
   const Vec3d n = normal * (1 / norm(normal));
   Vec3d side{0, 0, 0};
@@ -71,15 +71,16 @@ struct Scratch {
   std::vector<FlatPoint> seen;
 };
 
-// Cuts one face. \param corners of the list `positions`. Returns how far the triangles may lie from the face, none if
-// it crosses itself by more than the tolerance.
+// Cuts one face into triangles. Returns a bound on their distance from the face, or none if it crosses itself by more
+// than the tolerance.
+// \param corners indices of `positions`
 std::optional<double> cut(std::span<const std::uint32_t> corners, std::span<const Vec3d> positions, double tolerance,
                           Scratch* scratch, std::vector<Triangle>* triangles) {
   auto& [face, seen] = *scratch;
   face.clear();
   for (const std::uint32_t c : corners) face.push_back(positions[c]);
   const Normal normal = normal_of(face);
-  // A bow tie has no normal: then the axis along which most is seen, whichever way it turns.
+  // A bow tie has no normal; the axis with the largest projected area replaces it.
   const bool has_normal = std::abs(normal.sum[largest(normal.sum)]) > 0x1p-20 * normal.size[largest(normal.size)];
   const int axis = largest(has_normal ? normal.sum : normal.size);
   see_along_axis(face, axis, normal.sum[axis] < 0, &seen);
@@ -118,7 +119,7 @@ std::vector<Triangle> FaceList::take_triangles(std::span<const Vec3d> positions,
     next = end;
     const std::span<const std::uint32_t> corners = left.first(polygon.count);
     left = left.subspan(polygon.count);
-    if (!(most <= kMaxFlatCoordinate)) {  // no body may have such positions: the mesh is rejected for them
+    if (!(most <= kMaxFlatCoordinate)) {  // the mesh is rejected for such positions
       add_fan(&out, corners);
       continue;
     }

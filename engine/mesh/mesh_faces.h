@@ -18,28 +18,30 @@ inline void add_fan(std::vector<Triangle>* triangles, std::span<const std::uint3
   for (std::size_t k = 1; k + 1 < corners.size(); ++k) triangles->push_back({corners[0], corners[k], corners[k + 1]});
 }
 
-/// Faces whose corners may have their positions later in the file.
+/// Faces whose positions may follow later in the file.
 ///
-/// A face is a fan around its first corner where that covers the face and nothing else, as it does if the face is
-/// convex; otherwise its ears are cut. Both are checked exactly, as seen along the face's normal: no triangle is turned
-/// over. A face that is not flat is the triangles that it is cut into.
+/// A face becomes a fan around its first corner if that covers exactly the face, as for a convex face, else its ears are
+/// cut. Exact predicates check that no triangle is inverted along the face's normal.
 class FaceList {
  public:
-  /// Reports that a face cannot be cut: throws LoadError. \param place as add() was given it
+  /// Throws LoadError for a face that cannot be cut.
+  /// \param place as passed to add()
   using Fail = std::function<void(std::size_t place, const std::string& what)>;
 
-  /// \param corners less than three are no face. \param place names the face in an error
+  /// Adds a face.
+  /// \param corners fewer than three are ignored
+  /// \param place names the face in an error
   void add(std::span<const std::uint32_t> corners, std::size_t place);
 
   /// Returns the triangles of all faces in their order, and leaves the list empty. Raises `rounding` (metres) where a
-  /// face crosses itself by no more than float32 rounds its coordinates; calls `fail` where it does by more.
+  /// face crosses itself by no more than the rounding of float32; calls `fail` for a larger crossing.
   std::vector<Triangle> take_triangles(std::span<const Vec3d> positions, double* rounding, const Fail& fail);
 
  private:
   struct Polygon {
-    std::size_t before;  ///< triangles that come before it
+    std::size_t before;  ///< triangles before it
     std::size_t place;
-    std::uint32_t count;  ///< of its corners, which follow those of the polygon before
+    std::uint32_t count;  ///< corners, which follow those of the previous polygon
   };
   std::vector<Triangle> triangles_;  // of faces of three corners
   std::vector<Polygon> polygons_;

@@ -1,4 +1,4 @@
-// The folder of a mesh file: other files that it names are read only there.
+// The folder of a mesh file, the only place where other files that it names are read.
 #pragma once
 
 #include <array>
@@ -9,14 +9,15 @@ namespace clearance {
 
 class MeshFolder {
  public:
-  /// The folder that `file` is named in and, if it is a link, the one that it leads to.
+  /// Allows the folder of `file` and, for a link, the folder of its target.
   explicit MeshFolder(const std::filesystem::path& file);
 
-  /// Whether a path leads to a place inside; links followed.
+  /// Returns whether a path lies inside after links are resolved.
   bool holds(const std::filesystem::path& path) const;
-  /// The bytes of a plain file inside. \param name relative to the folder. Throws LoadError.
+  /// Returns the bytes of a regular file inside. Throws LoadError.
+  /// \param name relative to the folder
   std::string read(const std::string& name) const;
-  /// Whether nothing was asked for, be it there or not: then the mesh file's own bytes say all.
+  /// Returns whether no other file was requested, so that the mesh depends on its own file alone.
   bool alone() const { return alone_; }
 
  private:

@@ -1,9 +1,9 @@
-// What the mesh loader gets, the file's bytes in its file descriptor 5, and what it hands back through descriptor 3.
+// Data exchanged with the mesh loader: the file's bytes in its descriptor 5, and the result in descriptor 3.
 //
 //   MeshHeader | error text                                     if state is kError
 //   MeshHeader | { SubmeshHeader | vertices | triangles | pad } if state is kGood
 //
-// The header is written last. The reader trusts nothing: the loader may have run over damaged memory.
+// The header is written last. The reader validates everything, since a hostile file may have corrupted the loader.
 #pragma once
 
 #include <unistd.h>
@@ -17,15 +17,15 @@ namespace clearance {
 inline constexpr std::uint64_t kMeshMagic = 0x3330306873656d63;  // "cmesh003"
 inline constexpr int kMeshResultFd = 3;                          ///< a memfd
 inline constexpr int kMeshLifetimeFd = 4;                        ///< the write end of a pipe: closes with the loader
-inline constexpr int kMeshFileFd = 5;  ///< a sealed memfd: what the file held as it was hashed
+inline constexpr int kMeshFileFd = 5;  ///< a sealed memfd with the bytes that were hashed
 inline constexpr std::uint64_t kMaxMeshErrorBytes = 4096;
 
 enum class MeshState : std::uint32_t { kUnfinished = 0, kGood = 1, kError = 2, kOutOfMemory = 3 };
 
-/// What held the loader while it read the file, by its own account.
+/// Limits in force while the loader read the file, as it reports them.
 enum class LoaderLimits : std::uint32_t {
   kAll = 0,
-  kNoCallFilter = 1,  ///< time and memory alone: the kernel refuses filters of system calls
+  kNoCallFilter = 1,  ///< time and memory alone, since the kernel rejects filters of system calls
 };
 
 struct MeshHeader {
@@ -33,13 +33,13 @@ struct MeshHeader {
   MeshState state;
   std::uint32_t submeshes;
   std::uint64_t error_bytes;
-  std::uint64_t total_bytes;  ///< all that was written, this header included
+  std::uint64_t total_bytes;  ///< size of the result, this header included
   LoaderLimits limits;
-  std::uint32_t alone;  ///< 1: no other file was asked for
+  std::uint32_t alone;  ///< 1 if no other file was requested
 };
 static_assert(sizeof(MeshHeader) == 40);
 
-/// Replaces whatever is in the result by an error. Whether it is written. Also for signal handlers.
+/// Replaces the result by an error; async-signal-safe. Returns whether it is written.
 inline bool write_mesh_error(int fd, MeshState state, const char* text) {
   struct {
     MeshHeader header{};

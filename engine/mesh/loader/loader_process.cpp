@@ -26,7 +26,7 @@ void limit(int resource, std::uint64_t value) {
   ::setrlimit(static_cast<__rlimit_resource>(resource), &both);
 }
 
-// The file, as this process was given it: sealed, so that it stays what it is.
+// The sealed file that the host process passed on.
 std::string_view mapped_file() {
   struct stat info{};
   if (::fstat(kMeshFileFd, &info) != 0 || info.st_size <= 0) return {};
@@ -45,7 +45,7 @@ int loader_main(int argc, char** argv, ImportFile import) {
   }
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
 #ifdef SYS_close_range
-  ::syscall(SYS_close_range, unsigned{kMeshFileFd} + 1, ~0u, 0u);  // what the host process left open
+  ::syscall(SYS_close_range, unsigned{kMeshFileFd} + 1, ~0u, 0u);  // descriptors that the host process left open
 #endif
   const std::uint64_t memory_bytes = std::strtoull(argv[2], nullptr, 10);
   const std::uint64_t seconds = std::strtoull(argv[3], nullptr, 10);
@@ -63,13 +63,13 @@ int loader_main(int argc, char** argv, ImportFile import) {
   }
   const bool whole = import(argv[1], content, memory_bytes, kMeshResultFd, argv[4][0] == '1') &&
                      ::pwrite(kMeshResultFd, &limits, sizeof limits, offsetof(MeshHeader, limits)) == sizeof limits;
-  ::_exit(whole ? 0 : 3);  // no destructors: assimp's take longer than this process has left to do
+  ::_exit(whole ? 0 : 3);  // skips assimp's slow destructors
 }
 
 }  // namespace clearance
 
 #if defined(CLEARANCE_ASAN)
-// Crashes are told to the parent by their signal, as without the sanitizer, and memory is bounded in its own way.
+// Crashes end the process by their signal, as without the sanitizer, which has its own memory limit.
 extern "C" __attribute__((visibility("default"))) const char* __asan_default_options() {
   return "handle_segv=0:handle_abort=0:handle_sigbus=0:handle_sigfpe=0:hard_rss_limit_mb=4096:detect_leaks=0";
 }

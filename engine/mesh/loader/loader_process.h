@@ -1,4 +1,4 @@
-// The process that reads one mesh file: limits first, then the file.
+// Entry point of the process that reads one mesh file under limits.
 #pragma once
 
 #include <cstdint>
@@ -7,16 +7,14 @@
 
 namespace clearance {
 
-/// Makes meshes of a file's content, or says what is wrong with it, and writes that to the descriptor. Whether the
-/// result is whole. \param path of the file: its name says the format, and its folder holds other files that it may
-/// name.
-/// \param as_heights an array of numbers (NPY) is a grid of heights, not rows of points.
+/// Writes the meshes of a file, or an error, to the descriptor. Returns whether the result is complete.
+/// \param path of the file; selects the format by its extension, and the folder of other files that it names
+/// \param as_heights reads an array of numbers (NPY) as a grid of heights, not as rows of points
 using ImportFile = bool (*)(const std::string& path, std::string_view content, std::uint64_t memory_bytes,
                             int result_fd, bool as_heights);
 
-/// main() of a loader, as mesh.cpp starts it: FILE MEMORY_BYTES CPU_SECONDS AS_HEIGHTS (0 or 1), descriptors as in
-/// mesh_format.h. Takes limits of memory, time and system calls (loader_sandbox.h) upon itself, then has the file
-/// imported. Ends the process.
+/// main() of a loader. Limits its own memory, time and system calls (loader_sandbox.h), imports the file and exits.
+/// mesh.cpp passes FILE MEMORY_BYTES CPU_SECONDS AS_HEIGHTS (0 or 1) and the descriptors of mesh_format.h.
 int loader_main(int argc, char** argv, ImportFile import);
 
 }  // namespace clearance

@@ -29,7 +29,7 @@ int result_fd_of_handler = -1;
 std::string confine_loader(int result_fd) {
   result_fd_of_handler = result_fd;
   CallFilter filter("the mesh loader");
-  // Reading files, and finding out about them. Which ones is the loader's own affair: it opens those of one folder.
+  // Reading files and their properties. The loader itself opens only files of one folder.
   constexpr unsigned kWrites = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC | O_APPEND | (O_TMPFILE & ~O_DIRECTORY);
   filter.allow(SCMP_SYS(openat), SCMP_A2(SCMP_CMP_MASKED_EQ, kWrites, 0));
   filter.allow(SCMP_SYS(open), SCMP_A1(SCMP_CMP_MASKED_EQ, kWrites, 0));
@@ -39,7 +39,7 @@ std::string confine_loader(int result_fd) {
                      SCMP_SYS(newfstatat), SCMP_SYS(fstatat64),  SCMP_SYS(statx),    SCMP_SYS(access),
                      SCMP_SYS(faccessat),  SCMP_SYS(faccessat2), SCMP_SYS(readlink), SCMP_SYS(readlinkat),
                      SCMP_SYS(getcwd)});
-  // The result: descriptors that are open. Those that files have are for reading.
+  // Writing the result. Descriptors of files are read-only.
   filter.allow_each({SCMP_SYS(write), SCMP_SYS(pwrite64), SCMP_SYS(ftruncate)});
   return filter.enforce(report_forbidden_call);
 }

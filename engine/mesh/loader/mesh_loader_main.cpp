@@ -1,7 +1,7 @@
-// clearance-mesh-loader: reads one mesh file and hands its vertices and triangles back (mesh_format.h).
+// clearance-mesh-loader: reads one mesh file and returns its vertices and triangles (mesh_format.h).
 //
-// A process of its own, because assimp, which reads DAE, crashes, hangs or exhausts memory on some damaged files, and
-// might be made to do worse by others. Usage, by mesh.cpp only:
+// A separate process, because assimp crashes, hangs or exhausts memory on some damaged files, and a hostile file may
+// exploit it. Started by mesh.cpp only:
 //   clearance-mesh-loader FILE MEMORY_BYTES CPU_SECONDS AS_HEIGHTS
 #include <assimp/Importer.hpp>
 #include <memory>
