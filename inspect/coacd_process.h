@@ -1,4 +1,4 @@
-// CoACD, which proposes convex pieces, in a Python process of its own.
+// CoACD in a separate Python process, which proposes convex parts.
 #pragma once
 
 #include <atomic>
@@ -16,7 +16,7 @@ struct ProposedPiece {
   std::vector<Triangle> triangles;
 };
 
-/// What CoACD makes of a mesh. Nothing of it is believed but that indices are in range. Throws as decompose() does.
+/// Returns CoACD's convex parts of a mesh. Only their indices are checked. Throws as decompose() does.
 std::vector<ProposedPiece> propose_pieces(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
                                           const DecomposeOptions& options, const std::atomic<bool>& stop);
 

@@ -1,5 +1,5 @@
-// Convex pieces for a mesh file: a library proposes them, in a process of its own, and the engine proves how far they
-// miss the mesh.
+// Convex parts of a mesh file: a library in a separate process proposes them, and the engine proves bounds on their
+// error.
 #pragma once
 
 #include <atomic>
@@ -10,28 +10,28 @@ namespace clearance {
 
 struct DecomposeOptions {
   std::string mesh;                ///< a closed mesh
-  std::string python = "python3";  ///< that has coacd
-  double threshold = 0.05;         ///< how concave a piece may be, as CoACD has it: 0.01 to 1
-  int most_pieces = -1;            ///< -1: as many as it takes
-  double seconds = 3600;           ///< that CoACD may take
-  bool keep = false;               ///< prove the pieces that are there, and propose none
-  bool quiet = false;              ///< what CoACD says of its progress is not shown
+  std::string python = "python3";  ///< interpreter with the package coacd
+  double threshold = 0.05;         ///< CoACD's limit on a part's concavity, 0.01 to 1
+  int most_pieces = -1;            ///< -1 for no limit
+  double seconds = 3600;           ///< time limit of CoACD
+  bool keep = false;               ///< prove the existing parts only
+  bool quiet = false;              ///< hide CoACD's progress
 };
 
-/// What came of it. Metres.
+/// Result of a decomposition, in metres.
 struct DecomposedMesh {
-  std::string file;  ///< of the pieces, beside the mesh
+  std::string file;  ///< of the parts, in the mesh's folder
   std::uint64_t pieces = 0, vertices = 0, triangles = 0;
-  double inner = 0;         ///< no point of the mesh is farther from the pieces
-  double outer = 0;         ///< no point of a piece is farther from what the mesh encloses
-  double median_outer = 0;  ///< of half of the pieces
+  double inner = 0;         ///< bound on the mesh's distance from the parts
+  double outer = 0;         ///< bound on the parts' distance from the solid
+  double median_outer = 0;  ///< median of the parts' own bounds
   double size = 0;          ///< diagonal of the mesh's box
   double propose_s = 0, prove_s = 0;
 };
 
-/// Writes FILE.pieces.obj, replacing what was there only by something whole, proves it and keeps the proof in the
-/// cache. \param stop set from anywhere, a signal's handler too, ends it. Throws std::runtime_error with a sentence for
-/// a mesh that is not closed, no coacd, one that fails, takes too long or was stopped, and pieces that are none.
+/// Writes FILE.pieces.obj atomically, proves its bounds and caches the proof. Throws std::runtime_error for a mesh that
+/// is not closed, if coacd is missing, fails, times out or is stopped, and for invalid parts.
+/// \param stop ends it; may be set from a signal handler
 DecomposedMesh decompose(const DecomposeOptions& options, const std::atomic<bool>& stop);
 
 }  // namespace clearance

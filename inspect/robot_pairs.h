@@ -1,4 +1,4 @@
-// Which pairs of a robot's links need never be asked about, with the engine's distances: `clearance robot pairs`.
+// Pairs of a robot's links that no query needs, by the engine's distances: `clearance robot pairs`.
 #pragma once
 
 #include <string>
@@ -14,11 +14,11 @@ struct RobotPair {
   Found found;
 };
 
-/// Every pair of links that have geometry. What an SRDF disables plays no part. Throws SceneError and RobotError.
+/// Classifies every pair of links with geometry, regardless of an SRDF. Throws SceneError and RobotError.
 std::vector<RobotPair> find_robot_pairs(const RobotOptions& robot, const FindingOptions& options);
 
-/// An SRDF that disables the pairs that were proved never or always to touch, and adjacent ones; with `seen` also those
-/// that only samples speak for. Its reasons say which.
+/// Returns an SRDF that disables adjacent pairs and those that were proved never or always to touch; with `seen` also
+/// pairs that were only sampled. Its reasons distinguish them.
 std::string srdf_of(const std::string& robot, const std::vector<RobotPair>& pairs, const FindingOptions& options,
                     bool seen);
 

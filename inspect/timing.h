@@ -1,4 +1,4 @@
-// How long pairs of bodies take, measured here and now.
+// Measured evaluation times of pairs.
 #pragma once
 
 #include <span>
@@ -9,18 +9,18 @@
 
 namespace clearance {
 
-/// Pairs of a scene at the poses at load, with one thread: its time is then this thread's own, whatever else the
-/// machine does.
+/// Times pairs of a scene at the initial poses by the processor time of one thread, regardless of other load.
 class PairTimes {
  public:
   /// The scene must outlive it.
   explicit PairTimes(const Scene& scene);
 
-  /// Some of the enabled pairs of a body, both of which have a pose.
+  /// Returns some enabled pairs of a body with poses.
   std::vector<BodyPair> sampled(std::uint32_t body) const;
-  /// Nanoseconds a pair of these, to the default tolerance. \param pairs at least one
+  /// Returns nanoseconds per pair at the default tolerance.
+  /// \param pairs at least one
   double ns_per_pair(std::span<const BodyPair> pairs) const;
-  /// X_wb of a body that has a pose.
+  /// Returns X_wb of a body that has a pose.
   const Pose& pose(std::uint32_t body) const { return poses_[body]; }
 
  private:

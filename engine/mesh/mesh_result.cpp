@@ -13,7 +13,7 @@ namespace clearance {
 
 namespace {
 
-// Checked reads from the loader's result, front to back.
+// Sequential, bounds-checked reads from the loader's result.
 class ResultReader {
  public:
   explicit ResultReader(int fd) : fd_(fd) {

@@ -1,4 +1,4 @@
-// What the mesh loader has handed back, read by a process that trusts none of it.
+// Validation of a mesh loader's result.
 #pragma once
 
 #include <optional>
@@ -8,10 +8,10 @@
 
 namespace clearance {
 
-/// Reads a loader's result (mesh_format.h); none if there is none, since the loader ended before it was whole.
-/// Throws MeshError with what the loader says is wrong with the file, or because the result makes no sense.
-/// \param fd of a file that nobody writes any more: the loader has ended. \param limits what had held it; set where
-/// there is a result or an error of its own.
+/// Reads a loader's result (mesh_format.h); none if the loader ended before it was complete. Throws MeshError with the
+/// loader's error, or for an invalid result.
+/// \param fd of the result of a loader that has ended
+/// \param limits receives the limits that were in force, unless there is no result
 std::optional<Mesh> read_mesh_result(int fd, LoaderLimits* limits = nullptr);
 
 }  // namespace clearance

@@ -13,7 +13,7 @@ bool is_space(char c) {
   return c == ' ' || (c >= '\t' && c <= '\r');
 }
 
-// from_chars takes no plus sign, which files have.
+// Files have plus signs, which from_chars rejects.
 std::string_view without_plus(std::string_view word) {
   const bool signed_twice = word.size() > 1 && (word[1] == '-' || word[1] == '+');
   return word.starts_with('+') && !signed_twice ? word.substr(1) : word;
@@ -35,7 +35,7 @@ MeshText::MeshText(std::string_view text, Comments comments) : text_(text), comm
   if (text_.starts_with("\xEF\xBB\xBF")) at_ = begin_ = 3;
 }
 
-// Whether there is a word before the end of the line or, `over_lines`, of the file.
+// Returns whether a word follows before the end of the line or, with `over_lines`, of the file.
 bool MeshText::skip_spaces(bool over_lines) {
   for (; at_ < text_.size(); ++at_) {
     const char c = text_[at_];

@@ -1,4 +1,4 @@
-// The text of a mesh file, word by word and line by line; what is wrong with it names the line.
+// Tokens of a text mesh file. Errors name the line.
 #pragma once
 
 #include <cstdint>
@@ -8,43 +8,44 @@
 
 namespace clearance {
 
-/// A mesh file that cannot be read: the text names the cause and, where there is one, the line.
+/// A mesh file that cannot be read. The text names the cause and the line, if there is one.
 struct LoadError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// ASCII letters in lower case.
+/// Returns a text with ASCII letters in lower case.
 std::string lower(std::string_view text);
-/// A word of a file as an error quotes it: its beginning, in quotes.
+/// Returns the beginning of a word in quotes, for an error.
 std::string in_quotes(std::string_view word);
 
 class MeshText {
  public:
   enum class Comments { kNone, kHash };
 
-  /// \param text of a file, a byte order mark included. \param comments kHash: from # to the end of a line; a backslash
-  /// at its end then joins it with the next one.
+  /// \param text of a file, with or without a byte order mark
+  /// \param comments kHash ignores # to the end of a line, and joins a line that ends in a backslash with the next one
   explicit MeshText(std::string_view text, Comments comments = Comments::kNone);
 
-  /// The next word, on whatever line; empty at the end of the file.
+  /// Returns the next word of the file; empty at its end.
   std::string_view word();
-  /// The next word of this line; empty at its end.
+  /// Returns the next word of this line; empty at its end.
   std::string_view word_in_line();
-  /// Goes behind the end of this line.
+  /// Moves to the next line.
   void skip_line();
-  /// Goes on at a byte of the file.
+  /// Moves to a byte of the file.
   void go_to(std::size_t at) { at_ = begin_ = at; }
   bool at_end() const { return at_ == text_.size(); }
-  /// What is left, from the next character on.
+  /// Returns the rest of the text.
   std::string_view rest() const { return text_.substr(at_); }
 
-  /// The finite float64 nearest to a decimal. Throws LoadError. \param what was expected: "a coordinate".
+  /// Returns the finite float64 nearest to a decimal. Throws LoadError.
+  /// \param what names the expected number in the error, as in "a coordinate"
   double number(std::string_view word, const char* what) const;
-  /// Throws LoadError for anything but a decimal of a number that an int64 holds.
+  /// Returns an integer. Throws LoadError for anything but a decimal in the range of int64.
   std::int64_t integer(std::string_view word, const char* what) const;
   /// Throws LoadError: "line 3: ..." for the line of the last word.
   [[noreturn]] void fail(const std::string& what) const { fail_at(begin_, what); }
-  /// The same for a word that place() was asked about.
+  /// The same for the word at `place`, as place() returned it.
   [[noreturn]] void fail_at(std::size_t place, const std::string& what) const;
   std::size_t place() const { return begin_; }
 
@@ -54,7 +55,7 @@ class MeshText {
 
   std::string_view text_;
   bool comments_;
-  std::size_t at_ = 0, begin_ = 0;  // of what is next, and of the last word
+  std::size_t at_ = 0, begin_ = 0;  // offsets of the next character and of the last word
 };
 
 }  // namespace clearance

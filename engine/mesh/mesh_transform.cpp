@@ -10,9 +10,9 @@ namespace clearance {
 
 namespace {
 
-// Of a sum of four products: at most seven roundings along any path, and those of the bound itself.
+// Relative error of a sum of four products: at most seven roundings along any path, and those of the bound itself.
 constexpr double kRounding = 16 * 0x1p-53;
-constexpr double kTiny = std::numeric_limits<double>::min();  // what underflows
+constexpr double kTiny = std::numeric_limits<double>::min();  // underflow
 
 }  // namespace
 
@@ -51,7 +51,7 @@ void MeshTransform::apply(MeshPart* part) const {
   double worst = 0;
   for (Vec3d& p : part->positions) {
     Vec3d moved{0, 0, 0};
-    double off = 0;  // the sum over the axes: no less than the length
+    double off = 0;  // sum over the axes, at least the length
     for (int r = 0; r < 3; ++r) {
       moved[r] = m[r][0] * p.x + m[r][1] * p.y + m[r][2] * p.z + m[r][3];
       double size = std::abs(m[r][3]);

@@ -1,4 +1,4 @@
-// Where a node of a mesh file puts its meshes, in float64, and how far that may be from what the file means.
+// Transforms of a mesh file's nodes in float64, with error bounds.
 #pragma once
 
 #include "engine/base/vec.h"
@@ -6,17 +6,17 @@
 
 namespace clearance {
 
-/// An affine map and, entry by entry, a bound on what rounding did to it.
+/// An affine map with a bound on the rounding error of each entry.
 struct MeshTransform {
   double m[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
   double error[3][4] = {};
 
   bool is_identity() const;
   double determinant() const;
-  /// This map after `inner`: of a node and its child.
+  /// Returns this map after `inner`, as for a node and its child.
   MeshTransform after(const MeshTransform& inner) const;
-  /// Moves a part, adds to its rounding, and turns its faces outward again where the map mirrors. Throws LoadError for
-  /// a position that is not finite then.
+  /// Transforms a part, adds to its rounding, and flips its faces if the map mirrors. Throws LoadError for a position
+  /// that is not finite afterwards.
   void apply(MeshPart* part) const;
 };
 

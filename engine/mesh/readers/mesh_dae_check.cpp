@@ -18,25 +18,25 @@ namespace {
 
 using pugi::xml_node;
 
-constexpr int kMostNodes = 100'000;  // with all that others name: assimp makes each of them anew, a kilobyte or more
+constexpr int kMostNodes = 100'000;  // including instances, each of which costs assimp a kilobyte or more
 
-// One transform of a node: its entries are rounded to float32, cosines and products are float32. A few roundings each.
+// Relative error of one transform of a node: entries, cosines and products are rounded to float32.
 constexpr double kStepRounding = 16 * 0x1p-24;
-constexpr double kFloatTiny = 1.2e-38;  // what underflows in float32
+constexpr double kFloatTiny = 1.2e-38;  // underflow in float32
 
-// What assimp's function throws here: its own exceptions are not in its library's interface.
+// Exception type for assimp's function, whose own exceptions its library does not export.
 struct NoNumber {
   template <class... Text>
   explicit NoNumber(Text&&...) {}
 };
 
-// A number as it is written, and as assimp reads it.
+// A number of the file with assimp's error.
 struct Decimal {
   double exact;
-  double off;  // of assimp's
+  double off;  // bound on the error of assimp's value
 };
 
-// The numbers of an element's text. assimp's own function says what it makes of each.
+// Returns the numbers of an element's text, compared with those that assimp's own function reads.
 std::vector<Decimal> numbers(const char* text) {
   std::vector<Decimal> out;
   for (;;) {
@@ -57,8 +57,8 @@ std::vector<Decimal> numbers(const char* text) {
   }
 }
 
-// How large a step, or a chain of them, makes a position whose coordinates are at most s: at most scale s + shift. And
-// how far float32 puts it off: at most off_scale s + off_shift.
+// Bounds of a transform, or a chain of them, for coordinates of at most s: the result is at most scale s + shift, and
+// its error in float32 at most off_scale s + off_shift.
 struct Growth {
   double scale = 1, shift = 0, off_scale = 0, off_shift = 0;
 
@@ -103,7 +103,7 @@ class DaeCheck {
     return at == ids_.end() ? xml_node() : at->second;
   }
 
-  // Every node that the scene shows, once for each way to it.
+  // Visits every node of the scene, once for each path to it.
   void walk(xml_node scene, const Growth& unit) {
     struct Visit {
       xml_node node;
@@ -138,7 +138,7 @@ class DaeCheck {
     }
   }
 
-  // A number of a transform, which assimp must have read to its precision.
+  // Returns a number of a transform if assimp reads it to the precision of float32.
   static double step_number(const char* text) {
     const std::vector<Decimal> one = numbers(text);
     if (one.size() != 1) throw LoadError("expected one number, got " + in_quotes(text));
@@ -176,7 +176,7 @@ class DaeCheck {
       }
     } else if (kind == "rotate") {
       const double length = std::hypot(x[0], x[1], x[2]);
-      misread = 4 * std::abs(length - 1);  // assimp takes the axis as it is
+      misread = 4 * std::abs(length - 1);  // assimp does not normalise the axis
       if (x[3] != 0 && misread > 1e-4) throw LoadError("the axis of a <rotate> is not of length 1");
       g.scale = 1.7321;
       misread += std::abs(x[3]) * (0x1p-22 * 3.1416 / 180);  // the angle in float32 radians
@@ -192,7 +192,7 @@ class DaeCheck {
     return g;
   }
 
-  // Of a geometry's positions: the largest coordinate, and how far assimp's reading of one is off.
+  // Returns a geometry's largest coordinate and the largest error of assimp's reading.
   std::pair<double, double> extent(xml_node geometry) {
     const auto [at, fresh] = extents_.try_emplace(geometry.internal_object());
     if (!fresh) return at->second;
@@ -223,13 +223,13 @@ class DaeCheck {
 };
 
 std::string line_of(std::string_view content, std::ptrdiff_t offset) {
-  // The offset counts bytes of UTF-8: of a file in another encoding there may be fewer.
+  // The offset counts bytes of UTF-8; a file in another encoding may have fewer.
   const auto end = content.begin() + std::clamp<std::ptrdiff_t>(offset, 0, static_cast<std::ptrdiff_t>(content.size()));
   return "line " + std::to_string(std::count(content.begin(), end, '\n') + 1) + ": ";
 }
 
-// What assimp reads as something else: a negative index becomes 0, a polygon with holes is left out, and the fans of
-// <trifans> cannot be told from polygons. Returns whether faces are such fans.
+// Rejects faces that assimp reads wrongly: negative indices become 0, polygons with holes are dropped, and <trifans> are
+// indistinguishable from polygons. Returns whether all faces are such fans.
 bool check_faces(xml_node root, std::string_view content) {
   struct Walker final : pugi::xml_tree_walker {
     xml_node fans, polygons, holes;

@@ -21,10 +21,10 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Of anything that a file counts or measures in bytes: sums and products of two of these do not overflow.
+// Limit of counts and sizes in bytes; sums and products of two of them do not overflow.
 constexpr std::uint64_t kMostOfAnything = std::uint64_t{1} << 31;
 
-// Bytes that are read before it is asked how often that is on average, and how often it may be.
+// Bytes read before repeated reading is limited, and how often each byte may be read on average.
 constexpr std::uint64_t kMostReadBytes = std::uint64_t{64} << 20, kMostReadings = 16;
 
 [[noreturn]] void fail(const std::string& what) {
@@ -54,7 +54,7 @@ std::uint64_t unsigned_in(const Json& object, const char* key, const std::string
   fail(where + '.' + key + ": expected a count or index, got " + value->dump().substr(0, 40));
 }
 
-// `count` finite numbers under a key; none if it is not there.
+// Returns N finite numbers of a key; none without the key.
 template <std::size_t N>
 std::optional<std::array<double, N>> numbers_in(const Json& object, const char* key, const std::string& where) {
   const Json* value = find(object, key);
@@ -120,7 +120,7 @@ std::string without_percents(const std::string& uri) {
   return out;
 }
 
-// Rows of numbers in a buffer; all of them are there.
+// Rows of numbers in a buffer, checked to be complete.
 struct Rows {
   std::string_view bytes;
   std::size_t stride = 0;
@@ -179,7 +179,7 @@ class GltfReader {
     std::optional<UsedPositions> used;
   };
 
-  // An entry of a list; each kind of them is part of the geometry.
+  // Returns an entry of a list that belongs to the geometry.
   const Json& entry(const char* list, std::uint64_t i) const {
     const Json* all = find(root_, list);
     const std::size_t count = all && all->is_array() ? all->size() : 0;
@@ -200,8 +200,8 @@ class GltfReader {
     }
   }
 
-  // A part of the geometry may be something else by an extension, required or not.
-  // \param changing the only ones that do; empty: all that are not known to keep it
+  // Rejects extensions that change the geometry of an object, required or not.
+  // \param changing lists those that do; if empty, all that are not known to keep the geometry
   static void check_extensions(const Json& object, const std::string& where,
                                std::initializer_list<std::string_view> changing = {}) {
     const Json* extensions = find(object, "extensions");
@@ -214,8 +214,8 @@ class GltfReader {
     }
   }
 
-  // Every mesh that the scene's nodes show, with where. A node has one parent: the file's nodes are all that there are.
-  // \param nodes gets where each node of the scene is
+  // Returns every mesh of the scene's nodes with its transform. A node has one parent, so nodes cannot multiply.
+  // \param nodes receives the transform of each node of the scene
   std::vector<Shown> walk(std::map<std::uint64_t, MeshTransform>* nodes) const {
     struct Visit {
       std::uint64_t node;
@@ -274,7 +274,7 @@ class GltfReader {
     return X;
   }
 
-  // M(q) / |q|^2, whose entries are at most 1: a few roundings each, and those of the sums within.
+  // Sets M(q) / |q|^2, whose entries are at most 1 and rounded a few times.
   static void set_rotation(MeshTransform* X, const std::array<double, 4>& q, const std::string& where) {
     const auto [x, y, z, w] = q;
     const double n = x * x + y * y + z * z + w * w;
@@ -297,8 +297,8 @@ class GltfReader {
     return list ? *list : none;
   }
 
-  // The joints of a skin place its mesh, whatever its node does. As they are in the file they must put it where the
-  // node has it, but for the rounding of float32, which counts.
+  // The joints of a skin replace its node's transform. At rest they must agree with it up to float32 rounding, which is
+  // added to the part's.
   void check_skin(const std::map<std::uint64_t, MeshTransform>& nodes, Shown* shown) {
     const Json& node = entry("nodes", shown->node);
     if (!find(node, "skin")) return;
@@ -348,7 +348,7 @@ class GltfReader {
     return out;
   }
 
-  // Morph targets count as they are by default: with none of them applied.
+  // Rejects weights that apply morph targets by default.
   static void check_at_rest(const Json& holder, const std::string& where) {
     const Json* weights = find(holder, "weights");
     if (!weights) return;
@@ -358,7 +358,7 @@ class GltfReader {
         fail(where + ".weights: it applies morph targets, which are not read; expected zeros");
   }
 
-  // Corners of a mesh's faces: no fewer than the vertices of its parts.
+  // Returns the number of corners of a mesh's faces, at least that of its parts' vertices.
   std::uint64_t corners(std::uint64_t mesh) const {
     std::uint64_t sum = 0;
     for (const Json& primitive : primitives_of(mesh)) {
@@ -407,7 +407,7 @@ class GltfReader {
     return out;
   }
 
-  // What an accessor, or a part of a sparse one, reads: `count` rows of `size` bytes.
+  // Returns the `count` rows of `size` bytes of an accessor, or of a part of a sparse one.
   Rows rows(const Json& holder, const std::string& where, std::uint64_t count, std::size_t size) {
     const std::uint64_t index = unsigned_in(holder, "bufferView", where);
     const Json& view = entry("bufferViews", index);
@@ -430,7 +430,7 @@ class GltfReader {
     return {std::string_view(bytes).substr(begin + offset, count == 0 ? 0 : length - offset), stride};
   }
 
-  // Read once, however many primitives share them.
+  // Positions of an accessor, read once for all primitives.
   Positions& positions(std::uint64_t index) {
     Positions& known = positions_[index];
     if (known.used) return known;
@@ -528,14 +528,14 @@ class GltfReader {
   }
 
   Json root_;
-  std::optional<std::string_view> chunk_;  // of binary data behind the JSON
+  std::optional<std::string_view> chunk_;  // binary data behind the JSON
   const MeshFolder& folder_;
   std::map<std::uint64_t, std::string> buffers_;
   std::map<std::uint64_t, Positions> positions_;
   std::uint64_t buffer_bytes_ = 0, read_bytes_ = 0;
 };
 
-// The JSON of a GLB file, and the binary chunk behind it if there is one.
+// Returns the JSON of a GLB file and its binary chunk, if there is one.
 std::pair<std::string_view, std::optional<std::string_view>> chunks(std::string_view file) {
   if (file.substr(0, 4) != "glTF") throw LoadError("not a GLB file: it does not begin with \"glTF\"");
   if (file.size() < 20) throw LoadError("the file ends within its header");

@@ -10,8 +10,9 @@
 namespace clearance {
 
 /// A part for each primitive of each node that shows a mesh, front to back.
-/// \param glb whether it is the binary container. \param most_vertices that nodes which repeat meshes may make of them.
 /// Throws LoadError.
+/// \param glb whether it is the binary container
+/// \param most_vertices of all parts together, if nodes repeat meshes
 void read_gltf(std::string_view content, bool glb, const MeshFolder& folder, std::uint64_t most_vertices,
                const PartSink& sink);
 

@@ -25,16 +25,15 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// That the nodes of a file may make of its meshes by repeating them: as many as a scene file may ask for in a few
-// words.
+// Limit of vertices of a file whose nodes repeat meshes, the same as for a scene file.
 constexpr std::uint64_t kMostRepeatedVertices = 20'000'000;
 
-// The result file, written front to back; the header last.
+// The result file, written sequentially with the header last.
 class Result {
  public:
   Result(int fd, std::uint64_t memory_bytes) : fd_(fd), memory_bytes_(memory_bytes) {}
 
-  /// Writes a part: distinct positions, and the triangles that join three of them. None of an empty one.
+  /// Writes the distinct positions of a part and its triangles of three distinct corners. Skips an empty part.
   void add(const MeshPart& part) {
     if (part.positions.empty()) return;
     const UniquePositions<double> unique = unique_positions<double>(part.positions);
@@ -53,8 +52,8 @@ class Result {
     ++parts_;
   }
 
-  /// Whether it is written. Throws LoadError if there was no part.
-  /// \param alone no other file was asked for.
+  /// Writes the header and returns whether that worked. Throws LoadError if there was no part.
+  /// \param alone no other file was requested
   bool finish(bool alone) {
     if (parts_ == 0) throw LoadError("it holds no mesh");
     const MeshHeader header{kMeshMagic, MeshState::kGood, parts_, 0, at_, LoaderLimits::kAll, alone ? 1u : 0u};
@@ -67,7 +66,7 @@ class Result {
     for (const auto* p = static_cast<const char*>(data); bytes > 0;) {
       const ssize_t n = ::pwrite(fd_, p, bytes, static_cast<off_t>(at_));
       if (n < 0 && errno == EINTR) continue;
-      if (n <= 0) throw std::bad_alloc();  // a memfd has no other reason
+      if (n <= 0) throw std::bad_alloc();  // a memfd fails for no other reason
       p += n;
       at_ += static_cast<std::uint64_t>(n);
       bytes -= static_cast<std::uint64_t>(n);

@@ -1,5 +1,4 @@
-// What the mesh loader does with a file: the reader of its format reads it, and what it holds goes to a descriptor
-// (mesh_format.h). mesh_formats.h lists which formats go through assimp.
+// Import of a mesh file by the reader of its format (mesh_formats.h), written to a descriptor (mesh_format.h).
 #pragma once
 
 #include <cstdint>
@@ -13,10 +12,12 @@ class Importer;
 
 namespace clearance {
 
-/// Reads a mesh file and writes its meshes, or what is wrong with it, to `result_fd`. Whether the result is whole.
-/// \param kept gets assimp's importer, with what it has read, if it is asked. \param path says the format and in which
-/// folder other files may lie. \param content what is read for the file; must outlive the importer.
-/// \param memory_bytes that a result may have. \param as_heights an NPY is a grid of heights, not rows of points.
+/// Writes the meshes of a file, or an error, to `result_fd`. Returns whether the result is complete.
+/// \param kept gets assimp's importer with its scene, if assimp reads the format
+/// \param path selects the format by its extension, and the folder of other files
+/// \param content of the file; must outlive the importer
+/// \param memory_bytes limit of the result's size
+/// \param as_heights reads an NPY as a grid of heights, not as rows of points
 bool import_mesh(std::unique_ptr<Assimp::Importer>* kept, const std::string& path, std::string_view content,
                  std::uint64_t memory_bytes, int result_fd, bool as_heights = false);
 

@@ -1,4 +1,4 @@
-// Wavefront OBJ: v, f, l, p, o, g and usemtl; what else a file may hold does not concern its shape.
+// Wavefront OBJ: v, f, l, p, o, g and usemtl; all else is ignored.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -34,7 +34,7 @@ class ObjReader {
         begin_material(std::string(text_.word_in_line()));
     }
     if (largest_ > positions_.size()) fail_corner(place_of_largest_, static_cast<std::int64_t>(largest_));
-    // The meshes of an object follow each other, also where the file has come back to it.
+    // Meshes of an object are contiguous, even if the file returns to it later.
     std::stable_sort(parts_.begin(), parts_.end(), [](const Part& a, const Part& b) { return a.object < b.object; });
     UsedPositions positions(positions_);
     const auto fail = [this](std::size_t place, const std::string& what) { text_.fail_at(place, what); };
@@ -50,7 +50,7 @@ class ObjReader {
  private:
   struct Part {
     std::size_t object;
-    std::string material;  // empty: none was named
+    std::string material;  // empty if unnamed
     std::vector<std::uint32_t> used;
     FaceList faces;
   };
@@ -83,7 +83,7 @@ class ObjReader {
     const auto count = static_cast<std::int64_t>(positions_.size());
     const std::int64_t index = named < 0 ? count + named : named - 1;
     if (named == 0 || index < 0 || index >= kMostVertices) fail_corner(text_.place(), named);
-    if (index >= count && index >= static_cast<std::int64_t>(largest_)) {  // a vertex that may yet follow
+    if (index >= count && index >= static_cast<std::int64_t>(largest_)) {  // the vertex may follow later
       largest_ = static_cast<std::size_t>(index) + 1;
       place_of_largest_ = text_.place();
     }
@@ -116,7 +116,7 @@ class ObjReader {
     if (fresh)
       add_object();
     else
-      current_ = last_part_[at->second];  // goes on with what it had
+      current_ = last_part_[at->second];  // resumes the object's last part
   }
 
   void begin_group() {
@@ -148,7 +148,7 @@ class ObjReader {
   std::vector<std::size_t> last_part_;          // of each object
   std::size_t current_ = 0;
   std::string group_, material_;
-  std::size_t largest_ = 0, place_of_largest_ = 0;  // number of a vertex, from 1, that a face has named before it came
+  std::size_t largest_ = 0, place_of_largest_ = 0;  // largest vertex number that a face named before the vertex, from 1
   double rounding_ = 0;
 };
 

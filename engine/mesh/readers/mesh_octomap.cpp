@@ -2,8 +2,8 @@
 // (.ot: how likely each node is occupied).
 //
 // A. Hornung, K. M. Wurm, M. Bennewitz, C. Stachniss, W. Burgard, "OctoMap: an efficient probabilistic 3D mapping
-// framework based on octrees", Autonomous Robots 34(3), 2013. The files are read here, in the process without rights,
-// and not by its library, which trusts them.
+// framework based on octrees", Autonomous Robots 34(3), 2013. Their library trusts its input, so the sandboxed loader
+// reads the files by itself.
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -23,7 +23,7 @@ struct OctomapHeader {
   bool is_binary = false;
   std::size_t bytes_after_value = 0;  // of a node of the full form, before its children
   double resolution = 0;
-  std::int64_t nodes = -1;  // -1: none were counted
+  std::int64_t nodes = -1;  // -1 if not counted
   std::string_view data;
 };
 
@@ -57,7 +57,7 @@ class OctomapReader {
 
   std::vector<Vec3d> read() {
     const Place root{{0, 0, 0}, 0};
-    if (rest_.empty() && header_.nodes != 0) take(1);  // it was cut off
+    if (rest_.empty() && header_.nodes != 0) take(1);  // the file is truncated
     if (!rest_.empty()) header_.is_binary ? read_binary(root) : read_full(root);
     return std::move(centres_);
   }
@@ -97,7 +97,7 @@ class OctomapReader {
     }
   }
 
-  // The logarithm of the odds that it is occupied, then which children there are.
+  // Log odds of occupancy, then the mask of children.
   void read_full(const Place& at) {
     float log_odds = 0;
     std::memcpy(&log_odds, take(sizeof log_odds), sizeof log_odds);
@@ -112,7 +112,7 @@ class OctomapReader {
     }
   }
 
-  // The voxels of a leaf, of which one above the last level has many.
+  // Adds the voxels of a leaf, which are many above the last level.
   void add(const Place& leaf) {
     const std::int64_t edge = std::int64_t{1} << (kDepth - leaf.depth);
     if (edge > 1024 || static_cast<std::size_t>(edge * edge * edge) > kMostVoxels - centres_.size())

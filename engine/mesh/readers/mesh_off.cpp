@@ -1,4 +1,4 @@
-// OFF as Geomview has it, in text: positions, which other columns may follow, and polygons, which colours may follow.
+// Geomview's OFF in text: positions with optional further columns, and polygons with optional colours.
 #include <cmath>
 #include <limits>
 

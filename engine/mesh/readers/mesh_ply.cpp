@@ -1,4 +1,4 @@
-// PLY: a header that says how rows lie, then rows of numbers as text or bytes.
+// PLY: a header with the layout of rows, then rows of numbers as text or bytes.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -19,7 +19,7 @@ enum class Kind : std::uint8_t { kSigned, kUnsigned, kReal };
 
 struct Type {
   Kind kind = Kind::kReal;
-  std::size_t size = 0;  // bytes; 0: no type
+  std::size_t size = 0;  // bytes; 0 if there is no such type
 };
 
 Type type_of(std::string_view name) {
@@ -79,8 +79,8 @@ Property read_property(MeshText* line, const Element& element) {
   return property;
 }
 
-// A line that no keyword begins is a note, as some programs write them without "comment"; one that looks like a
-// misspelt property or element is none.
+// Returns whether a line without a keyword is a comment, which some programs write without "comment". A misspelt
+// property or element is not.
 void check_note(std::string_view key, MeshText* line) {
   const std::string_view second = line->word_in_line(), third = line->word_in_line();
   const bool counts = !third.empty() && third.find_first_not_of("0123456789") == std::string_view::npos;
@@ -134,7 +134,7 @@ Header read_header(std::string_view file) {
   return header;
 }
 
-// Numbers of the body, front to back, as text or bytes.
+// Sequential numbers of the body, as text or bytes.
 class Body {
  public:
   Body(std::string_view file, const Header& header)
@@ -168,7 +168,7 @@ class Body {
     }
     for (std::uint64_t k = 0; k < count; ++k) word();
   }
-  /// The length of a list, which the file has room for.
+  /// Returns the length of a list, checked against the size of the file.
   std::uint64_t length(const Property& p) {
     const std::int64_t n = integer(p.count, "the length of a list");
     if (n < 0) fail("a list of length " + std::to_string(n));
@@ -181,7 +181,7 @@ class Body {
     throw LoadError(place + what);
   }
 
-  /// Place of the face that was just read: of text in the file, else its row.
+  /// Place of the last face: its offset in a text file, else its row.
   std::size_t place_of_face(std::uint64_t row) const {
     return format_ == Header::Format::kText ? text_.place() : static_cast<std::size_t>(row);
   }
@@ -226,14 +226,14 @@ class PlyReader {
 
   MeshPart read() {
     for (const Element& element : header_.elements) {
-      if (element.properties.empty()) continue;  // rows of nothing
+      if (element.properties.empty()) continue;  // rows are empty
       if (element.name == "vertex")
         read_vertices(element);
       else
         read_others(element);
     }
     if (!vertices_) fail_header("no element \"vertex\"");
-    // Triangles of strips come first: an element of them has no faces as a rule.
+    // Triangles of strips come first; files with strips rarely have faces.
     const std::vector<Triangle> faces =
         faces_.take_triangles(part_.positions, &part_.rounding,
                               [this](std::size_t place, const std::string& what) { body_.fail_face(place, what); });
@@ -267,7 +267,7 @@ class PlyReader {
 
   void skip(const Property& p) { body_.skip(p.type, p.is_list ? body_.length(p) : 1); }
 
-  // Faces, strips of triangles, and what does not concern the shape.
+  // Faces, strips of triangles, and elements without geometry.
   void read_others(const Element& element) {
     const bool strips = element.name == "tristrips";
     std::size_t list = element.properties.size();

@@ -34,7 +34,7 @@ double number_at(const char* at, char type, std::size_t size) {
 
 // ---- NPY
 
-// What stands between a key of the header, a Python dict, and the next comma outside of parentheses.
+// Returns the value of a key of the header, a Python dict, up to the next comma outside of parentheses.
 std::string_view value_of(std::string_view header, std::string_view key) {
   const std::size_t at = header.find(key);
   if (at == std::string_view::npos) throw LoadError("its header has no " + std::string(key));
@@ -45,7 +45,8 @@ std::string_view value_of(std::string_view header, std::string_view key) {
   return rest.substr(0, end);
 }
 
-// Rows and columns of "(N, M". \param wanted names them in errors
+// Rows and columns of "(N, M".
+// \param wanted names them in errors
 std::array<std::uint64_t, 2> shape_of(std::string_view text, const std::string& wanted) {
   std::array<std::uint64_t, 2> shape{};
   std::size_t dimensions = 0;
@@ -168,13 +169,13 @@ PcdHeader read_pcd_header(MeshText& text) {
   return header;
 }
 
-// Whether a word is what programs write for a pixel without a return: nan, -nan, inf.
+// Returns whether a word stands for a pixel without a return: nan, -nan or inf.
 bool is_no_return(std::string_view word) {
   const std::string number = lower(word.substr(word.starts_with('-') || word.starts_with('+')));
   return number.starts_with("nan") || number == "inf" || number == "infinity";
 }
 
-// Where x, y and z begin in a row, in bytes or, of text, in words; and how long a row is.
+// Offsets of x, y and z in a row, and its length, in bytes or, for text, in words.
 struct PcdRow {
   std::array<std::size_t, 3> place{}, size{};
   std::size_t length = 0;
@@ -231,7 +232,7 @@ void read_npy_heights(std::string_view content, const PartSink& sink) {
   const Array array = array_of(content, "rows and columns of heights");
   std::vector<Vec3d> positions;
   for (std::uint64_t r = 0; r < array.shape[0]; ++r)
-    for (std::uint64_t c = 0; c < array.shape[1]; ++c)  // a height that is no number is a hole
+    for (std::uint64_t c = 0; c < array.shape[1]; ++c)  // NaN is a hole
       if (const double height = array.at(r, c); std::isfinite(height))
         positions.push_back({static_cast<double>(c), static_cast<double>(r), height});
   hand_on(std::move(positions), sink);

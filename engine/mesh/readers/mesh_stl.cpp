@@ -19,7 +19,7 @@ std::uint64_t promised(std::string_view file) {
   return file.size() >= kHeader ? unsigned_at(file, 80, 4) : 0;
 }
 
-// Whether the facets that a header promises are there; bytes may stand behind them.
+// Returns whether the facets that a header promises are present; other bytes may follow.
 bool holds_promised(std::string_view file) {
   return file.size() >= kHeader && (file.size() - kHeader) / kFacet >= promised(file);
 }
@@ -54,7 +54,7 @@ void read_facets(std::string_view file, std::uint64_t facets, double* reach, con
 
 constexpr std::uint64_t kLooked = 16;
 
-// Whether bytes look like a facet of a mesh that reaches so far from its origin, among the first of `facets`.
+// Returns whether bytes resemble a facet of a mesh of this size, judged by the first of `facets`.
 bool holds_facet(std::string_view bytes, std::size_t at, std::uint64_t facets, double reach) {
   for (std::uint64_t f = 0; f < std::min(facets, kLooked) && at + kFacet <= bytes.size(); ++f, at += kFacet) {
     bool near = true, spread = false;
@@ -69,7 +69,7 @@ bool holds_facet(std::string_view bytes, std::size_t at, std::uint64_t facets, d
   return false;
 }
 
-// Whether a file begins like text. The header of a binary one may begin with "solid" as well, but holds a zero byte
+// Returns whether a file begins like text. The header of a binary one may begin with "solid" as well, but holds a zero byte
 // before any facet.
 bool is_text(std::string_view file) {
   if (lower(MeshText(file).word()) != "solid") return false;
@@ -80,7 +80,7 @@ bool is_text(std::string_view file) {
          std::search(before.begin(), before.end(), kWord.begin(), kWord.end(), same) != before.end();
 }
 
-// The text with each CR that ends a line alone as LF, if there is one.
+// Returns the text with lone CRs replaced by LF, or none if there are no lone CRs.
 std::string_view with_line_feeds(std::string_view file, std::string* copy) {
   for (std::size_t at = file.find('\r'); at != std::string_view::npos; at = file.find('\r', at + 1)) {
     if (file.substr(at + 1, 1) == "\n") continue;
@@ -90,7 +90,7 @@ std::string_view with_line_feeds(std::string_view file, std::string* copy) {
   return copy->empty() ? file : *copy;
 }
 
-// A word as keywords are compared: in lower case, without zero bytes behind it.
+// Returns a word in lower case without trailing zero bytes, for comparison with keywords.
 std::string keyword(std::string_view word) {
   return lower(word.substr(0, word.find('\0')));
 }
@@ -103,7 +103,7 @@ double coordinate(MeshText* text) {
 
 // solid NAME { facet normal X Y Z  outer loop { vertex X Y Z } x 3  endloop  endfacet } endsolid NAME, in any case and
 // layout; "end solid" is the same as "endsolid".
-// Returns what stands behind, if that is a binary solid, or else nothing.
+// Returns the bytes behind it if they are a binary solid, else nothing.
 std::string_view read_text(std::string_view file, const PartSink& sink) {
   std::string copy;
   MeshText text(with_line_feeds(file, &copy));
@@ -135,9 +135,9 @@ std::string_view read_text(std::string_view file, const PartSink& sink) {
       const std::string_view rest = file.substr(file.size() - text.rest().size());
       if (!in_solid && promised(rest) > 0 && holds_promised(rest)) return rest;
     } else if (word == "normal") {
-      for (int k = 0; k < 3; ++k) text.word();  // the corners say it
+      for (int k = 0; k < 3; ++k) text.word();  // the corners define the normal
     } else if (word != "facet" && word != "outer" && word != "loop" && word != "endloop") {
-      text.skip_line();  // what some program adds
+      text.skip_line();  // added by some programs
     }
   }
   if (in_solid) throw LoadError("the file ends early: no \"endsolid\" at its end");
@@ -145,7 +145,7 @@ std::string_view read_text(std::string_view file, const PartSink& sink) {
   return {};
 }
 
-// Returns what stands behind, if that is another solid, or else nothing: bytes of another kind are left alone.
+// Returns the bytes behind it if they are another solid, else nothing; other bytes are ignored.
 std::string_view read_binary(std::string_view file, const PartSink& sink) {
   const std::uint64_t facets = promised(file);
   const auto more = [&] {
