@@ -24,8 +24,8 @@ struct Choice {
   std::optional<double> ns_per_pair;  ///< none if not measured, or without a partner that has a pose
 };
 
-/// Returns hull, surface, parts and, for a closed mesh, solid of each body of one mesh that is not proved convex. Bodies
-/// of the same mesh are listed once.
+/// Returns hull, surface, parts and, for a closed mesh, solid of each body of one mesh that is not proved convex.
+/// Bodies of the same mesh are listed once.
 /// \param times measures; null for no measurements
 std::vector<Choice> choices_of(const Scene& scene, const PairTimes* times);
 

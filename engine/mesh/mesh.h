@@ -13,7 +13,8 @@
 
 namespace clearance {
 
-/// A mesh at one node of a file's scene graph, with all transforms applied. In metres unless the file has other numbers.
+/// A mesh at one node of a file's scene graph, with all transforms applied. In metres unless the file has other
+/// numbers.
 struct Submesh {
   std::vector<Vec3d> vertices;        ///< positions without exact duplicates
   std::vector<Triangle> triangles;    ///< empty for points and lines
@@ -51,8 +52,8 @@ Sha256Digest mesh_file_digest(const std::string& path, const MeshLimits& limits 
 /// Throws MeshError.
 Mesh load_mesh(const std::string& path, const MeshLimits& limits = {});
 
-/// Returns the points of a PLY (with or without faces), XYZ, NPY or PCD file, in the file's order, equal ones once. Throws
-/// MeshError.
+/// Returns the points of a PLY (with or without faces), XYZ, NPY or PCD file, in the file's order, equal ones once.
+/// Throws MeshError.
 std::vector<Vec3d> load_points(const std::string& path, const MeshLimits& limits = {});
 /// Returns the grid of heights of an NPY file: (column, row, height) of each height that is a number. Throws MeshError.
 std::vector<Vec3d> load_heights(const std::string& path, const MeshLimits& limits = {});
@@ -68,8 +69,8 @@ Octomap load_octomap(const std::string& path, const MeshLimits& limits = {});
 /// Returns a warning if a loader of this process ran without all of its limits, else an empty text.
 std::string mesh_loader_warning();
 
-/// Path of the mesh loader: $CLEARANCE_MESH_LOADER, or `clearance-mesh-loader` in the folder of this library or program,
-/// in the libexec folder next to it, or where this library was built. Throws MeshError if there is none.
+/// Path of the mesh loader: $CLEARANCE_MESH_LOADER, or `clearance-mesh-loader` in the folder of this library or
+/// program, in the libexec folder next to it, or where this library was built. Throws MeshError if there is none.
 std::string mesh_loader_program();
 /// Digest of the mesh loader's bytes, since its results may change with the program. Throws MeshError.
 Sha256Digest mesh_loader_digest();

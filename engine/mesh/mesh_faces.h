@@ -20,8 +20,8 @@ inline void add_fan(std::vector<Triangle>* triangles, std::span<const std::uint3
 
 /// Faces whose positions may follow later in the file.
 ///
-/// A face becomes a fan around its first corner if that covers exactly the face, as for a convex face, else its ears are
-/// cut. Exact predicates check that no triangle is inverted along the face's normal.
+/// A face becomes a fan around its first corner if that covers exactly the face, as for a convex face, else its ears
+/// are cut. Exact predicates check that no triangle is inverted along the face's normal.
 class FaceList {
  public:
   /// Throws LoadError for a face that cannot be cut.

@@ -17,7 +17,7 @@ namespace clearance {
 inline constexpr std::uint64_t kMeshMagic = 0x3330306873656d63;  // "cmesh003"
 inline constexpr int kMeshResultFd = 3;                          ///< a memfd
 inline constexpr int kMeshLifetimeFd = 4;                        ///< the write end of a pipe: closes with the loader
-inline constexpr int kMeshFileFd = 5;  ///< a sealed memfd with the bytes that were hashed
+inline constexpr int kMeshFileFd = 5;                            ///< a sealed memfd with the bytes that were hashed
 inline constexpr std::uint64_t kMaxMeshErrorBytes = 4096;
 
 enum class MeshState : std::uint32_t { kUnfinished = 0, kGood = 1, kError = 2, kOutOfMemory = 3 };

@@ -15,10 +15,11 @@ struct AssimpFormat {
   bool inverts_nodes = false;  ///< assimp multiplies positions by the inverse of their node's matrix
 };
 
-/// Left out of assimp's list: motions without a mesh (bvh, csm, vta, md5anim, md5camera, mot), curved solids that assimp
-/// approximates (ifc, step, nff), subdivision cages and modifiers that it does not apply (blend, sib, ndo), height maps
-/// (hmp, ter), scenes made of other files (irr, lws, bsp, pk3, uc, 3d, mesh), units that it drops (cob, ogex), its own
-/// memory image (assbin), and formats that it reads badly or not at all (irrmesh, lxo, pmx, q3s, scn, x3db).
+/// Left out of assimp's list: motions without a mesh (bvh, csm, vta, md5anim, md5camera, mot), curved solids that
+/// assimp approximates (ifc, step, nff), subdivision cages and modifiers that it does not apply (blend, sib, ndo),
+/// height maps (hmp, ter), scenes made of other files (irr, lws, bsp, pk3, uc, 3d, mesh), units that it drops (cob,
+/// ogex), its own memory image (assbin), and formats that it reads badly or not at all (irrmesh, lxo, pmx, q3s, scn,
+/// x3db).
 inline constexpr AssimpFormat kAssimpFormats[] = {{"3ds", true, true},
                                                   {"3mf"},
                                                   {"ac"},

@@ -60,8 +60,8 @@ void read_off(std::string_view content, const PartSink& sink);
 void read_ply(std::string_view content, const PartSink& sink);
 void read_stl(std::string_view content, const PartSink& sink);
 
-/// Files of points: one part without triangles. Further columns and fields are ignored; an NPY may be (N, 3) to (N, 16),
-/// float32 or float64. NaN pixels of a PCD are dropped.
+/// Files of points: one part without triangles. Further columns and fields are ignored; an NPY may be (N, 3) to (N,
+/// 16), float32 or float64. NaN pixels of a PCD are dropped.
 void read_xyz(std::string_view content, const PartSink& sink);
 void read_npy(std::string_view content, const PartSink& sink);
 /// An NPY as a grid of heights, as (column, row, height) without NaN.

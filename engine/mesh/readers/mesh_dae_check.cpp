@@ -228,8 +228,8 @@ std::string line_of(std::string_view content, std::ptrdiff_t offset) {
   return "line " + std::to_string(std::count(content.begin(), end, '\n') + 1) + ": ";
 }
 
-// Rejects faces that assimp reads wrongly: negative indices become 0, polygons with holes are dropped, and <trifans> are
-// indistinguishable from polygons. Returns whether all faces are such fans.
+// Rejects faces that assimp reads wrongly: negative indices become 0, polygons with holes are dropped, and <trifans>
+// are indistinguishable from polygons. Returns whether all faces are such fans.
 bool check_faces(xml_node root, std::string_view content) {
   struct Walker final : pugi::xml_tree_walker {
     xml_node fans, polygons, holes;

@@ -69,8 +69,8 @@ bool holds_facet(std::string_view bytes, std::size_t at, std::uint64_t facets, d
   return false;
 }
 
-// Returns whether a file begins like text. The header of a binary one may begin with "solid" as well, but holds a zero byte
-// before any facet.
+// Returns whether a file begins like text. The header of a binary one may begin with "solid" as well, but holds a
+// zero byte before any facet.
 bool is_text(std::string_view file) {
   if (lower(MeshText(file).word()) != "solid") return false;
   constexpr std::string_view kWord = "facet";
