@@ -1,4 +1,4 @@
-// clearance cache: what the cache of this user holds, and an empty one instead.
+// clearance cache: lists and clears this user's cache.
 #include "engine/cache/cache.h"
 
 #include <cstdio>
@@ -19,7 +19,7 @@ std::string utc(std::chrono::system_clock::time_point time) {
   return text;
 }
 
-/// Throws std::runtime_error where nothing is kept.
+/// Throws std::runtime_error if the cache is off.
 void expect_cache(const Cache& cache) {
   if (!cache.is_on())
     throw std::runtime_error("there is no cache: " +

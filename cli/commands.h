@@ -1,4 +1,4 @@
-// The subcommands of `clearance`: each function adds one to the program, with its options and what it does.
+// Subcommands of `clearance`. Each add_ function adds one with its options and callback.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -11,7 +11,7 @@
 
 namespace clearance::cli {
 
-/// Where the daemon is; the options --connect and --timeout.
+/// Address of the daemon: the options --connect and --timeout.
 struct Connection {
   std::string url;
   double timeout_s = 5;
@@ -20,37 +20,37 @@ struct Connection {
 };
 void add_connection_options(CLI::App& command, Connection& connection);
 
-/// A check without the name that it has for itself: what a number may be is said in the option's own words.
+/// Hides a check's own description, since the option's text describes the range.
 inline CLI::Validator quiet(CLI::Validator check) {
   return check.description("");
 }
 
-/// A number, not negative.
+/// Accepts a number that is not negative.
 CLI::Validator at_least_zero();
 
-/// The options --json and --csv.
+/// Adds the options --json and --csv.
 void add_output_options(CLI::App& command, Output& output);
 
-/// The words of --precision.
+/// Values of --precision.
 extern const std::map<std::string, Precision> kPrecisionNames;
 
-/// A body given by name or by number.
+/// Returns a body by name or number.
 std::uint32_t body_of(Client& client, const std::string& text);
-/// A body, a group, or "*".
+/// Returns the id of a body, a group, or "*".
 std::uint32_t selector_of(Client& client, const std::string& text);
-/// The option --pairs: A,B each.
+/// Adds the option --pairs, A,B each.
 void add_pairs_option(CLI::App& command, std::vector<std::string>& pairs);
-/// What was given there. Throws std::invalid_argument.
+/// Returns the values of --pairs. Throws std::invalid_argument.
 std::vector<IdPair> pairs_of(Client& client, const std::vector<std::string>& texts);
-/// A pose given as x y z [qw qx qy qz]; the identity where nothing was given. Throws std::invalid_argument, also for a
+/// Returns a pose from x y z [qw qx qy qz], or the identity without numbers. Throws std::invalid_argument, also for a
 /// pose that the daemon would store as bad.
 Pose7 pose_of(const std::string& option, const std::vector<double>& numbers);
-/// A finite number. Throws std::invalid_argument, beginning with `expected`, for any other text.
+/// Returns a finite number. Throws std::invalid_argument, beginning with `expected`, for any other text.
 double number_of(const std::string& text, const std::string& expected);
-/// A joint's position: a number from -1e6 to 1e6, radians or metres. Throws as number_of().
+/// Returns a joint's position, a number from -1e6 to 1e6 in radians or metres. Throws as number_of().
 double position_of(const std::string& text, const std::string& expected);
-/// A hint, for the end of a message, that positions beyond their joints' limits were given in degrees: some is more
-/// than a turn, and all of them would be within as degrees. Else nothing.
+/// Returns a hint that positions were given in degrees if one exceeds a turn and all are within their limits as
+/// degrees, else nothing.
 std::string degrees_hint(const std::vector<std::pair<double, JointInfo>>& beyond);
 /// Prints a warning for entries of an update that the daemon has stored as bad.
 void warn_of_bad(const PosesDone& done);
@@ -68,12 +68,12 @@ void add_bench(CLI::App& app);              // bench.cpp
 void add_throughput_mode(CLI::App& bench);  // bench_throughput.cpp
 void add_loop_mode(CLI::App& bench);        // bench_loop.cpp
 void add_keygen(CLI::App& app);
-void add_inspect(CLI::App& app);  // these five where the engine is built
+void add_inspect(CLI::App& app);  // these five only with the engine
 void add_decompose(CLI::App& app);
 void add_robot(CLI::App& app);
 void add_selftest(CLI::App& app);
 void add_cache(CLI::App& app);
-void add_view(CLI::App& app);  // sibling.cpp, as the one below
+void add_view(CLI::App& app);  // sibling.cpp, also for the next
 void add_sweep(CLI::App& app);
 
 }  // namespace clearance::cli

@@ -53,10 +53,10 @@ void add_output_options(CLI::App& command, Output& output) {
 
 namespace {
 
-// The daemon's rules (docs/concepts.md): what breaks them is not sent.
+// Applies the daemon's rules (docs/concepts.md) before sending.
 constexpr double kMinNorm = 1e-6, kMaxNorm = 1e6, kMaxPosition = 1e6;
 
-/// A body's number, if the text is one.
+/// Returns the number of a body if the text is one.
 bool is_number_of_body(Client& client, const std::string& text, std::uint32_t& id) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
   return error == std::errc() && end == text.data() + text.size() && id < client.scene().bodies.size();

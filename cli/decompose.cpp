@@ -1,4 +1,4 @@
-// clearance decompose: convex pieces for a mesh, with a proof of how far they miss it.
+// clearance decompose: convex parts of a mesh with proved bounds on their error.
 #include "inspect/decompose.h"
 
 #include <signal.h>
@@ -26,7 +26,7 @@ void print_decomposed(const DecomposedMesh& mesh, Output output) {
   table.add({mesh.file, mesh.pieces, mesh.vertices, mesh.triangles, Cell(mesh.size, 4), Cell(mesh.inner, 3),
              Cell(mesh.outer, 3), Cell(mesh.median_outer, 3), Cell(mesh.propose_s, 3), Cell(mesh.prove_s, 3)});
   table.print(std::cout, output);
-  constexpr double kMuch = 0.01;  // of the size: then triangles have to answer for many pairs
+  constexpr double kMuch = 0.01;  // share of the size above which many pairs need triangles
   if (mesh.inner > kMuch * mesh.size)
     std::fprintf(stderr,
                  "clearance: warning: the pieces leave parts of the mesh outside, up to %.3g m from them; "

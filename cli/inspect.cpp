@@ -1,4 +1,4 @@
-// clearance inspect: what a scene's bodies are modelled by, at what cost, with what error, and what could be left out.
+// clearance inspect: models of a scene's bodies, their cost and error, and possible savings.
 #include "inspect/inspect.h"
 
 #include <algorithm>
@@ -88,7 +88,7 @@ Table choices_of(const Scene& scene, const SceneReport& report) {
   return table;
 }
 
-// What is not known of a body, term by term; nothing where its bounds are those of its pieces.
+// Error terms of a body; empty if its bounds are those of its convex parts.
 void print_uncertainty(const Body& body) {
   if (!has_uncertainty(body) && body.padding == 0) return;
   std::printf("%s: ", body.name.c_str());

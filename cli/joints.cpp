@@ -1,4 +1,4 @@
-// The joints of the scene's robots: where they are, and setting them.
+// clearance joints: lists and sets joint positions of the scene's robots.
 #include <iostream>
 #include <memory>
 #include <set>
@@ -40,7 +40,7 @@ void warn_of_limits(const JointsInfo& info, const std::vector<std::pair<std::uin
     std::cerr << "clearance: warning: beyond joint limits: " << text.str() << degrees_hint(beyond) << "\n";
 }
 
-/// Reads all positions before it sends any: a value that is rejected changes nothing.
+/// Reads all positions before it sends any, so a rejected value changes nothing.
 void set(Client& client, const JointsInfo& info, const std::vector<std::string>& positions) {
   std::vector<std::pair<std::uint32_t, double>> update;
   for (const std::string& text : positions) {

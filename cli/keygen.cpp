@@ -1,4 +1,4 @@
-// A new pair of keys for TCP.
+// clearance keygen: makes a pair of keys for TCP.
 #include <iostream>
 #include <memory>
 #include <stdexcept>

@@ -1,4 +1,4 @@
-// The processor that a measurement was taken on.
+// Name of the processor that ran a measurement.
 #pragma once
 
 #include <fstream>
@@ -7,7 +7,7 @@
 
 namespace clearance {
 
-/// Its name as Linux has it and how many logical processors there are: "AMD EPYC 9B14 x2".
+/// Returns Linux's name of the processor and the number of logical ones, as in "AMD EPYC 9B14 x2".
 inline std::string machine_name() {
   std::string name = "unknown CPU";
   std::ifstream info("/proc/cpuinfo");

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the man page of a program from what its --help says, and from that of each of its commands.
+"""Writes the man page of a program from the --help of the program and of each of its commands.
 
     man_page.py PROGRAM SECTION FILE.gz
 
@@ -15,7 +15,7 @@ from pathlib import Path
 
 
 def help_of(program: str, *commands: str) -> str:
-    """What --help says anywhere: nothing of the user who builds."""
+    """The text of --help without traces of the user who builds."""
     environment = {key: value for key, value in os.environ.items() if key not in ("XDG_RUNTIME_DIR", "CLEARANCE_URL")}
     done = subprocess.run([program, *commands, "--help"], capture_output=True, text=True, check=True, env=environment)
     return re.sub(r"/tmp/clearance-\d+/", "/tmp/clearance-UID/", done.stdout)
@@ -27,13 +27,13 @@ def commands_of(text: str) -> list:
 
 
 def roff(text: str) -> str:
-    """Text for roff: what it would take for its own is escaped."""
+    """Text escaped for roff."""
     text = text.replace("\\", "\\e").replace("-", "\\-")
     return re.sub(r"^(?=[.'])", r"\\&", text, flags=re.MULTILINE)
 
 
 def as_it_is(text: str) -> str:
-    """Text whose lines stay as they are."""
+    """Text with its line breaks."""
     return f".nf\n{roff(text.strip(chr(10)))}\n.fi\n"
 
 

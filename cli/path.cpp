@@ -1,4 +1,4 @@
-// clearance path: whether a path is free all along, not only at its waypoints.
+// clearance path: checks that a whole path is free, not only its waypoints.
 #include <algorithm>
 #include <fstream>
 #include <iostream>
@@ -19,10 +19,10 @@ struct PathOptions {
   std::vector<std::string> pairs;
   double margin = 0;
   std::uint32_t max_steps = 256;
-  std::string certificate;  // a file; empty: none
+  std::string certificate;  // file name, or empty
 };
 
-/// A path that is not proved free, or leaves the joints' limits: exit code 1.
+/// Exit code 1: a path that is not proved free or leaves the joints' limits.
 struct NotFree : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -83,8 +83,8 @@ std::vector<std::uint32_t> ids_of(const Path& path, const JointsInfo& info) {
   return ids;
 }
 
-/// The first waypoint at which each joint is beyond its limits, one on a line; empty: the path stays within all. Joints
-/// go in a straight line between waypoints, so their limits hold there too.
+/// Lists the first waypoint at which each joint exceeds its limits; empty if there is none. Joints move in straight
+/// lines, so limits that hold at waypoints hold between them.
 std::string beyond_limits(const Path& path, const std::vector<std::uint32_t>& ids, const JointsInfo& info) {
   std::ostringstream text;
   std::vector<std::pair<double, JointInfo>> beyond;
@@ -126,7 +126,7 @@ std::string beyond_limits(const Path& path, const std::vector<std::uint32_t>& id
   throw NotFree(text.str());
 }
 
-/// Both ends of each of `count` motions from waypoint `first` on.
+/// Returns both ends of `count` motions from waypoint `first` on.
 std::vector<double> ends_of(const Path& path, std::size_t first, std::size_t count) {
   const std::size_t width = path.names.size();
   std::vector<double> ends;
@@ -135,7 +135,7 @@ std::vector<double> ends_of(const Path& path, std::size_t first, std::size_t cou
   return ends;
 }
 
-/// Writes what proves the answers to the first motions, where that is asked for.
+/// Writes a certificate of the first motions, if requested.
 void certify(Client& client, Query query, const Path& path, std::size_t motions, const PathOptions& o) {
   if (o.certificate.empty()) return;
   const std::vector<double> ends = ends_of(path, 0, motions);
@@ -180,7 +180,7 @@ void run(const PathOptions& o) {
   if (!std::cout.flush()) throw std::invalid_argument("standard output cannot be written");
 }
 
-/// Exit code 1 is kept for a path that is not free: what the daemon rejects is an error as a bad file is.
+/// Turns rejected requests into exit code 2, since 1 means a path that is not free.
 void run_or_fail(const PathOptions& o) {
   try {
     run(o);

@@ -1,4 +1,4 @@
-// Points of a body of points, from a file or another program.
+// clearance points: replaces the points of a point body from a file or another program.
 #include <array>
 #include <iostream>
 #include <memory>
@@ -13,10 +13,10 @@ namespace {
 struct PointsOptions {
   Connection connection;
   std::string body, file;
-  double radius = -1;  // below 0: as the scene has it
+  double radius = -1;  // the scene's if negative
 };
 
-// Three numbers a line; what follows them is passed over, and '#' begins a comment. Throws std::invalid_argument.
+// Reads three numbers a line; further columns are ignored, and '#' begins a comment. Throws std::invalid_argument.
 std::vector<std::array<float, 3>> read_points(const std::string& file) {
   std::vector<std::array<float, 3>> points;
   for_each_line(file, "", [&](const std::string& line, const std::string& place) {

@@ -1,4 +1,4 @@
-// clearance query: asks for distances and prints the rows.
+// clearance query: sends a query and prints the rows.
 #include <algorithm>
 #include <iostream>
 #include <limits>
@@ -34,7 +34,7 @@ std::string flag_of(std::string name) {
   return "--" + name;
 }
 
-/// The option takes words in place of numbers from 0 on: "truth pieces".
+/// Makes an option take words in place of numbers from 0 on, as in "truth pieces".
 void take_words(CLI::Option& option, const std::string& words) {
   std::vector<std::pair<std::string, int>> numbers;
   std::istringstream in(words);
@@ -94,7 +94,7 @@ void print_reply(const Reply& reply, const SceneInfo& scene, const QueryCommandO
   add_doubles(reply.gradient(),
               {"ga_rx", "ga_ry", "ga_rz", "ga_x", "ga_y", "ga_z", "gb_rx", "gb_ry", "gb_rz", "gb_x", "gb_y", "gb_z"});
 
-  // A row for each body: its number is the row's, whichever side of the pair it is.
+  // One row per body, whichever side of the pair it is on.
   const bool row_is_body = o.reduce == "nearest";
   std::vector<std::string> columns{"a", "b"};
   if (row_is_body) columns.insert(columns.begin(), "body");

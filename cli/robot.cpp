@@ -1,4 +1,4 @@
-// clearance robot: what a URDF and its SRDF hold, and where joint positions put the links.
+// clearance robot: content of a URDF and its SRDF, and poses of links by joint positions.
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -120,7 +120,7 @@ std::vector<std::string> split(const std::string& line) {
   return out;
 }
 
-// Configurations, one after another: the state's positions and --set's in each, those of the file's rows on top.
+// Concatenated configurations: the state's positions, overridden by --set and by the file's rows.
 std::vector<double> configurations(const RobotModel& robot, const RobotCommand& o) try {
   std::vector<double> first(robot.columns.size(), 0);
   if (!o.state.empty()) {

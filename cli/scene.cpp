@@ -33,7 +33,7 @@ struct AddBodyOptions {
   bool is_static = false, half_space = false;
 };
 
-/// Rows from a file of numbers, three each, separated by white space or commas; "-": standard input.
+/// Reads rows of three numbers, separated by white space or commas, from a file or, for "-", standard input.
 template <class Number>
 std::vector<std::array<Number, 3>> read_rows(const std::string& option, const std::string& path,
                                              const std::string& expected) {

@@ -1,4 +1,4 @@
-// clearance selftest: whether each way to answer that this machine has computes rightly.
+// clearance selftest: tests every instruction set and device of this machine.
 #include <iostream>
 #include <memory>
 

@@ -1,4 +1,4 @@
-// Commands that are Python: programs of their own.
+// Commands that are separate Python programs.
 #include <unistd.h>
 
 #include <cstring>
@@ -9,7 +9,7 @@
 namespace clearance::cli {
 namespace {
 
-/// The folder of this program; empty where the system does not tell.
+/// Returns the folder of this program; empty if unknown.
 std::string own_folder() {
   char path[4096];
   const ssize_t size = readlink("/proc/self/exe", path, sizeof path);
@@ -18,7 +18,7 @@ std::string own_folder() {
   return whole.substr(0, whole.rfind('/'));
 }
 
-/// Goes on as another program: the one beside this one, else the one on PATH. Returns only by throwing.
+/// Replaces this process by another program of its folder, else of PATH. Returns only by throwing.
 [[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments,
                          const std::string& remedy) {
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
@@ -35,7 +35,7 @@ std::string own_folder() {
 /// A command that is the program clearance-NAME, of the Python package's extra NAME.
 void add_program(CLI::App& app, const std::string& name, const char* description) {
   auto& command = *app.add_subcommand(name, description);
-  command.prefix_command();  // every option is the program's own, --help too
+  command.prefix_command();  // passes on every option, --help included
   command.set_help_flag();
   command.callback([&command, name] {
     become(

@@ -36,7 +36,7 @@ void print_echoes(Client& client, unsigned count) {
               client.url().c_str(), count, payload.size(), us.front(), at(0.5), at(0.99), us.back());
 }
 
-/// How long those queries took that were answered between the two readings.
+/// Returns the latencies of queries that were answered between two readings.
 Latencies latencies_between(const Counters& before, const Counters& now) {
   std::vector<std::pair<std::string, std::uint64_t>> grown;
   for (const auto& [name, value] : now) {
@@ -46,7 +46,7 @@ Latencies latencies_between(const Counters& before, const Counters& now) {
   return latencies_of(grown);
 }
 
-/// The least bound that a part of them, from 0 to 1, does not pass; none if there is none.
+/// Returns the least bound of a share of the latencies, from 0 to 1; none if there are none.
 Cell quantile(const Latencies& all, double part) {
   std::uint64_t total = 0, sum = 0;
   for (const auto& [bound, count] : all) total += count;
@@ -63,7 +63,7 @@ void print(const Counters& now, const Counters& before, double seconds, Output o
   Table table(rates ? std::vector<std::string>{"counter", "value", "per_s"}
                     : std::vector<std::string>{"counter", "value"});
   for (const auto& [name, value] : now) {
-    if (name.rfind(kLatencyCounters, 0) == 0 && output == Output::kTable) continue;  // people get their quantiles
+    if (name.rfind(kLatencyCounters, 0) == 0 && output == Output::kTable) continue;  // tables show quantiles instead
     std::vector<Cell> row{name, value};
     if (rates) {
       const auto old = before.find(name);
@@ -108,7 +108,7 @@ void stat(const StatOptions& o) {
     Counters counters = counters_of(client);
     if (o.output == Output::kTable && i > 0) std::cout << '\n';
     print(counters, before, std::chrono::duration<double>(now - then).count(), o.output);
-    if (!std::cout.flush()) return;  // nobody reads any more
+    if (!std::cout.flush()) return;  // the reader has closed the pipe
     before = std::move(counters);
     then = now;
   }

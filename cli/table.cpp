@@ -30,13 +30,13 @@ std::string json_value(const Cell& cell) {
       break;
   }
   const std::string& text = cell.exact.empty() ? cell.text : cell.exact;
-  // JSON knows neither NaN nor infinity.
+  // JSON has neither NaN nor infinity.
   if (text.find_first_of("ni") != std::string::npos)
     return text.find("inf") == std::string::npos ? "null" : json_string(text);
   return text;
 }
 
-/// Columns of a terminal that UTF-8 text takes, if each character takes one.
+/// Returns the width of UTF-8 text in a terminal, one column per character.
 std::size_t width_of(const std::string& text) {
   return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
 }

@@ -1,4 +1,4 @@
-// Rows of named columns, printed for people (aligned), for spreadsheets (CSV) or for programs (JSON).
+// Rows of named columns, printed as an aligned table, CSV or JSON.
 #pragma once
 
 #include <concepts>
@@ -11,7 +11,8 @@ namespace clearance::cli {
 
 enum class Output { kTable, kCsv, kJson };
 
-/// One value: numbers stand right and unquoted, text left and quoted. Nothing: "-", an empty field, null.
+/// A value. Numbers are right-aligned and unquoted, text is left-aligned and quoted; an empty cell prints "-", an empty
+/// field or null.
 struct Cell {
   Cell() = default;
   Cell(std::string t) : text(std::move(t)), kind(Kind::kText) {}
@@ -19,24 +20,24 @@ struct Cell {
   Cell(bool b) : text(b ? "true" : "false"), kind(Kind::kBool) {}
   template <std::integral Number>
   Cell(Number number) : text(std::to_string(number)), kind(Kind::kNumber) {}
-  /// `digits` significant ones for people; programs get all 17.
+  /// Prints `digits` significant digits in tables, and all 17 in CSV and JSON.
   Cell(double number, int digits = 9);
-  /// The same, but nothing where it is infinite: JSON has no such number.
+  /// The same, but an empty cell for an infinite number, which JSON lacks.
   static Cell finite(double number, int digits) { return number - number == 0 ? Cell(number, digits) : Cell(); }
 
   enum class Kind { kNone, kNumber, kBool, kText };
   std::string text;
-  std::string exact;  ///< of a double: every digit; else empty
+  std::string exact;  ///< every digit of a double, else empty
   Kind kind = Kind::kNone;
 };
 
 class Table {
  public:
   explicit Table(std::vector<std::string> columns) : columns_(std::move(columns)) {}
-  /// As many cells as columns.
+  /// Adds a row of as many cells as columns.
   void add(std::vector<Cell> row);
   std::size_t rows() const { return rows_.size(); }
-  /// JSON: a list of objects, one for each row.
+  /// Prints JSON as a list of objects, one per row.
   void print(std::ostream& out, Output output) const;
 
  private:
@@ -48,7 +49,7 @@ class Table {
   std::vector<std::vector<Cell>> rows_;
 };
 
-/// `text` as a JSON string.
+/// Returns `text` as a JSON string.
 std::string json_string(const std::string& text);
 
 }  // namespace clearance::cli

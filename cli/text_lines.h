@@ -1,4 +1,4 @@
-// Text files that users give: UTF-8, line by line.
+// UTF-8 text files of users, line by line.
 #pragma once
 
 #include <fstream>
@@ -11,7 +11,7 @@ namespace clearance::cli {
 /// Calls use(line, place) for each line of a file, with its place as in "path.csv:3". A byte order mark is skipped, and
 /// so is the carriage return at the end of a line. Throws std::invalid_argument for a file that cannot be read, or is
 /// not UTF-8.
-/// \param file "-": standard input
+/// \param file "-" for standard input
 /// \param option put before the file's name in places and errors
 template <class Use>
 void for_each_line(const std::string& file, const std::string& option, Use use) {

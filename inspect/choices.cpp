@@ -14,7 +14,7 @@ namespace clearance {
 
 namespace {
 
-// What a body was made of, if that is one mesh: submeshes are gone by now.
+// Returns whether a body was made from one mesh. Its submeshes are no longer known.
 bool is_of_one_mesh(const Body& body) {
   constexpr std::array kOfOneMesh = {Convexify::kHull, Convexify::kSurface, Convexify::kSolid, Convexify::kDecompose};
   return body.pieces.size() == 1 && body.display &&
@@ -30,7 +30,7 @@ Convexify what_is(const Body& body) {
   return surface->is_solid() ? Convexify::kSolid : Convexify::kSurface;
 }
 
-// The same body where it stands, made anew of its mesh.
+// Rebuilds a body from its mesh in the same place.
 Body made(const Body& body, Geometry geometry, const Pose& X_wb) {
   Body other = body;
   other.pieces = std::move(geometry.pieces);
@@ -62,7 +62,7 @@ Choice choice_of(std::uint32_t id, Convexify what, bool is_now, const Geometry& 
   return choice;
 }
 
-// Each as a body of a scene of its own, among the partners that the body has, all where they are.
+// Measures each alternative in a separate scene with the body's partners in place.
 void measure(const Scene& scene, std::uint32_t id, const PairTimes& times, std::span<const Geometry> geometries,
              std::span<Choice> choices) {
   const std::vector<BodyPair> pairs = times.sampled(id);
@@ -77,7 +77,7 @@ void measure(const Scene& scene, std::uint32_t id, const PairTimes& times, std::
   for (std::size_t i = 0; i < geometries.size(); ++i) {
     Body one = made(scene.bodies()[id], geometries[i], times.pose(id));
     one.name = "choice " + std::to_string(i);
-    if (among.find_body(one.name) != kNone) return;  // somebody's body is called so
+    if (among.find_body(one.name) != kNone) return;  // the name is taken
     among.add_body(std::move(one));
   }
   const PairTimes here(among);

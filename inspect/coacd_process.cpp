@@ -20,7 +20,7 @@ namespace clearance {
 namespace {
 
 constexpr int kNoCoacd = 3;
-// Reads counts, vertices (float64) and triangles (uint32); writes how many pieces, and of each the same.
+// Reads counts, vertices (float64) and triangles (uint32); writes the number of parts and each part alike.
 constexpr const char* kScript = R"(
 import sys
 try:
@@ -43,7 +43,7 @@ with open(target, "wb") as f:
         faces.tofile(f)
 )";
 
-// A folder of its own, gone with it.
+// Temporary folder, removed by the destructor.
 class Scratch {
  public:
   Scratch() {
@@ -143,7 +143,7 @@ std::vector<ProposedPiece> propose_pieces(std::span<const Vec3d> vertices, std::
     if (getppid() != parent) _exit(1);
     const int nothing = open("/dev/null", O_RDWR);
     dup2(nothing, STDIN_FILENO);
-    dup2(options.quiet ? nothing : STDERR_FILENO, STDOUT_FILENO);  // what CoACD says of its progress
+    dup2(options.quiet ? nothing : STDERR_FILENO, STDOUT_FILENO);  // CoACD's progress
     execvp(arguments[0], const_cast<char* const*>(arguments));
     _exit(127);
   }

@@ -22,7 +22,7 @@ double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-// An OBJ of one object a piece, written beside and then put in place.
+// Writes an OBJ with one object per part to a temporary file and renames it.
 void write_pieces(const std::string& path, const std::vector<ProposedPiece>& pieces, const DecomposeOptions& options) {
   const std::string unfinished = path + ".unfinished";
   std::ofstream file(unfinished);
@@ -54,7 +54,7 @@ DecomposedMesh decompose(const DecomposeOptions& options, const std::atomic<bool
   DecomposedMesh out;
   out.file = options.mesh + std::string(kPiecesExtension);
   {
-    // As a solid first: whether the mesh encloses something, and what there is of it.
+    // Loads the mesh as a solid first, to check that it is closed.
     MeshFile file(options.mesh);
     const Geometry solid = geometry_of_mesh(file.mesh(), {.convexify = Convexify::kSolid}, options.mesh);
     const DisplayMesh& mesh = *solid.display;

@@ -21,7 +21,7 @@ bool is_box(const Piece& piece) {
   for (const Vec3d& v : piece.vertices)
     for (int k = 0; k < 3; ++k)
       if (std::abs(v[k] - piece.centre[k]) < piece.half[k] * (1 - 1e-12)) return false;
-  return piece.half.x > 0 && piece.half.y > 0 && piece.half.z > 0;  // eight distinct corners: all of them
+  return piece.half.x > 0 && piece.half.y > 0 && piece.half.z > 0;  // all eight corners are distinct
 }
 
 std::string form_of(const Piece& piece) {
@@ -61,7 +61,7 @@ BodyReport describe(const Body& body) {
   r.triangles = triangle_count(body);
   r.display_bytes = display_bytes(body);
   if (body.display) r.faces = body.display->triangles.size();
-  // A mesh for pictures holds the distinct vertices of a file; that of points or a primitive does not.
+  // A display mesh has the distinct vertices of a file, except for points and primitives.
   const bool from_file = std::ranges::any_of(
       kConvexifyWords, [&body](std::string_view how) { return body.source.ends_with("(" + std::string(how) + ")"); });
   if (r.loaded == r.vertices)
@@ -71,7 +71,7 @@ BodyReport describe(const Body& body) {
   return r;
 }
 
-/// Partners of each body, and those that the ignore list takes away, without going through all pairs.
+/// Counts partners and ignored bodies of each body without listing all pairs.
 void count_partners(const Scene& scene, SceneReport& report) {
   const auto& bodies = scene.bodies();
   std::uint64_t solid = 0, movable = 0;

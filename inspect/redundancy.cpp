@@ -1,4 +1,4 @@
-// What a scene could do without: bodies that nobody asks about, copies, inner pieces, hulls that are spheres or boxes.
+// Possible savings of a scene: unused bodies, copies, inner parts, and hulls that are spheres or boxes.
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -19,14 +19,14 @@ namespace clearance {
 namespace {
 
 constexpr std::uint64_t kWorthSharing = 4096;  // bytes
-constexpr std::size_t kMostVertices = 20'000;  // that Qhull is asked about: about a tenth of a second
+constexpr std::size_t kMostVertices = 20'000;  // limit for Qhull: about a tenth of a second
 constexpr std::size_t kFewVertices = 8;        // no box is cheaper than so many
 constexpr int kBallSteps = 500, kFirstBallStep = 50;
 
-using Piecewise = std::vector<std::uint64_t>;  // the digest of each piece
+using Piecewise = std::vector<std::uint64_t>;  // digest of each convex part
 using Place = std::tuple<std::uint32_t, double, double, double, double, double, double, double>;  // parent and pose
 
-/// Bodies of one shape: the first, and the pieces that they hold between them.
+/// Bodies of one shape: the first of them, and their distinct convex parts.
 struct Copies {
   std::uint32_t first;
   std::set<const Piece*> held;
@@ -52,7 +52,7 @@ class Search {
     for (const Body& body : scene_.bodies())
       if (body.pieces.size() == 1) ++holders_[body.pieces[0].get()];
     for (std::uint32_t b = 0; b < scene_.bodies().size(); ++b) {
-      if (scene_.bodies()[b].pieces.empty()) continue;  // a frame is there to be followed
+      if (scene_.bodies()[b].pieces.empty()) continue;  // frames are parents only
       if (partners[b] == 0)
         add(Finding::Kind::kUnused, b,
             "no enabled pair touches it: it could be left out, unless it only carries others");
@@ -65,7 +65,7 @@ class Search {
   }
 
  private:
-  // Bodies of several pieces are not looked at for primitives, and not counted.
+  // Bodies of several convex parts are not compared with primitives, and not counted.
   std::string also_for(const PiecePtr& piece) const {
     const std::size_t others = holders_.at(piece.get()) - 1;
     return others == 0 ? "" : text("; the same holds for %zu more that share its shape", others);
@@ -99,9 +99,9 @@ class Search {
           .other = copies.first;
   }
 
-  // Whether piece p lies inside q: proved, since reduce_to_hull() drops nothing else.
+  // Returns whether part p is proved to lie inside q: reduce_to_hull() drops only inner vertices.
   static bool holds(const Piece& q, const Piece& p) {
-    if (q.surface || p.surface) return false;  // whose hulls say nothing of what they hold
+    if (q.surface || p.surface) return false;  // hulls of meshes are not solid
     if (p.radius > q.radius || p.vertices.size() + q.vertices.size() > kMostVertices) return false;
     for (int k = 0; k < 3; ++k)
       if (std::abs(p.centre[k] - q.centre[k]) > q.half[k] - p.half[k] + 1e-12 * q.spread) return false;
@@ -126,7 +126,7 @@ class Search {
   }
 
   void look_at_piece(std::uint32_t b, const PiecePtr& piece) {
-    // What was said of a piece holds for every body that shares it; once is enough.
+    // Findings of a part apply to every body that shares it and are reported once.
     if (piece->surface || !seen_.insert(piece.get()).second || piece->vertices.size() <= kFewVertices) return;
     const double allowed = within_ * (piece->spread + piece->radius);
     if (look_for_sphere(b, piece, allowed)) return;
@@ -142,8 +142,7 @@ class Search {
               also_for(piece));
   }
 
-  // Upper bounds of the distance (or signed distance) of each point and the piece without its radius, in its body's
-  // frame.
+  // Upper bounds on the (signed) distance between each point and the core of a convex part, in its body's frame.
   static std::vector<double> upper_distances(const PiecePtr& piece, const std::vector<Vec3d>& points, bool depth,
                                              double abs_tol) {
     const PiecePtr core = piece->radius > 0 ? make_piece(piece->vertices) : piece;
@@ -185,7 +184,7 @@ class Search {
         if (const double d = squared_norm(v - centre); d > far.first) far = {d, &v};
       return far;
     };
-    // Before much is spent: along the axes a ball reaches as far as the piece.
+    // Cheap test first: along the axes a ball reaches as far as the part.
     for (int k = 0; k < 3; ++k)
       if (piece->spread - piece->half[k] > 2 * allowed) return false;
     const int steps = piece->vertices.size() > kMostVertices ? 4 : kBallSteps;
@@ -200,7 +199,7 @@ class Search {
     }
     centre = best;
     const double radius = std::sqrt(least) * (1 + 1e-15);
-    // The ball that fits inside about the same centre: the centre's depth.
+    // The inscribed ball of the same centre has the centre's depth as its radius.
     const double depth = -upper_distances(piece, {centre}, true, 0.1 * allowed)[0];
     const double error = radius - depth;
     if (!(error <= allowed)) return false;
@@ -217,7 +216,7 @@ class Search {
     Eigen::Matrix3d axes;  // columns
   };
 
-  // Where a box around the piece may lie: along the body's axes, its principal axes, its largest faces.
+  // Candidate axes of a box around the part: the body's, the principal ones, and those of its largest faces.
   static std::vector<Frame> frames(const Piece& piece, const std::vector<Triangle>& faces) {
     std::vector<Frame> all{{Eigen::Matrix3d::Identity()}};
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
@@ -270,7 +269,7 @@ class Search {
           best.axes * Eigen::Vector3d((i & 1 ? high : low).x(), (i & 2 ? high : low).y(), (i & 4 ? high : low).z());
       corners.push_back({c.x(), c.y(), c.z()});
     }
-    // The box is the hull of its corners, so that none of its points is farther from the piece than one of them.
+    // The box is the hull of its corners, so a corner is its farthest point from the part.
     const std::vector<double> distances = upper_distances(piece, corners, false, 0.1 * allowed);
     const double error = *std::max_element(distances.begin(), distances.end());
     if (!(error <= allowed)) return false;
@@ -293,7 +292,7 @@ class Search {
   std::map<std::pair<Piecewise, Place>, std::uint32_t> placed_;
   std::map<Piecewise, Copies> copies_;
   std::set<const Piece*> seen_;
-  std::map<const Piece*, std::size_t> holders_;  // bodies that are one piece, this one
+  std::map<const Piece*, std::size_t> holders_;  // number of bodies that consist of this part alone
   std::vector<Finding> findings_;
 };
 

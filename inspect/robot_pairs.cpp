@@ -12,7 +12,7 @@ namespace clearance {
 
 namespace {
 
-// Asks the engine for one pair of bodies.
+// Queries one pair of bodies.
 class Asker {
  public:
   explicit Asker(Scene scene) : engine_(std::move(scene), one_thread()) {
@@ -29,7 +29,7 @@ class Asker {
     query.joints = joints_;
     query.positions = positions;
     query.signed_distance = true;
-    query.abs_tol = 1e-4;  // whether and how much they overlap is asked, not how far apart they are
+    query.abs_tol = 1e-4;  // overlap matters here, not the exact distance
     query.rel_tol = 1e-2;
     query.fields = kFieldLower | kFieldUpper | kFieldStatus;
     lower_.resize(bounds.size());

@@ -159,8 +159,7 @@ void add_bench(CLI::App& app) {
       ->check(quiet(CLI::Range(0, 1'000'000)))
       ->type_name("N");
   command.add_option("--csv", options->csv, "add a row to this file")->type_name("FILE");
-  command.add_flag_callback(
-      "--json", [options] { options->output = Output::kJson; }, "print JSON");
+  command.add_flag_callback("--json", [options] { options->output = Output::kJson; }, "print JSON");
   add_throughput_mode(command);
 #ifdef CLEARANCE_HAVE_LCM
   add_loop_mode(command);

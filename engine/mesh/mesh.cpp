@@ -134,7 +134,7 @@ const std::vector<std::string> kOctomaps = {".bt", ".ot"}, kHeights = {".npy"};
 // \param known extensions of its formats
 Fd open_file(const std::string& path, const MeshLimits& limits,
              const std::vector<std::string>& known = mesh_extensions()) {
-  struct stat info {};
+  struct stat info{};
   if (::stat(path.c_str(), &info) != 0) throw MeshError(reason(errno));
   if (S_ISDIR(info.st_mode)) throw MeshError("expected a mesh file, got a folder");
   if (!S_ISREG(info.st_mode)) throw MeshError("expected a mesh file, got a device, pipe or socket");

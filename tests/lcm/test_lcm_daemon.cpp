@@ -235,9 +235,7 @@ TEST_F(LcmDaemonTest, WhereNotEveryPoseIsTakenClientsMayAskAlone) {
     };
     const std::string has = how == "on" ? "query,poses" : "query";
     EXPECT_EQ(refused([&] { client.reload(); }), "kReload needs the right \"admin\"; this client has " + has);
-    EXPECT_EQ(refused([&] {
-                client.set_poses({{"cup", {0, 0, 0.5, 1, 0, 0, 0}}});
-              }),
+    EXPECT_EQ(refused([&] { client.set_poses({{"cup", {0, 0, 0.5, 1, 0, 0, 0}}}); }),
               how == "on" ? "" : "kSetPoses needs the right \"poses\"; this client has query");
     EXPECT_EQ(refused([&] { client.attach(1, 2); }),
               how == "on" ? "" : "kAttach needs the right \"poses\"; this client has query");

@@ -203,7 +203,7 @@ TEST_F(Clearanced, SignalsEndItCleanly) {
   for (const int signal : {SIGTERM, SIGINT}) {
     Daemon daemon({"--scene", scene_, "--zmq", ipc_});
     EXPECT_EQ(daemon.url(), ipc_);
-    struct stat info {};
+    struct stat info{};
     ASSERT_EQ(stat((folder_ / "c.ipc").c_str(), &info), 0);
     EXPECT_EQ(info.st_mode & 0077, 0u) << "nobody else may connect";
     EXPECT_EQ(patient(ipc_).scene().bodies.size(), 4u);

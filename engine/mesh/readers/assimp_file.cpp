@@ -45,7 +45,7 @@ class FolderOnly final : public Assimp::DefaultIOSystem {
 
  private:
   bool permitted(const char* file) const {
-    struct stat info {};
+    struct stat info{};
     return folder_.holds(file) && ::stat(file, &info) == 0 && S_ISREG(info.st_mode);
   }
 
