@@ -169,7 +169,7 @@ PcdHeader read_pcd_header(MeshText& text) {
   return header;
 }
 
-// Returns whether a word stands for a pixel without a return: nan, -nan or inf.
+// Returns whether a word marks a pixel without a return: nan, -nan or inf.
 bool is_no_return(std::string_view word) {
   const std::string number = lower(word.substr(word.starts_with('-') || word.starts_with('+')));
   return number.starts_with("nan") || number == "inf" || number == "infinity";

@@ -54,7 +54,7 @@ void read_facets(std::string_view file, std::uint64_t facets, double* reach, con
 
 constexpr std::uint64_t kLooked = 16;
 
-// Returns whether bytes resemble a facet of a mesh of this size, judged by the first of `facets`.
+// Returns whether bytes resemble a facet of a mesh as large as the first of `facets`.
 bool holds_facet(std::string_view bytes, std::size_t at, std::uint64_t facets, double reach) {
   for (std::uint64_t f = 0; f < std::min(facets, kLooked) && at + kFacet <= bytes.size(); ++f, at += kFacet) {
     bool near = true, spread = false;
