@@ -154,8 +154,8 @@ void Way::pass() {
 /// One stranger's way in and out.
 struct Door {
   UniqueFd stranger, inner;
-  ucred who;
   ino_t inode;
+  Places::Share place = {};  // with the mutex of the house
 
   void serve() const;
   static void* run(void* self);
@@ -192,7 +192,7 @@ void* Door::run(void* self) {
   door->inner.reset();
   door->stranger.reset();  // for as long as the stranger likes
   const std::lock_guard lock(h.mutex);
-  h.doors.leave(door->who);
+  door->place = {};
   return nullptr;
 }
 
@@ -242,17 +242,17 @@ UniqueFd let_in(UniqueFd stranger) {
   }
   UniqueFd outer(ends[0]);
   const ino_t inode = inode_of(outer.get());
-  auto door = std::make_unique<Door>(Door{std::move(stranger), UniqueFd(ends[1]), who, inode});
+  auto door = std::make_unique<Door>(Door{std::move(stranger), UniqueFd(ends[1]), inode});
   House& h = house();
   std::unique_lock lock(h.mutex);
   if (h.doors.why_not(who, "doors").empty()) {
-    h.doors.take(who);
+    door->place = h.doors.take(who);
     h.behind[inode] = who;
     if (run_detached(&Door::run, door.get())) {
       door.release();  // the thread's
       return outer;
     }
-    h.doors.leave(who);
+    door->place = {};
     h.behind.erase(inode);
   }
   lock.unlock();

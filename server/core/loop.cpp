@@ -29,6 +29,14 @@ constexpr auto kInUse = std::chrono::milliseconds(100);
 /// stands back behind the loop and the other worker.
 constexpr int kNiceOfPlanning = 10;
 
+ResourceQuota::Limit point_limit(std::uint64_t most, std::string whose, std::string option, wire::ErrorCode code) {
+  return {most, code, [=](std::uint64_t held, std::uint64_t more) {
+            return "points: " + std::to_string(held + more) + " points " + whose +
+                   ", with those that they replace are more than the " + std::to_string(most) +
+                   " that there may be (" + option + ")";
+          }};
+}
+
 std::string scheme_of(const std::string& url) {
   return url.substr(0, url.find(':'));
 }
@@ -42,6 +50,9 @@ Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
     : options_(options),
       wake_fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
       engine_(std::move(engine)),
+      points_(point_limit(options.max_points_of_client, "of this client", "limit max-client-points",
+                          wire::ErrorCode::kTooLarge),
+              point_limit(options.max_points, "of all clients", "limit max-points", wire::ErrorCode::kBusy)),
       started_(Clock::now()),
       next_tick_(started_),
       plan_worker_({options.slice, options.worker_thread, kNiceOfPlanning}, [this] { wake(); }),
@@ -214,7 +225,6 @@ void Loop::tick() {
   if (now >= next_tick_) {
     next_tick_ = now + options_.tick;
     drop_gone();
-    quotas_.forget_idle();
     if (options_.on_tick) options_.on_tick();
   }
   for (const auto& transport : transports_) {

@@ -25,7 +25,6 @@
 #include "server/base/stats.h"
 #include "server/core/scene_changes.h"
 #include "server/limits/forecast.h"
-#include "server/limits/points_ledger.h"
 #include "server/limits/quotas.h"
 #include "server/requests/reply_writer.h"
 #include "server/requests/transport.h"
@@ -43,11 +42,18 @@ struct pollfd;
 
 namespace clearance {
 
+/// Points of point clouds that clients set, at about 60 bytes each with their part of the tree.
+struct PointLimits {
+  std::uint64_t max_points_of_body = 2'000'000;    ///< of one update, kTooLarge beyond it
+  std::uint64_t max_points_of_client = 8'000'000;  ///< set or under way, kTooLarge beyond it
+  std::uint64_t max_points = 16'000'000;           ///< of all clients, kBusy beyond it
+};
+
 class Loop final : public RequestHandler {
  public:
   using Clock = std::chrono::steady_clock;
 
-  struct Options : Quotas::Limits, SceneChanges::Limits, QueryTask::Limits, PointsLedger::Limits, PlanLedger::Limits {
+  struct Options : Quotas::Limits, SceneChanges::Limits, QueryTask::Limits, PointLimits, DevicePlans::Limits {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
     std::chrono::nanoseconds spin =
         std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep
@@ -194,7 +200,8 @@ class Loop final : public RequestHandler {
   Forecast forecast_;
   Scheduler small_{std::min<std::chrono::nanoseconds>(options_.slice, kEnough)};  // what the loop itself works on
   DeferredQueries held_;
-  PointsLedger points_{options_};
+  ResourceQuota points_;
+  std::unordered_map<std::string, ResourceQuota::Share> points_of_body_;  // by name
   DevicePlans plans_{options_};
   SceneChanges scenes_{engine_, answers_, stats_, quotas_, options_};
 

@@ -26,7 +26,7 @@ void Loop::open_plan(const FrameHeader& header, std::function<OwnPayload()> fetc
   quotas_.check_requests(client);
   quotas_.check_bytes(client, service, bytes, sink->unsent_bytes());
   const auto opening = std::make_shared<PlanOpening>(
-      answers_, options_, engine_, header, std::move(fetch), plans_.ledger().begin(client),
+      answers_, options_, engine_, header, std::move(fetch), plans_.begin(client),
       [this](std::shared_ptr<void> plan) { plan_worker_.drop(std::move(plan)); });
   const std::uint64_t number = plans_.next_number();
   const auto ignored = std::make_shared<std::uint64_t>(0);

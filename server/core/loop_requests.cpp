@@ -303,8 +303,8 @@ Stats::Named Loop::all_counters() const {
   all.emplace_back("queries.waiting", waiting);
   all.emplace_back("queries.held", held);
   all.emplace_back("requests.waiting", waiting + held + scenes_.waiting());
-  all.emplace_back("plans.open", plans_.ledger().plans());
-  all.emplace_back("plans.bytes", plans_.ledger().bytes());
+  all.emplace_back("plans.open", plans_.count());
+  all.emplace_back("plans.bytes", plans_.bytes());
   stats_.append_to(all);
   const auto engine = engine_->stats();
   all.insert(all.end(), engine.begin(), engine.end());

@@ -94,7 +94,8 @@ struct Update {
   OwnPayload payload;
   std::string body;  // of points, its name: another scene may have other ids
   PoseUpdateResult result;
-  std::uint64_t ignored = 0;  // records
+  ResourceQuota::Share points = {};  // under way
+  std::uint64_t ignored = 0;         // records
 
   /// The reply's payload. \param apply takes the request's, without its records
   template <class Fetch, class Apply>
@@ -158,7 +159,8 @@ void Loop::set_points_elsewhere(const FrameHeader& header, std::function<OwnPayl
   };
   const auto done = [=, this](bool made) {
     if (made && update->begins_again(engine_)) return false;
-    points_.end(client, update->body, count, made);
+    if (made) points_of_body_[update->body] = std::move(update->points);
+    update->points.release();
     stats_.records_ignored += update->ignored;
     if (!made) return true;
     ++stats_["points.updates"];
@@ -169,7 +171,13 @@ void Loop::set_points_elsewhere(const FrameHeader& header, std::function<OwnPayl
   const ServiceClass service = class_for(*sink, kDefaultOptions);
   quotas_.check_requests(client);
   quotas_.check_bytes(client, service, bytes, sink->unsent_bytes());
-  points_.begin(client, count);
+  if (count > options_.max_points_of_body)
+    throw RejectedRequest{wire::ErrorCode::kTooLarge,
+                          "points: " + std::to_string(count) + " points of one body are more than the " +
+                              std::to_string(options_.max_points_of_body) +
+                              " that there may be (limit max-body-points)"};
+  points_.check(client, count);
+  update->points = points_.take(client, count);
   PendingRequest asked{nullptr, header, quotas_.take(client, service, bytes)};
   asked.sink = std::move(sink);
   points_worker_.add(std::make_unique<BackgroundRequest>(answers_, std::move(asked), service, FrameType::kPosesDone,

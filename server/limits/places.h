@@ -1,38 +1,42 @@
-// Places that many share: nobody may take them all.
+// A limited number of connections, shared fairly among users and processes.
 #pragma once
 
 #include <sys/socket.h>
 #include <sys/types.h>
 
-#include <cstddef>
 #include <cstdint>
 #include <string>
-#include <unordered_map>
 
 #include "server/base/service_class.h"
+#include "server/limits/resource_quota.h"
 
 namespace clearance {
 
-/// Who sits in places, by user and process. The last quarter is for users who hold less than a quarter, and the quarter
-/// before it for processes who hold less than a sixteenth: a program that takes places and never leaves them shuts out
-/// neither another user's programs nor, started anew, those of its own. Of fewer than four places anybody may take all.
-/// Some may be kept for the class control, which may take any.
+/// Connections by user and process. The last quarter is for users with less than a quarter, and the quarter before it
+/// for processes with less than a sixteenth, so that a program that leaks connections shuts out neither another user
+/// nor, once restarted, its own. With fewer than four connections there is no such part.
 class Places {
  public:
+  /// Held by one connection.
+  struct Share {
+    ResourceQuota::Share user, process;
+  };
+
+  /// @param kept_for_control of `places`, which the class control alone may use
   explicit Places(std::uint64_t places, std::uint64_t kept_for_control = 0)
       : places_(places), kept_for_control_(kept_for_control) {}
 
-  /// Why somebody may not have another one; empty: he may. \param what "shared-memory clients".
+  /// Reason to reject another connection, or empty.
+  /// @param what in the message, such as "shared-memory clients"
   std::string why_not(const ucred& who, const char* what, ServiceClass service = ServiceClass::kPlanning) const;
-  void take(const ucred& who);
-  void leave(const ucred& who);
-  std::uint64_t taken() const { return taken_; }
+  [[nodiscard]] Share take(const ucred& who) {
+    return {users_.take(who.uid, 1), processes_.take(static_cast<std::uint64_t>(who.pid), 1)};
+  }
+  std::uint64_t taken() const { return users_.total(); }
 
  private:
-  static std::uint64_t count(const std::unordered_map<std::uint64_t, std::uint64_t>& counts, std::uint64_t of);
-
-  std::uint64_t places_, kept_for_control_, taken_ = 0;
-  std::unordered_map<std::uint64_t, std::uint64_t> by_user_, by_process_;
+  std::uint64_t places_, kept_for_control_;
+  ResourceQuota users_, processes_;
 };
 
 }  // namespace clearance

@@ -8,70 +8,42 @@
 namespace clearance {
 namespace {
 
-/// Clients that are remembered though nothing of theirs is under way: one that asks again and again allocates nothing.
-constexpr std::size_t kIdleClientsKept = 256;
+[[noreturn]] void reject_bytes(const std::string& text) {
+  throw RejectedRequest{wire::ErrorCode::kBusy, "the requests and replies " + text};
+}
 
-[[noreturn]] void refuse(const std::string& text) {
-  throw RejectedRequest{wire::ErrorCode::kBusy, text};
+ResourceQuota::Limit limit_of_requests(const Quotas::Limits& limits) {
+  return {limits.max_waiting_per_client, wire::ErrorCode::kBusy, [](std::uint64_t held, std::uint64_t) {
+            return std::to_string(held) +
+                   " queries of this client are under way already; ask again (limit max-waiting)";
+          }};
 }
 
 }  // namespace
 
-Quotas::Share::Share(Quotas& quotas, Usage& usage, ServiceClass service, std::uint64_t bytes)
-    : quotas_(&quotas), usage_(&usage), service_(service), bytes_(bytes) {
-  ++usage.requests;
-  usage.bytes += bytes;
-  quotas.bytes_of(service) += bytes;
-}
-
-void Quotas::Share::give_back() {
-  Quotas* quotas = std::exchange(quotas_, nullptr);
-  if (!quotas) return;
-  --usage_->requests;
-  usage_->bytes -= bytes_;
-  quotas->bytes_of(service_) -= bytes_;
-}
-
-Quotas::Usage Quotas::of(std::uint64_t client) const {
-  const auto found = clients_.find(client);
-  return found == clients_.end() ? Usage() : found->second;
-}
-
-void Quotas::check_requests(std::uint64_t client) const {
-  const std::uint32_t requests = of(client).requests;
-  if (requests >= limits_.max_waiting_per_client)
-    refuse(std::to_string(requests) + " queries of this client are under way already; ask again (limit max-waiting)");
-}
+Quotas::Quotas(const Limits& limits) : limits_(limits), requests_(limit_of_requests(limits), {}) {}
 
 std::uint64_t Quotas::check_bytes(std::uint64_t client, ServiceClass service, std::uint64_t bytes,
                                   std::uint64_t unsent) const {
-  const std::uint64_t taken = of(client).bytes + unsent;
+  std::uint64_t taken = unsent;
+  for (const ResourceQuota& of_class : bytes_) taken += of_class.of(client);
   if (taken && taken + bytes > limits_.max_client_bytes)
-    refuse("the requests and replies of this client under way take " + std::to_string(taken) +
-           " bytes already; ask again (limit max-client-mib)");
+    reject_bytes("of this client under way take " + std::to_string(taken) +
+                 " bytes already; ask again (limit max-client-mib)");
   check_all_bytes(service, bytes);
   return limits_.max_client_bytes - std::min(limits_.max_client_bytes, taken + bytes);
 }
 
-/// What the others have taken never keeps the class control from what is kept for it.
+/// Other classes never use up the part that is kept for the class control.
 void Quotas::check_all_bytes(ServiceClass service, std::uint64_t bytes) const {
   const bool is_control = service == ServiceClass::kControl;
-  const auto [control, planning] = bytes_;
+  const std::uint64_t control = bytes_[static_cast<int>(ServiceClass::kControl)].total(),
+                      planning = bytes_[static_cast<int>(ServiceClass::kPlanning)].total();
   if (is_control && control + bytes <= limits_.kept_for_control) return;
   const std::uint64_t kept = is_control ? 0 : limits_.kept_for_control;
   const std::uint64_t taken = is_control ? control + planning : planning + (control > kept ? control - kept : 0);
   if (taken && taken + bytes > limits_.max_waiting_bytes - std::min(kept, limits_.max_waiting_bytes))
-    refuse("the requests and replies under way take " + std::to_string(control + planning) +
-           " bytes already; ask again");
-}
-
-Quotas::Share Quotas::take(std::uint64_t client, ServiceClass service, std::uint64_t bytes) {
-  return Share(*this, clients_[client], service, bytes);
-}
-
-void Quotas::forget_idle() {
-  if (clients_.size() > kIdleClientsKept)
-    std::erase_if(clients_, [](const auto& client) { return client.second.requests == 0; });
+    reject_bytes("under way take " + std::to_string(control + planning) + " bytes already; ask again");
 }
 
 }  // namespace clearance

@@ -10,6 +10,7 @@
 
 #include "server/access/access.h"
 #include "server/base/unix_socket.h"
+#include "server/limits/places.h"
 #include "server/requests/transport.h"
 #include "server/shm/shm_segment.h"
 #include "wire/shm_os.h"
@@ -23,7 +24,7 @@ namespace clearance {
 struct ShmSession {
   std::uint64_t id = 0;
   Rights rights = 0;
-  ucred who{};
+  Places::Share place;
   shm::UniqueFd socket;  ///< what the doorman gave for the client's
   shm::UniqueFd wake;    ///< eventfd that the client writes to when the daemon sleeps
   std::vector<std::shared_ptr<Segment>> segments;

@@ -60,7 +60,10 @@ class ShmTransport final : public Transport {
     if (!watch(listener_.get(), EPOLLIN, 0)) fail_shm(path, "epoll_ctl", errno);
   }
   ~ShmTransport() override {
-    for (auto& session : sessions_) session->gone = true;  // sinks may live longer than this
+    for (auto& session : sessions_) {  // sinks may live longer than this
+      session->gone = true;
+      session->place = {};
+    }
     budget_->drop = nullptr;
   }
 
@@ -174,14 +177,13 @@ class ShmTransport final : public Transport {
       auto session = std::make_shared<ShmSession>();
       session->id = next_client_id();
       session->rights = *rights;
-      session->who = *who;
       session->socket = std::move(socket);
       session->connected = Clock::now();
       if (!watch(session->socket.get(), EPOLLIN | EPOLLRDHUP, 2 * session->id)) {
         refuse(session->socket.get(), std::string("epoll_ctl: ") + std::strerror(errno));
         continue;
       }
-      places_.take(session->who);
+      session->place = places_.take(*who);
       sessions_.push_back(std::move(session));
       ++*counters_.connections;
     }
@@ -334,7 +336,7 @@ class ShmTransport final : public Transport {
       std::erase_if(sessions_, [this](const std::shared_ptr<ShmSession>& session) {
         if (!session->gone) return false;
         // The client holds the same eventfd: closing our end alone would leave it among the watched.
-        places_.leave(session->who);
+        session->place = {};
         if (session->wake) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, session->wake.get(), nullptr);
         session->wake.reset();
         session->socket.reset();

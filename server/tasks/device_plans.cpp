@@ -4,6 +4,58 @@
 #include <utility>
 
 namespace clearance {
+namespace {
+
+constexpr const char* kPlan = "a plan on a device: ";
+
+ResourceQuota::Limit plans_of_client(std::uint64_t most) {
+  return {most, wire::ErrorCode::kBusy, [](std::uint64_t held, std::uint64_t) {
+            return kPlan + std::to_string(held) +
+                   " plans of this client are open already; close one (limit max-client-plans)";
+          }};
+}
+
+ResourceQuota::Limit plans_of_all(std::uint64_t most) {
+  return {most, wire::ErrorCode::kBusy, [](std::uint64_t held, std::uint64_t) {
+            return kPlan + std::to_string(held) + " plans of all clients are open already (limit max-plans)";
+          }};
+}
+
+std::string memory_needed(std::uint64_t bytes, std::uint64_t most) {
+  return kPlan + ("it needs " + std::to_string(bytes)) + " bytes of the device's memory; of the " +
+         std::to_string(most);
+}
+
+ResourceQuota::Limit bytes_of_client(std::uint64_t most) {
+  return {most, wire::ErrorCode::kTooLarge, [most](std::uint64_t held, std::uint64_t more) {
+            return memory_needed(more, most) + " that this client may take, its plans have " + std::to_string(held) +
+                   " already (limit max-client-plan-mib)";
+          }};
+}
+
+ResourceQuota::Limit bytes_of_all(std::uint64_t most) {
+  return {most, wire::ErrorCode::kBusy, [most](std::uint64_t held, std::uint64_t more) {
+            return memory_needed(more, most) + " of all clients, " + std::to_string(held) +
+                   " are taken already (limit max-plan-mib)";
+          }};
+}
+
+}  // namespace
+
+DevicePlans::DevicePlans(const Limits& limits)
+    : is_allowed_(limits.max_plans_of_client > 0),
+      count_(plans_of_client(limits.max_plans_of_client), plans_of_all(limits.max_plans),
+             ResourceQuota::Threads::kMany),
+      bytes_(bytes_of_client(limits.max_plan_bytes_of_client), bytes_of_all(limits.max_plan_bytes),
+             ResourceQuota::Threads::kMany) {}
+
+PlanShare DevicePlans::begin(std::uint64_t client) {
+  if (!is_allowed_)
+    throw RejectedRequest{wire::ErrorCode::kNotSupported,
+                          kPlan + std::string("this daemon opens none (limit max-client-plans = 0)")};
+  count_.check(client, 1);
+  return {count_.take(client, 1), bytes_.take(client, 0)};
+}
 
 DevicePlans::Open& DevicePlans::find(std::uint64_t client, std::uint64_t number) {
   const auto found = plans_.find(number);

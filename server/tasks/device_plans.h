@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "server/limits/plan_ledger.h"
+#include "server/limits/resource_quota.h"
 #include "server/requests/reply_writer.h"
 #include "server/requests/transport.h"
 #include "server/tasks/shared_plan.h"
@@ -19,6 +19,12 @@ namespace clearance {
 /// Of the loop's thread.
 class DevicePlans {
  public:
+  struct Limits {
+    std::uint32_t max_plans_of_client = 8;                            ///< 0 if no plans may be opened
+    std::uint32_t max_plans = 64;                                     ///< of all clients
+    std::uint64_t max_plan_bytes_of_client = std::uint64_t{2} << 30;  ///< kTooLarge beyond it
+    std::uint64_t max_plan_bytes = std::uint64_t{8} << 30;            ///< of all clients, kBusy beyond it
+  };
   struct Open {
     std::uint64_t client = 0;
     std::function<bool()> is_there;  ///< ReplySink::watch()
@@ -26,8 +32,10 @@ class DevicePlans {
     bool is_running = false;
   };
 
-  explicit DevicePlans(const PlanLedger::Limits& limits) : ledger_(std::make_shared<PlanLedger>(limits)) {}
+  explicit DevicePlans(const Limits& limits);
 
+  /// Counts a plan that is being opened. Throws RejectedRequest beyond a limit.
+  [[nodiscard]] PlanShare begin(std::uint64_t client);
   /// A number that no other plan has had.
   std::uint64_t next_number() { return ++last_; }
   void add(std::uint64_t number, Open open) { plans_.emplace(number, std::move(open)); }
@@ -40,13 +48,14 @@ class DevicePlans {
   /// Closes those whose clients are gone. Returns how many these were.
   std::size_t drop_gone();
   void clear() { plans_.clear(); }
-  PlanLedger& ledger() { return *ledger_; }
-  const PlanLedger& ledger() const { return *ledger_; }
+  std::uint64_t count() const { return count_.total(); }
+  std::uint64_t bytes() const { return bytes_.total(); }
 
  private:
+  const bool is_allowed_;
+  ResourceQuota count_, bytes_;  // plans are made and freed on threads of their own
   std::map<std::uint64_t, Open> plans_;
   std::uint64_t last_ = 0;
-  std::shared_ptr<PlanLedger> ledger_;
 };
 
 /// Reads a kOpenPlan and makes the plan. On the thread that works.
@@ -55,7 +64,7 @@ class PlanOpening {
   /// \param answers, limits must outlive this. \param fetch brings the request's payload. \param free has a plan freed
   /// where that holds up nobody; from any thread
   PlanOpening(const ReplyWriter& answers, const QueryTask::Limits& limits, std::shared_ptr<const Engine> engine,
-              const wire::FrameHeader& request, std::function<OwnPayload()> fetch, PlanLedger::Share share,
+              const wire::FrameHeader& request, std::function<OwnPayload()> fetch, PlanShare share,
               std::function<void(std::shared_ptr<void>)> free)
       : answers_(answers),
         limits_(limits),
@@ -76,7 +85,7 @@ class PlanOpening {
   std::shared_ptr<const Engine> engine_;
   wire::FrameHeader request_;
   std::function<OwnPayload()> fetch_;
-  PlanLedger::Share share_;
+  PlanShare share_;
   std::function<void(std::shared_ptr<void>)> free_;
   std::shared_ptr<SharedPlan> plan_;
 };

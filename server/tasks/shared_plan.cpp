@@ -39,7 +39,7 @@ auto on_device(Work work) {
 }  // namespace
 
 SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryTask::Limits& limits,
-                       PlanLedger::Share share)
+                       PlanShare share)
     : engine_(std::move(engine)),
       share_(std::move(share)),
       bodies_(static_cast<std::uint32_t>(query.bodies.size())),
@@ -56,7 +56,7 @@ SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& qu
                               " joints are more than one has room for"};
   positions_offset_ = aligned_up(static_cast<std::uint64_t>(poses));
   columns_offset_ = positions_offset_ + aligned_up(static_cast<std::uint64_t>(positions));
-  share_.take(columns_offset_);  // before anything is made
+  share_.bytes.grow(columns_offset_);  // before anything is made
   plan_ = engine_->plan_on_device(query);
   const QuerySize& size = plan_->size();
   limits.check(size);
@@ -64,7 +64,7 @@ SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& qu
   reply_view_over(nullptr, size.rows, size.fields, &columns, size.joints);
   const std::uint64_t bytes = std::max<std::uint64_t>(columns_offset_ + columns, 1);
   constexpr std::uint64_t kPiece = cuda::SharedMemory::kPiece;
-  share_.take((bytes + kPiece - 1) / kPiece * kPiece - columns_offset_ + plan_->bytes());
+  share_.bytes.grow((bytes + kPiece - 1) / kPiece * kPiece - columns_offset_ + plan_->bytes());
   memory_ = on_device([&] { return std::make_unique<cuda::SharedMemory>(plan_->device(), bytes); });
   next_ = size.configurations;
 }

@@ -10,10 +10,15 @@
 #include "engine/device/query/device_plan.h"
 #include "engine/device/shared_memory.h"
 #include "engine/engine.h"
-#include "server/limits/plan_ledger.h"
+#include "server/limits/resource_quota.h"
 #include "server/tasks/query_task.h"
 
 namespace clearance {
+
+/// Held by one plan: one of the open plans, and bytes of the device's memory.
+struct PlanShare {
+  ResourceQuota::Share plan, bytes;
+};
 
 /// Made, run and freed on threads that nobody waits for: the device is asked for memory, and awaited.
 class SharedPlan {
@@ -21,7 +26,7 @@ class SharedPlan {
   /// Throws a Refusal or a QueryError. \param engine is kept: with its scene. \param query without configurations, but
   /// for how many they are
   SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryTask::Limits& limits,
-             PlanLedger::Share share);
+             PlanShare share);
   SharedPlan(const SharedPlan&) = delete;
   SharedPlan& operator=(const SharedPlan&) = delete;
 
@@ -43,7 +48,7 @@ class SharedPlan {
   void launch_some();
 
   std::shared_ptr<const Engine> engine_;
-  PlanLedger::Share share_;
+  PlanShare share_;
   std::unique_ptr<DevicePlan> plan_;
   std::unique_ptr<cuda::SharedMemory> memory_;  // the first to go: it waits for what runs in its stream
   std::uint32_t bodies_ = 0, joints_ = 0;

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <stdexcept>
 #include <unordered_map>
+#include <vector>
 
 #include "server/access/authorized_keys.h"
 #include "server/limits/places.h"
@@ -163,11 +164,12 @@ class ZmqTransport final : public Transport {
     const std::uint64_t most = access_.max_clients;
     if (peers_.size() < most - most / 2) return true;
     Places places(most);
+    std::vector<Places::Share> taken;
     std::uint64_t busy = 0;
     for (const auto& [identity, peer] : peers_) {
       if (peer.use_count() == 1) continue;
       ++busy;
-      if (peer->who) places.take(*peer->who);
+      if (peer->who) taken.push_back(places.take(*peer->who));
     }
     const bool is_kept = service != ServiceClass::kControl && access_.has_control();
     if (busy >= most - (is_kept ? kept_for_control(most) : 0))

@@ -163,15 +163,16 @@ std::vector<std::string> for_two(const TestFolder& folder) {
 
 TEST(Places, AreKeptForTheClassControl) {
   Places places(64, 8);
+  std::vector<Places::Share> taken;
   const auto user = [](unsigned number) { return ucred{static_cast<pid_t>(number), number, number}; };
   unsigned number = 1;
-  while (places.why_not(user(number), "clients").empty()) places.take(user(number++));
+  while (places.why_not(user(number), "clients").empty()) taken.push_back(places.take(user(number++)));
   EXPECT_EQ(places.taken(), 56u);
   EXPECT_EQ(places.why_not(user(number), "clients"),
             "this daemon already has 56 clients; the last 8 places are for the class control");
   for (int i = 0; i < 8; ++i) {
     ASSERT_EQ(places.why_not(user(7), "clients", ServiceClass::kControl), "") << "also of a user who has many";
-    places.take(user(7));
+    taken.push_back(places.take(user(7)));
   }
   EXPECT_NE(places.why_not(user(7), "clients", ServiceClass::kControl), "") << "there are no more";
 }
@@ -179,29 +180,29 @@ TEST(Places, AreKeptForTheClassControl) {
 TEST(Places, AreKeptForThoseWhoHaveFew) {
   Places places(256);
   const ucred greedy{.pid = 1, .uid = 10, .gid = 0};
-  std::uint64_t taken = 0;
-  for (; places.why_not(greedy, "clients").empty(); ++taken) places.take(greedy);
-  EXPECT_EQ(taken, 128u);
+  std::vector<Places::Share> taken, others;
+  while (places.why_not(greedy, "clients").empty()) taken.push_back(places.take(greedy));
+  EXPECT_EQ(taken.size(), 128u);
   EXPECT_EQ(places.why_not(greedy, "clients"), "process 1 already has 128 clients; the last 128 places are for others");
   ucred another = greedy;  // of the same user: a restarted program
-  for (another.pid = 2; places.why_not(another, "clients").empty(); ++another.pid, ++taken) places.take(another);
-  EXPECT_EQ(taken, 192u);
+  for (another.pid = 2; places.why_not(another, "clients").empty(); ++another.pid)
+    taken.push_back(places.take(another));
+  EXPECT_EQ(taken.size(), 192u);
   EXPECT_EQ(places.why_not(another, "clients"), "user 10 already has 192 clients; the last 64 places are for others");
   const ucred other{.pid = 5000, .uid = 11, .gid = 0};
-  std::uint64_t others = 0;
-  for (; places.why_not(other, "clients").empty(); ++others) places.take(other);
-  EXPECT_EQ(others, 16u) << "one program of another user";
-  for (std::uint64_t i = 0; i < others; ++i) places.leave(other);
-  for (pid_t pid = 2; pid < another.pid; ++pid) places.leave({.pid = pid, .uid = 10, .gid = 0});
-  for (int i = 0; i < 128; ++i) places.leave(greedy);
+  while (places.why_not(other, "clients").empty()) others.push_back(places.take(other));
+  EXPECT_EQ(others.size(), 16u) << "one program of another user";
+  others.clear();
+  taken.clear();
   EXPECT_EQ(places.taken(), 0u);
   for (const std::uint64_t few : {1, 2, 3}) {
     Places all(few);
     for (std::uint64_t i = 0; i < few; ++i) {
       EXPECT_EQ(all.why_not(greedy, "clients"), "");
-      all.take(greedy);
+      taken.push_back(all.take(greedy));
     }
     EXPECT_EQ(all.why_not(greedy, "clients"), "this daemon already has " + std::to_string(few) + " clients");
+    taken.clear();
   }
 }
 
