@@ -53,7 +53,7 @@ class Loop final : public RequestHandler {
  public:
   using Clock = std::chrono::steady_clock;
 
-  struct Options : Quotas::Limits, SceneChanges::Limits, QueryTask::Limits, PointLimits, DevicePlans::Limits {
+  struct Options : Quotas::Limits, SceneChanges::Limits, QueryLimits, PointLimits, DevicePlans::Limits {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
     std::chrono::nanoseconds spin =
         std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep

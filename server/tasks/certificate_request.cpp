@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "server/tasks/query_task.h"
+#include "server/tasks/query_input.h"
 
 namespace clearance {
 

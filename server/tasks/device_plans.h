@@ -63,7 +63,7 @@ class PlanOpening {
  public:
   /// \param answers, limits must outlive this. \param fetch brings the request's payload. \param free has a plan freed
   /// where that holds up nobody; from any thread
-  PlanOpening(const ReplyWriter& answers, const QueryTask::Limits& limits, std::shared_ptr<const Engine> engine,
+  PlanOpening(const ReplyWriter& answers, const QueryLimits& limits, std::shared_ptr<const Engine> engine,
               const wire::FrameHeader& request, std::function<OwnPayload()> fetch, PlanShare share,
               std::function<void(std::shared_ptr<void>)> free)
       : answers_(answers),
@@ -81,7 +81,7 @@ class PlanOpening {
 
  private:
   const ReplyWriter& answers_;
-  const QueryTask::Limits& limits_;
+  const QueryLimits& limits_;
   std::shared_ptr<const Engine> engine_;
   wire::FrameHeader request_;
   std::function<OwnPayload()> fetch_;

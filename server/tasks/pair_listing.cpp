@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "engine/narrow/work_meter.h"
-#include "server/tasks/query_task.h"
+#include "server/tasks/query_input.h"
 
 namespace clearance {
 namespace {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "engine/device/device_error.h"
+#include "server/base/rejected_request.h"
 
 namespace clearance {
 namespace {
@@ -38,7 +39,7 @@ auto on_device(Work work) {
 
 }  // namespace
 
-SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryTask::Limits& limits,
+SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryLimits& limits,
                        PlanShare share)
     : engine_(std::move(engine)),
       share_(std::move(share)),

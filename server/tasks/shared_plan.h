@@ -11,7 +11,7 @@
 #include "engine/device/shared_memory.h"
 #include "engine/engine.h"
 #include "server/limits/resource_quota.h"
-#include "server/tasks/query_task.h"
+#include "server/tasks/query_input.h"
 
 namespace clearance {
 
@@ -25,8 +25,7 @@ class SharedPlan {
  public:
   /// Throws a Refusal or a QueryError. \param engine is kept: with its scene. \param query without configurations, but
   /// for how many they are
-  SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryTask::Limits& limits,
-             PlanShare share);
+  SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryLimits& limits, PlanShare share);
   SharedPlan(const SharedPlan&) = delete;
   SharedPlan& operator=(const SharedPlan&) = delete;
 
