@@ -47,34 +47,6 @@ std::uint32_t number_or_throw(const std::string& name, const char* what) {
 
 }  // namespace
 
-Rights right_for(wire::FrameType request) {
-  switch (request) {
-    case wire::FrameType::kDescribe:
-    case wire::FrameType::kQuery:
-    case wire::FrameType::kPairs:
-    case wire::FrameType::kCertify:
-    case wire::FrameType::kOpenPlan:
-    case wire::FrameType::kRunPlan:
-    case wire::FrameType::kClosePlan:
-    case wire::FrameType::kGetStates:
-    case wire::FrameType::kGetJoints:
-    case wire::FrameType::kGetStats:
-      return kMayQuery;
-    case wire::FrameType::kSetPoses:
-    case wire::FrameType::kSetJoints:
-    case wire::FrameType::kSetPoints:
-    case wire::FrameType::kAttach:
-    case wire::FrameType::kAllow:
-    case wire::FrameType::kAddBody:
-    case wire::FrameType::kRemoveBody:
-      return kMayPose;
-    case wire::FrameType::kReload:
-      return kMayAdmin;
-    default:
-      return 0;  // an echo, or no request
-  }
-}
-
 Rights parse_rights(const std::string& text) {
   Rights rights = 0;
   for (std::size_t at = 0; at <= text.size();) {
@@ -94,7 +66,10 @@ Rights parse_rights(const std::string& text) {
 std::string rights_text(Rights rights) {
   std::string text;
   for (const Word& w : kWords)
-    if (rights & w.right) text += (text.empty() ? "" : ",") + std::string(w.word);
+    if (rights & w.right) {
+      if (!text.empty()) text += ',';
+      text += w.word;
+    }
   return text.empty() ? "nothing" : text;
 }
 

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "server/base/service_class.h"
-#include "wire/protocol.h"
 
 namespace clearance {
 
@@ -32,8 +31,6 @@ constexpr ServiceClass class_of(Rights rights) {
   return rights & kControl ? ServiceClass::kControl : ServiceClass::kPlanning;
 }
 
-/// The right that a request needs; 0: none.
-Rights right_for(wire::FrameType request);
 /// "query,poses": words separated by commas. Throws std::invalid_argument naming the word and those that there are.
 Rights parse_rights(const std::string& text);
 /// As parse_rights() reads it; of none "nothing".

@@ -39,6 +39,8 @@ class ReplyWriter {
                std::uint64_t payload_bytes);
   /// Counts a request whose client is gone.
   void count_dropped() { ++stats_.dropped; }
+  /// Counts records of requests that the daemon does not know.
+  void count_ignored(std::uint64_t records) { stats_.records_ignored += records; }
   /// Counts the reply of a query, which was published.
   void count_query(std::uint64_t server_ns, std::uint64_t rows);
   void refuse(ReplySink& sink, const wire::FrameHeader& request, const RejectedRequest& refusal);

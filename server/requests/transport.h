@@ -22,6 +22,9 @@ inline std::uint64_t next_client_id() {
   return ++last;
 }
 
+/// Right that a request needs, or 0. The table in server/core/request_router.cpp has it.
+Rights right_for(wire::FrameType request);
+
 /// One request's way back to its client. Used on the loop's thread only; destroyed without publish(): the client gets
 /// nothing (it is gone, or the transport has said so itself).
 class ReplySink {

@@ -17,7 +17,7 @@ bool BackgroundRequest::advance(std::chrono::nanoseconds budget, Clock::time_poi
   if (step_ == Step::kMake) {
     bool is_made = true;
     failure_ = ReplyWriter::refusal_of(asked_.header, [&] {
-      std::optional<std::vector<std::byte>> made = make_(budget);
+      std::optional<std::vector<std::byte>> made = make_(budget, ignored_);
       is_made = made.has_value();
       if (is_made) payload_ = std::move(*made);
     });
@@ -56,15 +56,19 @@ void BackgroundRequest::let_go() {
 }
 
 void BackgroundRequest::look() {
-  // Poses that were sent are taken, whether or not anybody waits for the reply.
+  // Poses are applied even if their client is gone.
   gone_.store(type_ != wire::FrameType::kPosesDone && !asked_.sink->alive(), std::memory_order_relaxed);
 }
 
 bool BackgroundRequest::settle() {
   if (step_ == Step::kOver) return true;
-  if (step_ == Step::kRoom && done_ && !done_(!failure_)) {
-    step_ = Step::kMake;
-    return false;
+  if (step_ == Step::kRoom) {
+    if (done_ && !done_(!failure_)) {
+      step_ = Step::kMake;
+      ignored_ = 0;
+      return false;
+    }
+    answers_.count_ignored(ignored_);
   }
   if (failure_) {
     answers_.refuse(*asked_.sink, asked_.header, *failure_);

@@ -1,4 +1,4 @@
-// A request that is no query, but too dear for the loop: whoever works makes the reply's payload, and copies it.
+// A request other than a query that is too expensive for the loop. A worker makes the reply's payload and copies it.
 #pragma once
 
 #include <atomic>
@@ -14,14 +14,15 @@ namespace clearance {
 
 class BackgroundRequest final : public ScheduledQuery {
  public:
-  /// Reads the request and makes the reply's payload within about `budget`; throws what it is refused for. None: it
-  /// wants to be called once more. On the thread that works.
-  using Make = std::function<std::optional<std::vector<std::byte>>(std::chrono::nanoseconds budget)>;
-  /// Called on the loop once make() has ended. \param made it did not throw. Returns false where it must be called once
-  /// more.
+  /// Makes the reply's payload on a worker within about `budget`, or returns nothing if it needs another slice. Throws
+  /// RejectedRequest.
+  /// @param ignored count of the request's unknown records, to which it adds
+  using Make =
+      std::function<std::optional<std::vector<std::byte>>(std::chrono::nanoseconds budget, std::uint64_t& ignored)>;
+  /// Called on the loop after Make. Returns false if Make must run again.
+  /// @param made that it did not throw
   using Done = std::function<bool(bool made)>;
-  /// kLight: the reply is short and what make() holds is freed at once, so that the loop sends it as soon as it is
-  /// made.
+  /// The loop copies and sends the short reply of a light request. That of a heavy one is copied and freed on a worker.
   enum class Weight { kHeavy, kLight };
 
   BackgroundRequest(ReplyWriter& answers, PendingRequest asked, ServiceClass service, wire::FrameType type,
@@ -55,7 +56,7 @@ class BackgroundRequest final : public ScheduledQuery {
   std::atomic<bool> gone_{false};
   std::optional<RejectedRequest> failure_;
   std::vector<std::byte> payload_;
-  std::uint64_t payload_bytes_ = 0, copied_ = 0;
+  std::uint64_t payload_bytes_ = 0, copied_ = 0, ignored_ = 0;
   std::byte* frame_ = nullptr;
 };
 

@@ -1,0 +1,135 @@
+#include "server/core/query_requests.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace clearance {
+namespace {
+
+using wire::FrameHeader;
+
+/// Rough cost of a pair, for the order of one client's queries.
+constexpr auto kPairCost = std::chrono::microseconds(1);
+
+/// Size of a query that the loop itself begins, on one thread.
+constexpr std::uint64_t kSmallPairs = 256, kSmallPiecePairs = 8192, kSmallLists = 8192, kSmallLinks = 4096;
+
+QueryRequests::Clock::time_point due(QueryRequests::Clock::time_point begun, std::uint64_t pairs) {
+  return begun + kPairCost * std::min<std::uint64_t>(pairs, 1u << 30);
+}
+
+}  // namespace
+
+QueryRequests::QueryRequests(RequestContext& context, const QueryLimits& limits, std::chrono::nanoseconds slice)
+    : context_(context),
+      small_(slice),
+      daemon_{context.answers,
+              context.quotas,
+              context.stats,
+              limits,
+              forecast_,
+              [&context](std::shared_ptr<void> thing) { context.workers.drop(std::move(thing)); },
+              [this](const FrameHeader& header, ServiceClass service, const QueryOptions& options,
+                     const OwnPayload& payload, std::unique_ptr<ReplySink>& sink,
+                     Clock::time_point received) { return defer(header, service, options, payload, sink, received); }} {
+}
+
+void QueryRequests::start(Request& request) {
+  ++context_.stats.queries;
+  context_.quotas.check_requests(request.sink->client());
+  if (request.is_large())
+    return begin_on_worker(
+        new_query(request, context_.class_for(*request.sink), due(Clock::now(), request.bytes / sizeof(BodyPair))),
+        request, {});
+  request.payload = aligned(request.payload, aligned_);
+  const FrameHeader& header = request.header;
+  const wire::QueryParts parts = wire::parse_query(header, request.payload);
+  context_.answers.check_epoch(header, parts.epoch);
+  context_.stats.records_ignored += parts.passed_over.size();
+  const QueryOptions& options = parts.options;
+  Engine& engine = *context_.engine;
+  if (options.min_pose_stamp_ns == 0 || DeferredQueries::poses_are_there(engine, header, options))
+    return begin(request, parts);
+  const QueryView query = view_of(parts, header.scene_revision);
+  if (is_small(engine.extent(query))) engine.size(query);  // throws for a bad query before it waits
+  defer(header, context_.class_for(*request.sink, options), options, request.take_payload()(), request.sink,
+        request.received);
+}
+
+/// Begins a query whose poses have arrived.
+void QueryRequests::begin(Request& request, const wire::QueryParts& parts) {
+  const QueryCost cost = context_.engine->extent(view_of(parts, request.header.scene_revision));
+  // The free scale tests for each pair beforehand which joints move it, which is not bounded by the pairs' number.
+  const bool is_here =
+      is_small(cost) && !context_.has_pose_updates(request.sink->client()) && !(parts.options.fields & kFieldFreeScale);
+  // Counted from now for queries on a worker, so that one ends before the next one of the client.
+  auto query = new_query(request, context_.class_for(*request.sink, parts.options),
+                         due(is_here ? request.received : Clock::now(), cost.pairs));
+  query->take_options(parts.options, cost);
+  if (!is_here) return begin_on_worker(std::move(query), request, cost);
+  query->begin_here(parts, request.bytes, request.sink);
+  small_.add(std::move(query));
+}
+
+void QueryRequests::begin_on_worker(std::unique_ptr<QueryTask> query, Request& request, const QueryCost& cost) {
+  query->begin_elsewhere(request.take_payload(), request.bytes, cost.listed, request.sink);
+  context_.workers.of(query->service_class()).add(std::move(query));
+}
+
+std::unique_ptr<QueryTask> QueryRequests::new_query(const Request& request, ServiceClass service,
+                                                    Clock::time_point due) const {
+  return std::make_unique<QueryTask>(daemon_, request.sink->client(), service, request.header, context_.engine,
+                                     request.received, due);
+}
+
+bool QueryRequests::is_small(const QueryCost& cost) const {
+  return cost.pairs < kSmallPairs && cost.piece_pairs <= kSmallPiecePairs && cost.listed <= kSmallLists &&
+         cost.links <= kSmallLinks && context_.engine->has_cpu();
+}
+
+bool QueryRequests::work() {
+  if (small_.empty()) return false;
+  small_.work(Clock::now(), [this](Worker::QueryPtr query) { context_.workers.settle(std::move(query)); });
+  return true;
+}
+
+/// Defers a query until its poses have arrived. Returns false if they have.
+bool QueryRequests::defer(const FrameHeader& header, ServiceClass service, const QueryOptions& options,
+                          const OwnPayload& payload, std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
+  if (DeferredQueries::poses_are_there(*context_.engine, header, options)) return false;
+  deferred_.hold(header, service, options, payload, sink, context_.quotas, *context_.engine, received);
+  ++context_.stats["queries.held_back"];
+  return true;
+}
+
+bool QueryRequests::begin_deferred(Clock::time_point now) {
+  return !deferred_.empty() && deferred_.release(*context_.engine, now,
+                                                 [this](DeferredQuery query) { begin_one_deferred(std::move(query)); });
+}
+
+void QueryRequests::begin_one_deferred(DeferredQuery deferred) {
+  const FrameHeader& header = deferred.asked.header;
+  const OwnPayload& payload = deferred.payload;
+  Request request{header, payload.span(), nullptr, payload.bytes, std::move(deferred.asked.sink), deferred.received};
+  ReplySink& sink = *request.sink;  // lives on with the query
+  deferred.asked.share.give_back();
+  context_.answers.guard(sink, header, [&] {
+    if (!DeferredQueries::poses_are_there(*context_.engine, header, deferred.query))
+      throw poses_late(deferred.query, true);
+    if (payload.bytes > kLargePayload) {
+      request.fetch = [payload] { return payload; };
+      return begin_on_worker(new_query(request, deferred.service, deferred.received), request, {});
+    }
+    request.payload = aligned(request.payload, aligned_);
+    begin(request, wire::parse_query(header, request.payload));
+  });
+}
+
+void QueryRequests::drop_gone() {
+  const std::size_t dropped = deferred_.drop_gone();
+  if (dropped == 0) return;  // a counter exists from its first use
+  context_.stats.dropped += dropped;
+  context_.stats["queries.dropped"] += dropped;
+}
+
+}  // namespace clearance

@@ -1,0 +1,205 @@
+#include "server/core/request_router.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "engine/narrow/work_meter.h"
+#include "server/core/scene_frame.h"
+#include "server/requests/request_payload.h"
+#include "server/tasks/certificate_request.h"
+#include "server/tasks/pair_listing.h"
+
+namespace clearance {
+namespace {
+
+using wire::ErrorCode;
+using wire::FrameHeader;
+using wire::FrameType;
+using Router = RequestRouter;
+
+/// Lists pairs or computes a certificate in the background, in slices.
+/// @tparam Work PairListing or CertificateRequest
+/// @param reply_bytes that the reply takes of the quota
+template <class Work>
+void run_in_background(RequestContext& context, Request& request, std::uint64_t reply_bytes) {
+  const auto work = std::make_shared<Work>(context.answers, context.engine, request.header, request.take_payload());
+  context.reply_in_background(request, request.bytes + reply_bytes,
+                              [work](auto budget, std::uint64_t& ignored) { return work->advance(budget, ignored); });
+}
+
+// clang-format off
+/// What each request needs: the client's right, the thread that answers, how its payload is read, and its handler.
+constexpr RequestType kRequests[] = {
+    // request                  right      runs on               payload          reply
+    {FrameType::kPing,          0,         RunsOn::kLoopIfSmall, Payload::kBody,  FrameType::kPong,
+     [](Router& on, Request& r) { on.ping(r); }},
+    {FrameType::kDescribe,      kMayQuery, RunsOn::kLoopIfSmall, Payload::kEmpty, FrameType::kScene,
+     [](Router& on, Request& r) { on.send_scene(r); }},
+    {FrameType::kGetStates,     kMayQuery, RunsOn::kLoopIfSmall, Payload::kEmpty, FrameType::kBodyStates,
+     [](Router& on, Request& r) { on.send_states(r); }},
+    {FrameType::kGetJoints,     kMayQuery, RunsOn::kLoopIfSmall, Payload::kEmpty, FrameType::kJoints,
+     [](Router& on, Request& r) { on.send_joints(r); }},
+    {FrameType::kGetStats,      kMayQuery, RunsOn::kLoop,        Payload::kEmpty, FrameType::kStats,
+     [](Router& on, Request& r) { on.send_stats(r); }},
+    {FrameType::kQuery,         kMayQuery, RunsOn::kLoopIfSmall, Payload::kWhole, FrameType::kReply,
+     [](Router& on, Request& r) { on.queries.start(r); }},
+    {FrameType::kPairs,         kMayQuery, RunsOn::kWorker,      Payload::kWhole, FrameType::kPairTable,
+     [](Router& on, Request& r) { run_in_background<PairListing>(on.context, r, 0); }},
+    {FrameType::kCertify,       kMayQuery, RunsOn::kWorker,      Payload::kWhole, FrameType::kCertificate,
+     [](Router& on, Request& r) { run_in_background<CertificateRequest>(on.context, r, CertificateRequest::kMostBytes); }},
+    {FrameType::kOpenPlan,      kMayQuery, RunsOn::kPlanWorker,  Payload::kWhole, FrameType::kPlan,
+     [](Router& on, Request& r) { on.plans.open(r); }},
+    {FrameType::kRunPlan,       kMayQuery, RunsOn::kRunWorker,   Payload::kBody,  FrameType::kPlanDone,
+     [](Router& on, Request& r) { on.plans.run(r); }},
+    {FrameType::kClosePlan,     kMayQuery, RunsOn::kLoop,        Payload::kBody,  FrameType::kPlanDone,
+     [](Router& on, Request& r) { on.plans.close(r); }},
+    {FrameType::kSetPoses,      kMayPose,  RunsOn::kLoopIfSmall, Payload::kWhole, FrameType::kPosesDone,
+     [](Router& on, Request& r) { on.updates.set_poses(r); }},
+    {FrameType::kSetJoints,     kMayPose,  RunsOn::kLoopIfSmall, Payload::kWhole, FrameType::kPosesDone,
+     [](Router& on, Request& r) { on.updates.set_poses(r); }},
+    {FrameType::kSetPoints,     kMayPose,  RunsOn::kPointWorker, Payload::kWhole, FrameType::kPosesDone,
+     [](Router& on, Request& r) { on.updates.set_points(r); }},
+    {FrameType::kAttach,        kMayPose,  RunsOn::kLoop,        Payload::kWhole, FrameType::kPosesDone,
+     [](Router& on, Request& r) { on.updates.attach(r); }},
+    {FrameType::kAllow,         kMayPose,  RunsOn::kLoop,        Payload::kBody,  FrameType::kPosesDone,
+     [](Router& on, Request& r) { on.updates.allow(r); }},
+    {FrameType::kAddBody,       kMayPose,  RunsOn::kSceneThread, Payload::kWhole, FrameType::kSceneChanged,
+     [](Router& on, Request& r) { on.scenes.add_body(r.header, r.payload, r.sink); }},
+    {FrameType::kRemoveBody,    kMayPose,  RunsOn::kSceneThread, Payload::kBody,  FrameType::kSceneChanged,
+     [](Router& on, Request& r) { on.scenes.remove_body(r.header, r.payload, r.sink); }},
+    {FrameType::kReload,        kMayAdmin, RunsOn::kSceneThread, Payload::kEmpty, FrameType::kSceneChanged,
+     [](Router& on, Request& r) { on.scenes.ask_reload(r.header, r.sink); }},
+};
+// clang-format on
+
+const RequestType* find_type(std::uint16_t type) {
+  const auto found = std::find_if(std::begin(kRequests), std::end(kRequests), [type](const RequestType& row) {
+    return static_cast<std::uint16_t>(row.type) == type;
+  });
+  return found == std::end(kRequests) ? nullptr : &*found;
+}
+
+/// Largest payload of a request whose large payloads are not read on a worker (kAddBody).
+constexpr std::uint64_t kMostOnLoop = 1 << 20;
+
+/// Returns whether a handler takes large payloads, which a worker reads.
+bool takes_large(const RequestType* type) {
+  return type && type->payload != Payload::kEmpty &&
+         (type->runs_on == RunsOn::kLoopIfSmall || type->runs_on == RunsOn::kWorker ||
+          type->runs_on == RunsOn::kPointWorker || type->runs_on == RunsOn::kPlanWorker);
+}
+
+void check_right(Rights needed, const Request& request) {
+  if (const Rights rights = request.sink->rights(); needed & ~rights)
+    throw RejectedRequest{ErrorCode::kForbidden, wire::type_name(request.header.type) + " needs the right \"" +
+                                                     rights_text(needed) + "\"; this client has " +
+                                                     rights_text(rights)};
+}
+
+}  // namespace
+
+Rights right_for(FrameType request) {
+  const RequestType* type = find_type(static_cast<std::uint16_t>(request));
+  return type ? type->right : Rights{0};
+}
+
+RequestRouter::RequestRouter(std::shared_ptr<Engine> engine, Workers& workers, const Limits& limits,
+                             std::chrono::nanoseconds slice)
+    : context(std::move(engine), workers, limits, limits.require_epoch),
+      queries(context, limits, slice),
+      updates(context, limits),
+      plans(context, limits, limits),
+      scenes(context.engine, context.answers, context.stats, context.quotas, limits) {}
+
+void RequestRouter::route(Request request) {
+  ++context.stats.frames;
+  ReplySink& sink = *request.sink;  // lives on with the request if that is answered later
+  context.answers.guard(sink, request.header, [&] { dispatch(request); });
+}
+
+void RequestRouter::dispatch(Request& request) {
+  const FrameHeader& header = request.header;
+  wire::check_header(header, request.bytes);
+  const RequestType* type = request.type = find_type(header.type);
+  check_right(type ? type->right : Rights{0}, request);
+  OwnPayload own;
+  if (request.is_large() && !takes_large(type)) {
+    if (request.bytes > kMostOnLoop)
+      throw RejectedRequest{ErrorCode::kBadFrame, wire::type_name(header.type) + ": a payload of " +
+                                                      std::to_string(request.bytes) + " bytes, more than the " +
+                                                      std::to_string(kMostOnLoop) + " that a request of this type has"};
+    own = std::exchange(request.fetch, nullptr)();
+    request.payload = own.span();
+  }
+  if (!request.is_large() && !(type && type->payload == Payload::kWhole))
+    request.payload = without_records(context.answers, header, request.payload, context.stats.records_ignored);
+  if (!type)
+    throw RejectedRequest{ErrorCode::kUnknownType, "frame: type " + wire::type_name(header.type) + " is no request"};
+  if (type->payload == Payload::kEmpty) wire::parse_empty(request.payload, header.type);
+  type->handle(*this, request);
+}
+
+void RequestRouter::ping(Request& request) {
+  if (!request.is_large()) return context.reply(request, request.payload);
+  const auto make = [&answers = context.answers, header = request.header, fetch = request.take_payload()](
+                        auto, std::uint64_t& ignored) {
+    const OwnPayload payload = fetch();
+    const auto body = without_records(answers, header, payload.span(), ignored);
+    count_copied(body.size());
+    return std::vector<std::byte>(body.begin(), body.end());
+  };
+  context.reply_in_background(request, request.bytes, make);
+}
+
+/// @param size of what the payload lists
+void RequestRouter::send(Request& request, std::size_t size, std::vector<std::byte> (*payload)(const Engine&)) {
+  if (size <= kFewBodies) return context.reply(request, payload(*context.engine));
+  context.reply_in_background(request, 0, [engine = context.engine, payload](auto, auto&) { return payload(*engine); });
+}
+
+void RequestRouter::send_scene(Request& request) {
+  send(request, context.engine->scene().bodies().size(), scene_payload);
+}
+void RequestRouter::send_states(Request& request) {
+  send(request, context.engine->scene().bodies().size(), states_payload);
+}
+void RequestRouter::send_joints(Request& request) {
+  send(request, context.engine->scene().joints().size(), joints_payload);
+}
+
+void RequestRouter::send_stats(Request& request) {
+  std::vector<std::byte> payload;
+  for (const auto& [name, value] : counters()) {
+    wire::CounterRecord record;
+    wire::set_name(record.name, name);
+    record.value = value + (name == "requests.waiting");  // includes this request
+    wire::append(payload, record);
+  }
+  context.reply(request, payload);
+}
+
+Stats::Named RequestRouter::counters() const {
+  using std::chrono::duration_cast, std::chrono::seconds, std::chrono::steady_clock;
+  const std::uint64_t running = waiting(), deferred = queries.deferred().size();
+  Stats::Named all;
+  all.emplace_back("uptime_s", duration_cast<seconds>(steady_clock::now() - started_).count());
+  all.emplace_back("queries.waiting", running);
+  all.emplace_back("queries.held", deferred);
+  all.emplace_back("requests.waiting", running + deferred + scenes.waiting());
+  all.emplace_back("plans.open", plans.plans().count());
+  all.emplace_back("plans.bytes", plans.plans().bytes());
+  context.stats.append_to(all);
+  const auto engine = context.engine->stats();
+  all.insert(all.end(), engine.begin(), engine.end());
+  return all;
+}
+
+void RequestRouter::drop_gone() {
+  context.workers.look();
+  plans.drop_gone();
+  queries.drop_gone();
+  context.stats.dropped += scenes.drop_gone();
+}
+
+}  // namespace clearance

@@ -1,0 +1,56 @@
+// Requests and their handlers. request_router.cpp has the table of request types.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "server/core/plan_requests.h"
+#include "server/core/query_requests.h"
+#include "server/core/request_context.h"
+#include "server/core/scene_changes.h"
+#include "server/core/state_updates.h"
+
+namespace clearance {
+
+/// Used on the loop's thread.
+class RequestRouter {
+ public:
+  struct Limits : Quotas::Limits, SceneChanges::Limits, QueryLimits, PointLimits, DevicePlans::Limits {
+    bool require_epoch = false;  ///< reject requests that deal with poses and name no epoch (kNewEpoch)
+  };
+
+  /// @param limits outlive this
+  /// @param slice of queries on the loop
+  RequestRouter(std::shared_ptr<Engine> engine, Workers& workers, const Limits& limits, std::chrono::nanoseconds slice);
+
+  /// Answers a request, or passes it on to a worker.
+  void route(Request request);
+  /// Drops requests whose clients are gone.
+  void drop_gone();
+  /// Queries under way.
+  std::size_t waiting() const { return queries.small() + context.workers.size(); }
+  Stats::Named counters() const;
+
+  // Handlers of the simple requests.
+  void ping(Request& request);
+  void send_scene(Request& request);
+  void send_states(Request& request);
+  void send_joints(Request& request);
+  void send_stats(Request& request);
+
+  RequestContext context;
+  QueryRequests queries;
+  StateUpdates updates;
+  PlanRequests plans;
+  SceneChanges scenes;
+
+ private:
+  void dispatch(Request& request);
+  void send(Request& request, std::size_t size, std::vector<std::byte> (*payload)(const Engine&));
+
+  const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace clearance
