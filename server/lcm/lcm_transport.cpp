@@ -2,9 +2,6 @@
 //
 // liblcm's thread reads the socket and queues; all of this runs on the loop's thread. Requests become frames for the
 // loop and its answers become messages again. Poses have lcm_pose_intake.h, what is published unasked lcm_announcer.h.
-#include <sys/timerfd.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstring>
@@ -18,6 +15,7 @@
 #include "server/lcm/lcm_points.h"
 #include "server/lcm/lcm_pose_intake.h"
 #include "server/lcm/lcm_publishers.h"
+#include "server/lcm/lcm_timer.h"
 #include "server/lcm/lcm_translate.h"
 #include "server/requests/error_frame.h"
 #include "server/requests/transport.h"
@@ -50,10 +48,8 @@ class LcmTransport final : public Transport {
       : url_(address.url()),
         allowed_poses_(allowed_poses),
         link_(std::make_shared<LcmLink>(open_lcm_port(address, gateway_bytes))),
-        timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)),
         assembler_({.frame_bytes = kMaxRequestBytes, .total_bytes = 4 * kMaxRequestBytes, .frames = 256}),
         distances_hz_(std::max(0.0, address.distances_hz)) {
-    if (timer_ < 0) throw std::runtime_error(std::string("LCM: no timer: ") + std::strerror(errno));
     if (!allowed_poses.any) link_->rights &= ~kMayPose;  // by frames, too, which name no body before they are read
     const auto listen = [this](const char* name, auto method) {
       link_->port->subscribe(name, kQueue,
@@ -69,13 +65,12 @@ class LcmTransport final : public Transport {
     listen("CLEARANCE_FRAME_IN", &LcmTransport::on_frame);
     listen("CLEARANCE_STATUS", &LcmTransport::on_status);
   }
-  ~LcmTransport() override { ::close(timer_); }
 
   std::string url() const override { return url_; }
 
   std::vector<int> descriptors() const override {
     std::vector<int> all = link_->port->descriptors();
-    all.push_back(timer_);
+    all.push_back(timer_.get());
     return all;
   }
 
@@ -84,10 +79,7 @@ class LcmTransport final : public Transport {
 
   int poll(RequestHandler& handler) override {
     meet(handler);
-    if (armed_) {
-      std::uint64_t expirations = 0;
-      [[maybe_unused]] const auto ignored = ::read(timer_, &expirations, sizeof expirations);
-    }
+    timer_.clear();
     handed_in_ = 0;
     link_->port->begin_turn(handler);
     for (int i = 0; i < kMessagesPerPoll && link_->port->handle(); ++i) ++metrics_->messages;
@@ -244,7 +236,8 @@ class LcmTransport final : public Transport {
     const std::span<const std::byte> payload = frame.subspan(sizeof header);
     if (payload.size() <= kLargePayload) return handler_->on_frame(header, payload, std::move(sink));
     const OwnPayload fetched{{owner, payload.data()}, payload.size()};
-    handler_->on_large_frame(header, payload.size(), [fetched] { return fetched; }, std::move(sink));
+    handler_->on_large_frame(
+        header, payload.size(), [fetched] { return fetched; }, std::move(sink));
   }
 
   void on_status(std::span<const std::byte> packet) {
@@ -268,37 +261,23 @@ class LcmTransport final : public Transport {
     metrics_->dropped = link_->dropped;
     metrics_->sent = link_->outbox.sent() + link_->announcements.sent();
     metrics_->failed = link_->outbox.failed() + link_->announcements.failed();
-    arm_timer();
-  }
-
-  /// Wakes the loop when the pacer lets more out, or when distances were held back by their rate.
-  void arm_timer() {
-    const auto now = Clock::now();
+    // Wakes the loop when the pacer lets more out, or when distances that their rate held back are due.
     auto due = link_->outbox.due();
-    if (const auto other = link_->announcements.due()) due = due ? std::min(*due, *other) : *other;
-    if (const auto other = announcer_->due()) due = due ? std::min(*due, *other) : *other;
-    if (!due && !armed_) return;
-    armed_ = due.has_value();
-    itimerspec spec{};
-    if (due) {
-      const auto wait = std::max(*due - now, Clock::duration(std::chrono::microseconds(50)));
-      spec.it_value.tv_sec = std::chrono::duration_cast<std::chrono::seconds>(wait).count();
-      spec.it_value.tv_nsec = (wait % std::chrono::seconds(1)).count();
-    }
-    ::timerfd_settime(timer_, 0, &spec, nullptr);
+    for (const auto& other : {link_->announcements.due(), announcer_->due()})
+      if (other) due = due ? std::min(*due, *other) : *other;
+    timer_.arm(due);
   }
 
   std::string url_;
   LcmPoses allowed_poses_;
   std::shared_ptr<LcmLink> link_;
-  int timer_;
+  LcmTimer timer_;
   FrameAssembler assembler_;
   LcmPoints points_;
   double distances_hz_;
   LcmClients clients_;
   PublisherLog changes_;  // frames that change something, of each client
   int handed_in_ = 0;
-  bool armed_ = false;
   const Scene* scene_ = nullptr;
   // From the loop's first call on.
   RequestHandler* handler_ = nullptr;

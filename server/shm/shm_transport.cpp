@@ -2,97 +2,50 @@
 // The layout and the rules are drawn in wire/shm_layout.h.
 #include "server/shm/shm_transport.h"
 
-#include <sys/epoll.h>
-#include <sys/eventfd.h>
-#include <sys/stat.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <new>
 
-#include "server/access/accepting.h"
-#include "server/access/fd_filter_proxy.h"
-#include "server/limits/places.h"
-#include "server/shm/shm_segment.h"
-#include "server/shm/shm_session.h"
-#include "wire/shm_layout.h"
-#include "wire/shm_os.h"
+#include "server/shm/shm_sessions.h"
 
 namespace clearance {
-
 namespace {
-
-using Clock = std::chrono::steady_clock;
-using shm::MessageKind;
-using shm::UniqueFd;
 
 constexpr int kMaxFramesPerPoll = 64;
 constexpr int kMaxFramesPerClient = 8;
 /// Requests are copied on the loop: past this much in one poll the rest waits for the next.
 constexpr std::uint64_t kMaxBytesPerPoll = std::uint64_t{4} << 20;
 constexpr std::size_t kScratchKept = std::size_t{4} << 20;
-constexpr int kMessagesPerEvent = 8;
-/// While requests keep the loop awake the sockets are looked at as often as this; the clock, once in so many polls.
-constexpr auto kSocketLookEvery = std::chrono::milliseconds(1);
-constexpr int kPollsPerClockLook = 16;
 
 class ShmTransport final : public Transport {
  public:
   ShmTransport(const std::string& path, const ShmLimits& limits, const Access& access)
-      : path_(path),
-        limits_(limits),
-        access_(access),
-        places_(limits.max_clients, access.has_control() ? kept_for_control(limits.max_clients) : 0),
-        budget_(std::make_shared<SegmentBudget>()),
-        listener_(path, access) {
-    budget_->limit = limits.pool_bytes;
-    if (budget_->limit == 0)
-      budget_->limit = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
-                       static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / 2;
-    if (access.has_control()) budget_->kept_for_control = kept_for_control(budget_->limit);
-    if (limits_.pinned_bytes > 0) pinner_ = std::make_shared<SegmentPinner>(limits_.pinned_bytes);
-    limits_.max_segment_bytes = std::min(limits_.max_segment_bytes, budget_->limit);
-    limits_.slots = std::clamp<std::uint32_t>(limits_.slots, 1, shm::kMaxSlots);
-    epoll_.reset(::epoll_create1(EPOLL_CLOEXEC));
-    if (!epoll_) fail_shm(path, "epoll_create1", errno);
-    if (!watch(listener_.get(), EPOLLIN, 0)) fail_shm(path, "epoll_ctl", errno);
-  }
-  ~ShmTransport() override {
-    for (auto& session : sessions_) {  // sinks may live longer than this
-      session->gone = true;
-      session->place = {};
-    }
-    budget_->drop = nullptr;
-  }
+      : path_(path), sessions_(path, limits, access) {}
 
   std::string url() const override { return "shm://" + path_; }
-  std::vector<int> descriptors() const override { return {epoll_.get()}; }
+  std::vector<int> descriptors() const override { return {sessions_.get()}; }
 
   int poll(RequestHandler& handler) override {
-    meet(handler);
+    sessions_.meet(handler);
     int frames = 0;
     std::uint64_t bytes = 0;
-    const std::size_t count = sessions_.size();
+    const auto& sessions = sessions_.all();
+    const std::size_t count = sessions.size();
     ++polls_;  // each turn of the loop polls once
-    for (const auto& session : sessions_)
+    for (const auto& session : sessions)
       for (const auto& segment : session->segments) segment->show_turns(polls_);
     for (const ServiceClass service : {ServiceClass::kControl, ServiceClass::kPlanning})
       for (std::size_t i = 0; i < count && frames < kMaxFramesPerPoll && bytes < kMaxBytesPerPoll; ++i)
-        if (const auto& session = sessions_[(first_ + i) % count]; class_of(session->rights) == service)
+        if (const auto& session = sessions[(first_ + i) % count]; class_of(session->rights) == service)
           serve_requests(session, handler, frames, bytes);
-    ++first_;  // another client is first next time
-    // After the requests: whoever woke us waits for an answer.
-    if (look_at_sockets_ || (polls_ % kPollsPerClockLook == 0 && Clock::now() >= next_socket_look_)) serve_sockets();
-    remove_gone();
+    ++first_;                // another client is first next time
+    sessions_.poll(polls_);  // after the requests, whose clients wait
     return frames;
   }
 
   bool prepare_sleep() override {
-    for (const auto& session : sessions_)
-      for (const auto& segment : session->segments) segment->set_sleeping(true);
-    for (const auto& session : sessions_)
+    set_sleeping(true);
+    for (const auto& session : sessions_.all())
       for (const auto& segment : session->segments)
         if (segment->has_request()) {
           finish_sleep();
@@ -102,188 +55,28 @@ class ShmTransport final : public Transport {
   }
 
   void finish_sleep() override {
-    for (const auto& session : sessions_)
-      for (const auto& segment : session->segments) segment->set_sleeping(false);
-    look_at_sockets_ = true;
+    set_sleeping(false);
+    sessions_.look_soon();
   }
 
   void tick(RequestHandler& handler) override {
-    meet(handler);
+    sessions_.meet(handler);
     scratch_.trim(kScratchKept);
-    look_at_sockets_ = true;
-    const auto now = Clock::now();
-    for (const auto& session : sessions_)
-      if (session->segments.empty() && now - session->connected > limits_.hello_timeout) drop(*session);
-    remove_gone();
-    *counters_.segment_bytes = budget_->used;
-    *counters_.pinned_bytes = pinner_ ? pinner_->bytes() : 0;
-    *counters_.pin_refusals = pinner_ ? pinner_->refusals() : 0;
+    sessions_.tick();
   }
 
  private:
-  /// The loop is only known from its first call on.
-  void meet(RequestHandler& handler) {
-    if (counters_.connections) return;
-    counters_.bind(handler);
-    budget_->drop = [&handler](std::shared_ptr<void> memory) { handler.drop(std::move(memory)); };
-  }
-  /// Event tags: 0 is the listener; a session's socket is 2 id, its eventfd 2 id + 1.
-  bool watch(int fd, std::uint32_t events, std::uint64_t tag) {
-    epoll_event event{};
-    event.events = events;
-    event.data.u64 = tag;
-    return ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event) == 0;
+  void set_sleeping(bool is_sleeping) {
+    for (const auto& session : sessions_.all())
+      for (const auto& segment : session->segments) segment->set_sleeping(is_sleeping);
   }
 
-  void serve_sockets() {
-    look_at_sockets_ = false;
-    next_socket_look_ = Clock::now() + kSocketLookEvery;
-    epoll_event events[64];
-    const int count = ::epoll_wait(epoll_.get(), events, 64, 0);
-    for (int i = 0; i < count; ++i) {
-      const std::uint64_t tag = events[i].data.u64;
-      if (tag == 0) {
-        accept_clients();
-      } else if (tag % 2 == 0) {
-        const auto session =
-            std::find_if(sessions_.begin(), sessions_.end(), [&](const auto& s) { return s->id == tag / 2; });
-        if (session != sessions_.end()) serve_socket(**session);
-      }  // else an eventfd: edge-triggered, it has done its work by waking the loop
-    }
-    if (count == 64) look_at_sockets_ = true;
-    remove_gone();
-  }
-
-  void accept_clients() {
-    for (int i = 0; i < kMessagesPerEvent; ++i) {
-      UniqueFd stranger(accept_or_refuse(listener_.get(), [this](int unwanted) {
-        refuse(unwanted, std::string("this daemon has no descriptor for another client: ") + std::strerror(EMFILE));
-      }));
-      if (!stranger) return;
-      std::string why;
-      const std::optional<ucred> who = process_behind(stranger.get());
-      const std::optional<Rights> rights = rights_of_peer(stranger.get(), access_, why);
-      UniqueFd socket = let_in(std::move(stranger));
-      if (!socket) {
-        ++*counters_.refused;
-        continue;
-      }
-      if (rights && who) why = places_.why_not(*who, "shared-memory clients", class_of(*rights));
-      if (!why.empty()) {
-        if (rights) ++*counters_.over_quota;
-        refuse(socket.get(), rights ? why + " (limit max-clients)" : why);
-        continue;
-      }
-      auto session = std::make_shared<ShmSession>();
-      session->id = next_client_id();
-      session->rights = *rights;
-      session->socket = std::move(socket);
-      session->connected = Clock::now();
-      if (!watch(session->socket.get(), EPOLLIN | EPOLLRDHUP, 2 * session->id)) {
-        refuse(session->socket.get(), std::string("epoll_ctl: ") + std::strerror(errno));
-        continue;
-      }
-      session->place = places_.take(*who);
-      sessions_.push_back(std::move(session));
-      ++*counters_.connections;
-    }
-  }
-
-  /// Says why and counts it. The caller decides whether the connection ends.
-  void refuse(int socket, const std::string& why) {
-    shm::Message message = make_message(MessageKind::kRefused);
-    std::memcpy(message.text, why.data(), std::min(why.size(), sizeof message.text - 1));
-    shm::send_message(socket, message);
-    ++*counters_.refused;
-  }
-
-  static shm::Message make_message(MessageKind kind) {
-    shm::Message message;
-    message.wire_version = wire::kVersion;
-    message.kind = static_cast<std::uint32_t>(kind);
-    return message;
-  }
-
-  void serve_socket(ShmSession& session) {
-    for (int i = 0; i < kMessagesPerEvent && !session.gone; ++i) {
-      shm::Message message;
-      const ssize_t received = shm::receive_message(session.socket.get(), message);
-      if (received < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
-      if (received <= 0) return drop(session);
-      serve_message(session, message, static_cast<std::size_t>(received));
-    }
-    look_at_sockets_ = true;
-  }
-
-  void serve_message(ShmSession& session, const shm::Message& message, std::size_t received) {
-    if (received < shm::kMessagePrefixBytes || message.magic != shm::kMagic)
-      return violate(session, "not a message of this protocol");
-    if (message.layout_version != shm::kLayoutVersion || message.wire_version != wire::kVersion) {
-      refuse(session.socket.get(), "the client speaks shared-memory layout " + std::to_string(message.layout_version) +
-                                       " and wire version " + std::to_string(message.wire_version) +
-                                       "; this daemon speaks " + std::to_string(shm::kLayoutVersion) + " and " +
-                                       std::to_string(wire::kVersion));
-      return drop(session);
-    }
-    if (received != sizeof message) return violate(session, "a message of a wrong size");
-    const bool greeted = !session.segments.empty();
-    switch (static_cast<MessageKind>(message.kind)) {
-      case MessageKind::kHello:
-        if (greeted) return violate(session, "a second hello");
-        return give_segment(session, message, true);
-      case MessageKind::kGrow:
-        if (!greeted) return violate(session, "no hello");
-        if (session.segments.size() >= limits_.max_segments_per_client)
-          return refuse(session.socket.get(),
-                        "all " + std::to_string(limits_.max_segments_per_client) +
-                            " segments of this client still hold requests or replies; let go of some");
-        return give_segment(session, message, false);
-      case MessageKind::kRetire: {
-        auto& segments = session.segments;
-        const auto retired = std::find_if(segments.begin(), segments.end(),
-                                          [&](const auto& s) { return s->id() == message.segment_id; });
-        if (retired == segments.end() || segments.size() < 2)
-          return violate(session, "retires a segment that it does not have");
-        segments.erase(retired);
-        return;
-      }
-      default:
-        return violate(session, "a message of unknown kind");
-    }
-  }
-
-  void give_segment(ShmSession& session, const shm::Message& wanted, bool first) {
-    std::string why;
-    auto segment = Segment::make(budget_, pinner_, limits_, class_of(session.rights), session.next_segment,
-                                 wanted.request_capacity, wanted.reply_capacity, why);
-    if (segment && first) {
-      session.wake.reset(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
-      if (!session.wake || !watch(session.wake.get(), EPOLLIN | EPOLLET, 2 * session.id + 1)) {
-        why = std::string("eventfd: ") + std::strerror(errno);
-        segment.reset();
-      }
-    }
-    if (!segment) {
-      refuse(session.socket.get(), why);
-      if (first) drop(session);
-      return;
-    }
-    segment->show_turns(polls_ + 1);
-    ++session.next_segment;
-    shm::Message message = make_message(MessageKind::kSegment);
-    message.segment_id = segment->id();
-    message.request_capacity = segment->request_capacity();
-    message.reply_capacity = segment->reply_capacity();
-    const int fds[2] = {segment->memfd(), session.wake.get()};
-    if (!shm::send_message(session.socket.get(), message, std::span(fds, first ? 2 : 1))) return drop(session);
-    session.segments.push_back(std::move(segment));
-  }
-
-  /// \param frames \param bytes taken in this poll
+  /// @param frames taken in this poll
+  /// @param bytes of them
   void serve_requests(const std::shared_ptr<ShmSession>& session, RequestHandler& handler, int& frames,
                       std::uint64_t& bytes) {
     const int most = frames + kMaxFramesPerClient;
-    // By index: the inbox may not touch the sessions, but be safe against growth all the same.
+    // By index, in case the handler changes the list.
     for (std::size_t i = 0; i < session->segments.size(); ++i) {
       if (!session->segments[i]->has_request()) continue;
       const std::shared_ptr<Segment> segment = session->segments[i];
@@ -294,11 +87,11 @@ class ShmTransport final : public Transport {
           const Segment::Take taken = segment->take(scratch_, request);
           if (taken == Segment::Take::kNothing) break;
           if (taken == Segment::Take::kViolation) {
-            violate(*session, segment->why());
+            sessions_.violate(*session, segment->why());
             break;
           }
         } catch (const std::bad_alloc&) {
-          violate(*session, "no memory for its request");
+          sessions_.violate(*session, "no memory for its request");
           break;
         }
         ++frames;
@@ -318,66 +111,11 @@ class ShmTransport final : public Transport {
     }
   }
 
-  void violate(ShmSession& session, const char* why) {
-    refuse(session.socket.get(), std::string("disconnected: ") + why);
-    ++*counters_.violations;
-    drop(session);
-  }
-
-  /// The session leaves the list in remove_gone(); requests under way keep its segments until they end.
-  void drop(ShmSession& session) {
-    session.gone = true;
-    any_gone_ = true;
-  }
-
-  void remove_gone() {
-    if (any_gone_) {
-      any_gone_ = false;
-      std::erase_if(sessions_, [this](const std::shared_ptr<ShmSession>& session) {
-        if (!session->gone) return false;
-        // The client holds the same eventfd: closing our end alone would leave it among the watched.
-        session->place = {};
-        if (session->wake) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, session->wake.get(), nullptr);
-        session->wake.reset();
-        session->socket.reset();
-        session->segments.clear();
-        return true;
-      });
-    }
-    *counters_.clients = sessions_.size();
-  }
-
-  struct CounterRefs {
-    std::uint64_t *connections = nullptr, *clients = nullptr, *refused = nullptr, *violations = nullptr,
-                  *over_quota = nullptr, *segment_bytes = nullptr, *pinned_bytes = nullptr, *pin_refusals = nullptr;
-    void bind(RequestHandler& handler) {
-      connections = &handler.counter("shm.connections");
-      clients = &handler.counter("shm.clients");
-      refused = &handler.counter("shm.refused");
-      violations = &handler.counter("shm.violations");
-      over_quota = &handler.counter("shm.over_quota");
-      segment_bytes = &handler.counter("shm.segment_bytes");
-      pinned_bytes = &handler.counter("shm.pinned_bytes");
-      pin_refusals = &handler.counter("shm.pin_refusals");
-    }
-  };
-
   std::string path_;
-  ShmLimits limits_;
-  Access access_;
-  Places places_;
-  std::shared_ptr<SegmentBudget> budget_;
-  std::shared_ptr<SegmentPinner> pinner_;
-  ShmListener listener_;
-  UniqueFd epoll_;
-  std::vector<std::shared_ptr<ShmSession>> sessions_;
+  ShmSessions sessions_;
   ScratchBuffer scratch_;
-  CounterRefs counters_;
   std::size_t first_ = 0;
   std::uint64_t polls_ = 0;
-  Clock::time_point next_socket_look_;
-  bool look_at_sockets_ = true;
-  bool any_gone_ = false;
 };
 
 }  // namespace

@@ -1,0 +1,92 @@
+// Query messages into frames.
+#include <cstring>
+#include <string>
+
+#include "server/lcm/lcm_translate.h"
+
+namespace clearance {
+namespace {
+
+/// Reads the options that differ from 0, which stands for the default.
+template <class Message>
+void read_options(const Message& message, QueryOptions& options) {
+  for_each_query_option([&](const QueryOption&, auto member) {
+    if constexpr (requires { member(message); })
+      if (const auto value = member(message); value != 0)
+        member(options) = static_cast<std::remove_reference_t<decltype(member(options))>>(value);
+  });
+}
+
+/// @param options that query_t has no field for
+/// @param rows of joint positions, or 0 for the query's own configurations
+std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOptions options,
+                                std::span<const std::uint32_t> joints = {}, std::span<const double> positions = {},
+                                std::int32_t rows = 0) {
+  read_options(query, options);
+  if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a body, too
+  for (const auto& [field, name] : {std::pair{kFieldPairLower, "pair_lower"},
+                                    {kFieldGradientJoints, "gradient_joints"},
+                                    {kFieldTime, "time"},
+                                    {kFieldFirstContact, "first_contact"},
+                                    {kFieldSteps, "steps"},
+                                    {kFieldBounds, "bounds"},
+                                    {kFieldFreeScale, "free_scale"}})
+    if (options.fields & field)
+      throw wire::WireError(wire::ErrorCode::kBadQuery, std::string("query: fields: reply_t has no column ") + name);
+  // LCM has no message for the pair table, so by default each row has its pair.
+  if (query.fields == 0) options.fields |= kFieldPair;
+  wire::QueryHeader header;
+  copy_options(options, header);
+  header.all_pairs = query.pair_count == 0;
+  header.pair_count = static_cast<std::uint32_t>(query.pair_count);
+  header.body_count = static_cast<std::uint32_t>(query.body_count);
+  header.configuration_count = static_cast<std::uint32_t>(rows ? rows : query.configuration_count);
+
+  std::vector<std::uint32_t> pairs;
+  pairs.reserve(query.pairs.size() * 2);
+  for (const auto& pair : query.pairs) {
+    pairs.push_back(static_cast<std::uint32_t>(pair[0]));
+    pairs.push_back(static_cast<std::uint32_t>(pair[1]));
+  }
+  std::vector<double> poses;
+  poses.reserve(query.configurations.size() * query.bodies.size() * 7);
+  for (const auto& configuration : query.configurations) {
+    for (const auto& pose : configuration) poses.insert(poses.end(), pose.begin(), pose.end());
+  }
+
+  const std::uint64_t payload =
+      wire::query_payload_bytes(header.pair_count, header.body_count, header.configuration_count);
+  std::vector<std::byte> records = wire::option_records(options);
+  wire::insert_joint_records(records, joints, positions);
+  std::vector<std::byte> frame(sizeof(wire::FrameHeader) + payload + records.size());
+  const wire::FrameHeader frame_header =
+      wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), payload,
+                        static_cast<std::uint64_t>(query.scene_revision), static_cast<std::uint64_t>(query.client_id));
+  wire::write_query(frame.data(), wire::with_records(frame_header, records.size()), header, pairs.data(),
+                    query.bodies.data(), poses.data(), records);
+  return frame;
+}
+
+}  // namespace
+
+std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query) {
+  return frame_of(query, {});
+}
+
+std::vector<std::byte> query_frame_of(const clearance_lcm::joint_query_t& query,
+                                      std::span<const std::uint32_t> joints) {
+  std::vector<double> positions;
+  for (const auto& row : query.positions) positions.insert(positions.end(), row.begin(), row.end());
+  QueryOptions options;
+  read_options(query, options);
+  return frame_of(query.query, options, joints, positions, query.row_count);
+}
+
+std::vector<std::byte> nearest_query_frame() {
+  clearance_lcm::query_t query{};
+  query.reduce = static_cast<std::int8_t>(Reduce::kNearest);
+  query.fields = kDefaultFields | kFieldFlags | kFieldPoints | kFieldPair;
+  return query_frame_of(query);
+}
+
+}  // namespace clearance
