@@ -15,7 +15,7 @@
 namespace clearance {
 namespace {
 
-std::mutex mutex;  // the loop's thread and libzmq's: whoever makes room takes it himself
+std::mutex mutex;  // the loop's thread's and libzmq's threads share this
 int null_device = -1;
 int reserve = -1;
 
@@ -27,21 +27,21 @@ bool is_exhausted(int error) {
   return error == EMFILE || error == ENFILE || error == ENOBUFS || error == ENOMEM;
 }
 
-// Once somebody has asked for a reserve.
+// Does nothing before a reserve was requested.
 void keep_reserve() {
   if (reserve < 0 && null_device >= 0) reserve = ::fcntl(null_device, F_DUPFD_CLOEXEC, 0);
 }
 
-/// Closes a connection that was taken in the reserve's place and makes the place a reserve, in one step: between two,
-/// another thread would take it, and there would be no reserve from then on. With a stranger's descriptors in its queue
-/// this takes as long as the stranger likes, so it is not done under the lock.
+/// Closes a connection that was taken in the reserve's place and makes that descriptor the reserve again, in one step,
+/// as another thread could take it in between. Closing takes as long as the peer's queued descriptors like, so it
+/// happens without the lock.
 void close_into_reserve(shm::UniqueFd unwanted) {
   if (::dup3(null_device, unwanted.get(), O_CLOEXEC) < 0) return;
   const std::lock_guard lock(mutex);
   if (reserve < 0) reserve = unwanted.release();
 }
 
-/// One connection, or one in the reserve's place, which nobody can serve.
+/// A connection, or one taken in the reserve's place, which must be rejected.
 struct Taken {
   int socket = -1;
   shm::UniqueFd unwanted;
@@ -77,7 +77,8 @@ void reserve_descriptor() {
 
 }  // namespace clearance
 
-// In place of the C library's, for libzmq. ECONNABORTED is what it hears of a client that hung up before it was taken.
+// Replaces the C library's function for libzmq, which gets ECONNABORTED for a client that hung up before it was
+// accepted.
 extern "C" __attribute__((visibility("default"))) int accept4(int listener, sockaddr* address, socklen_t* length,
                                                               int flags) {
   clearance::Taken taken = clearance::take(listener, address, length, flags);
@@ -92,7 +93,7 @@ extern "C" __attribute__((visibility("default"))) int accept4(int listener, sock
   return -1;
 }
 
-// Likewise: whose process is at the other end is asked of the connection that a socket stands for.
+// Replaces the C library's function for libzmq. Credentials are read from the connection behind the socket.
 extern "C" __attribute__((visibility("default"))) int getsockopt(int socket, int level, int name, void* value,
                                                                  socklen_t* length) {
   const long failed = ::syscall(SYS_getsockopt, socket, level, name, value, length);

@@ -30,14 +30,15 @@ bool is_member(int socket, gid_t primary, gid_t group) {
   socklen_t bytes = static_cast<socklen_t>(groups.size() * sizeof(gid_t));
   if (getsockopt(socket, SOL_SOCKET, SO_PEERGROUPS, groups.data(), &bytes) != 0) {
     if (errno != ERANGE) return false;
-    groups.resize(bytes / sizeof(gid_t));  // so many it has
+    groups.resize(bytes / sizeof(gid_t));  // the number that it has
     if (getsockopt(socket, SOL_SOCKET, SO_PEERGROUPS, groups.data(), &bytes) != 0) return false;
   }
   groups.resize(bytes / sizeof(gid_t));
   return std::find(groups.begin(), groups.end(), group) != groups.end();
 }
 
-/// `name` as a number. Throws std::invalid_argument. \param what "group"
+/// `name` as a number. Throws std::invalid_argument.
+/// @param what "group" or "user"
 std::uint32_t number_or_throw(const std::string& name, const char* what) {
   std::uint32_t number = 0;
   const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);

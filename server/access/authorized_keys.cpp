@@ -17,7 +17,7 @@ bool same_file(const struct stat& a, const struct stat& b) {
          a.st_mtim.tv_sec == b.st_mtim.tv_sec && a.st_mtim.tv_nsec == b.st_mtim.tv_nsec;
 }
 
-/// Whoever can write there decides who comes in.
+/// Write access to these files decides about access to the daemon.
 struct stat status_of_guarded(const std::string& path) {
   struct stat info{};
   if (stat(path.c_str(), &info) != 0) throw std::runtime_error(path + ": " + std::strerror(errno));
@@ -55,7 +55,7 @@ bool AuthorizedKeys::refresh() {
   struct stat now{};
   if (stat(list_.c_str(), &now) != 0) now = {};
   if (same_file(now, seen_)) return false;
-  seen_ = now;  // first: what is wrong with it is said once
+  seen_ = now;  // before reading, so that an error is reported once
   status_of_guarded(list_);
   entries_ = read();
   return true;

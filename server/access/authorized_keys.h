@@ -27,15 +27,15 @@ class AuthorizedKeys {
   explicit AuthorizedKeys(const std::string& folder);
 
   const KeyPair& own() const { return own_; }
-  /// Null: this key is not known.
+  /// Entry of a key, or null.
   const Entry* find(const std::string& public_key) const;
-  /// What a key may do, as the list was read last.
+  /// Rights of a key, as of the last read.
   Rights rights_of(const std::string& public_key) const;
   std::size_t size() const { return entries_.size(); }
-  /// Whether one of them has the class control.
+  /// Whether any key has the class control.
   bool has_control() const;
 
-  /// Reads the list again if the file has changed. Returns whether it did; throws as the constructor, once for each
+  /// Reads the list again if the file has changed, and returns whether it did. Throws as the constructor, once for each
   /// change, and keeps the old list.
   bool refresh();
 

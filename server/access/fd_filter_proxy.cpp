@@ -15,7 +15,7 @@
 
 #include "server/limits/places.h"
 
-#ifndef SO_PASSRIGHTS  // of Linux 6.16; the C libraries of Debian 12 and Ubuntu 24.04 do not know it
+#ifndef SO_PASSRIGHTS  // of Linux 6.16, missing in the C libraries of Debian 12 and Ubuntu 24.04
 #define SO_PASSRIGHTS 83
 #endif
 
@@ -24,7 +24,7 @@ namespace {
 
 using shm::UniqueFd;
 
-/// Doors at a time, of all endpoints, those included whose threads still close what a stranger has sent.
+/// Proxies of all endpoints, including those whose threads still close a peer's descriptors.
 constexpr std::uint64_t kMostDoors = 1024;
 constexpr std::size_t kStackBytes = 256 << 10;
 constexpr std::size_t kBufferBytes = 16 << 10;
@@ -33,7 +33,7 @@ bool set_passrights(int socket, int value) {
   return ::setsockopt(socket, SOL_SOCKET, SO_PASSRIGHTS, &value, sizeof value) == 0;
 }
 
-/// What the doors have in common; lives as long as the process, whose threads may end after everything else.
+/// State shared by the proxies. Never freed, as their threads may end after everything else.
 struct House {
   std::mutex mutex;
   Places doors{kMostDoors};
@@ -43,7 +43,7 @@ struct House {
     void (*close)(UniqueFd);
   };
   std::deque<Leaving> leaving;
-  bool is_seeing_out = false;  // a thread does
+  bool is_seeing_out = false;  // a thread closes those in `leaving`
 };
 House& house() {
   static House* one = new House;
@@ -55,7 +55,7 @@ ino_t inode_of(int socket) {
   return ::fstat(socket, &info) == 0 ? info.st_ino : 0;
 }
 
-/// A thread without signals and with a small stack, that nobody joins.
+/// Starts a detached thread without signals and with a small stack.
 bool run_detached(void* (*work)(void*), void* with) {
   pthread_attr_t attributes;
   pthread_attr_init(&attributes);
@@ -76,9 +76,9 @@ struct Way {
   Way(int from_end, int to_end, bool descriptors) : from(from_end), to(to_end), with_descriptors(descriptors) {}
 
   int from, to;
-  bool with_descriptors;  ///< the daemon's are passed on; a stranger's never become ours, the kernel drops them
+  bool with_descriptors;  ///< pass on the daemon's; the kernel drops a peer's
   std::size_t size = 0, sent = 0;
-  bool ended = false, deaf = false;  ///< nothing more comes; nobody is there to hear it
+  bool ended = false, deaf = false;  ///< end of input; the other end has hung up
   std::array<UniqueFd, shm::kMaxPassedFds> fds;
   std::byte data[kBufferBytes];
 
@@ -88,8 +88,7 @@ struct Way {
   void pass();
 };
 
-/// Takes what is there. Of messages the first; what does not fit into the buffer is longer than any of ours and cut
-/// off.
+/// Receives bytes, or the first message. A message larger than the buffer is longer than any valid one and cut off.
 void Way::take() {
   iovec room{data, sizeof data};
   alignas(cmsghdr) std::byte control[CMSG_SPACE(sizeof(int) * shm::kMaxPassedFds)];
@@ -101,7 +100,7 @@ void Way::take() {
     header.msg_controllen = sizeof control;
   }
   const ssize_t got = ::recvmsg(from, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
-  // ECONNRESET comes once, and before the last messages: of whoever closed without having read all.
+  // ECONNRESET comes once, before the last messages, if the peer closed with unread data.
   if (got < 0 && (errno == EAGAIN || errno == EINTR || errno == ECONNRESET)) return;
   ended = got <= 0;
   sent = 0;
@@ -119,7 +118,7 @@ void Way::take() {
   }
 }
 
-/// Passes on what can be.
+/// Sends as much as possible.
 void Way::pass() {
   while (is_full() && !deaf) {
     iovec rest{data + sent, size - sent};
@@ -151,21 +150,22 @@ void Way::pass() {
   if (ended) ::shutdown(to, SHUT_WR);
 }
 
-/// One stranger's way in and out.
+/// Both directions of one unauthenticated peer.
 struct Door {
   UniqueFd stranger, inner;
   ino_t inode;
-  Places::Share place = {};  // with the mutex of the house
+  Places::Share place = {};  // guarded by the mutex of House
 
   void serve() const;
   static void* run(void* self);
 };
 
-/// Until the daemon has closed its end, though the stranger may have gone before: so long it must be known who he was.
+/// Runs until the daemon has closed its end, even if the peer has gone before, as the peer's credentials must remain
+/// known.
 void Door::serve() const {
   Way in{stranger.get(), inner.get(), false}, out{inner.get(), stranger.get(), true};
   for (;;) {
-    // An end that nothing is asked of is left out, but for the daemon's: that it has hung up ends all.
+    // An end without expected events is left out, except the daemon's, whose hang-up ends the proxy.
     const auto asked = [](const Way& from_here, const Way& to_here) {
       return static_cast<short>((from_here.has_room() ? POLLIN : 0) | (to_here.is_full() ? POLLOUT : 0));
     };
@@ -190,7 +190,7 @@ void* Door::run(void* self) {
     h.behind.erase(door->inode);
   }
   door->inner.reset();
-  door->stranger.reset();  // for as long as the stranger likes
+  door->stranger.reset();  // may take long, if the peer likes
   const std::lock_guard lock(h.mutex);
   door->place = {};
   return nullptr;
@@ -249,7 +249,7 @@ UniqueFd let_in(UniqueFd stranger) {
     door->place = h.doors.take(who);
     h.behind[inode] = who;
     if (run_detached(&Door::run, door.get())) {
-      door.release();  // the thread's
+      door.release();  // owned by the thread
       return outer;
     }
     door->place = {};
@@ -268,7 +268,7 @@ void turn_away(UniqueFd stranger, void (*close)(UniqueFd)) {
   House& h = house();
   const std::lock_guard lock(h.mutex);
   h.leaving.push_back({std::move(stranger), close});
-  // Without a thread it stays open until the next one is turned away.
+  // Without a thread the socket stays open until the next one is turned away.
   if (!h.is_seeing_out) h.is_seeing_out = run_detached(&see_out, nullptr);
 }
 

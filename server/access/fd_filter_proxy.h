@@ -1,8 +1,8 @@
-// Stands between the daemon's threads and Unix sockets of strangers.
+// A proxy between the daemon's threads and Unix sockets of unauthenticated peers.
 //
-// A stranger's message may carry descriptors (SCM_RIGHTS), and whoever receives it, or closes the socket with it in the
-// queue, closes them: if he is the last to hold one, he waits for as long as that takes. For a TCP socket with
-// SO_LINGER that is as long as its sender likes. So no such descriptor may reach a thread that others wait for.
+// A message may carry descriptors (SCM_RIGHTS). A thread that receives it, or closes the socket with it in the queue,
+// closes the descriptors, and if it holds the last reference it waits: for a TCP socket with SO_LINGER as long as the
+// sender likes. So such descriptors must not reach a thread that others wait for.
 #pragma once
 
 #include <sys/socket.h>
@@ -11,24 +11,24 @@
 
 namespace clearance {
 
-/// Whether the kernel keeps descriptors out (SO_PASSRIGHTS, Linux 6.16): then strangers' sockets are like any others,
-/// and the doorman has nothing to do. False also with CLEARANCE_DOORMAN=on in the environment, for tests.
+/// Whether the kernel rejects descriptors (SO_PASSRIGHTS, Linux 6.16), so that no proxy is needed. False with
+/// CLEARANCE_DOORMAN=on in the environment, for tests.
 bool kernel_refuses_descriptors();
 
-/// Has a Unix socket that does not listen yet refuse descriptors, and each connection that it will take. Does nothing
-/// where the kernel cannot. Throws std::runtime_error.
+/// Makes a Unix socket that does not listen yet reject descriptors, and each connection that it accepts. Does nothing
+/// if the kernel cannot. Throws std::runtime_error.
 void refuse_descriptors(int listener);
 
-/// A socket of the same type to use in place of a connection that was taken from strangers at a Unix socket: a thread
-/// of its own passes on what they say, without descriptors, and what they are told, with them, and closes their end.
-/// Where the kernel refuses descriptors, and of other families, the connection itself. None, and the connection is
-/// closed, if there is no thread or descriptor for it or its user has too many doors.
+/// Returns a socket of the same type that replaces a connection at a Unix socket. A thread forwards the peer's data
+/// without descriptors, and the daemon's with them, and closes the peer's socket. Returns the connection itself for
+/// other families or if the kernel rejects descriptors, and nothing, closing the connection, if there is no thread or
+/// descriptor for it or its user has too many proxies.
 shm::UniqueFd let_in(shm::UniqueFd stranger);
 
-/// Has a connection that was taken from strangers closed by `close`, on a thread that nobody waits for.
+/// Closes an unauthenticated peer's connection by `close`, on a detached thread.
 void turn_away(shm::UniqueFd stranger, void (*close)(shm::UniqueFd) = +[](shm::UniqueFd) {});
 
-/// Who is behind a socket of let_in(): SO_PEERCRED, asked of the stranger's. False: it is none of those.
+/// Credentials of the peer behind a socket of let_in() (SO_PEERCRED). Returns false for any other socket.
 bool credentials_behind(int socket, ucred& who);
 
 }  // namespace clearance

@@ -35,7 +35,7 @@ std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& input) const 
   file_ = app_.get_config_ptr()->as<std::string>();
   entries_ = entries_of(input);
   check(entries_);
-  std::stringstream one_a_line;  // CLI11 reads no list that begins with "[" alone on its line
+  std::stringstream one_a_line;  // CLI11 rejects a list that begins with "[" alone on its line
   for (const Entry& entry : entries_)
     if (!entry.is_limit) one_a_line << entry.name << " = " << entry.value << "\n";
   return CLI::ConfigTOML::from_config(one_a_line);
@@ -90,13 +90,13 @@ std::vector<ConfigFile::Entry> ConfigFile::entries_of(std::istream& text) const 
   return entries;
 }
 
-// The value of a list may go on over lines; `line` is then the last of them.
+// Reads an entry. A list may span lines; `line` is then the last of them.
 ConfigFile::Entry ConfigFile::read_entry(const std::string& text, int* line, std::istream& more) const {
   const std::size_t equals = text.find('=');
   Entry entry{without_quotes(trimmed(text.substr(0, std::min(equals, text.find('#'))))), "true", *line};
   if (equals == std::string::npos || equals > text.find('#')) return entry;
   std::string value = trimmed(text.substr(equals + 1));
-  value = trimmed(value.substr(0, value.find('#')));  // in quotes, too: CLI11 reads it so
+  value = trimmed(value.substr(0, value.find('#')));  // in quotes, too, as in CLI11
   if (value.empty()) fail(*line, entry.name + ": expected a value");
   if (value[0] == '[') {
     std::string next;

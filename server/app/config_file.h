@@ -10,22 +10,22 @@
 
 namespace clearance {
 
-/// Reads a file as CLI11 does, after checks that name the file and the line of what is wrong.
+/// Reads a file as CLI11 does, after checks whose errors name file and line.
 class ConfigFile : public CLI::ConfigTOML {
  public:
-  /// \param app whose options the file may have, by their long names
+  /// @param app with the options that the file may have, by their long names
   explicit ConfigFile(const CLI::App& app) : app_(app) {}
 
   /// Throws CLI::ConfigError for an unknown or repeated option, an unknown section, and a value that is missing or
   /// without end.
   std::vector<CLI::ConfigItem> from_config(std::istream& input) const override;
 
-  /// Calls set(name, value) for each line of section [limits]; what it throws as std::invalid_argument is thrown on as
+  /// Calls set(name, value) for each line of section [limits], and rethrows its std::invalid_argument as
   /// CLI::ConfigError with file and line.
   void for_each_limit(const std::function<void(const std::string&, const std::string&)>& set) const;
 
-  /// Where the file has the option that an error about a value names: "clearanced.toml:4: "; empty: it has none, or the
-  /// command line has it as well, which counts.
+  /// Place in the file of the option that an error names, such as "clearanced.toml:4: ". Empty if the file does not
+  /// have the option, or if the command line overrides it.
   std::string place_of(const std::string& error, std::span<const char* const> command_line) const;
 
  private:

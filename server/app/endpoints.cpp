@@ -13,7 +13,7 @@
 namespace clearance {
 namespace {
 
-/// Where nothing was asked for, what needs no set-up is served.
+/// Adds the endpoint that needs no set-up if no endpoint was given.
 void add_default_endpoint(DaemonOptions& options) {
   if (!options.shm.empty() || !options.zmq.empty() || !options.lcm.empty()) return;
   const std::string folder = default_socket_folder();

@@ -1,4 +1,4 @@
-// Where the daemon is met, and by whom: what its options say of that.
+// The daemon's endpoints and the access to them, from its options.
 #pragma once
 
 #include "server/access/access.h"
@@ -8,11 +8,11 @@
 
 namespace clearance {
 
-/// Who may come in, as the options say. Throws std::invalid_argument, and std::runtime_error for key files.
+/// Access rights from the options. Throws std::invalid_argument, and std::runtime_error for key files.
 Access access_of(const DaemonOptions& options);
-/// Throws std::invalid_argument for options that contradict each other or name what the scene does not have.
+/// Throws std::invalid_argument for contradictory options and for names that are not in the scene.
 LcmPoses lcm_poses_of(const DaemonOptions& options, const Scene& scene);
-/// Opens all of them, or the default one, and adds them to the loop. Throws std::runtime_error with cause and place.
+/// Opens all endpoints, or the default one, and adds them to the loop. Throws std::runtime_error with cause and place.
 void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, const LcmPoses& lcm_poses);
 
 }  // namespace clearance

@@ -1,4 +1,4 @@
-// clearanced: loads a scene, opens its endpoints, and serves until a signal ends it.
+// clearanced loads a scene, opens its endpoints, and serves until a signal ends it.
 #include <fcntl.h>
 #include <malloc.h>
 #include <signal.h>
@@ -41,27 +41,26 @@ void handle_signals() {
   struct sigaction action{};
   action.sa_handler = on_signal;
   for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
-  // A peer that is gone and a file that may not grow (a segment beyond RLIMIT_FSIZE) are errors of a call.
+  // Ignored, so that writing to a closed socket or beyond RLIMIT_FSIZE (a segment) is an error of the call.
   action.sa_handler = SIG_IGN;
   for (const int number : {SIGPIPE, SIGXFSZ}) sigaction(number, &action, nullptr);
 }
 
-/// Why the daemon does not start.
+/// Reason for which the daemon does not start.
 struct Failure {
   ExitCode code;
   std::string sentence;
 };
 
-/// Says so: one sentence on standard error.
+/// Prints one sentence to standard error, and returns the exit code.
 int fail(ExitCode code, const std::string& sentence) {
   std::fprintf(stderr, "clearanced: %s\n", log_text(sentence, false).c_str());
   return code;
 }
 
-/// Has OpenMP's threads sleep, not spin, where they wait for each other. On a machine that the daemon shares with
-/// planners a spinning thread keeps the core from the very thread that it waits for: queries were seen to take 20 times
-/// as long. libgomp reads the setting before main() begins, so this starts the program anew, in the same process. A
-/// setting that is there is left alone.
+/// Makes OpenMP's threads sleep instead of spin while they wait. If planners share the machine, a spinning thread keeps
+/// the core from the thread that it waits for, which made queries up to 20 times slower. libgomp reads the setting
+/// before main(), so this executes the program again in the same process. An existing setting is kept.
 void let_threads_sleep(char** argv) {
   if (getenv("OMP_WAIT_POLICY")) return;
   char path[4096];
@@ -69,13 +68,12 @@ void let_threads_sleep(char** argv) {
   if (size <= 0) return;
   path[size] = '\0';
   setenv("OMP_WAIT_POLICY", "passive", 1);
-  execv(path, argv);  // if that fails, we go on as we are
+  execv(path, argv);  // without effect if it fails
 }
 
-/// Has memory that a query gave back stay with the process. By its defaults the C library returns what is free at the
-/// end of the heap to the system from 128 KB on, and a query that needs as much then has the kernel clear the same
-/// pages again: batches of 171 pairs were seen to take 200 us instead of 110. Larger blocks still come and go by
-/// mmap().
+/// Keeps freed memory in the process. By default the C library returns free memory at the heap's end to the system from
+/// 128 KB on, and the kernel clears the same pages again for the next query: batches of 171 pairs took 200 us instead
+/// of 110. Larger blocks still use mmap().
 void keep_freed_memory() {
 #ifdef __GLIBC__
   mallopt(M_TRIM_THRESHOLD, 64 << 20);
@@ -87,7 +85,7 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-/// systemd names the unit's CacheDirectory= in the environment; CLEARANCE_CACHE says otherwise.
+/// CLEARANCE_CACHE overrides the unit's CacheDirectory=, which systemd passes in the environment.
 void use_cache_directory() {
   const char* folders = std::getenv("CACHE_DIRECTORY");
   if (!folders) return;
@@ -118,7 +116,7 @@ void log_scene(const DaemonOptions& options, const Engine& engine, double load_s
   log_file_warnings(engine.scene());
 }
 
-/// Runs `work`; an Error that it throws ends the start with this code.
+/// Runs `work`, and turns an Error that it throws into a Failure with this code.
 template <class Error, class Work>
 auto or_fail(ExitCode code, const std::string& place, Work work) {
   try {
@@ -172,7 +170,7 @@ Loop::Options loop_options_of(const DaemonOptions& options, const Access& access
   return loop;
 }
 
-/// A wrong backend is said before the scene is loaded, which may take long.
+/// Rejects a wrong backend before the scene is loaded, which may take long.
 void check_backend(const Engine::Options& options) {
   or_fail<std::exception>(kExitBackend, "", [&] { Engine probe(Scene{}, options); });
   for (const SelfTest& test : self_tests())
@@ -181,7 +179,7 @@ void check_backend(const Engine::Options& options) {
                  test.wrong, test.answers, test.first_wrong);
 }
 
-/// Tells everybody who waits for that.
+/// Reports readiness to the log, the readiness descriptor and the supervisor.
 void say_ready(const Loop& loop, const DaemonOptions& options, const Supervisor& supervisor, double load_seconds) {
   std::vector<std::string> urls;
   for (const auto& transport : loop.transports()) urls.push_back(transport->url());
@@ -192,7 +190,7 @@ void say_ready(const Loop& loop, const DaemonOptions& options, const Supervisor&
   supervisor.ready("serving " + options.scene + " at " + all);
 }
 
-/// The loop that signals go to, while this lives.
+/// Directs signals to a loop while this exists.
 struct SignalledLoop {
   explicit SignalledLoop(Loop& loop) {
     running_loop = &loop;
@@ -236,7 +234,7 @@ int serve(DaemonOptions options) {
     metrics.emplace(options.metrics, [&loop] { return loop.read_metrics(std::chrono::milliseconds(500)); });
     log::info("event=metrics url={}", log_text(metrics->url()));
   });
-  if (options.real_time)  // now that other threads are there, which do not get it
+  if (options.real_time)  // once other threads, which do not get it, have started
     become_real_time(options.loop_cpu >= 0 ? std::optional(options.loop_cpu) : std::nullopt);
   say_ready(loop, options, supervisor, load_seconds);
 
@@ -246,7 +244,7 @@ int serve(DaemonOptions options) {
   supervisor.stopping();
   log::info("event=end signal={} frames={} queries={} errors={} uptime_seconds={:.1f}", last_signal.load(),
             loop.counter("frames"), loop.counter("queries"), loop.counter("errors"), seconds_since(begin));
-  if (loop.is_reloading() || loop.is_working()) {  // nobody waits for what nobody will get
+  if (loop.is_reloading() || loop.is_working()) {  // their clients will get no reply
     loop.close_transports();
     log::end();
     std::_Exit(kExitClean);

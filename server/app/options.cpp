@@ -53,7 +53,7 @@ Exit codes
   1 an error that nobody foresaw          4 an endpoint cannot be opened
   2 the command line is wrong             5 the backend is unknown or absent)";
 
-/// A check without the words that CLI11 has for it: what a number may be is said in the option's own.
+/// A check without CLI11's own text, as the option's text has the range.
 CLI::Validator quiet(CLI::Validator check) {
   return check.description("");
 }
@@ -135,7 +135,7 @@ void add_real_time(CLI::App& app, DaemonOptions& o) {
       ->needs(real_time);
 }
 
-/// A number that few daemons change: in section [limits] of the configuration file, or by --limit.
+/// A number that few users change, set in section [limits] of the configuration file or by --limit.
 struct Limit {
   const char* name;
   std::uint64_t DaemonOptions::* value;
@@ -200,7 +200,7 @@ std::string limits_text() {
   return all;
 }
 
-/// Throws std::invalid_argument for an unknown name, and a value that is no number in its range.
+/// Throws std::invalid_argument for an unknown name and for a value out of its range.
 void set_limit(const std::string& name, const std::string& value, DaemonOptions& o) {
   const auto* const limit = std::find_if(std::begin(kLimits), std::end(kLimits),
                                          [&](const Limit& candidate) { return candidate.name == name; });
@@ -213,7 +213,7 @@ void set_limit(const std::string& name, const std::string& value, DaemonOptions&
   o.*limit->value = number;
 }
 
-/// Of the command line: "max-points=1000".
+/// Sets a limit from the command line, such as "max-points=1000".
 void set_limit(const std::string& text, DaemonOptions& o) try {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos) throw std::invalid_argument("expected NAME=N, got " + text.substr(0, 60));
@@ -237,7 +237,7 @@ void add_watching(CLI::App& app, DaemonOptions& o) {
       ->type_name("N");
 }
 
-/// Clients may run in another folder: what they connect to is an absolute path.
+/// Absolute path, as clients may run in another folder.
 std::string absolute_path(const std::string& path) {
   if (path.empty()) return path;
   const std::filesystem::path absolute = std::filesystem::absolute(path);
@@ -245,7 +245,7 @@ std::string absolute_path(const std::string& path) {
   return (leads_up ? absolute : absolute.lexically_normal()).string();  // ".." behind a link leads elsewhere
 }
 
-/// Whether --metrics names a Unix socket: not HOST:PORT, nor one of the two alone.
+/// Whether --metrics names a Unix socket instead of HOST:PORT.
 bool is_socket_path(const std::string& endpoint) {
   if (endpoint.find('/') != std::string::npos) return true;
   return endpoint.find(':') == std::string::npos && endpoint != "localhost" &&

@@ -1,4 +1,4 @@
-// What clearanced is told on its command line or in its configuration file.
+// Options of clearanced, from the command line and the configuration file.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace clearance {
 
-/// Exit codes of clearanced; part of its interface (--help lists them).
+/// Exit codes of clearanced, which are part of its interface (--help lists them).
 enum ExitCode : int {
   kExitClean = 0,
   kExitUnexpected = 1,
@@ -22,21 +22,21 @@ struct DaemonOptions {
   bool allow_outside = false;
   std::vector<std::string> shm;  ///< socket paths
   std::vector<std::string> zmq;  ///< endpoints
-  std::string keys;              ///< folder; empty: no keys
-  std::string socket_group;      ///< name or number; empty: none
+  std::string keys;              ///< folder, or empty for no keys
+  std::string socket_group;      ///< name or number, or empty
   std::string group_rights = "query";
   std::vector<std::string> control_users;  ///< names or numbers
-  std::string lcm;                         ///< url; empty: no LCM
-  std::vector<std::string> lcm_poses;      ///< "on" (as is none), "off", or bodies and groups
+  std::string lcm;                         ///< url, or empty for no LCM
+  std::vector<std::string> lcm_poses;      ///< "on" (as if empty), "off", or bodies and groups
   std::string backend = "auto";
   int threads = 0;
-  std::vector<int> devices;  ///< numbers; empty: the current one
+  std::vector<int> devices;  ///< numbers, or empty for the current one
   bool device_fallback = true;
   bool real_time = false;
-  int loop_cpu = -1;  ///< -1: whichever
+  int loop_cpu = -1;  ///< or -1 for any
   bool require_epoch = false;
   std::string log_level = "info";
-  std::string metrics;  ///< endpoint; empty: none
+  std::string metrics;  ///< endpoint, or empty
   int ready_fd = -1;
 
   // The limits, which --help lists with their defaults.
@@ -50,8 +50,8 @@ struct DaemonOptions {
   std::uint64_t max_stamp_lead_s = 60, slice_us = 200, spin_us = 50;
 };
 
-/// Reads the command line. Returns true if the daemon is to run; else `exit_code` is what to end with (help or version
-/// were printed, or an error).
+/// Reads the command line. Returns true if the daemon is to run, else sets `exit_code` (help or version were printed,
+/// or an error).
 bool parse_options(int argc, const char* const* argv, DaemonOptions& options, int& exit_code);
 
 }  // namespace clearance

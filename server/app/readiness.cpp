@@ -14,7 +14,7 @@ namespace clearance {
 
 Supervisor::Supervisor() {
   if (const char* socket = std::getenv("NOTIFY_SOCKET")) socket_ = socket;
-  // sd_watchdog_enabled(3): the interval is this process's own if WATCHDOG_PID says so, or says nothing.
+  // sd_watchdog_enabled(3): the interval applies to this process unless WATCHDOG_PID names another one.
   const char *interval = std::getenv("WATCHDOG_USEC"), *pid = std::getenv("WATCHDOG_PID");
   if (interval && (!pid || pid == std::to_string(getpid()))) {
     std::int64_t us = 0;
@@ -35,10 +35,10 @@ void Supervisor::alive() {
   const auto now = std::chrono::steady_clock::now();
   if (watchdog_.count() == 0 || now < next_alive_) return;
   next_alive_ = now + watchdog_ / 4;
-  send("WATCHDOG=1", MSG_DONTWAIT);  // a supervisor that does not read may not hold up the loop
+  send("WATCHDOG=1", MSG_DONTWAIT);  // must not block the loop if the supervisor does not read
 }
 
-// The protocol of sd_notify(3): one datagram to a Unix socket; a name that begins with '@' is an abstract one.
+// The protocol of sd_notify(3): one datagram to a Unix socket, whose name is abstract if it begins with '@'.
 void Supervisor::send(const std::string& state, int flags) const {
   sockaddr_un address{};
   if (socket_.empty() || socket_.size() >= sizeof address.sun_path) return;
@@ -48,7 +48,7 @@ void Supervisor::send(const std::string& state, int flags) const {
   const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return;
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + socket_.size());
-  // A supervisor that does not listen is not our error.
+  // A supervisor that does not listen is no error.
   [[maybe_unused]] const auto sent =
       sendto(fd, state.data(), state.size(), MSG_NOSIGNAL | flags, reinterpret_cast<const sockaddr*>(&address), size);
   close(fd);
@@ -60,7 +60,7 @@ void write_ready(int fd, const std::vector<std::string>& urls) {
   for (std::size_t at = 0; at < text.size();) {
     const ssize_t written = write(fd, text.data() + at, text.size() - at);
     if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) break;  // the reader has gone: it no longer wants to know
+    if (written <= 0) break;  // the reader is gone
     at += static_cast<std::size_t>(written);
   }
   close(fd);

@@ -9,7 +9,7 @@
 namespace clearance {
 namespace {
 
-/// The text with each number as one '#'.
+/// Text with each number replaced by '#'.
 std::string kind_of(const std::string& code, const std::string& text) {
   std::string kind = code + ' ';
   for (const unsigned char c : text) {

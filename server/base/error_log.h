@@ -1,4 +1,4 @@
-// What went wrong, each kind once: how often, when first and last, and an example.
+// Distinct errors with their count, first and last time, and an example.
 #pragma once
 
 #include <chrono>
@@ -10,8 +10,8 @@
 
 namespace clearance {
 
-/// Two errors are of one kind if their texts differ in numbers alone. Of more than kMaxKinds the one that was not seen
-/// for longest is forgotten.
+/// Errors whose texts differ in numbers alone are of one kind. Beyond kMaxKinds the one not seen for longest is
+/// dropped.
 class ErrorLog {
  public:
   using Clock = std::chrono::system_clock;
@@ -26,14 +26,14 @@ class ErrorLog {
   };
 
   void note(const std::string& code, const std::string& text, Clock::time_point now = Clock::now());
-  /// The last seen first.
+  /// Most recent first.
   std::vector<Entry> entries() const;
 
  private:
   std::unordered_map<std::string, Entry> kinds_;
 };
 
-/// A line for each: count, first, last (UTC), code, text; tabs between them.
+/// A line for each, with count, first, last (UTC), code and text, separated by tabs.
 std::string error_text(const std::vector<ErrorLog::Entry>& entries);
 
 }  // namespace clearance

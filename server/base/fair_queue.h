@@ -1,5 +1,5 @@
-// Waiting items of several clients, taken turn by turn: a client with many of them delays no other.
-// Those of one client are taken in the order of `Before`, equal ones as they came.
+// Waiting items of several clients, taken in turn so that a client with many of them delays no other. Each client's
+// items are ordered by `Before`, and equal ones by arrival.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@ class FairQueue {
   bool empty() const { return order_.empty(); }
   std::size_t size() const { return size_; }
 
-  /// Among the client's own items; a client that had none goes behind the others.
+  /// Adds an item to the client's own. A client without items goes behind the others.
   void push(std::uint64_t client, T item) {
     auto& items = items_[client];
     if (items.empty()) order_.push_back(client);
@@ -35,7 +35,7 @@ class FairQueue {
     ++size_;
   }
 
-  /// The first item of the client whose turn it is. Not to be called on an empty queue.
+  /// Removes the first item of the client whose turn it is. The queue must not be empty.
   T pop() {
     assert(!empty() && size_ > 0);
     const std::uint64_t client = order_.front();
@@ -53,7 +53,7 @@ class FairQueue {
   }
 
  private:
-  /// Clients without items that keep their place in the map: one that asks again and again allocates nothing.
+  /// Idle clients kept in the map, so that a client's repeated requests do not allocate.
   static constexpr std::size_t kIdleClientsKept = 256;
   std::unordered_map<std::uint64_t, std::deque<T>> items_;
   std::deque<std::uint64_t> order_;  // clients with items, the next one first

@@ -1,5 +1,5 @@
-// The daemon's log, on standard error: lines of key=value, each beginning with event=. What comes from outside goes
-// through log_text(). spdlog writes them in log.cpp, since its headers take the compiler five seconds a file.
+// The daemon's log on standard error, as lines of key=value that begin with event=. External text goes through
+// log_text(). Only log.cpp includes spdlog, whose headers take the compiler five seconds a file.
 #pragma once
 
 #include <fmt/core.h>
@@ -10,9 +10,10 @@ namespace clearance::log {
 
 enum class Level { kDebug, kInfo, kWarn, kError };
 
-/// \param level the least that is written, by its name ("debug", "info", "warn", "error", "off").
+/// Starts logging.
+/// @param level of the least severe lines ("debug", "info", "warn", "error", "off")
 void start(const std::string& level);
-/// Writes what is left, when the daemon ends.
+/// Flushes the log when the daemon ends.
 void end();
 
 void write(Level level, fmt::string_view format, fmt::format_args args);

@@ -12,7 +12,7 @@ struct Character {
   bool prints;
 };
 
-/// The UTF-8 character that begins at `at` (Unicode 15, table 3-7). What is none is one byte that does not print.
+/// The UTF-8 character at `at` (Unicode 15, table 3-7). An invalid byte counts as one unprintable character.
 Character character_at(std::string_view text, std::size_t at) {
   const auto byte = [&](std::size_t i) -> unsigned {
     return at + i < text.size() ? static_cast<std::uint8_t>(text[at + i]) : 0;
@@ -28,7 +28,7 @@ Character character_at(std::string_view text, std::size_t at) {
   }
   constexpr std::array<std::uint32_t, 5> kLeast{0, 0, 0x80, 0x800, 0x10000};
   if (code < kLeast[bytes] || code > 0x10FFFF || (code >= 0xD800 && code < 0xE000)) return {1, false};
-  // Controls (C1), line and paragraph separators, and those that turn the direction of what follows.
+  // C1 controls, line and paragraph separators, and characters that change the direction of text.
   const bool orders = code < 0xA0 || (code >= 0x200B && code <= 0x200F) || (code >= 0x2028 && code <= 0x202E) ||
                       (code >= 0x2060 && code <= 0x206F) || code == 0xFEFF;
   return {bytes, !orders};

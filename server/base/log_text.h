@@ -1,4 +1,4 @@
-// What comes from outside (names of bodies, clients' texts, paths) as it goes to the log.
+// Escapes external text (names of bodies, clients' texts, paths) for the log.
 #pragma once
 
 #include <string>
@@ -6,10 +6,9 @@
 
 namespace clearance {
 
-/// The text on one line and without orders to a terminal: quotes, backslashes and whatever does not print become
-/// escapes
-/// (\n, \x1b), and so do bytes that are no UTF-8. Between quotes it is one value of a log line, whatever is in it.
-/// \param quoted false: quotes and backslashes stay, in a sentence that stands by itself.
+/// Text on one line, without commands to a terminal: quotes, backslashes, unprintable characters and invalid UTF-8
+/// become escapes (\n, \x1b). Between quotes the result is one value of a log line.
+/// @param quoted if false, quotes and backslashes stay, for text that is not quoted
 std::string log_text(std::string_view text, bool quoted = true);
 
 }  // namespace clearance

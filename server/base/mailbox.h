@@ -1,4 +1,4 @@
-// From one thread to another without a lock: neither waits for the other, whatever the system does with it.
+// Lock-free queue from many threads to one: neither side waits for the other, even if the system suspends it.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@ class Mailbox {
   Mailbox(const Mailbox&) = delete;
   Mailbox& operator=(const Mailbox&) = delete;
 
-  /// Returns whether it was empty. From any thread.
+  /// Adds an item and returns whether the mailbox was empty. From any thread.
   bool put(T item) {
     Node* const node = new Node{std::move(item), nullptr};
     Node* before = newest_.load(std::memory_order_relaxed);
@@ -26,7 +26,7 @@ class Mailbox {
     return before == nullptr;  // the node may be gone by now
   }
   bool empty() const { return newest_.load(std::memory_order_acquire) == nullptr; }
-  /// All, in the order in which they came. From one thread.
+  /// Takes all items in the order of their arrival. From one thread.
   std::vector<T> take() {
     std::vector<T> items;
     for (std::unique_ptr<Node> node(newest_.exchange(nullptr, std::memory_order_acquire)); node;

@@ -18,12 +18,12 @@
 namespace clearance {
 namespace {
 
-/// Of the stack below the loop's own frame, and of the heap.
+/// Bytes touched of the stack below the loop's frame, and of the heap.
 constexpr std::size_t kStackBytes = 256 << 10, kHeapBytes = std::size_t{32} << 20, kBlockBytes = 64 << 10;
 constexpr std::size_t kPage = 4096;
 constexpr int kCapIpcLock = 14;  // linux/capability.h
 
-/// Whether this process has a capability, as the kernel tells it.
+/// Whether this process has a capability.
 bool has_capability(int number) {
   std::ifstream status("/proc/self/status");
   for (std::string word; status >> word;)
@@ -55,14 +55,14 @@ std::string lock_memory() {
   if (limit.rlim_cur != RLIM_INFINITY && !has_capability(kCapIpcLock))
     return "RLIMIT_MEMLOCK is " + std::to_string(limit.rlim_cur) +
            " bytes, and beyond it allocations would fail; LimitMEMLOCK=infinity in the unit, or ulimit -l unlimited";
-  // On touch, since much is reserved that is never used: clients' segments, threads' stacks.
+  // On first touch, since most reserved memory (clients' segments, threads' stacks) is never used.
   if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0) return "";
   return std::string("mlockall: ") + std::strerror(errno);
 }
 
 void prefault() {
   prefault_stack();
-  // In blocks that the C library takes from the heap, which keeps them.
+  // In blocks that the C library takes from the heap and keeps.
   std::vector<std::unique_ptr<std::byte[]>> blocks(kHeapBytes / kBlockBytes);
   for (auto& block : blocks) {
     block.reset(new std::byte[kBlockBytes]);

@@ -1,5 +1,4 @@
-// The loop's thread at real-time priority, on memory that stays: --real-time. What the kernel refuses is said, and done
-// without.
+// Real-time priority and locked memory for the loop's thread (--real-time). Failed steps are logged and skipped.
 #pragma once
 
 #include <optional>
@@ -7,25 +6,25 @@
 
 namespace clearance {
 
-/// SCHED_FIFO's priority: above everything ordinary, below what kernels run their interrupts at (50).
+/// Priority for SCHED_FIFO: above all ordinary threads, below the kernel's interrupts (50).
 inline constexpr int kRealTimePriority = 20;
 
-// Each does its step, and returns why the kernel refuses; empty: it is done.
+// Each returns the kernel's reason for a failure, or an empty string.
 
-/// Keeps every page of this process in memory once it was touched (mlockall), of now and later. Refused where a limit
-/// would make later allocations fail.
+/// Keeps every touched page of this process in memory, now and later (mlockall). Fails where a limit would make later
+/// allocations fail.
 std::string lock_memory();
-/// Touches this thread's stack and as much of the heap as small queries need, so that they meet no page fault.
+/// Touches this thread's stack and as much of the heap as small queries need, to avoid page faults later.
 void prefault();
-/// Lets this thread run on one CPU alone.
+/// Pins this thread to one CPU.
 std::string pin_to(int cpu);
-/// SCHED_FIFO for this thread, not for those that it starts.
+/// Sets SCHED_FIFO for this thread, but not for threads that it starts.
 std::string run_first();
 
-/// Lets this thread, and those that it starts, stand back behind the threads that answer (nice 10).
+/// Lowers the priority of this thread and of those that it starts below that of threads that answer (nice 10).
 void run_behind();
 
-/// All of it for the calling thread, said in the log.
+/// Does all of it for the calling thread, and logs it.
 void become_real_time(std::optional<int> cpu);
 
 }  // namespace clearance

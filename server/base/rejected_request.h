@@ -1,4 +1,4 @@
-// Why a request is not answered.
+// Reason to reject a request.
 #pragma once
 
 #include <cstdint>
@@ -8,11 +8,11 @@
 
 namespace clearance {
 
-/// Thrown by whatever looks at a request; becomes the error that its client gets.
+/// Thrown while a request is checked or answered, and sent to its client as an error.
 struct RejectedRequest {
   wire::ErrorCode code;
   std::string text;
-  std::uint64_t needed_bytes = 0;  ///< of kTooLarge: room that the reply would need
+  std::uint64_t needed_bytes = 0;  ///< of kTooLarge: bytes that the reply would need
 };
 
 }  // namespace clearance

@@ -1,16 +1,15 @@
-// Whose queries go first.
+// Classes of clients, by priority.
 #pragma once
 
 #include <cstdint>
 
 namespace clearance {
 
-/// What is asked in the class kControl is answered before what is asked in kPlanning, and has places and memory that
-/// the others cannot take.
+/// Requests of the class kControl are answered before those of kPlanning, and have connections and memory of their own.
 enum class ServiceClass : std::uint8_t { kControl, kPlanning };
 inline constexpr int kServiceClasses = 2;
 
-/// How much of what all share (places, bytes) is kept for the class control, where anybody may have it.
+/// Part of a shared resource (connections, bytes) kept for the class control, if clients may have it.
 constexpr std::uint64_t kept_for_control(std::uint64_t all) {
   return all / 8;
 }

@@ -1,5 +1,5 @@
-// What the daemon counts about itself: named counters, how long queries took, the distinct errors. All of it is the
-// loop's thread's own, so that counting costs no lock; another thread asks for a copy and waits for it.
+// The daemon's metrics: counters by name, latencies of queries, distinct errors. Only the loop's thread counts, without
+// a lock; another thread requests a copy and waits for it.
 #pragma once
 
 #include <array>
@@ -23,7 +23,7 @@ namespace clearance {
 class Stats {
  public:
   using Named = std::vector<std::pair<std::string, std::uint64_t>>;
-  /// What the daemon counts, and what it refused.
+  /// A copy of all metrics.
   struct MetricsSnapshot {
     Named counters;
     std::vector<ErrorLog::Entry> errors;
@@ -33,34 +33,35 @@ class Stats {
   Stats(const Stats&) = delete;
   Stats& operator=(const Stats&) = delete;
 
-  /// The counter of that name, made on first use. The reference stays valid.
+  /// Counter by name, made on first use. The reference stays valid.
   std::uint64_t& operator[](const std::string& name) { return named_[name]; }
-  /// Counts a query by its time from arrival to reply: "latency_us.N" has those that took more than N/2 and at most N
-  /// microseconds, "latency_us.more" those that took longer.
+  /// Counts a query by its time from arrival to reply: "latency_us.N" has those above N/2 and up to N microseconds,
+  /// "latency_us.more" the slower ones.
   void count_latency(std::uint64_t ns);
-  /// Counts a refused request, and remembers what was said.
+  /// Counts a rejected request and keeps its text.
   void count_error(const std::string& code, const std::string& text);
-  /// Adds all counters to a list.
+  /// Appends all counters to a list.
   void append_to(Named& list) const { list.insert(list.end(), named_.begin(), named_.end()); }
 
   /// Whether a thread waits in read().
   bool are_wanted() const { return wanted_.load(std::memory_order_relaxed); }
-  /// Gives the figures to whoever waits in read(). \param counters all that are to be shown.
+  /// Passes the metrics to the threads that wait in read().
+  /// @param counters all counters
   void hand_out(Named counters);
-  /// The figures as of the next hand_out(); none if that takes longer than `patience`. From any thread but the loop's.
-  /// \param wake wakes the loop, which then calls hand_out().
+  /// Returns the metrics as of the next hand_out(), or nothing after `patience`. From any thread but the loop's.
+  /// @param wake wakes the loop, which then calls hand_out()
   std::optional<MetricsSnapshot> read(std::chrono::nanoseconds patience, const std::function<void()>& wake);
 
  private:
-  std::map<std::string, std::uint64_t> named_;  // a map: references stay valid
+  std::map<std::string, std::uint64_t> named_;  // a map, whose references stay valid
 
  public:
-  // What every request counts, without looking for its name.
+  // Counters of every request, without a look-up by name.
   // frames = replies + errors + requests.dropped (their client is gone) + requests.waiting
   std::uint64_t &frames = named_["frames"], &replies = named_["replies"], &dropped = named_["requests.dropped"],
                 &queries = named_["queries"], &answered = named_["queries.answered"], &rows = named_["rows"],
                 &records_ignored = named_["records.ignored"], &latency_sum_ns = named_[kLatencySum];
-  // The most between two looks of the loop at its transports: time, and units of work (engine/narrow/work_meter.h).
+  // Longest time, and most units of work (engine/narrow/work_meter.h), between two polls of the transports.
   std::uint64_t &longest_section_ns = named_["loop.longest_section_ns"],
                 &longest_section_units = named_["loop.longest_section_units"];
 
@@ -71,7 +72,7 @@ class Stats {
   std::atomic<bool> wanted_{false};
   std::mutex mutex_;
   std::condition_variable there_;
-  std::optional<MetricsSnapshot> metrics_;  // with the mutex
+  std::optional<MetricsSnapshot> metrics_;  // guarded by mutex_
 };
 
 }  // namespace clearance

@@ -24,7 +24,7 @@ std::string folder_of(const std::string& path) {
 
 FolderLock::FolderLock(const std::string& socket_path)
     : fd_(open(folder_of(socket_path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-  // Some file systems have no locks: then two daemons that start in the same instant are told apart by bind alone.
+  // Some file systems have no locks. Then bind() alone distinguishes two daemons that start at the same time.
   if (fd_ >= 0) flock(fd_, LOCK_EX);
 }
 FolderLock::~FolderLock() {

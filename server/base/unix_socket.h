@@ -1,4 +1,4 @@
-// Socket files of the daemon: a dead daemon's is replaced, a living one's refused, ours removed at the end.
+// Socket files of the daemon: replaces that of a dead daemon, rejects that of a live one, and removes its own.
 #pragma once
 
 #include <sys/socket.h>
@@ -8,7 +8,8 @@
 
 namespace clearance {
 
-/// Holds the folder of a socket file locked, so that of two daemons that start at once one sees the other's socket.
+/// Locks the folder of a socket file, so that of two daemons that start at once the second finds the first one's
+/// socket.
 class FolderLock {
  public:
   explicit FolderLock(const std::string& socket_path);
@@ -20,11 +21,13 @@ class FolderLock {
   int fd_ = -1;
 };
 
-/// Makes way for a socket at `path`: removes the file that a dead daemon left. Throws std::runtime_error if somebody
-/// listens there, or if the file is no socket. \param url for the message. \param type of the socket to come.
+/// Removes the socket file that a dead daemon left at `path`. Throws std::runtime_error if a process listens there, or
+/// if the file is no socket.
+/// @param url for the message
+/// @param type of the socket to come
 void clear_stale_socket(const std::string& path, const std::string& url, int type = SOCK_STREAM);
 
-/// A socket file that we made: removed with this object, unless another has taken its place meanwhile.
+/// A socket file made by this process, removed with this object unless another file has replaced it.
 class SocketFile {
  public:
   SocketFile() = default;

@@ -22,7 +22,7 @@ void append(Scene& scene, const AddedBody& added) {
 }  // namespace
 
 Scene SceneParts::whole() const {
-  Scene scene = *file;  // pieces are shared, not copied
+  Scene scene = *file;  // convex parts are shared, not copied
   for (const AddedBody& body : added) append(scene, body);
   return scene;
 }
@@ -60,7 +60,7 @@ void Reloader::begin(const std::shared_ptr<Engine>& current, const SceneParts& p
     outcome_.edit = ++edits_begun_;
     start([this, current = current, parts = parts, edit = std::move(edits_.front())]() mutable {
       if (!parts.file) parts.file = std::make_shared<const Scene>(current->scene());
-      current.reset();  // its memory may be given back while the new one is made
+      current.reset();  // its memory may be freed while the new one is made
       const std::size_t before = parts.added.size();
       edit(parts);
       outcome_.engine = build_(parts.whole());

@@ -1,5 +1,5 @@
-// Makes a new engine on a thread of its own, while the old one goes on answering: of the scene file read anew, or of
-// the scene with a body more or less.
+// Makes a new engine on a thread of its own while the old one serves: from the scene file, or after a body was added or
+// removed.
 #pragma once
 
 #include <atomic>
@@ -17,62 +17,62 @@
 
 namespace clearance {
 
-/// A body that came while the daemon ran.
+/// A body added while the daemon runs.
 struct AddedBody {
-  Body body;           ///< its geometry and initial pose; no parent, whose id may change
-  std::string parent;  ///< that it follows at first; empty: none
+  Body body;           ///< geometry and initial pose; no parent, whose id may change
+  std::string parent;  ///< initial parent, or empty
 };
 
-/// What a scene is made of: a file's bodies, and behind them those that were added, so that the file's keep their ids.
+/// Parts of a scene: the bodies of a file and, behind them so that those keep their ids, the added ones.
 struct SceneParts {
-  std::shared_ptr<const Scene> file;  ///< null where nothing was added: the engine's own scene is the file's
+  std::shared_ptr<const Scene> file;  ///< if nothing was added null, as the engine has the file's scene
   std::vector<AddedBody> added;
 
-  /// The whole. Throws SceneError for a name that is taken or a parent that is not there.
+  /// Returns the whole scene. Throws SceneError for a name that is taken or a missing parent.
   Scene whole() const;
 };
 
 class Reloader {
  public:
-  /// Loads the scene and makes an engine of it; throws what it throws. On the reloader's thread.
+  /// Loads the scene and makes an engine. On the reloader's thread; may throw.
   using Make = std::function<std::unique_ptr<Engine>()>;
   /// Makes an engine of a scene. On the reloader's thread.
   using Build = std::function<std::unique_ptr<Engine>(Scene)>;
-  /// Changes the parts, on the reloader's thread; `parts.file` is there. What it throws is the outcome's error.
+  /// Changes the parts, in which `file` is set, on the reloader's thread. An exception is the outcome's error.
   using Edit = std::function<void(SceneParts& parts)>;
 
   struct Outcome {
-    std::unique_ptr<Engine> engine;  ///< null: it failed
-    SceneParts parts;                ///< the engine's
+    std::unique_ptr<Engine> engine;  ///< null after a failure
+    SceneParts parts;                ///< of the engine
     std::string error;
-    bool bad_input = false;  ///< the error is that of what was asked for
+    bool bad_input = false;  ///< whether the request was wrong
     double seconds = 0;
-    std::uint64_t load = 0;             ///< its number, from 1; 0: this was an edit
-    std::uint64_t edit = 0;             ///< likewise
-    std::vector<MeshWarning> warnings;  ///< of a load; of an edit: of the body that it added
-    std::string left_out;               ///< of a load: added bodies that do not fit to the file any more, and why
+    std::uint64_t load = 0;             ///< number of a load, from 1, or 0
+    std::uint64_t edit = 0;             ///< number of an edit, from 1, or 0
+    std::vector<MeshWarning> warnings;  ///< of a load, or of the body that an edit added
+    std::string left_out;               ///< of a load: added bodies that do not fit the file any more, and why
   };
 
-  /// \param done called on the reloader's thread when an outcome is there.
-  /// \param build null: no edits.
+  /// @param build null if edits are rejected
+  /// @param done called on the reloader's thread when an outcome is ready
   Reloader(Make make, Build build, std::function<void()> done)
       : make_(std::move(make)), build_(std::move(build)), done_(std::move(done)) {}
-  /// Waits for what is under way.
+  /// Waits for the current load or edit.
   ~Reloader();
 
-  /// Asks for a load. One that is under way may have read the old files: then another one follows it. From any thread,
-  /// and from a signal handler.
+  /// Requests a load. It follows one under way, which may have read the old files. From any thread, and from a signal
+  /// handler.
   void ask() noexcept { asked_ = true; }
-  /// The number of the load that answers an ask() of now. From the one thread that calls what follows.
+  /// Number of the load that a request of now would get. This and the following are for one thread.
   std::uint64_t next_load() const { return loads_ + 1; }
 
   bool can_edit() const { return build_ != nullptr; }
   /// Queues an edit and returns its number.
   std::uint64_t push(Edit edit);
-  /// What has ended.
+  /// Takes the outcome of a finished load or edit.
   std::optional<Outcome> take();
-  /// Begins what was asked for, a load first, unless something is under way. \param current what serves now, with its
-  /// parts.
+  /// Begins the next load or edit, loads first, unless one is under way.
+  /// @param current engine that serves, with its parts
   void begin(const std::shared_ptr<Engine>& current, const SceneParts& parts);
   bool is_busy() const { return thread_.joinable(); }
 

@@ -29,7 +29,7 @@ enum class RunsOn : std::uint8_t {
   kSceneThread,  ///< by the thread that makes another engine
 };
 
-/// What the router does with the payload of a small request.
+/// How the router reads a small request's payload.
 enum class Payload : std::uint8_t {
   kEmpty,  ///< reads its records, and rejects any other content
   kBody,   ///< reads its records, and passes on the rest

@@ -46,7 +46,7 @@ class RequestContext {
   /// Class of a client's request. A query may have a lower one than its client. Behind poses that a worker still
   /// applies, it has the class of these.
   ServiceClass class_for(const ReplySink& sink, const QueryOptions& options = kDefaultOptions) const;
-  /// Pose updates of a client that a worker has. What the client sends meanwhile must not overtake them.
+  /// Pose updates of a client on a worker. Later requests of that client must not overtake them.
   bool has_pose_updates(std::uint64_t client) const { return pose_updates_.contains(client); }
   void begin_pose_update(std::uint64_t client, ServiceClass service);
   void end_pose_update(std::uint64_t client);

@@ -152,7 +152,7 @@ void RequestRouter::ping(Request& request) {
   context.reply_in_background(request, request.bytes, make);
 }
 
-/// @param size of what the payload lists
+/// @param size number of elements in the payload
 void RequestRouter::send(Request& request, std::size_t size, std::vector<std::byte> (*payload)(const Engine&)) {
   if (size <= kFewBodies) return context.reply(request, payload(*context.engine));
   context.reply_in_background(request, 0, [engine = context.engine, payload](auto, auto&) { return payload(*engine); });

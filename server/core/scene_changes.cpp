@@ -16,7 +16,7 @@ namespace {
 using wire::ErrorCode;
 using wire::FrameHeader;
 
-/// What a client has sent of a body's shape: copies.
+/// Copy of a body's shape as a client sent it.
 struct NewGeometry {
   std::vector<Vec3d> vertices;
   std::vector<Triangle> triangles;
@@ -35,8 +35,8 @@ struct NewGeometry {
   }
 };
 
-/// The body that a client describes. Throws SceneError.
-/// \param geometry vertices and triangles, of a hull or a mesh, or points of a cloud
+/// Body as a client describes it. Throws SceneError.
+/// @param geometry vertices and triangles of a hull or mesh, or points of a cloud
 Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& uncertainties, const NewGeometry& geometry) {
   const std::string name = wire::name_of(record.name);
   Scene::BodyOptions options;
@@ -88,7 +88,7 @@ Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& uncertai
   return body;
 }
 
-/// Adds a body, unless there are as many as may be. Throws SceneError.
+/// Adds a body up to the limit. Throws SceneError.
 Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std::uint32_t most) {
   return [record = parts.record, uncertainties = parts.uncertainties, geometry = NewGeometry(parts),
           parent = std::move(parent), most](SceneParts& scene) {
@@ -99,7 +99,7 @@ Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std
   };
 }
 
-/// Removes a body that was added. Throws SceneError.
+/// Removes an added body. Throws SceneError.
 Reloader::Edit removal(const std::string& name) {
   return [name](SceneParts& scene) {
     const auto found = std::find_if(scene.added.begin(), scene.added.end(),
@@ -109,7 +109,7 @@ Reloader::Edit removal(const std::string& name) {
                        (scene.file->find_body(name) == kNone ? "is not in the scene"
                                                              : "is the scene file's: change the file, and reload it"));
     scene.added.erase(found);
-    for (AddedBody& other : scene.added)  // it followed at first, and has been set free since: see why_not()
+    for (AddedBody& other : scene.added)  // former children, detached since: see why_not()
       if (other.parent == name) {
         other.parent.clear();
         other.body.pose.reset();
@@ -134,7 +134,7 @@ void SceneChanges::let_wait(const FrameHeader& request, std::unique_ptr<ReplySin
   waiter.asked.header = request;
   waiter.asked.share = quotas_.take(sink->client(), sink->service_class(), 0);
   waiters_.push_back(std::move(waiter));
-  waiters_.back().asked.sink = std::move(sink);  // now that nothing can fail any more
+  waiters_.back().asked.sink = std::move(sink);  // last, as the caller needs it after an exception
 }
 
 void SceneChanges::ask_reload(const FrameHeader& request, std::unique_ptr<ReplySink>& sink) {
@@ -214,8 +214,8 @@ bool SceneChanges::end(Reloader::Outcome& outcome) {
   return is_new;
 }
 
-/// Those who waited for this. Who asked for a reload while one was under way waits for the next: this one may have read
-/// the files before they changed.
+/// Takes the requests that this outcome answers. A reload requested while another was under way waits for the next one,
+/// as that may have read the files before they changed.
 std::vector<SceneChanges::Waiter> SceneChanges::take_waiters(const Reloader::Outcome& outcome) {
   const auto first = std::stable_partition(waiters_.begin(), waiters_.end(), [&](const Waiter& waiter) {
     return outcome.edit ? waiter.edit != outcome.edit : waiter.load == 0 || waiter.load > outcome.load;
@@ -225,7 +225,7 @@ std::vector<SceneChanges::Waiter> SceneChanges::take_waiters(const Reloader::Out
   return waiters;
 }
 
-/// Why a body cannot go now; empty: it can, or is not to go.
+/// Reason for which a body cannot be removed now, or empty.
 std::string SceneChanges::why_not(const Waiter& waiter) const {
   if (!waiter.removes) return "";
   const auto& bodies = engine_->scene().bodies();
@@ -276,7 +276,7 @@ void SceneChanges::answer(Waiter& waiter, const Reloader::Outcome& outcome) {
 
 std::size_t SceneChanges::drop_gone() {
   return std::erase_if(waiters_, [](const Waiter& waiter) {
-    return !waiter.asked.sink->alive() && !waiter.removes;  // a removal is looked at once more: why_not()
+    return !waiter.asked.sink->alive() && !waiter.removes;  // a removal is checked once more: why_not()
   });
 }
 

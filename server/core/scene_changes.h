@@ -1,5 +1,5 @@
-// What changes the scene while the daemon runs: loading it anew, adding and removing bodies. Each is made aside, while
-// the old engine goes on answering; whoever asked for it is answered when the engine with the new scene has taken over.
+// Changes of the scene while the daemon runs: reloading it, adding and removing bodies. Each is made in the background
+// while the old engine serves, and answered once the new engine has taken over.
 #pragma once
 
 #include <memory>
@@ -12,47 +12,49 @@
 
 namespace clearance {
 
-/// Owns the changes that are under way, who waits for them, and what the scene is made of.
+/// Holds the changes under way, the requests that wait for them, and the parts of the scene.
 class SceneChanges {
  public:
   struct Limits {
-    std::uint32_t max_added_bodies = 64;         ///< more: kBadQuery
-    std::uint64_t max_added_vertices = 20'000;   ///< of each; more: kTooLarge
+    std::uint32_t max_added_bodies = 64;         ///< kBadQuery beyond it
+    std::uint64_t max_added_vertices = 20'000;   ///< of each body, kTooLarge beyond it
     std::uint64_t max_added_triangles = 40'000;  ///< likewise
     std::uint64_t max_added_points = 80'000;     ///< likewise; set_points() may bring more
   };
 
-  /// What is passed must outlive this. \param engine the one that serves, which turn() replaces.
+  /// The arguments must outlive this.
+  /// @param engine that serves, which turn() replaces
   SceneChanges(std::shared_ptr<Engine>& engine, ReplyWriter& answers, Stats& stats, Quotas& quotas,
                const Limits& limits)
       : engine_(engine), answers_(answers), stats_(stats), quotas_(quotas), limits_(limits) {}
 
-  /// As Loop::reload_by(). \param wake called on another thread when turn() has something to do.
+  /// As Loop::reload_by().
+  /// @param wake called on another thread when turn() has work
   void allow(Reloader::Make make, Reloader::Build build, std::function<void()> wake);
-  /// Has the scene loaded anew. Returns false where that is not allowed. From any thread, and from a signal handler.
+  /// Requests a reload. Returns false if reloads are not allowed. From any thread, and from a signal handler.
   bool reload() noexcept;
 
-  // Requests; they throw what they are refused for, and else take the sink, which is answered later.
+  // Requests. They take the sink, which is answered later, unless they throw RejectedRequest.
   void ask_reload(const wire::FrameHeader& request, std::unique_ptr<ReplySink>& sink);
   void add_body(const wire::FrameHeader& request, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
   void remove_body(const wire::FrameHeader& request, std::span<const std::byte> payload,
                    std::unique_ptr<ReplySink>& sink);
 
-  /// Lets the engine of a change that has ended take over, answers those who waited for it, and begins the next change.
-  /// Returns whether another engine serves now.
+  /// Installs the engine of a finished change, answers its requests, and begins the next change. Returns whether the
+  /// engine was replaced.
   bool turn();
-  /// Lets go of those who wait and whose clients are gone. Returns how many these were.
+  /// Drops requests whose clients are gone, and returns their number.
   std::size_t drop_gone();
   bool is_busy() const { return reloader_ && reloader_->is_busy(); }
   /// Requests that wait.
   std::size_t waiting() const { return waiters_.size(); }
 
  private:
-  /// A request that is answered when the load or edit of that number has ended.
+  /// A request answered when the load or edit of this number has ended.
   struct Waiter {
     PendingRequest asked;
     std::uint64_t load = 0, edit = 0;  ///< one of them is 0
-    std::string name;                  ///< of the body that is added or removed
+    std::string name;                  ///< of the added or removed body
     bool removes = false;
   };
   void check_size(const wire::NewBodyParts& parts) const;
@@ -72,7 +74,7 @@ class SceneChanges {
   Limits limits_;
   SceneParts parts_;  // of the engine's scene
   std::vector<Waiter> waiters_;
-  std::unique_ptr<Reloader> reloader_;  // last: its thread may still be at work
+  std::unique_ptr<Reloader> reloader_;  // last, as its thread may still run
 };
 
 }  // namespace clearance

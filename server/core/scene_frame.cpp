@@ -31,9 +31,10 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
   return record;
 }
 
-/// Groups as records, whose members are appended. \param ids_of a group's
+/// Groups as records, whose members are appended.
+/// @param ids_of members of a group
 template <class Group, class Ids>
-std::vector<wire::GroupRecord> group_records(const std::vector<Group>& groups, Ids Group::*ids_of,
+std::vector<wire::GroupRecord> group_records(const std::vector<Group>& groups, Ids Group::* ids_of,
                                              std::vector<std::uint32_t>& members) {
   std::vector<wire::GroupRecord> records;
   for (const Group& group : groups) {
@@ -59,7 +60,7 @@ std::vector<std::byte> scene_payload(const Engine& engine) {
   header.group_count = static_cast<std::uint32_t>(groups.size());
   header.member_count = static_cast<std::uint32_t>(members.size());
   QueryView all_pairs;
-  all_pairs.reduce = Reduce::kMin;  // one row: a scene whose dense answer would be too large has pairs all the same
+  all_pairs.reduce = Reduce::kMin;  // one row, so that the size of a dense answer does not matter
   header.pair_count = engine.size(all_pairs).pairs;
   wire::set_name(header.backend, engine.backend());
 

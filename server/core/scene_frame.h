@@ -1,4 +1,4 @@
-// What the daemon says about its scene and where its bodies are, as payloads.
+// The scene and its state as payloads of replies.
 #pragma once
 
 #include <cstddef>

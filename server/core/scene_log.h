@@ -1,4 +1,4 @@
-// What the log says of a scene.
+// Warnings about a scene in the log.
 #pragma once
 
 #include <span>
@@ -7,11 +7,10 @@
 
 namespace clearance {
 
-/// Of bodies whose pieces stand far out of their meshes, once for each mesh. To find them takes time: it is not done
-/// here.
+/// Logs bodies whose convex parts stand far out of their meshes, once for each mesh. They must be found before, which
+/// takes long.
 void log_mesh_warnings(const Scene& scene, std::span<const MeshWarning> warnings);
-/// Of what is probably a mistake in the scene file, and of what was left out of its robots' files or is suspicious
-/// there.
+/// Logs probable mistakes in the scene file, and omissions from its robots' files.
 void log_file_warnings(const Scene& scene);
 
 }  // namespace clearance

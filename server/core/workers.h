@@ -28,7 +28,7 @@ class Workers {
 
   Worker& of(ServiceClass service) { return service == ServiceClass::kControl ? control_ : planning_; }
   Worker& of(RunsOn where, ServiceClass service);
-  /// Does the loop's part of a query, and passes on to a worker what is not over then.
+  /// Does the loop's part of a query, and passes it on to a worker unless it is over.
   void settle(Worker::QueryPtr query);
   /// Does that for all queries that workers have returned, and rejects those whose deadline has passed. Returns whether
   /// any was returned.

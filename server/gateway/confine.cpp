@@ -38,7 +38,7 @@ void limit(int resource, std::uint64_t value) {
 
 constexpr unsigned kWrites = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC | O_APPEND | (O_TMPFILE & ~O_DIRECTORY);
 
-/// What both kinds have in common.
+/// Calls allowed for both kinds of gateway.
 CallFilter make_filter() {
   CallFilter filter("the process outside");
   filter.allow_each({SCMP_SYS(read),         SCMP_SYS(readv),      SCMP_SYS(write),       SCMP_SYS(writev),
@@ -48,7 +48,7 @@ CallFilter make_filter() {
                      SCMP_SYS(close),        SCMP_SYS(getsockopt), SCMP_SYS(setsockopt),  SCMP_SYS(getsockname),
                      SCMP_SYS(getpeername),  SCMP_SYS(fstat),      SCMP_SYS(newfstatat),  SCMP_SYS(clock_nanosleep),
                      SCMP_SYS(nanosleep)});
-  // libsodium's, for keys; and those of a thread of libzmq or liblcm that has just begun.
+  // For libsodium's keys, and for new threads of libzmq and liblcm.
   filter.allow_each({SCMP_SYS(mlock), SCMP_SYS(munlock), SCMP_SYS(set_robust_list), SCMP_SYS(rseq)});
   filter.allow_each({SCMP_SYS(sched_getparam), SCMP_SYS(sched_getscheduler)});
   filter.allow(SCMP_SYS(sched_setscheduler), SCMP_A1(SCMP_CMP_EQ, SCHED_OTHER, 0));
@@ -57,7 +57,7 @@ CallFilter make_filter() {
     filter.allow(SCMP_SYS(fcntl), SCMP_A1(SCMP_CMP_EQ, command, 0));
     filter.allow(SCMP_SYS(fcntl64), SCMP_A1(SCMP_CMP_EQ, command, 0));
   }
-#ifdef CLEARANCE_TSAN  // where its runtime looks up what a race is called, to leave out those of libzmq
+#ifdef CLEARANCE_TSAN  // its runtime reads files to find suppressed races of libzmq
   filter.allow(SCMP_SYS(open), SCMP_A1(SCMP_CMP_MASKED_EQ, kWrites, 0));
   filter.allow(SCMP_SYS(openat), SCMP_A2(SCMP_CMP_MASKED_EQ, kWrites, 0));
   filter.allow_each({SCMP_SYS(readlink), SCMP_SYS(lseek)});
@@ -69,7 +69,7 @@ CallFilter make_filter() {
 
 void limit_gateway([[maybe_unused]] std::uint64_t memory_bytes, std::uint64_t descriptors) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  // Strangers get neither the priority nor the CPU that the daemon was given.
+  // A gateway gets neither the priority nor the CPU of the daemon.
   const sched_param ordinary{};
   ::sched_setscheduler(0, SCHED_OTHER, &ordinary);
   cpu_set_t all;
@@ -81,7 +81,7 @@ void limit_gateway([[maybe_unused]] std::uint64_t memory_bytes, std::uint64_t de
   limit(RLIMIT_NOFILE, descriptors);
   limit(RLIMIT_CORE, 0);
 #ifdef __GLIBC__
-  // Else each thread has 64 MB set aside, and asks the file system for the number of CPUs.
+  // Otherwise each thread reserves 64 MB, and reads the number of CPUs from the file system.
   ::mallopt(M_ARENA_MAX, 1);
   ::mallopt(M_MMAP_THRESHOLD, 1 << 20);
 #endif
@@ -98,14 +98,14 @@ std::string confine_to_connections() {
 
 std::string confine_to_datagrams() {
   CallFilter filter = make_filter();
-  filter.allow(SCMP_SYS(sendmsg), SCMP_A0(SCMP_CMP_NE, kLinkFd, 0));  // messages to the core carry no descriptors
+  filter.allow(SCMP_SYS(sendmsg), SCMP_A0(SCMP_CMP_NE, kLinkFd, 0));  // messages to the daemon carry no descriptors
   constexpr unsigned kTypes = ~unsigned(SOCK_CLOEXEC | SOCK_NONBLOCK);
   filter.allow(SCMP_SYS(socket), SCMP_A0(SCMP_CMP_EQ, AF_INET, 0), SCMP_A1(SCMP_CMP_MASKED_EQ, kTypes, SOCK_DGRAM));
   filter.allow_each({SCMP_SYS(bind), SCMP_SYS(connect), SCMP_SYS(pipe), SCMP_SYS(pipe2), SCMP_SYS(select),
                      SCMP_SYS(pselect6), SCMP_SYS(_newselect), SCMP_SYS(rt_sigaction), SCMP_SYS(sched_getaffinity)});
-  // Files, for what liblcm and glib look up in /proc and /sys: for reading.
+  // Files in /proc and /sys that liblcm and glib read.
   filter.allow(SCMP_SYS(openat), SCMP_A2(SCMP_CMP_MASKED_EQ, kWrites, 0));
-  // Threads: of clone3() a filter cannot see what is wanted, and the C library knows what to do without it.
+  // Threads. A filter cannot see the flags of clone3(), without which the C library falls back to clone().
   filter.allow(SCMP_SYS(clone), SCMP_A0(SCMP_CMP_MASKED_EQ, CLONE_THREAD, CLONE_THREAD));
   filter.answer(SCMP_SYS(clone3), ENOSYS);
   return filter.enforce(end_at_forbidden_call);

@@ -1,4 +1,4 @@
-// What a process outside of the core may still ask of the kernel.
+// Limits and system calls of a gateway process.
 #pragma once
 
 #include <cstdint>
@@ -8,15 +8,16 @@ namespace clearance::gateway {
 
 inline constexpr int kLinkFd = 3, kListenerFd = 4;
 
-/// Limits of memory and descriptors; the first to be ended when the machine has no memory left; ended with the core.
+/// Limits memory and descriptors. The gateway is the first process to be killed when the machine is out of memory, and
+/// ends with the daemon.
 void limit_gateway(std::uint64_t memory_bytes, std::uint64_t descriptors);
 
-/// From here on this process may take connections at its listener, read and write what is open, take memory and end: no
-/// file, no program, no process or thread of its own, no other connection, and no descriptor for the core. For all of
-/// its threads, and for good. Returns why the kernel refuses that; throws std::runtime_error (CallFilter::enforce()).
+/// Confines all threads of this process for good to accepting connections at its listener, reading and writing open
+/// descriptors, taking memory and ending: no files, programs, processes, new threads or connections, and no descriptors
+/// for the daemon. Returns the kernel's reason if it cannot; throws std::runtime_error (CallFilter::enforce()).
 std::string confine_to_connections();
 
-/// The same of a process that has yet to open LCM's sockets: UDP, and threads.
+/// The same for a process that has yet to open LCM's sockets: UDP and threads are allowed.
 std::string confine_to_datagrams();
 
 }  // namespace clearance::gateway

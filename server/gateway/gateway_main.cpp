@@ -1,6 +1,6 @@
-// clearance-outside: stands between the network and clearanced (process.h). Usage, by clearanced only:
-//   clearance-outside zmq|lcm MEMORY_BYTES CONNECTIONS
-// with one end of a socket pair as descriptor 3 and, for zmq, a TCP socket that listens as descriptor 4.
+// clearance-outside, the gateway between the network and clearanced (process.h). Usage, by clearanced only:
+// clearance-outside zmq|lcm MEMORY_BYTES CONNECTIONS
+// with one end of a socket pair as descriptor 3 and, for zmq, a listening TCP socket as descriptor 4.
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
@@ -24,9 +24,9 @@
 namespace clearance::gateway {
 namespace {
 
-/// Descriptors beside those of connections: libzmq's and liblcm's own.
+/// Descriptors in addition to connections: libzmq's and liblcm's own.
 constexpr int kOwnDescriptors = 64;
-/// How a process outside ends, for the log of the core.
+/// Exit codes of a gateway, for the daemon's log.
 enum Exit : int { kCoreHasGone = 0, kUsage = 2, kError = 4 };
 
 Message await_start(Link& link) {
@@ -79,7 +79,7 @@ int main(int argc, char** argv) {
   ::fcntl(kLinkFd, F_SETFD, FD_CLOEXEC);
 #ifdef SYS_close_range
   const bool takes_connections = !std::strcmp(argv[1], "zmq");
-  ::syscall(SYS_close_range, unsigned{kLinkFd} + 1 + takes_connections, ~0u, 0u);  // what the daemon left open
+  ::syscall(SYS_close_range, unsigned{kLinkFd} + 1 + takes_connections, ~0u, 0u);  // inherited from the daemon
 #endif
   ::_exit(run(argv[1], std::strtoull(argv[2], nullptr, 10), std::atoi(argv[3])));
 }

@@ -12,15 +12,15 @@ namespace clearance::gateway {
 namespace {
 
 constexpr int kMessagesPerTurn = 64;
-/// Messages that liblcm keeps between two looks, per channel.
+/// Messages that liblcm keeps between two polls, per channel.
 constexpr int kQueue = 512;
-/// Bytes that may wait for the core; what comes then is lost, as it would be by a network.
+/// Bytes that may wait for the daemon. Later messages are lost, as in a network.
 constexpr std::uint64_t kMostWaiting = 16 << 20;
 
 }  // namespace
 
 void serve_lcm(Link& link, const Message& start) {
-  const std::string unfiltered = confine_to_datagrams();  // before anything is read of what strangers send
+  const std::string unfiltered = confine_to_datagrams();  // before any data of unauthenticated peers is read
   LcmBus bus(parse_lcm_address(start.name));
   std::istringstream channels(start.body.text());
   for (std::string channel; std::getline(channels, channel);)

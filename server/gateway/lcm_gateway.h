@@ -1,11 +1,11 @@
-// LCM beyond this machine, outside of the core: liblcm reads and puts together what the network sends.
+// LCM beyond this machine, outside of the daemon: liblcm reads and assembles messages from the network.
 #pragma once
 
 #include "server/gateway/link.h"
 
 namespace clearance::gateway {
 
-/// Passes on messages of the channels that kStart names, until the core has gone (Broken).
+/// Forwards messages of the channels in kStart until the daemon has gone (Broken).
 [[noreturn]] void serve_lcm(Link& link, const Message& start);
 
 }  // namespace clearance::gateway

@@ -14,9 +14,9 @@
 namespace clearance::gateway {
 namespace {
 
-/// Memory beyond this takes long to free.
+/// Size from which memory takes long to free.
 constexpr std::uint64_t kLarge = 1 << 20;
-/// What a message that waits takes beside its body.
+/// Overhead of a waiting message, next to its body.
 constexpr std::uint64_t kMessageBytes = 512;
 
 std::shared_ptr<std::byte> shared_bytes(std::uint64_t bytes) {
@@ -68,7 +68,7 @@ void Link::keep(Leaving leaving) {
   listen_for_room(true);
 }
 
-/// Sends the next part of a body. False: there is no room now.
+/// Sends the next part of a body. Returns false if the socket is full.
 bool Link::send_chunk(Leaving& leaving) {
   const Message& m = leaving.message;
   const std::size_t part = std::min<std::uint64_t>(m.body.bytes - leaving.sent, kChunkBytes);
@@ -87,7 +87,7 @@ bool Link::send_chunk(Leaving& leaving) {
   put(m.name.data(), m.name.size());
   put(m.extra.data(), m.extra.size());
   put(m.body.begin.get() + leaving.sent, part);
-  // send(), which carries no descriptors: the process outside has no other call for this socket.
+  // Sends without descriptors, by the only call that a gateway has for this socket.
   ssize_t sent;
   do sent = ::send(socket_.get(), buffer_.data(), static_cast<std::size_t>(at - buffer_.data()), MSG_NOSIGNAL);
   while (sent < 0 && errno == EINTR);
@@ -120,7 +120,7 @@ std::optional<Message> Link::receive() {
     const ssize_t got = ::recv(socket_.get(), buffer_.data(), buffer_.size(), MSG_TRUNC);
     if (got < 0 && errno == EINTR) continue;
     if (got < 0 && errno == EAGAIN) return std::nullopt;
-    // A peer that closes with unread input resets the connection; its earlier messages can still be received.
+    // A peer that closes with unread input resets the connection, but its earlier messages can still be received.
     if (got < 0 && errno == ECONNRESET && !std::exchange(was_reset_, true)) continue;
     if (got < 0) throw Broken(std::strerror(errno));
     if (got == 0) throw Broken("it has gone");

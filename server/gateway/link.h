@@ -1,8 +1,8 @@
-// What is said between the core and a process outside of it (process.h), and one end of the way.
+// Messages between the daemon and a gateway process (process.h), and one end of their link.
 //
-// Messages go through a pair of SOCK_SEQPACKET sockets, whose buffers bound what is under way. A long one goes in
-// chunks, and those of several clients take turns. Each end checks every byte that comes: a process outside may have
-// been taken over. What does not follow these rules breaks the link, and with it that process.
+// Messages go through a pair of SOCK_SEQPACKET sockets, whose buffers bound the data under way. Long ones go in chunks,
+// and those of several clients take turns. Each end checks every byte, as a gateway may have been taken over: a
+// violation of these rules breaks the link and ends the gateway.
 #pragma once
 
 #include <algorithm>
@@ -27,32 +27,32 @@ namespace clearance::gateway {
 enum class Kind : std::uint32_t {
   // To the core.
   kReady = 1,        ///< body: why there is no filter of system calls, or nothing
-  kFailed,           ///< body: why it cannot begin
+  kFailed,           ///< body: reason for not starting
   kAlive,            ///< answers kPing
   kFrame,            ///< name: identity, extra: a frame's header and the client's key or none, body: its payload
   kNoFrame,          ///< name: identity, number: parts and bytes of the first (pack_parts())
-  kHandedOver,       ///< number: of a reply that its process holds no longer
-  kGone,             ///< name: an identity that no connection has
+  kHandedOver,       ///< number: of a reply that the gateway holds no longer
+  kGone,             ///< name: an identity without a connection
   kNotDelivered,     ///< name: an identity whose queue is full
-  kKnock,            ///< name: address, extra: key: may it come in?
+  kKnock,            ///< name: address, extra: key. Answered by kVerdict
   kHandshakeFailed,  ///< name: endpoint
   // To the process outside.
-  kStart,  ///< name: url, number: bytes of a message that may come in, extra: secret key or none, body: channels
+  kStart,  ///< name: url, number: most bytes of a message, extra: secret key or none, body: channels
   kPing,
-  kReply,    ///< name: identity, extra: a frame's header, body: its payload; number: for kHandedOver, 0: not wanted
-  kVerdict,  ///< number: 1: come in
+  kReply,  ///< name: identity, extra: a frame's header, body: its payload, number: for kHandedOver, or 0 if not wanted
+  kVerdict,  ///< number: 1 if the connection is accepted
   // Both ways.
   kPacket,  ///< name: LCM channel, body: a message
 };
 
-/// Bytes that are read and never written again.
+/// Bytes that are not modified after they were received.
 struct Bytes {
   std::shared_ptr<const std::byte> begin;
   std::uint64_t bytes = 0;
 
   Bytes() = default;
   Bytes(std::shared_ptr<const std::byte> memory, std::uint64_t size) : begin(std::move(memory)), bytes(size) {}
-  /// A copy, on a 64-byte boundary.
+  /// A copy, aligned to 64 bytes.
   explicit Bytes(std::span<const std::byte> of);
   explicit Bytes(std::string_view text) : Bytes(std::as_bytes(std::span(text))) {}
   std::span<const std::byte> span() const { return {begin.get(), static_cast<std::size_t>(bytes)}; }
@@ -68,12 +68,12 @@ struct Message {
 
 inline constexpr std::size_t kMaxNameBytes = 255, kMaxExtraBytes = 104;
 
-/// The link is of no more use: the other end is gone, or does not keep to the rules.
+/// The link is unusable: the other end is gone or violates the rules.
 struct Broken : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Begins each datagram. Name, extra and a part of the body follow.
+/// Header of each datagram, followed by name, extra and a part of the body.
 struct Head {
   std::uint32_t kind;
   std::uint16_t name_bytes, extra_bytes;
@@ -81,36 +81,36 @@ struct Head {
 };
 static_assert(sizeof(Head) == 32);
 
-/// Sends kFailed, where nothing else may be done any more: takes no memory.
+/// Sends kFailed without taking memory, for use when nothing else works.
 void send_failed(int socket, std::string_view text);
 
 class Link {
  public:
   struct Limits {
-    std::uint64_t message_bytes;  ///< of a body that comes in
-    std::uint64_t coming_bytes;   ///< of all bodies of which a part has come
-    std::uint64_t waiting_bytes;  ///< that may wait to go out: beyond it, who does not read breaks the link
+    std::uint64_t message_bytes;  ///< of an incoming body
+    std::uint64_t coming_bytes;   ///< of all bodies received in part
+    std::uint64_t waiting_bytes;  ///< to be sent; beyond it, a peer that does not read breaks the link
   };
-  /// \param socket one end of a pair of SOCK_SEQPACKET sockets that do not block.
+  /// @param socket one end of a pair of non-blocking SOCK_SEQPACKET sockets
   Link(shm::UniqueFd socket, const Limits& limits);
 
-  /// Readable when turn() or receive() has something to do.
+  /// Descriptor that is readable when turn() or receive() has work.
   int descriptor() const { return epoll_.get(); }
 
-  /// Sends a message, or what the socket takes of it, and keeps the rest. Those of one name arrive in their order.
-  /// Throws Broken.
+  /// Sends a message as far as the socket takes it, and keeps the rest. Messages of one name keep their order. Throws
+  /// Broken.
   void send(Message message);
-  /// Bytes that wait to go out.
+  /// Bytes that wait to be sent.
   std::uint64_t waiting_bytes() const { return waiting_bytes_; }
-  /// Begins a turn, in which a bounded number of bytes come and go, and sends what waits. Throws Broken.
+  /// Begins a turn, which transfers a bounded number of bytes, and sends waiting messages. Throws Broken.
   void turn();
-  /// The next message; none: nothing is there, or the turn is over. Throws Broken; std::bad_alloc.
+  /// Next message, or nothing if there is none or the turn is over. Throws Broken and std::bad_alloc.
   std::optional<Message> receive();
-  /// Whether the turn ended before there was nothing left to do.
+  /// Whether the turn ended with work left.
   bool has_more() const { return allowance_ == 0; }
-  /// Bytes that came and went in this turn.
+  /// Bytes transferred in this turn.
   std::uint64_t turn_bytes() const { return kBytesPerTurn - allowance_; }
-  /// Called with memory that is needed no longer and that takes long to free.
+  /// Sets a function that frees memory which takes long to free.
   void drop_by(std::function<void(std::shared_ptr<void>)> drop) { drop_ = std::move(drop); }
 
  private:
@@ -138,7 +138,7 @@ class Link {
 
   shm::UniqueFd socket_, epoll_;
   Limits limits_;
-  std::vector<std::byte> buffer_;  // a datagram that comes or goes
+  std::vector<std::byte> buffer_;  // a datagram in transfer
   FairQueue<Leaving, InOrder> leaving_;
   std::unordered_map<std::string, Coming> coming_;
   std::uint64_t sequence_ = 0, waiting_bytes_ = 0, coming_bytes_ = 0, allowance_ = kBytesPerTurn;
@@ -147,7 +147,7 @@ class Link {
   std::function<void(std::shared_ptr<void>)> drop_;
 };
 
-/// What a message of other parts than a frame's was made of.
+/// Packs the number of parts of a message that is no frame, and the bytes of the first.
 inline std::uint64_t pack_parts(std::uint64_t parts, std::uint64_t first_bytes) {
   constexpr std::uint64_t kMost = ~std::uint32_t{0};
   return std::min(parts, kMost) << 32 | std::min(first_bytes, kMost);

@@ -26,11 +26,11 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr auto kStartPatience = std::chrono::seconds(30);
-/// One that has lived so long is started again at once when it ends; else the pause grows.
+/// A process that has lived this long is restarted at once; otherwise the pause grows.
 constexpr auto kLongLife = std::chrono::seconds(1);
 constexpr auto kFirstPause = milliseconds(50), kLongestPause = milliseconds(400);
 constexpr auto kLookEvery = milliseconds(500);
-/// One that has not answered for so long hangs.
+/// A process that has not answered for this long is hung.
 constexpr auto kHang = std::chrono::seconds(5);
 constexpr int kSendBuffer = 1 << 20;
 
@@ -73,7 +73,7 @@ void Process::start() {
       helper_program(kProgram, "CLEARANCE_OUTSIDE", nullptr, ", which takes what comes from the network,");
   pid_ = start_helper(program, {plan_.what, std::to_string(plan_.memory_bytes), std::to_string(plan_.connections)},
                       descriptors);
-  // Bodies of several clients may be on their way at once; the process knows these limits, too.
+  // Bodies of several clients may be under way at once. The gateway has the same limits.
   link_.emplace(std::move(ours), Link::Limits{.message_bytes = message_bytes(),
                                               .coming_bytes = plan_.memory_bytes,
                                               .waiting_bytes = plan_.memory_bytes});
@@ -110,7 +110,7 @@ bool Process::turn(RequestHandler& handler) {
     }
   }
   if (!std::exchange(lost_, false)) return false;
-  // Its memory is freed elsewhere: messages that had come in part.
+  // Messages received in part are freed on a worker.
   if (link_) handler.drop(std::make_shared<Link>(std::move(*link_)));
   link_.reset();
   const auto now = Clock::now();
@@ -139,7 +139,7 @@ std::optional<Message> Process::receive() {
   return std::nullopt;
 }
 
-/// What is said of the process itself is taken; everything else is given back.
+/// Handles messages about the process itself, and returns all others.
 std::optional<Message> Process::take_own(Message message) {
   switch (message.kind) {
     case Kind::kReady:
@@ -191,7 +191,7 @@ void Process::tick(RequestHandler& handler) {
   send({Kind::kPing, 0, {}, {}, {}});
 }
 
-/// \param wait for the end of all of them.
+/// @param wait for all of them to end
 void Process::reap(bool wait) {
   if (wait && pid_ > 0) {
     ::kill(pid_, SIGKILL);
@@ -207,9 +207,9 @@ void Process::reap(bool wait) {
   });
 }
 
-/// All processes outside count together.
+/// Counts all gateways together.
 void Process::count_memory(RequestHandler& handler, std::uint64_t bytes) {
-  handler.counter("outside.restarts") += 0;  // it is there to be looked at before it counts
+  handler.counter("outside.restarts") += 0;  // makes the counter visible before the first restart
   std::uint64_t& all = handler.counter("outside.memory_bytes");
   all += bytes - memory_counted_;
   memory_counted_ = bytes;

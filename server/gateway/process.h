@@ -1,5 +1,5 @@
-// A process that stands between the network and the core: it reads what strangers send, in the libraries that do so,
-// under limits of memory and system calls, and hands on what it made of that. Whatever ends it, another one is started.
+// A gateway process between the network and the daemon. It runs the libraries that parse data of unauthenticated peers,
+// under limits of memory and system calls, and passes on the result. It is restarted whenever it ends.
 #pragma once
 
 #include <sys/types.h>
@@ -14,44 +14,44 @@
 
 namespace clearance::gateway {
 
-/// What a process outside is to do.
+/// Configuration of a gateway.
 struct Plan {
   std::string url;                             ///< for the log
   std::string what;                            ///< "zmq" or "lcm", as clearance-outside reads it
-  std::uint64_t memory_bytes = kGatewayBytes;  ///< address space that it may take
-  std::uint32_t connections = 0;               ///< that it may hold
-  Message start;                               ///< the first that it is told
-  shm::UniqueFd listener;                      ///< where it takes connections; none
+  std::uint64_t memory_bytes = kGatewayBytes;  ///< of address space
+  std::uint32_t connections = 0;               ///< most connections
+  Message start;                               ///< first message to the gateway
+  shm::UniqueFd listener;                      ///< where it accepts connections, or none
 };
 
-/// On the loop's thread.
+/// Used on the loop's thread.
 class Process {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// Starts it, and waits until it is ready. Throws std::runtime_error naming the url and the cause.
+  /// Starts the gateway and waits until it is ready. Throws std::runtime_error with the url and the cause.
   explicit Process(Plan plan);
   ~Process();
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
-  /// Limits of what a process of so much memory may be sent, and may send.
+  /// Largest message to or from a gateway with so much memory.
   static std::uint64_t message_bytes(std::uint64_t memory_bytes) { return memory_bytes / 8; }
   std::uint64_t message_bytes() const { return message_bytes(plan_.memory_bytes); }
 
-  /// Readable when poll() may have work; -1 while there is no process.
+  /// Descriptor that is readable when poll() may have work, or -1 while there is no process.
   int descriptor() const { return link_ ? link_->descriptor() : -1; }
   /// Null while there is no process.
   Link* link() { return link_ ? &*link_ : nullptr; }
-  /// Begins a turn with the process. True: the one that was there is lost, and with it everybody who came through it.
+  /// Begins a turn. Returns true if the former process was lost, and with it all its clients.
   bool turn(RequestHandler& handler);
-  /// The next message that is not for this object. Once the process is lost there is none, and turn() says so.
+  /// Next message that is not for this object. After a loss there is none, and turn() returns true.
   std::optional<Message> receive();
   void send(Message message);
-  /// Ends a process that does not keep to the rules.
+  /// Ends a process that violates the rules.
   void lose(const std::string& why);
   bool has_more() const { return lost_ || (link_ && link_->has_more()); }
-  /// Starts another one when its time has come; looks whether the one that is there is alive, and how large.
+  /// Restarts the process when its pause is over, and checks that it is alive and its size.
   void tick(RequestHandler& handler);
 
  private:

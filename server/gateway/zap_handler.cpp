@@ -78,7 +78,7 @@ void ZapHandler::verdict(bool come_in) {
   reply(request_, true);
   reply(come_in ? "200" : "400", true);
   reply(come_in ? "" : "this key is not authorized", true);
-  reply(come_in ? key_ : "", true);  // the user id: what the messages of this connection carry
+  reply(come_in ? key_ : "", true);  // user id, which the messages of this connection carry
   reply("", false);
 }
 

@@ -1,5 +1,5 @@
-// Asked by libzmq whether a key may come in: ZeroMQ's authentication protocol (https://rfc.zeromq.org/spec/27). It
-// passes the question on, and tells of handshakes that fail.
+// ZeroMQ's authentication protocol (https://rfc.zeromq.org/spec/27): passes libzmq's requests on to the daemon, and
+// reports failed handshakes.
 #pragma once
 
 #include <functional>
@@ -12,16 +12,16 @@ namespace clearance::gateway {
 class ZapHandler {
  public:
   struct Core {
-    std::function<void(const std::string& address, const std::string& key)> knock;  ///< to be answered by verdict()
+    std::function<void(const std::string& address, const std::string& key)> knock;  ///< answered by verdict()
     std::function<void(const std::string& endpoint)> handshake_failed;
   };
   ZapHandler(zmq::context_t& context, Core core);
 
-  /// Has a socket (not yet listening) take encrypted connections alone, and tell of those that fail.
+  /// Restricts a socket, before it listens, to encrypted connections, and reports failed handshakes.
   void guard(zmq::socket_t& socket, const std::string& secret_key);
   zmq::socket_t& knocks() { return socket_; }
   zmq::socket_t& events() { return monitor_; }
-  /// Takes what both have, a bounded number. One who knocks is asked about at a time.
+  /// Handles a bounded number of requests and events. One peer is authenticated at a time.
   void serve();
   void verdict(bool come_in);
 
@@ -31,11 +31,11 @@ class ZapHandler {
 
   Core core_;
   zmq::socket_t socket_, monitor_;
-  std::string request_, key_;  // of who waits at the door
+  std::string request_, key_;  // of the peer being authenticated
   bool waits_ = false;
 };
 
-/// The key with which the sender of a message came in; empty if it has none.
+/// Key of a message's sender, or empty.
 std::string key_of(const zmq::message_t& message);
 
 }  // namespace clearance::gateway

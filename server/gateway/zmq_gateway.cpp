@@ -23,11 +23,11 @@ namespace {
 constexpr int kFramesPerTurn = 32;
 /// A handshake takes two round trips.
 constexpr int kHandshakeMs = 3000;
-/// A frame has two parts. Of a message of more the rest is thrown away, which takes time: one of so many ends this
-/// process, which is sooner there again.
+/// A frame has two parts. Further parts are discarded, which takes time: a message of so many ends this process, as a
+/// restart is faster.
 constexpr int kMostParts = 65536;
 
-/// Numbers of replies that libzmq holds no longer, whose I/O thread says so.
+/// Numbers of replies that libzmq has released, from its I/O thread.
 class HandedOver {
  public:
   HandedOver() : wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
@@ -53,7 +53,7 @@ class HandedOver {
   std::vector<std::uint64_t> numbers_;
 };
 
-/// A reply's payload, as long as libzmq needs it.
+/// A reply's payload, kept as long as libzmq needs it.
 struct Held {
   Bytes bytes;
   std::uint64_t number;
@@ -82,7 +82,7 @@ class ZmqGateway {
       zap_->guard(router_, start.extra);
     }
     const std::string unfiltered = confine_to_connections();
-    // Only now is anything read of what strangers send.
+    // From here on data of unauthenticated peers is read.
     router_.set(zmq::sockopt::use_fd, kListenerFd);
     router_.bind(start.name);
     link_.send({Kind::kReady, 0, {}, {}, Bytes(unfiltered)});
@@ -132,7 +132,7 @@ class ZmqGateway {
       if (parts == 2) payload = std::move(part);
       if (parts > kMostParts) throw std::runtime_error("a message of too many parts");
     }
-    if (parts == 0) return true;  // nobody's
+    if (parts == 0) return true;  // a message without a sender
     if (parts != 2 || head.size() != sizeof(wire::FrameHeader)) {
       tell(Kind::kNoFrame, identity.to_string(), key_of(head),
            pack_parts(static_cast<std::uint64_t>(parts), head.size()));
@@ -169,7 +169,7 @@ class ZmqGateway {
     } else {
       payload.rebuild(message.body.begin.get(), bytes);
     }
-    // With ROUTER_MANDATORY the first part tells whether the client is there (EHOSTUNREACH) and its queue has room.
+    // With ROUTER_MANDATORY the first part fails if the client is gone (EHOSTUNREACH) or its queue is full.
     try {
       if (!clearance::send(router_, identity, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
         return tell(Kind::kNotDelivered, message.name);
@@ -182,7 +182,7 @@ class ZmqGateway {
   }
 
   Link& link_;
-  std::uint64_t room_;  // bytes that may wait for the core before no more is taken of clients
+  std::uint64_t room_;  // bytes that may wait for the daemon before no more is taken from clients
   HandedOver handed_over_;
   zmq::context_t context_;
   std::optional<ZapHandler> zap_;
@@ -192,7 +192,7 @@ class ZmqGateway {
 }  // namespace
 
 void serve_zmq(Link& link, const Message& start) {
-  // Not destroyed: the process ends with it, and libzmq's end would wait for its threads.
+  // Not destroyed, as the process ends with it and libzmq's end would wait for its threads.
   auto* const outside = new ZmqGateway(link, start);
   outside->run();
 }

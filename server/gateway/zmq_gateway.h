@@ -1,11 +1,11 @@
-// ZeroMQ over TCP, outside of the core: connections, handshakes and libzmq's memory are here.
+// ZeroMQ over TCP, outside of the daemon: connections, handshakes and libzmq's memory.
 #pragma once
 
 #include "server/gateway/link.h"
 
 namespace clearance::gateway {
 
-/// Serves the listener (confine.h) as the core's kStart says, until the core has gone (Broken).
+/// Serves the listener (confine.h) as configured by kStart, until the daemon has gone (Broken).
 [[noreturn]] void serve_zmq(Link& link, const Message& start);
 
 }  // namespace clearance::gateway

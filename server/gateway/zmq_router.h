@@ -1,4 +1,4 @@
-// The ROUTER that clients connect to, in the daemon or outside of it.
+// The ROUTER socket that clients connect to, in the daemon or in a gateway.
 #pragma once
 
 #include <cstdint>
@@ -6,14 +6,14 @@
 
 namespace clearance {
 
-/// Messages that may wait inside ZeroMQ, per client: requests not yet taken, replies not yet sent.
-/// A client may ask many things before it reads the first reply, and ZeroMQ's thread may be late: room for a reply to
-/// each (clients stop there, too). What small ones take of all connections, a process outside has to have in memory.
+/// Messages that may wait inside ZeroMQ, per client: requests not yet taken and replies not yet sent. A client may send
+/// many requests before it reads a reply, and ZeroMQ's thread may be late, so each needs a place for its reply (clients
+/// stop there, too). A gateway must have memory for small messages of all connections.
 inline constexpr int kZmqReceiveQueue = 64;
 inline constexpr int kZmqSendQueue = 1024;
-/// Connections that wait to be taken, as libzmq's own.
+/// Backlog of the listener, as in libzmq.
 inline constexpr int kZmqBacklog = 100;
-/// Replies up to this size are copied into the message, larger ones handed over.
+/// Larger replies are handed over instead of copied into the message.
 inline constexpr std::uint64_t kZmqCopyBytes = 256;
 
 inline void set_router_options(zmq::socket_t& socket, std::uint64_t max_message_bytes) {

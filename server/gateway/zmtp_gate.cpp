@@ -13,8 +13,8 @@
 namespace clearance::gateway {
 namespace {
 
-// Sized before libzmq's I/O thread begins, which then takes and reads all connections alone.
-std::vector<std::optional<ZmtpGate>> gates;  // by descriptor; none: not looked at
+// Sized before libzmq's I/O thread begins, the only one that accepts and reads connections.
+std::vector<std::optional<ZmtpGate>> gates;  // by descriptor, if guarded
 bool guarded = false;
 int first_refused = INT_MAX;
 
@@ -36,7 +36,7 @@ bool ZmtpGate::pass(std::span<const std::byte> bytes) {
   return true;
 }
 
-/// A byte of the greeting or of a command's head: flags, then its size in one byte or eight.
+/// Passes a byte of the greeting or of a command's head: flags, then its size in one byte or eight.
 bool ZmtpGate::pass_head(std::uint8_t byte) {
   constexpr std::uint8_t kCommand = 4, kLong = 2;
   constexpr std::uint32_t kMajorAt = 10;
@@ -69,7 +69,8 @@ void refuse_connections_from(int descriptor) {
 
 }  // namespace clearance::gateway
 
-// In place of the C library's, for libzmq. ECONNABORTED is what it hears of a client that hung up before it was taken.
+// Replaces the C library's function for libzmq, which gets ECONNABORTED for a client that hung up before it was
+// accepted.
 extern "C" __attribute__((visibility("default"))) int accept4(int listener, sockaddr* address, socklen_t* length,
                                                               int flags) {
   using namespace clearance::gateway;
@@ -88,7 +89,8 @@ extern "C" __attribute__((visibility("default"))) int accept(int listener, socka
   return accept4(listener, address, length, 0);
 }
 
-// Likewise: who says what nobody says before a handshake has, for libzmq, hung up.
+// Replaces the C library's function for libzmq. A peer that breaks the protocol before its handshake appears to have
+// hung up.
 extern "C" __attribute__((visibility("default"))) ssize_t recv(int socket, void* buffer, std::size_t bytes, int flags) {
   using namespace clearance::gateway;
   const ssize_t got = ::syscall(SYS_recvfrom, socket, buffer, bytes, flags, nullptr, nullptr);

@@ -23,7 +23,7 @@ int LcmAnnouncer::serve() {
     if (now >= next_period_) ask_states(), ask_status();
     next_period_ = now + kPeriod;
   }
-  // An answer that never came (its job was dropped) must not end them for good.
+  // A dropped request must not end the distances for good.
   if (asked_distances_ && now - asked_at_ > kLcmSayAgain) asked_distances_ = false;
   if (distances_wanted() && now >= next_distances_) {
     pose_revision_ = handler_.engine().pose_revision();
@@ -50,7 +50,7 @@ void LcmAnnouncer::ask(wire::FrameType type, LcmOwnSink::Take take) {
   hand_in(std::as_bytes(std::span(&header, 1)), std::move(take));
 }
 
-/// A frame of our own that is an error or damaged must not end the loop.
+/// Catches errors, as an error frame or a damaged one must not end the loop.
 LcmOwnSink::Take LcmAnnouncer::guarded(LcmOwnSink::Take take) {
   return [this, take = std::move(take)](LcmLink& link, std::span<const std::byte> frame) {
     try {

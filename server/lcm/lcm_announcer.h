@@ -1,5 +1,5 @@
-// What the daemon publishes on LCM by itself: the scene, where bodies are, its state, nearest distances. It asks the
-// loop for each in the way that clients ask, so that there is one source for each number.
+// Periodic LCM messages of the daemon: the scene, body states, status, nearest distances. It requests each from the
+// loop as clients do, so that each number has one source.
 #pragma once
 
 #include <chrono>
@@ -17,13 +17,14 @@ class LcmAnnouncer {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// What is passed by reference must outlive this. \param distances_hz at most; 0: no distances.
+  /// References must outlive this.
+  /// @param distances_hz highest rate, or 0 for no distances
   LcmAnnouncer(RequestHandler& handler, LcmMetrics& metrics, std::shared_ptr<LcmLink> link, double distances_hz)
       : handler_(handler), metrics_(metrics), link_(std::move(link)), distances_hz_(distances_hz) {}
 
-  /// Asks the loop for all that is due. Returns how many frames it handed in.
+  /// Requests all that is due, and returns the number of requests.
   int serve();
-  /// When distances may be asked for that were held back by their rate; none: nothing is held back.
+  /// Time at which delayed distances are due, or nothing.
   std::optional<Clock::time_point> due() const;
 
  private:

@@ -1,5 +1,4 @@
-// The way out of the LCM transport: what it and its sinks share, and the sinks that turn the loop's frames into
-// messages.
+// Replies of the LCM transport: state that it shares with its sinks, and the sinks that turn frames into messages.
 #pragma once
 
 #include <cstddef>
@@ -22,19 +21,19 @@ struct LcmLink {
   explicit LcmLink(std::unique_ptr<LcmPort> way) : port(std::move(way)) {}
 
   std::unique_ptr<LcmPort> port;
-  LcmOutbox outbox;                                              // answers, distances
+  LcmOutbox outbox;                                              // replies and distances
   LcmOutbox announcements{LcmOutbox::kAnnouncedBytesPerSecond};  // scene, states, status
   std::int64_t server_id = draw_lcm_id();
   std::int64_t last_sequence = 0;
   std::uint64_t replies = 0, dropped = 0;
-  Rights rights = kStrangersRights;  // of every client: nobody knows who it is
+  Rights rights = kStrangersRights;  // of all clients, which are not authenticated
 
-  /// Sends a message; its bytes, or 0 if the system refused it.
+  /// Sends a message. Returns its bytes, or 0 after an error.
   template <class Message>
   std::size_t send(const char* channel, const Message& message) {
     return port->publish_message(channel, message) ? static_cast<std::size_t>(message.getEncodedSize()) : 0;
   }
-  /// Queues a message of `parts` parts that hold on to about `bytes` of memory, and sends what may be sent now.
+  /// Queues a message of `parts` parts that hold about `bytes` of memory, and sends as much as may be sent now.
   void push(LcmOutbox& box, std::uint64_t parts, std::uint64_t bytes, LcmOutbox::SendPart send_part);
   template <class Message>
   void push_all(LcmOutbox& box, const char* channel, std::vector<Message> messages) {
@@ -44,10 +43,10 @@ struct LcmLink {
   }
 };
 
-/// Keeps the frame that the loop writes; deliver() says what becomes of it.
+/// Holds the frame that the loop writes, and passes it to deliver().
 class LcmSink : public ReplySink {
  public:
-  /// A larger answer is refused: it would take half a second to send.
+  /// Limit of a reply, which takes half a second to send.
   static constexpr std::uint64_t kMaxReplyBytes = std::uint64_t{64} << 20;
 
   LcmSink(std::weak_ptr<LcmLink> link, std::uint64_t client) : link_(std::move(link)), client_(client) {}
@@ -92,11 +91,11 @@ class LcmFrameSink final : public LcmSink {
   std::int64_t lcm_client_, request_;
 };
 
-/// For what was let in by the names that it gives, and is answered by nothing.
+/// For messages without a reply. Their publishers have the right to set poses alone.
 class LcmSilentSink final : public LcmSink {
  public:
   using Refused = std::function<void(std::span<const std::byte> frame)>;
-  /// \param refused called with the error's frame
+  /// @param refused called with the frame of an error
   LcmSilentSink(std::weak_ptr<LcmLink> link, std::uint64_t client, Refused refused)
       : LcmSink(std::move(link), client), refused_(std::move(refused)) {}
   Rights rights() const override { return kMayPose; }
@@ -106,7 +105,7 @@ class LcmSilentSink final : public LcmSink {
   Refused refused_;
 };
 
-/// Hands the frame to the transport itself.
+/// Passes the frame to the transport itself.
 class LcmOwnSink final : public LcmSink {
  public:
   using Take = std::function<void(LcmLink&, std::span<const std::byte> frame)>;

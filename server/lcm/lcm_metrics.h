@@ -1,4 +1,4 @@
-// What the LCM transport counts, in the daemon's own table, and what it complains of in the log.
+// Metrics and log messages of the LCM transport.
 #pragma once
 
 #include <chrono>
@@ -10,17 +10,16 @@
 
 namespace clearance {
 
-/// How often the same is said again.
+/// Interval between equal log messages.
 inline constexpr std::chrono::seconds kLcmSayAgain{5};
 
 class LcmMetrics {
  public:
   explicit LcmMetrics(RequestHandler& handler);
 
-  /// Writes a log line, at most every few seconds for each kind of trouble; `more` counts those not said since the
-  /// last.
+  /// Logs a problem, at most every few seconds for each kind, with the number of those left out.
   void log_rate_limited(const char* kind, const std::string& what);
-  /// Whether a message is good; what is wrong with it is counted and said.
+  /// Returns whether a message has no problem. Otherwise counts and logs it.
   bool accept(const std::string& problem) {
     if (problem.empty()) return true;
     ++bad;

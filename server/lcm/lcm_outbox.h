@@ -1,5 +1,5 @@
-// What waits to be sent over LCM: paced, so that receivers keep up, and in turns, so that a long answer holds nobody
-// up.
+// Messages waiting to be sent over LCM: paced, so that receivers keep up, and interleaved, so that a long reply delays
+// no other.
 #pragma once
 
 #include <cstddef>
@@ -15,21 +15,21 @@ namespace clearance {
 class LcmOutbox {
  public:
   using Clock = std::chrono::steady_clock;
-  /// What nobody waits for goes out slowly: the announcements of a large scene would fill small buffers every second.
+  /// Rate of announcements, low so that those of a large scene do not fill small buffers every second.
   static constexpr double kAnnouncedBytesPerSecond = 8e6;
 
   explicit LcmOutbox(double bytes_per_second = LcmPacer::kBytesPerSecond) : pacer_(bytes_per_second) {}
 
-  /// Sends part `i`; returns the bytes of its message, 0 if the system refused it.
+  /// Sends part `i`. Returns the bytes of its message, or 0 after an error.
   using SendPart = std::function<std::size_t(std::uint64_t i)>;
-  /// Memory that may wait here.
+  /// Limit of memory for waiting messages.
   static constexpr std::uint64_t kMaxBytes = std::uint64_t{256} << 20;
 
-  /// Appends `parts` messages that hold on to about `bytes` of memory. False (and nothing is sent) if there is no room.
+  /// Queues `parts` messages that hold about `bytes` of memory. Returns false, and sends nothing, beyond the limit.
   bool push(std::uint64_t parts, std::uint64_t bytes, SendPart send);
-  /// Sends what may be sent now, one part of each in turn.
+  /// Sends as much as may be sent now, one part of each message in turn.
   void flush(Clock::time_point now);
-  /// When flush() is due again; nothing if nothing waits.
+  /// Time of the next flush(), or nothing if no message waits.
   std::optional<Clock::time_point> due() const;
 
   std::uint64_t sent() const { return sent_; }

@@ -9,7 +9,7 @@
 namespace clearance {
 namespace {
 
-/// What all parts of a cloud say alike: parts that do not are of another one.
+/// Mark that all parts of a cloud share, made of their common fields.
 std::int64_t mark_of(const clearance_lcm::points_t& part) {
   std::size_t mark = std::hash<std::string_view>()(part.body);
   mark = mark * 31 + std::hash<std::int64_t>()(part.stamp_ns);

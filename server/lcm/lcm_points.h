@@ -1,4 +1,4 @@
-// Clouds from LCM: their parts, whole again.
+// Assembles point clouds from LCM messages.
 #pragma once
 
 #include <cstdint>
@@ -9,13 +9,14 @@
 
 namespace clearance {
 
-/// A cloud's parts become one frame (kSetPoints), when all of them are there. Bounded memory: FrameAssembler's.
+/// Joins a cloud's parts into one frame (kSetPoints), in bounded memory (FrameAssembler).
 class LcmPoints {
  public:
   using Clock = FrameAssembler::Clock;
   static constexpr std::uint64_t kMostPoints = 2'000'000;  ///< of one cloud
 
-  /// Takes a part; the frame, if it was the last one missing. \param body the id of the one that the part names
+  /// Adds a part. Returns the frame if it was the last one missing.
+  /// @param body id of the body that the part names
   std::optional<FrameBytes> add(const clearance_lcm::points_t& part, std::uint32_t body, Clock::time_point now);
   void expire(Clock::time_point now) { parts_.expire(now); }
   const FrameAssembler::Counts& counts() const { return parts_.counts(); }

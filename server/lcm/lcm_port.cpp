@@ -79,7 +79,7 @@ class LcmGatewayPort final : public LcmPort {
 
 std::unique_ptr<LcmPort> open_lcm_port(const LcmAddress& address, std::uint64_t gateway_bytes) {
   if (address.ttl == 0) return std::make_unique<LcmBusPort>(address);
-  check_multicast(address);  // where there is somebody to tell what is wrong
+  check_multicast(address);  // here, where an error can be reported
   return std::make_unique<LcmGatewayPort>(address, gateway_bytes);
 }
 

@@ -1,4 +1,4 @@
-// How the LCM transport gets and sends packets: by sockets of its own, or by way of a process outside.
+// How the LCM transport receives and sends packets: by its own sockets or by a gateway process.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@
 
 namespace clearance {
 
-/// What the daemon listens to, without the prefix.
+/// Channels that the daemon listens to, without the prefix.
 inline constexpr const char* kLcmChannelsIn[] = {"CLEARANCE_POSES", "CLEARANCE_POSES_NAMED", "CLEARANCE_QUERY",
                                                  "CLEARANCE_FRAME_IN", "CLEARANCE_STATUS"};
 
@@ -25,17 +25,17 @@ class LcmPort {
 
   virtual ~LcmPort() = default;
 
-  /// Has messages of one of kLcmChannelsIn handled. Once for each, before the first turn.
-  /// \param queue messages kept between two turns.
+  /// Sets the handler of one of kLcmChannelsIn, once, before the first turn.
+  /// @param queue messages kept between two turns
   virtual void subscribe(const std::string& name, int queue, Handler handler) = 0;
   virtual std::vector<int> descriptors() const = 0;
   /// Called before handle(), once a turn.
   virtual void begin_turn(RequestHandler&) {}
-  /// Hands one message to its handler; false if none waits.
+  /// Passes one message to its handler. Returns false if none waits.
   virtual bool handle() = 0;
-  /// Whether there is work that no descriptor tells of.
+  /// Whether there is work without a readable descriptor.
   virtual bool has_work() const { return false; }
-  /// False if it was refused. Never blocks for long.
+  /// Sends a message. Returns false after an error, and never blocks for long.
   virtual bool publish(const std::string& name, std::span<const std::byte> message) = 0;
   virtual void tick(RequestHandler&) {}
 
@@ -51,8 +51,8 @@ class LcmPort {
   std::vector<std::byte> buffer_;
 };
 
-/// Sockets of its own where no packet leaves this machine (ttl 0), else a process outside. Throws std::runtime_error
-/// with cause and remedy.
+/// Opens sockets if no packet leaves this machine (ttl 0), otherwise a gateway process. Throws std::runtime_error with
+/// cause and remedy.
 std::unique_ptr<LcmPort> open_lcm_port(const LcmAddress& address, std::uint64_t gateway_bytes);
 
 }  // namespace clearance

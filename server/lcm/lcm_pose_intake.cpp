@@ -97,7 +97,7 @@ void LcmPoseIntake::refuse_scene(std::int64_t revision) {
                                          std::to_string(static_cast<std::int64_t>(handler_.engine().scene_revision())));
 }
 
-/// \param what with '%' for the name
+/// @param what with '%' for the name
 void LcmPoseIntake::refuse_name(const std::string& name, const char* what) {
   ++metrics_.unknown;
   metrics_.log_rate_limited("name", std::string(what).replace(std::string_view(what).find('%'), 1, name));
@@ -134,13 +134,14 @@ bool LcmPoseIntake::with_good_stamp(const Message& message, Use use) {
   }
 }
 
-/// \param ids of what the message moves. \param apply hands it in
+/// @param ids of the bodies or joints that the message moves
+/// @param apply applies the message
 template <class Apply>
 bool LcmPoseIntake::apply(const Message& message, std::span<const std::uint32_t> ids, std::optional<OwnerLog>& owners,
                           Apply apply) {
   if (message.publisher == 0)
     return metrics_.accept(std::string(message.channel) + ": publisher_id is 0; draw one at random");
-  // First: a publisher is not known by what is no time.
+  // First, as a wrong stamp must not affect the publisher's record.
   if (!with_good_stamp(message, [&] { handler_.engine().check_stamp(message.stamp_ns); })) return false;
   if (!is_in_order(message)) return false;
   if (const auto contested = owners->note(message.publisher, ids, OwnerLog::Clock::now()); !contested.empty()) {
@@ -152,7 +153,7 @@ bool LcmPoseIntake::apply(const Message& message, std::span<const std::uint32_t>
                                                (is_joint ? scene.joints()[first].name : scene.bodies()[first].name) +
                                                "' in turns; one is " + std::to_string(message.publisher));
   }
-  if (ids.empty() && !allowed_poses_.any) return false;  // nothing that would be taken
+  if (ids.empty() && !allowed_poses_.any) return false;  // nothing is allowed
   ++metrics_.poses;
   with_good_stamp(message, [&] { metrics_.unknown += apply(clients_.number_of(message.publisher)).unknown; });
   return true;

@@ -1,4 +1,4 @@
-// Poses and joint positions from LCM: which are taken, in what order, and who sent them.
+// Poses and joint positions from LCM: permission, order and publishers.
 #pragma once
 
 #include <optional>
@@ -19,25 +19,25 @@ namespace clearance {
 
 class LcmPoseIntake {
  public:
-  /// What is passed must outlive this.
+  /// The arguments must outlive this.
   LcmPoseIntake(RequestHandler& handler, LcmMetrics& metrics, LcmClients& clients, const LcmPoses& allowed)
       : handler_(handler), metrics_(metrics), clients_(clients), allowed_poses_(allowed) {}
 
-  /// Takes note of the scene that is served now, which may have other bodies.
+  /// Adapts to a new scene, which may have other bodies.
   void meet(const Scene& scene);
-  /// Hands poses in. Returns whether it did.
+  /// Applies poses. Returns whether they were accepted.
   bool take(const clearance_lcm::pose_update_t& update);
   bool take(const clearance_lcm::named_pose_update_t& update);
   bool take(const clearance_lcm::joint_update_t& update);
   bool take(const clearance_lcm::named_joint_update_t& update);
-  /// The body whose points these are; none: they are not taken, which is counted and said.
+  /// Body of a message with points. If they are rejected, counts and logs that, and returns nothing.
   std::optional<std::uint32_t> body_of(const clearance_lcm::points_t& points);
   /// Whether a cloud is newer than its publisher's last one.
   bool is_in_order(const clearance_lcm::points_t& points) { return is_in_order(message_of(points)); }
   std::size_t publishers() const { return publishers_.size(); }
 
  private:
-  /// A message as its publisher numbered it.
+  /// A message with its publisher's numbering.
   struct Message {
     const char* channel;
     int channel_number;

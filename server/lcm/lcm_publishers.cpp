@@ -20,7 +20,7 @@ PublisherLog::Note PublisherLog::note(int channel, std::int64_t publisher, std::
   Publisher& known = it->second;
   if (sequence > known.sequence) {
     if (stamp_ns != 0 && stamp_ns < known.begun_ns) return {Sequencing::kOld, 0};
-    // Unsigned: sequences of the far ends of the range must not overflow.
+    // Unsigned, so that sequences at both ends of the range do not overflow.
     const std::uint64_t missing = static_cast<std::uint64_t>(sequence) - static_cast<std::uint64_t>(known.sequence) - 1;
     known.sequence = sequence;
     known.newest_ns = std::max(known.newest_ns, stamp_ns);
@@ -44,7 +44,7 @@ std::vector<std::uint32_t> OwnerLog::note(std::int64_t publisher, std::span<cons
     const bool was_here = known != owners.end() && now - known->last < kWindow;
     if (known != owners.begin()) {
       if (was_here) contested.push_back(id);
-      if (known == owners.end()) --known;  // silent for longest: forgotten
+      if (known == owners.end()) --known;  // replaces the one silent for longest
       std::rotate(owners.begin(), known, known + 1);
     }
     owners.front() = {publisher, now};

@@ -1,4 +1,4 @@
-// Who publishes poses over LCM: order, losses and quarrels.
+// Publishers of poses over LCM: order, losses and conflicts.
 #pragma once
 
 #include <array>
@@ -13,17 +13,16 @@
 
 namespace clearance {
 
-/// Follows the sequence numbers of each publisher on each channel. UDP loses and (on real networks) reorders and
-/// repeats: the newest message wins, an older one is left out however old it is, and what is missing is counted.
+/// Follows the sequence numbers of each publisher on each channel. UDP loses, reorders and repeats messages: the newest
+/// wins, older ones are left out, and missing ones are counted.
 ///
-/// A publisher draws its id when it starts, so one that has begun anew is another one. One that keeps its id is known
-/// by its clock, which goes on where its count begins anew: a lower sequence under a stamp newer than all before cannot
-/// be an old message. From then on messages with stamps from before are those of its former life, whatever their
-/// sequence.
+/// A publisher draws its id when it starts, so after a restart it is another one. If it keeps its id, its clock shows
+/// the restart: a lower sequence with a newer stamp than all before cannot be an old message. From then on, messages
+/// with earlier stamps are old, whatever their sequence.
 class PublisherLog {
  public:
   using Clock = std::chrono::steady_clock;
-  /// Publishers remembered; past that the one silent for longest is forgotten.
+  /// Publishers remembered. Beyond it, the one silent for longest is forgotten.
   static constexpr std::size_t kMaxPublishers = 256;
 
   enum class Sequencing { kNew, kNext, kGap, kRestart, kRepeated, kOld };
@@ -33,7 +32,7 @@ class PublisherLog {
     bool use() const { return sequencing != Sequencing::kRepeated && sequencing != Sequencing::kOld; }
   };
 
-  /// \param stamp_ns the publisher's clock; 0: it gives none.
+  /// @param stamp_ns the publisher's clock, or 0 if it has none
   Note note(int channel, std::int64_t publisher, std::int64_t sequence, std::int64_t stamp_ns, Clock::time_point now);
   std::size_t size() const { return publishers_.size(); }
 
@@ -51,19 +50,18 @@ class PublisherLog {
   struct Publisher {
     std::int64_t sequence = 0;
     std::int64_t newest_ns = 0;  ///< stamp
-    std::int64_t begun_ns = 0;   ///< first stamp since it began anew; 0: it has not
-    Clock::time_point last;      ///< of a message that was used
+    std::int64_t begun_ns = 0;   ///< first stamp since a restart, or 0
+    Clock::time_point last;      ///< of an accepted message
   };
   std::unordered_map<Key, Publisher, Hash> publishers_;
 };
 
-/// Notices publishers that move the same body, or joint, in turns. One that takes over from another (a restart) is no
-/// quarrel.
+/// Detects publishers that move the same body or joint in turns. A single takeover (after a restart) is no conflict.
 class OwnerLog {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::seconds kWindow{5};
-  static constexpr std::size_t kRemembered = 4;  ///< publishers of each: that many may take turns and be noticed
+  static constexpr std::size_t kRemembered = 4;  ///< publishers of each, which is the most that are detected in turns
 
   explicit OwnerLog(std::size_t things) : owners_(things) {}
 
@@ -75,10 +73,10 @@ class OwnerLog {
     std::int64_t publisher = 0;
     Clock::time_point last;
   };
-  std::vector<std::array<Owner, kRemembered>> owners_;  // by id; the last to move it first
+  std::vector<std::array<Owner, kRemembered>> owners_;  // by id, the last to move it first
 };
 
-/// The loop's numbers for clients and publishers that drew their own. Past so many all are numbered anew.
+/// Maps ids that clients and publishers drew to the loop's numbers. Beyond the limit all are numbered again.
 class LcmClients {
  public:
   static constexpr std::size_t kMaxClients = 4096;

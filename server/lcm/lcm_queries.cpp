@@ -1,4 +1,4 @@
-// Query messages into frames.
+// Frames of queries from LCM messages.
 #include <cstring>
 #include <string>
 
@@ -7,7 +7,7 @@
 namespace clearance {
 namespace {
 
-/// Reads the options that differ from 0, which stands for the default.
+/// Reads the options that differ from 0, the default of each field.
 template <class Message>
 void read_options(const Message& message, QueryOptions& options) {
   for_each_query_option([&](const QueryOption&, auto member) {
@@ -23,7 +23,7 @@ std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOption
                                 std::span<const std::uint32_t> joints = {}, std::span<const double> positions = {},
                                 std::int32_t rows = 0) {
   read_options(query, options);
-  if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a body, too
+  if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a valid body
   for (const auto& [field, name] : {std::pair{kFieldPairLower, "pair_lower"},
                                     {kFieldGradientJoints, "gradient_joints"},
                                     {kFieldTime, "time"},

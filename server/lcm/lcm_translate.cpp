@@ -9,7 +9,7 @@
 namespace clearance {
 namespace {
 
-/// What a message says besides its rows, generously: ids, counts, the backend's name.
+/// Upper bound on a message's size without its rows: ids, counts, the backend's name.
 constexpr std::size_t kMessageOverhead = 512;
 constexpr std::size_t kRoomForRows = kLcmMessageBytes - kMessageOverhead;
 
@@ -62,7 +62,7 @@ wire::ReplyHeader reply_of(std::span<const std::byte> payload, const std::byte*&
   return header;
 }
 
-/// The payload of a frame of our own loop; an error frame is thrown as what it says.
+/// Payload of the loop's reply. An error frame is thrown as WireError.
 std::span<const std::byte> payload_of(std::span<const std::byte> frame, wire::FrameType wanted) {
   wire::FrameHeader header;
   const auto payload = wire::split_payload(header, wire::split_frame(frame, header)).body;
@@ -86,7 +86,7 @@ ReplyParts::ReplyParts(FrameBytes frame, std::int64_t server_id, std::int64_t se
   wire::FrameHeader frame_header{};
   try {
     const auto whole = wire::split_frame(frame_.span(), frame_header);
-    const auto payload = wire::split_payload(frame_header, whole).body;  // no message has a place for records
+    const auto payload = wire::split_payload(frame_header, whole).body;  // messages have no field for records
     common_.request_id = static_cast<std::int64_t>(frame_header.request_id);
     common_.scene_revision = static_cast<std::int64_t>(frame_header.scene_revision);
     if (frame_header.type == static_cast<std::uint16_t>(wire::FrameType::kError)) {

@@ -1,7 +1,8 @@
-// The daemon on an LCM network: poses and queries in; answers, the scene, distances and counters out (lcmtypes/).
+// The daemon on an LCM network (lcmtypes/): receives poses and queries; sends replies, the scene, distances and
+// counters.
 //
-// liblcm's thread reads the socket and queues; all of this runs on the loop's thread. Requests become frames for the
-// loop and its answers become messages again. Poses have lcm_pose_intake.h, what is published unasked lcm_announcer.h.
+// liblcm's thread reads the socket into queues, and the loop's thread does the rest. Requests become frames for the
+// loop, and its replies become messages. Poses are in lcm_pose_intake.h, periodic messages in lcm_announcer.h.
 #include <algorithm>
 #include <chrono>
 #include <cstring>
@@ -50,7 +51,7 @@ class LcmTransport final : public Transport {
         link_(std::make_shared<LcmLink>(open_lcm_port(address, gateway_bytes))),
         assembler_({.frame_bytes = kMaxRequestBytes, .total_bytes = 4 * kMaxRequestBytes, .frames = 256}),
         distances_hz_(std::max(0.0, address.distances_hz)) {
-    if (!allowed_poses.any) link_->rights &= ~kMayPose;  // by frames, too, which name no body before they are read
+    if (!allowed_poses.any) link_->rights &= ~kMayPose;  // also by frames, whose bodies are not yet known
     const auto listen = [this](const char* name, auto method) {
       link_->port->subscribe(name, kQueue,
                              [this, method](std::span<const std::byte> packet) { (this->*method)(packet); });
@@ -96,7 +97,7 @@ class LcmTransport final : public Transport {
   }
 
  private:
-  /// The loop may only be known from its first call on.
+  /// The loop is known from its first call on.
   void meet(RequestHandler& handler) {
     if (!handler_) {
       handler_ = &handler;
@@ -153,7 +154,7 @@ class LcmTransport final : public Transport {
     joint_query_t asked;
     if (!decode(packet, asked) || !is_named("joint_query_t", asked.query)) return;
     const query_t& query = asked.query;
-    if (query.body_count != 0 && query.configuration_count != asked.row_count)  // poses are read for each row
+    if (query.body_count != 0 && query.configuration_count != asked.row_count)  // each row needs both
       return refuse(query, wire::ErrorCode::kBadQuery,
                     std::to_string(query.configuration_count) + " configurations of bodies and " +
                         std::to_string(asked.row_count) + " of joints: expected as many, or no bodies");
@@ -176,7 +177,7 @@ class LcmTransport final : public Transport {
     return std::make_unique<LcmReplySink>(link_, clients_.number_of(query.client_id), query.client_id);
   }
 
-  /// \param make makes the frame; throws WireError for what has no place in reply_t.
+  /// @param make makes the frame; throws WireError for options that reply_t has no field for
   template <class Make>
   void hand_in(const query_t& query, Make make) {
     std::shared_ptr<std::vector<std::byte>> frame;
@@ -213,8 +214,8 @@ class LcmTransport final : public Transport {
     hand_in(frame->span(), frame, std::move(sink));
   }
 
-  /// Whether a frame that changes something is newer than its client's last such frame. One that came late or once more
-  /// would put bodies back to where they were.
+  /// Whether a frame that changes state is newer than its client's last such frame. A late or repeated one would move
+  /// bodies back.
   bool is_in_order(const FrameAssembler::Whole& whole, std::int64_t sequence) {
     wire::FrameHeader header;
     std::memcpy(&header, whole.frame.bytes.get(), sizeof header);
@@ -228,7 +229,7 @@ class LcmTransport final : public Transport {
     return false;
   }
 
-  /// \param owner of the frame's memory
+  /// @param owner of the frame's memory
   void hand_in(std::span<const std::byte> frame, const std::shared_ptr<void>& owner, std::unique_ptr<ReplySink> sink) {
     wire::FrameHeader header;
     std::memcpy(&header, frame.data(), sizeof header);
@@ -241,7 +242,7 @@ class LcmTransport final : public Transport {
   }
 
   void on_status(std::span<const std::byte> packet) {
-    // The type's hash, then server_id, big-endian: enough to know our own.
+    // The type's hash, then server_id, both big-endian.
     if (packet.size() < 16) return;
     std::uint64_t id = 0;
     for (int i = 8; i < 16; ++i) id = id << 8 | std::to_integer<std::uint64_t>(packet[i]);
@@ -276,10 +277,10 @@ class LcmTransport final : public Transport {
   LcmPoints points_;
   double distances_hz_;
   LcmClients clients_;
-  PublisherLog changes_;  // frames that change something, of each client
+  PublisherLog changes_;  // frames of each client that change state
   int handed_in_ = 0;
   const Scene* scene_ = nullptr;
-  // From the loop's first call on.
+  // Set by the loop's first call.
   RequestHandler* handler_ = nullptr;
   std::optional<LcmMetrics> metrics_;
   std::optional<LcmPoseIntake> intake_;

@@ -9,15 +9,15 @@
 namespace clearance {
 namespace {
 
-/// How much of a figure the newest query makes.
+/// Weight of the newest query.
 constexpr double kNewest = 0.25;
-/// What a query that was given up is taken to have needed, in terms of what it had: at the least as much, and so few
-/// are tried in vain.
+/// Factor on the time of a query that was given up, which needs at least that time. A high factor avoids futile
+/// attempts.
 constexpr double kGivenUp = 2;
-/// The most that one query raises a figure by: one that the system kept from its CPU for long tells nothing of the
-/// others.
+/// Largest factor by which one query raises an estimate, since a query that the system suspended for long is no measure
+/// for others.
 constexpr double kMostRise = 2;
-/// What a refusal leaves of a figure.
+/// Factor on an estimate after a rejection.
 constexpr double kAfterRefusal = 0.95;
 
 std::string ms(std::chrono::nanoseconds time) {
@@ -43,7 +43,7 @@ Forecast::Work Forecast::work_of(const QueryOptions& query, const QueryCost& ext
   return {of_model + kind, std::max<std::uint64_t>(extent.piece_pairs, 1)};
 }
 
-/// Queries of four times as many pairs are another kind: those of few pay for their beginning above all.
+/// Groups queries by size in steps of a factor of four, as the start dominates small ones.
 std::uint32_t Forecast::index(const Work& work) {
   const auto size = static_cast<std::uint32_t>(std::bit_width(work.piece_pairs)) / 2;
   return std::min(work.kind, kKinds - 1) * kSizes + std::min(size, kSizes - 1);

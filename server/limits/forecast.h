@@ -1,5 +1,5 @@
-// What queries with a deadline will take, told by what like ones took: so that one that cannot be answered in time is
-// refused before anybody works on it.
+// Estimates the time of queries with a deadline from similar ones, so that those that cannot meet it are rejected at
+// once.
 #pragma once
 
 #include <array>
@@ -13,34 +13,36 @@
 
 namespace clearance {
 
-/// Used from the loop's thread.
+/// Used on the loop's thread.
 class Forecast {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// What a query asks for, as far as its cost goes.
+  /// Properties of a query that determine its cost.
   struct Work {
     std::uint32_t kind = 0;
     std::uint64_t piece_pairs = 0;
   };
   static Work work_of(const QueryOptions& query, const QueryCost& extent);
 
-  /// Learns from a query that took so long, without its waiting. \param is_whole false: it was given up then.
+  /// Learns from a query's computing time, without its waiting time.
+  /// @param is_whole false if it was given up
   void note(const Work& work, std::chrono::nanoseconds took, bool is_whole);
-  /// How long one takes; none: nothing like it was seen.
+  /// Estimated time, or nothing if no similar query was seen.
   std::optional<std::chrono::nanoseconds> of(const Work& work) const;
-  /// Throws a Refusal (kDeadline) if one takes longer than what is left. Each refusal lowers the figure a little, since
-  /// a query that is always refused shows nothing new: after some of them one is tried.
+  /// Throws RejectedRequest (kDeadline) if the estimate exceeds the time left. Each rejection lowers the estimate a
+  /// little, so that after some of them one is tried.
   void check(const Work& work, std::chrono::nanoseconds left, std::chrono::nanoseconds deadline);
 
  private:
   static constexpr std::uint32_t kKinds = 96, kSizes = 32;
   static std::uint32_t index(const Work& work);
 
-  std::array<double, std::size_t{kKinds} * kSizes> ns_per_piece_pair_{};  // 0: nothing is known
+  std::array<double, std::size_t{kKinds} * kSizes> ns_per_piece_pair_{};  // 0 if unknown
 };
 
-/// What is said of a query whose deadline has passed. \param worked so long somebody worked on it; 0: it had not begun
+/// Rejection of a query whose deadline has passed.
+/// @param worked time spent on it, or 0 if it had not begun
 RejectedRequest deadline_passed(std::chrono::nanoseconds deadline, std::chrono::nanoseconds worked);
 
 }  // namespace clearance

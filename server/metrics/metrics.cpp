@@ -43,7 +43,7 @@ shm::UniqueFd listen_at(const std::string& endpoint, int family, const sockaddr*
   return listener;
 }
 
-/// Listens on the loopback; `url` gets the port.
+/// Listens on the loopback and sets the port in `url`.
 shm::UniqueFd listen_on_loopback(const std::string& endpoint, std::string& url) {
   const std::size_t colon = endpoint.rfind(':');
   std::string host = colon == std::string::npos ? "" : endpoint.substr(0, colon);
@@ -94,7 +94,7 @@ std::string response(const char* status, const std::string& body) {
          std::to_string(body.size()) + "\r\nConnection: close\r\n\r\n" + body;
 }
 
-/// Waits until a connection can be read or written. False after the deadline.
+/// Waits until a connection is readable or writable. Returns false after the deadline.
 bool await(int connection, short events, Clock::time_point deadline) {
   const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now());
   pollfd waiting{connection, events, 0};
@@ -115,7 +115,7 @@ MetricsServer::MetricsServer(const std::string& endpoint, Read read) : read_(std
     fail(endpoint, std::string("cannot listen there: ") + std::strerror(errno));
   sigset_t all, before;
   sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);  // signals are the loop's
+  pthread_sigmask(SIG_SETMASK, &all, &before);  // signals are for the loop
   thread_ = std::thread([this] { run(); });
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }

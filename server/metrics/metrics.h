@@ -1,4 +1,4 @@
-// Counters and errors for those who watch the daemon: HTTP/1.0, GET /metrics (Prometheus' text) and GET /errors.
+// HTTP server for counters and errors: `GET /metrics` (Prometheus' text) and `GET /errors`.
 #pragma once
 
 #include <chrono>
@@ -13,15 +13,16 @@
 
 namespace clearance {
 
-/// On a thread of its own, one request at a time, each within a second: who is slow keeps the others waiting for so
-/// long, and the loop for nothing.
+/// Serves one request at a time on a thread of its own, each within a second, so a slow client delays only other
+/// clients.
 class MetricsServer {
  public:
   using Read = std::function<std::optional<Stats::MetricsSnapshot>()>;
 
-  /// \param endpoint "127.0.0.1:PORT", "[::1]:PORT" (0: a free one) or a Unix socket's path, which is then mode 0600.
-  /// \param read called on the server's thread; none: the daemon is too busy to say.
-  /// Throws std::runtime_error with cause and place if it cannot listen there.
+  /// Throws std::runtime_error with cause and place if it cannot listen.
+  /// @param endpoint "127.0.0.1:PORT", "[::1]:PORT" (0 for a free port) or the path of a Unix socket, which gets mode
+  /// 0600
+  /// @param read called on the server's thread; returns nothing if the daemon is too busy
   MetricsServer(const std::string& endpoint, Read read);
   ~MetricsServer();
   /// "http://127.0.0.1:9464/metrics", or "unix:PATH".

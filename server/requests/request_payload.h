@@ -1,4 +1,4 @@
-// What a request's payload is without its records, and what a reply's record is as bytes.
+// Payloads without their records, and records as bytes.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,9 @@ std::span<const std::byte> bytes_of(const Record& record) {
   return std::as_bytes(std::span(&record, 1));
 }
 
-/// The payload of a request of which no record but the epoch is known. Throws WireError if one of them is required, a
-/// Refusal if it is for another epoch. \param ignored counts the others.
+/// Payload of a request whose only known record is the epoch. Throws WireError if an unknown one is required, and
+/// RejectedRequest for another epoch.
+/// @param ignored count of the others, to which it adds
 inline std::span<const std::byte> without_records(const ReplyWriter& answers, const wire::FrameHeader& header,
                                                   std::span<const std::byte> payload, std::uint64_t& ignored) {
   if (header.records_bytes == 0) {

@@ -1,4 +1,4 @@
-// Whether the ids of a request mean what its client thinks.
+// Checks that a request's ids are valid in the engine's scene.
 #pragma once
 
 #include <span>
@@ -10,8 +10,7 @@
 
 namespace clearance {
 
-/// False if these ids mean something else in the engine's scene than in the one that the request names. Of a request
-/// that names none, they mean what they mean.
+/// False if the ids mean something else in the engine's scene than in the one that the request names, if it names one.
 inline bool knows_scene(const Engine& engine, const wire::FrameHeader& request, std::span<const std::uint32_t> ids,
                         bool with_parents = false) {
   return !request.scene_revision || engine.ids_valid_since(request.scene_revision, ids, with_parents);
@@ -23,14 +22,14 @@ inline bool knows_scene(const Engine& engine, const wire::FrameHeader& request, 
                             ", the daemon's is " + std::to_string(engine.scene_revision()) + ": fetch the scene again"};
 }
 
-/// Throws a Refusal (kWrongScene) unless joint ids mean what their client thinks.
+/// Throws RejectedRequest (kWrongScene) if joint ids mean something else in the engine's scene.
 inline void check_joint_scene(const Engine& engine, const wire::FrameHeader& request,
                               std::span<const std::uint32_t> joints) {
   if (request.scene_revision && !engine.joints_still_mean(request.scene_revision, joints))
     refuse_scene(engine, request);
 }
 
-/// Throws a Refusal (kWrongScene) then.
+/// Throws RejectedRequest (kWrongScene) if body ids mean something else in the engine's scene.
 inline void check_scene(const Engine& engine, const wire::FrameHeader& request, std::span<const std::uint32_t> ids,
                         bool with_parents = false) {
   if (!knows_scene(engine, request, ids, with_parents)) refuse_scene(engine, request);

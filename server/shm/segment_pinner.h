@@ -1,5 +1,5 @@
-// Pins segments, so that a GPU writes its replies straight into them. Both pinning and the end of it take milliseconds:
-// a thread does it, while queries go on with a copy on the host.
+// Pins segments, so that a GPU writes replies straight into them. Pinning and unpinning take milliseconds and are done
+// by a thread; until then replies are copied on the host.
 #pragma once
 
 #include <atomic>
@@ -14,7 +14,7 @@
 
 namespace clearance {
 
-/// Mapped memory, unmapped at the end.
+/// Mapped memory, unmapped by the destructor.
 class Mapping {
  public:
   Mapping(std::byte* begin, std::size_t bytes) : begin_(begin), bytes_(bytes) {}
@@ -31,30 +31,30 @@ class Mapping {
 
 class SegmentPinner {
  public:
-  /// Pins memory for as long as what it returns lives; throws std::exception where that cannot be.
+  /// Pins memory for the lifetime of the result. Throws std::exception on failure.
   using Pin = std::function<std::shared_ptr<void>(std::byte* begin, std::size_t bytes)>;
-  /// A mapping that was given in.
+  /// A mapping under the pinner's care.
   struct Ticket {
     std::shared_ptr<Mapping> mapping;
     std::shared_ptr<void> pinned;
     bool waits = true;  ///< to be pinned
-    bool done = false;  ///< to be unpinned and let go of
+    bool done = false;  ///< to be unpinned and freed
   };
 
-  /// \param budget bytes that may be pinned at a time; a mapping that is too much stays as it is.
+  /// @param budget most bytes pinned at a time; mappings beyond it stay unpinned
   explicit SegmentPinner(std::uint64_t budget) : SegmentPinner(budget, pin_for_device) {}
   SegmentPinner(std::uint64_t budget, Pin pin) : budget_(budget), pin_(std::move(pin)) {}
-  ~SegmentPinner();  ///< after all mappings were let go of
+  ~SegmentPinner();  ///< after let_go() of all mappings
   SegmentPinner(const SegmentPinner&) = delete;
   SegmentPinner& operator=(const SegmentPinner&) = delete;
 
-  /// Has the mapping pinned soon. Null, and counted as refused, where the machine has no thread or memory for that.
+  /// Pins the mapping soon. Returns null, and counts it, without a thread or memory for that.
   Ticket* pin(std::shared_ptr<Mapping> mapping) noexcept;
-  /// Has the mapping unpinned and then let go of, which must be the last hold on it.
+  /// Unpins and frees the mapping, whose last owner this must be.
   void let_go(Ticket* ticket) noexcept;
 
   std::uint64_t bytes() const { return bytes_; }        ///< pinned now
-  std::uint64_t refusals() const { return refusals_; }  ///< mappings that stayed as they were
+  std::uint64_t refusals() const { return refusals_; }  ///< mappings left unpinned
 
  private:
   static std::shared_ptr<void> pin_for_device(std::byte* begin, std::size_t bytes);
@@ -64,7 +64,7 @@ class SegmentPinner {
   const std::uint64_t budget_;
   const Pin pin_;
   std::atomic<std::uint64_t> bytes_{0}, refusals_{0};
-  std::mutex mutex_;  // of what follows
+  std::mutex mutex_;  // guards the following
   std::condition_variable wake_;
   std::list<Ticket> tickets_;
   bool ending_ = false;

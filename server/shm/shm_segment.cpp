@@ -19,13 +19,13 @@ namespace clearance {
 
 namespace {
 
-/// Address space that a grown segment may take to have many slots; larger slots get fewer of them.
+/// Address space up to which a grown segment gets as many slots as the limits allow. Larger slots are fewer.
 constexpr std::uint64_t kRoomyBytes = std::uint64_t{256} << 20;
-/// A caller that keeps one reply while it asks for the next needs two slots.
+/// A client that keeps one reply during its next request needs two slots.
 constexpr std::uint32_t kFewestSlots = 2;
 constexpr std::uint32_t kGrownSlots = 4;
-/// This part of all shared memory is for the first segments of clients, of the usual size: few that grow shut nobody
-/// out.
+/// Fraction of all shared memory for first segments of the usual size, so that a few large clients do not shut out new
+/// ones.
 constexpr std::uint64_t kKeptForNewcomers = 4;
 
 #ifndef MFD_NOEXEC_SEAL
@@ -40,7 +40,7 @@ shm::UniqueFd make_sealed_memfd(std::uint64_t bytes, std::string& why) {
     why = std::string("memfd_create: ") + std::strerror(errno);
     return {};
   }
-  // Nobody can shrink the file under our mapping (SIGBUS), nor add seals of their own.
+  // The client can neither shrink the file under our mapping (SIGBUS) nor add seals.
   if (::ftruncate(fd.get(), static_cast<off_t>(bytes)) != 0 ||
       ::fcntl(fd.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0) {
     why = "a segment of " + std::to_string(bytes) + " bytes: " + std::strerror(errno);
@@ -56,10 +56,11 @@ struct Sizes {
   std::uint64_t bytes() const { return shm::segment_bytes(slots, request_bytes, reply_bytes); }
 };
 
-/// What a client asks for, with as many slots as the limits allow; none, with `why`, if they forbid it.
+/// Sizes for a client's request, with as many slots as the limits allow. If the limits forbid it, returns nothing and
+/// sets `why`.
 std::optional<Sizes> plan_segment(const ShmLimits& limits, std::uint64_t request_capacity, std::uint64_t reply_capacity,
                                   std::string& why) {
-  // The sizes come from a client: compare before adding, so that nothing wraps.
+  // The sizes are a client's: compared before adding, so that nothing overflows.
   if (request_capacity > wire::kMaxRequestBytes) {
     why = "a request of " + std::to_string(request_capacity) + " bytes; the limit is " +
           std::to_string(wire::kMaxRequestBytes);
@@ -112,7 +113,7 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, st
   const std::optional<Sizes> plan = plan_segment(limits, request_capacity, reply_capacity, why);
   if (!plan) return nullptr;
   const std::uint64_t bytes = plan->bytes();
-  // Whoever grows leaves room for those who come in.
+  // Segments that grow leave memory for new clients.
   const bool is_usual =
       id == 0 && request_capacity <= limits.request_capacity && reply_capacity <= limits.reply_capacity;
   const std::uint64_t open = budget->limit - (service == ServiceClass::kControl ? 0 : budget->kept_for_control);
@@ -148,9 +149,9 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, st
   return segment;
 }
 
-/// Says what is where; the version comes last, when the rest may be read.
+/// Writes the layout, with the version last, after which the client may read the rest.
 void Segment::write_header() {
-  header_ = new (base_) shm::SegmentHeader{};  // the file is all zeros already; this begins the objects' lifetime
+  header_ = new (base_) shm::SegmentHeader{};  // begins the objects' lifetime in the zeroed file
   header_->magic = shm::kMagic;
   header_->segment_id = id_;
   header_->slot_count = static_cast<std::uint32_t>(slots_.size());
@@ -180,7 +181,7 @@ Segment::~Segment() {
       }
     };
     budget_->drop(
-        std::shared_ptr<Last>(new Last{budget_, std::move(mapping_)}));  // clang 14 makes no aggregate in place
+        std::shared_ptr<Last>(new Last{budget_, std::move(mapping_)}));  // clang 14 cannot make the aggregate in place
   } else {
     budget_->used -= mapping_->bytes();
   }
@@ -197,7 +198,7 @@ Segment::Take Segment::take(ScratchBuffer& scratch, Request& request) {
   if (waiting == 0) return Take::kNothing;
   if (waiting > slots_.size()) return violation("request_head ran ahead of the slots");
   shm::prefetch_to_read(base_ + request_offset_ +
-                        last_slot_ * request_capacity_);  // a guess: mostly the same slot again
+                        last_slot_ * request_capacity_);  // a guess, as mostly the same slot is used again
   const shm::RingEntry& entry = header_->requests[request_tail_ % shm::kRingEntries];
   const std::uint64_t ticket = entry.ticket.load(std::memory_order_relaxed);
   const std::uint64_t bytes = entry.frame_bytes.load(std::memory_order_relaxed);
@@ -214,14 +215,14 @@ Segment::Take Segment::take(ScratchBuffer& scratch, Request& request) {
   std::byte* copy = scratch.reserve(copied);
   std::memcpy(copy, base_ + request_offset_ + index * request_capacity_, copied);
   count_copied(copied);
-  // The compiler may not go back to the shared bytes for anything that is read from the copy.
+  // Keeps the compiler from reading the shared bytes again instead of the copy.
   std::atomic_signal_fence(std::memory_order_seq_cst);
 
   ++request_tail_;
   slot.busy = true;
   slot.generation = generation;
   last_slot_ = index;
-  shm::prefetch_to_write(reply_area(index));  // while the request is worked on
+  shm::prefetch_to_write(reply_area(index));  // while the request is answered
   request = {index, generation, {copy, copied}, bytes};
   return Take::kRequest;
 }
@@ -231,7 +232,7 @@ OwnPayload Segment::copy_payload(std::uint32_t slot, std::uint64_t payload_bytes
   const std::shared_ptr<std::byte> copy(aligned_bytes(payload_bytes).release(), FreeDeleter());
   std::memcpy(copy.get(), base_ + request_offset_ + slot * request_capacity_ + sizeof(wire::FrameHeader),
               payload_bytes);
-  std::atomic_signal_fence(std::memory_order_seq_cst);  // as for what take() has copied
+  std::atomic_signal_fence(std::memory_order_seq_cst);  // as in take()
   count_copied(payload_bytes);
   return {copy, payload_bytes};
 }
@@ -265,7 +266,7 @@ void Segment::post_reply(std::uint32_t slot, std::uint32_t generation, std::uint
   entry.ticket.store(shm::pack_ticket(slot, generation), std::memory_order_relaxed);
   entry.frame_bytes.store(frame_bytes, std::memory_order_relaxed);
   header_->reply_head.store(++reply_head_, std::memory_order_seq_cst);
-  // A client that lies about waiting only costs us a system call for each of its own requests.
+  // A client with a wrong flag costs only a system call for each of its own requests.
   if (header_->client_waiting.load(std::memory_order_seq_cst) != 0) shm::futex_wake(header_->reply_head);
 }
 

@@ -1,4 +1,4 @@
-// The daemon's side of shared segments: their memory, their budget, and the rings in them.
+// The daemon's side of shared segments: memory, budget and rings.
 #pragma once
 
 #include <atomic>
@@ -18,21 +18,21 @@
 
 namespace clearance {
 
-/// Bytes of address space that all segments may take together. Shared by the transport and every living segment.
+/// Address space for all segments. Shared by the transport and every live segment.
 struct SegmentBudget {
   std::uint64_t limit = 0;
-  std::uint64_t kept_for_control = 0;  ///< of it, for clients of that class alone
+  std::uint64_t kept_for_control = 0;  ///< part of `limit` for clients of that class
   std::atomic<std::uint64_t> used{0};
-  /// Lets go of a segment's memory where that holds up nobody; empty: at once.
+  /// Frees a segment's memory on a worker. If empty, it is freed at once.
   std::function<void(std::shared_ptr<void>)> drop;
 };
 
-/// Private memory on a 64-byte boundary that is reused from request to request.
+/// Private memory on a 64-byte boundary, reused from request to request.
 class ScratchBuffer {
  public:
-  /// Room for at least `bytes`; what was there is lost. Throws std::bad_alloc.
+  /// Returns memory for at least `bytes`, without the former contents. Throws std::bad_alloc.
   std::byte* reserve(std::size_t bytes);
-  /// Gives memory beyond `bytes` back.
+  /// Frees memory beyond `bytes`.
   void trim(std::size_t bytes);
 
  private:
@@ -40,11 +40,10 @@ class ScratchBuffer {
   std::size_t capacity_ = 0;
 };
 
-/// One segment. It is made fresh for one client and never given to another. It lives as long as the client or any
-/// request in it that is still being worked on.
+/// A segment of one client, never given to another one. It lives as long as the client and its requests under way.
 class Segment {
  public:
-  /// A request taken from the ring: its frame in private memory, or of a large one the header alone.
+  /// A request taken from the ring: its frame in private memory, or only the header of a large one.
   struct Request {
     std::uint32_t slot = 0;
     std::uint32_t generation = 0;
@@ -53,9 +52,9 @@ class Segment {
   };
   enum class Take { kNothing, kRequest, kViolation };
 
-  /// Makes and maps a segment whose slots hold at least the capacities given, with as many slots as the limits allow.
-  /// Null with `why` filled if the limits or the machine forbid it.
-  /// \param pinner null: the segment is never pinned.
+  /// Makes and maps a segment whose slots hold at least the given capacities, with as many slots as the limits allow.
+  /// If the limits or the machine forbid it, returns null and sets `why`.
+  /// @param pinner or null if the segment is never pinned
   static std::shared_ptr<Segment> make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
                                        const ShmLimits& limits, ServiceClass service, std::uint32_t id,
                                        std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why);
@@ -63,21 +62,21 @@ class Segment {
   Segment(const Segment&) = delete;
   Segment& operator=(const Segment&) = delete;
 
-  /// Takes the next request, if there is one. kViolation: the client broke the rules (why() says how) and must go.
+  /// Takes the next request, if there is one. After kViolation (see why()) the client must be disconnected.
   Take take(ScratchBuffer& scratch, Request& request);
-  /// Copies the payload of a request that has not been answered yet. From any thread. Throws std::bad_alloc.
+  /// Copies the payload of a request that has not been answered. From any thread. Throws std::bad_alloc.
   OwnPayload copy_payload(std::uint32_t slot, std::uint64_t payload_bytes) const;
-  /// Whether a request waits. Sequentially consistent, for the look after set_sleeping(true).
+  /// Whether a request waits. Sequentially consistent, for the check after set_sleeping(true).
   bool has_request() const;
   void set_sleeping(bool sleeping);
-  /// Shows the client how often the loop has gone round.
+  /// Publishes the number of the loop's turns to the client.
   void show_turns(std::uint64_t turns) { header_->turns.store(turns, std::memory_order_relaxed); }
 
-  /// The room of a slot's reply.
+  /// Memory for a slot's reply.
   std::byte* reply_area(std::uint32_t slot);
-  /// A device's replies are to come here without a copy, from some later one on.
+  /// Pins the segment, so that a device writes later replies without a copy.
   void pin();
-  /// Posts a reply and wakes the client; 0 bytes gives the slot back unanswered.
+  /// Posts a reply and wakes the client. With 0 bytes the slot is returned without a reply.
   void post_reply(std::uint32_t slot, std::uint32_t generation, std::uint64_t frame_bytes);
 
   std::uint32_t id() const { return id_; }
@@ -89,14 +88,14 @@ class Segment {
  private:
   struct Slot {
     std::uint32_t generation = 0;  ///< of the last request taken
-    bool busy = false;             ///< a request was taken and not yet answered
+    bool busy = false;             ///< a request was taken and not answered
   };
 
   Segment() = default;
   void write_header();
   Take violation(const char* why);
 
-  // Everything the daemon decides by is here, in private memory.
+  // All state for the daemon's decisions is in private memory.
   std::shared_ptr<SegmentBudget> budget_;
   std::shared_ptr<SegmentPinner> pinner_;
   shm::UniqueFd memfd_;

@@ -37,7 +37,7 @@ ShmListener::ShmListener(const std::string& path, const Access& access) {
   if (::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
     fail_shm(path, "cannot create the socket", errno);
   file_ = SocketFile(path);
-  // Nobody can connect before listen(), so the mode is right before the first client can come.
+  // Before listen(), so that no client connects with the wrong mode.
   set_socket_mode(path, "shm://" + path, access);
   if (::listen(socket_.get(), 64) != 0) fail_shm(path, "cannot listen", errno);
 }

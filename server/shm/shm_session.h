@@ -1,4 +1,4 @@
-// Clients of the shared-memory transport: where they come in, what each has, and how a request of theirs is answered.
+// Clients of the shared-memory transport: the listener, each client's state, and the replies to its requests.
 #pragma once
 
 #include <sys/socket.h>
@@ -17,7 +17,8 @@
 
 namespace clearance {
 
-/// Throws std::runtime_error. \param error an errno; 0: none.
+/// Throws std::runtime_error.
+/// @param error an errno, or 0
 [[noreturn]] void fail_shm(const std::string& path, const std::string& what, int error = 0);
 
 /// One connected client.
@@ -25,7 +26,7 @@ struct ShmSession {
   std::uint64_t id = 0;
   Rights rights = 0;
   Places::Share place;
-  shm::UniqueFd socket;  ///< what the doorman gave for the client's
+  shm::UniqueFd socket;  ///< the client's, or its proxy's (fd_filter_proxy.h)
   shm::UniqueFd wake;    ///< eventfd that the client writes to when the daemon sleeps
   std::vector<std::shared_ptr<Segment>> segments;
   std::uint32_t next_segment = 0;
@@ -33,7 +34,7 @@ struct ShmSession {
   bool gone = false;
 };
 
-/// One request's way back: the slot that it came in.
+/// A reply in the slot of its request.
 class ShmSink final : public ReplySink {
  public:
   ShmSink(std::shared_ptr<ShmSession> session, std::shared_ptr<Segment> segment, std::uint32_t slot,
@@ -55,13 +56,13 @@ class ShmSink final : public ReplySink {
 
  private:
   std::shared_ptr<ShmSession> session_;
-  std::shared_ptr<Segment> segment_;  ///< stays mapped while the reply is being written, even if the client goes
+  std::shared_ptr<Segment> segment_;  ///< keeps the mapping while the reply is written, even if the client goes
   std::uint32_t slot_, generation_;
   std::uint64_t reserved_ = 0;
   bool published_ = false;
 };
 
-/// The listening socket, for this user alone or for a group too. A dead daemon's is replaced, a living one's refused.
+/// The listening socket, for this user or for a group. Replaces that of a dead daemon, and rejects that of a live one.
 class ShmListener {
  public:
   /// Throws std::runtime_error with cause and place.

@@ -105,7 +105,7 @@ void ShmSessions::serve_sockets() {
       const auto session =
           std::find_if(sessions_.begin(), sessions_.end(), [&](const auto& s) { return s->id == tag / 2; });
       if (session != sessions_.end()) serve_socket(**session);
-    }  // else an eventfd: edge-triggered, it has done its work by waking the loop
+    }  // else an eventfd, edge-triggered, which has woken the loop
   }
   if (count == 64) look_ = true;
   remove_gone();
@@ -246,7 +246,7 @@ void ShmSessions::remove_gone() {
     any_gone_ = false;
     std::erase_if(sessions_, [this](const std::shared_ptr<ShmSession>& session) {
       if (!session->gone) return false;
-      // The client holds the same eventfd: closing our end alone would leave it among the watched.
+      // The client holds the same eventfd, so that closing our end would not remove it from epoll.
       session->place = {};
       if (session->wake) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, session->wake.get(), nullptr);
       session->wake.reset();

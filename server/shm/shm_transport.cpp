@@ -1,5 +1,5 @@
-// Shared memory: a Unix socket where clients come and go, and for each client a segment with its requests and replies.
-// The layout and the rules are drawn in wire/shm_layout.h.
+// Shared memory: a Unix socket where clients connect, and for each client a segment with its requests and replies.
+// wire/shm_layout.h has the layout and the rules.
 #include "server/shm/shm_transport.h"
 
 #include <algorithm>
@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kMaxFramesPerPoll = 64;
 constexpr int kMaxFramesPerClient = 8;
-/// Requests are copied on the loop: past this much in one poll the rest waits for the next.
+/// Requests are copied on the loop, up to this size in one poll.
 constexpr std::uint64_t kMaxBytesPerPoll = std::uint64_t{4} << 20;
 constexpr std::size_t kScratchKept = std::size_t{4} << 20;
 

@@ -1,4 +1,4 @@
-// The reply to a request for a certificate, made in slices: a few bytes can ask for what takes seconds.
+// The reply to a request for a certificate, made in slices as it can take seconds.
 #pragma once
 
 #include <chrono>
@@ -13,19 +13,21 @@
 
 namespace clearance {
 
-/// On the thread that works.
+/// Used on a worker.
 class CertificateRequest {
  public:
-  /// Of a document; a larger one is refused.
+  /// Limit of a document.
   static constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
 
-  /// \param answers must outlive this. \param fetch brings the request's payload.
+  /// @param answers outlives this
+  /// @param fetch brings the request's payload
   CertificateRequest(const ReplyWriter& answers, std::shared_ptr<const Engine> engine, const wire::FrameHeader& request,
                      std::function<OwnPayload()> fetch)
       : answers_(answers), engine_(std::move(engine)), request_(request), fetch_(std::move(fetch)) {}
 
-  /// Works for about `budget`. Returns the payload of kCertificate once it is whole. Throws what the request is refused
-  /// for. \param ignored counts records of the request that nobody here knows.
+  /// Works for about `budget`. Returns the payload of kCertificate once it is complete. Throws RejectedRequest,
+  /// QueryError or WireError.
+  /// @param ignored count of unknown records, to which it adds
   std::optional<std::vector<std::byte>> advance(std::chrono::nanoseconds budget, std::uint64_t& ignored);
 
  private:
@@ -35,7 +37,7 @@ class CertificateRequest {
   std::shared_ptr<const Engine> engine_;  // outlives run_
   wire::FrameHeader request_;
   std::function<OwnPayload()> fetch_;
-  OwnPayload payload_;  // outlives run_, as do its bytes here
+  OwnPayload payload_;  // outlives run_, as does aligned_
   std::vector<std::uint64_t> aligned_;
   std::optional<CertificateRun> run_;
 };

@@ -11,7 +11,7 @@
 namespace clearance {
 namespace {
 
-/// The stamps that poses have reached, each looked for once however many wait for it.
+/// Stamps that poses have reached, each computed once.
 class Reached {
  public:
   explicit Reached(const Engine& engine) : engine_(engine) {}
@@ -32,18 +32,18 @@ bool is_reached(Reached& reached, const Engine& engine, const wire::FrameHeader&
   return stamp != 0 && stamp >= query.min_pose_stamp_ns;
 }
 
-/// How long a query waits at most, in ns.
+/// Longest wait of a query, in ns.
 std::int64_t wait_of(const QueryOptions& query) {
   return query.deadline_ns ? std::min(query.pose_wait_ns, query.deadline_ns) : query.pose_wait_ns;
 }
 
-/// Whether a query need not wait any longer.
+/// Whether a query's wait is over.
 bool is_over(const DeferredQuery& held, const Engine& engine, Reached& reached,
              DeferredQueries::Clock::time_point now) {
   if (now >= held.deadline) return true;
   try {
     return is_reached(reached, engine, held.asked.header, held.query);
-  } catch (const QueryError&) {  // another scene: said where the query begins
+  } catch (const QueryError&) {  // another scene: reported when the query begins
     return true;
   } catch (const RejectedRequest&) {  // likewise
     return true;
@@ -78,13 +78,13 @@ void DeferredQueries::hold(const wire::FrameHeader& request, ServiceClass servic
                      std::move(payload),
                      received,
                      received + std::chrono::nanoseconds(wait_of(query))};
-  if (held_.empty()) looked_at_revision_ = engine.pose_revision();  // the others have not been looked at yet
+  if (held_.empty()) looked_at_revision_ = engine.pose_revision();  // the others are checked at the next revision
   deadline_ = std::min(deadline_, held.deadline);
   held_.push_back(std::move(held));
-  held_.back().asked.sink = std::move(sink);  // now that nothing can fail any more
+  held_.back().asked.sink = std::move(sink);  // last, as the caller needs it after an exception
 }
 
-/// Takes those that are over from the others.
+/// Moves those whose wait is over to over_.
 void DeferredQueries::part(const Engine& engine, Clock::time_point now) {
   const std::uint64_t revision = engine.pose_revision();
   if (revision == looked_at_revision_ && now < deadline_) return;

@@ -1,5 +1,5 @@
-// Queries that wait for poses (QueryOptions::min_pose_stamp_ns): held aside, so that they hold nobody up, and looked at
-// when poses have come or time is up.
+// Queries that wait for poses (QueryOptions::min_pose_stamp_ns). They are checked when poses arrive, and block no other
+// query.
 #pragma once
 
 #include <chrono>
@@ -26,20 +26,20 @@ class DeferredQueries {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// Whether the poses that a query asks for are there. Throws a Refusal (kWrongScene) or a QueryError if what it waits
-  /// for is not, or no more, in the scene.
+  /// Whether the poses that a query waits for have arrived. Throws RejectedRequest (kWrongScene) or QueryError if the
+  /// body that it waits for is not, or no more, in the scene.
   static bool poses_are_there(const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query);
 
   bool empty() const { return held_.empty() && over_.empty(); }
   std::size_t size() const { return held_.size() + over_.size(); }
-  /// The first of theirs; of none: the end of time.
+  /// No later than the first deadline.
   Clock::time_point deadline() const { return deadline_; }
 
-  /// Takes a query aside. Throws a Refusal (kPosesLate) if it does not want to wait, and if there is no room (kBusy).
+  /// Defers a query. Throws RejectedRequest if it does not want to wait (kPosesLate), or beyond a limit (kBusy).
   void hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query, OwnPayload payload,
             std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine, Clock::time_point received);
-  /// Lets go of those whose poses are there, whose scene is another or whose time is up, in the order in which they
-  /// came and a few at a time: `release(DeferredQuery)`. Returns whether there were any.
+  /// Releases a few of the queries whose poses have arrived, whose scene is another or whose time is up, in the order
+  /// of their arrival, by `release(DeferredQuery)`. Returns whether there were any.
   template <class Release>
   bool release(const Engine& engine, Clock::time_point now, Release release) {
     part(engine, now);
@@ -51,7 +51,7 @@ class DeferredQueries {
     }
     return any;
   }
-  /// Lets go of those whose clients are gone. Returns how many these were.
+  /// Drops those whose clients are gone, and returns their number.
   std::size_t drop_gone();
 
  private:
@@ -59,12 +59,13 @@ class DeferredQueries {
   void part(const Engine& engine, Clock::time_point now);
 
   std::vector<DeferredQuery> held_;
-  std::deque<DeferredQuery> over_;        // that need not wait any longer
+  std::deque<DeferredQuery> over_;        // whose wait is over
   std::uint64_t looked_at_revision_ = 0;  // of the poses
   Clock::time_point deadline_ = Clock::time_point::max();
 };
 
-/// What is said when the poses are not there. \param waited in vain, perhaps to the query's deadline, or not at all.
+/// Rejection of a query whose poses are missing.
+/// @param waited in vain, perhaps to its deadline
 RejectedRequest poses_late(const QueryOptions& query, bool waited);
 
 }  // namespace clearance

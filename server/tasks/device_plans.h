@@ -1,5 +1,4 @@
-// Plans that clients have open, by their numbers: whose they are, whether one runs, and whether its client is still
-// there.
+// Open plans by number, with their clients.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +15,7 @@
 
 namespace clearance {
 
-/// Of the loop's thread.
+/// Used on the loop's thread.
 class DevicePlans {
  public:
   struct Limits {
@@ -39,13 +38,13 @@ class DevicePlans {
   /// A number that no other plan has had.
   std::uint64_t next_number() { return ++last_; }
   void add(std::uint64_t number, Open open) { plans_.emplace(number, std::move(open)); }
-  /// Throws a Refusal (kBadQuery) unless the client has it open.
+  /// Throws RejectedRequest (kBadQuery) unless the client has opened the plan.
   Open& find(std::uint64_t client, std::uint64_t number);
-  /// Says that a run is over; the plan may be gone.
+  /// Marks a run as over, even if the plan was closed meanwhile.
   void end_run(std::uint64_t number);
-  /// Throws as find(). What runs goes on to its end, and the memory with it.
+  /// Throws as find(). A run under way ends before its memory is freed.
   void close(std::uint64_t client, std::uint64_t number);
-  /// Closes those whose clients are gone. Returns how many these were.
+  /// Closes plans of clients that are gone, and returns their number.
   std::size_t drop_gone();
   void clear() { plans_.clear(); }
   std::uint64_t count() const { return count_.total(); }
@@ -58,11 +57,12 @@ class DevicePlans {
   std::uint64_t last_ = 0;
 };
 
-/// Reads a kOpenPlan and makes the plan. On the thread that works.
+/// Reads a kOpenPlan and makes the plan. Used on a worker.
 class PlanOpening {
  public:
-  /// \param answers, limits must outlive this. \param fetch brings the request's payload. \param free has a plan freed
-  /// where that holds up nobody; from any thread
+  /// @param answers and limits outlive this
+  /// @param fetch brings the request's payload
+  /// @param free frees a plan on a worker; from any thread
   PlanOpening(const ReplyWriter& answers, const QueryLimits& limits, std::shared_ptr<const Engine> engine,
               const wire::FrameHeader& request, std::function<OwnPayload()> fetch, PlanShare share,
               std::function<void(std::shared_ptr<void>)> free)
@@ -74,8 +74,9 @@ class PlanOpening {
         share_(std::move(share)),
         free_(std::move(free)) {}
 
-  /// The payload of kPlan. Throws what the request is refused for. \param number the plan's. \param ignored counts
-  /// records of the request that nobody here knows.
+  /// Returns the payload of kPlan. Throws RejectedRequest, QueryError or WireError.
+  /// @param number of the plan
+  /// @param ignored count of unknown records, to which it adds
   std::vector<std::byte> make(std::uint64_t number, std::uint64_t& ignored);
   std::shared_ptr<SharedPlan> take() { return std::move(plan_); }
 

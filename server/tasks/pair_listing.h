@@ -1,4 +1,4 @@
-// The reply to a request for a list of pairs, made in slices: a few bytes can name many millions.
+// The reply to a request for a list of pairs, made in slices as there may be millions.
 #pragma once
 
 #include <chrono>
@@ -13,16 +13,18 @@
 
 namespace clearance {
 
-/// On the thread that works.
+/// Used on a worker.
 class PairListing {
  public:
-  /// \param answers must outlive this. \param fetch brings the request's payload.
+  /// @param answers outlives this
+  /// @param fetch brings the request's payload
   PairListing(const ReplyWriter& answers, std::shared_ptr<const Engine> engine, const wire::FrameHeader& request,
               std::function<OwnPayload()> fetch)
       : answers_(answers), engine_(std::move(engine)), request_(request), fetch_(std::move(fetch)) {}
 
-  /// Works for about `budget`. Returns the payload of kPairTable once it is whole. Throws what the request is refused
-  /// for. \param ignored counts records of the request that nobody here knows.
+  /// Works for about `budget`. Returns the payload of kPairTable once it is complete. Throws RejectedRequest,
+  /// QueryError or WireError.
+  /// @param ignored count of unknown records, to which it adds
   std::optional<std::vector<std::byte>> advance(std::chrono::nanoseconds budget, std::uint64_t& ignored);
 
  private:

@@ -199,8 +199,8 @@ void QueryTask::list(const WorkBudget& budget) {
   step_ = Step::kReserve;
 }
 
-/// Takes quota for the request, its pairs and the largest reply. Warm state gets what is left of the quota, or the
-/// query runs cold, which is only slower.
+/// Takes quota for the request, its pairs and the largest reply. Warm state gets the rest of the quota, or the query
+/// runs cold, which is only slower.
 void QueryTask::reserve(ReplySink& sink) {
   const std::uint64_t bytes =
       reply_.most_bytes() + payload_bytes_ + (whole_table_ ? 0 : reply_.size().pairs * sizeof(BodyPair));
@@ -215,14 +215,14 @@ void QueryTask::reserve(ReplySink& sink) {
     prepared_->begin_cold();
     ++daemon_.stats["queries.cold"];
   }
-  if (warm == 0 && left < Engine::kMostWarmBytes)  // otherwise the query takes what is left
+  if (warm == 0 && left < Engine::kMostWarmBytes)  // otherwise the query takes the rest
     if (auto table = engine_->trim_warm(client(), left)) daemon_.drop(std::move(table));
   asked_.share = daemon_.quotas.take(client(), service_class(), bytes + warm);
   reply_.reserve(sink);
   step_ = Step::kRun;
 }
 
-/// Starts the job, which copies what it needs of the request.
+/// Starts the job, which copies the request as far as needed.
 void QueryTask::start() {
   job_ = engine_->start(std::move(*prepared_), reply_.view());
   prepared_.reset();

@@ -3,9 +3,9 @@
 namespace clearance {
 namespace {
 
-/// First slices given out before one of the long queries gets its turn.
+/// First slices before a query that needs more slices gets one.
 constexpr int kFreshBeforeLong = 4;
-/// Slices of the class control given out before one of the others gets its turn.
+/// Slices of the class control before the class planning gets one.
 constexpr int kControlBeforePlanning = 64;
 
 }  // namespace

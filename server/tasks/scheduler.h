@@ -1,7 +1,7 @@
-// Whose turn it is. Queries are worked on in short slices, so that a small one never waits behind a large one: each new
-// query gets its first slice before those that have had one already go on, the clients taking turns. A query that needs
-// more slices goes behind the others of its kind, and is not forgotten however many new ones come. Those of the class
-// control come before all of that, and leave the others a slice now and then.
+// Order of queries. They run in short slices, so that a small query never waits behind a large one: each new query gets
+// its first slice before others get a further one, clients taking turns. A query that needs more slices goes behind
+// those of its kind, and is served in between however many new ones come. The class control goes first, and leaves the
+// other class a slice now and then.
 #pragma once
 
 #include <chrono>
@@ -15,36 +15,35 @@
 
 namespace clearance {
 
-/// A query under way, as the scheduler sees it.
+/// A query under way.
 class ScheduledQuery {
  public:
   using Clock = std::chrono::steady_clock;
 
   virtual ~ScheduledQuery() = default;
 
-  // On the thread that works.
-  /// Whether anybody waits for it.
+  // On a worker's thread.
+  /// Whether its client still needs the reply.
   virtual bool is_wanted() const = 0;
-  /// Works for about `budget`. Returns true where the loop is needed. Does not throw.
-  /// \param now the time; it is then the time at which the work ended.
+  /// Works for about `budget`. Returns true if the loop must continue. Does not throw.
+  /// @param now the time, updated to the end of the work
   virtual bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) = 0;
-  /// Frees what takes long to free. Nobody wants it any more.
+  /// Frees large memory of a query that is no longer needed.
   virtual void let_go() {}
 
-  // On the loop's.
-  /// Looks whether its client is still there.
+  // On the loop's thread.
+  /// Checks whether its client is still connected.
   virtual void look() {}
-  /// When nobody needs its answer any more.
+  /// Time after which the reply is useless.
   virtual Clock::time_point deadline() const { return Clock::time_point::max(); }
-  /// Refuses it, where that is possible while somebody may work on it: its deadline has passed.
+  /// Rejects it after its deadline, if a worker that may have it allows that.
   virtual void expire() {}
-  /// Does what only the loop may, after advance() has returned true. Returns true once it is over, answered, refused or
-  /// unwanted. Does not throw.
+  /// Does the loop's part, after advance() has returned true. Returns true if the query is over. Does not throw.
   virtual bool settle() { return true; }
 
   std::uint64_t client() const { return client_; }
   ServiceClass service_class() const { return service_; }
-  /// Orders one client's queries: the one that should be over first goes first.
+  /// Orders one client's queries, the earliest first.
   Clock::time_point due() const { return due_; }
 
  protected:
@@ -58,28 +57,28 @@ class ScheduledQuery {
   Clock::time_point due_;
 };
 
-/// Owns the queries under way. Knows no clock but the one that it is told, and nothing of what queries ask.
+/// Owns the queries under way. Independent of clocks and of the queries' content.
 class Scheduler {
  public:
   using Clock = ScheduledQuery::Clock;
   using QueryPtr = std::unique_ptr<ScheduledQuery>;
 
-  /// \param slice of one query, before the others get a turn.
+  /// @param slice of one query, before the others get a turn
   explicit Scheduler(std::chrono::nanoseconds slice) : slice_(slice) {}
 
   void add(QueryPtr query);
   bool empty() const { return control_.empty() && planning_.empty(); }
   std::size_t size() const { return control_.size() + planning_.size(); }
-  /// Takes those for which the loop is needed, and those that nobody wants any more.
+  /// Takes queries for which the loop must continue, and those no longer needed.
   using Over = std::function<void(QueryPtr)>;
-  /// Works on one query after another until about a slice has passed since `now`; on one, if there is any.
+  /// Works on queries until about a slice has passed since `now`, on at least one if there is any.
   void work(Clock::time_point now, const Over& over);
 
  private:
   struct DueFirst {
     bool operator()(const QueryPtr& a, const QueryPtr& b) const { return a->due() < b->due(); }
   };
-  /// Of one class.
+  /// Queues of one class.
   struct Queues {
     FairQueue<QueryPtr, DueFirst> fresh, begun;  // before their first slice, and after it
     int fresh_in_a_row = 0;

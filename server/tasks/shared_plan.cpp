@@ -12,12 +12,12 @@
 namespace clearance {
 namespace {
 
-/// Chunks in the stream at a time: few, so that what others ask of the device finds its turn, and a launch never waits
-/// for room in the driver's queue.
+/// Chunks in the stream at a time. Few, so that other queries on the device get their turn, and no launch waits for the
+/// driver's queue.
 constexpr int kChunksAhead = 4;
-/// Others' runs get their turn after so long.
+/// Time after which other runs get their turn.
 constexpr auto kLook = std::chrono::microseconds(20);
-/// A run that takes longer is looked at between naps.
+/// Duration from which a run is polled between naps.
 constexpr auto kSoonOver = std::chrono::milliseconds(1);
 constexpr auto kNap = std::chrono::microseconds(50);
 
@@ -25,7 +25,7 @@ constexpr std::uint64_t aligned_up(std::uint64_t bytes) {
   return (bytes + wire::kColumnAlignment - 1) / wire::kColumnAlignment * wire::kColumnAlignment;
 }
 
-/// Runs `work`, which asks the device for something.
+/// Runs `work`, which uses the device, and converts its errors.
 template <class Work>
 auto on_device(Work work) {
   try {
@@ -49,7 +49,7 @@ SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& qu
   using Wide = unsigned __int128;
   const Wide poses = Wide(query.configuration_count) * bodies_ * sizeof(Pose),
              positions = Wide(query.configuration_count) * joints_ * sizeof(double);
-  constexpr std::uint64_t kMost = std::uint64_t{1} << 48;  // more than any device has; sums of such are no overflow
+  constexpr std::uint64_t kMost = std::uint64_t{1} << 48;  // more than any device has; sums do not overflow
   if (poses > kMost || positions > kMost)
     throw RejectedRequest{wire::ErrorCode::kTooLarge,
                           "a plan on a device: " + std::to_string(query.configuration_count) + " configurations of " +
@@ -57,7 +57,7 @@ SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& qu
                               " joints are more than one has room for"};
   positions_offset_ = aligned_up(static_cast<std::uint64_t>(poses));
   columns_offset_ = positions_offset_ + aligned_up(static_cast<std::uint64_t>(positions));
-  share_.bytes.grow(columns_offset_);  // before anything is made
+  share_.bytes.grow(columns_offset_);  // before memory is taken
   plan_ = engine_->plan_on_device(query);
   const QuerySize& size = plan_->size();
   limits.check(size);

@@ -1,4 +1,4 @@
-// A plan whose poses a client writes and whose rows it reads where they are: in a device's memory that both map.
+// A plan in memory of a device that client and daemon map: the client writes poses and reads rows in place.
 #pragma once
 
 #include <chrono>
@@ -20,24 +20,25 @@ struct PlanShare {
   ResourceQuota::Share plan, bytes;
 };
 
-/// Made, run and freed on threads that nobody waits for: the device is asked for memory, and awaited.
+/// Made, run and freed on workers of its own, as it waits for the device.
 class SharedPlan {
  public:
-  /// Throws a Refusal or a QueryError. \param engine is kept: with its scene. \param query without configurations, but
-  /// for how many they are
+  /// Throws RejectedRequest or QueryError.
+  /// @param engine kept with its scene
+  /// @param query without configurations except their number
   SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryLimits& limits, PlanShare share);
   SharedPlan(const SharedPlan&) = delete;
   SharedPlan& operator=(const SharedPlan&) = delete;
 
-  /// The payload of kPlan. \param number the plan's
+  /// Returns the payload of kPlan.
+  /// @param number of the plan
   std::vector<std::byte> description(std::uint64_t number) const;
 
-  /// A run goes on until advance() has returned true. Both throw a Refusal or a QueryError; then it is over.
+  /// Begins a run, which goes on until advance() returns true or either throws (RejectedRequest, QueryError).
   void begin_run();
-  /// Launches what is left and looks whether rows are there, for `budget` at most or, where it takes long anyway, a
-  /// nap.
+  /// Launches further chunks and polls for rows, for `budget` at most, or a nap in a long run.
   bool advance(std::chrono::nanoseconds budget);
-  /// Of the run that was over last.
+  /// Duration of the last run.
   std::chrono::nanoseconds took() const { return took_; }
 
  private:
@@ -49,10 +50,10 @@ class SharedPlan {
   std::shared_ptr<const Engine> engine_;
   PlanShare share_;
   std::unique_ptr<DevicePlan> plan_;
-  std::unique_ptr<cuda::SharedMemory> memory_;  // the first to go: it waits for what runs in its stream
+  std::unique_ptr<cuda::SharedMemory> memory_;  // destroyed first, as it waits for its stream
   std::uint32_t bodies_ = 0, joints_ = 0;
   std::uint64_t positions_offset_ = 0, columns_offset_ = 0;
-  std::uint64_t next_ = 0;  // configuration that the run launches next
+  std::uint64_t next_ = 0;  // next configuration to launch
   Clock::time_point begun_;
   std::chrono::nanoseconds took_{0};
 };

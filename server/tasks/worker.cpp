@@ -77,11 +77,11 @@ bool Worker::work() {
 }
 
 void Worker::serve() {
-  // Of this thread alone, which Linux allows to go down.
+  // For this thread alone, which Linux lets a thread do.
   if (nice_ != 0) setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + nice_);
   while (!ending_) {
     if (work()) continue;
-    std::uint64_t woken;  // whoever woke us has put something before
+    std::uint64_t woken;  // set after the mailboxes
     [[maybe_unused]] const auto taken = read(wake_fd_.get(), &woken, sizeof woken);
   }
 }

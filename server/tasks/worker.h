@@ -1,5 +1,5 @@
-// Works on queries beside the loop: on a thread of its own, one query after another for a slice each, so that the loop
-// neither computes nor leads or waits for those who do.
+// Works on queries on a thread of its own, a slice of each in turn, so that the loop neither computes nor waits for
+// others.
 #pragma once
 
 #include <atomic>
@@ -21,33 +21,33 @@ class Worker {
 
   struct Options {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
-    bool own_thread = true;  ///< false: the loop calls work(), so that a test can count slices
-    int nice = 0;            ///< added to the thread's, and so to those of the threads that it leads
+    bool own_thread = true;  ///< if false the loop calls work(), so that a test can count slices
+    int nice = 0;            ///< added to that of the thread, and of threads that it starts
   };
 
-  /// \param done called on the worker's thread when take() has something. Throws std::runtime_error where the system
-  /// has no descriptor or thread for it.
+  /// Throws std::runtime_error without a descriptor or thread.
+  /// @param done called on the worker's thread when take() has something
   Worker(const Options& options, std::function<void()> done);
-  /// Ends after the slice that is being worked on.
+  /// Ends after the current slice.
   ~Worker();
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
 
   void add(QueryPtr query);
-  /// Those that have come to where the loop is needed, or that nobody wants any more.
+  /// Takes queries for which the loop must continue, and those no longer needed.
   std::vector<QueryPtr> take();
   bool has_done() const { return !done_.empty(); }
-  /// Queries that were added and not yet taken.
+  /// Queries added and not yet taken.
   std::size_t size() const { return away_.size(); }
-  /// Has each of them looked at: ScheduledQuery::look().
+  /// Calls ScheduledQuery::look() for each of them.
   void look();
-  /// The first of theirs, or an earlier time.
+  /// No later than the first deadline.
   ScheduledQuery::Clock::time_point deadline() const { return deadline_; }
-  /// Has those whose deadline has passed refused: ScheduledQuery::expire().
+  /// Calls ScheduledQuery::expire() for those whose deadline has passed.
   void expire(ScheduledQuery::Clock::time_point now);
-  /// Lets go of what takes long to free. From any thread.
+  /// Frees an object that takes long to free. From any thread.
   void drop(std::shared_ptr<void> thing);
-  /// Works for about a slice, without a thread of its own. Returns whether there was anything to do.
+  /// Works for about a slice, without a thread of its own. Returns whether there was any work.
   bool work();
 
  private:
@@ -59,12 +59,12 @@ class Worker {
   const int nice_;
   std::vector<ScheduledQuery*> away_;
   ScheduledQuery::Clock::time_point deadline_ = ScheduledQuery::Clock::time_point::max();
-  // Before the queries: one that ends may drop something.
+  // Before the queries, whose destructors may drop something.
   Mailbox<std::shared_ptr<void>> dropped_;
-  shm::UniqueFd wake_fd_;  // what the thread sleeps in
+  shm::UniqueFd wake_fd_;  // the thread sleeps in it
   Mailbox<QueryPtr> added_, done_;
   std::atomic<bool> ending_{false};
-  Scheduler scheduler_;  // the thread's
+  Scheduler scheduler_;  // of the thread
   std::thread thread_;
 };
 

@@ -31,7 +31,7 @@ void KeyAuthenticator::refused(RequestHandler& handler, const std::string& what)
   ++handler.counter("zmq.refused");
   const auto now = std::chrono::steady_clock::now();
   if (now < next_line_) {
-    ++unsaid_;  // whoever knocks all the time does not fill the log
+    ++unsaid_;  // a peer that keeps trying must not fill the log
     return;
   }
   next_line_ = now + std::chrono::seconds(1);

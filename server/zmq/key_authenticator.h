@@ -1,4 +1,4 @@
-// Where those who knock at TCP endpoints with keys are looked up.
+// Authenticates TCP clients by their public keys.
 #pragma once
 
 #include <chrono>
@@ -15,11 +15,11 @@ class KeyAuthenticator {
  public:
   explicit KeyAuthenticator(std::shared_ptr<AuthorizedKeys> keys) : keys_(std::move(keys)) {}
 
-  /// Whether a key may come in, by the list as it is now. Both are texts that others chose.
+  /// Whether the current list has a key. The arguments come from unauthenticated peers.
   bool admits(RequestHandler& handler, const std::string& address, const std::string& key);
-  /// Counts somebody who was refused, and tells of it at most once a second.
+  /// Counts a rejected peer, and logs it at most once a second.
   void refused(RequestHandler& handler, const std::string& what);
-  /// Looks now and then whether the list has changed.
+  /// Checks now and then whether the list has changed.
   void tick();
   const KeyPair& own() const { return keys_->own(); }
 

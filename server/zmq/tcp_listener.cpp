@@ -21,7 +21,7 @@ struct Place {
   std::string host, port;
 };
 
-/// Refuses an address that is none, or that strangers could reach.
+/// Parses an endpoint. Rejects wrong addresses, and without keys those beyond the loopback.
 Place check(const std::string& endpoint, bool with_keys) {
   std::string host = endpoint.substr(6);
   const std::size_t colon = host.rfind(':');
@@ -40,7 +40,7 @@ Place check(const std::string& endpoint, bool with_keys) {
       "or use ipc:// or tcp://127.0.0.1:PORT");
 }
 
-/// The address of an interface of that name, of which 0.0.0.0 is all; empty if there is none.
+/// Address of a network interface, or empty.
 std::string address_of_interface(const std::string& name) {
   ifaddrs* all = nullptr;
   if (::getifaddrs(&all) != 0) return "";

@@ -1,4 +1,4 @@
-// TCP endpoints: what may be opened, and the socket that listens there.
+// TCP endpoints: checks, and the listening socket.
 #pragma once
 
 #include <string>
@@ -9,11 +9,11 @@ namespace clearance {
 
 struct TcpListener {
   shm::UniqueFd socket;
-  std::string url;  ///< with the port that was free
+  std::string url;  ///< with the port number that was chosen
 };
 
-/// Listens at "tcp://ADDRESS:PORT": an address, a name, an interface, or * for all; a port, or * for a free one.
-/// Without keys on the loopback alone. Throws std::runtime_error naming the endpoint and the cause.
+/// Listens at "tcp://ADDRESS:PORT", where ADDRESS is an address, a name, an interface, or * for all, and PORT may be *
+/// for a free one. Without keys only the loopback is allowed. Throws std::runtime_error with endpoint and cause.
 TcpListener listen_tcp(const std::string& endpoint, bool with_keys);
 
 }  // namespace clearance

@@ -1,5 +1,5 @@
-// ZeroMQ over TCP as the core sees it: a process outside has the connections. Whatever it says is checked; it can claim
-// to be any client of any key on the list, and no more than that.
+// ZeroMQ over TCP in the daemon, with the connections in a gateway process. Every message of the gateway is checked: it
+// can claim to be a client with a key of the list, but no more.
 #include <cstring>
 #include <stdexcept>
 #include <unordered_map>
@@ -18,9 +18,9 @@ using gateway::Bytes;
 using gateway::Kind;
 using gateway::Message;
 
-/// Replies whose end the process outside has yet to tell of.
+/// Replies that the gateway has not yet released.
 constexpr std::size_t kMostNumbered = 65536;
-/// Connections beside those of clients with requests under way: of clients that are silent, and in a handshake.
+/// Connections for idle clients and handshakes, in addition to clients with requests under way.
 constexpr std::uint32_t kSpareConnections = 64;
 
 gateway::Plan plan_of(TcpListener listener, const Access& access) {
@@ -81,7 +81,7 @@ class ZmqGatewayPort final : public ZmqPort {
     const std::shared_ptr<std::byte> whole(frame.release(), FreeDeleter());
     message.body = Bytes({whole, whole.get() + sizeof(wire::FrameHeader)}, bytes);
     if (bytes > kZmqCopyBytes) {
-      // What all clients together do not read must leave the process outside its memory.
+      // Replies that clients do not read must leave the gateway its memory.
       const bool fits = unsent_ == 0 || unsent_ + bytes <= 2 * process_->message_bytes();
       if (!fits || numbered_.size() >= kMostNumbered) return Sent::kNoRoom;
       message.number = ++last_number_;
@@ -104,7 +104,7 @@ class ZmqGatewayPort final : public ZmqPort {
     std::uint64_t bytes;
   };
 
-  /// Whether the message is one for the transport.
+  /// Whether the message is for the transport.
   bool take(Message message, ZmqArrival& arrival) {
     using What = ZmqArrival::What;
     arrival.identity = std::move(message.name);

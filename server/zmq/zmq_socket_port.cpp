@@ -18,7 +18,7 @@
 namespace clearance {
 namespace {
 
-/// What ZeroMQ's I/O thread calls once a reply has gone out or was dropped with its connection.
+/// Called by ZeroMQ's I/O thread once a reply was sent or dropped with its connection.
 struct HandedOver {
   std::byte* frame;
   std::uint64_t bytes;
@@ -31,8 +31,7 @@ struct HandedOver {
   }
 };
 
-/// The process at the other end of a Unix socket, as libzmq puts it into the properties of a message
-/// ("PATH:UID:GID:PID").
+/// Process at the other end of a Unix socket, from a property that libzmq gives a message ("PATH:UID:GID:PID").
 std::optional<ucred> sender_of(const zmq::message_t& message) {
   const char* address = zmq_msg_gets(const_cast<zmq_msg_t*>(message.handle()), "Peer-Address");
   if (!address) return std::nullopt;
@@ -46,9 +45,9 @@ std::optional<ucred> sender_of(const zmq::message_t& message) {
   return who;
 }
 
-/// A Unix socket of this user's alone that listens at `path`. Throws std::runtime_error.
+/// Makes a Unix socket of this user that listens at `path`. Throws std::runtime_error.
 shm::UniqueFd listen_at(const std::string& path, const std::string& endpoint) {
-  sockaddr_un address;  // whose length clear_stale_socket() has looked at
+  sockaddr_un address;  // clear_stale_socket() has checked the length
   shm::socket_address(path.c_str(), address);
   shm::UniqueFd listener(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const mode_t mask = umask(077);
@@ -69,7 +68,7 @@ class ZmqSocketPort final : public ZmqPort {
     if (path.empty() || path[0] != '/')
       throw std::runtime_error(endpoint +
                                ": the path of the socket must be absolute, as in ipc:///run/user/1000/clearance.ipc");
-    // ZeroMQ takes over whatever is at the path, a living daemon's socket too: looked at first.
+    // ZeroMQ would replace any file at the path, even the socket of a live daemon, so it is checked first.
     const FolderLock lock(path);
     clear_stale_socket(path, endpoint);
     shm::UniqueFd listener = listen_at(path, endpoint);
@@ -86,13 +85,13 @@ class ZmqSocketPort final : public ZmqPort {
   }
   ~ZmqSocketPort() override {
     socket_.close();
-    context_.close();  // its I/O thread removes the socket file; in case it does not:
+    context_.close();  // its I/O thread removes the socket file, normally
     file_.remove();
   }
 
   std::string url() const override { return url_; }
   std::vector<int> descriptors() const override { return {socket_.get(zmq::sockopt::fd)}; }
-  /// The descriptor only tells of changes: what had arrived before must be asked for.
+  /// The descriptor reports changes only, not input that arrived before.
   bool has_work() override { return has_input(socket_); }
 
   bool receive(ZmqArrival& arrival) override {
@@ -107,7 +106,7 @@ class ZmqSocketPort final : public ZmqPort {
       if (++arrival.parts == 1) head = std::move(part);
       if (arrival.parts == 2) payload = std::move(part);
     }
-    // Who sent it is known of the parts that came over the wire; the identity is libzmq's own.
+    // The sender is a property of the parts from the wire; the identity is libzmq's own.
     arrival.who = sender_of(head);
     arrival.first_part_bytes = head.size();
     if (head.size() == sizeof arrival.header) std::memcpy(&arrival.header, head.data(), sizeof arrival.header);
@@ -132,8 +131,7 @@ class ZmqSocketPort final : public ZmqPort {
     } else {
       payload.rebuild(begin, payload_bytes);
     }
-    // With ROUTER_MANDATORY the first part tells whether the client is there (EHOSTUNREACH) and its queue has room
-    // (EAGAIN).
+    // With ROUTER_MANDATORY the first part fails if the client is gone (EHOSTUNREACH) or its queue is full (EAGAIN).
     try {
       if (!clearance::send(socket_, identity, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
         return Sent::kNoRoom;

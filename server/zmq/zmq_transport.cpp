@@ -21,15 +21,15 @@ namespace clearance {
 namespace {
 
 constexpr int kFramesPerPoll = 32;
-/// Bytes of replies that may wait for one client that does not read them; one reply may always be sent.
+/// Bytes of replies that may wait for one client that does not read. One reply may always be sent.
 constexpr std::uint64_t kMaxUnsentBytes = std::uint64_t{256} << 20;
 constexpr auto kForgetPeerAfter = std::chrono::minutes(1);
 
-/// A client as ROUTER knows it.
+/// A client of the ROUTER socket.
 struct Peer {
   std::string identity;
   std::optional<ucred> who;  ///< over ipc://
-  std::string key;           ///< with which it came in; empty: without
+  std::string key;           ///< of the client, or empty
   std::uint64_t id = next_client_id();
   bool gone = false;
   std::chrono::steady_clock::time_point last_seen;
@@ -99,7 +99,7 @@ class ZmqTransport final : public Transport {
   void send(Peer& peer, AlignedBytes frame, std::uint64_t frame_bytes) {
     assert(frame && frame_bytes >= sizeof(wire::FrameHeader));
     const std::uint64_t waiting = peer.unsent_bytes->load();
-    // The name of one that is gone may be another's by now.
+    // Another client may have the name of one that is gone.
     if (peer.gone || (waiting && waiting + frame_bytes > kMaxUnsentBytes)) {
       ++*dropped_;
       return;
@@ -140,12 +140,11 @@ class ZmqTransport final : public Transport {
     peers_.erase(peer);
   }
 
-  /// The client that a message is from. Null, with `why`: it is a new one, and as many as may be have requests under
-  /// way.
+  /// Client of a message. Returns null and sets `why` for a new client beyond the limit.
   PeerPtr peer_of(const ZmqArrival& from, std::string& why) {
     if (!peers_.contains(from.identity) && !has_place(from.who, class_of(rights_of(from)), why)) return nullptr;
     PeerPtr& peer = peers_[from.identity];
-    if (peer && peer->key != from.key) {  // a name that another has chosen before, and given up
+    if (peer && peer->key != from.key) {  // a name that another client had before
       peer->gone = true;
       peer = nullptr;
     }
@@ -159,7 +158,7 @@ class ZmqTransport final : public Transport {
     return peer;
   }
 
-  /// Whether a new client has a place beside those that have requests under way.
+  /// Whether a new client may join those with requests under way.
   bool has_place(const std::optional<ucred>& who, ServiceClass service, std::string& why) {
     const std::uint64_t most = access_.max_clients;
     if (peers_.size() < most - most / 2) return true;
@@ -179,8 +178,8 @@ class ZmqTransport final : public Transport {
     return why.empty() && (peers_.size() < most || forget_one());
   }
 
-  /// Forgets the client without requests that was silent for longest; it is a new one if it comes again. False: there
-  /// is none.
+  /// Forgets the client without requests that was idle for longest. It counts as new when it comes again. Returns false
+  /// if there is none.
   bool forget_one() {
     auto oldest = peers_.end();
     for (auto peer = peers_.begin(); peer != peers_.end(); ++peer)
@@ -204,18 +203,18 @@ class ZmqTransport final : public Transport {
                why + "; ask again (limit max-clients)");
   }
 
-  /// What the sender of a message may do.
+  /// Rights of a message's sender.
   Rights rights_of(const ZmqArrival& from) const {
     if (access_.keys && is_tcp_) return access_.keys->rights_of(from.key);
     if (is_tcp_) return kStrangersRights;
-    if (!access_.group) return *rights_of_user(geteuid(), false, access_);  // the socket is this user's alone
+    if (!access_.group) return *rights_of_user(geteuid(), false, access_);  // the socket is for this user only
     return from.who ? *rights_of_user(from.who->uid, true, access_) : access_.group_rights;
   }
 
   void hand_in(RequestHandler& handler, PeerPtr peer, ZmqArrival& from) {
     auto sink = std::make_unique<ZmqSink>(*this, std::move(peer), rights_of(from));
     if (from.what == ZmqArrival::What::kNoFrame) {
-      // No header, no request id: the answer carries 0.
+      // Without a header there is no request id, and the reply has 0.
       ++handler.counter("frames");
       ++handler.counter("errors");
       ++handler.counter("errors.bad_frame");
@@ -235,11 +234,11 @@ class ZmqTransport final : public Transport {
   Access access_;
   bool is_tcp_ = false;
   std::unordered_map<std::string, PeerPtr> peers_;
-  std::uint64_t* dropped_ = nullptr;  // set by poll(), before any sink exists
+  std::uint64_t* dropped_ = nullptr;  // set by poll(), before any sink is made
   std::unique_ptr<ZmqPort> port_;
 };
 
-/// ROUTER does not say when a client has gone; its process does.
+/// ROUTER does not report that a client has gone, but its process can be watched.
 std::function<bool()> ZmqSink::watch() const {
   if (!peer_->who || peer_->who->pid <= 0) return nullptr;
   const auto process = std::make_shared<shm::UniqueFd>(static_cast<int>(::syscall(SYS_pidfd_open, peer_->who->pid, 0)));
