@@ -35,11 +35,11 @@ constexpr RequestType kRequests[] = {
     {FrameType::kPing,          0,         RunsOn::kLoopIfSmall, Payload::kBody,  FrameType::kPong,
      [](Router& on, Request& r) { on.ping(r); }},
     {FrameType::kDescribe,      kMayQuery, RunsOn::kLoopIfSmall, Payload::kEmpty, FrameType::kScene,
-     [](Router& on, Request& r) { on.send_scene(r); }},
+     [](Router& on, Request& r) { on.send(r, on.bodies(), scene_payload); }},
     {FrameType::kGetStates,     kMayQuery, RunsOn::kLoopIfSmall, Payload::kEmpty, FrameType::kBodyStates,
-     [](Router& on, Request& r) { on.send_states(r); }},
+     [](Router& on, Request& r) { on.send(r, on.bodies(), states_payload); }},
     {FrameType::kGetJoints,     kMayQuery, RunsOn::kLoopIfSmall, Payload::kEmpty, FrameType::kJoints,
-     [](Router& on, Request& r) { on.send_joints(r); }},
+     [](Router& on, Request& r) { on.send(r, on.context.engine->scene().joints().size(), joints_payload); }},
     {FrameType::kGetStats,      kMayQuery, RunsOn::kLoop,        Payload::kEmpty, FrameType::kStats,
      [](Router& on, Request& r) { on.send_stats(r); }},
     {FrameType::kQuery,         kMayQuery, RunsOn::kLoopIfSmall, Payload::kWhole, FrameType::kReply,
@@ -152,20 +152,9 @@ void RequestRouter::ping(Request& request) {
   context.reply_in_background(request, request.bytes, make);
 }
 
-/// @param size number of elements in the payload
 void RequestRouter::send(Request& request, std::size_t size, std::vector<std::byte> (*payload)(const Engine&)) {
   if (size <= kFewBodies) return context.reply(request, payload(*context.engine));
   context.reply_in_background(request, 0, [engine = context.engine, payload](auto, auto&) { return payload(*engine); });
-}
-
-void RequestRouter::send_scene(Request& request) {
-  send(request, context.engine->scene().bodies().size(), scene_payload);
-}
-void RequestRouter::send_states(Request& request) {
-  send(request, context.engine->scene().bodies().size(), states_payload);
-}
-void RequestRouter::send_joints(Request& request) {
-  send(request, context.engine->scene().joints().size(), joints_payload);
 }
 
 void RequestRouter::send_stats(Request& request) {
@@ -180,15 +169,14 @@ void RequestRouter::send_stats(Request& request) {
 }
 
 Stats::Named RequestRouter::counters() const {
-  using std::chrono::duration_cast, std::chrono::seconds, std::chrono::steady_clock;
+  const auto uptime = std::chrono::steady_clock::now() - started_;
   const std::uint64_t running = waiting(), deferred = queries.deferred().size();
-  Stats::Named all;
-  all.emplace_back("uptime_s", duration_cast<seconds>(steady_clock::now() - started_).count());
-  all.emplace_back("queries.waiting", running);
-  all.emplace_back("queries.held", deferred);
-  all.emplace_back("requests.waiting", running + deferred + scenes.waiting());
-  all.emplace_back("plans.open", plans.plans().count());
-  all.emplace_back("plans.bytes", plans.plans().bytes());
+  Stats::Named all{{"uptime_s", std::chrono::duration_cast<std::chrono::seconds>(uptime).count()},
+                   {"queries.waiting", running},
+                   {"queries.held", deferred},
+                   {"requests.waiting", running + deferred + scenes.waiting()},
+                   {"plans.open", plans.count()},
+                   {"plans.bytes", plans.bytes()}};
   context.stats.append_to(all);
   const auto engine = context.engine->stats();
   all.insert(all.end(), engine.begin(), engine.end());

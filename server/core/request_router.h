@@ -17,7 +17,7 @@ namespace clearance {
 /// Used on the loop's thread.
 class RequestRouter {
  public:
-  struct Limits : Quotas::Limits, SceneChanges::Limits, QueryLimits, PointLimits, DevicePlans::Limits {
+  struct Limits : Quotas::Limits, SceneChanges::Limits, QueryLimits, PointLimits, PlanLimits {
     bool require_epoch = false;  ///< reject requests that deal with poses and name no epoch (kNewEpoch)
   };
 
@@ -32,12 +32,12 @@ class RequestRouter {
   /// Queries under way.
   std::size_t waiting() const { return queries.small() + context.workers.size(); }
   Stats::Named counters() const;
+  std::size_t bodies() const { return context.engine->scene().bodies().size(); }
 
   // Handlers of the simple requests.
   void ping(Request& request);
-  void send_scene(Request& request);
-  void send_states(Request& request);
-  void send_joints(Request& request);
+  /// Sends a payload, which a worker makes if it has more than kFewBodies elements.
+  void send(Request& request, std::size_t size, std::vector<std::byte> (*payload)(const Engine&));
   void send_stats(Request& request);
 
   RequestContext context;
@@ -48,7 +48,6 @@ class RequestRouter {
 
  private:
   void dispatch(Request& request);
-  void send(Request& request, std::size_t size, std::vector<std::byte> (*payload)(const Engine&));
 
   const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
 };

@@ -37,24 +37,24 @@ std::optional<LcmAnnouncer::Clock::time_point> LcmAnnouncer::due() const {
   return distances_wanted() ? std::optional(next_distances_) : std::nullopt;
 }
 
-void LcmAnnouncer::hand_in(std::span<const std::byte> frame, LcmOwnSink::Take take) {
+void LcmAnnouncer::hand_in(std::span<const std::byte> frame, Take take) {
   wire::FrameHeader header;
   std::memcpy(&header, frame.data(), sizeof header);
   ++handed_in_;
   handler_.on_frame(header, frame.subspan(sizeof header),
-                    std::make_unique<LcmOwnSink>(link_, own_client_, guarded(std::move(take))));
+                    std::make_unique<LcmSink>(link_, own_client_, guarded(std::move(take))));
 }
 
-void LcmAnnouncer::ask(wire::FrameType type, LcmOwnSink::Take take) {
+void LcmAnnouncer::ask(wire::FrameType type, Take take) {
   const wire::FrameHeader header = wire::make_header(type, 0, 0);
   hand_in(std::as_bytes(std::span(&header, 1)), std::move(take));
 }
 
 /// Catches errors, as an error frame or a damaged one must not end the loop.
-LcmOwnSink::Take LcmAnnouncer::guarded(LcmOwnSink::Take take) {
-  return [this, take = std::move(take)](LcmLink& link, std::span<const std::byte> frame) {
+LcmSink::Deliver LcmAnnouncer::guarded(Take take) {
+  return [this, take = std::move(take)](LcmLink& link, FrameBytes frame) {
     try {
-      take(link, frame);
+      take(link, frame.span());
     } catch (const wire::WireError& error) {
       metrics_.log_rate_limited("own", std::string("cannot publish: ") + error.what());
     }

@@ -28,9 +28,11 @@ class LcmAnnouncer {
   std::optional<Clock::time_point> due() const;
 
  private:
-  void hand_in(std::span<const std::byte> frame, LcmOwnSink::Take take);
-  void ask(wire::FrameType type, LcmOwnSink::Take take);
-  LcmOwnSink::Take guarded(LcmOwnSink::Take take);
+  using Take = std::function<void(LcmLink& link, std::span<const std::byte> frame)>;
+
+  void hand_in(std::span<const std::byte> frame, Take take);
+  void ask(wire::FrameType type, Take take);
+  LcmSink::Deliver guarded(Take take);
   void ask_scene();
   void ask_states();
   void ask_status();

@@ -20,31 +20,34 @@ std::byte* LcmSink::reserve(std::uint64_t frame_bytes) {
 
 void LcmSink::publish(std::uint64_t frame_bytes) {
   frame_.size = std::min(frame_.size, frame_bytes);
-  if (const auto link = link_.lock()) deliver(*link, std::move(frame_));
+  if (const auto link = link_.lock()) deliver_(*link, std::move(frame_));
 }
 
-void LcmReplySink::deliver(LcmLink& link, FrameBytes frame) {
-  const std::uint64_t bytes = frame.size;
-  const auto parts = std::make_shared<ReplyParts>(std::move(frame), link.server_id, ++link.last_sequence, lcm_client_);
-  ++link.replies;
-  link.push(link.outbox, parts->size(), bytes,
-            [&link, parts](std::uint64_t i) { return link.send("CLEARANCE_REPLY", (*parts)[i]); });
+LcmSink::Deliver reply_to(std::int64_t client) {
+  return [client](LcmLink& link, FrameBytes frame) {
+    const std::uint64_t bytes = frame.size;
+    const auto parts = std::make_shared<ReplyParts>(std::move(frame), link.server_id, ++link.last_sequence, client);
+    ++link.replies;
+    link.push(link.outbox, parts->size(), bytes,
+              [&link, parts](std::uint64_t i) { return link.send("CLEARANCE_REPLY", (*parts)[i]); });
+  };
 }
 
-void LcmFrameSink::deliver(LcmLink& link, FrameBytes frame) {
-  const std::uint64_t bytes = frame.size;
-  const auto whole = std::make_shared<FrameBytes>(std::move(frame));
-  const std::int64_t sequence = ++link.last_sequence;
-  ++link.replies;
-  link.push(link.outbox, frame_part_count(bytes), bytes,
-            [&link, whole, sequence, client = lcm_client_, request = request_](std::uint64_t i) {
-              clearance_lcm::frame_t part = frame_part(whole->span(), i);
-              part.server_id = link.server_id;
-              part.client_id = client;
-              part.request_id = request;
-              part.sequence = sequence;
-              return link.send("CLEARANCE_FRAME_OUT", part);
-            });
+LcmSink::Deliver frame_to(std::int64_t client, std::int64_t request) {
+  return [client, request](LcmLink& link, FrameBytes frame) {
+    const std::uint64_t bytes = frame.size;
+    const auto whole = std::make_shared<FrameBytes>(std::move(frame));
+    const std::int64_t sequence = ++link.last_sequence;
+    ++link.replies;
+    link.push(link.outbox, frame_part_count(bytes), bytes, [&link, whole, sequence, client, request](std::uint64_t i) {
+      clearance_lcm::frame_t part = frame_part(whole->span(), i);
+      part.server_id = link.server_id;
+      part.client_id = client;
+      part.request_id = request;
+      part.sequence = sequence;
+      return link.send("CLEARANCE_FRAME_OUT", part);
+    });
+  };
 }
 
 }  // namespace clearance

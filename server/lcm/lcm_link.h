@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -43,13 +44,17 @@ struct LcmLink {
   }
 };
 
-/// Holds the frame that the loop writes, and passes it to deliver().
-class LcmSink : public ReplySink {
+/// Holds the frame that the loop writes, and passes it on.
+class LcmSink final : public ReplySink {
  public:
   /// Limit of a reply, which takes half a second to send.
   static constexpr std::uint64_t kMaxReplyBytes = std::uint64_t{64} << 20;
+  using Deliver = std::function<void(LcmLink& link, FrameBytes frame)>;
 
-  LcmSink(std::weak_ptr<LcmLink> link, std::uint64_t client) : link_(std::move(link)), client_(client) {}
+  /// @param rights of the message, or nothing for those of the link
+  LcmSink(std::weak_ptr<LcmLink> link, std::uint64_t client, Deliver deliver,
+          std::optional<Rights> rights = std::nullopt)
+      : link_(std::move(link)), client_(client), deliver_(std::move(deliver)), rights_(rights) {}
 
   std::byte* reserve(std::uint64_t frame_bytes) override;
   void publish(std::uint64_t frame_bytes) override;
@@ -57,64 +62,20 @@ class LcmSink : public ReplySink {
   std::uint64_t client() const override { return client_; }
   Rights rights() const override {
     const auto link = link_.lock();
-    return link ? link->rights : 0;
+    return rights_.value_or(link ? link->rights : 0);
   }
-
- protected:
-  virtual void deliver(LcmLink& link, FrameBytes frame) = 0;
 
  private:
   std::weak_ptr<LcmLink> link_;
   std::uint64_t client_;
+  Deliver deliver_;
+  std::optional<Rights> rights_;
   FrameBytes frame_;
 };
 
-/// Answers a query_t by reply_t messages.
-class LcmReplySink final : public LcmSink {
- public:
-  LcmReplySink(std::weak_ptr<LcmLink> link, std::uint64_t client, std::int64_t lcm_client)
-      : LcmSink(std::move(link), client), lcm_client_(lcm_client) {}
-
- private:
-  void deliver(LcmLink& link, FrameBytes frame) override;
-  std::int64_t lcm_client_;
-};
-
-/// Answers a frame by a frame, in parts.
-class LcmFrameSink final : public LcmSink {
- public:
-  LcmFrameSink(std::weak_ptr<LcmLink> link, std::uint64_t client, std::int64_t lcm_client, std::int64_t request)
-      : LcmSink(std::move(link), client), lcm_client_(lcm_client), request_(request) {}
-
- private:
-  void deliver(LcmLink& link, FrameBytes frame) override;
-  std::int64_t lcm_client_, request_;
-};
-
-/// For messages without a reply. Their publishers have the right to set poses alone.
-class LcmSilentSink final : public LcmSink {
- public:
-  using Refused = std::function<void(std::span<const std::byte> frame)>;
-  /// @param refused called with the frame of an error
-  LcmSilentSink(std::weak_ptr<LcmLink> link, std::uint64_t client, Refused refused)
-      : LcmSink(std::move(link), client), refused_(std::move(refused)) {}
-  Rights rights() const override { return kMayPose; }
-
- private:
-  void deliver(LcmLink&, FrameBytes frame) override { refused_(frame.span()); }
-  Refused refused_;
-};
-
-/// Passes the frame to the transport itself.
-class LcmOwnSink final : public LcmSink {
- public:
-  using Take = std::function<void(LcmLink&, std::span<const std::byte> frame)>;
-  LcmOwnSink(std::weak_ptr<LcmLink> link, std::uint64_t client, Take take)
-      : LcmSink(std::move(link), client), take_(std::move(take)) {}
-
- private:
-  void deliver(LcmLink& link, FrameBytes frame) override { take_(link, frame.span()); }
-  Take take_;
-};
+/// Replies to a query_t by reply_t messages.
+LcmSink::Deliver reply_to(std::int64_t client);
+/// Replies to a frame_t by parts of a frame.
+LcmSink::Deliver frame_to(std::int64_t client, std::int64_t request);
 
 }  // namespace clearance

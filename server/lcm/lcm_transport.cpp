@@ -131,14 +131,15 @@ class LcmTransport final : public Transport {
     if (points_.counts().bad != bad) metrics_->accept("points_t: its part and sizes do not fit together");
     if (!whole || !intake_->is_in_order(part)) return;
     ++metrics_->clouds;
-    auto sink = std::make_unique<LcmSilentSink>(
-        link_, clients_.number_of(part.publisher_id), [this, name = part.body](std::span<const std::byte> frame) {
-          wire::FrameHeader header;
-          std::memcpy(&header, frame.data(), sizeof header);
-          if (header.type != static_cast<std::uint16_t>(wire::FrameType::kError)) return;
-          const std::span<const std::byte> payload = wire::split_payload(header, frame.subspan(sizeof header)).body;
-          metrics_->log_rate_limited("points", "points of '" + name + "' refused: " + wire::parse_error(payload).text);
-        });
+    const auto log_error = [this, name = part.body](LcmLink&, const FrameBytes& reply) {
+      wire::FrameHeader header;
+      std::memcpy(&header, reply.bytes.get(), sizeof header);
+      if (header.type != static_cast<std::uint16_t>(wire::FrameType::kError)) return;
+      const auto payload = wire::split_payload(header, reply.span().subspan(sizeof header)).body;
+      metrics_->log_rate_limited("points", "points of '" + name + "' refused: " + wire::parse_error(payload).text);
+    };
+    // The body was checked against allowed_poses_, so this needs the right even where frames do not have it.
+    auto sink = std::make_unique<LcmSink>(link_, clients_.number_of(part.publisher_id), log_error, kMayPose);
     const auto frame = std::make_shared<FrameBytes>(std::move(*whole));
     hand_in(frame->span(), frame, std::move(sink));
   }
@@ -172,9 +173,9 @@ class LcmTransport final : public Transport {
     return query.client_id != 0 || metrics_->accept(type + ": client_id is 0; draw one at random");
   }
 
-  std::unique_ptr<LcmReplySink> sink_of(const query_t& query) {
+  std::unique_ptr<LcmSink> sink_of(const query_t& query) {
     ++metrics_->queries;
-    return std::make_unique<LcmReplySink>(link_, clients_.number_of(query.client_id), query.client_id);
+    return std::make_unique<LcmSink>(link_, clients_.number_of(query.client_id), reply_to(query.client_id));
   }
 
   /// @param make makes the frame; throws WireError for options that reply_t has no field for
@@ -208,8 +209,8 @@ class LcmTransport final : public Transport {
     if (assembler_.counts().bad != bad) metrics_->accept("frame_t: its part and sizes do not fit together");
     if (!whole || !is_in_order(*whole, part.sequence)) return;
     ++metrics_->frames;
-    auto sink = std::make_unique<LcmFrameSink>(link_, clients_.number_of(whole->client_id), whole->client_id,
-                                               whole->request_id);
+    auto sink = std::make_unique<LcmSink>(link_, clients_.number_of(whole->client_id),
+                                          frame_to(whole->client_id, whole->request_id));
     const auto frame = std::make_shared<FrameBytes>(std::move(whole->frame));
     hand_in(frame->span(), frame, std::move(sink));
   }

@@ -2,8 +2,6 @@
 
 #include <utility>
 
-#include "server/tasks/query_input.h"
-
 namespace clearance {
 
 std::optional<std::vector<std::byte>> CertificateRequest::advance(std::chrono::nanoseconds budget,
@@ -19,10 +17,7 @@ std::optional<std::vector<std::byte>> CertificateRequest::advance(std::chrono::n
 }
 
 void CertificateRequest::begin(std::uint64_t& ignored) {
-  payload_ = std::exchange(fetch_, nullptr)();
-  const wire::QueryParts parts = wire::parse_query(request_, aligned(payload_.span(), aligned_));
-  ignored += parts.passed_over.size();
-  answers_.check_epoch(request_, parts.epoch);
+  const wire::QueryParts parts = read(ignored);
   if (parts.options.min_pose_stamp_ns != 0 || parts.options.deadline_ns != 0)
     throw RejectedRequest{
         wire::ErrorCode::kNotSupported,

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "engine/narrow/work_meter.h"
-#include "server/tasks/query_input.h"
 
 namespace clearance {
 namespace {
@@ -16,19 +15,10 @@ constexpr std::uint64_t kPairsAtOnce = 8192;  // copied
 
 std::optional<std::vector<std::byte>> PairListing::advance(std::chrono::nanoseconds budget, std::uint64_t& ignored) {
   const Clock::time_point end = Clock::now() + budget;
-  if (!prepared_) begin(ignored);
+  if (!prepared_) prepared_ = engine_->begin_preparing(for_pairs(view_of(read(ignored), request_.scene_revision)));
   if (!prepared_->advance({.time = budget}) || !copy(end)) return std::nullopt;
   prepared_.reset();
   return std::move(reply_);
-}
-
-void PairListing::begin(std::uint64_t& ignored) {
-  payload_ = std::exchange(fetch_, nullptr)();
-  const wire::QueryParts parts = wire::parse_query(request_, aligned(payload_.span(), aligned_));
-  ignored += parts.passed_over.size();
-  answers_.check_epoch(request_, parts.epoch);
-  const QueryView query = view_of(parts, request_.scene_revision);
-  prepared_ = engine_->begin_preparing(for_pairs(query));
 }
 
 bool PairListing::copy(Clock::time_point end) {
