@@ -16,64 +16,55 @@ namespace {
 using wire::ErrorCode;
 using wire::FrameHeader;
 using wire::FrameType;
-using Router = RequestRouter;
 
-/// Lists pairs or computes a certificate in the background, in slices.
-/// @tparam Work PairListing or CertificateRequest
+/// @tparam Work PairListing or CertificateRequest, which work in slices
 /// @param reply_bytes that the reply takes of the quota
 template <class Work>
-void run_in_background(RequestContext& context, Request& request, std::uint64_t reply_bytes) {
+void work_in_background(RequestRouter& router, Request& request, std::uint64_t reply_bytes) {
+  RequestContext& context = router.context;
   const auto work = std::make_shared<Work>(context.answers, context.engine, request.header, request.take_payload());
   context.reply_in_background(request, request.bytes + reply_bytes,
                               [work](auto budget, std::uint64_t& ignored) { return work->advance(budget, ignored); });
 }
 
-// clang-format off
-/// What each request needs: the client's right, the thread that answers, how its payload is read, and its handler.
-constexpr RequestType kRequests[] = {
-    // request                  right      runs on               payload          reply
-    {FrameType::kPing,          0,         RunsOn::kLoopIfSmall, Payload::kBody,  FrameType::kPong,
-     [](Router& on, Request& r) { on.ping(r); }},
-    {FrameType::kDescribe,      kMayQuery, RunsOn::kLoopIfSmall, Payload::kEmpty, FrameType::kScene,
-     [](Router& on, Request& r) { on.send(r, on.bodies(), scene_payload); }},
-    {FrameType::kGetStates,     kMayQuery, RunsOn::kLoopIfSmall, Payload::kEmpty, FrameType::kBodyStates,
-     [](Router& on, Request& r) { on.send(r, on.bodies(), states_payload); }},
-    {FrameType::kGetJoints,     kMayQuery, RunsOn::kLoopIfSmall, Payload::kEmpty, FrameType::kJoints,
-     [](Router& on, Request& r) { on.send(r, on.context.engine->scene().joints().size(), joints_payload); }},
-    {FrameType::kGetStats,      kMayQuery, RunsOn::kLoop,        Payload::kEmpty, FrameType::kStats,
-     [](Router& on, Request& r) { on.send_stats(r); }},
-    {FrameType::kQuery,         kMayQuery, RunsOn::kLoopIfSmall, Payload::kWhole, FrameType::kReply,
-     [](Router& on, Request& r) { on.queries.start(r); }},
-    {FrameType::kPairs,         kMayQuery, RunsOn::kWorker,      Payload::kWhole, FrameType::kPairTable,
-     [](Router& on, Request& r) { run_in_background<PairListing>(on.context, r, 0); }},
-    {FrameType::kCertify,       kMayQuery, RunsOn::kWorker,      Payload::kWhole, FrameType::kCertificate,
-     [](Router& on, Request& r) { run_in_background<CertificateRequest>(on.context, r, CertificateRequest::kMostBytes); }},
-    {FrameType::kOpenPlan,      kMayQuery, RunsOn::kPlanWorker,  Payload::kWhole, FrameType::kPlan,
-     [](Router& on, Request& r) { on.plans.open(r); }},
-    {FrameType::kRunPlan,       kMayQuery, RunsOn::kRunWorker,   Payload::kBody,  FrameType::kPlanDone,
-     [](Router& on, Request& r) { on.plans.run(r); }},
-    {FrameType::kClosePlan,     kMayQuery, RunsOn::kLoop,        Payload::kBody,  FrameType::kPlanDone,
-     [](Router& on, Request& r) { on.plans.close(r); }},
-    {FrameType::kSetPoses,      kMayPose,  RunsOn::kLoopIfSmall, Payload::kWhole, FrameType::kPosesDone,
-     [](Router& on, Request& r) { on.updates.set_poses(r); }},
-    {FrameType::kSetJoints,     kMayPose,  RunsOn::kLoopIfSmall, Payload::kWhole, FrameType::kPosesDone,
-     [](Router& on, Request& r) { on.updates.set_poses(r); }},
-    {FrameType::kSetPoints,     kMayPose,  RunsOn::kPointWorker, Payload::kWhole, FrameType::kPosesDone,
-     [](Router& on, Request& r) { on.updates.set_points(r); }},
-    {FrameType::kAttach,        kMayPose,  RunsOn::kLoop,        Payload::kWhole, FrameType::kPosesDone,
-     [](Router& on, Request& r) { on.updates.attach(r); }},
-    {FrameType::kAllow,         kMayPose,  RunsOn::kLoop,        Payload::kBody,  FrameType::kPosesDone,
-     [](Router& on, Request& r) { on.updates.allow(r); }},
-    {FrameType::kAddBody,       kMayPose,  RunsOn::kSceneThread, Payload::kWhole, FrameType::kSceneChanged,
-     [](Router& on, Request& r) { on.scenes.add_body(r.header, r.payload, r.sink); }},
-    {FrameType::kRemoveBody,    kMayPose,  RunsOn::kSceneThread, Payload::kBody,  FrameType::kSceneChanged,
-     [](Router& on, Request& r) { on.scenes.remove_body(r.header, r.payload, r.sink); }},
-    {FrameType::kReload,        kMayAdmin, RunsOn::kSceneThread, Payload::kEmpty, FrameType::kSceneChanged,
-     [](Router& on, Request& r) { on.scenes.ask_reload(r.header, r.sink); }},
-};
-// clang-format on
+void certify(RequestRouter& on, Request& request) {
+  work_in_background<CertificateRequest>(on, request, CertificateRequest::kMostBytes);
+}
 
+/// Row of the table of requests, which has for each the client's right, the thread that answers, how a small payload is
+/// read, the type of the reply, and the handler.
 const RequestType* find_type(std::uint16_t type) {
+  using enum RunsOn;
+  using enum Payload;
+  using enum FrameType;
+  constexpr auto list_pairs = [](auto& on, auto& r) { work_in_background<PairListing>(on, r, 0); };
+  constexpr auto send_scene = [](auto& on, auto& r) { on.send(r, on.bodies(), scene_payload); };
+  constexpr auto send_states = [](auto& on, auto& r) { on.send(r, on.bodies(), states_payload); };
+  constexpr auto send_joints = [](auto& on, auto& r) { on.send(r, on.joints(), joints_payload); };
+  // clang-format off
+  static constexpr RequestType kRequests[] = {
+    // request      right      runs on       payload  reply
+    {kPing,       0,         kLoopIfSmall, kBody,  kPong,         [](auto& on, auto& r) { on.ping(r); }},
+    {kDescribe,   kMayQuery, kLoopIfSmall, kEmpty, kScene,        send_scene},
+    {kGetStates,  kMayQuery, kLoopIfSmall, kEmpty, kBodyStates,   send_states},
+    {kGetJoints,  kMayQuery, kLoopIfSmall, kEmpty, kJoints,       send_joints},
+    {kGetStats,   kMayQuery, kLoop,        kEmpty, kStats,        [](auto& on, auto& r) { on.send_stats(r); }},
+    {kQuery,      kMayQuery, kLoopIfSmall, kWhole, kReply,        [](auto& on, auto& r) { on.queries.start(r); }},
+    {kPairs,      kMayQuery, kWorker,      kWhole, kPairTable,    list_pairs},
+    {kCertify,    kMayQuery, kWorker,      kWhole, kCertificate,  certify},
+    {kOpenPlan,   kMayQuery, kPlanWorker,  kWhole, kPlan,         [](auto& on, auto& r) { on.plans.open(r); }},
+    {kRunPlan,    kMayQuery, kRunWorker,   kBody,  kPlanDone,     [](auto& on, auto& r) { on.plans.run(r); }},
+    {kClosePlan,  kMayQuery, kLoop,        kBody,  kPlanDone,     [](auto& on, auto& r) { on.plans.close(r); }},
+    {kSetPoses,   kMayPose,  kLoopIfSmall, kWhole, kPosesDone,    [](auto& on, auto& r) { on.updates.set_poses(r); }},
+    {kSetJoints,  kMayPose,  kLoopIfSmall, kWhole, kPosesDone,    [](auto& on, auto& r) { on.updates.set_poses(r); }},
+    {kSetPoints,  kMayPose,  kPointWorker, kWhole, kPosesDone,    [](auto& on, auto& r) { on.updates.set_points(r); }},
+    {kAttach,     kMayPose,  kLoop,        kWhole, kPosesDone,    [](auto& on, auto& r) { on.updates.attach(r); }},
+    {kAllow,      kMayPose,  kLoop,        kBody,  kPosesDone,    [](auto& on, auto& r) { on.updates.allow(r); }},
+    {kAddBody,    kMayPose,  kSceneThread, kWhole, kSceneChanged, [](auto& on, auto& r) { on.scenes.add_body(r); }},
+    {kRemoveBody, kMayPose,  kSceneThread, kBody,  kSceneChanged, [](auto& on, auto& r) { on.scenes.remove_body(r); }},
+    {kReload,     kMayAdmin, kSceneThread, kEmpty, kSceneChanged, [](auto& on, auto& r) { on.scenes.ask_reload(r); }},
+  };
+  // clang-format on
   const auto found = std::find_if(std::begin(kRequests), std::end(kRequests), [type](const RequestType& row) {
     return static_cast<std::uint16_t>(row.type) == type;
   });

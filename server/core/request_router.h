@@ -33,6 +33,7 @@ class RequestRouter {
   std::size_t waiting() const { return queries.small() + context.workers.size(); }
   Stats::Named counters() const;
   std::size_t bodies() const { return context.engine->scene().bodies().size(); }
+  std::size_t joints() const { return context.engine->scene().joints().size(); }
 
   // Handlers of the simple requests.
   void ping(Request& request);

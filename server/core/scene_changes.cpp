@@ -14,7 +14,6 @@ namespace clearance {
 namespace {
 
 using wire::ErrorCode;
-using wire::FrameHeader;
 
 /// Copy of a body's shape as a client sent it.
 struct NewGeometry {
@@ -130,44 +129,42 @@ bool SceneChanges::reload() noexcept {
 
 // --- requests
 
-void SceneChanges::let_wait(const FrameHeader& request, std::unique_ptr<ReplySink>& sink, Waiter waiter) {
-  waiter.asked.header = request;
-  waiter.asked.share = quotas_.take(sink->client(), sink->service_class(), 0);
+void SceneChanges::let_wait(Request& request, Waiter waiter) {
+  waiter.asked.header = request.header;
+  waiter.asked.share = quotas_.take(request.sink->client(), request.sink->service_class(), 0);
   waiters_.push_back(std::move(waiter));
-  waiters_.back().asked.sink = std::move(sink);  // last, as the caller needs it after an exception
+  waiters_.back().asked.sink = std::move(request.sink);  // last, as the caller needs it after an exception
 }
 
-void SceneChanges::ask_reload(const FrameHeader& request, std::unique_ptr<ReplySink>& sink) {
+void SceneChanges::ask_reload(Request& request) {
   if (!reloader_) throw RejectedRequest{ErrorCode::kNotSupported, "there is no scene file to load anew"};
-  quotas_.check_requests(sink->client());
-  log::info("event=reload_asked client={}", sink->client());
-  let_wait(request, sink, {.asked = {}, .load = reloader_->next_load(), .name = ""});
+  quotas_.check_requests(request.sink->client());
+  log::info("event=reload_asked client={}", request.sink->client());
+  let_wait(request, {.asked = {}, .load = reloader_->next_load(), .name = ""});
   reloader_->ask();
 }
 
-void SceneChanges::begin_edit(const FrameHeader& request, std::unique_ptr<ReplySink>& sink, const std::string& name,
-                              bool removes, Reloader::Edit edit) {
+void SceneChanges::begin_edit(Request& request, const std::string& name, bool removes, Reloader::Edit edit) {
   if (!reloader_ || !reloader_->can_edit())
     throw RejectedRequest{ErrorCode::kNotSupported, "bodies can be neither added nor removed here"};
-  quotas_.check_requests(sink->client());
+  quotas_.check_requests(request.sink->client());
   const std::uint64_t number = reloader_->push(std::move(edit));
-  let_wait(request, sink, {.asked = {}, .edit = number, .name = name, .removes = removes});
+  let_wait(request, {.asked = {}, .edit = number, .name = name, .removes = removes});
 }
 
-void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byte> payload,
-                            std::unique_ptr<ReplySink>& sink) {
-  const wire::PayloadParts split = wire::split_payload(request, payload);
+void SceneChanges::add_body(Request& request) {
+  const wire::PayloadParts split = wire::split_payload(request.header, request.payload);
   const wire::NewBodyParts parts = wire::parse_new_body(split.body, split.records);
-  answers_.check_epoch(request, parts.epoch);
+  answers_.check_epoch(request.header, parts.epoch);
   stats_.records_ignored += parts.passed_over.size();
   const std::uint32_t parent = parts.record.parent;
-  if (parent != kNone) check_scene(*engine_, request, std::array{parent});
+  if (parent != kNone) check_scene(*engine_, request.header, std::array{parent});
   const auto& bodies = engine_->scene().bodies();
   if (parent != kNone && parent >= bodies.size())
     throw RejectedRequest{ErrorCode::kBadQuery,
                           "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
   check_size(parts);
-  begin_edit(request, sink, wire::name_of(parts.record.name), false,
+  begin_edit(request, wire::name_of(parts.record.name), false,
              addition(parts, parent == kNone ? "" : bodies[parent].name, limits_.max_added_bodies));
 }
 
@@ -183,11 +180,10 @@ void SceneChanges::check_size(const wire::NewBodyParts& parts) const {
   check(parts.points.size(), limits_.max_added_points, "points");
 }
 
-void SceneChanges::remove_body(const FrameHeader& request, std::span<const std::byte> payload,
-                               std::unique_ptr<ReplySink>& sink) {
-  const std::string name = wire::name_of(wire::parse_remove_body(payload).name);
-  check_scene(*engine_, request, std::array{engine_->scene().find_body(name)});
-  begin_edit(request, sink, name, true, removal(name));
+void SceneChanges::remove_body(Request& request) {
+  const std::string name = wire::name_of(wire::parse_remove_body(request.payload).name);
+  check_scene(*engine_, request.header, std::array{engine_->scene().find_body(name)});
+  begin_edit(request, name, true, removal(name));
 }
 
 // --- ends of changes

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "server/core/reloader.h"
+#include "server/core/request.h"
 #include "server/requests/pending_request.h"
 #include "server/requests/reply_writer.h"
 
@@ -35,10 +36,9 @@ class SceneChanges {
   bool reload() noexcept;
 
   // Requests. They take the sink, which is answered later, unless they throw RejectedRequest.
-  void ask_reload(const wire::FrameHeader& request, std::unique_ptr<ReplySink>& sink);
-  void add_body(const wire::FrameHeader& request, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
-  void remove_body(const wire::FrameHeader& request, std::span<const std::byte> payload,
-                   std::unique_ptr<ReplySink>& sink);
+  void ask_reload(Request& request);
+  void add_body(Request& request);
+  void remove_body(Request& request);
 
   /// Installs the engine of a finished change, answers its requests, and begins the next change. Returns whether the
   /// engine was replaced.
@@ -58,9 +58,8 @@ class SceneChanges {
     bool removes = false;
   };
   void check_size(const wire::NewBodyParts& parts) const;
-  void begin_edit(const wire::FrameHeader& request, std::unique_ptr<ReplySink>& sink, const std::string& name,
-                  bool removes, Reloader::Edit edit);
-  void let_wait(const wire::FrameHeader& request, std::unique_ptr<ReplySink>& sink, Waiter waiter);
+  void begin_edit(Request& request, const std::string& name, bool removes, Reloader::Edit edit);
+  void let_wait(Request& request, Waiter waiter);
   std::vector<Waiter> take_waiters(const Reloader::Outcome& outcome);
   std::string why_not(const Waiter& waiter) const;
   bool end(Reloader::Outcome& outcome);

@@ -1,8 +1,5 @@
-// The daemon on an LCM network (lcmtypes/): receives poses and queries; sends replies, the scene, distances and
-// counters.
-//
-// liblcm's thread reads the socket into queues, and the loop's thread does the rest. Requests become frames for the
-// loop, and its replies become messages. Poses are in lcm_pose_intake.h, periodic messages in lcm_announcer.h.
+// The daemon on an LCM network (lcmtypes/). liblcm's thread reads the socket into queues, and the loop's thread does
+// the rest: requests become frames for the loop, and its replies become messages.
 #include <algorithm>
 #include <chrono>
 #include <cstring>
@@ -143,8 +140,6 @@ class LcmTransport final : public Transport {
     const auto frame = std::make_shared<FrameBytes>(std::move(*whole));
     hand_in(frame->span(), frame, std::move(sink));
   }
-
-  // --- requests
 
   void on_query(std::span<const std::byte> packet) {
     query_t query;

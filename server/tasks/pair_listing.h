@@ -14,8 +14,8 @@ class PairListing : private QueryReader {
  public:
   using QueryReader::QueryReader;
 
-  /// Works for about `budget`. Returns the payload of kPairTable once it is complete. Throws RejectedRequest, QueryError
-  /// or WireError.
+  /// Works for about `budget`. Returns the payload of kPairTable once it is complete. Throws RejectedRequest,
+  /// QueryError or WireError.
   /// @param ignored count of unknown records, to which it adds
   std::optional<std::vector<std::byte>> advance(std::chrono::nanoseconds budget, std::uint64_t& ignored);
 
