@@ -1,5 +1,5 @@
 #define CLEARANCE_ISA lanes_scan_baseline
-#include "engine/hull/lanes_scan.h"
+#include "engine/hull/lanes/lanes_scan.h"
 
 namespace clearance {
 
