@@ -74,11 +74,11 @@ void print_poses(const BodiesOptions& o) {
 }  // namespace
 
 void add_bodies(CLI::App& app) {
-  auto& command = *app.add_subcommand("bodies", "the bodies of the scene, or where they are");
+  auto& command = *app.add_subcommand("bodies", "the bodies of the scene, or their poses");
   auto options = std::make_shared<BodiesOptions>();
   add_connection_options(command, options->connection);
   add_output_options(command, options->output);
-  command.add_flag("--poses", options->poses, "where they are, and what they follow");
+  command.add_flag("--poses", options->poses, "their poses and parents instead");
   command.callback([options] { options->poses ? print_poses(*options) : print_bodies(*options); });
 }
 

@@ -52,17 +52,17 @@ void clear_cache() {
 }  // namespace
 
 void add_cache(CLI::App& app) {
-  auto& command = *app.add_subcommand("cache", "what is kept of meshes that were loaded before: list, clear");
+  auto& command = *app.add_subcommand("cache", "the cache of loaded meshes: list, clear");
   command.require_subcommand(1);
   const auto output = std::make_shared<Output>(Output::kTable);
   auto& listing = *command.add_subcommand("list", "the entries, last used first");
   add_output_options(listing, *output);
   listing.callback([output] { list_cache(*output); });
-  command.add_subcommand("clear", "removes all entries; programs that run go on, and make them anew")
+  command.add_subcommand("clear", "removes all entries; running programs continue and create new ones")
       ->callback(clear_cache);
   command.footer(R"(
-The folder is `clearance` in $XDG_CACHE_HOME, or in ~/.cache; CLEARANCE_CACHE names another one by its absolute
-path, or says `off`. It may hold CLEARANCE_CACHE_MIB (2048); what was not used for longest goes first.
+The folder is `clearance` in $XDG_CACHE_HOME, or in ~/.cache; set CLEARANCE_CACHE to another absolute
+path, or to `off`. Its limit is CLEARANCE_CACHE_MIB (2048); the least recently used entries are removed first.
 
 Exit codes
   0 done    1 there is no cache    2 the command line is wrong)");

@@ -123,13 +123,13 @@ std::string degrees_hint(const std::vector<std::pair<double, JointInfo>>& beyond
     if (position * kRadian < joint.lower || position * kRadian > joint.upper) return "";
     is_large |= std::abs(position) > 2 * std::numbers::pi;
   }
-  return is_large ? "; as degrees they would be within: positions are radians" : "";
+  return is_large ? "; in degrees they would be within: positions are in radians" : "";
 }
 
 void warn_of_bad(const PosesDone& done) {
   if (done.bad > 0)
     std::cerr << "clearance: warning: the daemon stored " << done.bad
-              << " of the values as bad; queries have no answer for what they move\n";
+              << " of the values as bad; queries give no distance for the bodies that they move\n";
 }
 
 std::string name_of(const SceneInfo& scene, std::uint32_t body) {

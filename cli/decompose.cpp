@@ -29,7 +29,7 @@ void print_decomposed(const DecomposedMesh& mesh, Output output) {
   constexpr double kMuch = 0.01;  // share of the size above which many pairs need triangles
   if (mesh.inner > kMuch * mesh.size)
     std::fprintf(stderr,
-                 "clearance: warning: the pieces leave parts of the mesh outside, up to %.3g m from them; "
+                 "clearance: warning: the convex parts miss the mesh by up to %.3g m; "
                  "they save little\n",
                  mesh.inner);
 }
@@ -45,22 +45,22 @@ void run_decompose(const DecomposeCommand& o) {
 
 void add_decompose(CLI::App& app) {
   auto& command =
-      *app.add_subcommand("decompose", "convex pieces for a closed mesh, and a proof of how far they miss it");
+      *app.add_subcommand("decompose", "convex parts for a closed mesh, with a proved bound on their error");
   const auto o = std::make_shared<DecomposeCommand>();
   command.add_option("mesh", o->options.mesh, "the mesh file")->required();
-  command.add_option("--threshold", o->options.threshold, "how concave a piece may be, as CoACD has it: 0.01 to 1")
+  command.add_option("--threshold", o->options.threshold, "maximum concavity of a part, as CoACD defines it: 0.01 to 1")
       ->check(CLI::Range(0.01, 1.0));
-  command.add_option("--max-pieces", o->options.most_pieces, "most pieces; -1: as many as it takes");
-  command.add_option("--seconds", o->options.seconds, "that CoACD may take")->check(CLI::PositiveNumber);
-  command.add_option("--python", o->options.python, "a Python that has coacd");
-  command.add_flag("--keep", o->options.keep, "prove the pieces that are there, whoever made them");
-  command.add_flag("--quiet", o->options.quiet, "without what CoACD says of its progress");
+  command.add_option("--max-pieces", o->options.most_pieces, "maximum number of parts; -1: unlimited");
+  command.add_option("--seconds", o->options.seconds, "time limit of CoACD")->check(CLI::PositiveNumber);
+  command.add_option("--python", o->options.python, "Python interpreter that has coacd");
+  command.add_flag("--keep", o->options.keep, "keep the existing parts, and prove their error");
+  command.add_flag("--quiet", o->options.quiet, "hide CoACD's progress");
   add_output_options(command, o->output);
   command.footer(R"(
-CoACD proposes the pieces. FILE.pieces.obj gets them, for scenes with `convexify: decompose`.
+CoACD proposes the parts, which are written to FILE.pieces.obj for scenes with `convexify: decompose`.
 
 Exit codes
-  0 done    1 no pieces: the mesh is open, or CoACD is missing, failed or was stopped    2 the command line is wrong)");
+  0 done    1 no parts: the mesh is open, or CoACD is missing, failed or was stopped    2 the command line is wrong)");
   command.callback([o] { run_decompose(*o); });
 }
 

@@ -93,15 +93,15 @@ void print_uncertainty(const Body& body) {
   if (!has_uncertainty(body) && body.padding == 0) return;
   std::printf("%s: ", body.name.c_str());
   const auto [position, angle] = body.uncertainty;
-  if (body.model_error > 0) std::printf("its shape is smaller than its pieces by up to %.3g m; ", body.model_error);
+  if (body.model_error > 0) std::printf("its shape is smaller than its convex parts by up to %.3g m; ", body.model_error);
   if (body.model_inner > 0) std::printf("larger by up to %.3g m; ", body.model_inner);
   if (position > 0) std::printf("its position is known within %g m; ", position);
   if (angle > 0)
-    std::printf("its turn within %g rad, which moves it by up to %.3g m; ", angle,
+    std::printf("its orientation within %g rad, which moves it by up to %.3g m; ", angle,
                 2 * std::sin(0.5 * std::min(angle, 3.2)) * body.reach);
-  if (body.padding > 0) std::printf("it is grown by %g m; ", body.padding);
-  if (body.max_speed > 0) std::printf("it moves by up to %g m in each second that its pose is old; ", body.max_speed);
-  std::printf("bounds hold all of this\n");
+  if (body.padding > 0) std::printf("it is padded by %g m; ", body.padding);
+  if (body.max_speed > 0) std::printf("it moves by up to %g m for each second of its pose's age; ", body.max_speed);
+  std::printf("the bounds include all of this\n");
 }
 
 void print_report(const Scene& scene, const SceneReport& report) {
@@ -114,13 +114,13 @@ void print_report(const Scene& scene, const SceneReport& report) {
   for (const Body& body : scene.bodies()) print_uncertainty(body);
   std::fflush(stdout);
   if (!report.choices.empty()) {
-    std::cout << "\nWhat meshes that are not convex could be\n";
+    std::cout << "\nAlternatives for non-convex meshes\n";
     choices_of(scene, report).print(std::cout, Output::kTable);
     std::cout << "\n";
   }
-  if (report.findings.empty()) std::cout << "Nothing was found that could be left out.\n";
+  if (report.findings.empty()) std::cout << "Found no redundancy.\n";
   for (const Finding& f : report.findings) std::cout << scene.bodies()[f.body].name << ": " << f.text << "\n";
-  std::printf("\n%zu bodies, %llu enabled pairs; pieces take %.4g KiB, meshes for pictures %.4g KiB\n",
+  std::printf("\n%zu bodies, %llu enabled pairs; convex parts take %.4g KiB, display meshes %.4g KiB\n",
               report.bodies.size(), static_cast<unsigned long long>(report.pairs),
               static_cast<double>(report.bytes) / 1024, static_cast<double>(report.display_bytes) / 1024);
   if (report.ns_all_pairs)
@@ -172,7 +172,7 @@ void run_inspect(const InspectCommand& o) {
 
 void add_inspect(CLI::App& app) {
   auto& command =
-      *app.add_subcommand("inspect", "what a scene file's bodies are modelled by, its cost, what could be left out");
+      *app.add_subcommand("inspect", "the geometry of a scene file's bodies, its cost, and redundancies");
   const auto o = std::make_shared<InspectCommand>();
   command.add_option("scene", o->scene, "scene file (YAML), or a URDF: that robot alone")
       ->required()
@@ -184,19 +184,19 @@ void add_inspect(CLI::App& app) {
       ->check(quiet(CLI::Range(1e-9, 0.5)))
       ->type_name("SHARE")
       ->capture_default_str();
-  command.add_flag("--no-times", o->no_times, "do not measure: the same scene then gives the same report");
-  command.add_flag("--allow-outside", o->allow_outside, "let the scene name meshes outside its own folder");
+  command.add_flag("--no-times", o->no_times, "measure no times, so that the same scene gives the same report");
+  command.add_flag("--allow-outside", o->allow_outside, "allow meshes outside the scene's folder");
   command.footer(R"(
 Columns
-  form                       what answers are about; of a surface or solid it is the mesh itself, and its hull only
-                             says how near it may be
-  loaded, inside, vertices   as read; dropped because proved inside; what remains, which bounds are made from
-  error_m                    how far the pieces may stand out from the shape that was asked for
-  hull_excess_m, empty_share how far they stand out of a mesh that is not convex, at most, and how much of
+  form                       geometry that distances refer to; for a surface or solid it is the mesh itself, and
+                             its hull gives lower bounds only
+  loaded, inside, vertices   as read; dropped because proved inside; the rest, from which bounds are made
+  error_m                    how far the convex parts may stand out from the given shape
+  hull_excess_m, empty_share how far at most they stand out of a non-convex mesh, and which share of
                              their volume is empty (unknown for a mesh with holes)
-  partners, ignored          bodies that it is asked about with, and those that the ignore list takes away
+  partners, ignored          bodies with which it has enabled pairs, and those that the ignore list removes
   ns_per_pair                measured now: one thread, poses at load, default tolerance
-  KiB, shared_by             memory of its pieces, and how many bodies hold them together
+  KiB, shared_by             memory of its convex parts, and how many bodies share them
 
 Exit codes
   0 done    1 the scene cannot be loaded    2 the command line is wrong)");

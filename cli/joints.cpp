@@ -87,12 +87,12 @@ void run(const JointsOptions& o) {
 
 void add_joints(CLI::App& app) {
   auto& command =
-      *app.add_subcommand("joints", "where the joints of the scene's robots are; with --set: put them there");
+      *app.add_subcommand("joints", "the joint positions of the scene's robots; --set changes them");
   auto options = std::make_shared<JointsOptions>();
   command.add_option("GROUP", options->group, "a robot, or a group of its joints; default: all");
   command.add_option(
       "--set", options->positions,
-      "JOINT=POSITION, radians or metres; again for others, all at once:\nwith one that is rejected none is set");
+      "JOINT=POSITION, radians or metres; may be repeated; all are set at once,\nor none if one is rejected");
   add_connection_options(command, options->connection);
   add_output_options(command, options->output);
   command.callback([options] { run(*options); });

@@ -13,7 +13,7 @@ namespace {
 void keygen(const std::string& path) {
   char public_key[41], secret_key[41];
   if (zmq_curve_keypair(public_key, secret_key) != 0)
-    throw std::runtime_error(std::string("this libzmq makes no keys: ") + zmq_strerror(zmq_errno()));
+    throw std::runtime_error(std::string("this libzmq cannot make keys: ") + zmq_strerror(zmq_errno()));
   write_key_pair(path, {public_key, secret_key});
   std::cout << public_key << "\n";
 }
@@ -24,17 +24,17 @@ void add_keygen(CLI::App& app) {
   auto& command =
       *app.add_subcommand("keygen", "make a pair of keys (CURVE) for a daemon's TCP endpoint, or for a client of one");
   auto path = std::make_shared<std::string>();
-  command.add_option("FILE", *path, "gets the pair; FILE.pub gets the public key, which is printed too")->required();
+  command.add_option("FILE", *path, "file for the pair; FILE.pub gets the public key, which is also printed")->required();
   command.callback([path] { keygen(*path); });
   command.footer(R"(
-The daemon, with a list of the clients' keys and of what each may do (query, poses, admin):
+The daemon, with a list of the clients' keys and of their rights (query, poses, admin):
   mkdir -m 700 keys && clearance keygen keys/server.key
   echo "$(clearance keygen planner.key) query,poses planner" >> keys/authorized
   clearanced --scene scene.yaml --zmq tcp://0.0.0.0:5555 --keys keys
-The client, which knows the daemon by server.key.pub:
+The client, which identifies the daemon by server.key.pub:
   clearance query --connect "tcp://robot:5555?server_key=server.key.pub&key=planner.key"
 
-Both files are readable by this user alone, and none that is there is overwritten.)");
+Only this user can read both files, and existing files are never overwritten.)");
 }
 
 }  // namespace clearance::cli

@@ -37,11 +37,11 @@ Example
   clearance query --connect ipc:///tmp/clearance.ipc --pairs arm,table --fields distance,points
 
 The daemon is found by --connect, else by the environment variable CLEARANCE_URL, else at this user's
-default socket. A daemon on TCP with keys wants CLEARANCE_SERVER_KEY and CLEARANCE_KEY, or both in the
+default socket. A daemon on TCP with keys needs CLEARANCE_SERVER_KEY and CLEARANCE_KEY, or both in the
 url (`clearance keygen --help`). `clearance COMMAND --help` lists a command's options.
 
 Exit codes
-  0 answered    1 the daemon refused, and nothing has changed    2 the command line or a file is wrong
+  0 answered    1 the daemon rejected the request, and nothing has changed    2 the command line or a file is wrong
   3 no connection, or no answer in time. A command's own --help has those that differ)");
 
 #ifdef CLEARANCE_HAVE_ENGINE

@@ -41,16 +41,16 @@ void set_pose(const SetPoseOptions& o) {
 
 void add_set_pose(CLI::App& app) {
   auto& command =
-      *app.add_subcommand("set-pose", "put a body somewhere, or make it follow another, as a grasped object does");
+      *app.add_subcommand("set-pose", "set the pose of a body, or make it follow another, such as a gripper");
   auto options = std::make_shared<SetPoseOptions>();
   command.add_option("BODY", options->body, "its name or number")->required();
   command
       .add_option("POSE", options->pose,
                   "x y z [qw qx qy qz], metres; of a body with a parent: relative to it;\n"
-                  "default with --parent or --free: where it is now")
+                  "default with --parent or --free: its current pose")
       ->expected(3, 7);
-  auto* parent = command.add_option("--parent", options->parent, "follow this body from now on")->type_name("NAME");
-  command.add_flag("--free", options->free, "follow nobody any more")->excludes(parent);
+  auto* parent = command.add_option("--parent", options->parent, "body to follow")->type_name("NAME");
+  command.add_flag("--free", options->free, "stop following a body")->excludes(parent);
   command.add_option("--allow", options->allow, "bodies and groups that it may touch while it follows the parent")
       ->delimiter(',')
       ->type_name("NAME,...")

@@ -121,7 +121,7 @@ std::string beyond_limits(const Path& path, const std::vector<std::uint32_t>& id
     text << "not proved from t = " << reply.first_contact()[2 * r] << " on: " << pair << " may be within " << o.margin
          << " m; --max-steps may prove it";
   else
-    text << pair << " cannot be looked at: a pose is bad, missing or old";
+    text << pair << " cannot be evaluated: a pose is bad, missing or old";
   if (!limits.empty()) text << "\n" << limits;
   throw NotFree(text.str());
 }
@@ -197,31 +197,31 @@ void run_or_fail(const PathOptions& o) {
 
 void add_path(CLI::App& app) {
   auto& command =
-      *app.add_subcommand("path", "whether a path is free all along, proved, and within the joints' limits");
+      *app.add_subcommand("path", "prove that a path is free along its whole length and within joint limits");
   auto options = std::make_shared<PathOptions>();
   command
       .add_option("FILE", options->file,
-                  "CSV: a line of joint names as `clearance joints` has them, then a line for each waypoint,\nradians "
-                  "and metres; joints go in a straight line from one to the next")
+                  "CSV: a line of joint names as `clearance joints` prints them, then a line for each waypoint,\nradians "
+                  "and metres; joints move linearly from one to the next")
       ->required();
-  command.add_option("--margin", options->margin, "farther than so many metres every pair must stay")
+  command.add_option("--margin", options->margin, "distance in metres that every pair must exceed")
       ->check(at_least_zero())
       ->type_name("M")
       ->capture_default_str();
-  command.add_option("--max-steps", options->max_steps, "configurations that each motion may ask for")
+  command.add_option("--max-steps", options->max_steps, "maximum evaluations per motion")
       ->check(quiet(CLI::Range(1, 65536)))
       ->type_name("N")
       ->capture_default_str();
   command
       .add_option("--certificate", options->certificate,
-                  "write what proves it (JSON, for tools/check_certificate.py): all motions, or those up to the first\n"
-                  "that is not free, with when it is hit")
+                  "write the proof (JSON, for tools/check_certificate.py) of all motions, or of those up to the first\n"
+                  "that is not free, with the time of its contact")
       ->type_name("FILE");
   add_pairs_option(command, options->pairs);
   add_connection_options(command, options->connection);
   command.footer(R"(
 Exit codes
-  0 free    1 not proved free, or beyond a joint's limits    2 an error: a bad file, or the daemon refused
+  0 free    1 not proved free, or beyond a joint's limits    2 an error: a bad file, or the daemon rejected the request
   3 no connection, or no answer in time)");
   command.callback([options] { run_or_fail(*options); });
 }

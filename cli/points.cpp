@@ -45,11 +45,11 @@ void run(const PointsOptions& o) {
 }  // namespace
 
 void add_points(CLI::App& app) {
-  auto& command = *app.add_subcommand("points", "replace the points of a body of points");
+  auto& command = *app.add_subcommand("points", "replace the points of a point cloud");
   auto options = std::make_shared<PointsOptions>();
   command.add_option("BODY", options->body, "name or number of the body")->required();
   command.add_option("FILE", options->file, "x y z a line, metres, in the body's frame; -: standard input")->required();
-  command.add_option("--radius", options->radius, "metres that they are grown by; default: as the scene has it")
+  command.add_option("--radius", options->radius, "radius of the points, in metres; default: the scene's")
       ->check(at_least_zero());
   add_connection_options(command, options->connection);
   command.callback([options] { run(*options); });

@@ -124,7 +124,7 @@ void print_reply(const Reply& reply, const SceneInfo& scene, const QueryCommandO
   if (o.output != Output::kTable) return;
   if (rows < reply.rows()) std::printf("... and %zu rows more (--limit 0 prints them all)\n", reply.rows() - rows);
   if (reply.total() > reply.rows())
-    std::printf("%llu pairs are that near; --max-results lets more of them come back\n",
+    std::printf("%llu pairs are within that distance; raise --max-results to get more of them\n",
                 static_cast<unsigned long long>(reply.total()));
   std::printf("%zu rows of %llu pairs, pose revision %llu, backend %s, server %.3f ms\n", reply.rows(),
               static_cast<unsigned long long>(reply.pairs()),
@@ -148,11 +148,11 @@ void run(const QueryCommandOptions& o) {
 }  // namespace
 
 void add_query(CLI::App& app) {
-  auto& command = *app.add_subcommand("query", "how far apart bodies are, with certified bounds");
+  auto& command = *app.add_subcommand("query", "distances between bodies, with certified bounds");
   auto options = std::make_shared<QueryCommandOptions>();
   Query& q = options->query;
   add_pairs_option(command, options->pairs);
-  command.add_option("--max-distance", q.max_distance, "pairs proved farther than so many metres are \"beyond\"")
+  command.add_option("--max-distance", q.max_distance, "pairs proved farther than this many metres are \"beyond\"")
       ->check(at_least_zero())
       ->type_name("M");
   command
@@ -169,13 +169,13 @@ void add_query(CLI::App& app) {
   command.add_option("--abs-tol", q.abs_tol, "wanted width of the bounds, metres")
       ->check(at_least_zero())
       ->type_name("M");
-  command.add_option("--rel-tol", q.rel_tol, "wanted width of the bounds, part of the distance (1e-6; f32: 1e-4)")
+  command.add_option("--rel-tol", q.rel_tol, "wanted width of the bounds relative to the distance (1e-6; f32: 1e-4)")
       ->check(at_least_zero())
       ->type_name("R");
-  command.add_option("--precision", options->precision, "of the iterations; the bounds hold in either: f64, f32")
+  command.add_option("--precision", options->precision, "arithmetic of the iterations: f64, f32; the bounds hold in both")
       ->check(quiet(CLI::IsMember(names_of(kPrecisionNames))))
       ->type_name("WORD");
-  command.add_option("--max-results", q.max_results, "rows that --reduce within may bring")
+  command.add_option("--max-results", q.max_results, "maximum rows of --reduce within")
       ->type_name("N")
       ->capture_default_str();
   command

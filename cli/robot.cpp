@@ -94,7 +94,7 @@ void inspect_robot(const RobotCommand& o) {
     std::printf("%s: %zu links, %zu joints, %zu positions, %zu groups, %zu states, %zu disabled pairs\n",
                 robot.name.c_str(), robot.links.size(), robot.joints.size(), robot.columns.size(), robot.groups.size(),
                 robot.states.size(), robot.disabled.size());
-  if (missing) throw RobotError(std::to_string(missing) + " meshes are not there");
+  if (missing) throw RobotError(std::to_string(missing) + " meshes are missing");
 }
 
 // --- fk
@@ -207,7 +207,7 @@ void print_robot_pairs(const RobotCommand& o) {
   if (o.output == Output::kTable)
     std::printf(
         "%s: %zu pairs: %zu adjacent; proved over all positions: %zu never, %zu always; in %u samples: %zu never, "
-        "%zu always; %zu to be asked about\n",
+        "%zu always; %zu to be queried\n",
         model.name.c_str(), found.size(), count[PairFinding::kAdjacent], count[PairFinding::kNever],
         count[PairFinding::kAlways], o.finding.samples, count[PairFinding::kNeverSeen], count[PairFinding::kAlwaysSeen],
         count[PairFinding::kSometimes]);
@@ -226,7 +226,7 @@ void add_robot_options(CLI::App& command, RobotCommand& o) {
 void add_packages(CLI::App& command, RobotCommand& o) {
   command
       .add_option("--packages", o.packages,
-                  "NAME=FOLDER: where package://NAME/... leads to, if not where ROS' environment says; may be repeated")
+                  "NAME=FOLDER: folder of package://NAME/..., if ROS' environment does not have it; may be repeated")
       ->take_all();
 }
 
@@ -234,15 +234,15 @@ void add_packages(CLI::App& command, RobotCommand& o) {
 
 void add_robot(CLI::App& app) {
   auto& command =
-      *app.add_subcommand("robot", "what a URDF holds, and where joint positions put its links: inspect, fk, pairs");
+      *app.add_subcommand("robot", "contents of a URDF, and forward kinematics of its links: inspect, fk, pairs");
   command.require_subcommand(1);
   const auto o = std::make_shared<RobotCommand>();
   auto& inspecting =
-      *command.add_subcommand("inspect", "links, joints, limits and shapes; warnings; meshes that are not there");
+      *command.add_subcommand("inspect", "links, joints, limits and shapes; warnings; missing meshes");
   add_robot_options(inspecting, *o);
   add_packages(inspecting, *o);
   inspecting.callback([o] { inspect_robot(*o); });
-  auto& placing = *command.add_subcommand("fk", "poses of all links, and how far each may be off");
+  auto& placing = *command.add_subcommand("fk", "poses of all links, with error bounds");
   add_robot_options(placing, *o);
   placing.add_option("--set", o->joints, "JOINT=POSITION: radians or metres; others are 0")->take_all();
   placing.add_option("--state", o->state, "positions of an SRDF's group state: NAME or GROUP/NAME");
@@ -250,24 +250,24 @@ void add_robot(CLI::App& app) {
                      "file of configurations: a line of names, then a line of numbers for each");
   placing.add_option("--base", o->base, "pose of the base: x y z qw qx qy qz")->expected(7);
   placing
-      .add_option("--radius", o->radius, "metres: the error is that of points of a link up to this far from its origin")
+      .add_option("--radius", o->radius, "metres: error bounds are for points of a link up to this far from its origin")
       ->check(CLI::NonNegativeNumber);
   placing.callback([o] { print_link_poses(*o); });
   auto& finding =
-      *command.add_subcommand("pairs", "which links never or always touch: proved where possible, else sampled");
+      *command.add_subcommand("pairs", "pairs of links that never or always touch: proved where possible, else sampled");
   add_robot_options(finding, *o);
   add_packages(finding, *o);
-  finding.add_flag("--visual", o->visual, "links have their visual shapes, not those for collisions");
+  finding.add_flag("--visual", o->visual, "use the visual shapes of links, not the collision shapes");
   finding.add_option("--samples", o->finding.samples, "random configurations for each pair")
       ->check(CLI::PositiveNumber);
-  finding.add_option("--steps", o->finding.most_steps, "configurations that the proof of a pair may look at");
-  finding.add_option("--seed", o->finding.seed, "of the samples");
-  finding.add_option("--write", o->srdf_to_write, "SRDF to write: disables adjacent pairs and what is proved");
-  finding.add_flag("--seen", o->seen, "there also disables pairs that only the samples speak for");
+  finding.add_option("--steps", o->finding.most_steps, "maximum evaluations in the proof of a pair");
+  finding.add_option("--seed", o->finding.seed, "seed of the samples");
+  finding.add_option("--write", o->srdf_to_write, "SRDF to write: disables adjacent and proved pairs");
+  finding.add_flag("--seen", o->seen, "with --write: also disables pairs that only samples support");
   finding.callback([o] { print_robot_pairs(*o); });
   command.footer(R"(
 Exit codes
-  0 done    1 the robot, or what it is asked, is wrong    2 the command line is wrong)");
+  0 done    1 the robot or the request is invalid    2 the command line is wrong)");
 }
 
 }  // namespace clearance::cli

@@ -58,7 +58,7 @@ void add_body(const CLI::App& command, const AddBodyOptions& o) {
   if (!o.vertices.empty()) vertices = read_rows<double>("--vertices", o.vertices, "numbers");
   std::vector<std::array<std::uint32_t, 3>> triangles;
   if (!o.triangles.empty())
-    triangles = read_rows<std::uint32_t>("--triangles", o.triangles, "places in the list of vertices");
+    triangles = read_rows<std::uint32_t>("--triangles", o.triangles, "indices of vertices");
   NewBody body;
   body.name = o.name;
   body.vertices = vertices;
@@ -106,10 +106,10 @@ void allow(const AllowOptions& o, bool allowed) {
 }
 
 void add_add(CLI::App& scene) {
-  auto& command = *scene.add_subcommand("add", "add a body, as an object that is grasped");
+  auto& command = *scene.add_subcommand("add", "add a body, such as a grasped object");
   auto options = std::make_shared<AddBodyOptions>();
-  command.add_option("NAME", options->name, "that no body has")->required();
-  auto& shape = *command.add_option_group("Shape", "one of them; lengths in metres");
+  command.add_option("NAME", options->name, "name of the new body")->required();
+  auto& shape = *command.add_option_group("Shape", "exactly one; lengths in metres");
   shape.require_option(1);
   shape.add_option("--box", options->box, "edge lengths x y z")->expected(3)->type_name("X");
   shape.add_option("--sphere", options->sphere, "radius")->type_name("R");
@@ -128,20 +128,20 @@ void add_add(CLI::App& scene) {
       .add_option("--points", options->points,
                   "a cloud, which `clearance points` replaces: x y z on a line; -: standard input")
       ->type_name("FILE");
-  command.add_option("--voxel", options->voxel, "with --points: boxes of this edge about them")->type_name("X");
+  command.add_option("--voxel", options->voxel, "with --points: edge of a box around each point")->type_name("X");
   command
       .add_option("--triangles", options->triangles,
-                  "with --vertices: a mesh of them, three places in their list, from 0 on, on a line")
+                  "with --vertices: triangles of a mesh, three vertex indices from 0 on a line")
       ->type_name("FILE");
   command
       .add_option("--convexify", options->convexify,
-                  "what that mesh is: hull, surface (its triangles), solid (what they enclose), or\n"
-                  "auto: the hull of a convex or open one, else a solid")
+                  "use of that mesh: hull, surface (its triangles), solid (the enclosed volume), or\n"
+                  "auto: hull if it is convex or open, else solid")
       ->check(quiet(CLI::IsMember({"auto", "hull", "surface", "solid"})))
       ->type_name("WORD")
       ->capture_default_str();
   command.add_option("--radius", options->radius, "grows the shape")->type_name("R");
-  command.add_option("--parent", options->parent, "a body, by name or number, that it follows")->type_name("BODY");
+  command.add_option("--parent", options->parent, "name or number of the body that it follows")->type_name("BODY");
   command
       .add_option("--pose", options->pose,
                   "x y z [qw qx qy qz]; with a parent: relative to it. Default: none until one arrives\n"
@@ -149,20 +149,20 @@ void add_add(CLI::App& scene) {
       ->expected(3, 7)
       ->type_name("X");
   command.add_flag("--static", options->is_static, "it never moves");
-  command.add_option("--uncertainty", options->uncertainty, "metres and radians that its pose may be off by")
+  command.add_option("--uncertainty", options->uncertainty, "uncertainty of its pose, in metres and radians")
       ->expected(2)
       ->type_name("X");
-  command.add_option("--padding", options->padding, "metres that it is grown by")->type_name("R");
-  command.add_option("--max-speed", options->max_speed, "metres a second that no point of it exceeds")->type_name("V");
+  command.add_option("--padding", options->padding, "padding in metres")->type_name("R");
+  command.add_option("--max-speed", options->max_speed, "maximum speed of its points, in metres a second")->type_name("V");
   add_connection_options(command, options->connection);
   command.callback([&command, options] { add_body(command, *options); });
 }
 
 void add_remove(CLI::App& scene) {
-  auto& command = *scene.add_subcommand("remove", "remove a body that was added while the daemon ran");
+  auto& command = *scene.add_subcommand("remove", "remove a body that was added at run time");
   auto connection = std::make_shared<Connection>();
   auto name = std::make_shared<std::string>();
-  command.add_option("NAME", *name, "of the body")->required();
+  command.add_option("NAME", *name, "name of the body")->required();
   add_connection_options(command, *connection);
   command.callback([connection, name] { remove_body(*connection, *name); });
 }
@@ -170,7 +170,7 @@ void add_remove(CLI::App& scene) {
 void add_allow(CLI::App& scene, bool allowed) {
   auto& command =
       *scene.add_subcommand(allowed ? "allow" : "forbid",
-                            allowed ? "let bodies touch: their pairs are left out" : "query the pairs of bodies again");
+                            allowed ? "let bodies touch: exclude their pairs from queries" : "include the pairs of bodies in queries again");
   auto options = std::make_shared<AllowOptions>();
   command.add_option("A", options->a, "body or group; * is every body")->required();
   command.add_option("B", options->b, "the other")->required();
@@ -179,7 +179,7 @@ void add_allow(CLI::App& scene, bool allowed) {
 }
 
 void add_reload(CLI::App& scene) {
-  auto& command = *scene.add_subcommand("reload", "load the scene file anew; the old scene stays if that fails");
+  auto& command = *scene.add_subcommand("reload", "reload the scene file; if that fails, the old scene stays");
   auto connection = std::make_shared<Connection>();
   connection->timeout_s = 600;
   add_connection_options(command, *connection);

@@ -26,20 +26,20 @@ void run_selftest(Output output) {
     if (!test.passed()) failed += (failed.empty() ? "" : ", ") + test.name;
   }
   table.print(std::cout, output);
-  if (!failed.empty()) throw std::runtime_error("the engine will not use what computes wrongly: " + failed);
+  if (!failed.empty()) throw std::runtime_error("the engine does not use what computes wrongly: " + failed);
 }
 
 }  // namespace
 
 void add_selftest(CLI::App& app) {
-  auto& command = *app.add_subcommand("selftest", "whether each way to answer that this machine has computes rightly");
+  auto& command = *app.add_subcommand("selftest", "test that each backend and instruction set of this machine computes correctly");
   const auto output = std::make_shared<Output>(Output::kTable);
   add_output_options(command, *output);
   command.footer(R"(
 Tests both kinds of arithmetic, each instruction set and each GPU with pairs whose distances are known.
 
 Exit codes
-  0 all compute rightly    1 one does not, and the engine will not use it    2 the command line is wrong)");
+  0 all compute correctly    1 one does not, and the engine does not use it    2 the command line is wrong)");
   command.callback([output] { run_selftest(*output); });
 }
 

@@ -47,7 +47,7 @@ void add_program(CLI::App& app, const std::string& name, const char* description
 }  // namespace
 
 void add_view(CLI::App& app) {
-  add_program(app, "view", "a browser page of a scene, its distances and a daemon");
+  add_program(app, "view", "show a scene and its distances in a browser");
 }
 
 void add_sweep(CLI::App& app) {

@@ -124,18 +124,18 @@ void add_stat(CLI::App& app) {
   auto* watch =
       command
           .add_option("--watch", options->watch_s,
-                      "print again every so many seconds (1 if none are given), with what was added in a second")
+                      "print again every so many seconds (1 by default), with rates per second")
           ->check(quiet(CLI::Range(0.01, 86400.0)))
           ->expected(0, 1)
           ->default_str("1")
           ->type_name("[SECONDS]");
-  command.add_option("--count", options->count, "how often; default: until it is stopped")
+  command.add_option("--count", options->count, "number of repetitions; default: until stopped")
       ->needs(watch)
       ->type_name("N");
-  command.add_flag("--prometheus", options->prometheus, "in the text format that Prometheus reads")->excludes(watch);
+  command.add_flag("--prometheus", options->prometheus, "print Prometheus' text format")->excludes(watch);
   auto* ping = command
                    .add_option("--ping", options->echoes,
-                               "time so many bare echoes through the daemon instead (100 if no number is given)")
+                               "time so many echoes through the daemon instead (100 by default)")
                    ->check(quiet(CLI::Range(1u, 100000000u)))
                    ->expected(0, 1)
                    ->default_str("100")

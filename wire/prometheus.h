@@ -1,4 +1,4 @@
-// A daemon's counters in the text format that Prometheus reads.
+// A daemon's counters print Prometheus' text format.
 #pragma once
 
 #include <cstdint>

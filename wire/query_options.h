@@ -28,7 +28,7 @@
   X(double, rel_tol, -1, 0, Legal::finite(std::numeric_limits<double>::lowest(), "finite"),                            \
     "1", "negative: 1e-6 (f64), 1e-4 (f32)")                                                                           \
   X(Precision, precision, Precision::kF64, 0, Legal::word("f64 f32"),                                                  \
-    "", "arithmetic of the iterations; the bounds hold in either")                                                     \
+    "", "arithmetic of the iterations; the bounds hold in both")                                                     \
   X(bool, signed_distance, false, 0, Legal::word("false true"),                                                        \
     "", "also how deep bodies overlap")                                                                                \
   X(Reduce, reduce, Reduce::kNone, 0, Legal::word("none within nearest min any"),                                          \
@@ -46,19 +46,19 @@
   X(std::int64_t, min_pose_stamp_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                 \
     "ns", "begin once the poses of wait_for have this stamp or a newer one (publisher's clock); 0: at once")           \
   X(std::int64_t, pose_wait_ns, 0, 0, Legal::range(0, 10'000'000'000),                                                 \
-    "ns", "wait at most so long for them; then `kPosesLate`")                                                          \
+    "ns", "maximum wait for them; then `kPosesLate`")                                                          \
   X(std::uint32_t, wait_for, kEveryBody, 0, Legal::anything(),                                                         \
-    "", "body, or selector of a group; bodies that never had a stamp do not count, but at least one must have one")                   \
+    "", "body, or selector of a group; unstamped bodies are ignored, but at least one must have a stamp")                   \
   X(bool, as_planning, false, 3, Legal::word("false true"),                                                            \
-    "", "in the class `planning`, also where the caller has the class `control`")                                      \
+    "", "use the class `planning` even if the caller has the class `control`")                                      \
   X(std::int64_t, deadline_ns, 0, 4, Legal::range(0, 3'600'000'000'000),                                               \
-    "ns", "answered within so long of its receipt (daemon's steady clock), else refused with `kDeadline`; 0: whenever")    \
+    "ns", "maximum time from receipt to answer (daemon's steady clock), else rejected with `kDeadline`; 0: no limit")    \
   X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \
-    "m", "reduce `any`, and motions: farther than this every pair must be proved")                                     \
+    "m", "reduce `any`, and motions: distance that every pair must provably exceed")                                     \
   X(std::uint32_t, max_steps, 0, 10, Legal::range(0, 65536),                                                           \
-    "", "configurations that each motion may ask for: they come in twos, which it begins and ends with; 0: no motions")               \
+    "", "maximum evaluations per motion; if nonzero, configurations are (start, end) pairs")               \
   X(Model, model, Model::kTruth, 12, Legal::word("truth pieces"),                                                      \
-    "", "pieces: convex pieces that stand for a mesh answer for it, and nothing is narrowed by its triangles")
+    "", "pieces: use only the convex parts of a mesh, without refinement by its triangles")
 // clang-format on
 
 namespace clearance {

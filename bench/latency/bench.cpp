@@ -138,7 +138,7 @@ void run(const BenchOptions& o) {
 
 void add_bench(CLI::App& app) {
   auto& command =
-      *app.add_subcommand("bench", "how long queries take, beside the bare transport; modes: throughput, loop");
+      *app.add_subcommand("bench", "how long queries take, compared with the bare transport; modes: throughput, loop");
   auto options = std::make_shared<BenchOptions>();
   add_connection_options(command, options->connection);
   add_query_options(command, *options);

@@ -50,7 +50,7 @@ void add_query_options(CLI::App& command, BenchQueryOptions& question) {
       ->type_name("WORD")
       ->capture_default_str();
   command
-      .add_option("--max-distance", question.max_distance, "pairs proved farther than so many metres are \"beyond\"")
+      .add_option("--max-distance", question.max_distance, "pairs proved farther than this many metres are \"beyond\"")
       ->check(quiet(CLI::NonNegativeNumber))
       ->type_name("M");
 }

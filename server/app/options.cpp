@@ -64,7 +64,7 @@ void add_endpoints(CLI::App& app, DaemonOptions& o) {
          "scene file (YAML), or a URDF: a scene of that robot, by the URDF's name; paths in it are relative to it")
       ->type_name("FILE")
       ->required();
-  app.add_flag("--allow-outside", o.allow_outside, "let the scene name meshes outside its own folder");
+  app.add_flag("--allow-outside", o.allow_outside, "allow meshes outside the scene's folder");
   app.add_option(
          "--shm", o.shm,
          "serve shared memory, met at this Unix socket; where no endpoint is given, at\n" + default_socket_path())

@@ -46,7 +46,7 @@ def test_inspect_warns_and_names_meshes_that_are_not_there():
         in answer.stderr
     )
     assert 'link "slide": collision: mesh "slide.stl": there is no file' in answer.stderr
-    assert "1 meshes are not there" in answer.stderr
+    assert "1 meshes are missing" in answer.stderr
 
 
 def test_inspect_finds_packages_as_ros_does(tmp_path):

@@ -128,7 +128,7 @@ def test_a_mesh_is_what_is_said_of_it(tmp_path):
     ({"mesh": CUP_VERTICES}, ValueError, r"mesh: expected a pair \(vertices, triangles\), got 16 things"),
     ({"mesh": (CUP_VERTICES, [[0, 1]])}, ValueError, r"mesh\[1\]: expected shape \(T, 3\), got \(1, 2\)"),
     ({"mesh": (CUP_VERTICES, [[0.0, 1, 2]])}, TypeError, r"mesh\[1\]: expected \(T, 3\) integers, got an array of"),
-    ({"mesh": (CUP_VERTICES, [[0, 1, -1]])}, ValueError, r"mesh\[1\]: expected places in the list of vertices, got -1"),
+    ({"mesh": (CUP_VERTICES, [[0, 1, -1]])}, ValueError, r"mesh\[1\]: expected indices of vertices, got -1"),
     ({"mesh": ([[0, 1]], [[0, 1, 2]])}, ValueError, r"mesh\[0\]: expected shape \(V, 3\), got \(1, 2\)"),
     ({"sphere": 1.0, "convexify": "solid"}, ValueError,
      "convexify: expected 'auto' or 'hull' where there is no mesh, got 'solid'"),

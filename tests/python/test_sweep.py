@@ -253,7 +253,7 @@ def test_a_machine_that_answers_otherwise_is_named(tmp_path, urdf, size, wrong, 
 
     with pytest.raises(SweepError, match=said) as caught:
         driven(plan, size, make)
-    assert "rows asked again do not come out as they are written: row " in str(caught.value)
+    assert "rows computed again differ from the written ones: row " in str(caught.value)
     # Its parts are not accepted, and are recomputed by the workers that take over.
     summary, _ = driven(plan, 2, lambda number: Worker(plan.spec, plan.packed))
     assert summary.made > 0

@@ -222,7 +222,7 @@ def test_a_path_beyond_limits_names_joint_limit_and_waypoint(daemon, tmp_path):
     degrees = [0, -45, 0, -135, 0, 90, 45, 0]
     code, text = run(daemon, "path", path_file(tmp_path, HOME, degrees), *pairs)
     assert code == 1 and "arm/joint2 at -45 is beyond its lower limit -1.76 by 43.24" in text
-    assert text.rstrip().endswith("; as degrees they would be within: positions are radians")
+    assert text.rstrip().endswith("; in degrees they would be within: positions are in radians")
     proof = tmp_path / "proof.json"
     assert run(daemon, "path", file, "--certificate", proof, *pairs)[0] == 1 and proof.stat().st_size > 100
 

@@ -274,5 +274,5 @@ def to_triangles(value: Any, what: str) -> np.ndarray:
     if array.ndim != 2 or array.shape[1] != 3 or not len(array):
         raise ValueError(f"{what}: expected shape (T, 3), got {array.shape}")
     if array.min() < 0 or array.max() >= 1 << 32:
-        raise ValueError(f"{what}: expected places in the list of vertices, got {array.min()} to {array.max()}")
+        raise ValueError(f"{what}: expected indices of vertices, got {array.min()} to {array.max()}")
     return contiguous(array.astype(np.uint32, copy=False))

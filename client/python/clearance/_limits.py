@@ -87,6 +87,6 @@ def beyond_limits(rows: np.ndarray, joints: Joints, what: str, stacklevel: int =
         return None
     beyond = Beyond(rows, mask, joints)
     if beyond.look_like_degrees():
-        text = f"{what}: {beyond.first()}; as degrees they would be within: positions are radians"
+        text = f"{what}: {beyond.first()}; in degrees they would be within: positions are in radians"
         warnings.warn(text, JointLimitWarning, stacklevel=stacklevel)
     return beyond

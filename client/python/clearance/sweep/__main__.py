@@ -12,7 +12,7 @@ from . import JobError, Summary, SweepError, run
 from ._job import Job
 
 _EPILOG = """\
-The same command goes on with a run that was ended, by whatever: parts that are whole are kept.
+The same command resumes an interrupted run: complete parts are kept.
 Exit codes: 0 done    1 the run cannot go on    2 the command line or the job is wrong    130 ended by Ctrl-C"""
 
 
@@ -45,7 +45,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         return 130
     print(
         f"{done.output}: {done.rows:,} rows in {done.parts:,} parts, of which {done.made:,} were made now; "
-        f"{done.checked:,} rows asked again, all equal; {done.lost} workers lost"
+        f"{done.checked:,} rows computed again, all equal; {done.lost} workers lost"
     )
     return 0
 

@@ -20,7 +20,7 @@ class Progress:
     def start(self, rows: int, done: int) -> None:
         self._rows, self._done = rows, done
         if done:
-            self.say(f"goes on: {done:,} of {rows:,} rows are there")
+            self.say(f"goes on: {done:,} of {rows:,} rows are done")
 
     def add(self, rows: int) -> None:
         self._done += rows

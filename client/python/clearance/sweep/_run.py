@@ -207,19 +207,19 @@ class Run:
         maker = self._journal.makers[part]
         (second, differences), *others = dispute.opinions
         suspects = {maker, second}
-        text = f"{maker} wrote it, {second} was asked again; which of them is wrong, nobody else was there to say"
+        text = f"{maker} wrote it, {second} computed it again; without a third machine it is unknown which is wrong"
         if others:
             third, found = others[0]
             suspects = {maker} if found == differences else {maker, second, third} if found else {second}
-            text = f"{maker}, {second} and {third} each answer something else"
+            text = f"{maker}, {second} and {third} all give different answers"
             if len(suspects) == 1:
                 text = f"{min(suspects)} stands alone among {maker}, who wrote it, {second} and {third}"
         dropped = [number for number in self._journal.done if self._journal.makers[number] in suspects]
         for number in dropped:
             self._journal.drop(number)
         raise SweepError(
-            f"part {part}: rows asked again do not come out as they are written: {'; '.join(differences)}. {text}. "
-            f"When the job goes on, the {len(dropped)} parts of {' and '.join(sorted(suspects))} are made anew"
+            f"part {part}: rows computed again differ from the written ones: {'; '.join(differences)}. {text}. "
+            f"When the job goes on, the {len(dropped)} parts of {' and '.join(sorted(suspects))} are computed again"
         )
 
 

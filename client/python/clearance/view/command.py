@@ -20,8 +20,8 @@ Example
   clearance view panda.urdf --packages franka_description=.           a robot alone
   clearance view scenes/cell/robot.yaml --connect ipc:///tmp/c.ipc   a daemon, with the file's shapes
 
-A daemon does not hand out shapes: without its scene file bodies are drawn as the balls that hold them. It is asked, and
-told nothing: sliders then ask what would be.
+A daemon does not send shapes: without its scene file, bodies are drawn as their bounding spheres. Sliders query
+other poses and change nothing in the daemon.
 """
 
 
@@ -35,16 +35,16 @@ def parser() -> argparse.ArgumentParser:
     )
     options.add_argument("scene", nargs="?", type=Path, metavar="FILE", help="a scene file (.yaml) or a robot (.urdf)")
     options.add_argument("--connect", metavar="URL", help="the daemon (without FILE: this, or CLEARANCE_URL)")
-    options.add_argument("--srdf", type=Path, metavar="FILE", help="of the robot: groups, and pairs not asked about")
+    options.add_argument("--srdf", type=Path, metavar="FILE", help="SRDF of the robot: groups and disabled pairs")
     options.add_argument(
         "--packages",
         action="append",
         default=[],
         metavar="NAME=FOLDER",
-        help="where package://NAME is; may be repeated",
+        help="folder of package://NAME; may be repeated",
     )
     options.add_argument("--host", default="127.0.0.1", help="address to serve on; default: this machine alone")
-    options.add_argument("--port", type=int, default=8080, help="the first that is tried; default 8080")
+    options.add_argument("--port", type=int, default=8080, help="first port to try; default 8080")
     options.add_argument("--rate", type=_rate, default=10.0, metavar="HZ", help="pictures a second at most; default 10")
     options.add_argument("--timeout", type=float, default=5.0, metavar="S", help="seconds to wait for an answer")
     return options

@@ -71,7 +71,7 @@ class Panel:
 
     def _make_question(self) -> None:
         gui = self._server.gui
-        self._kind = gui.add_dropdown("ask for", ("pairs within", "each body's nearest"), hint="what the query asks")
+        self._kind = gui.add_dropdown("ask for", ("pairs within", "each body's nearest"), hint="options of the query")
         self._distance = gui.add_number("within [m]", Question.max_distance, min=0.0, max=100.0, step=0.01)
         self._pairs = gui.add_html("")
 
@@ -129,7 +129,7 @@ class Panel:
                 slider.on_update(self._on_slider)
                 self._sliders.append(slider)
             if self._session.asks_only:
-                hint = "sliders ask what would be: nothing is told to the daemon"
+                hint = "sliders query other poses: nothing is sent to the daemon"
                 back = self._server.gui.add_button("Follow the daemon again", hint=hint)
                 back.on_click(self._on_follow)
                 self._sliders.append(back)
