@@ -23,7 +23,7 @@ Example
   clearanced --scene scenes/nineteen/scene.yaml --zmq ipc:///tmp/clearance.ipc &
   clearance query --connect ipc:///tmp/clearance.ipc --reduce nearest
 
-Configuration file (--config): the same names, one on a line; the command line has the last word.
+Configuration file (--config): the same names, one on a line; the command line takes precedence.
   scene = "scenes/nineteen/scene.yaml"
   zmq = ["ipc:///run/user/1000/clearance.ipc"]
   log-level = "warn"
@@ -31,26 +31,26 @@ Configuration file (--config): the same names, one on a line; the command line h
   max-clients = 500
 
 Ready
-  With Type=notify systemd is told (sd_notify). --ready-fd N gets the urls of the daemon, one on a line, and is
-  then closed; the log says event=ready. SIGTERM or SIGINT end the daemon and remove its sockets.
+  With Type=notify systemd is notified (sd_notify). --ready-fd N gets the urls of the daemon, one on a line, and is
+  then closed; the log has event=ready. SIGTERM or SIGINT ends the daemon and removes its sockets.
 
-Who may do what
-  The daemon's own user may do everything through the Unix sockets, a group what --group-rights says. Rights are
-  query (ask), poses (move, attach and add bodies) and admin (reload). TCP without keys and LCM know nobody: query, poses.
+Access rights
+  The daemon's own user has all rights through the Unix sockets, a group those of --group-rights. Rights are
+  query, poses (move, attach and add bodies) and admin (reload). TCP without keys and LCM identify no client: query, poses.
   The word control among rights gives the class of that name, as --control-user does; all others have the class planning.
     clearance keygen keys/server.key              for the daemon; clients get keys/server.key.pub
     clearance keygen planner.key                  for a client; prints its public key
     echo 'KEY query,poses planner' >> keys/authorized    read again within a second of a change
 
 Reload
-  SIGHUP, or `clearance scene reload`, has the scene loaded anew, aside; queries go on. Poses and attachments that were received stay with the
-  bodies of the same names. If the scene cannot be loaded the old one stays, and the log says event=reload_failed.
+  SIGHUP or `clearance scene reload` reloads the scene in the background, while queries continue. Bodies of the same name
+  keep received poses and attachments. If the scene cannot be loaded the old one stays, and the log has event=reload_failed.
 )";
 
 constexpr const char* kExitCodes = R"(
 Exit codes
   0 ended by a signal, as it should be    3 the scene cannot be loaded
-  1 an error that nobody foresaw          4 an endpoint cannot be opened
+  1 an unexpected error                   4 an endpoint cannot be opened
   2 the command line is wrong             5 the backend is unknown or absent)";
 
 /// A check without CLI11's own text, as the option's text has the range.
@@ -67,7 +67,7 @@ void add_endpoints(CLI::App& app, DaemonOptions& o) {
   app.add_flag("--allow-outside", o.allow_outside, "allow meshes outside the scene's folder");
   app.add_option(
          "--shm", o.shm,
-         "serve shared memory, met at this Unix socket; where no endpoint is given, at\n" + default_socket_path())
+         "serve shared memory through this Unix socket; without any endpoint at\n" + default_socket_path())
       ->type_name("PATH");
   app.add_option(
          "--zmq", o.zmq,
@@ -75,19 +75,19 @@ void add_endpoints(CLI::App& app, DaemonOptions& o) {
       ->type_name("ENDPOINT");
   app.add_option(
          "--keys", o.keys,
-         "TCP for those alone whose keys are known (CURVE): a folder with server.key and the list `authorized`,\n"
-         "a line for each client: KEY RIGHTS NAME (see Who may do what)")
+         "TCP for clients with authorized keys (CURVE): a folder with server.key and the list `authorized`,\n"
+         "a line for each client: KEY RIGHTS NAME (see Access rights)")
       ->type_name("DIR");
   app.add_option("--socket-group", o.socket_group, "let this group's members connect to the Unix sockets (mode 0660)")
       ->type_name("GROUP");
   app.add_option("--group-rights", o.group_rights,
-                 "what they may do: query, poses, admin, control, separated by commas")
+                 "rights of that group: query, poses, admin, control, separated by commas")
       ->type_name("RIGHTS")
       ->capture_default_str();
   app.add_option(
          "--control-user", o.control_users,
-         "a user whose clients at the Unix sockets have the class control: they are answered before the others,\n"
-         "who cannot take the places and the memory kept for them; may be repeated")
+         "user whose clients at the Unix sockets have the class control: they are served before other clients,\n"
+         "which cannot use the connections and memory reserved for them; may be repeated")
       ->type_name("USER");
 }
 
@@ -95,10 +95,10 @@ void add_lcm(CLI::App& app, DaemonOptions& o) {
   app.add_option(
          "--lcm", o.lcm,
          "serve LCM and follow poses there, as in \"udpm://239.255.76.67:7667?ttl=0\"; &prefix=TEXT begins the\n"
-         "names of all channels: several daemons on one network")
+         "names of all channels, for several daemons on one network")
       ->type_name("URL");
   app.add_option("--lcm-poses", o.lcm_poses,
-                 "whose poses are taken from LCM, where anybody who reaches it may send them: on (every body's), off,\n"
+                 "bodies whose poses are accepted from LCM, to which any process on the network can send: on (all), off,\n"
                  "or a body or group; may be repeated")
       ->type_name("WHOSE")
       ->default_str("on");
@@ -106,7 +106,7 @@ void add_lcm(CLI::App& app, DaemonOptions& o) {
 
 void add_backend(CLI::App& app, DaemonOptions& o) {
   app.add_option("--backend", o.backend,
-                 "what computes: auto, cpu, cuda, reference (slow: brute force, to compare with)")
+                 "auto, cpu, cuda, reference (slow brute force, for comparison)")
       ->type_name("NAME")
       ->capture_default_str();
   app.add_option("--threads", o.threads, "threads of the cpu backend; 0: one for each core")
@@ -115,20 +115,20 @@ void add_backend(CLI::App& app, DaemonOptions& o) {
       ->capture_default_str();
   app.add_option(
          "--devices", o.devices,
-         "GPUs of the cuda backend by number, as in 0,1: each holds the scene, and queries are shared out among\n"
-         "them; where none is named, the first")
+         "GPUs of the cuda backend by number, as in 0,1: each holds the scene, and queries are distributed among\n"
+         "them; default: the first")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("N,N");
   app.add_flag("!--no-device-fallback", o.device_fallback,
-               "refuse what the device cannot answer; else the CPU answers it");
+               "reject what the device cannot answer, instead of using the CPU");
 }
 
 void add_real_time(CLI::App& app, DaemonOptions& o) {
   CLI::Option* real_time = app.add_flag(
       "--real-time", o.real_time,
-      "run the loop at real-time priority (SCHED_FIFO), without spinning, and keep memory from being paged out; what\n"
-      "the kernel refuses is said in the log, and done without");
+      "run the loop at real-time priority (SCHED_FIFO), without spinning, and lock memory; steps that the\n"
+      "kernel does not permit are logged and skipped");
   app.add_option("--loop-cpu", o.loop_cpu, "with --real-time: the CPU that the loop runs on")
       ->check(quiet(CLI::Range(0, 1023)))
       ->type_name("N")
@@ -149,35 +149,35 @@ constexpr Limit kLimits[] = {
     {"max-clients", &DaemonOptions::max_clients, 1, 1'000'000,
      "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way)"},
     {"max-client-mib", &DaemonOptions::max_client_mib, 1, 1'000'000,
-     "MiB of one client's requests and replies under way; more are rejected (busy), though one always\n"
-     "may. Its warm state has what is left"},
+     "MiB of one client's requests and replies under way; more are rejected (busy), but one always\n"
+     "may. The rest is for its warm state"},
     {"max-warm-mib", &DaemonOptions::max_warm_mib, 0, 1'000'000,
-     "MiB of all clients' warm state; beyond it the client that was silent for longest loses its own"},
+     "MiB of all clients' warm state; beyond it the least recently active client loses its own"},
     {"max-pairs", &DaemonOptions::max_pairs, 1, kManyPairs, "pairs times configurations of one query"},
-    {"max-piece-pairs", &DaemonOptions::max_piece_pairs, 1, kManyPairs, "the same in pairs of the bodies' pieces"},
-    {"max-body-points", &DaemonOptions::max_body_points, 0, kManyPoints, "points of one update of a body of points"},
+    {"max-piece-pairs", &DaemonOptions::max_piece_pairs, 1, kManyPairs, "the same in pairs of the bodies' convex parts"},
+    {"max-body-points", &DaemonOptions::max_body_points, 0, kManyPoints, "points of one update of a point cloud"},
     {"max-client-points", &DaemonOptions::max_client_points, 0, kManyPoints,
-     "points that a client may have set, and under way"},
+     "points that one client has set or is sending"},
     {"max-points", &DaemonOptions::max_points, 0, kManyPoints, "points of all clients"},
     {"max-client-plans", &DaemonOptions::max_client_plans, 0, 100'000'000,
      "plans of one client in a GPU's memory (docs/cuda.md); 0: none"},
     {"max-plans", &DaemonOptions::max_plans, 0, 100'000'000, "plans of all clients"},
     {"max-client-plan-mib", &DaemonOptions::max_client_plan_mib, 0, 100'000'000, "MiB of one client's plans"},
     {"max-plan-mib", &DaemonOptions::max_plan_mib, 0, 100'000'000, "MiB of all clients' plans"},
-    {"max-added-bodies", &DaemonOptions::max_added_bodies, 0, 100'000, "bodies that clients may have added"},
+    {"max-added-bodies", &DaemonOptions::max_added_bodies, 0, 100'000, "bodies that clients have added"},
     {"max-added-vertices", &DaemonOptions::max_added_vertices, 1, 10'000'000, "vertices of an added body"},
     {"max-added-triangles", &DaemonOptions::max_added_triangles, 1, 20'000'000, "triangles of an added body"},
     {"max-added-points", &DaemonOptions::max_added_points, 1, 80'000,
-     "points of an added body; what replaces them may be more"},
+     "points of an added body; later updates may have more"},
     {"max-stamp-lead-s", &DaemonOptions::max_stamp_lead_s, 0, 1'000'000'000,
      "seconds that a pose's stamp may be ahead of this machine's clock"},
     {"outside-mib", &DaemonOptions::gateway_mib, 64, 1'000'000,
-     "MiB of each process before TCP and LCM beyond this machine; one that needs more is\n"
-     "restarted. A request or reply may have an eighth of it"},
-    {"device-memory-mib", &DaemonOptions::device_memory_mib, 0, 0xFFFF'FFFF, "MiB of each GPU; 0: what there is"},
+     "MiB of each gateway process for TCP and LCM beyond this machine; one that needs more is\n"
+     "restarted. A request or reply may use an eighth of it"},
+    {"device-memory-mib", &DaemonOptions::device_memory_mib, 0, 0xFFFF'FFFF, "MiB of each GPU; 0: all of it"},
     {"pinned-mib", &DaemonOptions::pinned_mib, 0, 0xFFFF'FFFF,
      "MiB of clients' shared memory that a GPU writes large replies to; 0: they are copied"},
-    {"slice-us", &DaemonOptions::slice_us, 1, 1'000'000, "microseconds of one query before the others get a turn"},
+    {"slice-us", &DaemonOptions::slice_us, 1, 1'000'000, "microseconds of one query before other queries run"},
     {"spin-us", &DaemonOptions::spin_us, 0, 1'000'000, "microseconds to poll before going to sleep; 0: none"},
 };
 
@@ -228,11 +228,11 @@ void add_watching(CLI::App& app, DaemonOptions& o) {
          "counters in Prometheus' text format by HTTP, at 127.0.0.1:PORT/metrics or on a Unix socket (its path);\n"
          "the distinct errors at /errors")
       ->type_name("ENDPOINT");
-  app.add_option("--log-level", o.log_level, "what goes to standard error: debug, info, warn, error")
+  app.add_option("--log-level", o.log_level, "level of the log on standard error: debug, info, warn, error")
       ->check(quiet(CLI::IsMember({"trace", "debug", "info", "warn", "error"})))
       ->type_name("LEVEL")
       ->capture_default_str();
-  app.add_option("--ready-fd", o.ready_fd, "open descriptor that is told when the daemon is ready")
+  app.add_option("--ready-fd", o.ready_fd, "open file descriptor to notify when the daemon is ready")
       ->check(quiet(CLI::Range(0, 1 << 20)))
       ->type_name("N");
 }
@@ -272,7 +272,7 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->type_name("NAME=N")
       ->configurable(false);
   app.add_flag("--require-epoch", o.require_epoch,
-               "refuse requests that deal with poses and name no epoch (docs/wire.md): a client that would not notice "
+               "reject requests that involve poses and have no epoch (docs/wire.md): a client that would not notice "
                "a\nrestart gets no answer");
   add_watching(app, o);
 
