@@ -22,7 +22,7 @@ struct stat status_of_guarded(const std::string& path) {
   struct stat info{};
   if (stat(path.c_str(), &info) != 0) throw std::runtime_error(path + ": " + std::strerror(errno));
   if (info.st_uid != geteuid() && info.st_uid != 0)
-    throw std::runtime_error(path + ": belongs to user " + std::to_string(info.st_uid) + ", neither us nor root");
+    throw std::runtime_error(path + ": belongs to user " + std::to_string(info.st_uid) + ", neither the daemon's user nor root");
   if (info.st_mode & 022) throw std::runtime_error(path + ": others may write to it; chmod go-w it");
   return info;
 }
@@ -72,11 +72,11 @@ AuthorizedKeys::Entries AuthorizedKeys::read() const {
     if (!(words >> key) || key == "#") continue;
     const std::string place = list_ + ":" + std::to_string(number) + ": ";
     if (!is_key(key)) throw std::runtime_error(place + "expected a public key of 40 characters (Z85) first");
-    if (!(words >> rights)) throw std::runtime_error(place + "what this key may do is missing, as in query,poses");
+    if (!(words >> rights)) throw std::runtime_error(place + "the rights of this key are missing, as in query,poses");
     std::getline(words >> std::ws, name);
     try {
       if (!entries.emplace(key, Entry{parse_rights(rights), name}).second)
-        throw std::invalid_argument("this key was there before");
+        throw std::invalid_argument("this key is listed twice");
     } catch (const std::invalid_argument& error) {
       throw std::runtime_error(place + error.what());
     }

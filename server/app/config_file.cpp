@@ -124,7 +124,7 @@ void ConfigFile::check(const std::vector<Entry>& entries) const {
     if (is_limit) {
       for (std::size_t before = 0; before < i; ++before)
         if (entries[before].is_limit && entries[before].name == name)
-          fail(line, name + " is there already, in line " + std::to_string(entries[before].line));
+          fail(line, name + " is already set in line " + std::to_string(entries[before].line));
       continue;
     }
     const CLI::Option* option = option_of(name);
@@ -135,7 +135,7 @@ void ConfigFile::check(const std::vector<Entry>& entries) const {
     for (std::size_t before = 0; before < i; ++before)
       if (!entries[before].is_limit && option_of(entries[before].name) == option &&
           (option->get_items_expected_max() < 2 || before + 1 < i))
-        fail(line, name + " is there already, in line " + std::to_string(entries[before].line));
+        fail(line, name + " is already set in line " + std::to_string(entries[before].line));
   }
 }
 

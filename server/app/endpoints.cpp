@@ -21,7 +21,7 @@ void add_default_endpoint(DaemonOptions& options) {
   struct stat info{};
   if (stat(folder.c_str(), &info) || info.st_uid != getuid())
     throw std::runtime_error("shm://" + default_socket_path() + ": the folder " + folder +
-                             " is not ours; choose an endpoint with --shm or --zmq");
+                             " does not belong to this user; choose an endpoint with --shm or --zmq");
   options.shm.push_back(default_socket_path());
 }
 

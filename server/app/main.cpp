@@ -95,7 +95,7 @@ void use_cache_directory() {
 
 Scene load_scene(const DaemonOptions& options) {
   if (const std::string why = Cache::of_environment().why_off(); !why.empty())
-    log::warn("event=cache_off text=\"nothing is kept of meshes: {}\"", log_text(why));
+    log::warn("event=cache_off text=\"meshes are not cached: {}\"", log_text(why));
   Scene scene = Scene::load(options.scene, options.allow_outside);
   if (const std::string missing = mesh_loader_warning(); !missing.empty())
     log::warn("event=mesh_loader_unfiltered text=\"{}\"", log_text(missing));

@@ -77,7 +77,7 @@ std::string pin_to(int cpu) {
   CPU_SET(static_cast<std::size_t>(cpu), &one);
   if (sched_setaffinity(0, sizeof one, &one) == 0) return "";
   return "CPU " + std::to_string(cpu) + ": " + std::strerror(errno) +
-         (errno == EINVAL ? "; it is none of those that this process may run on" : "");
+         (errno == EINVAL ? "; this process may not run on it" : "");
 }
 
 std::string run_first() {

@@ -98,8 +98,8 @@ void PlanRequests::open(Request& request) {
   std::function<bool()> is_there = request.sink->watch();
   if (!is_there)
     throw rejected(ErrorCode::kNotSupported,
-                   "its memory is for processes of this machine whose end the daemon sees, by shm:// and ipc://; this "
-                   "client is none of them");
+                   "its memory is shared only with processes of this machine, over shm:// and ipc://; this "
+                   "client is not one of them");
   context_.check_quota(request, request.bytes);
   const auto opening = std::make_shared<Opening>(Opening{
       {context_.answers, context_.engine, request.header, request.take_payload()}, query_limits_, take_share(client)});
@@ -123,7 +123,7 @@ void PlanRequests::run(Request& request) {
   const std::uint64_t revision = request.header.scene_revision;
   if (revision && revision != context_.engine->scene_revision())
     throw rejected(ErrorCode::kWrongScene,
-                   named + " was made for another scene than the daemon has now; open it again");
+                   named + " was made for an earlier scene; open it again");
   if (plan.is_running)
     throw rejected(ErrorCode::kBusy, named + " is running already; wait for its rows, which are the same memory");
   context_.quotas.check_requests(plan.client);

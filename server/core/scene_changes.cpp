@@ -106,7 +106,7 @@ Reloader::Edit removal(const std::string& name) {
     if (found == scene.added.end())
       throw SceneError("remove_body: \"" + name + "\" " +
                        (scene.file->find_body(name) == kNone ? "is not in the scene"
-                                                             : "is the scene file's: change the file, and reload it"));
+                                                             : "belongs to the scene file: change the file, and reload it"));
     scene.added.erase(found);
     for (AddedBody& other : scene.added)  // former children, detached since: see why_not()
       if (other.parent == name) {
@@ -137,7 +137,7 @@ void SceneChanges::let_wait(Request& request, Waiter waiter) {
 }
 
 void SceneChanges::ask_reload(Request& request) {
-  if (!reloader_) throw RejectedRequest{ErrorCode::kNotSupported, "there is no scene file to load anew"};
+  if (!reloader_) throw RejectedRequest{ErrorCode::kNotSupported, "there is no scene file to reload"};
   quotas_.check_requests(request.sink->client());
   log::info("event=reload_asked client={}", request.sink->client());
   let_wait(request, {.asked = {}, .load = reloader_->next_load(), .name = ""});
@@ -228,7 +228,7 @@ std::string SceneChanges::why_not(const Waiter& waiter) const {
   const std::uint32_t gone = engine_->scene().find_body(waiter.name);
   for (std::uint32_t i = 0; i < bodies.size(); ++i)
     if (engine_->body_state(i).parent == gone)
-      return "remove_body: \"" + bodies[i].name + "\" follows \"" + waiter.name + "\": set it free before";
+      return "remove_body: \"" + bodies[i].name + "\" follows \"" + waiter.name + "\": detach it first";
   return "";
 }
 

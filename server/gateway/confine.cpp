@@ -31,7 +31,7 @@ void limit(int resource, std::uint64_t value) {
 
 [[noreturn]] void end_at_forbidden_call(int call) {
   char text[80];
-  const int size = std::snprintf(text, sizeof text, "it asked for system call %d, which it has no need of", call);
+  const int size = std::snprintf(text, sizeof text, "it made system call %d, which it does not need", call);
   send_failed(kLinkFd, {text, static_cast<std::size_t>(size)});
   ::_exit(kExitForbidden);
 }
@@ -40,7 +40,7 @@ constexpr unsigned kWrites = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC | O_APPEND | 
 
 /// Calls allowed for both kinds of gateway.
 CallFilter make_filter() {
-  CallFilter filter("the process outside");
+  CallFilter filter("the gateway process");
   filter.allow_each({SCMP_SYS(read),         SCMP_SYS(readv),      SCMP_SYS(write),       SCMP_SYS(writev),
                      SCMP_SYS(recvfrom),     SCMP_SYS(recv),       SCMP_SYS(recvmsg),     SCMP_SYS(sendto),
                      SCMP_SYS(send),         SCMP_SYS(shutdown),   SCMP_SYS(poll),        SCMP_SYS(ppoll),

@@ -73,7 +73,7 @@ int main(int argc, char** argv) {
   using namespace clearance::gateway;
   const bool known = argc == 4 && (!std::strcmp(argv[1], "zmq") || !std::strcmp(argv[1], "lcm"));
   if (!known || ::fcntl(kLinkFd, F_GETFD) < 0) {
-    std::fprintf(stderr, "clearance-outside stands between the network and clearanced; it is not run by hand\n");
+    std::fprintf(stderr, "clearance-outside is started by clearanced for network traffic; do not run it by hand\n");
     return kUsage;
   }
   ::fcntl(kLinkFd, F_SETFD, FD_CLOEXEC);

@@ -39,7 +39,7 @@ void serve_lcm(Link& link, const Message& start) {
       else if (message->kind == Kind::kPacket)
         bus.publish(message->name, message->body.span());
       else
-        throw Broken("the core says what nobody says to LCM");
+        throw Broken("the daemon sent a message of unknown type");
     }
     int taken = 0;
     while (taken < kMessagesPerTurn && bus.handle()) ++taken;

@@ -58,7 +58,7 @@ void Link::send(Message message) {
   Leaving leaving{std::move(message), ++sequence_};
   if (leaving_.empty() && leaving.message.body.bytes <= kChunkBytes && send_chunk(leaving)) return;
   waiting_bytes_ += kMessageBytes + leaving.message.body.bytes;
-  if (waiting_bytes_ > limits_.waiting_bytes) throw Broken("it does not take what it is sent");
+  if (waiting_bytes_ > limits_.waiting_bytes) throw Broken("it does not read its messages");
   keep(std::move(leaving));
 }
 
@@ -92,7 +92,7 @@ bool Link::send_chunk(Leaving& leaving) {
   do sent = ::send(socket_.get(), buffer_.data(), static_cast<std::size_t>(at - buffer_.data()), MSG_NOSIGNAL);
   while (sent < 0 && errno == EINTR);
   if (sent < 0 && (errno == EAGAIN || errno == ENOBUFS)) return false;
-  if (sent < 0) throw Broken("it cannot be sent anything: " + std::string(std::strerror(errno)));
+  if (sent < 0) throw Broken("cannot send to it: " + std::string(std::strerror(errno)));
   leaving.sent += part;
   spend(part);
   return true;
@@ -124,7 +124,7 @@ std::optional<Message> Link::receive() {
     if (got < 0 && errno == ECONNRESET && !std::exchange(was_reset_, true)) continue;
     if (got < 0) throw Broken(std::strerror(errno));
     if (got == 0) throw Broken("it has gone");
-    if (static_cast<std::size_t>(got) > buffer_.size()) throw Broken("it sends more at once than may be");
+    if (static_cast<std::size_t>(got) > buffer_.size()) throw Broken("it sends too large a datagram");
     if (auto whole = take({buffer_.data(), static_cast<std::size_t>(got)})) return whole;
   }
   return std::nullopt;
@@ -132,12 +132,12 @@ std::optional<Message> Link::receive() {
 
 std::optional<Message> Link::take(std::span<const std::byte> datagram) {
   Head head;
-  if (datagram.size() < sizeof head) throw Broken("it sends less than a head");
+  if (datagram.size() < sizeof head) throw Broken("it sends less than a header");
   std::memcpy(&head, datagram.data(), sizeof head);
   datagram = datagram.subspan(sizeof head);
   if (head.name_bytes > kMaxNameBytes || head.extra_bytes > kMaxExtraBytes ||
       datagram.size() < std::size_t{head.name_bytes} + head.extra_bytes)
-    throw Broken("it sends a name or more of a wrong length");
+    throw Broken("it sends a name or head of a wrong length");
   const auto text = [&datagram](std::size_t bytes) {
     const std::string taken(reinterpret_cast<const char*>(datagram.data()), bytes);
     datagram = datagram.subspan(bytes);
@@ -145,9 +145,9 @@ std::optional<Message> Link::take(std::span<const std::byte> datagram) {
   };
   Message message{static_cast<Kind>(head.kind), head.number, text(head.name_bytes), text(head.extra_bytes), {}};
   spend(datagram.size());
-  if (head.body_bytes > limits_.message_bytes) throw Broken("it sends a body larger than may be");
+  if (head.body_bytes > limits_.message_bytes) throw Broken("it sends too large a body");
   if (head.offset > head.body_bytes || datagram.size() > head.body_bytes - head.offset)
-    throw Broken("it sends more of a body than there is");
+    throw Broken("it sends more of a body than announced");
   message.body.bytes = head.body_bytes;
   if (head.offset != 0 || datagram.size() != head.body_bytes || coming_.contains(message.name))
     return take_part(std::move(message), head.offset, datagram);
@@ -156,7 +156,7 @@ std::optional<Message> Link::take(std::span<const std::byte> datagram) {
 }
 
 std::optional<Message> Link::take_part(Message message, std::uint64_t offset, std::span<const std::byte> part) {
-  if (part.empty()) throw Broken("it sends nothing of a body");
+  if (part.empty()) throw Broken("it sends an empty part of a body");
   auto found = coming_.find(message.name);
   if (found == coming_.end()) {
     if (offset != 0) throw Broken("it sends a body without its beginning");
@@ -168,7 +168,7 @@ std::optional<Message> Link::take_part(Message message, std::uint64_t offset, st
   } else if (message.kind != found->second.message.kind || message.number != found->second.message.number ||
              message.extra != found->second.message.extra || message.body.bytes != found->second.message.body.bytes ||
              offset != found->second.got) {
-    throw Broken("it sends bodies of one name mixed up");
+    throw Broken("it mixes bodies of one name");
   }
   Coming& coming = found->second;
   std::memcpy(coming.memory.get() + offset, part.data(), part.size());

@@ -49,7 +49,7 @@ Process::Process(Plan plan) : plan_(std::move(plan)) {
     wait_until_ready();
   } catch (const Broken&) {
     reap(true);
-    throw std::runtime_error(plan_.url + ": " + kProgram + " ended as it began");
+    throw std::runtime_error(plan_.url + ": " + kProgram + " ended at its start");
   } catch (const std::runtime_error& error) {
     reap(true);
     throw std::runtime_error(plan_.url + ": " + error.what());
@@ -63,14 +63,14 @@ Process::~Process() {
 void Process::start() {
   int ends[2];
   if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends) != 0)
-    throw std::runtime_error(std::string("no socket pair: ") + std::strerror(errno));
+    throw std::runtime_error(std::string("cannot create a socket pair: ") + std::strerror(errno));
   shm::UniqueFd ours(ends[0]), theirs(ends[1]);
   for (const int fd : ends) ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof kSendBuffer);
   refuse_descriptors(ours.get());
   std::vector<int> descriptors{theirs.get()};
   if (plan_.listener) descriptors.push_back(plan_.listener.get());
   const std::string program =
-      helper_program(kProgram, "CLEARANCE_OUTSIDE", nullptr, ", which takes what comes from the network,");
+      helper_program(kProgram, "CLEARANCE_OUTSIDE", nullptr, ", which handles network traffic,");
   pid_ = start_helper(program, {plan_.what, std::to_string(plan_.memory_bytes), std::to_string(plan_.connections)},
                       descriptors);
   // Bodies of several clients may be under way at once. The gateway has the same limits.
@@ -134,7 +134,7 @@ std::optional<Message> Process::receive() {
     } catch (const Broken& broken) {
       lose(broken.what());
     } catch (const std::bad_alloc&) {
-      lose("there is no memory for what it sends");
+      lose("there is no memory for its message");
     }
   return std::nullopt;
 }

@@ -130,7 +130,7 @@ class ZmqGateway {
       more = part.more();
       if (++parts == 1) head = std::move(part);
       if (parts == 2) payload = std::move(part);
-      if (parts > kMostParts) throw std::runtime_error("a message of too many parts");
+      if (parts > kMostParts) throw std::runtime_error("a message has too many parts");
     }
     if (parts == 0) return true;  // a message without a sender
     if (parts != 2 || head.size() != sizeof(wire::FrameHeader)) {
@@ -154,7 +154,7 @@ class ZmqGateway {
       case Kind::kReply:
         return reply(std::move(message));
       default:
-        throw Broken("the core says what nobody says to ZeroMQ");
+        throw Broken("the daemon sent a message of unknown type");
     }
   }
 

@@ -23,7 +23,7 @@ class LcmMetrics {
   bool accept(const std::string& problem) {
     if (problem.empty()) return true;
     ++bad;
-    log_rate_limited("bad", "message refused: " + problem);
+    log_rate_limited("bad", "message rejected: " + problem);
     return false;
   }
 

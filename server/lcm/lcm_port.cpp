@@ -59,7 +59,7 @@ class LcmGatewayPort final : public LcmPort {
     if (message->kind == Kind::kPacket && message->body.bytes <= kLcmDatagramBytes && handler != handlers_.end())
       handler->second(message->body.span());
     else
-      process_.lose("it says what is no packet of LCM's");
+      process_.lose("it sent something other than an LCM packet");
     return true;
   }
 

@@ -93,7 +93,7 @@ std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_
 
 void LcmPoseIntake::refuse_scene(std::int64_t revision) {
   ++metrics_.wrong_scene;
-  metrics_.log_rate_limited("scene", "poses for scene " + std::to_string(revision) + " refused, this is " +
+  metrics_.log_rate_limited("scene", "poses for scene " + std::to_string(revision) + " rejected, this is " +
                                          std::to_string(static_cast<std::int64_t>(handler_.engine().scene_revision())));
 }
 
@@ -196,7 +196,7 @@ bool LcmPoseIntake::is_in_order(const Message& message) {
       break;
     case PublisherLog::Sequencing::kRestart:
       ++metrics_.restarts;
-      log_rate_limited("restart", " counts anew, from " + std::to_string(sequence));
+      log_rate_limited("restart", " restarted its count, from " + std::to_string(sequence));
       break;
     case PublisherLog::Sequencing::kRepeated:
       ++metrics_.repeated;

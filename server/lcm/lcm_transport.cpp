@@ -133,7 +133,7 @@ class LcmTransport final : public Transport {
       std::memcpy(&header, reply.bytes.get(), sizeof header);
       if (header.type != static_cast<std::uint16_t>(wire::FrameType::kError)) return;
       const auto payload = wire::split_payload(header, reply.span().subspan(sizeof header)).body;
-      metrics_->log_rate_limited("points", "points of '" + name + "' refused: " + wire::parse_error(payload).text);
+      metrics_->log_rate_limited("points", "points of '" + name + "' rejected: " + wire::parse_error(payload).text);
     };
     // The body was checked against allowed_poses_, so this needs the right even where frames do not have it.
     auto sink = std::make_unique<LcmSink>(link_, clients_.number_of(part.publisher_id), log_error, kMayPose);

@@ -71,7 +71,7 @@ void Forecast::check(const Work& work, std::chrono::nanoseconds left, std::chron
   const auto takes = of(work);
   if (!takes || *takes <= left) return;
   ns_per_piece_pair_[index(work)] *= kAfterRefusal;
-  throw late(deadline, "it would take about " + ms(*takes) + ", by what like queries took");
+  throw late(deadline, "it would take about " + ms(*takes) + ", based on similar queries");
 }
 
 RejectedRequest deadline_passed(std::chrono::nanoseconds deadline, std::chrono::nanoseconds worked) {

@@ -15,7 +15,7 @@ namespace {
 ResourceQuota::Limit limit_of_requests(const Quotas::Limits& limits) {
   return {limits.max_waiting_per_client, wire::ErrorCode::kBusy, [](std::uint64_t held, std::uint64_t) {
             return std::to_string(held) +
-                   " queries of this client are under way already; ask again (limit max-waiting)";
+                   " queries of this client are under way already; retry later (limit max-waiting)";
           }};
 }
 
@@ -29,7 +29,7 @@ std::uint64_t Quotas::check_bytes(std::uint64_t client, ServiceClass service, st
   for (const ResourceQuota& of_class : bytes_) taken += of_class.of(client);
   if (taken && taken + bytes > limits_.max_client_bytes)
     reject_bytes("of this client under way take " + std::to_string(taken) +
-                 " bytes already; ask again (limit max-client-mib)");
+                 " bytes already; retry later (limit max-client-mib)");
   check_all_bytes(service, bytes);
   return limits_.max_client_bytes - std::min(limits_.max_client_bytes, taken + bytes);
 }
@@ -43,7 +43,7 @@ void Quotas::check_all_bytes(ServiceClass service, std::uint64_t bytes) const {
   const std::uint64_t kept = is_control ? 0 : limits_.kept_for_control;
   const std::uint64_t taken = is_control ? control + planning : planning + (control > kept ? control - kept : 0);
   if (taken && taken + bytes > limits_.max_waiting_bytes - std::min(kept, limits_.max_waiting_bytes))
-    reject_bytes("under way take " + std::to_string(control + planning) + " bytes already; ask again");
+    reject_bytes("under way take " + std::to_string(control + planning) + " bytes already; retry later");
 }
 
 }  // namespace clearance

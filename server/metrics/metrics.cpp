@@ -58,7 +58,7 @@ shm::UniqueFd listen_on_loopback(const std::string& endpoint, std::string& url) 
                             : IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6*>(found->ai_addr)->sin6_addr);
   if (!loopback) {
     ::freeaddrinfo(found);
-    fail(endpoint, "it is for the loopback alone: nobody is asked who they are; put a proxy before it");
+    fail(endpoint, "it is for the loopback only, since it has no authentication; put a proxy before it");
   }
   shm::UniqueFd listener;
   try {
@@ -161,7 +161,7 @@ std::string MetricsServer::answer(const std::string& request) const {
   const std::size_t path_end = line.find(' ', path_at == std::string::npos ? 0 : path_at + 1);
   if (path_end == std::string::npos || line.compare(path_end, 6, " HTTP/") != 0)
     return response("400 Bad Request", "not HTTP\n");
-  if (line.compare(0, path_at, "GET") != 0) return response("405 Method Not Allowed", "GET alone\n");
+  if (line.compare(0, path_at, "GET") != 0) return response("405 Method Not Allowed", "only GET is supported\n");
   const std::string path = line.substr(path_at + 1, path_end - path_at - 1);
   if (path != "/metrics" && path != "/errors") return response("404 Not Found", "there are /metrics and /errors\n");
   const std::optional<Stats::MetricsSnapshot> metrics = read_();

@@ -36,13 +36,13 @@ void ReplyWriter::check_epoch(const FrameHeader& request, std::uint64_t named) c
   if (named)
     throw RejectedRequest{
         ErrorCode::kNewEpoch,
-        "the daemon was started anew, or is another one, since this client's first contact: poses, "
+        "the daemon was restarted or replaced since this client's first contact: poses, "
         "attachments and bodies that clients had sent are gone; acknowledge its epoch, and send them again"};
   using wire::FrameType;
   const auto type = static_cast<FrameType>(request.type);
   const bool is_harmless = type == FrameType::kPing || type == FrameType::kDescribe || type == FrameType::kGetStats;
   if (require_epoch_ && !is_harmless)
-    throw RejectedRequest{ErrorCode::kNewEpoch, wire::type_name(request.type) + " names no epoch (--require-epoch)"};
+    throw RejectedRequest{ErrorCode::kNewEpoch, wire::type_name(request.type) + " has no epoch (--require-epoch)"};
 }
 
 std::vector<std::byte> ReplyWriter::records(const wire::PassedOver& passed_over, std::size_t joints) const {

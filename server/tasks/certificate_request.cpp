@@ -21,7 +21,7 @@ void CertificateRequest::begin(std::uint64_t& ignored) {
   if (parts.options.min_pose_stamp_ns != 0 || parts.options.deadline_ns != 0)
     throw RejectedRequest{
         wire::ErrorCode::kNotSupported,
-        "certificate: without min_pose_stamp_ns and deadline_ns, so far: ask for it when the poses are there"};
+        "certificate: min_pose_stamp_ns and deadline_ns are not supported; request it once the poses are there"};
   CertificateRows rows{{}, kMostBytes};
   if (parts.has_rows) {
     CertificateRows::check_count(parts.rows.size());

@@ -139,27 +139,27 @@ class ZmqGatewayPort final : public ZmqPort {
       default:
         break;
     }
-    process_->lose("it says what is no message of ZeroMQ's");
+    process_->lose("it sent something other than a ZeroMQ message");
     return false;
   }
 
   bool is_client(const ZmqArrival& arrival) {
     const bool is = !arrival.identity.empty() && (arrival.key.empty() || is_key(arrival.key)) &&
                     (keys_.has_value() == !arrival.key.empty());
-    if (!is) process_->lose("it names a client that is none");
+    if (!is) process_->lose("it names an unknown client");
     return is;
   }
 
   void hand_over(std::uint64_t number) {
     const auto found = numbered_.find(number);
-    if (found == numbered_.end()) return process_->lose("it hands over what it was not sent");
+    if (found == numbered_.end()) return process_->lose("it hands over a message that it did not receive");
     *found->second.unsent -= found->second.bytes;
     unsent_ -= found->second.bytes;
     numbered_.erase(found);
   }
 
   void knock(const std::string& address, const std::string& key) {
-    if (!keys_ || !is_key(key)) return process_->lose("it knocks without a key");
+    if (!keys_ || !is_key(key)) return process_->lose("it reports a client without a key");
     process_->send({Kind::kVerdict, keys_->admits(*handler_, address, key) ? 1u : 0u, {}, {}, {}});
   }
 

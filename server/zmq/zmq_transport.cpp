@@ -200,7 +200,7 @@ class ZmqTransport final : public Transport {
     stranger->identity = from.identity;
     ZmqSink sink(*this, std::move(stranger), 0);
     send_error(sink, from.header, handler.engine().scene_revision(), wire::ErrorCode::kBusy,
-               why + "; ask again (limit max-clients)");
+               why + "; retry later (limit max-clients)");
   }
 
   /// Rights of a message's sender.

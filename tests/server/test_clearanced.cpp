@@ -96,14 +96,14 @@ TEST_F(Clearanced, WhatIsWrongInAConfigurationFileIsNamedWithItsLine) {
       {"scene = \"x#y\"\n", ":1: scene: the text has no end; expected \" before #, which begins a comment"},
       {"threads = 1\nzmq = [\"a\",\n\"b\"\nscene = \"x\"\n", ":2: zmq: the list has no end; expected ]"},
       {"scene = \"x\"\nthreads =\n", ":2: threads: expected a value"},
-      {"threads = 1\nscene = \"x\"\nthreads = 2\n", ":3: threads is there already, in line 1"},
+      {"threads = 1\nscene = \"x\"\nthreads = 2\n", ":3: threads is already set in line 1"},
       {"[daemon]\nscene = \"x\"\n", ":1: a section, [daemon]; options stand outside of sections, limits in [limits]"},
       {"scene = \"x\"\n[limits]\nmax-clients = 0\n", ":3: max-clients: expected a number from 1 to 1000000, got 0"},
       {"scene = \"x\"\n[limits]\nmax-clients = 9x\n", ":3: max-clients: expected a number from 1 to 1000000, got 9x"},
       {"scene = \"x\"\n[limits]\nmax-clients = 2\nthreads = 1\n", ":4: there is no limit \"threads\""},
       {"scene = \"x\"\nmax-clients = 2\n", ":2: there is no option \"max-clients\""},
       {"[limits]\nmax-pairs = 1\nmax-pairs = 2\n[default]\nscene = \"x\"\n",
-       ":3: max-pairs is there already, in line 2"},
+       ":3: max-pairs is already set in line 2"},
       {"scene = \"x\"\nlimit = \"max-pairs=1\"\n", ":2: limit is for the command line alone"},
       {"scene = \"x\"\nhelp = true\n", ":2: help is for the command line alone"},
   };
@@ -336,7 +336,7 @@ TEST_F(Clearanced, TakesLimitsFromItsFileAndThenFromItsCommandLine) {
   };
   Client client = patient(ipc_);
   const std::string pairs = refused([&] { client.distances(Query{}); });
-  EXPECT_TRUE(contains(pairs, "the 5 that one query may ask about (limit max-pairs)")) << pairs;
+  EXPECT_TRUE(contains(pairs, "the 5 that one query may have (limit max-pairs)")) << pairs;
   const std::string added = refused([&] { client.add_body({.name = "ball", .sphere = 0.1}); });
   EXPECT_TRUE(contains(added, "(limit max-added-bodies)")) << added;
 }
@@ -488,7 +488,7 @@ TEST_F(CommandLine, BodiesComeAndGo) {
       {{"scene", "remove", "ball"}, 1, "clearance: remove_body: \"ball\" is not in the scene\n"},
       {{"scene", "remove", "cup"},
        1,
-       "clearance: remove_body: \"cup\" is the scene file's: change the file, and reload it\n"},
+       "clearance: remove_body: \"cup\" belongs to the scene file: change the file, and reload it\n"},
       {{"scene", "add", "mug", "--sphere", "1"}, 1, "clearance: body name \"mug\" is already that of a body\n"},
       {{"scene", "add", "x", "--sphere", "-1"},
        1,

@@ -217,7 +217,7 @@ TEST_F(Keys, FilesThatWillNotDoEndTheDaemonWith4) {
   EXPECT_TRUE(contains(said(), "/keys: others may write to it"));
   chmod((folder_ / "keys").c_str(), 0700);
   authorize("query again", "probe.key");
-  EXPECT_TRUE(contains(said(), "authorized:4: this key was there before"));
+  EXPECT_TRUE(contains(said(), "authorized:4: this key is listed twice"));
   std::ofstream{list} << read_public_key(folder_ / "all.key") << " everything\n";
   EXPECT_TRUE(contains(said(), "authorized:1: \"everything\" is no right"));
   std::ofstream{list} << read_public_key(folder_ / "all.key") << "\n";

@@ -134,7 +134,7 @@ TEST_F(LoopTest, TooManyQueriesOfOneClientAreRefused) {
   EXPECT_EQ(a_.replies[0]->header().request_id, 4u);
   const auto error = error_of(a_.replies[0]);
   EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kBusy));
-  EXPECT_EQ(error.text, "3 queries of this client are under way already; ask again (limit max-waiting)");
+  EXPECT_EQ(error.text, "3 queries of this client are under way already; retry later (limit max-waiting)");
   turn_until_idle();
   EXPECT_EQ(a_.replies.size(), 5u);
   EXPECT_EQ(b_.replies.size(), 1u) << "another client is not concerned";
@@ -150,7 +150,7 @@ TEST_F(LoopTest, RepliesUnderWayAreBoundedInBytes) {
   loop_->turn();
   turn_until_idle();
   ASSERT_EQ(a_.replies.size(), 2u);
-  EXPECT_EQ(error_of(a_.replies[0]).text, "the requests and replies under way take 608 bytes already; ask again");
+  EXPECT_EQ(error_of(a_.replies[0]).text, "the requests and replies under way take 608 bytes already; retry later");
   EXPECT_EQ(a_.replies[1]->type(), FrameType::kReply);
 }
 

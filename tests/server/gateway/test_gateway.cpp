@@ -155,7 +155,7 @@ TEST_F(Gateway, AMessageOfFourMillionPartsEndsItAndNotTheCore) {
   report("after a message of 4 M parts, until served over TCP", served_again());
   busy.expect_answers();
   expect_core_unharmed(before);
-  EXPECT_NE(daemon_->log().find("a message of too many parts"), std::string::npos) << daemon_->log();
+  EXPECT_NE(daemon_->log().find("a message has too many parts"), std::string::npos) << daemon_->log();
 }
 
 TEST_F(Gateway, KilledItIsThereAgainAndTheEpochIsTheSame) {
@@ -320,15 +320,15 @@ TEST_F(GatewayWithKeys, OneThatWasTakenOverIsEndedAtItsFirstWrongWord) {
   struct Case {
     const char *what, *why;
   };
-  for (const Case& c : {Case{"garbage", "it sends a name or more of a wrong length"},
-                        {"kind", "it says what is no message of ZeroMQ's"},
-                        {"packet", "it says what is no message of ZeroMQ's"},
-                        {"no key", "it names a client that is none"},
-                        {"wrong key", "it names a client that is none"},
-                        {"nameless", "it names a client that is none"},
-                        {"headless", "it says what is no message of ZeroMQ's"},
-                        {"handed over", "it hands over what it was not sent"},
-                        {"knock", "it knocks without a key"},
+  for (const Case& c : {Case{"garbage", "it sends a name or head of a wrong length"},
+                        {"kind", "it sent something other than a ZeroMQ message"},
+                        {"packet", "it sent something other than a ZeroMQ message"},
+                        {"no key", "it names an unknown client"},
+                        {"wrong key", "it names an unknown client"},
+                        {"nameless", "it names an unknown client"},
+                        {"headless", "it sent something other than a ZeroMQ message"},
+                        {"handed over", "it hands over a message that it did not receive"},
+                        {"knock", "it reports a client without a key"},
                         {"bodies", "it sends too many bodies at once"},
                         {"stranger's key", "forbidden as it should be"}}) {
     start_hostile(c.what);
@@ -344,7 +344,7 @@ TEST_F(GatewayWithKeys, OneThatAsksAndDoesNotReadTakesNoMoreOfTheCoreThanItMay) 
   busy.expect_answers();
   const std::uint64_t before = high_water_kib();
   wait_for("outside.restarts", 1);
-  EXPECT_NE(daemon_->log().find("it does not take what it is sent"), std::string::npos) << daemon_->log();
+  EXPECT_NE(daemon_->log().find("it does not read its messages"), std::string::npos) << daemon_->log();
   busy.expect_answers();
   EXPECT_LT(high_water_kib(), before + 3 * 64 * 1024) << "KiB";
 }

@@ -138,25 +138,25 @@ TEST_F(LinkTest, WhoDoesNotReadBreaksIt) {
 
 TEST_F(LinkTest, WhatNobodyHonestSendsBreaksIt) {
   ASSERT_EQ(::send(raw_, "short", 5, 0), 5);
-  EXPECT_EQ(why(), "it sends less than a head");
-  EXPECT_EQ(broken_by(head(256, 0, 0), 256), "it sends a name or more of a wrong length");
-  EXPECT_EQ(broken_by(head(0, 105, 0), 105), "it sends a name or more of a wrong length");
-  EXPECT_EQ(broken_by(head(200, 100, 0), 299), "it sends a name or more of a wrong length");
-  EXPECT_EQ(broken_by(head(1, 0, kLimits.message_bytes + 1), 2), "it sends a body larger than may be");
-  EXPECT_EQ(broken_by(head(1, 0, ~std::uint64_t{0}, ~std::uint64_t{0}), 2), "it sends a body larger than may be");
-  EXPECT_EQ(broken_by(head(1, 0, 10), 1 + 11), "it sends more of a body than there is");
-  EXPECT_EQ(broken_by(head(1, 0, 10, 11), 1), "it sends more of a body than there is");
+  EXPECT_EQ(why(), "it sends less than a header");
+  EXPECT_EQ(broken_by(head(256, 0, 0), 256), "it sends a name or head of a wrong length");
+  EXPECT_EQ(broken_by(head(0, 105, 0), 105), "it sends a name or head of a wrong length");
+  EXPECT_EQ(broken_by(head(200, 100, 0), 299), "it sends a name or head of a wrong length");
+  EXPECT_EQ(broken_by(head(1, 0, kLimits.message_bytes + 1), 2), "it sends too large a body");
+  EXPECT_EQ(broken_by(head(1, 0, ~std::uint64_t{0}, ~std::uint64_t{0}), 2), "it sends too large a body");
+  EXPECT_EQ(broken_by(head(1, 0, 10), 1 + 11), "it sends more of a body than announced");
+  EXPECT_EQ(broken_by(head(1, 0, 10, 11), 1), "it sends more of a body than announced");
   EXPECT_EQ(broken_by(head(1, 0, 10, 5), 1 + 5), "it sends a body without its beginning");
-  EXPECT_EQ(broken_by(head(1, 0, 10), 1), "it sends nothing of a body");
-  EXPECT_EQ(broken_by(head(0, 0, 2 * kChunk), kChunk + 1000), "it sends more at once than may be");
+  EXPECT_EQ(broken_by(head(1, 0, 10), 1), "it sends an empty part of a body");
+  EXPECT_EQ(broken_by(head(0, 0, 2 * kChunk), kChunk + 1000), "it sends too large a datagram");
 }
 
 TEST_F(LinkTest, BodiesOfOneNameMixedUpBreakIt) {
   send_raw(head(1, 0, 100), 1 + 50);
   EXPECT_EQ(why(), "nothing");
-  EXPECT_EQ(broken_by(head(1, 0, 100, 60), 1 + 10), "it sends bodies of one name mixed up");
-  EXPECT_EQ(broken_by(head(1, 0, 3), 1 + 3), "it sends bodies of one name mixed up");
-  EXPECT_EQ(broken_by(head(1, 0, 99, 50), 1 + 10), "it sends bodies of one name mixed up");
+  EXPECT_EQ(broken_by(head(1, 0, 100, 60), 1 + 10), "it mixes bodies of one name");
+  EXPECT_EQ(broken_by(head(1, 0, 3), 1 + 3), "it mixes bodies of one name");
+  EXPECT_EQ(broken_by(head(1, 0, 99, 50), 1 + 10), "it mixes bodies of one name");
 }
 
 TEST_F(LinkTest, BodiesThatAreBegunAndNotEndedTakeBoundedMemory) {

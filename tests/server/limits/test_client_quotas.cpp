@@ -45,7 +45,7 @@ TEST_F(ClientQuotas, RequestsOfOneClient) {
     EXPECT_EQ(requests(1), "");
     shares.push_back(quotas_.take(1, kPlanning, 0));
   }
-  EXPECT_EQ(requests(1), "3 queries of this client are under way already; ask again (limit max-waiting)");
+  EXPECT_EQ(requests(1), "3 queries of this client are under way already; retry later (limit max-waiting)");
   EXPECT_EQ(requests(2), "") << "another client is not concerned";
   shares.pop_back();
   EXPECT_EQ(requests(1), "");
@@ -59,11 +59,11 @@ TEST_F(ClientQuotas, BytesOfOneClient) {
   EXPECT_EQ(left_, 50u);
   EXPECT_EQ(
       bytes(1, 201),
-      "the requests and replies of this client under way take 300 bytes already; ask again (limit max-client-mib)");
+      "the requests and replies of this client under way take 300 bytes already; retry later (limit max-client-mib)");
   EXPECT_EQ(bytes(2, 500), "") << "another client is not concerned";
   EXPECT_EQ(
       bytes(1, 150, 51),
-      "the requests and replies of this client under way take 351 bytes already; ask again (limit max-client-mib)")
+      "the requests and replies of this client under way take 351 bytes already; retry later (limit max-client-mib)")
       << "replies that it has not taken count";
 }
 
@@ -71,10 +71,10 @@ TEST_F(ClientQuotas, OneRequestMayAlwaysBeUnderWay) {
   EXPECT_EQ(bytes(1, 5000), "");
   EXPECT_EQ(left_, 0u);
   EXPECT_EQ(bytes(1, 5000, 1),
-            "the requests and replies of this client under way take 1 bytes already; ask again (limit max-client-mib)");
+            "the requests and replies of this client under way take 1 bytes already; retry later (limit max-client-mib)");
   const Quotas::Share large = quotas_.take(1, kPlanning, 5000);
   EXPECT_NE(bytes(1, 0), "");
-  EXPECT_EQ(bytes(2, 1), "the requests and replies under way take 5000 bytes already; ask again");
+  EXPECT_EQ(bytes(2, 1), "the requests and replies under way take 5000 bytes already; retry later");
 }
 
 TEST_F(ClientQuotas, BytesOfAllClients) {
@@ -84,7 +84,7 @@ TEST_F(ClientQuotas, BytesOfAllClients) {
     shares.push_back(quotas_.take(client, kPlanning, 300));
   }
   EXPECT_EQ(bytes(4, 100), "");
-  EXPECT_EQ(bytes(4, 101), "the requests and replies under way take 900 bytes already; ask again");
+  EXPECT_EQ(bytes(4, 101), "the requests and replies under way take 900 bytes already; retry later");
   shares.erase(shares.begin());
   EXPECT_EQ(bytes(4, 400), "");
 }
@@ -104,7 +104,7 @@ TEST_F(ClientQuotas, AShareIsGivenBackOnce) {
     taken.give_back();
   }
   EXPECT_EQ(bytes(1, 500), "");
-  EXPECT_EQ(bytes(3, 601), "the requests and replies under way take 400 bytes already; ask again");
+  EXPECT_EQ(bytes(3, 601), "the requests and replies under way take 400 bytes already; retry later");
 }
 
 TEST_F(ClientQuotas, AmongManyClientsThoseWithRequestsUnderWayAreKept) {

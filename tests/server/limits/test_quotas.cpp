@@ -38,7 +38,7 @@ TEST_F(Quotas, PairsOfOneQuery) {
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kTooLarge);
   EXPECT_EQ(
       error.text,
-      "21 configurations of 6 pairs are more than the 120 that one query may ask about (limit max-pairs): split it");
+      "21 configurations of 6 pairs are more than the 120 that one query may have (limit max-pairs): split it");
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);  // few rows, but as many pairs
   EXPECT_EQ(ask_for(21)->type(), wire::FrameType::kError);
   EXPECT_EQ(ask_for(20)->type(), wire::FrameType::kReply);
@@ -272,7 +272,7 @@ TEST(MaxClients, OverZeroMq) {
     EXPECT_EQ(a.get().rows(), configurations);
     EXPECT_EQ(b.get().rows(), configurations);
   }
-  EXPECT_EQ(said, "requests of 2 ZeroMQ clients are under way already; ask again (limit max-clients)");
+  EXPECT_EQ(said, "requests of 2 ZeroMQ clients are under way already; retry later (limit max-clients)");
   third.ping();
 }
 

@@ -125,7 +125,7 @@ TEST_F(CertificateRequests, AreRefusedByName) {
   expect_refused(query.frame(1, FrameType::kCertify), ErrorCode::kBadQuery,
                  "certificate: only rows of reduce none have one, and motions");
   expect_refused(waiting_query().frame(1, FrameType::kCertify), ErrorCode::kNotSupported,
-                 "certificate: without min_pose_stamp_ns and deadline_ns, so far: ask for it when the poses are there");
+                 "certificate: min_pose_stamp_ns and deadline_ns are not supported; request it once the poses are there");
 }
 
 TEST_F(CertificateRequests, OfTooMuchAreRefusedAsSoonAsThatIsSeen) {

@@ -316,7 +316,7 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
   a_.is_local = false;
   refuse(plan_query(), ErrorCode::kNotSupported,
          "a plan on a device: its memory is for processes of this machine whose end the daemon sees, by shm:// and "
-         "ipc://; this client is none of them");
+         "ipc://; this client is not one of them");
   a_.is_local = true;
   TestQuery query = plan_query();
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kNearest);
@@ -330,7 +330,7 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
   EXPECT_EQ(static_cast<ErrorCode>(twice.header.code), ErrorCode::kBadQuery) << twice.text;
   refuse(
       plan_query(48), ErrorCode::kTooLarge,
-      "48 configurations of 21 pairs are more than the 1000 that one query may ask about (limit max-pairs): split it");
+      "48 configurations of 21 pairs are more than the 1000 that one query may have (limit max-pairs): split it");
   query = plan_query(4'000'000'000u);
   query.joints = std::vector<std::uint32_t>(100'000);
   refuse(query, ErrorCode::kTooLarge,
@@ -374,7 +374,7 @@ TEST_F(DevicePlansTest, OfAnotherSceneAreRefusedWhereTheirClientSaysWhichItKnows
   engine_->attach(3, 5, nullptr, {});
   ASSERT_NE(engine_->scene_revision(), plan.header.scene_revision);
   expect_refused(in_scene(plan.header.scene_revision), ErrorCode::kWrongScene,
-                 "a plan on a device: plan 1 was made for another scene than the daemon has now; open it again");
+                 "a plan on a device: plan 1 was made for an earlier scene; open it again");
   EXPECT_EQ(in_scene(0)->type(), FrameType::kPlanDone) << "it keeps the one that it was made for";
 }
 

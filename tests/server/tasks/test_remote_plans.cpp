@@ -171,7 +171,7 @@ TEST_F(RemotePlans, AreRefusedByName) {
   EXPECT_STREQ(
       tcp.what(),
       "a plan on a device: its memory is for processes of this machine whose end the daemon sees, by shm:// and "
-      "ipc://; this client is none of them");
+      "ipc://; this client is not one of them");
 }
 
 TEST_F(RemotePlans, OfAProcessThatIsKilledAreFreed) {

@@ -114,7 +114,7 @@ TEST_F(ZmqTest, ManyQueriesOfOneClientAreAnsweredOrRefusedAsBusy) {
     try {
       answered += p.get().rows() == 4950;
     } catch (const RequestError& error) {
-      busy += std::string(error.what()).find("of this client are under way already; ask again") != std::string::npos;
+      busy += std::string(error.what()).find("of this client are under way already; retry later") != std::string::npos;
     }
   }
   EXPECT_EQ(answered + busy, 200);
