@@ -18,7 +18,7 @@ void check_header(const FrameHeader& h, std::uint64_t payload_bytes) {
     bad_frame("frame: a payload of " + str(h.payload_bytes) + " bytes is more than the " + str(kMaxPayloadBytes) +
               " allowed");
   if (h.payload_bytes != payload_bytes)
-    bad_frame("frame: the header speaks of a payload of " + str(h.payload_bytes) + " bytes, " + str(payload_bytes) +
+    bad_frame("frame: the header announces a payload of " + str(h.payload_bytes) + " bytes, " + str(payload_bytes) +
               " came");
   expect_zero(h.reserved, "frame");
 }
@@ -34,7 +34,7 @@ std::span<const std::byte> split_frame(std::span<const std::byte> frame, FrameHe
 
 PayloadParts split_payload(const FrameHeader& h, std::span<const std::byte> payload) {
   if (h.records_bytes > payload.size() || h.records_bytes % kRecordAlignment)
-    bad_frame("frame: " + str(h.records_bytes) + " bytes are no whole records at the end of a payload of " +
+    bad_frame("frame: " + str(h.records_bytes) + " bytes are not whole records at the end of a payload of " +
               str(payload.size()));
   const std::size_t body = payload.size() - static_cast<std::size_t>(h.records_bytes);
   return {payload.first(body), payload.subspan(body)};

@@ -143,7 +143,7 @@ void check_multicast(const LcmAddress& address) {
   const Fd route(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (route.get() < 0) throw std::runtime_error(std::string("LCM: no UDP socket: ") + std::strerror(errno));
   if (::connect(route.get(), reinterpret_cast<const sockaddr*>(&group), sizeof group) < 0) {
-    fail("nothing can be sent there", errno);
+    fail("cannot send there", errno);
   }
 
   // A route alone is no proof: its interface may lack multicast, or a firewall may drop the packets. So this sends a
@@ -153,7 +153,7 @@ void check_multicast(const LcmAddress& address) {
   ip_mreq membership{};
   membership.imr_multiaddr = group.sin_addr;
   if (::bind(receiver.get(), reinterpret_cast<const sockaddr*>(&place), sizeof place) < 0) {
-    fail("its address cannot be listened to", errno);
+    fail("cannot listen on its address", errno);
   }
   if (::setsockopt(receiver.get(), IPPROTO_IP, IP_ADD_MEMBERSHIP, &membership, sizeof membership) < 0) {
     fail("the group cannot be joined", errno);
@@ -166,7 +166,7 @@ void check_multicast(const LcmAddress& address) {
   const std::int64_t token = draw_lcm_id();
   for (int attempt = 0; attempt < 10; ++attempt) {
     if (::sendto(sender.get(), &token, sizeof token, 0, reinterpret_cast<const sockaddr*>(&place), sizeof place) < 0) {
-      fail("nothing can be sent there", errno);
+      fail("cannot send there", errno);
     }
     pollfd waiting{receiver.get(), POLLIN, 0};
     while (::poll(&waiting, 1, 100) > 0) {
@@ -213,7 +213,7 @@ LcmBus::LcmBus(const LcmAddress& address) : address_(address) {
   if (lcm_ != nullptr) descriptor_ = lcm_get_fileno(lcm_);
   if (descriptor_ < 0) {
     if (lcm_ != nullptr) lcm_destroy(lcm_);
-    throw std::runtime_error("LCM: cannot open " + url + " (liblcm says why on stderr)");
+    throw std::runtime_error("LCM: cannot open " + url + " (liblcm prints the cause on stderr)");
   }
 }
 
@@ -241,7 +241,7 @@ bool LcmBus::handle() {
   if (::poll(&waiting, 1, 0) <= 0) return false;
   const int result = lcm_handle(lcm_);
   if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
-  if (result != 0) throw std::runtime_error("LCM: cannot take a message (liblcm says why on stderr)");
+  if (result != 0) throw std::runtime_error("LCM: cannot receive a message (liblcm prints the cause on stderr)");
   return true;
 }
 

@@ -55,7 +55,7 @@ class Walk {
       at_ += size;
       // Generated code reads up to the first NUL, so that only some readers would get the bytes after it.
       if (std::find(text.begin(), text.end(), std::byte{0}) != text.end() - 1) {
-        fail(std::string(what) + " does not end where it says");
+        fail(std::string(what) + " does not end at its stated length");
       }
     }
   }

@@ -206,7 +206,7 @@ bool read_new_body_record(const RecordView& record, NewBodyParts& parts) {
   switch (static_cast<NewBodyTag>(record.tag)) {
     case NewBodyTag::kDoubts:
       if (size != sizeof parts.uncertainties)
-        bad_frame("new body: doubts (record 20) have " + str(size) + " bytes, expected " +
+        bad_frame("new body: uncertainty (record 20) has " + str(size) + " bytes, expected " +
                   str(sizeof parts.uncertainties));
       std::memcpy(&parts.uncertainties, record.bytes.data(), sizeof parts.uncertainties);
       return true;

@@ -27,7 +27,7 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"rows", kCounterMetric, "Rows of answers."},
     {"requests.waiting", kGaugeMetric, "Requests under way."},
     {"requests.dropped", kCounterMetric, "Requests whose client was gone before the answer."},
-    {"records.ignored", kCounterMetric, "Optional records of requests that this daemon does not know."},
+    {"records.ignored", kCounterMetric, "Optional records of requests that are unknown to this daemon."},
     {"queries", kCounterMetric, "Queries received."},
     {"queries.answered", kCounterMetric, "Queries answered."},
     {"queries.waiting", kGaugeMetric, "Queries under way."},
@@ -61,8 +61,8 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"plans.closed", kCounterMetric, "Device plans closed."},
     {"plans.runs", kCounterMetric, "Runs of device plans."},
     {"loop.longest_section_ns", kGaugeMetric,
-     "Longest time between two looks of the loop at its transports, in nanoseconds."},
-    {"loop.longest_section_units", kGaugeMetric, "Most units of work between two such looks."},
+     "Longest time between two polls of the transports by the loop, in nanoseconds."},
+    {"loop.longest_section_units", kGaugeMetric, "Most units of work between two such polls."},
     {"loop.sleeps", kCounterMetric, "Times that the loop slept."},
     {"shm.frames", kCounterMetric, "Requests received over shared memory."},
     {"ipc.frames", kCounterMetric, "Requests received over ZeroMQ, Unix sockets."},
@@ -70,7 +70,7 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"udpm.frames", kCounterMetric, "Requests received over LCM."},
     {"shm.clients", kGaugeMetric, "Clients connected over shared memory."},
     {"shm.connections", kCounterMetric, "Connections accepted over shared memory."},
-    {"shm.refused", kCounterMetric, "Connections refused over shared memory."},
+    {"shm.refused", kCounterMetric, "Connections rejected over shared memory."},
     {"shm.violations", kCounterMetric, "Clients disconnected for breaking the protocol of shared memory."},
     {"shm.over_quota", kCounterMetric, "Requests over shared memory beyond a client's quota."},
     {"shm.segment_bytes", kGaugeMetric, "Shared memory of all clients, in bytes."},
@@ -80,7 +80,7 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"zmq.replies_dropped", kCounterMetric, "Replies that ZeroMQ did not take."},
     {"zmq.over_quota", kCounterMetric, "Requests over ZeroMQ beyond a client's quota."},
     {"zmq.keys_accepted", kCounterMetric, "TCP clients whose key was accepted."},
-    {"zmq.refused", kCounterMetric, "TCP clients refused."},
+    {"zmq.refused", kCounterMetric, "TCP clients rejected."},
     {"outside.restarts", kCounterMetric, "Gateway processes started again."},
     {"outside.memory_bytes", kGaugeMetric, "Memory of the gateway processes, in bytes."},
     {"lcm.messages", kCounterMetric, "LCM messages received."},
@@ -117,12 +117,12 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"engine.bodies_without_pose", kGaugeMetric, "Bodies that have no pose: queries do not answer for them."},
     {"engine.bodies_with_bad_pose", kGaugeMetric, "Bodies whose pose is bad: queries do not answer for them."},
     {"engine.warm_bytes", kGaugeMetric, "Warm state of all clients, in bytes."},
-    {"engine.warm_without_room", kCounterMetric, "Warm states that had no room."},
+    {"engine.warm_without_room", kCounterMetric, "Warm states that did not fit into memory."},
     {"engine.teams", kCounterMetric, "Teams of threads that were started for queries."},
     {"engine.box_trees", kCounterMetric, "Trees of boxes built."},
     {"engine.box_tree_bytes", kGaugeMetric, "Memory of these trees, in bytes."},
     {"engine.queries", kCounterMetric, "Queries that the engine began."},
-    {"engine.queries_asked_again", kCounterMetric, "Queries whose plan was still there."},
+    {"engine.queries_asked_again", kCounterMetric, "Queries whose plan was cached."},
     {"engine.pairs_evaluated", kCounterMetric, "Pairs evaluated."},
     {"engine.contradictions", kCounterMetric,
      "Pairs whose bounds contradicted each other; answered again, or unconverged."},
@@ -164,8 +164,8 @@ Metric metric_of(const std::string& name) {
   for (const Metric& metric : kMetrics)
     if (metric.name.ends_with('.') && name.starts_with(metric.name)) return metric;
   for (const std::string_view gauge : {"bytes", "usable", "_age_ns", ".clients", ".waiting"})
-    if (name.ends_with(gauge)) return {name, kGaugeMetric, "A figure of the daemon that has no description."};
-  return {name, kCounterMetric, "A count of the daemon that has no description."};
+    if (name.ends_with(gauge)) return {name, kGaugeMetric, "A metric of the daemon that has no description."};
+  return {name, kCounterMetric, "A counter of the daemon that has no description."};
 }
 
 /// Returns the metric's name without the suffix of its type.

@@ -251,7 +251,7 @@ TEST(Wire, BadHeadersAreNamed) {
   EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kWrongVersion),
             "frame: version 9, this side speaks version 1");
   EXPECT_EQ(error_of([&] { check_header(good, 16); }, ErrorCode::kBadFrame),
-            "frame: the header speaks of a payload of 24 bytes, 16 came");
+            "frame: the header announces a payload of 24 bytes, 16 came");
   h = good;
   h.payload_bytes = ~std::uint64_t{0};
   EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame),

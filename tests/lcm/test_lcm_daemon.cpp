@@ -211,7 +211,7 @@ TEST_F(LcmDaemonTest, WithoutAMulticastRouteItSaysSoAndEnds) {
   EXPECT_EQ(daemon.code, 4);
   EXPECT_NE(
       daemon.err.find(
-          "LCM: no multicast route to 239.255.76.67: nothing can be sent there (Network is unreachable); to keep LCM "
+          "LCM: no multicast route to 239.255.76.67: cannot send there (Network is unreachable); to keep LCM "
           "on this host, run (as root):  ip link set lo up; ip route add 239.255.76.67/32 dev lo"),
       std::string::npos)
       << daemon.err;

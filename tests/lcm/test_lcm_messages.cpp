@@ -138,10 +138,10 @@ TEST(LcmCheck, NamesEnd) {
   named_pose_update_t out;
   std::vector<std::byte> packet = encode(named_poses({"base"}));
   packet[36 + 4 + 4] = std::byte{'x'};  // the terminator
-  EXPECT_EQ(decode_checked(packet, out), "named_pose_update_t: a name does not end where it says");
+  EXPECT_EQ(decode_checked(packet, out), "named_pose_update_t: a name does not end at its stated length");
   packet = encode(named_poses({"base"}));
   packet[36 + 4 + 2] = std::byte{0};  // a NUL inside the name
-  EXPECT_EQ(decode_checked(packet, out), "named_pose_update_t: a name does not end where it says");
+  EXPECT_EQ(decode_checked(packet, out), "named_pose_update_t: a name does not end at its stated length");
   EXPECT_EQ(decode_checked(encode(named_poses({std::string(63, 'n')})), out), "");
   EXPECT_EQ(decode_checked(encode(named_poses({std::string(64, 'n')})), out),
             "named_pose_update_t: a name: expected at most 63 bytes");

@@ -61,7 +61,7 @@ TEST(LcmRoute, IsMissing) {
   });
   if (!text) GTEST_SKIP() << "this user may not make a network namespace";
   const std::string what =
-      "LCM: no multicast route to 239.255.76.67: nothing can be sent there (Network is unreachable)" + kRemedy;
+      "LCM: no multicast route to 239.255.76.67: cannot send there (Network is unreachable)" + kRemedy;
   EXPECT_EQ(*text, what + "\nudpm://239.255.76.67:7667?ttl=0: " + what);
 }
 

@@ -77,9 +77,9 @@ void add_frames(List& list) {
   list.frame("wrong version", ping, ErrorCode::kWrongVersion, "frame: version 9, this side speaks version 1",
              [](auto& h) { h.version = 9; });
   list.frame("payload shorter than said", ping, ErrorCode::kBadFrame,
-             "frame: the header speaks of a payload of 25 bytes, 24 came", [](auto& h) { h.payload_bytes = 25; });
+             "frame: the header announces a payload of 25 bytes, 24 came", [](auto& h) { h.payload_bytes = 25; });
   list.frame("payload longer than said", ping, ErrorCode::kBadFrame,
-             "frame: the header speaks of a payload of 0 bytes, 24 came", [](auto& h) { h.payload_bytes = 0; });
+             "frame: the header announces a payload of 0 bytes, 24 came", [](auto& h) { h.payload_bytes = 0; });
   list.frame("absurd payload", ping, ErrorCode::kBadFrame,
              "frame: a payload of 18446744073709551615 bytes is more than the 2147483584 allowed",
              [](auto& h) { h.payload_bytes = ~std::uint64_t{0}; });

@@ -296,7 +296,7 @@ TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {
   refused({0, 0, INFINITY, 0}, "padding: expected a number of metres >= 0, got inf");
   refused({0, 0, 0, -0.5}, "max_speed: expected a number of metres a second >= 0, got -0.5");
   EXPECT_EQ(refusal(uncertain_frame("crate", 1.0), ErrorCode::kBadFrame),
-            "new body: doubts (record 20) have 8 bytes, expected 32");
+            "new body: uncertainty (record 20) has 8 bytes, expected 32");
   EXPECT_EQ(refusal(uncertain_frame("crate", wire::BodyDoubts{}, 19), ErrorCode::kNotSupported),
             "new body: record 19 is required, and this side does not know it");
   EXPECT_EQ(change(uncertain_frame("crate", wire::BodyDoubts{})).body, 4u);

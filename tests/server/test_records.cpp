@@ -106,7 +106,7 @@ TEST_F(Records, ThatDoNotFitAreRefused) {
     header.records_bytes = bytes;
     std::memcpy(frame.data(), &header, sizeof header);
     EXPECT_EQ(refusal_of(frame, ErrorCode::kBadFrame),
-              "frame: " + std::to_string(bytes) + " bytes are no whole records at the end of a payload of 136");
+              "frame: " + std::to_string(bytes) + " bytes are not whole records at the end of a payload of 136");
   }
 }
 
