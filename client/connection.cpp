@@ -53,7 +53,7 @@ Connection::~Connection() {
 
 void Connection::check_process() const {
   if (fork_guard_.forked())
-    throw ConnectionError(url_ + ": this connection was opened before a fork; the child process must connect anew");
+    throw ConnectionError(url_ + ": this connection was opened before a fork; the child process must open a new one");
 }
 
 /// Connects to the url of that index, or to the next one that responds.

@@ -113,7 +113,7 @@ class LcmChannel final : public Channel {
       part.sequence = sequence_;
       if (!bus_.publish_message("CLEARANCE_FRAME_IN", part)) {
         outstanding_.erase(header.request_id);
-        throw ConnectionError(url_ + ": the system refused to send (" + std::strerror(errno) + ")");
+        throw ConnectionError(url_ + ": the system cannot send it (" + std::strerror(errno) + ")");
       }
       pacer_.sent(part.bytes.size());
     }

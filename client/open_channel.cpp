@@ -18,7 +18,7 @@ ChannelKeys keys_of(const std::string& url, const Url& parsed, const ConnectOpti
   const std::string server = tcp ? choose(options.server_key, parsed.server_key, "CLEARANCE_SERVER_KEY") : "";
   const std::string own = tcp ? choose(options.key, parsed.key, "CLEARANCE_KEY") : "";
   if (server.empty() != own.empty())
-    throw std::invalid_argument(url + ": keys are the daemon's and one's own; " +
+    throw std::invalid_argument(url + ": needs both the daemon's key and this client's; " +
                                 (server.empty() ? "server_key is missing" : "key is missing"));
   if (server.empty()) return {};
   try {

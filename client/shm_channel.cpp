@@ -168,7 +168,7 @@ class ShmChannel final : public Channel {
 
   void check_fork() const {
     if (guard_.forked())
-      throw ConnectionError(url() + ": this connection belongs to the process that forked; connect anew in the child");
+      throw ConnectionError(url() + ": this connection belongs to the process that forked; open a new one in the child");
   }
   void check_usable() const {
     check_fork();
@@ -194,7 +194,7 @@ class ShmChannel final : public Channel {
         throw TimeoutError(url() + ": the daemon does not take the connection");
       throw ConnectionError(url() + ": " +
                             (error == ENOENT         ? std::string("there is no socket: is clearanced running?")
-                             : error == ECONNREFUSED ? std::string("nobody listens there: the daemon is gone")
+                             : error == ECONNREFUSED ? std::string("no process listens there: the daemon is gone")
                              : error == EPROTOTYPE   ? std::string("the socket there is not clearanced's")
                              : error == EACCES
                                  ? std::string("the socket belongs to another user, or its folder is closed to us")
@@ -207,7 +207,7 @@ class ShmChannel final : public Channel {
       throw ConnectionError(
           url() + ": the socket is user " + std::to_string(peer.uid) + "'s, not " +
           (options_.user ? "user " + std::to_string(*options_.user) + "'s"
-                         : "ours (user " + std::to_string(::geteuid()) + "); ?user=NAME says whose daemon is meant"));
+                         : "ours (user " + std::to_string(::geteuid()) + "); add ?user=NAME for the daemon of another user"));
     Message hello;
     hello.wire_version = wire::kVersion;
     hello.kind = static_cast<std::uint32_t>(MessageKind::kHello);
@@ -215,7 +215,7 @@ class ShmChannel final : public Channel {
     std::array<UniqueFd, shm::kMaxPassedFds> fds;
     const Message answer = await_answer(deadline, fds);
     if (static_cast<MessageKind>(answer.kind) == MessageKind::kRefused)
-      throw ConnectionError(url() + ": refused: " + answer.text);
+      throw ConnectionError(url() + ": rejected: " + answer.text);
     if (!fds[0] || !fds[1]) throw ConnectionError(url() + ": the daemon's greeting lacks the segment");
     current_ = std::make_shared<ClientSegment>(fds[0], url());
     wake_ = std::move(fds[1]);
@@ -304,7 +304,7 @@ class ShmChannel final : public Channel {
     }
     auto larger = std::make_shared<ClientSegment>(fds[0], url());
     if (larger->request_capacity() < wanted.request_capacity || larger->reply_capacity() < wanted.reply_capacity)
-      die("the daemon handed over a smaller segment than was asked for");
+      die("the daemon handed over a smaller segment than requested");
     outgrown_.push_back(std::exchange(current_, std::move(larger)));
     retire_outgrown();
     return true;

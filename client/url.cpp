@@ -34,7 +34,7 @@ Url parse_zmq(const std::string& url) {
     parsed.key = take_option(parsed.target, "key");
     if (const std::size_t question = parsed.target.find('?'); question != std::string::npos)
       throw std::invalid_argument("\"" + url + "\": \"" + parsed.target.substr(question + 1) +
-                                  "\" is no option of it: expected server_key=FILE&key=FILE");
+                                  "\" is not an option: expected server_key=FILE&key=FILE");
   }
   if (parsed.target.size() == 6)
     throw std::invalid_argument("\"" + url + "\": the endpoint is missing, as in ipc:///run/user/1000/clearance.ipc");
@@ -58,7 +58,7 @@ Url parse_url(const std::string& url) {
     return parsed;
   }
   throw std::invalid_argument("\"" + url +
-                              "\" is no url of a daemon: expected shm:///path, ipc:///path, tcp://host:port or "
+                              "\" is not a url of a daemon: expected shm:///path, ipc:///path, tcp://host:port or "
                               "udpm://group:port?ttl=0");
 }
 

@@ -163,14 +163,14 @@ class ZmqChannel final : public Channel {
     // The first failure, after which the connection is closed in any case.
     switch (failure_) {
       case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
-        return "the daemon refuses this client's key: it is not among those it has been told of (authorized)";
+        return "the daemon rejects this client's key: it is not in the list of authorized keys";
       case ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL:
       case ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL:
       case ZMQ_EVENT_DISCONNECTED:
         if (endpoint_.rfind("ipc://", 0) == 0)  // which has no keys
-          return "the daemon hung up before the first word: it is ending, or has no descriptor for another client";
+          return "the daemon closed the connection before the handshake: it is ending, or has no descriptor for another client";
         return with_keys_ ? "the daemon there has another key than server_key, or uses none"
-                          : "the daemon there wants keys: give server_key=FILE&key=FILE in the url, or "
+                          : "the daemon there needs keys: give server_key=FILE&key=FILE in the url, or "
                             "CLEARANCE_SERVER_KEY and CLEARANCE_KEY in the environment";
       default:
         break;

@@ -85,7 +85,7 @@ class Planner:
                 for parts in self.replies.values():
                     if len(parts) == parts[min(parts)].parts:
                         if parts[0].error_code:
-                            sys.exit(f"lcm_joint_planner: the daemon refused: {parts[0].error_text}")
+                            sys.exit(f"lcm_joint_planner: the daemon rejected the query: {parts[0].error_text}")
                         return [parts[i] for i in sorted(parts)]
                 self.spin(0.05)
         sys.exit("lcm_joint_planner: no answer; is clearanced running with this --lcm url?")

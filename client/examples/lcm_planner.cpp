@@ -116,7 +116,7 @@ class Planner {
       if (const auto* parts = replies_.whole()) {
         const reply_t& first = parts->begin()->second;
         if (first.error_code == 0) return *parts;
-        why = "the daemon refused: " + first.error_text;
+        why = "the daemon rejected the query: " + first.error_text;
         if (first.error_code != reply_t::ERROR_POSES_LATE) break;
         publish_poses();
       }

@@ -142,7 +142,7 @@ class Planner:
             if parts and not parts[0].error_code:
                 return parts
             if parts:
-                why = f"the daemon refused: {parts[0].error_text}"
+                why = f"the daemon rejected the query: {parts[0].error_text}"
                 if parts[0].error_code != reply_t.ERROR_POSES_LATE:
                     break
                 self.publish_poses()
@@ -170,10 +170,10 @@ def main():
     parser.add_argument("--prefix", default="", help="of the daemon's channels")
     parser.add_argument("--body", help="name of the body to plan for (default: the first that moves)")
     parser.add_argument(
-        "--configurations", type=int, default=12, metavar="K", help="poses of it to ask about (at most 600)"
+        "--configurations", type=int, default=12, metavar="K", help="number of its poses to query (at most 600)"
     )
     parser.add_argument("--radius", type=float, default=0.5, help="of the circle that they lie on, metres")
-    parser.add_argument("--listen", action="store_true", help="publish no poses: somebody else does")
+    parser.add_argument("--listen", action="store_true", help="publish no poses: another process does")
     options = parser.parse_args()
 
     planner = Planner(options.url, options.prefix)

@@ -97,7 +97,7 @@ TEST(Url, KindsAndOptions) {
 
 TEST(Url, BadOnesSayWhatIsExpected) {
   EXPECT_EQ(text_of<std::invalid_argument>([] { parse_url("http://localhost"); }),
-            "\"http://localhost\" is no url of a daemon: expected shm:///path, ipc:///path, tcp://host:port or "
+            "\"http://localhost\" is not a url of a daemon: expected shm:///path, ipc:///path, tcp://host:port or "
             "udpm://group:port?ttl=0");
   EXPECT_EQ(
       text_of<std::invalid_argument>([] { parse_url("shm://clearance.sock"); }),
@@ -379,7 +379,7 @@ TEST(Client, AForkedChildMustConnectAnew) {
     {
       Client inherited = std::move(client);
       if (text_of<ConnectionError>([&] { inherited.distances(); }) ==
-          server.url() + ": this connection was opened before a fork; the child process must connect anew")
+          server.url() + ": this connection was opened before a fork; the child process must open a new one")
         result = 0;
       if (text_of<ConnectionError>([&] { pending->ready(); }) == "nothing was thrown") result = 2;
       pending.reset();

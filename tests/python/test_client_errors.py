@@ -106,7 +106,7 @@ def test_a_daemon_that_ends_is_noticed(start_daemon, cell, kinds):
 @pytest.mark.parametrize("url, error, text", [
     ("ipc://{folder}/none", clearance.ConnectionError, r"ipc://{folder}/none: no such socket"),
     ("shm://{folder}/none", clearance.ConnectionError, r"shm://{folder}/none: there is no socket"),
-    ("http://localhost", ValueError, r'"http://localhost" is no url of a daemon: expected shm:///path'),
+    ("http://localhost", ValueError, r'"http://localhost" is not a url of a daemon: expected shm:///path'),
     ("", ValueError, r"is no url of a daemon"),
     (b"ipc:///x", TypeError, r"url: expected a string, got b'ipc:///x'"),
     (None, TypeError, r"url: expected a string, got None"),

@@ -239,7 +239,7 @@ def test_fields(engine):
     assert r.gradient.shape == (1, 7, 2, 6) and r.pair.shape == (1, 7, 2) and r.pair[0].tolist() == ARM_PAIRS
     only = engine.distances(fields="upper")
     assert list(only.columns) == ["upper"] and np.array_equal(only.upper, r.upper)
-    with pytest.raises(AttributeError, match="the column 'normal' was not asked for; fields were: upper"):
+    with pytest.raises(AttributeError, match="the column 'normal' was not requested; fields were: upper"):
         only.normal
     assert not hasattr(only, "lower")
     assert same(engine.distances(fields=int(clearance.Field.UPPER | clearance.Field.LOWER)), r)

@@ -142,7 +142,7 @@ def to_floats(value: Any, what: str, expected: str = "numbers") -> np.ndarray:
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:  # rows of different lengths, for one
-        raise TypeError(f"{what}: expected {expected}, but numpy says: {error}") from None
+        raise TypeError(f"{what}: expected {expected}, but numpy reports: {error}") from None
     if array.dtype.kind not in "fiu":
         raise TypeError(f"{what}: expected {expected}, got an array of {array.dtype}")
     return contiguous(array.astype(np.float64, copy=False))
@@ -268,7 +268,7 @@ def to_triangles(value: Any, what: str) -> np.ndarray:
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:  # rows of different lengths, for one
-        raise TypeError(f"{what}: expected (T, 3) integers, but numpy says: {error}") from None
+        raise TypeError(f"{what}: expected (T, 3) integers, but numpy reports: {error}") from None
     if array.dtype.kind not in "iu":
         raise TypeError(f"{what}: expected (T, 3) integers, got an array of {array.dtype}")
     if array.ndim != 2 or array.shape[1] != 3 or not len(array):

@@ -96,7 +96,7 @@ class JointTable:
         """(J,) uint32 ids of what JointsRef names."""
         if isinstance(value, Joints):
             if any(not 0 <= i < len(self.names) or self.names[i] != name for i, name in zip(value.ids, value.names)):
-                raise ValueError(f"{what}: the scene has changed since joints() gave these; ask for them again")
+                raise ValueError(f"{what}: the scene has changed since joints() returned these; call it again")
             return value.ids
         if isinstance(value, str):
             if value in self.groups:
@@ -136,7 +136,7 @@ class JointTable:
         given = None if joints is None else self.ids_of(joints, "joints")
         if isinstance(positions, Mapping):
             if given is not None:
-                raise TypeError("joints: expected none beside a dict of positions, got some")
+                raise TypeError("joints: expected none with a dict of positions, got some")
             ids = np.array([self.joint(key, "positions") for key in positions], dtype=np.uint32)
             numbers = [_position(value, f"positions[{key!r}]") for key, value in positions.items()]
             return ids, np.array(numbers, dtype=np.float64)

@@ -62,5 +62,5 @@ class TableOf:
     def __call__(self, revision: int) -> np.ndarray:
         table = self.answerer._table(self.query.pairs, self.query.bodies, self.query.joints)
         if self.answerer._scene_revision() != revision:
-            raise QueryError(2, "pairs: the scene has changed since this answer; ask for pairs before changing it")
+            raise QueryError(2, "pairs: the scene has changed since this answer; read pairs before changing it")
         return table

@@ -82,7 +82,7 @@ class Result:
     first_contact: np.ndarray = _ColumnAttribute(
         "(..., 2) float64, 0 to 1: until when a motion is proved beyond its margins, and when within; inf: never"
     )  # type: ignore[assignment]
-    steps: np.ndarray = _ColumnAttribute("uint32: configurations that a motion asked for")  # type: ignore[assignment]
+    steps: np.ndarray = _ColumnAttribute("uint32: configurations evaluated for a motion")  # type: ignore[assignment]
     free_scale: np.ndarray = _ColumnAttribute("float64: how far joints may move, in their weights; see free_scale()")  # type: ignore[assignment]
     bounds: np.ndarray = _ColumnAttribute("(..., 2) float32: lower and upper, rounded outward")  # type: ignore[assignment]
     compact: np.ndarray = _ColumnAttribute("structured: rows of 32 bytes as they came, for format='compact'")  # type: ignore[assignment]
@@ -175,7 +175,7 @@ class Result:
             if self.fields & Field.COMPACT and name in (COMPACT_DTYPE.names or ()):
                 return self.compact[name]
             have = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
-            raise AttributeError(f"the column {name!r} was not asked for; fields were: {have}")
+            raise AttributeError(f"the column {name!r} was not requested; fields were: {have}")
         if self._out is not None and name in self._out:
             array = self._out[name]
             return array[: self._answer.rows] if self._reduce == Reduce.WITHIN else array

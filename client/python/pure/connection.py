@@ -87,7 +87,7 @@ class Connection:
     def check_process(self) -> None:
         if self.forked():
             raise ConnectionError(
-                f"{self.url}: this connection was opened before a fork; the child process must connect anew"
+                f"{self.url}: this connection was opened before a fork; the child process must open a new one"
             )
 
     def next_request_id(self) -> int:

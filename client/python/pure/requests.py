@@ -273,7 +273,7 @@ class Session:
         groups = self._records(frame, at + bodies.nbytes, "GroupRecord", counts[1])
         start = at + bodies.nbytes + groups.nbytes
         if len(frame.payload) != start + 4 * counts[2]:
-            raise malformed(self.connection.url, "a scene of another size than its counts say")
+            raise malformed(self.connection.url, "a scene whose size does not match its counts")
         members = np.frombuffer(frame.payload, np.uint32, counts[2], start).tolist() if counts[2] else []
         infos = [
             (_text(b["name"]), int(b["parent"]), bool(b["is_static"]), int(b["piece_count"]), int(b["vertex_count"]))
@@ -431,7 +431,7 @@ class Session:
         groups = self._records(frame, at + rows.nbytes, "GroupRecord", int(head["group_count"]))
         start, count = at + rows.nbytes + groups.nbytes, int(head["member_count"])
         if len(frame.payload) != start + 4 * count:
-            raise malformed(self.connection.url, "joints of another size than their counts say")
+            raise malformed(self.connection.url, "joints whose size does not match their counts")
         members = np.frombuffer(frame.payload, np.uint32, count, start).tolist() if count else []
         now = int(head["now_ns"])
         joints = [
@@ -497,7 +497,7 @@ class Session:
         frame = self._call(FrameType.PING, [payload], "PONG")
         took = time.monotonic() - start
         if frame.payload != payload:
-            raise ConnectionError(f"{self.connection.url}: the echo is not what was sent")
+            raise ConnectionError(f"{self.connection.url}: the echo differs from what was sent")
         return took
 
 

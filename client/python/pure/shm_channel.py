@@ -31,7 +31,7 @@ _MAX_SPIN_US = 1_000_000
 
 _WHY_NOT = {
     errno.ENOENT: "there is no socket: is clearanced running?",
-    errno.ECONNREFUSED: "nobody listens there: the daemon is gone",
+    errno.ECONNREFUSED: "no process listens there: the daemon is gone",
     errno.EPROTOTYPE: "the socket there is not clearanced's",
     errno.EACCES: "the socket belongs to another user, or its folder is closed to us",
 }
@@ -255,7 +255,7 @@ class ShmChannel:
             return answer.why()
         larger = self._segment_of(fds)
         if larger.request_capacity < request_bytes or larger.reply_capacity < reply_bytes:
-            self._die("the daemon handed over a smaller segment than was asked for")
+            self._die("the daemon handed over a smaller segment than requested")
         self._outgrown.append(self._current)
         self._current = larger
         self._retire_outgrown()
@@ -279,13 +279,13 @@ class ShmChannel:
             raise ConnectionError(f"{self.url}: {_WHY_NOT.get(error.errno, error.strerror)}") from None
         peer = struct.unpack("3i", self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))[1]
         if peer != (os.geteuid() if user is None else user):
-            ours = f"ours (user {os.geteuid()}); ?user=NAME says whose daemon is meant"
+            ours = f"ours (user {os.geteuid()}); add ?user=NAME for the daemon of another user"
             whose = ours if user is None else f"user {user}'s"
             raise ConnectionError(f"{self.url}: the socket is user {peer}'s, not {whose}")
         self._say(_HELLO)  # on failure, the daemon has rejected the connection, and its reason follows
         answer, fds = self._await_answer(deadline)
         if answer.kind == _REFUSED:
-            raise ConnectionError(f"{self.url}: refused: {answer.why()}")
+            raise ConnectionError(f"{self.url}: rejected: {answer.why()}")
         if len(fds) != 2:
             raise ConnectionError(f"{self.url}: the daemon's greeting lacks the segment")
         self._wake = fds.pop()

@@ -28,12 +28,12 @@ def check_url(url: str) -> None:
             endpoint, options = rest, ""
         for option in filter(None, options.split("&")):
             if option.partition("=")[0] not in ("server_key", "key"):
-                raise ValueError(f'"{url}": "{option}" is no option of it: expected server_key=FILE&key=FILE')
+                raise ValueError(f'"{url}": "{option}" is not an option: expected server_key=FILE&key=FILE')
         if not endpoint:
             raise ValueError(f'"{url}": the endpoint is missing, as in ipc:///run/user/1000/clearance.ipc')
     elif kind != "udpm":
         raise ValueError(
-            f'"{url}" is no url of a daemon: expected shm:///path, ipc:///path, tcp://host:port or '
+            f'"{url}" is not a url of a daemon: expected shm:///path, ipc:///path, tcp://host:port or '
             "udpm://group:port?ttl=0"
         )
 
@@ -49,7 +49,7 @@ def keys_of(url: str, given: Keys) -> Optional[tuple[str, str, str]]:
     )
     if bool(server) != bool(own):
         missing = "key" if server else "server_key"
-        raise ValueError(f"{url}: keys are the daemon's and one's own; {missing} is missing")
+        raise ValueError(f"{url}: needs both the daemon's key and this client's; {missing} is missing")
     if not server:
         return None
     try:

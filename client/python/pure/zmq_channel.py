@@ -147,18 +147,18 @@ class ZmqChannel:
         # The first failure, after which the connection is closed in any case.
         is_ipc = self.url.startswith("ipc://")  # which has no keys
         if self._failure == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
-            return "the daemon refuses this client's key: it is not among those it has been told of (authorized)"
+            return "the daemon rejects this client's key: it is not in the list of authorized keys"
         if self._failure in (
             zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL,
             zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL,
             zmq.EVENT_DISCONNECTED,
         ):
             if is_ipc:
-                return "the daemon hung up before the first word: it is ending, or has no descriptor for another client"
+                return "the daemon closed the connection before the handshake: it is ending, or has no descriptor for another client"
             if self._with_keys:
                 return "the daemon there has another key than server_key, or uses none"
             return (
-                "the daemon there wants keys: give server_key=FILE&key=FILE in the url, or CLEARANCE_SERVER_KEY and "
+                "the daemon there needs keys: give server_key=FILE&key=FILE in the url, or CLEARANCE_SERVER_KEY and "
                 "CLEARANCE_KEY in the environment"
             )
         path = self.url[6:]

@@ -349,7 +349,7 @@ TEST_F(ShmTransport, AStaleSocketIsReplacedAndALiveOneIsNot) {
     shm::UniqueFd dead(::socket(AF_UNIX, SOCK_SEQPACKET, 0));
     ASSERT_EQ(::bind(dead.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
   }
-  EXPECT_NE(error_of([&] { open_shm_channel(path_, soon()); }).find("nobody listens there: the daemon is gone"),
+  EXPECT_NE(error_of([&] { open_shm_channel(path_, soon()); }).find("no process listens there: the daemon is gone"),
             std::string::npos);
   EchoThread server(path_);
   EXPECT_NE(error_of([&] { EchoServer second(path_); }).find("shm://" + path_ + ": another process listens there"),
