@@ -93,7 +93,7 @@ Engine::Engine(Scene scene, const Options& options) {
   if (const SelfTest* test = wanted && options.self_test ? &cuda::device_self_test(options.devices) : nullptr;
       test && !test->passed())
     impl_->refused_device =
-        "backend 'cuda' computes wrongly on this machine, says the self-test (" + test->first_wrong + ")";
+        "backend 'cuda' fails the self-test on this machine (" + test->first_wrong + ")";
   if (options.backend == "cuda" && !impl_->refused_device.empty()) throw std::runtime_error(impl_->refused_device);
   if (wanted && impl_->refused_device.empty()) {
     cuda::DeviceBackend::Options device;
@@ -209,7 +209,7 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   if (rows > reply.rows)  // an attachment after size() can make more pairs
     throw QueryError(QueryErrorCode::kWrongScene, "the answer needs " + std::to_string(rows) +
                                                       " rows and there is room for " + std::to_string(reply.rows) +
-                                                      ": ask for its size again");
+                                                      ": query its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
   if (query.again_) {
     query.again_->begin_again(reply);

@@ -74,7 +74,7 @@ std::string CallFilter::enforce(void (*refuse)(int call)) {
   // Fails on a kernel without filters, and in a container that forbids them.
   const std::uint32_t wanted = SECCOMP_RET_TRAP;
   if (::syscall(SYS_seccomp, SECCOMP_GET_ACTION_AVAIL, 0, &wanted) != 0)
-    return "the kernel refuses filters of system calls (" + std::generic_category().message(errno) + ")";
+    return "the kernel does not permit filters of system calls (" + std::generic_category().message(errno) + ")";
   refusal = refuse;
   struct sigaction action{};
   action.sa_sigaction = on_forbidden_call;

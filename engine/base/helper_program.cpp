@@ -48,7 +48,7 @@ std::string helper_file(const Kind& kind, const std::string& name, const char* v
       if (!place.empty() && serves(folder / name)) return (folder / name).string();
   }
   if (built && serves(built)) return built;
-  throw std::runtime_error(std::string("the ") + kind.word + " " + name + what + " is not beside " +
+  throw std::runtime_error(std::string("the ") + kind.word + " " + name + what + " is neither next to " +
                            (self.dli_fname ? self.dli_fname : "this program") + " nor in a libexec folder; set " +
                            variable + " to its path");
 }

@@ -55,10 +55,10 @@ class Walk {
     // Checks and continues with the same descriptor, so that a concurrent rename has no effect.
     Fd next(::openat(at_.get(), name.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
     if (!next || ::fstat(next.get(), &info) != 0) return fail(errno);
-    if (info.st_uid != 0 && info.st_uid != ::geteuid()) return fail("belongs to somebody else");
+    if (info.st_uid != 0 && info.st_uid != ::geteuid()) return fail("belongs to another user");
     if (S_ISLNK(info.st_mode)) return follow(next);
     if (!S_ISDIR(info.st_mode)) return fail("is no folder");
-    if ((info.st_mode & S_IWOTH) && !(info.st_mode & S_ISVTX)) return fail("everybody may write to it");
+    if ((info.st_mode & S_IWOTH) && !(info.st_mode & S_ISVTX)) return fail("all users may write to it");
     at_ = std::move(next);
     return true;
   }
@@ -90,9 +90,9 @@ Fd open_private_folder(const std::string& path, std::string* why) {
   if (!folder || ::fstat(folder.get(), &info) != 0)
     *why = path + ": " + std::generic_category().message(errno);
   else if (info.st_uid != ::geteuid())
-    *why = path + ": belongs to somebody else";
+    *why = path + ": belongs to another user";
   else if (info.st_mode & (S_IWGRP | S_IWOTH))
-    *why = path + ": others may write to it; `chmod 700` it, once what is in it is yours";
+    *why = path + ": other users may write to it; check its contents, then `chmod 700` it";
   else
     return folder;
   return Fd();

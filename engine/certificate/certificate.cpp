@@ -99,7 +99,7 @@ CertificateRun::CertificateRun(const JobContext& context, std::shared_ptr<const 
                                const QueryView& query, CertificateRows rows, std::uint64_t max_rows,
                                MotionCertifier* certify_motions) {
   if (query.reduce != Reduce::kNone && query.max_steps == 0)
-    refuse(QueryErrorCode::kBadQuery, "only rows of reduce none have one, and motions");
+    refuse(QueryErrorCode::kBadQuery, "only rows of reduce none and motions have one");
   impl_.reset(new Impl{context, std::move(rows), certify_motions,
                        Planner(query, *context.scene, std::move(snapshot), max_rows, true), nullptr});
 }

@@ -41,7 +41,7 @@ const EvaluateOptions& CertificateJob::with_pieces() {
 void CertificateJob::refuse_stand_ins(BodyPair pair) const {
   if (plan_.query.model != Model::kPieces) return;
   if (const std::string why = no_convex_truth(scene(), pair); !why.empty())
-    refuse_kind(why + ", of whose pieces no row is certified: its triangles' are (model: truth)");
+    refuse_kind(why + ", whose rows have no certificate with model: pieces; use model: truth");
 }
 
 SpanPlace CertificateJob::span_at(const BodyPoses& here, BodyPair pair) const {

@@ -41,9 +41,9 @@ DeviceInfo probe() {
 // Bytes of shared memory for a block's two hulls.
 int most_shared() {
   int device = 0, bytes = 0;
-  check(cudaGetDevice(&device), "asking for the device");
+  check(cudaGetDevice(&device), "getting the device");
   check(cudaDeviceGetAttribute(&bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device),
-        "asking for its shared memory");
+        "getting its shared memory");
   return std::min(bytes, kMostShared);
 }
 
@@ -52,7 +52,7 @@ void allow_shared_memory() {
   for (const auto kernel : {answer_lean<T, false>, answer_lean<T, true>, answer_groups<T, false, false>,
                             answer_groups<T, true, true>, answer_groups<T, false, true>})
     check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()),
-          "asking for shared memory");
+          "requesting shared memory");
 }
 
 // Unused workspaces.
@@ -186,13 +186,13 @@ const DeviceInfo& installed() {
 
 std::string name_of(int number) {
   cudaDeviceProp properties{};
-  check(cudaGetDeviceProperties(&properties, number), "asking for the device's name");
+  check(cudaGetDeviceProperties(&properties, number), "getting the device's name");
   return properties.name;
 }
 
 std::shared_ptr<Device> open(const Scene& scene, int number, std::uint64_t memory_limit) {
   if (!installed().present) throw DeviceError(DeviceError::kLost, installed().reason);
-  if (number == kCurrentDevice) check(cudaGetDevice(&number), "asking for the device");
+  if (number == kCurrentDevice) check(cudaGetDevice(&number), "getting the device");
   const OnDevice here(number);
   return std::make_shared<CudaDevice>(scene, memory_limit);
 }

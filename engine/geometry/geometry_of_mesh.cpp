@@ -187,7 +187,7 @@ Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const 
                                Convexify convexify, double radius) {
   if (convexify == Convexify::kDecompose)
     throw std::invalid_argument(
-        "convexify: decompose: only of a mesh file, which pieces are proposed for beside it (clearance decompose "
+        "convexify: decompose: only for a mesh file with a file of convex parts next to it (clearance decompose "
         "FILE)");
   check_vertices(vertices);
   UniquePositions<double> unique = unique_positions<double>(vertices);

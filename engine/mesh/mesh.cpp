@@ -193,7 +193,7 @@ std::string mesh_loader_program() try {
 
 std::string mesh_loader_warning() {
   if (!some_loader_unfiltered) return "";
-  return "mesh files are read without a filter of system calls, which this kernel or container refuses: time and "
+  return "mesh files are read without a filter of system calls, since this kernel or container permits none: time and "
          "memory are limited";
 }
 

@@ -69,11 +69,11 @@ void FreeScale::check() const {
   if (plan_.pairs.size() > kMostPairs)
     throw QueryError(QueryErrorCode::kTooLarge, "free_scale: " + std::to_string(plan_.pairs.size()) +
                                                     " pairs are more than the limit of " + std::to_string(kMostPairs) +
-                                                    ": name the pairs that it is about");
+                                                    ": list the pairs explicitly");
   for (const auto& robot : scene_.robots())
     for (const std::uint32_t root : robot->kinematics.roots())
       if (const std::uint32_t body = robot->bodies[root]; moves_[body])
-        refuse("'" + scene_.bodies()[body].name + "' stands on a link that the joints move, which is not for this yet");
+        refuse("'" + scene_.bodies()[body].name + "' stands on a link that the joints move, which is not supported yet");
 }
 
 void FreeScale::take_weights() {
@@ -116,7 +116,7 @@ FreeScale::Carried FreeScale::carrier_of(std::uint32_t body) const {
     points = {{0, 0, 0}, of->reach + of->model_inner};
     for (; of->robot == kNone; of = &scene_.bodies()[body]) {
       const Pose& X = snapshot.local[body];
-      if (of->max_speed > 0) refuse("'" + of->name + "' has a max_speed, which is not for this yet");
+      if (of->max_speed > 0) refuse("'" + of->name + "' has a max_speed, which is not supported yet");
       points.radius += norm(X.translation) + of->uncertainty.position;
       body = snapshot.parent[body];
     }

@@ -75,7 +75,7 @@ void check_motion_pairs(const Plan& plan) {
   if (plan.size.pairs > kMostPairs)
     throw QueryError(QueryErrorCode::kTooLarge, "max_steps: motions of " + std::to_string(plan.size.pairs) +
                                                     " pairs are more than the limit of " + std::to_string(kMostPairs) +
-                                                    ": name the pairs that they are about");
+                                                    ": list the pairs explicitly");
 }
 
 std::unique_ptr<Job::State> make_motion_job(const JobContext& context, Plan plan, const ReplyView& reply) {

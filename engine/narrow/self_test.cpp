@@ -262,7 +262,7 @@ const LaneKernel& passed_lane_kernel(std::string_view name, std::span<const Lane
         std::find_if(tests.begin(), tests.end(), [&](const SelfTest& t) { return t.name == of && !t.passed(); });
     return found == tests.end() ? nullptr : &*found;
   };
-  const std::string wrongly = " computes wrongly on this machine, says the self-test (";
+  const std::string wrongly = " fails the self-test on this machine (";
   for (const char* base : {"reference", "scalar"})
     if (const SelfTest* test = failure(base))
       throw std::runtime_error("the engine does not start: its " + test->name + " arithmetic" + wrongly +
@@ -280,7 +280,7 @@ const LaneKernel& passed_lane_kernel(std::string_view name, std::span<const Lane
   if (name == "auto") return *first;
   if (const SelfTest* test = failure(name))
     throw std::runtime_error("instruction set '" + test->name + "'" + wrongly + test->first_wrong +
-                             "); those that do not: " + passed);
+                             "); those that pass: " + passed);
   return lane_kernel(name);
 }
 

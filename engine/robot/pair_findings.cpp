@@ -70,7 +70,7 @@ class PairSearch {
       const bool slides =
           kind == JointKind::kPrismatic || (kind == JointKind::kPlanar && !column.name.ends_with("/theta"));
       if (slides && moves)
-        throw RobotError("joint \"" + column.name + "\" slides without limits: what it never reaches cannot be found");
+        throw RobotError("joint \"" + column.name + "\" slides without limits: pairs that it never brings into contact cannot be found");
       lower = slides ? 0 : -std::numbers::pi * (1 + 0x1p-50);
       upper = slides ? 0 : std::numbers::pi * (1 + 0x1p-50);
     }

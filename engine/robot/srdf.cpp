@@ -195,7 +195,7 @@ class SrdfReader {
   void read_position(const XmlElement& element, GroupState* state) const {
     const std::string name = element.text("name");
     const auto at = joints_.find(name);
-    if (virtual_.contains(name)) missing(element, "a virtual joint; the scene says where a base is");
+    if (virtual_.contains(name)) missing(element, "a virtual joint; the scene sets the pose of a base");
     if (at == joints_.end()) missing(element, "there is no joint " + excerpt(name) + " in the URDF");
     const RobotJoint& joint = robot_.joints[at->second];
     if (joint.column == kNone)

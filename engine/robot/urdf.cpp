@@ -169,7 +169,7 @@ class UrdfReader {
     for (int k = 0; k < 3; ++k)
       if (std::abs(axis[k]) > 1e6) place.fail("xyz: expected coordinates up to 1e6");
     if (kind == JointKind::kPlanar && !(axis.x == 0 && axis.y == 0 && axis.z > 0))
-      place.fail("a planar joint must have the axis 0 0 1: URDF does not say where x and y are about another");
+      place.fail("a planar joint must have the axis 0 0 1: URDF does not define x and y for another axis");
     return axis;
   }
 

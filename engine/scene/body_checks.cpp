@@ -48,7 +48,7 @@ void check_name(const std::string& name, const char* what) {
   if (name.size() > static_cast<std::size_t>(kMaxNameBytes))
     throw SceneError(subject + " has " + std::to_string(name.size()) + " bytes, expected at most " +
                      std::to_string(kMaxNameBytes) + ": " + in_quotes(name.substr(0, 40)) + "...");
-  if (name == "*") throw SceneError(subject + " \"*\" is taken: it stands for every body");
+  if (name == "*") throw SceneError(subject + " \"*\" is reserved: it selects every body");
   for (std::size_t i = 0; i < name.size();) {
     const std::size_t length = printable_character(name, i);
     if (length == 0)
@@ -87,7 +87,7 @@ bool is_plane(const Body& body) {
 void fix_half_space(Body& body) {
   if (!is_plane(body)) return;
   const std::string who = "body " + in_quotes(body.name) + ": ";
-  if (body.pieces.size() > 1) throw SceneError(who + "a half_space is a body of its own, and no piece of another");
+  if (body.pieces.size() > 1) throw SceneError(who + "a half_space must be the only part of its body");
   if (body.parent != kNone) throw SceneError(who + "parent: " + kPlaneStands);
   if (body.uncertainty.angle > 0)
     throw SceneError(who +

@@ -7,7 +7,7 @@
 
 namespace clearance {
 
-inline constexpr const char* kPlaneStands = "a half_space follows no body: it stands where its pose says";
+inline constexpr const char* kPlaneStands = "a half_space cannot follow a body: only its own pose places it";
 
 std::string in_quotes(const std::string& name);
 /// The number with as many digits as identify it.

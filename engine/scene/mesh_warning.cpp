@@ -59,11 +59,11 @@ std::string units_warning(const Body& body) {
 
 std::string hull_warning(const Body& body) {
   if (lacks_pieces(body))
-    return "convexify: decompose finds no pieces beside its mesh: triangles alone answer; `clearance decompose FILE` "
+    return "convexify: decompose finds no convex parts next to its mesh, and only triangles are used; `clearance decompose FILE` "
            "makes some";
   if (!stands_out(body)) return "";
   char text[200];
-  const char* what = body.pieces.size() == 1 ? "its hull stands" : "its pieces stand";
+  const char* what = body.pieces.size() == 1 ? "its hull stands" : "its convex parts stand";
   int n = std::snprintf(text, sizeof text, "%s up to %.3g m out of its mesh", what, body.hull_excess);
   if (body.empty_share > 0)
     n += std::snprintf(text + n, sizeof text - static_cast<std::size_t>(n), ", %.3g %% of it is empty",
@@ -77,7 +77,7 @@ std::string hull_warning(const Body& body) {
   else if (windings_may_cancel(vertices, triangles))
     if (const std::string place = hollow_place(Surface(vertices, triangles, true)); !place.empty())
       why = " is hollow: " + place;
-  if (!why.empty()) warning += "; " + body.source + why + "; convexify: surface asks for its triangles as they are";
+  if (!why.empty()) warning += "; " + body.source + why + "; convexify: surface uses its triangles as they are";
   return warning;
 }
 

@@ -47,7 +47,7 @@ std::string no_convex_truth(const Scene& scene, BodyPair pair) {
 }
 
 std::string placed_by_joints(const Body& body) {
-  return "'" + body.name + "' is a link that joints place: set these, or the pose of its robot's base";
+  return "'" + body.name + "' is a link placed by joints: set their positions, or the pose of its robot's base";
 }
 
 namespace {

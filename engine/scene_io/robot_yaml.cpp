@@ -110,13 +110,13 @@ RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {
   if (const auto is_live = value.find("live")) plan.is_live = is_live->boolean();
   if (const auto geometry = value.find("geometry")) read_geometry(*geometry, options, resolve);
   if (const auto convexify = value.find("convexify")) {
-    if (options.geometry_files) convexify->fail("files of a saved scene are what they were");
+    if (options.geometry_files) convexify->fail("the geometry files of a saved scene cannot be converted");
     read_robot_convexify(*convexify, options);
   }
   if (const auto home = value.find("home")) read_home(*home, options);
   if (const auto padding = value.find("padding")) read_padding(*padding, options);
   if (const auto uncertainty = value.find("uncertainty"))
-    for (const auto& [link, doubt] : uncertainty->map("a map of links to what is not known of them"))
+    for (const auto& [link, doubt] : uncertainty->map("a map of links to their uncertainty"))
       options.link_uncertainty[link] = read_uncertainty(doubt);
   return plan;
 }

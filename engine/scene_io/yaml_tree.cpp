@@ -32,9 +32,9 @@ class TreeBuilder final : public YAML::EventHandler {
   void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override { add(mark, anchor); }
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) override {
     const auto found = anchors_.find(anchor);
-    if (found == anchors_.end()) fail_at(tree_->file, mark.line + 1, "an alias of nothing");
+    if (found == anchors_.end()) fail_at(tree_->file, mark.line + 1, "an alias without an anchor");
     if (std::find(open_.begin(), open_.end(), found->second) != open_.end())
-      fail_at(tree_->file, mark.line + 1, "an alias inside of what it stands for");
+      fail_at(tree_->file, mark.line + 1, "an alias inside its own anchor");
     link(mark, found->second);
   }
   void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,

@@ -86,7 +86,7 @@ std::vector<double> from_entries(const QueryView& query, const Scene& scene, con
   }
   if (entries.size() > Margins::kMostEntries || work > Margins::kMostWork)
     refuse("margins: " + std::to_string(entries.size()) + " entries for " + std::to_string(pairs.size()) +
-               " pairs are too many for one query: name the pairs that it is about, or fewer entries",
+               " pairs are too many for one query: list the pairs explicitly, or use fewer entries",
            QueryErrorCode::kTooLarge);
   NamedBy first(bodies, entries.size()), second(bodies, entries.size());
   for (std::size_t i = 0; i < entries.size(); ++i) {

@@ -104,7 +104,7 @@ std::uint64_t PairLister::count_some() {
       throw QueryError(QueryErrorCode::kTooLarge, "pairs[" + std::to_string(next_) + "]: with it groups name " +
                                                       std::to_string(most_) + " pairs, more than the " +
                                                       std::to_string(kMaxNamedByGroups) +
-                                                      " of one query: split it, or ask about all pairs");
+                                                      " of one query: split it, or query all pairs");
   }
   if (next_ == named_.size()) {
     step_ = ListingStep::kList;
@@ -126,7 +126,7 @@ std::uint64_t PairLister::list_some() {
     if (p.a == p.b) refuse(next_, "body " + std::to_string(p.a) + " with itself");
     for (const std::uint32_t body : {p.a, p.b})
       if (body < scene_.bodies().size() && scene_.bodies()[body].pieces.empty())
-        refuse(next_, "'" + scene_.bodies()[body].name + "' is a frame: it has no geometry to be far from");
+        refuse(next_, "'" + scene_.bodies()[body].name + "' is a frame without geometry");
     pairs_.push_back(p);
     ++next_;
   }

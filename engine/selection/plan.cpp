@@ -20,7 +20,7 @@ namespace {
 void check_motions(const QueryView& q) {
   if (q.max_steps == 0) {
     if (q.fields & kMotionFields)
-      refuse("fields: time, first_contact and steps are of motions, which a query has with max_steps");
+      refuse("fields: time, first_contact and steps are only for motions (max_steps)");
     return;
   }
   const auto unsupported = [](const char* what) { throw QueryError(QueryErrorCode::kNotSupported, what); };
@@ -34,13 +34,13 @@ void check_motions(const QueryView& q) {
 
 void check_free_scale(const QueryView& q) {
   if (!(q.fields & kFieldFreeScale)) {
-    if (!q.weights.empty()) refuse("weights: are for the column free_scale");
+    if (!q.weights.empty()) refuse("weights: only for the column free_scale");
     return;
   }
-  if (q.reduce != Reduce::kAny) refuse("fields: free_scale is a column of reduce any, whose margins it is about");
+  if (q.reduce != Reduce::kAny) refuse("fields: free_scale needs reduce any");
   if (q.max_steps > 0) throw QueryError(QueryErrorCode::kNotSupported, "fields: motions have no free_scale");
   if ((q.fields & ~(kFieldFreeScale | kFieldPair)) || q.format != Format::kFull)
-    refuse("fields: free_scale comes with no other column but pair, in the format full");
+    refuse("fields: free_scale can be combined only with pair, in the format full");
 }
 
 void check_numbers(const QueryView& q) {
@@ -59,10 +59,10 @@ void check_numbers(const QueryView& q) {
   const bool any = q.reduce == Reduce::kAny;
   const bool has_margins = q.margin != 0 || !q.margins.empty() || !q.pair_margins.empty();
   if (has_margins && !any && q.max_steps == 0)
-    refuse("margin: is for reduce any, and for motions; other queries have max_distance");
+    refuse("margin: only for reduce any and motions; use max_distance for other queries");
   if (any && q.max_distance < std::numeric_limits<double>::infinity())
-    refuse("max_distance: reduce any decides by its margins, and has no other cut-off");
-  if (any && q.signed_distance) refuse("signed_distance: reduce any asks for no depth");
+    refuse("max_distance: reduce any uses its margins instead");
+  if (any && q.signed_distance) refuse("signed_distance: reduce any computes no depth");
   if ((q.fields & kFieldGradientJoints) && q.joints.empty())
     refuse("fields: gradient_joints is for a query with joints");
   check_motions(q);
@@ -78,7 +78,7 @@ void refuse_depths_of_clouds(const PairList& pairs, const Scene& scene) {
       for (const std::uint32_t body : {pair.a, pair.b})
         if (body < scene.bodies().size() && is_cloud(scene.bodies()[body]))
           throw QueryError(QueryErrorCode::kNotSupported, "signed_distance: '" + scene.bodies()[body].name +
-                                                              "' is a cloud of points, of which there is no depth");
+                                                              "' is a cloud of points, which has no depth");
   units_of_this_thread += pairs.size() / kAtATime;
 }
 

@@ -30,7 +30,7 @@ PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const Cloud
   check_stamp(stamp_ns);
   if (body >= scene_.bodies().size()) refuse("unknown body " + std::to_string(body));
   const Body& of = scene_.bodies()[body];
-  if (!is_cloud(of)) refuse("'" + of.name + "' is no body of points");
+  if (!is_cloud(of)) refuse("'" + of.name + "' is not a point cloud");
   PiecePtr cloud;
   try {
     if (!points.empty()) cloud = make_cloud_piece(points, of.voxel, radius.value_or(of.cloud_radius));

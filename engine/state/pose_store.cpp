@@ -359,7 +359,7 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   for (std::uint32_t b = parent; b != kNone; b = next->parent[b])
     if (b == child) refuse("'" + bodies[child].name + "' would follow itself through '" + bodies[parent].name + "'");
   if (X_pc && check(*X_pc) == PoseQuality::kBad) refuse("the pose of '" + bodies[child].name + "' is not usable");
-  if (parent == kNone && !allow.empty()) refuse("a body that is set free is allowed nothing");
+  if (parent == kNone && !allow.empty()) refuse("allow is only for a body with a parent");
   IgnoredPairs ignored = *next->ignored;
   ignored.release(child);
   ignored.allow_attached(child, allow, scene_);

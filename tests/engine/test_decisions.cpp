@@ -215,7 +215,7 @@ TEST_P(EngineTest, BadMarginsNameTheirFault) {
          q.reduce = Reduce::kMin;
        }},
       {"max_distance: reduce any decides by its margins", [](QueryView& q) { q.max_distance = 1; }},
-      {"signed_distance: reduce any asks for no depth", [](QueryView& q) { q.signed_distance = true; }},
+      {"signed_distance: reduce any computes no depth", [](QueryView& q) { q.signed_distance = true; }},
   };
   const Engine engine = make(mixed_scene(4, 3, 5));
   for (const BadMargin& bad : cases) {

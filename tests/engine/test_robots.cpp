@@ -351,7 +351,7 @@ TEST(JointQuery, WhatIsWrongWithItIsSaid) {
   frame.pairs = pair;
   frame.all_pairs = false;
   EXPECT_EQ(error_text<QueryError>([&] { engine.size(frame); }),
-            "pairs[0]: 'arm' is a frame: it has no geometry to be far from");
+            "pairs[0]: 'arm' is a frame without geometry");
 }
 
 TEST(JointQuery, BadPositionsAndMissingOnesAreStatusesOfTheirRows) {

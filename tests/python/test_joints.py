@@ -285,7 +285,7 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
             client.free_scale(rows, arm, [0] * 7 + [math.nan])
         with pytest.raises(ValueError, match="joints: expected some, that move"):
             client.free_scale(rows, None)
-        with pytest.raises(clearance.QueryError, match="weights: are for the column free_scale"):
+        with pytest.raises(clearance.QueryError, match="weights: only for the column free_scale"):
             client.distances(joints=arm, positions=rows, reduce="any", weights=np.ones(8))
         with pytest.raises(clearance.QueryError, match="'arm/joint3' is named twice"):
             client._send_joints(np.array([2, 2], np.uint32), np.zeros(2), 0, 0)

@@ -64,7 +64,7 @@ def check_updates(who):
     assert gap(who, body="live") is None
     who.set_poses({"live": [0, 0, 1, 1, 0, 0, 0]})
     expect(gap(who, body="live"), np.sqrt(82.0) - 0.5)
-    with pytest.raises(clearance.QueryError, match="'ball' is no body of points"):
+    with pytest.raises(clearance.QueryError, match="'ball' is not a point cloud"):
         who.set_points("ball", points)
     with pytest.raises(clearance.QueryError, match="point 1 has the coordinate nan"):
         who.set_points("cloud", [[0, 0, 0], [0, np.nan, 0]])

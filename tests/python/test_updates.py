@@ -79,7 +79,7 @@ def rejected(front):
         "four columns": (lambda: points("cloud", [[1, 0, 0, 0]]), ValueError, r"expected shape \(N, 3\)"),
         "masked points": (lambda: points("cloud", np.ma.masked_equal([[1.0, 0, 9]], 9)), ValueError, "masked"),
         "radius": (lambda: points("cloud", [[1, 0, 0]], radius=-1.0), QueryError, "radius"),
-        "no cloud": (lambda: points("cup", [[1, 0, 0]]), QueryError, "'cup' is no body of points"),
+        "no cloud": (lambda: points("cup", [[1, 0, 0]]), QueryError, "'cup' is not a point cloud"),
         "a bad grasp": (lambda: front.attach("cup", "arm/palm", [NAN, *at(0)[1:]]), QueryError, "is not usable"),
     }
 

@@ -294,7 +294,7 @@ TEST_F(Clearanced, AnOpenMeshThatIsAddedIsLoggedWithAnEdge) {
   EXPECT_TRUE(
       contains(log,
                "mesh (hull) encloses nothing: the edge from (0, 0, 0) to (1, 0, 0) of triangle 0 belongs to no "
-               "other triangle: the mesh is open there; convexify: surface asks for its triangles as they are"));
+               "other triangle: the mesh is open there; convexify: surface uses its triangles as they are"));
 }
 
 TEST_F(Clearanced, TheSocketOfALivingDaemonIsRefusedThatOfADeadOneReplaced) {

@@ -38,7 +38,7 @@ inline unsigned blocks_of(std::uint64_t count, std::uint32_t threads) {
 class OnDevice {
  public:
   explicit OnDevice(int number) {
-    check(cudaGetDevice(&before_), "asking for the device");
+    check(cudaGetDevice(&before_), "getting the device");
     if (number != before_) check(cudaSetDevice(number), "choosing a device");
     moved_ = number != before_;
   }

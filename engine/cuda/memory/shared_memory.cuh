@@ -58,7 +58,7 @@ inline SharedBlock share(int device, std::size_t bytes) {
     check(cudaIpcGetMemHandle(&handle, block.data), "sharing device memory between processes");
     std::memcpy(block.handle.ipc.data(), &handle, sizeof handle);
     cudaDeviceProp properties{};
-    check(cudaGetDeviceProperties(&properties, device), "asking for the device's UUID");
+    check(cudaGetDeviceProperties(&properties, device), "getting the device's UUID");
     std::memcpy(block.handle.uuid.data(), &properties.uuid, sizeof properties.uuid);
   } catch (...) {
     release_shared(block);

@@ -63,7 +63,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     ++counters_.launches;
     const std::size_t bytes = motions_bytes(m.motions);
     std::byte* const host = slot.host_motions.reserve(bytes);
-    check(cudaMemcpyAsync(host, m.counts, bytes, cudaMemcpyDeviceToHost, slot.stream), "copying verdicts");
+    check(cudaMemcpyAsync(host, m.counts, bytes, cudaMemcpyDeviceToHost, slot.stream), "copying results");
   }
 
   MotionResult finish(int index) override {

@@ -18,7 +18,7 @@ class ResidentHulls {
   /// On the calling thread's device.
   /// \param most_shared bytes of a block's shared memory that two hulls may use
   ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters) : memory_(counters) {
-    check(cudaGetDevice(&device_), "asking for the device");
+    check(cudaGetDevice(&device_), "getting the device");
     HullArrays arrays(scene, static_cast<std::uint32_t>(most_shared));
     Upload& m = memory_;
     const std::size_t at_heads = m.add<HullHead>(arrays.heads), at_x = m.add<double>(arrays.x),

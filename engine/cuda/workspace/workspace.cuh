@@ -59,7 +59,7 @@ class QuerySide : public Interface {
         device_bodies_(counters.memory) {
     // Chunks started earlier get higher priority, so that their answers are copied while the next are computed.
     int least = 0, greatest = 0;
-    check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "asking for priorities");
+    check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "getting stream priorities");
     for (int i = 0; i < kSlots; ++i)
       slots_[i] = std::make_unique<Slot>(counters.memory, std::max(greatest, least - (kSlots - 1 - i)));
   }

@@ -104,7 +104,7 @@ std::string beyond_the_device(const Plan& plan) {
 
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
   const std::string beyond = beyond_the_device(plan);
-  if (!beyond.empty() && !context.device->fallback()) refuse(beyond + " is not for a device yet");
+  if (!beyond.empty() && !context.device->fallback()) refuse(beyond + " is not supported on a device yet");
   auto query = beyond.empty() ? begin_on_device(context, plan, reply) : nullptr;
   if (query) return std::make_unique<FallbackJob>(context, std::move(query), reply);
   context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);

@@ -17,7 +17,7 @@ int result_fd_of_handler = -1;
 [[noreturn]] void report_forbidden_call(int call) {
   char text[160];
   std::snprintf(text, sizeof text,
-                "reading it was stopped: the mesh loader asked for system call %d, which no mesh file needs; is the "
+                "reading it was stopped: the mesh loader made system call %d, which no mesh file needs; is the "
                 "file hostile?",
                 call);
   const bool written = write_mesh_error(result_fd_of_handler, MeshState::kError, text);

@@ -176,7 +176,7 @@ TEST_F(CacheTest, UsesNoFolderThatOthersMayHaveFilled) {
   ASSERT_EQ(::chmod(path_.c_str(), 0700), 0);
   const std::string above = folder_ / "a";
   ASSERT_EQ(::chmod(above.c_str(), 0777), 0);
-  EXPECT_EQ(why_not(path_), above + ": everybody may write to it");
+  EXPECT_EQ(why_not(path_), above + ": all users may write to it");
   ASSERT_EQ(::chmod(above.c_str(), 01777), 0);
   EXPECT_EQ(why_not(path_), "") << "as in /tmp, nobody can put another one in its place";
   fs::create_symlink("a", folder_ / "link");
@@ -189,12 +189,12 @@ TEST_F(CacheTest, UsesNoFolderThatOthersMayHaveFilled) {
   if (::geteuid() != 0) GTEST_SKIP() << "only root can give files away";
   const auto give_away = [](const std::string& path, uid_t whom) { return ::lchown(path.c_str(), whom, ::getegid()); };
   ASSERT_EQ(give_away(folder_ / "link", kSomebody), 0);
-  EXPECT_EQ(why_not(folder_ / "link/cache"), folder_ / "link" + ": belongs to somebody else");
+  EXPECT_EQ(why_not(folder_ / "link/cache"), folder_ / "link" + ": belongs to another user");
   ASSERT_EQ(give_away(path_, kSomebody), 0);
-  EXPECT_EQ(why_not(path_), path_ + ": belongs to somebody else");
+  EXPECT_EQ(why_not(path_), path_ + ": belongs to another user");
   ASSERT_EQ(give_away(path_, 0), 0);
   ASSERT_EQ(give_away(above, kSomebody), 0);
-  EXPECT_EQ(why_not(path_), above + ": belongs to somebody else");
+  EXPECT_EQ(why_not(path_), above + ": belongs to another user");
 }
 
 TEST_F(CacheTest, HoldsNoMoreThanItMayAndLosesWhatWasNotUsedForLongest) {

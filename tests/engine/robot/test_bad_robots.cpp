@@ -201,7 +201,7 @@ const std::vector<BadCase> kBadUrdfs = {
      "3: joint \"j\": axis: a planar joint must have the axis 0 0 1: URDF does not say where x and y are about "
      "another"},
     {"plane_without_axis", joint("planar", ""),
-     "3: joint \"j\": a planar joint must have the axis 0 0 1: URDF does not say where x and y are about another"},
+     "3: joint \"j\": a planar joint must have the axis 0 0 1: URDF does not define x and y for another axis"},
     {"mimic_of_nobody", mimics("<mimic joint='x'/>", ""), "3: joint \"j\": mimic: there is no joint \"x\""},
     {"mimic_of_itself", mimics("<mimic joint='j'/>", ""), "3: joint \"j\": mimic: it mimics itself"},
     {"mimic_of_mimic", mimics("<mimic joint='k'/>", "<mimic joint='j'/>"),

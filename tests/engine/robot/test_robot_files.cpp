@@ -319,7 +319,7 @@ TEST(Robot, WhatAnSrdfNamesInVainIsLeftOutWithAWarning) {
           file + "7: group \"gone\": joint \"never_was\": there is no joint \"never_was\" in the URDF; the group "
                  "\"gone\" is left out",
           file + "8: group \"with_gone\": group \"gone\": this group is left out; the group \"with_gone\" is left out",
-          file + "10: group_state \"home\": joint \"world_joint\": a virtual joint; the scene says where a base is; "
+          file + "10: group_state \"home\": joint \"world_joint\": a virtual joint; the scene sets the pose of a base; "
                  "this position is left out",
           file + "13: group_state \"home\": joint \"grip_right\": this joint mimics another; this position is left out",
           file + "19: disable_collisions: there is no link \"tail\" in the URDF; the pair is left out"}));

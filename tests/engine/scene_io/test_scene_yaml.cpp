@@ -284,7 +284,7 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, ellipsoid: [1, 2]}]",
      ":1: bodies[0].ellipsoid: expected 3 half axes [x, y, z], got a list of 2"},
     {"bodies: [{name: a, box: 1}, {name: f, half_space: true, parent: a}]",
-     ":1: bodies[1].parent: body \"f\": parent: a half_space follows no body: it stands where its pose says"},
+     ":1: bodies[1].parent: body \"f\": parent: a half_space cannot follow a body: only its own pose places it"},
     {"bodies: [{name: a, cylinder: [1, 0]}]", ":1: bodies[0].cylinder[1]: expected a number > 0, got 0"},
     {"bodies: [{name: a, points: [[0, 0, 0], [0, 0]]}]",
      ":1: bodies[0].points[1]: expected a point [x, y, z], got a list of 2"},
@@ -310,7 +310,7 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, sphere: 1, scale: 2}]", ":1: bodies[0].scale: only a mesh has this key"},
     {"bodies: [{name: [a], sphere: 1}]", ":1: bodies[0].name: expected a name, got a list of 1"},
     {"bodies: [{name: \"\", sphere: 1}]", ":1: bodies[0].name: body name is empty"},
-    {"bodies: [{name: \"*\", sphere: 1}]", ":1: bodies[0].name: body name \"*\" is taken: it stands for every body"},
+    {"bodies: [{name: \"*\", sphere: 1}]", ":1: bodies[0].name: body name \"*\" is reserved: it selects every body"},
     {"bodies: [{name: \"a\\tb\", sphere: 1}]",
      ":1: bodies[0].name: body name holds an unprintable character or bad UTF-8 at byte 1"},
     {"bodies: [{name: a123456789b123456789c123456789d123456789e123456789f123456789g123, sphere: 1}]",
@@ -408,7 +408,7 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, sphere: 1}]\n\t- x\n", ":2: not valid YAML: "},
     {"bodies: *nothing\n", ":1: not valid YAML: the referenced anchor is not defined"},
     {"a: 1\n---\nb: 2\n", ":2: a second YAML document begins; expected one"},
-    {"bodies: &x [*x]\n", ":1: an alias inside of what it stands for"},
+    {"bodies: &x [*x]\n", ":1: an alias inside its own anchor"},
 };
 
 TEST(SceneFile, EveryMistakeIsNamedWithItsPlace) {

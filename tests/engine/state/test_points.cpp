@@ -107,7 +107,7 @@ TEST(Points, OfAnotherBodyAreRefusedAndSoIsWhatIsNotFinite) {
     }
   };
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  refused(kBall, {{0, 0, 0}}, {}, "'ball' is no body of points");
+  refused(kBall, {{0, 0, 0}}, {}, "'ball' is not a point cloud");
   refused(7, {{0, 0, 0}}, {}, "unknown body 7");
   refused(kCloud, {{0, 0, 0}, {0, nan, 0}}, {}, "point 1 has the coordinate");
   refused(kCloud, {{0, 2e9f, 0}}, {}, "up to 1e9 m");

@@ -181,12 +181,12 @@ TEST_F(FreeScaleTest, WhatItIsNotForIsSaid) {
   EXPECT_EQ(refusal(query), "free_scale: weights: expected 2 numbers, one for each joint, got 0");
   query = scale_query();
   query.header.fields = kFieldStatus;
-  EXPECT_EQ(refusal(query), "weights: are for the column free_scale");
+  EXPECT_EQ(refusal(query), "weights: only for the column free_scale");
   query.header.fields = kFieldFreeScale | kFieldStatus;
-  EXPECT_EQ(refusal(query), "fields: free_scale comes with no other column but pair, in the format full");
+  EXPECT_EQ(refusal(query), "fields: free_scale can be combined only with pair, in the format full");
   query = scale_query();
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
-  EXPECT_EQ(refusal(query), "fields: free_scale is a column of reduce any, whose margins it is about");
+  EXPECT_EQ(refusal(query), "fields: free_scale needs reduce any");
   query = scale_query();
   query.joints = {};
   query.positions = {};
@@ -313,7 +313,7 @@ TEST_F(JointsTest, WhatIsWrongIsRefusedAndNamed) {
   header.count = 1;
   refused(wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0)).add(header).add(link).take(),
           ErrorCode::kBadQuery,
-          "poses: 'arm/fore' is a link that joints place: set these, or the pose of its robot's base");
+          "poses: 'arm/fore' is a link placed by joints: set their positions, or the pose of its robot's base");
 }
 
 TEST_F(JointsTest, AnAttachmentLeavesJointIdsWhatTheyAre) {

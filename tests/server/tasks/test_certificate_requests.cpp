@@ -123,7 +123,7 @@ TEST_F(CertificateRequests, AreRefusedByName) {
   query.records.clear();
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
   expect_refused(query.frame(1, FrameType::kCertify), ErrorCode::kBadQuery,
-                 "certificate: only rows of reduce none have one, and motions");
+                 "certificate: only rows of reduce none and motions have one");
   expect_refused(waiting_query().frame(1, FrameType::kCertify), ErrorCode::kNotSupported,
                  "certificate: min_pose_stamp_ns and deadline_ns are not supported; request it once the poses are there");
 }
@@ -132,7 +132,7 @@ TEST_F(CertificateRequests, OfTooMuchAreRefusedAsSoonAsThatIsSeen) {
   start(combs(2, 1000));  // each pair of parts has its own direction in the document
   expect_refused(TestQuery().frame(1, FrameType::kCertify), ErrorCode::kTooLarge,
                  "certificate: the document takes more than " + std::to_string(CertificateRequest::kMostBytes) +
-                     " bytes: ask for fewer rows at a time");
+                     " bytes: request fewer rows at a time");
   EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "the daemon goes on";
 }
 
