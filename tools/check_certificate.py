@@ -67,7 +67,7 @@ class Piece:
         self.radius, self.kind, self.size = length(document["radius"]), core["kind"], vector(core["size"], length)
         require(self.kind in (None, "cone", "cylinder", "ellipsoid", "half_space"), f"no core: {core!r}")
         self.vertices = [vector(v) for v in document["vertices"]]
-        require(len(self.vertices) == document["count"] > 0, "a piece has not as many vertices as it says")
+        require(len(self.vertices) == document["count"] > 0, "a piece has another number of vertices than it states")
         elements, given, self.solid = document.get("elements", ()), "elements" in document, document.get("solid", False)
         parts = [Piece({"radius": document["radius"], "count": len(element), "vertices": [  # parts in its place
             at(document["vertices"], k, "vertex") for k in element]}, self) for element in elements]
@@ -265,7 +265,7 @@ def check_row(row, motions, query):
         whole, margin = real(pair["lower"]) if bounded else -math.inf, real(pair["margin"])
         kept = not bounded or lower <= whole > (margin if decides and status == "beyond" else -math.inf)
         early = pair["free"] is not None or (free > 0 and not whole > margin)  # otherwise beyond it throughout
-        require(kept and not (early and real(pair["free"]["lower"]) <= margin), "a pair may be nearer than is said")
+        require(kept and not (early and real(pair["free"]["lower"]) <= margin), "a pair may be nearer than claimed")
         for proof, until in [(pair, 1)] * bounded + ([(pair["free"], min(free, 1))] if early else []):
             ends = sorted(motion.check_span(pair["bodies"], span, exact(proof["lower"])) for span in proof["spans"])
             require(ends and [0, *(e for _, e in ends)] == [*(b for b, _ in ends), until], "spans leave a gap")

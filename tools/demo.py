@@ -256,7 +256,7 @@ def compare(answers, attempts):
     """Prints whether the transports agree; raises DemoError if they do not."""
     reference = answers["shm"]
     say(f"Every body's nearest neighbour at pose revision {reference.revision}"
-        + (f" (asked {attempts} times until all were of one revision)" if attempts > 1 else ""))
+        + (f" (queried {attempts} times until all were of one revision)" if attempts > 1 else ""))
     for transport, answer in answers.items():
         different = reference.differences(answer)
         if different:
@@ -325,7 +325,7 @@ def print_edge():
     edge = Edge()
     sampled, proved = edge.sampled(), edge.proved()
     if not sampled.free or not all(good for good, _ in check_certificate.verdicts(proved.witness.document)):
-        raise DemoError("the edge that sampling calls free is not what it was")
+        raise DemoError("the edge that sampling finds free has changed")
     say(f"Edge      the arm turns by {TURN:g} rad: all {sampled.count} samples, {STEP:g} rad apart, are free, by "
         f"{1000 * sampled.nearest:.1f} mm or more")
     say(f"          proved: free until {proved.free_until:.4f} of the way, and at {proved.contact:.4f} "

@@ -77,7 +77,7 @@ def enumerators(file: str, name: str) -> "list[tuple[str, str, str]]":
         member = re.match(r"    ([A-Z][A-Z0-9_]*) = ([^#]+?)(?:  #: (.*))?$", line)
         if member:
             if not member[3]:
-                raise SystemExit(f"{file}: {name}.{member[1]} has no line that says what it means")
+                raise SystemExit(f"{file}: {name}.{member[1]} has no line with its meaning")
             rows.append((member[1], str(ast_value(member[2])), member[3]))
     return rows
 

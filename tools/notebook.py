@@ -42,7 +42,7 @@ def main() -> int:
     said, ran = [[outputs(cell) for cell in each.cells if cell.cell_type == "code"] for each in (before, after)]
     for number, (old, new) in enumerate(zip(said, ran), 1):
         if old != new:
-            print(f"{options.notebook}: code cell {number} says {old}, and now prints {new}")
+            print(f"{options.notebook}: code cell {number} holds {old}, and now prints {new}")
     print(f"{options.notebook}: {len(ran)} code cells, {sum('a picture' in cell for cell in ran)} pictures")
     return int(said != ran)
 

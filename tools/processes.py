@@ -61,7 +61,7 @@ class Stage:
         """Raises DemoError if a child has ended."""
         for name, child in self.children:
             if child.poll() is not None:
-                raise DemoError(f"{name} ended with exit code {child.returncode}. It said:\n{self.log(name)}")
+                raise DemoError(f"{name} ended with exit code {child.returncode}. Its output:\n{self.log(name)}")
 
     def wait_until(self, condition, what, seconds=30.0):
         """Waits until condition() is true; raises DemoError if a child ends meanwhile or it takes too long."""

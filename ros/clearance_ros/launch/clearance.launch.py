@@ -9,8 +9,8 @@ from launch import LaunchDescription
 ARGUMENTS = {
     "url": ("", "of the daemon; empty: CLEARANCE_URL"),
     "robot": ("", "the robot of the scene whose joints joint_states has; empty: names there are whole"),
-    "margin": ("0.02", "metres: pairs that may be nearer are warned of"),
-    "within": ("0.25", "metres: pairs that may be nearer are published"),
+    "margin": ("0.02", "metres: warn of pairs that may be nearer"),
+    "within": ("0.25", "metres: publish pairs that may be nearer"),
     "rate": ("50.0", "answers a second, at most"),
     "max_age": ("1.0", "seconds: an older input leaves no distance; 0: age does not count"),
 }

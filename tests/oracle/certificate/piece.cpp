@@ -60,7 +60,7 @@ Piece::Piece(const Value& document) : radius_(document["radius"].length()) {
     add_vertex(x, y, z);
   }
   require(!x_.empty() && document["count"].integer() == static_cast<std::int64_t>(x_.size()),
-          "a piece has not as many vertices as it says");
+          "a piece has another number of vertices than it states");
   read_elements(document);
 }
 
