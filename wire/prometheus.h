@@ -1,4 +1,4 @@
-// A daemon's counters print Prometheus' text format.
+// A daemon's counters in Prometheus' text format.
 #pragma once
 
 #include <cstdint>

@@ -209,12 +209,12 @@ TEST_P(EngineTest, BadMarginsNameTheirFault) {
          q.margins = kGood;
          q.pair_margins = kWrong;
        }},
-      {"margin: is for reduce any",
+      {"margin: only for reduce any",
        [](QueryView& q) {
          q.margin = 0.1;
          q.reduce = Reduce::kMin;
        }},
-      {"max_distance: reduce any decides by its margins", [](QueryView& q) { q.max_distance = 1; }},
+      {"max_distance: reduce any uses its margins", [](QueryView& q) { q.max_distance = 1; }},
       {"signed_distance: reduce any computes no depth", [](QueryView& q) { q.signed_distance = true; }},
   };
   const Engine engine = make(mixed_scene(4, 3, 5));

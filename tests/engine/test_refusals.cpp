@@ -138,8 +138,8 @@ TEST(Engine, CertificatesOfTheModelPiecesAreRefusedByTheirNames) {
   } catch (const QueryError& error) {
     EXPECT_EQ(error.code, QueryErrorCode::kNotSupported);
     EXPECT_STREQ(error.what(),
-                 "certificate: 'shelf' is a solid, of whose pieces no row is certified: its triangles' are (model: "
-                 "truth)");
+                 "certificate: 'shelf' is a solid, whose rows have no certificate with model: pieces; "
+                 "use model: truth");
   }
 }
 

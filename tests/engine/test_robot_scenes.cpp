@@ -194,7 +194,7 @@ TEST(RobotInASceneFile, AUrdfIsASceneOfOneRobot) {
   const std::string bad = folder.write("bad.urdf", "<robot name='r'>\n<link/></robot>");
   EXPECT_EQ(error_text<SceneError>([&] { Scene::load(bad); }), bad + ":2: link: expected the attribute name");
   const std::string star = folder.write("star.urdf", "<robot name='*'><link name='a'/></robot>");
-  EXPECT_TRUE(error_text<SceneError>([&] { Scene::load(star); }).starts_with(star + ": robot name \"*\" is taken"));
+  EXPECT_TRUE(error_text<SceneError>([&] { Scene::load(star); }).starts_with(star + ": robot name \"*\" is reserved"));
 }
 
 TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {

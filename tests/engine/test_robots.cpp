@@ -105,7 +105,7 @@ TEST(JointState, PublishingALinksPoseIsRefusedWithAReason) {
   const std::uint32_t fore = scene.find_body("arm/fore"), ball = scene.find_body("ball");
   const BodyPose pose[] = {{fore, Pose{}}};
   const auto has = [](const std::string& what) {
-    EXPECT_NE(what.find("'arm/fore' is a link that joints place"), std::string::npos) << what;
+    EXPECT_NE(what.find("'arm/fore' is a link placed by joints"), std::string::npos) << what;
   };
   has(error_text<QueryError>([&] { engine.set_poses(pose); }));
   has(error_text<QueryError>([&] { engine.attach(fore, ball); }));

@@ -72,7 +72,7 @@ TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
         const Limit limit(arena_.daemon().pid(), RLIMIT_NOFILE, descriptors_for(arena_.daemon().pid(), spare));
         while (refused.empty() && clients.size() < 100)
           refused = error_of([&] { clients.push_back(patient(arena_.shm())); });
-        EXPECT_TRUE(contains(refused, "refused: ") && contains(refused, "Too many open files"))
+        EXPECT_TRUE(contains(refused, "rejected: ") && contains(refused, "Too many open files"))
             << spare << ": " << refused;
         EXPECT_EQ(clients.size(), static_cast<std::size_t>(spare / 3)) << "a client takes three";
         // ZeroMQ cannot report the reason.
@@ -123,7 +123,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
       const Limit limit(arena_.daemon().pid(), RLIMIT_AS, address_space_of(arena_.daemon().pid()) + (64 << 20));
       while (refused.empty() && clients.size() < 100)
         refused = error_of([&] { clients.push_back(patient(arena_.shm())); });
-      EXPECT_TRUE(contains(refused, "refused: mapping a segment of ")) << refused;
+      EXPECT_TRUE(contains(refused, "rejected: mapping a segment of ")) << refused;
       EXPECT_GE(clients.size(), 1u);
       ASSERT_EQ(await_answers(witnesses_, 2), "");
     }
@@ -135,7 +135,7 @@ TEST_F(FireLimits, SegmentsBeyondTheFileSizeLimitAreRefused) {
   {
     const Limit limit(arena_.daemon().pid(), RLIMIT_FSIZE, 1 << 20);
     const std::string refused = error_of([&] { patient(arena_.shm()); });
-    EXPECT_TRUE(contains(refused, "refused: a segment of ") && contains(refused, "File too large")) << refused;
+    EXPECT_TRUE(contains(refused, "rejected: a segment of ") && contains(refused, "File too large")) << refused;
     ASSERT_EQ(await_answers(witnesses_, 2), "");
   }
   expect_recovered();

@@ -34,7 +34,7 @@ def test_a_client_finds_the_next_daemon(start_daemon, cell, kind):
     try:
         known = client.epoch
         for _ in range(2):
-            with pytest.raises(clearance.NewEpoch, match="was started anew") as refused:
+            with pytest.raises(clearance.NewEpoch, match="was restarted or replaced") as refused:
                 client.distances(pairs=("cup", "*"))
             assert refused.value.code == ErrorCode.NEW_EPOCH and client.epoch == known
         with pytest.raises(clearance.NewEpoch):
@@ -107,7 +107,7 @@ def test_a_daemon_that_ends_is_noticed(start_daemon, cell, kinds):
     ("ipc://{folder}/none", clearance.ConnectionError, r"ipc://{folder}/none: no such socket"),
     ("shm://{folder}/none", clearance.ConnectionError, r"shm://{folder}/none: there is no socket"),
     ("http://localhost", ValueError, r'"http://localhost" is not a url of a daemon: expected shm:///path'),
-    ("", ValueError, r"is no url of a daemon"),
+    ("", ValueError, r"is not a url of a daemon"),
     (b"ipc:///x", TypeError, r"url: expected a string, got b'ipc:///x'"),
     (None, TypeError, r"url: expected a string, got None"),
 ])  # fmt: skip
@@ -162,7 +162,7 @@ def test_a_forked_child_must_connect_anew(daemon, kind):
     with os.fdopen(read) as pipe:
         lines = pipe.read().splitlines()
     os.waitpid(child, 0)
-    assert len(lines) == 3 and all("must connect anew" in line for line in lines[:2]), lines
+    assert len(lines) == 3 and all("must open a new one" in line for line in lines[:2]), lines
     assert lines[2] == expected.lower.tobytes().hex()
     assert same_bits(client.distances(pairs=("cup", "*")), expected), "the parent's connection is as it was"
     assert np.array_equal(view.lower, expected.lower)
@@ -185,7 +185,7 @@ def test_a_fork_while_another_thread_waits(ipc):
                 client.distances()
             except clearance.ConnectionError as error:
                 del view
-                os._exit(0 if "must connect anew" in str(error) else 1)
+                os._exit(0 if "must open a new one" in str(error) else 1)
             os._exit(2)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
     os.kill(ipc.process.pid, signal.SIGCONT)

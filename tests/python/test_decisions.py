@@ -81,9 +81,9 @@ def test_bad_margins_are_refused_by_name(front):
     ]:
         with pytest.raises(clearance.QueryError, match=text):
             front.check(margin=margin)
-    with pytest.raises(clearance.QueryError, match="margin: is for reduce any"):
+    with pytest.raises(clearance.QueryError, match="margin: only for reduce any"):
         front.distances(margin=0.1)
-    with pytest.raises(clearance.QueryError, match="max_distance: reduce any decides by its margins"):
+    with pytest.raises(clearance.QueryError, match="max_distance: reduce any uses its margins"):
         front.distances(reduce="any", max_distance=0.1)
 
 

@@ -319,7 +319,7 @@ def test_compact(engine):
     states = engine.body_states()
     origins = np.array([states[a].pose[:3] for a, b in r.pairs])
     assert np.allclose(origins + r.point_a[0], full.point_a[0], atol=1e-6)
-    with pytest.raises(AttributeError, match="'distance' was not asked for"):
+    with pytest.raises(AttributeError, match="'distance' was not requested"):
         r.distance
 
 

@@ -198,7 +198,7 @@ def test_wrong_arguments_are_named(engine, text):
 
 
 def test_publishing_a_links_pose_is_refused_with_a_reason(engine):
-    with pytest.raises(clearance.QueryError, match="'arm/fore' is a link that joints place"):
+    with pytest.raises(clearance.QueryError, match="'arm/fore' is a link placed by joints"):
         engine.set_poses({"arm/fore": at(0)})
     engine.set_poses({"arm": at(0, 0, 1)})  # the base
     assert engine.body_states()[engine.body_id("arm/base")].pose[2] == 1
@@ -289,7 +289,7 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
             client.distances(joints=arm, positions=rows, reduce="any", weights=np.ones(8))
         with pytest.raises(clearance.QueryError, match="'arm/joint3' is named twice"):
             client._send_joints(np.array([2, 2], np.uint32), np.zeros(2), 0, 0)
-        with pytest.raises(clearance.QueryError, match="'arm/fore' is a link that joints place"):
+        with pytest.raises(clearance.QueryError, match="'arm/fore' is a link placed by joints"):
             client.set_poses({"arm/fore": at(0)})
 
 
@@ -341,7 +341,7 @@ def test_a_check_says_which_joints_are_beyond_their_limits(one):
 
 def test_degrees_given_as_radians_get_a_hint(one):
     pairs = [("cup", "table")]
-    match = r"arm/joint2 at -45 is 43.24 beyond its limits, -1.76 to 1.76; as degrees they would be within"
+    match = r"arm/joint2 at -45 is 43.24 beyond its limits, -1.76 to 1.76; in degrees they would be within"
     with pytest.warns(clearance.JointLimitWarning, match="positions: " + match) as caught:
         check = one.check([DEGREES, DEGREES], joints="arm", pairs=pairs)
     assert len(caught) == 1 and caught[0].filename == __file__

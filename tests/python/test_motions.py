@@ -241,7 +241,7 @@ def test_wrong_arguments_are_named(engine, text):
 
 
 def test_columns_of_motions_are_for_motions(engine):
-    with pytest.raises(clearance.QueryError, match="fields: time, first_contact and steps are of motions"):
+    with pytest.raises(clearance.QueryError, match="fields: time, first_contact and steps are only for motions"):
         engine.distances(fields=["time"])
     with pytest.raises(clearance.QueryError, match="configurations: motions have two each, got 3"):
         engine.distances(joints="arm", positions=np.zeros((3, 8)), max_steps=8)

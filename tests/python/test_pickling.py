@@ -41,7 +41,7 @@ def test_results_come_back_equal(engine, query, way):
     assert np.array_equal(again.configuration, result.configuration)
     if query == "compact":
         assert again.lower.tobytes() == result.lower.tobytes()
-    with pytest.raises(AttributeError, match="the column 'gradient_joints' was not asked for"):
+    with pytest.raises(AttributeError, match="the column 'gradient_joints' was not requested"):
         _ = again.gradient_joints
     if way != "copy" and query != "within":
         engine.distances(**QUERIES[query], out=again)

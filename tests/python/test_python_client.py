@@ -35,7 +35,7 @@ def test_it_does_what_the_native_client_does(root):
     ("Engine", "ImportError.*clearance_client.Engine is not there: this is a client-only install"),
     ("DevicePlan", "ImportError.*clearance_client.DevicePlan is not there: this is a client-only install"),
     ("from_pinocchio", "ImportError.*clearance_client.from_pinocchio is not there: this is a client-only install"),
-    ("connect('http://x')", "ValueError.*is no url of a daemon"),
+    ("connect('http://x')", "ValueError.*is not a url of a daemon"),
 ])  # fmt: skip
 def test_what_it_does_not_do_is_refused_by_name(code, why):
     done = subprocess.run(

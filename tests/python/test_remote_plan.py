@@ -242,7 +242,7 @@ def test_without_a_driver(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_daemon_without_a_gpu_says_so(daemon: Any, kind: str) -> None:
     client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
     is_local = kind in ("shm", "ipc")
-    why = "the engine has no device" if is_local else "by shm:// and ipc://; this client is not one of them"
+    why = "the engine has no device" if is_local else "over shm:// and ipc://; this client is not one of them"
     with pytest.raises(clearance.QueryError, match=f"a plan on a device: .*{why}"):
         client.plan_on_device(4)
     with pytest.raises(ValueError, match="bodies: only together with configurations"):

@@ -586,7 +586,7 @@ def test_transforms_are_taken_whole_or_not(bridge):
     twice = [transform("cup", now, 1, 0, 0), transform("moon", now, 0, 0, 0), transform("cup", now, 2, 0, 0)]
     with pytest.raises(ValueError, match="tf: cup comes twice"):
         bridge.on_poses(twice)
-    with pytest.raises(clearance.QueryError, match="is a link that joints place"):
+    with pytest.raises(clearance.QueryError, match="is a link placed by joints"):
         bridge.on_poses([transform("cup", now, 1, 0, 0), transform("arm/fore", now, 0, 0, 0)])
     with pytest.raises(clearance.QueryError, match="is older than"):
         bridge.on_poses([transform("cup", now - 10**9, 1, 0, 0)])

@@ -71,7 +71,7 @@ def test_primitives_are_exact():
     engine.set_poses({"egg": [0, 0, -0.75, 1, 0, 0, 0]})
     r = engine.distances(pairs=("floor", "egg"), signed=True)
     assert r.lower[0, 0] <= -0.25 <= r.upper[0, 0] and r.status[0, 0] == clearance.Status.OVERLAP
-    with pytest.raises(clearance.SceneError, match="follows no body"):
+    with pytest.raises(clearance.SceneError, match="cannot follow a body"):
         scene.add_half_space("wall", parent="cone")
 
 

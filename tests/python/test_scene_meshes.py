@@ -124,7 +124,7 @@ def test_a_mesh_is_what_is_said_of_it(tmp_path):
      r"belongs to no other triangle: the mesh is open there"),
     ({"mesh": (CUP_VERTICES, [[0, 1, 16]])}, clearance.SceneError,
      "triangle 0 names the vertex 16, and there are 16"),
-    ({"mesh": (CUP_VERTICES, CUP_TRIANGLES), "convexify": "decompose"}, clearance.SceneError, "only of a mesh file"),
+    ({"mesh": (CUP_VERTICES, CUP_TRIANGLES), "convexify": "decompose"}, clearance.SceneError, "only for a mesh file"),
     ({"mesh": CUP_VERTICES}, ValueError, r"mesh: expected a pair \(vertices, triangles\), got 16 things"),
     ({"mesh": (CUP_VERTICES, [[0, 1]])}, ValueError, r"mesh\[1\]: expected shape \(T, 3\), got \(1, 2\)"),
     ({"mesh": (CUP_VERTICES, [[0.0, 1, 2]])}, TypeError, r"mesh\[1\]: expected \(T, 3\) integers, got an array of"),

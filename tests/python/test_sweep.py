@@ -243,7 +243,7 @@ def driven(plan, size, make):
 @pytest.mark.parametrize("size, wrong, said", [
     (4, 0, "machine 0 stands alone among "),
     (4, 2, "machine 2 stands alone among "),
-    (2, 1, "machine 0 wrote it, machine 1 was asked again|machine 1 wrote it, machine 0 was asked again"),
+    (2, 1, "machine 0 wrote it, machine 1 computed it again|machine 1 wrote it, machine 0 computed it again"),
 ])  # fmt: skip
 def test_a_machine_that_answers_otherwise_is_named(tmp_path, urdf, size, wrong, said):
     plan = plan_of(tmp_path, urdf, check=0.05)

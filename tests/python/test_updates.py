@@ -57,7 +57,7 @@ def rejected(front):
         "masked poses": (lambda: poses(MASKED[None], ["cup"]), ValueError, "poses: .*masked"),
         "words": (lambda: poses({"cup": ["1"] * 7}), TypeError, r"poses\['cup'\]: expected numbers"),
         "objects": (lambda: poses(np.array([[None] * 7]), ["cup"]), TypeError, "got an array of object"),
-        "a link": (lambda: poses({"cup": at(9), "arm/fore": at(0)}), QueryError, "is a link that joints place"),
+        "a link": (lambda: poses({"cup": at(9), "arm/fore": at(0)}), QueryError, "is a link placed by joints"),
         "stamp below 0": (lambda: poses({"cup": at(9)}, stamp_ns=-1), QueryError, "stamp_ns: -1 is below 0"),
         "stamp ahead": (lambda: poses({"cup": at(9)}, stamp_ns=later), QueryError, "ahead of this machine's clock"),
         "unknown joint": (lambda: joints({"arm/joint1": 1.0, "arm/joint9": 1.0}), ValueError, "no joint is named"),
@@ -147,7 +147,7 @@ def test_a_command_that_is_rejected_changes_nothing(daemon):
             (["set-pose", "cup", 0, 0, 0, 0, 0, 0, 0], 2, "a quaternion with a norm from 1e-06 to 1e+06, got 0"),
             (["set-pose", "cup", 0, 0, 0, "1e7", 0, 0, 0], 2, "got 1e+07"),
             (["set-pose", "table", 0, 0, 0], 1, '"table" is static'),
-            (["set-pose", "arm/fore", 0, 0, 0], 1, "is a link that joints place"),
+            (["set-pose", "arm/fore", 0, 0, 0], 1, "is a link placed by joints"),
             (["set-pose", "cup", 0, 0, "inf", "--parent", "arm/palm"], 2, "POSE: expected finite numbers"),
             (["points", "cloud", "-"], 2, "standard input:2: expected 3 numbers, metres, with white space between "
                                          'them, got "0,4,0"'),
@@ -165,7 +165,7 @@ def test_a_command_that_is_rejected_changes_nothing(daemon):
 def test_a_position_beyond_limits_is_set_with_a_warning(daemon):
     code, text = run(daemon, "joints", "--set", "arm/joint2=-45", "--set", "arm/joint4=-135", "--set", "arm/joint1=0")
     assert code == 0 and "warning: beyond joint limits: arm/joint2 = -45 (-1.76 to 1.76), arm/joint4 = -135" in text
-    assert "as degrees they would be within" in text and "arm/joint1" not in text
+    assert "in degrees they would be within" in text and "arm/joint1" not in text
     code, text = run(daemon, "joints", "--set", "arm/grip=2", "--set", "arm/joint2=0", "--set", "arm/joint4=-1")
     assert code == 0 and "arm/grip = 2 (0 to 0.04)" in text and "degrees" not in text
 

@@ -238,7 +238,7 @@ TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
   const wire::TriangleRecord beyond[] = {{{0, 1, 4}}};
   for (const std::uint8_t how : {0, 3, 4})
     EXPECT_EQ(refusal(mesh_frame("m", beyond, how)), "body \"m\": triangle 0 names the vertex 4, and there are 4");
-  EXPECT_NE(refusal(mesh_frame("m", open, 2)).find("convexify: decompose: only of a mesh file"), std::string::npos);
+  EXPECT_NE(refusal(mesh_frame("m", open, 2)).find("convexify: decompose: only for a mesh file"), std::string::npos);
   EXPECT_EQ(refusal(mesh_frame("m", open, 6)), "new body: convexify 6 is none of 0 to 5");
   EXPECT_EQ(refusal(mesh_frame("m", {}, 4)), "new body: convexify is for a mesh, and there are no triangles");
   EXPECT_EQ(refusal(mesh_frame("m", open, 3, wire::BodyShape::kBox)), "new body: triangles are for vertices alone");

@@ -63,7 +63,7 @@ TEST_F(LoaderSandbox, AnythingElseEndsTheLoaderAndSaysSo) {
                            "sleep"}) {
     SCOPED_TRACE(what);
     const std::string error = attempt(what);
-    EXPECT_EQ(error.find("reading it was stopped: the mesh loader asked for system call "), 0u) << error;
+    EXPECT_EQ(error.find("reading it was stopped: the mesh loader made system call "), 0u) << error;
     EXPECT_NE(error.find("which no mesh file needs; is the file hostile?"), std::string::npos) << error;
     std::size_t files = 0;
     for ([[maybe_unused]] const auto& file : std::filesystem::directory_iterator(folder_.path())) ++files;

@@ -198,8 +198,8 @@ const std::vector<BadCase> kBadUrdfs = {
     {"limits_swapped", joint("revolute", "<limit lower='2' upper='1'/>"),
      "3: joint \"j\": limit: lower \"2\" is above upper \"1\""},
     {"tilted_plane", joint("planar", "<axis xyz='0 1 0'/>"),
-     "3: joint \"j\": axis: a planar joint must have the axis 0 0 1: URDF does not say where x and y are about "
-     "another"},
+     "3: joint \"j\": axis: a planar joint must have the axis 0 0 1: URDF does not define x and y for another "
+     "axis"},
     {"plane_without_axis", joint("planar", ""),
      "3: joint \"j\": a planar joint must have the axis 0 0 1: URDF does not define x and y for another axis"},
     {"mimic_of_nobody", mimics("<mimic joint='x'/>", ""), "3: joint \"j\": mimic: there is no joint \"x\""},

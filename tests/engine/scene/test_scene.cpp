@@ -85,10 +85,10 @@ TEST(Scene, HalfSpacesStandStill) {
     const std::string text = error_text<SceneError>([&] { scene.add_half_space("other", options); });
     EXPECT_NE(text.find(why), std::string::npos) << text;
   };
-  refused({.parent = "box"}, "parent: a half_space follows no body");
+  refused({.parent = "box"}, "parent: a half_space cannot follow a body");
   refused({.is_live = true}, "live: a static body");
   refused({.uncertainty = {0, 0.1}}, "uncertainty.angle: expected 0");
-  EXPECT_NE(error_text<SceneError>([&] { scene.set_parent("floor", "box"); }).find("a half_space follows no body"),
+  EXPECT_NE(error_text<SceneError>([&] { scene.set_parent("floor", "box"); }).find("a half_space cannot follow a body"),
             std::string::npos);
   Body both;
   both.name = "both";

@@ -378,7 +378,7 @@ TEST(TrueMesh, WhatIsWrongWithAMeshIsSaid) {
       {"vertex 3 has the coordinate", Convexify::kSurface, [](Source& m) { m.vertices[3].y = NAN; }},
       {"vertex 3 has the coordinate", Convexify::kSurface, [](Source& m) { m.vertices[3].y = 1e61; }},
       {"at least one vertex", Convexify::kSolid, [](Source& m) { m.vertices.clear(); }},
-      {"convexify: decompose: only of a mesh file", Convexify::kDecompose, [](Source&) {}},
+      {"convexify: decompose: only for a mesh file", Convexify::kDecompose, [](Source&) {}},
   };
   for (const BadMesh& bad : cases) {
     Source mesh = cup();

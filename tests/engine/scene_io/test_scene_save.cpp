@@ -199,7 +199,7 @@ TEST(SavedScene, WhatCannotBeSavedIsSaid) {
   loose.set_parent("hand/loose", "vague");
   EXPECT_EQ(error(loose, folder / "b"), "save: " + (folder / "b") +
                                             ": the link \"hand/loose\" has a parent or is live, which a scene file "
-                                            "cannot say of a link");
+                                            "cannot express for a link");
 }
 
 TEST(SavedScene, WhatIsWrongWithItsFilesIsSaidWithTheirPlace) {

@@ -126,11 +126,11 @@ TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
   start();
   Client witness = come("all");
   ask(witness);
-  EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { come("stranger"); }), "the daemon refuses this client's key"));
+  EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { come("stranger"); }), "the daemon rejects this client's key"));
   EXPECT_TRUE(
       contains(daemon_->log(), "event=zmq_refused more=0 reason=\"this key is not authorized\" address=127.0.0.1"));
   EXPECT_TRUE(contains(daemon_->log(), read_public_key(folder_ / "stranger.key")));
-  EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { patient(daemon_->url()); }), "the daemon there wants keys"));
+  EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { patient(daemon_->url()); }), "the daemon there needs keys"));
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon_->url(), with("all", "probe.key.pub")); }),
                        "the daemon there has another key than server_key"));
   EXPECT_GE(counter("zmq.refused"), 3u);
@@ -175,7 +175,7 @@ TEST_F(Keys, InTheUrlAndInTheEnvironment) {
   EXPECT_TRUE(contains(half.err, "server_key is missing"));
   EXPECT_TRUE(contains(query(daemon_->url() + "?server_key=" + server + "&key=" + folder_.path() + "/none", {}).err,
                        "/none: No such file or directory"));
-  EXPECT_TRUE(contains(query(daemon_->url() + "?keys=x", {}).err, "\"keys=x\" is no option of it"));
+  EXPECT_TRUE(contains(query(daemon_->url() + "?keys=x", {}).err, "\"keys=x\" is not an option"));
   chmod(own.c_str(), 0644);
   EXPECT_TRUE(contains(query(daemon_->url() + "?server_key=" + server + "&key=" + own, {}).err,
                        "others may read this secret key"));
@@ -221,7 +221,7 @@ TEST_F(Keys, FilesThatWillNotDoEndTheDaemonWith4) {
   std::ofstream{list} << read_public_key(folder_ / "all.key") << " everything\n";
   EXPECT_TRUE(contains(said(), "authorized:1: \"everything\" is no right"));
   std::ofstream{list} << read_public_key(folder_ / "all.key") << "\n";
-  EXPECT_TRUE(contains(said(), "authorized:1: what this key may do is missing"));
+  EXPECT_TRUE(contains(said(), "authorized:1: the rights of this key are missing"));
   std::filesystem::remove(list);
   EXPECT_TRUE(contains(said(), "authorized: No such file or directory"));
 }

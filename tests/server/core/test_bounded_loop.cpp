@@ -232,7 +232,7 @@ TEST_F(BoundedLoop, TooManyPairsOfPiecesAreRefusedBeforeAnyIsLookedAt) {
   const auto error = error_of(ask_within(small_query().frame(1)));
   EXPECT_EQ(
       error.text,
-      "the pairs that this query names have 3600 pairs of convex parts, more than the 3599 that one query may ask about "
+      "the pairs that this query names have 3600 pairs of convex parts, more than the 3599 that one query may have "
       "(limit max-piece-pairs): split it");
 }
 

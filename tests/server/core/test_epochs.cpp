@@ -101,7 +101,7 @@ TEST_F(Epochs, RequestsForAnotherOneAreRefusedAndChangeNothing) {
     EXPECT_EQ(epoch_of(*frame), loop_->epoch());
     const auto error = wire::parse_error(frame->body());
     EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kNewEpoch));
-    EXPECT_NE(error.text.find("was started anew"), std::string::npos) << error.text;
+    EXPECT_NE(error.text.find("was restarted or replaced"), std::string::npos) << error.text;
   }
   EXPECT_EQ(engine_->body_state(1).X_wb.translation.z, before.translation.z);
   EXPECT_EQ(engine_->body_state(1).parent, kNone);

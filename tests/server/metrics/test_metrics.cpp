@@ -420,8 +420,8 @@ TEST_F(Metrics, EndpointsThatWillNotDoEndWith4) {
     EXPECT_EQ(ended.code, 4) << endpoint;
     return ended.err;
   };
-  EXPECT_TRUE(has(said("0.0.0.0:0"), "--metrics 0.0.0.0:0: it is for the loopback alone"));
-  EXPECT_TRUE(has(said("[::]:0"), "it is for the loopback alone"));
+  EXPECT_TRUE(has(said("0.0.0.0:0"), "--metrics 0.0.0.0:0: it is for the loopback only"));
+  EXPECT_TRUE(has(said("[::]:0"), "it is for the loopback only"));
   EXPECT_TRUE(has(said("9464"), "--metrics 9464: expected 127.0.0.1:PORT"));
   EXPECT_TRUE(has(said("localhost:x"), "expected 127.0.0.1:PORT"));
   EXPECT_TRUE(has(said(folder_ / "none/m.sock"), "there is no folder " + (folder_ / "none")));

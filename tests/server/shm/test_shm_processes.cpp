@@ -176,7 +176,7 @@ TEST_F(ShmProcesses, AForkedChildIsToldToConnectAnew) {
       try {
         call();
       } catch (const ConnectionError& error) {
-        refused += std::string(error.what()).find("connect anew in the child") != std::string::npos;
+        refused += std::string(error.what()).find("open a new one in the child") != std::string::npos;
       }
     };
     expect_refusal([&] { channel->begin(64, 0); });

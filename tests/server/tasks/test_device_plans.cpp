@@ -315,7 +315,7 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
   };
   a_.is_local = false;
   refuse(plan_query(), ErrorCode::kNotSupported,
-         "a plan on a device: its memory is for processes of this machine whose end the daemon sees, by shm:// and "
+         "a plan on a device: its memory is shared only with processes of this machine, over shm:// and "
          "ipc://; this client is not one of them");
   a_.is_local = true;
   TestQuery query = plan_query();

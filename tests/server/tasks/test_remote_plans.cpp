@@ -170,7 +170,7 @@ TEST_F(RemotePlans, AreRefusedByName) {
   EXPECT_EQ(tcp.code, code(wire::ErrorCode::kNotSupported));
   EXPECT_STREQ(
       tcp.what(),
-      "a plan on a device: its memory is for processes of this machine whose end the daemon sees, by shm:// and "
+      "a plan on a device: its memory is shared only with processes of this machine, over shm:// and "
       "ipc://; this client is not one of them");
 }
 
