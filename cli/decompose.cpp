@@ -48,7 +48,8 @@ void add_decompose(CLI::App& app) {
       *app.add_subcommand("decompose", "convex parts for a closed mesh, with a proved bound on their error");
   const auto o = std::make_shared<DecomposeCommand>();
   command.add_option("mesh", o->options.mesh, "the mesh file")->required();
-  command.add_option("--threshold", o->options.threshold, "maximum concavity of a part, as CoACD defines it: 0.01 to 1")
+  command
+      .add_option("--threshold", o->options.threshold, "maximum concavity of a part, as CoACD defines it: 0.01 to 1")
       ->check(CLI::Range(0.01, 1.0));
   command.add_option("--max-pieces", o->options.most_pieces, "maximum number of parts; -1: unlimited");
   command.add_option("--seconds", o->options.seconds, "time limit of CoACD")->check(CLI::PositiveNumber);

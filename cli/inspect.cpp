@@ -93,7 +93,8 @@ void print_uncertainty(const Body& body) {
   if (!has_uncertainty(body) && body.padding == 0) return;
   std::printf("%s: ", body.name.c_str());
   const auto [position, angle] = body.uncertainty;
-  if (body.model_error > 0) std::printf("its shape is smaller than its convex parts by up to %.3g m; ", body.model_error);
+  if (body.model_error > 0)
+    std::printf("its shape is smaller than its convex parts by up to %.3g m; ", body.model_error);
   if (body.model_inner > 0) std::printf("larger by up to %.3g m; ", body.model_inner);
   if (position > 0) std::printf("its position is known within %g m; ", position);
   if (angle > 0)
@@ -171,8 +172,7 @@ void run_inspect(const InspectCommand& o) {
 }  // namespace
 
 void add_inspect(CLI::App& app) {
-  auto& command =
-      *app.add_subcommand("inspect", "the geometry of a scene file's bodies, its cost, and redundancies");
+  auto& command = *app.add_subcommand("inspect", "the geometry of a scene file's bodies, its cost, and redundancies");
   const auto o = std::make_shared<InspectCommand>();
   command.add_option("scene", o->scene, "scene file (YAML), or a URDF: that robot alone")
       ->required()

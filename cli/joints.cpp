@@ -86,8 +86,7 @@ void run(const JointsOptions& o) {
 }  // namespace
 
 void add_joints(CLI::App& app) {
-  auto& command =
-      *app.add_subcommand("joints", "the joint positions of the scene's robots; --set changes them");
+  auto& command = *app.add_subcommand("joints", "the joint positions of the scene's robots; --set changes them");
   auto options = std::make_shared<JointsOptions>();
   command.add_option("GROUP", options->group, "a robot, or a group of its joints; default: all");
   command.add_option(

@@ -24,7 +24,8 @@ void add_keygen(CLI::App& app) {
   auto& command =
       *app.add_subcommand("keygen", "make a pair of keys (CURVE) for a daemon's TCP endpoint, or for a client of one");
   auto path = std::make_shared<std::string>();
-  command.add_option("FILE", *path, "file for the pair; FILE.pub gets the public key, which is also printed")->required();
+  command.add_option("FILE", *path, "file for the pair; FILE.pub gets the public key, which is also printed")
+      ->required();
   command.callback([path] { keygen(*path); });
   command.footer(R"(
 The daemon, with a list of the clients' keys and of their rights (query, poses, admin):

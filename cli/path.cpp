@@ -200,9 +200,10 @@ void add_path(CLI::App& app) {
       *app.add_subcommand("path", "prove that a path is free along its whole length and within joint limits");
   auto options = std::make_shared<PathOptions>();
   command
-      .add_option("FILE", options->file,
-                  "CSV: a line of joint names as `clearance joints` prints them, then a line for each waypoint,\nradians "
-                  "and metres; joints move linearly from one to the next")
+      .add_option(
+          "FILE", options->file,
+          "CSV: a line of joint names as `clearance joints` prints them, then a line for each waypoint,\nradians "
+          "and metres; joints move linearly from one to the next")
       ->required();
   command.add_option("--margin", options->margin, "distance in metres that every pair must exceed")
       ->check(at_least_zero())

@@ -172,7 +172,8 @@ void add_query(CLI::App& app) {
   command.add_option("--rel-tol", q.rel_tol, "wanted width of the bounds relative to the distance (1e-6; f32: 1e-4)")
       ->check(at_least_zero())
       ->type_name("R");
-  command.add_option("--precision", options->precision, "arithmetic of the iterations: f64, f32; the bounds hold in both")
+  command
+      .add_option("--precision", options->precision, "arithmetic of the iterations: f64, f32; the bounds hold in both")
       ->check(quiet(CLI::IsMember(names_of(kPrecisionNames))))
       ->type_name("WORD");
   command.add_option("--max-results", q.max_results, "maximum rows of --reduce within")

@@ -237,8 +237,7 @@ void add_robot(CLI::App& app) {
       *app.add_subcommand("robot", "contents of a URDF, and forward kinematics of its links: inspect, fk, pairs");
   command.require_subcommand(1);
   const auto o = std::make_shared<RobotCommand>();
-  auto& inspecting =
-      *command.add_subcommand("inspect", "links, joints, limits and shapes; warnings; missing meshes");
+  auto& inspecting = *command.add_subcommand("inspect", "links, joints, limits and shapes; warnings; missing meshes");
   add_robot_options(inspecting, *o);
   add_packages(inspecting, *o);
   inspecting.callback([o] { inspect_robot(*o); });
@@ -253,8 +252,8 @@ void add_robot(CLI::App& app) {
       .add_option("--radius", o->radius, "metres: error bounds are for points of a link up to this far from its origin")
       ->check(CLI::NonNegativeNumber);
   placing.callback([o] { print_link_poses(*o); });
-  auto& finding =
-      *command.add_subcommand("pairs", "pairs of links that never or always touch: proved where possible, else sampled");
+  auto& finding = *command.add_subcommand(
+      "pairs", "pairs of links that never or always touch: proved where possible, else sampled");
   add_robot_options(finding, *o);
   add_packages(finding, *o);
   finding.add_flag("--visual", o->visual, "use the visual shapes of links, not the collision shapes");

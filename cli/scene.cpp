@@ -57,8 +57,7 @@ void add_body(const CLI::App& command, const AddBodyOptions& o) {
   std::vector<std::array<double, 3>> vertices;
   if (!o.vertices.empty()) vertices = read_rows<double>("--vertices", o.vertices, "numbers");
   std::vector<std::array<std::uint32_t, 3>> triangles;
-  if (!o.triangles.empty())
-    triangles = read_rows<std::uint32_t>("--triangles", o.triangles, "indices of vertices");
+  if (!o.triangles.empty()) triangles = read_rows<std::uint32_t>("--triangles", o.triangles, "indices of vertices");
   NewBody body;
   body.name = o.name;
   body.vertices = vertices;
@@ -153,7 +152,8 @@ void add_add(CLI::App& scene) {
       ->expected(2)
       ->type_name("X");
   command.add_option("--padding", options->padding, "padding in metres")->type_name("R");
-  command.add_option("--max-speed", options->max_speed, "maximum speed of its points, in metres a second")->type_name("V");
+  command.add_option("--max-speed", options->max_speed, "maximum speed of its points, in metres a second")
+      ->type_name("V");
   add_connection_options(command, options->connection);
   command.callback([&command, options] { add_body(command, *options); });
 }
@@ -169,8 +169,8 @@ void add_remove(CLI::App& scene) {
 
 void add_allow(CLI::App& scene, bool allowed) {
   auto& command =
-      *scene.add_subcommand(allowed ? "allow" : "forbid",
-                            allowed ? "let bodies touch: exclude their pairs from queries" : "include the pairs of bodies in queries again");
+      *scene.add_subcommand(allowed ? "allow" : "forbid", allowed ? "let bodies touch: exclude their pairs from queries"
+                                                                  : "include the pairs of bodies in queries again");
   auto options = std::make_shared<AllowOptions>();
   command.add_option("A", options->a, "body or group; * is every body")->required();
   command.add_option("B", options->b, "the other")->required();

@@ -32,7 +32,8 @@ void run_selftest(Output output) {
 }  // namespace
 
 void add_selftest(CLI::App& app) {
-  auto& command = *app.add_subcommand("selftest", "test that each backend and instruction set of this machine computes correctly");
+  auto& command =
+      *app.add_subcommand("selftest", "test that each backend and instruction set of this machine computes correctly");
   const auto output = std::make_shared<Output>(Output::kTable);
   add_output_options(command, *output);
   command.footer(R"(

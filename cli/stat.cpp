@@ -121,26 +121,24 @@ void add_stat(CLI::App& app) {
   auto options = std::make_shared<StatOptions>();
   add_connection_options(command, options->connection);
   add_output_options(command, options->output);
-  auto* watch =
-      command
-          .add_option("--watch", options->watch_s,
-                      "print again every so many seconds (1 by default), with rates per second")
-          ->check(quiet(CLI::Range(0.01, 86400.0)))
-          ->expected(0, 1)
-          ->default_str("1")
-          ->type_name("[SECONDS]");
+  auto* watch = command
+                    .add_option("--watch", options->watch_s,
+                                "print again every so many seconds (1 by default), with rates per second")
+                    ->check(quiet(CLI::Range(0.01, 86400.0)))
+                    ->expected(0, 1)
+                    ->default_str("1")
+                    ->type_name("[SECONDS]");
   command.add_option("--count", options->count, "number of repetitions; default: until stopped")
       ->needs(watch)
       ->type_name("N");
   command.add_flag("--prometheus", options->prometheus, "print Prometheus' text format")->excludes(watch);
-  auto* ping = command
-                   .add_option("--ping", options->echoes,
-                               "time so many echoes through the daemon instead (100 by default)")
-                   ->check(quiet(CLI::Range(1u, 100000000u)))
-                   ->expected(0, 1)
-                   ->default_str("100")
-                   ->type_name("[N]")
-                   ->excludes(watch);
+  auto* ping =
+      command.add_option("--ping", options->echoes, "time so many echoes through the daemon instead (100 by default)")
+          ->check(quiet(CLI::Range(1u, 100000000u)))
+          ->expected(0, 1)
+          ->default_str("100")
+          ->type_name("[N]")
+          ->excludes(watch);
   for (const char* other : {"--json", "--csv", "--prometheus"}) ping->excludes(command.get_option(other));
   command.callback([options] { stat(*options); });
 }

@@ -168,7 +168,8 @@ class ShmChannel final : public Channel {
 
   void check_fork() const {
     if (guard_.forked())
-      throw ConnectionError(url() + ": this connection belongs to the process that forked; open a new one in the child");
+      throw ConnectionError(url() +
+                            ": this connection belongs to the process that forked; open a new one in the child");
   }
   void check_usable() const {
     check_fork();
@@ -204,10 +205,10 @@ class ShmChannel final : public Channel {
     socklen_t length = sizeof peer;
     if (::getsockopt(socket_.get(), SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0 ||
         peer.uid != options_.user.value_or(::geteuid()))
-      throw ConnectionError(
-          url() + ": the socket is user " + std::to_string(peer.uid) + "'s, not " +
-          (options_.user ? "user " + std::to_string(*options_.user) + "'s"
-                         : "ours (user " + std::to_string(::geteuid()) + "); add ?user=NAME for the daemon of another user"));
+      throw ConnectionError(url() + ": the socket is user " + std::to_string(peer.uid) + "'s, not " +
+                            (options_.user ? "user " + std::to_string(*options_.user) + "'s"
+                                           : "ours (user " + std::to_string(::geteuid()) +
+                                                 "); add ?user=NAME for the daemon of another user"));
     Message hello;
     hello.wire_version = wire::kVersion;
     hello.kind = static_cast<std::uint32_t>(MessageKind::kHello);

@@ -168,7 +168,8 @@ class ZmqChannel final : public Channel {
       case ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL:
       case ZMQ_EVENT_DISCONNECTED:
         if (endpoint_.rfind("ipc://", 0) == 0)  // which has no keys
-          return "the daemon closed the connection before the handshake: it is ending, or has no descriptor for another client";
+          return "the daemon closed the connection before the handshake: it is ending, or has no descriptor for "
+                 "another client";
         return with_keys_ ? "the daemon there has another key than server_key, or uses none"
                           : "the daemon there needs keys: give server_key=FILE&key=FILE in the url, or "
                             "CLEARANCE_SERVER_KEY and CLEARANCE_KEY in the environment";

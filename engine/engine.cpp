@@ -92,8 +92,7 @@ Engine::Engine(Scene scene, const Options& options) {
   const bool wanted = options.backend == "cuda" || both;
   if (const SelfTest* test = wanted && options.self_test ? &cuda::device_self_test(options.devices) : nullptr;
       test && !test->passed())
-    impl_->refused_device =
-        "backend 'cuda' fails the self-test on this machine (" + test->first_wrong + ")";
+    impl_->refused_device = "backend 'cuda' fails the self-test on this machine (" + test->first_wrong + ")";
   if (options.backend == "cuda" && !impl_->refused_device.empty()) throw std::runtime_error(impl_->refused_device);
   if (wanted && impl_->refused_device.empty()) {
     cuda::DeviceBackend::Options device;

@@ -198,7 +198,8 @@ void run(const ControlLoopOptions& o) {
 }  // namespace
 
 void add_loop_mode(CLI::App& bench) {
-  auto& command = *bench.add_subcommand("loop", "a control loop's deadline misses, compared with those of an idle loop");
+  auto& command =
+      *bench.add_subcommand("loop", "a control loop's deadline misses, compared with those of an idle loop");
   auto options = std::make_shared<ControlLoopOptions>();
   options->pairs = 200;
   add_connection_options(command, options->connection);

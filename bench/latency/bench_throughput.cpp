@@ -182,8 +182,8 @@ void run(const ThroughputOptions& o) {
 }  // namespace
 
 void add_throughput_mode(CLI::App& bench) {
-  auto& command =
-      *bench.add_subcommand("throughput", "queries a second of several clients at once; large replies compared with a memcpy");
+  auto& command = *bench.add_subcommand(
+      "throughput", "queries a second of several clients at once; large replies compared with a memcpy");
   auto options = std::make_shared<ThroughputOptions>();
   add_connection_options(command, options->connection);
   command.add_option("--clients", options->clients, "connections, each with a thread of its own")

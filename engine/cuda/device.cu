@@ -42,8 +42,7 @@ DeviceInfo probe() {
 int most_shared() {
   int device = 0, bytes = 0;
   check(cudaGetDevice(&device), "getting the device");
-  check(cudaDeviceGetAttribute(&bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device),
-        "getting its shared memory");
+  check(cudaDeviceGetAttribute(&bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device), "getting its shared memory");
   return std::min(bytes, kMostShared);
 }
 

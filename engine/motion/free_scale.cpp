@@ -73,7 +73,8 @@ void FreeScale::check() const {
   for (const auto& robot : scene_.robots())
     for (const std::uint32_t root : robot->kinematics.roots())
       if (const std::uint32_t body = robot->bodies[root]; moves_[body])
-        refuse("'" + scene_.bodies()[body].name + "' stands on a link that the joints move, which is not supported yet");
+        refuse("'" + scene_.bodies()[body].name +
+               "' stands on a link that the joints move, which is not supported yet");
 }
 
 void FreeScale::take_weights() {

@@ -70,7 +70,8 @@ class PairSearch {
       const bool slides =
           kind == JointKind::kPrismatic || (kind == JointKind::kPlanar && !column.name.ends_with("/theta"));
       if (slides && moves)
-        throw RobotError("joint \"" + column.name + "\" slides without limits: pairs that it never brings into contact cannot be found");
+        throw RobotError("joint \"" + column.name +
+                         "\" slides without limits: pairs that it never brings into contact cannot be found");
       lower = slides ? 0 : -std::numbers::pi * (1 + 0x1p-50);
       upper = slides ? 0 : std::numbers::pi * (1 + 0x1p-50);
     }

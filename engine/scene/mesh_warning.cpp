@@ -59,7 +59,8 @@ std::string units_warning(const Body& body) {
 
 std::string hull_warning(const Body& body) {
   if (lacks_pieces(body))
-    return "convexify: decompose finds no convex parts next to its mesh, and only triangles are used; `clearance decompose FILE` "
+    return "convexify: decompose finds no convex parts next to its mesh, and only triangles are used; `clearance "
+           "decompose FILE` "
            "makes some";
   if (!stands_out(body)) return "";
   char text[200];

@@ -195,8 +195,9 @@ class RobotAdder {
     for (const RobotGroup& group : model_.groups) {
       const std::string name = name_ + "/" + group.name;
       if (scene_.find_body(name) != kNone) {
-        robot_->model.warnings.push_back(options_.srdf + ": the group " + in_quotes(group.name) +
-                                         " has the name of a link, which that name means in pairs; its joints can be used");
+        robot_->model.warnings.push_back(
+            options_.srdf + ": the group " + in_quotes(group.name) +
+            " has the name of a link, which that name means in pairs; its joints can be used");
         continue;
       }
       Group bodies{name, {}};

@@ -140,8 +140,7 @@ MakeGeometry read_cloud(const YamlValue& body, const YamlValue& points, double r
 
 MakeGeometry read_octomap(const YamlValue& body, const YamlValue& file, double radius, const ResolvePath& resolve) {
   const auto unknown = body.find("unknown");
-  if (!unknown)
-    body.fail("an octomap needs the key \"unknown\": how unknown space is treated; expected free");
+  if (!unknown) body.fail("an octomap needs the key \"unknown\": how unknown space is treated; expected free");
   if (const std::string word = unknown->text("free"); word != "free")
     unknown->fail(word == "occupied" ? "not yet: unknown: occupied; expected free" : "expected free");
   const std::string named = file.text("the path of an octomap"), path = resolve(file);

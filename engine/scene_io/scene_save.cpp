@@ -87,7 +87,8 @@ class SceneWriter {
       for (std::uint32_t link = 0; link < robot->bodies.size(); ++link) {
         const Body& body = scene_.bodies()[robot->bodies[link]];
         if (!robot->places(link) && (body.parent != kNone || body.is_live))
-          fail("the link " + quoted(body.name) + " has a parent or is live, which a scene file cannot express for a link");
+          fail("the link " + quoted(body.name) +
+               " has a parent or is live, which a scene file cannot express for a link");
       }
   }
 

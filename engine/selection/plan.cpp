@@ -19,8 +19,7 @@ namespace {
 
 void check_motions(const QueryView& q) {
   if (q.max_steps == 0) {
-    if (q.fields & kMotionFields)
-      refuse("fields: time, first_contact and steps are only for motions (max_steps)");
+    if (q.fields & kMotionFields) refuse("fields: time, first_contact and steps are only for motions (max_steps)");
     return;
   }
   const auto unsupported = [](const char* what) { throw QueryError(QueryErrorCode::kNotSupported, what); };

@@ -22,7 +22,8 @@ struct stat status_of_guarded(const std::string& path) {
   struct stat info{};
   if (stat(path.c_str(), &info) != 0) throw std::runtime_error(path + ": " + std::strerror(errno));
   if (info.st_uid != geteuid() && info.st_uid != 0)
-    throw std::runtime_error(path + ": belongs to user " + std::to_string(info.st_uid) + ", neither the daemon's user nor root");
+    throw std::runtime_error(path + ": belongs to user " + std::to_string(info.st_uid) +
+                             ", neither the daemon's user nor root");
   if (info.st_mode & 022) throw std::runtime_error(path + ": others may write to it; chmod go-w it");
   return info;
 }

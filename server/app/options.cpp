@@ -65,18 +65,16 @@ void add_endpoints(CLI::App& app, DaemonOptions& o) {
       ->type_name("FILE")
       ->required();
   app.add_flag("--allow-outside", o.allow_outside, "allow meshes outside the scene's folder");
-  app.add_option(
-         "--shm", o.shm,
-         "serve shared memory through this Unix socket; without any endpoint at\n" + default_socket_path())
+  app.add_option("--shm", o.shm,
+                 "serve shared memory through this Unix socket; without any endpoint at\n" + default_socket_path())
       ->type_name("PATH");
   app.add_option(
          "--zmq", o.zmq,
          "serve ZeroMQ at ipc:///path, tcp://127.0.0.1:PORT, or with --keys tcp://ADDRESS:PORT;\nmay be repeated")
       ->type_name("ENDPOINT");
-  app.add_option(
-         "--keys", o.keys,
-         "TCP for clients with authorized keys (CURVE): a folder with server.key and the list `authorized`,\n"
-         "a line for each client: KEY RIGHTS NAME (see Access rights)")
+  app.add_option("--keys", o.keys,
+                 "TCP for clients with authorized keys (CURVE): a folder with server.key and the list `authorized`,\n"
+                 "a line for each client: KEY RIGHTS NAME (see Access rights)")
       ->type_name("DIR");
   app.add_option("--socket-group", o.socket_group, "let this group's members connect to the Unix sockets (mode 0660)")
       ->type_name("GROUP");
@@ -97,16 +95,16 @@ void add_lcm(CLI::App& app, DaemonOptions& o) {
          "serve LCM and follow poses there, as in \"udpm://239.255.76.67:7667?ttl=0\"; &prefix=TEXT begins the\n"
          "names of all channels, for several daemons on one network")
       ->type_name("URL");
-  app.add_option("--lcm-poses", o.lcm_poses,
-                 "bodies whose poses are accepted from LCM, to which any process on the network can send: on (all), off,\n"
-                 "or a body or group; may be repeated")
+  app.add_option(
+         "--lcm-poses", o.lcm_poses,
+         "bodies whose poses are accepted from LCM, to which any process on the network can send: on (all), off,\n"
+         "or a body or group; may be repeated")
       ->type_name("WHOSE")
       ->default_str("on");
 }
 
 void add_backend(CLI::App& app, DaemonOptions& o) {
-  app.add_option("--backend", o.backend,
-                 "auto, cpu, cuda, reference (slow brute force, for comparison)")
+  app.add_option("--backend", o.backend, "auto, cpu, cuda, reference (slow brute force, for comparison)")
       ->type_name("NAME")
       ->capture_default_str();
   app.add_option("--threads", o.threads, "threads of the cpu backend; 0: one for each core")
@@ -154,7 +152,8 @@ constexpr Limit kLimits[] = {
     {"max-warm-mib", &DaemonOptions::max_warm_mib, 0, 1'000'000,
      "MiB of all clients' warm state; beyond it the least recently active client loses its own"},
     {"max-pairs", &DaemonOptions::max_pairs, 1, kManyPairs, "pairs times configurations of one query"},
-    {"max-piece-pairs", &DaemonOptions::max_piece_pairs, 1, kManyPairs, "the same in pairs of the bodies' convex parts"},
+    {"max-piece-pairs", &DaemonOptions::max_piece_pairs, 1, kManyPairs,
+     "the same in pairs of the bodies' convex parts"},
     {"max-body-points", &DaemonOptions::max_body_points, 0, kManyPoints, "points of one update of a point cloud"},
     {"max-client-points", &DaemonOptions::max_client_points, 0, kManyPoints,
      "points that one client has set or is sending"},

@@ -51,7 +51,8 @@ void clear_stale_socket(const std::string& path, const std::string& url, int typ
   close(probe);
   if (error == 0 || error == EAGAIN) fail("another process listens there; stop it, or choose another path");
   if (error == EPROTOTYPE) fail("the path is taken by a socket of another kind");
-  if (error != ECONNREFUSED) fail(std::string("cannot determine whether a daemon listens there: ") + std::strerror(error));
+  if (error != ECONNREFUSED)
+    fail(std::string("cannot determine whether a daemon listens there: ") + std::strerror(error));
   if (unlink(path.c_str())) fail(std::string("cannot remove the socket of a dead daemon: ") + std::strerror(errno));
 }
 

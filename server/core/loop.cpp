@@ -179,7 +179,8 @@ bool Loop::work_for_a_slice() {
 void Loop::warn_of_contradictions() {
   if (engine().contradictions() > 0 && !std::exchange(contradiction_logged_, true))
     log::error(
-        "event=contradiction text=\"bounds of a pair contradicted each other, and it was evaluated again: this machine, "
+        "event=contradiction text=\"bounds of a pair contradicted each other, and it was evaluated again: this "
+        "machine, "
         "this build or a table of the scene is broken; clearance selftest may find which; engine.contradictions "
         "counts\"");
 }

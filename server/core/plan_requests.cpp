@@ -122,8 +122,7 @@ void PlanRequests::run(Request& request) {
   const std::string named = "plan " + std::to_string(number);
   const std::uint64_t revision = request.header.scene_revision;
   if (revision && revision != context_.engine->scene_revision())
-    throw rejected(ErrorCode::kWrongScene,
-                   named + " was made for an earlier scene; open it again");
+    throw rejected(ErrorCode::kWrongScene, named + " was made for an earlier scene; open it again");
   if (plan.is_running)
     throw rejected(ErrorCode::kBusy, named + " is running already; wait for its rows, which are the same memory");
   context_.quotas.check_requests(plan.client);

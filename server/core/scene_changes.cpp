@@ -105,8 +105,9 @@ Reloader::Edit removal(const std::string& name) {
                                     [&](const AddedBody& added) { return added.body.name == name; });
     if (found == scene.added.end())
       throw SceneError("remove_body: \"" + name + "\" " +
-                       (scene.file->find_body(name) == kNone ? "is not in the scene"
-                                                             : "belongs to the scene file: change the file, and reload it"));
+                       (scene.file->find_body(name) == kNone
+                            ? "is not in the scene"
+                            : "belongs to the scene file: change the file, and reload it"));
     scene.added.erase(found);
     for (AddedBody& other : scene.added)  // former children, detached since: see why_not()
       if (other.parent == name) {

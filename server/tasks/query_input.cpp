@@ -16,8 +16,7 @@ std::span<const Element> view_as(const List& list) {
 
 [[noreturn]] void reject_too_large(const std::string& text, std::uint64_t most, const std::string& option) {
   throw RejectedRequest{wire::ErrorCode::kTooLarge, text + " more than the " + std::to_string(most) +
-                                                        " that one query may have (limit " + option +
-                                                        "): split it"};
+                                                        " that one query may have (limit " + option + "): split it"};
 }
 
 }  // namespace
@@ -50,8 +49,9 @@ std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vect
 
 void QueryLimits::check(const QueryCost& cost) const {
   if (cost.piece_pairs > max_piece_pairs)
-    reject_too_large("the pairs that this query names have " + std::to_string(cost.piece_pairs) + " pairs of convex parts,",
-                     max_piece_pairs, "max-piece-pairs");
+    reject_too_large(
+        "the pairs that this query names have " + std::to_string(cost.piece_pairs) + " pairs of convex parts,",
+        max_piece_pairs, "max-piece-pairs");
 }
 
 void QueryLimits::check(const QuerySize& size) const {

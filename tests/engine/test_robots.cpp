@@ -350,8 +350,7 @@ TEST(JointQuery, WhatIsWrongWithItIsSaid) {
   const BodyPair pair[] = {{0, scene.find_body("arm")}};
   frame.pairs = pair;
   frame.all_pairs = false;
-  EXPECT_EQ(error_text<QueryError>([&] { engine.size(frame); }),
-            "pairs[0]: 'arm' is a frame without geometry");
+  EXPECT_EQ(error_text<QueryError>([&] { engine.size(frame); }), "pairs[0]: 'arm' is a frame without geometry");
 }
 
 TEST(JointQuery, BadPositionsAndMissingOnesAreStatusesOfTheirRows) {

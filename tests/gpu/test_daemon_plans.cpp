@@ -247,7 +247,8 @@ TEST_F(DaemonPlans, AreRefusedByNameOverTcp) {
     client.plan_on_device(Query{}, 0);
     FAIL();
   } catch (const RequestError& error) {
-    EXPECT_NE(std::string(error.what()).find("over shm:// and ipc://; this client is not one of them"), std::string::npos)
+    EXPECT_NE(std::string(error.what()).find("over shm:// and ipc://; this client is not one of them"),
+              std::string::npos)
         << error.what();
   }
 }

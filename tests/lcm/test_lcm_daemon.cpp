@@ -209,11 +209,10 @@ TEST_F(LcmDaemonTest, WithoutAMulticastRouteItSaysSoAndEnds) {
   const Finished daemon = run({"/bin/sh", "-c", "exec unshare -n \"$0\" --scene \"$1\" --lcm \"$2\"",
                                program("clearanced"), scene_file(), url()});
   EXPECT_EQ(daemon.code, 4);
-  EXPECT_NE(
-      daemon.err.find(
-          "LCM: no multicast route to 239.255.76.67: cannot send there (Network is unreachable); to keep LCM "
-          "on this host, run (as root):  ip link set lo up; ip route add 239.255.76.67/32 dev lo"),
-      std::string::npos)
+  EXPECT_NE(daemon.err.find(
+                "LCM: no multicast route to 239.255.76.67: cannot send there (Network is unreachable); to keep LCM "
+                "on this host, run (as root):  ip link set lo up; ip route add 239.255.76.67/32 dev lo"),
+            std::string::npos)
       << daemon.err;
   const Finished wrong = run({program("clearanced"), "--scene", scene_file(), "--lcm", "udpm://127.0.0.1:7667"});
   EXPECT_EQ(wrong.code, 4);

@@ -115,7 +115,8 @@ TEST_F(Bodies, OnlyAddedOnesAreRemovedAndNoneThatIsFollowed) {
   const std::uint64_t before = loop_->engine().scene_revision();
   change(box_frame("crate"));
   change(box_frame("lid", 4));
-  EXPECT_EQ(refusal(remove_frame("cup")), "remove_body: \"cup\" belongs to the scene file: change the file, and reload it");
+  EXPECT_EQ(refusal(remove_frame("cup")),
+            "remove_body: \"cup\" belongs to the scene file: change the file, and reload it");
   EXPECT_EQ(refusal(remove_frame("cups")), "remove_body: \"cups\" is not in the scene");
   EXPECT_EQ(refusal(remove_frame("crate")), "remove_body: \"lid\" follows \"crate\": detach it first");
   loop_->engine().attach(5, kNone);

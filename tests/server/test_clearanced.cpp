@@ -102,8 +102,7 @@ TEST_F(Clearanced, WhatIsWrongInAConfigurationFileIsNamedWithItsLine) {
       {"scene = \"x\"\n[limits]\nmax-clients = 9x\n", ":3: max-clients: expected a number from 1 to 1000000, got 9x"},
       {"scene = \"x\"\n[limits]\nmax-clients = 2\nthreads = 1\n", ":4: there is no limit \"threads\""},
       {"scene = \"x\"\nmax-clients = 2\n", ":2: there is no option \"max-clients\""},
-      {"[limits]\nmax-pairs = 1\nmax-pairs = 2\n[default]\nscene = \"x\"\n",
-       ":3: max-pairs is already set in line 2"},
+      {"[limits]\nmax-pairs = 1\nmax-pairs = 2\n[default]\nscene = \"x\"\n", ":3: max-pairs is already set in line 2"},
       {"scene = \"x\"\nlimit = \"max-pairs=1\"\n", ":2: limit is for the command line alone"},
       {"scene = \"x\"\nhelp = true\n", ":2: help is for the command line alone"},
   };
@@ -291,10 +290,9 @@ TEST_F(Clearanced, AnOpenMeshThatIsAddedIsLoggedWithAnEdge) {
   const std::string log = daemon.log();
   EXPECT_FALSE(contains(log, "event=mesh_suspicious body=\"closed\""));
   ASSERT_TRUE(contains(log, "level=warning event=mesh_suspicious body=\"open\" more=0 "));
-  EXPECT_TRUE(
-      contains(log,
-               "mesh (hull) encloses nothing: the edge from (0, 0, 0) to (1, 0, 0) of triangle 0 belongs to no "
-               "other triangle: the mesh is open there; convexify: surface uses its triangles as they are"));
+  EXPECT_TRUE(contains(log,
+                       "mesh (hull) encloses nothing: the edge from (0, 0, 0) to (1, 0, 0) of triangle 0 belongs to no "
+                       "other triangle: the mesh is open there; convexify: surface uses its triangles as they are"));
 }
 
 TEST_F(Clearanced, TheSocketOfALivingDaemonIsRefusedThatOfADeadOneReplaced) {

@@ -41,7 +41,8 @@ class Connection {
   auto with(F&& f) {
     // Before the lock, which another thread can have held at the fork; that thread does not exist in the child.
     if (fork_guard_.forked())
-      throw ConnectionError(name_ + ": this connection was opened before a fork; the child process must open a new one");
+      throw ConnectionError(name_ +
+                            ": this connection was opened before a fork; the child process must open a new one");
     const GilRelease release;
     const std::lock_guard lock(mutex_);
     empty_trash();

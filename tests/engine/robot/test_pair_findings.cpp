@@ -115,7 +115,8 @@ TEST(PairFindings, SlidingWithoutLimitsIsRefused) {
     find_pair(robot, kinematics, {robot.find_link("a"), robot.find_link("c"), {}, {}}, none, {});
     FAIL();
   } catch (const RobotError& error) {
-    EXPECT_STREQ(error.what(), "joint \"on/x\" slides without limits: pairs that it never brings into contact cannot be found");
+    EXPECT_STREQ(error.what(),
+                 "joint \"on/x\" slides without limits: pairs that it never brings into contact cannot be found");
   }
 }
 

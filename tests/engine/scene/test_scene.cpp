@@ -172,7 +172,9 @@ TEST(Scene, BadInputIsRefusedInWords) {
   EXPECT_EQ(text([](Scene& s) { s.add_box("a", {1, 1, 1}, {}); }), "body name \"a\" is already that of a body");
   EXPECT_EQ(text([](Scene& s) { s.add_box("g", {1, 1, 1}, {}); }), "body name \"g\" is already that of a group");
   EXPECT_EQ(text([](Scene& s) { s.add_box("", {1, 1, 1}, {}); }), "body name is empty");
-  EXPECT_EQ(text([](Scene& s) { s.add_box("*", {1, 1, 1}, {}); }),
+  EXPECT_EQ(text([](Scene& s) {
+              s.add_box("*", {1, 1, 1}, {});
+            }),
             "body name \"*\" is reserved: it selects every body");
   EXPECT_EQ(text([](Scene& s) { s.add_box("x\ny", {1, 1, 1}, {}); }),
             "body name holds an unprintable character or bad UTF-8 at byte 1");

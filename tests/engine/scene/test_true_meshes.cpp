@@ -168,8 +168,7 @@ TEST(TrueMesh, AnOpenMeshIsItsHullAndAnEdgeSaysWhy) {
     EXPECT_NE(warnings[i].text.find(what), std::string::npos) << warnings[i].text;
   };
   says(0, ": distances are to the hull; " + file + " (hull) encloses nothing: the edge from (");
-  says(0,
-       " belongs to no other triangle: the mesh is open there; convexify: surface uses its triangles as they are");
+  says(0, " belongs to no other triangle: the mesh is open there; convexify: surface uses its triangles as they are");
   says(1, "turned.off (hull) encloses nothing: the edge from (");
   says(1, "they are not oriented alike");
   EXPECT_EQ(warnings[2].text.find("edge"), std::string::npos) << "its hull was asked for: " << warnings[2].text;

@@ -79,9 +79,7 @@ TEST(SelfTest, WhatComputesWronglyIsRefusedByName) {
       passed_lane_kernel("avx2", kernels, tests);
       FAIL();
     } catch (const std::runtime_error& e) {
-      EXPECT_EQ(
-          std::string(e.what()).find("instruction set 'avx2' fails the self-test on this machine ("),
-          0u)
+      EXPECT_EQ(std::string(e.what()).find("instruction set 'avx2' fails the self-test on this machine ("), 0u)
           << e.what();
       EXPECT_NE(std::string(e.what()).find("; those that pass: baseline"), std::string::npos) << e.what();
     }
@@ -100,10 +98,9 @@ TEST(SelfTest, WithoutAnArithmeticTheEngineDoesNotStart) {
       passed_lane_kernel("auto", lane_kernels(), tests);
       FAIL();
     } catch (const std::runtime_error& e) {
-      EXPECT_EQ(std::string(e.what()),
-                "the engine does not start: its " + std::string(base) +
-                    " arithmetic fails the self-test on this machine (vertex before face: the "
-                    "distance is 1)");
+      EXPECT_EQ(std::string(e.what()), "the engine does not start: its " + std::string(base) +
+                                           " arithmetic fails the self-test on this machine (vertex before face: the "
+                                           "distance is 1)");
     }
   }
 }

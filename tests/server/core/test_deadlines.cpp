@@ -176,9 +176,8 @@ TEST(Forecast, TriesAgainAfterSomeRefusals) {
       return false;
     } catch (const RejectedRequest& refusal) {
       if (refused == 0) {
-        EXPECT_EQ(
-            refusal.text,
-            "no answer within the 15 ms of its deadline_ns: it would take about 20 ms, based on similar queries");
+        EXPECT_EQ(refusal.text,
+                  "no answer within the 15 ms of its deadline_ns: it would take about 20 ms, based on similar queries");
       }
       return true;
     }

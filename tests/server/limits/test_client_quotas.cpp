@@ -70,8 +70,9 @@ TEST_F(ClientQuotas, BytesOfOneClient) {
 TEST_F(ClientQuotas, OneRequestMayAlwaysBeUnderWay) {
   EXPECT_EQ(bytes(1, 5000), "");
   EXPECT_EQ(left_, 0u);
-  EXPECT_EQ(bytes(1, 5000, 1),
-            "the requests and replies of this client under way take 1 bytes already; retry later (limit max-client-mib)");
+  EXPECT_EQ(
+      bytes(1, 5000, 1),
+      "the requests and replies of this client under way take 1 bytes already; retry later (limit max-client-mib)");
   const Quotas::Share large = quotas_.take(1, kPlanning, 5000);
   EXPECT_NE(bytes(1, 0), "");
   EXPECT_EQ(bytes(2, 1), "the requests and replies under way take 5000 bytes already; retry later");

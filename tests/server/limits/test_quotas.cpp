@@ -36,9 +36,8 @@ TEST_F(Quotas, PairsOfOneQuery) {
   EXPECT_EQ(ask_for(20)->type(), wire::FrameType::kReply);
   const auto error = error_of(ask_for(21));
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kTooLarge);
-  EXPECT_EQ(
-      error.text,
-      "21 configurations of 6 pairs are more than the 120 that one query may have (limit max-pairs): split it");
+  EXPECT_EQ(error.text,
+            "21 configurations of 6 pairs are more than the 120 that one query may have (limit max-pairs): split it");
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);  // few rows, but as many pairs
   EXPECT_EQ(ask_for(21)->type(), wire::FrameType::kError);
   EXPECT_EQ(ask_for(20)->type(), wire::FrameType::kReply);

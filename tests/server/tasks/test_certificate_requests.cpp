@@ -124,8 +124,9 @@ TEST_F(CertificateRequests, AreRefusedByName) {
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
   expect_refused(query.frame(1, FrameType::kCertify), ErrorCode::kBadQuery,
                  "certificate: only rows of reduce none and motions have one");
-  expect_refused(waiting_query().frame(1, FrameType::kCertify), ErrorCode::kNotSupported,
-                 "certificate: min_pose_stamp_ns and deadline_ns are not supported; request it once the poses are there");
+  expect_refused(
+      waiting_query().frame(1, FrameType::kCertify), ErrorCode::kNotSupported,
+      "certificate: min_pose_stamp_ns and deadline_ns are not supported; request it once the poses are there");
 }
 
 TEST_F(CertificateRequests, OfTooMuchAreRefusedAsSoonAsThatIsSeen) {

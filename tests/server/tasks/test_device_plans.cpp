@@ -328,9 +328,8 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
   query.bodies = {3, 3};
   const auto twice = error_of(tell(a_, query.frame(1, FrameType::kOpenPlan)));
   EXPECT_EQ(static_cast<ErrorCode>(twice.header.code), ErrorCode::kBadQuery) << twice.text;
-  refuse(
-      plan_query(48), ErrorCode::kTooLarge,
-      "48 configurations of 21 pairs are more than the 1000 that one query may have (limit max-pairs): split it");
+  refuse(plan_query(48), ErrorCode::kTooLarge,
+         "48 configurations of 21 pairs are more than the 1000 that one query may have (limit max-pairs): split it");
   query = plan_query(4'000'000'000u);
   query.joints = std::vector<std::uint32_t>(100'000);
   refuse(query, ErrorCode::kTooLarge,

@@ -168,10 +168,9 @@ TEST_F(RemotePlans, AreRefusedByName) {
   Client far = patient(urls_[2]);
   const RequestError tcp = refused([&] { far.plan_on_device(query(), 4); });
   EXPECT_EQ(tcp.code, code(wire::ErrorCode::kNotSupported));
-  EXPECT_STREQ(
-      tcp.what(),
-      "a plan on a device: its memory is shared only with processes of this machine, over shm:// and "
-      "ipc://; this client is not one of them");
+  EXPECT_STREQ(tcp.what(),
+               "a plan on a device: its memory is shared only with processes of this machine, over shm:// and "
+               "ipc://; this client is not one of them");
 }
 
 TEST_F(RemotePlans, OfAProcessThatIsKilledAreFreed) {
