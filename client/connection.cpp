@@ -131,8 +131,8 @@ std::byte* Connection::begin(std::uint64_t frame_bytes, std::uint64_t reply_byte
 std::unique_ptr<Frame> Connection::await(std::uint64_t request_id, Deadline deadline) {
   check_process();
   if (request_id < oldest_request_id_)
-    throw ConnectionError(url_ + ": the daemon went away before request " + std::to_string(request_id) +
-                          " was answered; the connection is another one now");
+    throw ConnectionError(url_ + ": the daemon disconnected before request " + std::to_string(request_id) +
+                          " was answered; the connection has been replaced");
   for (;;) {
     if (auto frame = channel_->receive(request_id, std::min(deadline, watch_.due()))) return frame;
     const auto now = Clock::now();
@@ -145,7 +145,7 @@ std::unique_ptr<Frame> Connection::await(std::uint64_t request_id, Deadline dead
 Deadline Connection::look_for_hang(Deadline now) {
   if (now >= watch_.due() && watch_.look(*channel_, now)) {
     has_hung_ = true;
-    throw DaemonHung(url_ + ": the daemon hangs: its loop has stood still for " + seconds(hang_) +
+    throw DaemonHung(url_ + ": the daemon hangs: its loop has been blocked for " + seconds(hang_) +
                      " with a request under way");
   }
   return watch_.due();

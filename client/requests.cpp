@@ -96,9 +96,9 @@ std::vector<std::byte> payload_of(const NewBody& body) {
         std::to_string(shapes));
   if (body.convexify != Convexify::kHull && body.convexify != Convexify::kAuto && body.triangles.empty())
     throw std::invalid_argument("add_body: convexify is for a mesh, and there are no triangles");
-  if (body.voxel != 0 && !body.points) throw std::invalid_argument("add_body: voxel is for points alone");
+  if (body.voxel != 0 && !body.points) throw std::invalid_argument("add_body: voxel is only for points");
   if (!body.triangles.empty() && body.vertices.empty())
-    throw std::invalid_argument("add_body: triangles are for vertices alone");
+    throw std::invalid_argument("add_body: triangles are only for vertices");
   wire::NewBodyRecord record;
   set_body_name(record.name, body.name);
   record.parent = body.parent;

@@ -198,7 +198,7 @@ class ShmChannel final : public Channel {
                              : error == ECONNREFUSED ? std::string("no process listens there: the daemon is gone")
                              : error == EPROTOTYPE   ? std::string("the socket there is not clearanced's")
                              : error == EACCES
-                                 ? std::string("the socket belongs to another user, or its folder is closed to us")
+                                 ? std::string("the socket belongs to another user, or its folder is not accessible")
                                  : std::strerror(error)));
     }
     ucred peer{};
@@ -357,7 +357,7 @@ class ShmChannel final : public Channel {
       if (forgotten == 0)
         throw ConnectionError(url() + ": all " + std::to_string(count) + " slots are taken: " + std::to_string(posted) +
                               " requests under way, " + std::to_string(arrived) + " replies not yet received, " +
-                              std::to_string(count - posted - arrived) + " replies still held; let go of some");
+                              std::to_string(count - posted - arrived) + " replies still held; release some");
       if (!dead_.empty()) throw ConnectionError(dead_);
       const auto now = Clock::now();
       if (deadline == Deadline{}) deadline = now + kBeginTimeout;
@@ -382,7 +382,7 @@ class ShmChannel final : public Channel {
   void collect() {
     bool sane = current_->collect();
     for (const SegmentPtr& segment : outgrown_) sane = segment->collect() && sane;
-    if (!sane && dead_.empty()) dead_ = url() + ": the shared segment is garbled";
+    if (!sane && dead_.empty()) dead_ = url() + ": the shared segment is corrupted";
   }
 
   /// Waits for a new entry in `segment`, for a limited time.
@@ -412,7 +412,7 @@ class ShmChannel final : public Channel {
     auto frame = std::make_unique<ShmFrame>(segment, index, header);
     if (header.magic != wire::kMagic || header.version != wire::kVersion || header.request_id != slot.request_id ||
         header.payload_bytes != slot.reply_bytes - sizeof header)
-      throw ConnectionError(url() + ": the reply to request " + std::to_string(slot.request_id) + " is garbled");
+      throw ConnectionError(url() + ": the reply to request " + std::to_string(slot.request_id) + " is corrupted");
     return frame;
   }
 

@@ -15,7 +15,7 @@ namespace clearance {
 ClientSegment::ClientSegment(const shm::UniqueFd& memfd, const std::string& url) {
   struct stat file{};
   if (::fstat(memfd.get(), &file) != 0 || file.st_size < static_cast<off_t>(shm::kPage))
-    throw ConnectionError(url + ": the daemon handed over something that is no segment");
+    throw ConnectionError(url + ": the daemon handed over something that is not a segment");
   bytes_ = static_cast<std::uint64_t>(file.st_size);
   void* base = ::mmap(nullptr, bytes_, PROT_READ | PROT_WRITE, MAP_SHARED, memfd.get(), 0);
   if (base == MAP_FAILED)
@@ -33,7 +33,7 @@ ClientSegment::ClientSegment(const shm::UniqueFd& memfd, const std::string& url)
       header_->segment_bytes != bytes_ || shm::segment_bytes(slots, request_capacity_, reply_capacity_) != bytes_ ||
       header_->request_offset != shm::kPage || header_->reply_offset != shm::kPage + slots * request_capacity_) {
     ::munmap(base_, bytes_);
-    throw ConnectionError(url + ": the daemon's segment has another layout than this client knows");
+    throw ConnectionError(url + ": the daemon's segment has a layout unknown to this client");
   }
   ::madvise(base, bytes_, MADV_DONTFORK);  // a forked child cannot scribble over its parent's requests
   id_ = header_->segment_id;

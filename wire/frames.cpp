@@ -217,7 +217,7 @@ RecordView take_record(const char* what, std::span<const std::byte>& records, st
   const auto header = head<RecordHeader>(records, (what + std::string(": a record")).c_str());
   const std::string name = std::string(what) + ": record " + str(header.tag);
   if (header.flags & ~kRecordRequired) bad_frame(name + " has unknown flags");
-  if (header.tag <= last) bad_frame(name + " comes after record " + str(last) + ": tags must rise, from 1 on");
+  if (header.tag <= last) bad_frame(name + " comes after record " + str(last) + ": tags must increase from 1");
   last = header.tag;
   const std::uint64_t whole = align(sizeof header + std::uint64_t{header.bytes}, kRecordAlignment);
   if (whole > records.size()) bad_frame(name + " goes past the end of the frame");
@@ -230,7 +230,7 @@ RecordView take_record(const char* what, std::span<const std::byte>& records, st
 void pass_over(const char* what, const RecordView& record, PassedOver& passed_over) {
   if (record.required)
     throw WireError(ErrorCode::kNotSupported,
-                    std::string(what) + ": record " + str(record.tag) + " is required, and this side does not know it");
+                    std::string(what) + ": record " + str(record.tag) + " is required but unknown to this side");
   passed_over.push_back(record.tag);
 }
 

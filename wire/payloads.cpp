@@ -112,7 +112,7 @@ AttachParts parse_attach(std::span<const std::byte> payload, std::span<const std
   if (has_pose > 1) bad_frame("attach: has_pose " + std::to_string(has_pose) + " is neither 0 nor 1");
   parts.epoch = read_records("attach", records, parts.passed_over, [&](const RecordView& record) {
     if (record.tag != static_cast<std::uint16_t>(AttachTag::kAllow)) return false;
-    if (record.bytes.size() % 4) bad_frame("attach: allow has " + str(record.bytes.size()) + " bytes, no whole ids");
+    if (record.bytes.size() % 4) bad_frame("attach: allow has " + str(record.bytes.size()) + " bytes, not a whole number of ids");
     parts.allow.resize(record.bytes.size() / 4);
     std::memcpy(parts.allow.data(), record.bytes.data(), record.bytes.size());
     return true;
@@ -215,13 +215,13 @@ bool read_new_body_record(const RecordView& record, NewBodyParts& parts) {
         bad_frame("new body: triangles (record 21) have " + str(size) + " bytes, expected " +
                   str(sizeof(TriangleRecord)) + " for each, and one at least");
       if (parts.record.shape != static_cast<std::uint8_t>(BodyShape::kHull))
-        bad_query("new body: triangles are for vertices alone");
+        bad_query("new body: triangles are only for vertices");
       parts.triangles = Records<TriangleRecord>(record.bytes.data(), size / sizeof(TriangleRecord));
       return true;
     case NewBodyTag::kConvexify:
       if (size != 1) bad_frame("new body: convexify (record 22) has " + str(size) + " bytes, expected 1");
       if (const auto value = std::to_integer<std::size_t>(record.bytes[0]); value >= kConvexifyWords.size())
-        bad_query("new body: convexify " + str(value) + " is none of 0 to " + str(kConvexifyWords.size() - 1));
+        bad_query("new body: convexify " + str(value) + " is not one of 0 to " + str(kConvexifyWords.size() - 1));
       if (parts.triangles.size() == 0) bad_query("new body: convexify is for a mesh, and there are no triangles");
       parts.convexify = static_cast<Convexify>(record.bytes[0]);
       return true;
@@ -230,7 +230,7 @@ bool read_new_body_record(const RecordView& record, NewBodyParts& parts) {
         bad_frame("new body: points (record 23) have " + str(size) + " bytes, expected " + str(sizeof parts.points[0]) +
                   " for each");
       if (parts.record.shape != static_cast<std::uint8_t>(BodyShape::kCloud))
-        bad_query("new body: points are for a cloud alone");
+        bad_query("new body: points are only for a cloud");
       parts.points = Records<std::array<float, 3>>(record.bytes.data(), size / sizeof parts.points[0]);
       return true;
   }
@@ -248,9 +248,9 @@ NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const 
       sizeof(NewBodyRecord) + Wide(r.vertex_count) * sizeof(VertexRecord), payload.size());
   expect_name(r.name, "new body", 0);
   if (r.shape > static_cast<std::uint8_t>(BodyShape::kCloud))
-    bad_query("new body: shape " + str(r.shape) + " is none of 0 to 8");
+    bad_query("new body: shape " + str(r.shape) + " is not one of 0 to 8");
   if (r.shape != static_cast<std::uint8_t>(BodyShape::kHull) && r.vertex_count)
-    bad_query("new body: vertices are for a hull alone");
+    bad_query("new body: vertices are only for a hull");
   if (r.is_static > 1 || r.has_pose > 1) bad_query("new body: is_static and has_pose are 0 or 1");
   expect_zero(r.reserved, "new body");
   parts.vertices = Records<VertexRecord>(payload.data() + sizeof(NewBodyRecord), r.vertex_count);
@@ -275,7 +275,7 @@ SceneChange parse_scene_changed(std::span<const std::byte> payload) {
 
 Records<CounterRecord> parse_stats(std::span<const std::byte> payload) {
   if (payload.size() % sizeof(CounterRecord))
-    bad_frame("stats: " + str(payload.size()) + " bytes are no whole number of records of " +
+    bad_frame("stats: " + str(payload.size()) + " bytes are not a whole number of records of " +
               str(sizeof(CounterRecord)));
   const Records<CounterRecord> counters(payload.data(), payload.size() / sizeof(CounterRecord));
   for (std::uint64_t i = 0; i < counters.size(); ++i) expect_name(counters[i].name, "stats: counters", i);

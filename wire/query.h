@@ -53,13 +53,13 @@ inline std::uint64_t configuration_count(const Query& query) {
   const auto count = [](const char* what, std::size_t given, std::size_t each, const char* of) -> std::uint64_t {
     if (each == 0 ? given == 0 : given % each == 0 && given > 0) return each ? given / each : 0;
     throw std::invalid_argument("query: " + std::to_string(given) + " " + what +
-                                " are no whole number of configurations of " + std::to_string(each) + " " + of);
+                                " are not a whole number of configurations of " + std::to_string(each) + " " + of);
   };
   const std::uint64_t of_bodies = count("poses", query.configurations.size(), query.bodies.size(), "bodies"),
                       of_joints = count("positions", query.positions.size(), query.joints.size(), "joints");
   if (of_bodies && of_joints && of_bodies != of_joints)
     throw std::invalid_argument("query: " + std::to_string(of_bodies) + " configurations of bodies and " +
-                                std::to_string(of_joints) + " of joints: expected as many");
+                                std::to_string(of_joints) + " of joints: expected equal numbers");
   return of_bodies ? of_bodies : of_joints;
 }
 

@@ -14,7 +14,7 @@ template <class T>
 [[noreturn]] void refuse_option(const QueryOption& option, T value) {
   const std::string name = std::string("query: ") + option.name;
   const Legal& legal = option.legal;
-  if (legal.kind == Legal::Kind::kWord) bad_query(name + " " + str(value) + " is none of 0 to " + str(legal.most));
+  if (legal.kind == Legal::Kind::kWord) bad_query(name + " " + str(value) + " is not one of 0 to " + str(legal.most));
   if (legal.kind == Legal::Kind::kBits)
     bad_query(name + " has unknown bits: " + str(static_cast<std::uint64_t>(value) & ~legal.mask));
   // Without a text, both ends are integers.
@@ -33,7 +33,7 @@ void check_option(const QueryOption& option, T value) {
 }
 
 void check_query_header(const QueryHeader& q) {
-  if (q.all_pairs > 1) bad_query("query: all_pairs " + str(q.all_pairs) + " is none of 0 to 1");
+  if (q.all_pairs > 1) bad_query("query: all_pairs " + str(q.all_pairs) + " is not one of 0 to 1");
   if (q.all_pairs && q.pair_count) bad_query("query: all_pairs is set, yet " + str(q.pair_count) + " pairs are named");
   expect_zero(q.padding, "query");
   expect_zero(q.padding2, "query");

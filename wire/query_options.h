@@ -21,17 +21,17 @@
 // X(type, name, default, tag (0 in QueryHeader), legal values, unit, description)
 // clang-format off
 #define CLEARANCE_QUERY_OPTIONS(X)                                                                                     \
-  X(double, max_distance, std::numeric_limits<double>::infinity(), 0, Legal::at_least(0, "a number of metres >= 0"),  \
+  X(double, max_distance, std::numeric_limits<double>::infinity(), 0, Legal::at_least(0, "a number of metres >= 0"),   \
     "m", "pairs proved farther are `beyond` and not refined")                                                          \
   X(double, abs_tol, 0, 0, Legal::finite(0, "a finite number of metres >= 0"),                                         \
     "m", "wanted: upper - lower <= max(abs_tol, rel_tol * distance)")                                                  \
   X(double, rel_tol, -1, 0, Legal::finite(std::numeric_limits<double>::lowest(), "finite"),                            \
     "1", "negative: 1e-6 (f64), 1e-4 (f32)")                                                                           \
   X(Precision, precision, Precision::kF64, 0, Legal::word("f64 f32"),                                                  \
-    "", "arithmetic of the iterations; the bounds hold in both")                                                     \
+    "", "arithmetic of the iterations; the bounds hold in both")                                                       \
   X(bool, signed_distance, false, 0, Legal::word("false true"),                                                        \
     "", "also how deep bodies overlap")                                                                                \
-  X(Reduce, reduce, Reduce::kNone, 0, Legal::word("none within nearest min any"),                                          \
+  X(Reduce, reduce, Reduce::kNone, 0, Legal::word("none within nearest min any"),                                      \
     "", "which rows come back")                                                                                        \
   X(Format, format, Format::kFull, 0, Legal::word("full compact"),                                                     \
     "", "how columns are encoded")                                                                                     \
@@ -46,17 +46,17 @@
   X(std::int64_t, min_pose_stamp_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                 \
     "ns", "begin once the poses of wait_for have this stamp or a newer one (publisher's clock); 0: at once")           \
   X(std::int64_t, pose_wait_ns, 0, 0, Legal::range(0, 10'000'000'000),                                                 \
-    "ns", "maximum wait for them; then `kPosesLate`")                                                          \
+    "ns", "maximum wait for them; then `kPosesLate`")                                                                  \
   X(std::uint32_t, wait_for, kEveryBody, 0, Legal::anything(),                                                         \
-    "", "body, or selector of a group; unstamped bodies are ignored, but at least one must have a stamp")                   \
+    "", "body, or selector of a group; unstamped bodies are ignored, but at least one must have a stamp")              \
   X(bool, as_planning, false, 3, Legal::word("false true"),                                                            \
-    "", "use the class `planning` even if the caller has the class `control`")                                      \
+    "", "use the class `planning` even if the caller has the class `control`")                                         \
   X(std::int64_t, deadline_ns, 0, 4, Legal::range(0, 3'600'000'000'000),                                               \
-    "ns", "maximum time from receipt to answer (daemon's steady clock), else rejected with `kDeadline`; 0: no limit")    \
+    "ns", "maximum time from receipt to answer (daemon's steady clock), else rejected with `kDeadline`; 0: no limit")  \
   X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \
-    "m", "reduce `any`, and motions: distance that every pair must provably exceed")                                     \
+    "m", "reduce `any`, and motions: distance that every pair must provably exceed")                                   \
   X(std::uint32_t, max_steps, 0, 10, Legal::range(0, 65536),                                                           \
-    "", "maximum evaluations per motion; if nonzero, configurations are (start, end) pairs")               \
+    "", "maximum evaluations per motion; if nonzero, configurations are (start, end) pairs")                           \
   X(Model, model, Model::kTruth, 12, Legal::word("truth pieces"),                                                      \
     "", "pieces: use only the convex parts of a mesh, without refinement by its triangles")
 // clang-format on

@@ -141,7 +141,7 @@ def sweep(job, folder, options):
     seconds = time.perf_counter() - begin
     size = sum(path.stat().st_size for path in (folder / "parts").iterdir())
     print(f"{folder.name}: {done.rows:,} rows, {done.made} of {done.parts} parts made now, in {seconds:.1f} s; "
-          f"{size / done.rows:.2f} bytes a row; {done.checked:,} rows computed again, all equal", flush=True)  # fmt: skip
+          f"{size / done.rows:.2f} bytes a row; {done.checked:,} rows recomputed, all equal", flush=True)  # fmt: skip
     return done, seconds, size
 
 

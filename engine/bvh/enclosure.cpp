@@ -232,7 +232,7 @@ class HollowSearch {
     const int before = winding_number(solid_, p + out, &visits_), behind = winding_number(solid_, p - out, &visits_);
     Seen& seen = seen_[parts_.of[t]];
     if (before == 0 && behind == 0 && (is_walled_in(p + out) || is_walled_in(p - out)))
-      why_ = "triangle " + place(t, p) + " has no volume on either side: faces run both ways there";
+      why_ = "triangle " + place(t, p) + " has no volume on either side: faces are oriented both ways there";
     if (before + behind > 0) seen.behind = t;
     if (before + behind < 0) seen.before = t;
     if (!why_.empty() || seen.behind < 0 || seen.before < 0) return;

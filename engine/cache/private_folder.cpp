@@ -57,7 +57,7 @@ class Walk {
     if (!next || ::fstat(next.get(), &info) != 0) return fail(errno);
     if (info.st_uid != 0 && info.st_uid != ::geteuid()) return fail("belongs to another user");
     if (S_ISLNK(info.st_mode)) return follow(next);
-    if (!S_ISDIR(info.st_mode)) return fail("is no folder");
+    if (!S_ISDIR(info.st_mode)) return fail("is not a folder");
     if ((info.st_mode & S_IWOTH) && !(info.st_mode & S_ISVTX)) return fail("all users may write to it");
     at_ = std::move(next);
     return true;

@@ -40,7 +40,7 @@ class ResultReader {
 };
 
 [[noreturn]] void fail_garbled() {
-  throw MeshError("the mesh loader's result is garbled; is the file damaged?");
+  throw MeshError("the mesh loader's result is corrupted; is the file damaged?");
 }
 
 Submesh read_submesh(ResultReader* in) {

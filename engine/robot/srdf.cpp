@@ -186,7 +186,7 @@ class SrdfReader {
     warn_of_unknown(element, {"joint"});
     std::set<std::string> seen;
     for (const XmlElement& joint : element.children("joint")) {
-      if (!seen.insert(joint.text("name")).second) joint.fail("its position stands there already");
+      if (!seen.insert(joint.text("name")).second) joint.fail("its position is set already");
       complete("this position", [&] { read_position(joint, &state); });
     }
     robot_.states.push_back(std::move(state));

@@ -113,14 +113,14 @@ XmlElement XmlElement::parse(std::string_view text, const std::string& name, con
     file->fail_at(static_cast<std::ptrdiff_t>(zero), "a zero byte; expected text");
   const pugi::xml_parse_result result =
       file->document.load_buffer(file->text.data(), file->text.size(), pugi::parse_default, pugi::encoding_utf8);
-  if (!result) file->fail_at(result.offset, std::string("no XML: ") + result.description());
+  if (!result) file->fail_at(result.offset, std::string("invalid XML: ") + result.description());
   int depth = 0;
   for (xml_node at = file->document.first_child(); at; at = next_in_text(at, &depth)) {
     if (depth >= kMaxDepth) file->fail_at(at.offset_debug(), "nested deeper than 64 elements");
     std::vector<std::string_view> seen;
     for (const auto attribute : at.attributes()) {
       if (std::find(seen.begin(), seen.end(), attribute.name()) != seen.end())
-        XmlElement(file, at.internal_object()).fail_attribute(attribute.name(), "stands there twice");
+        XmlElement(file, at.internal_object()).fail_attribute(attribute.name(), "is set twice");
       seen.emplace_back(attribute.name());
       if (seen.size() > kMaxDepth) XmlElement(file, at.internal_object()).fail("more than 64 attributes");
     }

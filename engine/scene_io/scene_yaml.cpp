@@ -202,7 +202,7 @@ class SceneReader {
         std::find_if(robots_.begin(), robots_.end(), [&](const RobotPlan& plan) { return plan.name == wanted; });
     if (found == robots_.end()) name.fail("there is no robot \"" + wanted + "\" under \"robots\"");
     const auto r = static_cast<std::size_t>(found - robots_.begin());
-    if (added[r]) name.fail("the robot \"" + wanted + "\" stands there already");
+    if (added[r]) name.fail("the robot \"" + wanted + "\" is listed already");
     added[r] = true;
     add_robot(scene, *found);
   }

@@ -218,7 +218,7 @@ std::vector<std::pair<std::string, YamlValue>> YamlValue::map(const std::string&
     const YamlNode& key = tree_->nodes[node.children[i].node];
     const YamlValue at_key(tree_, node.children[i].node, node.children[i].line, place_);
     if (key.kind != YamlKind::kScalar) at_key.fail_expected("a text as key");
-    if (!seen.insert(key.scalar).second) at_key.fail("the key \"" + cut(key.scalar) + "\" is there twice");
+    if (!seen.insert(key.scalar).second) at_key.fail("the key \"" + cut(key.scalar) + "\" occurs twice");
     const std::string place = place_.empty() ? cut(key.scalar) : place_ + "." + cut(key.scalar);
     out.emplace_back(key.scalar, YamlValue(tree_, node.children[i + 1].node, node.children[i].line, place));
   }

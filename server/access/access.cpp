@@ -57,7 +57,7 @@ Rights parse_rights(const std::string& text) {
         std::find_if(std::begin(kWords), std::end(kWords), [&](const Word& w) { return w.word == word; });
     if (known == std::end(kWords))
       throw std::invalid_argument("\"" + word +
-                                  "\" is no right: expected query, poses, admin or control, separated by commas");
+                                  "\" is not a right: expected query, poses, admin or control, separated by commas");
     rights |= known->right;
     at = end + 1;
   }

@@ -43,7 +43,7 @@ bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
   for (std::int32_t i = 0; i < update.count; ++i) {
     const std::uint32_t body = scene.find_body(update.names[i]);
     if (body == kNone)
-      refuse_name(update.names[i], "a pose for '%', which is no body of this scene");
+      refuse_name(update.names[i], "a pose for '%', which is not a body of this scene");
     else
       add_pose(body, update.poses[i]);
   }
@@ -70,7 +70,7 @@ bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
   for (std::int32_t i = 0; i < update.count; ++i) {
     const std::uint32_t joint = scene.find_joint(update.names[i]);
     if (joint == kNone)
-      refuse_name(update.names[i], "a position of '%', which is no joint of this scene");
+      refuse_name(update.names[i], "a position of '%', which is not a joint of this scene");
     else
       add_position(joint, update.positions[i]);
   }
@@ -82,9 +82,9 @@ std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_
   if (points.publisher_id == 0) {
     metrics_.accept("CLEARANCE_POINTS: publisher_id is 0; draw one at random");
   } else if (body == kNone) {
-    refuse_name(points.body, "points of '%', which is no body of this scene");
+    refuse_name(points.body, "points of '%', which is not a body of this scene");
   } else if (!allowed_[body]) {
-    refuse_right(points.body, "points of '%', which are not taken from LCM (--lcm-poses)");
+    refuse_right(points.body, "points of '%', which are not accepted from LCM (--lcm-poses)");
   } else if (with_good_stamp(message_of(points), [&] { handler_.engine().check_stamp(points.stamp_ns); })) {
     return body;
   }
@@ -111,14 +111,14 @@ void LcmPoseIntake::refuse_right(const std::string& name, const char* what) {
 void LcmPoseIntake::add_pose(std::uint32_t body, const std::vector<double>& pose) {
   if (body < allowed_.size() && !allowed_[body])
     return refuse_right(handler_.engine().scene().bodies()[body].name,
-                        "a pose for '%', whose poses are not taken from LCM (--lcm-poses)");
+                        "a pose for '%', whose poses are not accepted from LCM (--lcm-poses)");
   poses_.push_back({body, {{pose[0], pose[1], pose[2]}, pose[3], pose[4], pose[5], pose[6]}});
 }
 
 void LcmPoseIntake::add_position(std::uint32_t joint, double position) {
   if (joint < allowed_joints_.size() && !allowed_joints_[joint])
     return refuse_right(handler_.engine().scene().joints()[joint].name,
-                        "a position of '%', which is not taken from LCM (--lcm-poses)");
+                        "a position of '%', which is not accepted from LCM (--lcm-poses)");
   positions_.push_back({joint, position});
 }
 

@@ -153,7 +153,7 @@ class LcmTransport final : public Transport {
     if (query.body_count != 0 && query.configuration_count != asked.row_count)  // each row needs both
       return refuse(query, wire::ErrorCode::kBadQuery,
                     std::to_string(query.configuration_count) + " configurations of bodies and " +
-                        std::to_string(asked.row_count) + " of joints: expected as many, or no bodies");
+                        std::to_string(asked.row_count) + " of joints: expected equal numbers, or no bodies");
     std::vector<std::uint32_t> joints;
     for (const std::string& name : asked.joints) {
       joints.push_back(handler_->engine().scene().find_joint(name));

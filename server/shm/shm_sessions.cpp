@@ -186,7 +186,7 @@ void ShmSessions::serve_message(ShmSession& session, const shm::Message& message
       if (session.segments.size() >= limits_.max_segments_per_client)
         return refuse(session.socket.get(),
                       "all " + std::to_string(limits_.max_segments_per_client) +
-                          " segments of this client still hold requests or replies; let go of some");
+                          " segments of this client still hold requests or replies; release some");
       return give_segment(session, message, false);
     case MessageKind::kRetire: {
       auto& segments = session.segments;

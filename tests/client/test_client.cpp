@@ -307,26 +307,26 @@ TEST(Client, BadQueriesAreRefusedBeforeTheyAreSent) {
   query.bodies = bodies;
   query.configurations = poses;
   EXPECT_EQ(text_of<std::invalid_argument>([&] { client.distances(query); }),
-            "query: 3 poses are no whole number of configurations of 2 bodies");
+            "query: 3 poses are not a whole number of configurations of 2 bodies");
   query.bodies = {};
   EXPECT_EQ(text_of<std::invalid_argument>([&] { client.distances(query); }),
-            "query: 3 poses are no whole number of configurations of 0 bodies");
+            "query: 3 poses are not a whole number of configurations of 0 bodies");
   query.bodies = bodies;
   query.configurations = {};
   EXPECT_EQ(text_of<std::invalid_argument>([&] { client.distances(query); }),
-            "query: 0 poses are no whole number of configurations of 2 bodies");
+            "query: 0 poses are not a whole number of configurations of 2 bodies");
   query = {};
   const std::vector<std::uint32_t> joints{0, 1};
   const std::vector<double> positions(3);
   query.joints = joints;
   query.positions = positions;
   EXPECT_EQ(text_of<std::invalid_argument>([&] { client.distances(query); }),
-            "query: 3 positions are no whole number of configurations of 2 joints");
+            "query: 3 positions are not a whole number of configurations of 2 joints");
   query.positions = std::span(positions).first(2);
   query.bodies = std::span(bodies).first(1);
   query.configurations = poses;
   EXPECT_EQ(text_of<std::invalid_argument>([&] { client.distances(query); }),
-            "query: 3 configurations of bodies and 1 of joints: expected as many");
+            "query: 3 configurations of bodies and 1 of joints: expected equal numbers");
   const std::vector<IdPair> pairs(40'000'000);
   query = {};
   query.pairs = pairs;

@@ -34,7 +34,7 @@ CLEARANCE_FUZZ_TARGET(mesh_import) {
     require(mesh.has_value(), "a whole result is read");
     return true;
   } catch (const MeshError& error) {
-    require(!std::string_view(error.what()).starts_with("the mesh loader's result is garbled"),
+    require(!std::string_view(error.what()).starts_with("the mesh loader's result is corrupted"),
             "a whole result makes sense");
     return false;
   }

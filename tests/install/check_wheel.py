@@ -131,7 +131,7 @@ def check_refusals(clearance, folder):
     for url, why in (
         (f"ipc://{folder}/none", "no such socket"),
         (f"shm://{folder}/none", "no socket"),
-        ("udpm://239.255.76.67:7667?ttl=0", "speaks no LCM"),
+        ("udpm://239.255.76.67:7667?ttl=0", "does not support LCM"),
     ):
         try:
             clearance.connect(url, timeout_s=1)

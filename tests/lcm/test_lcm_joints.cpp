@@ -118,10 +118,10 @@ TEST_F(LcmJoints, AQueryOfAnotherNumberOfRowsOrAnOlderSceneIsRefused) {
     const auto reply = ask(message.query, [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); });
     return reply ? reply->error_text : "no reply";
   };
-  EXPECT_EQ(refused(), "1 configurations of bodies and 2 of joints: expected as many, or no bodies");
+  EXPECT_EQ(refused(), "1 configurations of bodies and 2 of joints: expected equal numbers, or no bodies");
   message.query.configuration_count = 0;
   message.query.configurations.clear();
-  EXPECT_EQ(refused(), "0 configurations of bodies and 2 of joints: expected as many, or no bodies");
+  EXPECT_EQ(refused(), "0 configurations of bodies and 2 of joints: expected equal numbers, or no bodies");
   message.query.body_count = 0;
   message.query.bodies.clear();
   message.query.scene_revision = 12345;

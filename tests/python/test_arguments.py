@@ -203,7 +203,9 @@ PUBLIC = {
     "pose7_from_matrix": ({}, {"matrix": ["here", 3, None, np.zeros((3, 3)), [["0"] * 4] * 4, 2 * np.eye(4)]}),
 }  # fmt: skip
 
-HELPFUL = r"expected .*(got|numpy reports)|named|no body|at least one|expected \[0, 0, 0, 1\]|is 0 to|unknown bits|no url"
+HELPFUL = (
+    r"expected .*(got|numpy reports)|named|no body|at least one|expected \[0, 0, 0, 1\]|is 0 to|unknown bits|not a url"
+)
 
 
 def complaints(call, right, arguments, leave_out=()):

@@ -216,7 +216,7 @@ def test_what_cannot_be_taken_is_said_and_the_rest_is_taken(bridge):
     bridge.scene.on_scene(scene(objects))
     why = bridge.scene.left_out
     assert sorted(why) == ["lost", "plane", "prism", "short", "table"]
-    assert "planes are not taken" in why["plane"] and "a box has 3 dimensions, not 1" in why["short"]
+    assert "planes are not supported" in why["plane"] and "a box has 3 dimensions, not 1" in why["short"]
     assert "type 5" in why["prism"] and "no such object" in why["lost"] and "table" in why["table"]
     assert "good" in {body.name for body in bridge.client.bodies}
     bridge.scene.on_scene(scene([thing("short", primitives=[(primitive(1, 1.0, 1.0, 1.0), pose(5))])]))
@@ -523,7 +523,7 @@ def test_the_node_publishes_what_the_bridge_reports(bridge, make_node):
         (f"{p.a} - {p.b}", p.status, repr(p.lower)) for p in report.pairs
     ]
     assert message.header.stamp == "now" and all(len(s.level) == 1 for s in message.status)
-    assert ["planes are not taken" in text for text in published["log"]] == [True]
+    assert ["planes are not supported" in text for text in published["log"]] == [True]
     with clearance.connect(bridge.daemon.urls["ipc"]) as other:
         other.add_body("new", sphere=0.1, pose=at(5))
     node.calls["timer"]()  # is rejected, and fetches the scene

@@ -50,8 +50,8 @@ BAD = {
     "margin": ({"margin": -1}, ["margin: expected a finite number >= 0, got -1"]),
     "margin list": ({"margin": [["arm", "cup"]]}, ["margin[0]: expected [a, b, metres]"]),
     "margin least": ({"answer": "least", "margin": 0.1}, ["margin: needs answer: validity, or motions"]),
-    "cut-off": ({"max_distance": 1.0}, ["max_distance: has no meaning for answer: validity"]),
-    "steps": ({"max_steps": 5}, ["max_steps: is of motions, and these rows are configurations"]),
+    "cut-off": ({"max_distance": 1.0}, ["max_distance: does not apply to answer: validity"]),
+    "steps": ({"max_steps": 5}, ["max_steps: is only for motions, but these rows are configurations"]),
     "pairs": ({"pairs": [["arm"]]}, ["pairs[0]: expected two names of bodies or groups, got 1"]),
     "part": ({"part_rows": 0}, ["part_rows: expected an integer >= 1, got 0"]),
     "check": ({"check": 1.5}, ["check: expected a number from 0 to 1, got 1.5"]),
@@ -110,7 +110,7 @@ BAD_WITH_SCENE = {
     "width": ({"rows": {"file": {"path": "poses.npy"}}}, "rows.file: expected floating-point rows of 4 numbers"),
     "nearest": ({"rows": {"edges": {"of": {"uniform": {"count": 3}}, "nearest": 3}}}, "nearest: expected fewer than"),
     "output": ({"output": "scene.yaml"}, "scene.yaml is not a folder"),
-    "no output": ({"output": None}, "output: is needed"),
+    "no output": ({"output": None}, "output: is required"),
 }  # fmt: skip
 
 

@@ -156,8 +156,8 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
   EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = 1, r.has_pose = 1; })).find("pose: expected"),
             std::string::npos)
       << "a quaternion of zeros";
-  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is none of 0 to 8");
-  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are for a hull alone");
+  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is not one of 0 to 8");
+  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are only for a hull");
   EXPECT_EQ(refusal(odd([](auto&) {}, 9), ErrorCode::kTooLarge),
             "add_body: 9 vertices are more than the 8 that an added body may have (limit max-added-vertices)");
   EXPECT_EQ(change(odd([](auto&) {}, 8)).body, 4u) << "eight times the origin: a point";
@@ -240,9 +240,9 @@ TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
   for (const std::uint8_t how : {0, 3, 4})
     EXPECT_EQ(refusal(mesh_frame("m", beyond, how)), "body \"m\": triangle 0 names the vertex 4, and there are 4");
   EXPECT_NE(refusal(mesh_frame("m", open, 2)).find("convexify: decompose: only for a mesh file"), std::string::npos);
-  EXPECT_EQ(refusal(mesh_frame("m", open, 6)), "new body: convexify 6 is none of 0 to 5");
+  EXPECT_EQ(refusal(mesh_frame("m", open, 6)), "new body: convexify 6 is not one of 0 to 5");
   EXPECT_EQ(refusal(mesh_frame("m", {}, 4)), "new body: convexify is for a mesh, and there are no triangles");
-  EXPECT_EQ(refusal(mesh_frame("m", open, 3, wire::BodyShape::kBox)), "new body: triangles are for vertices alone");
+  EXPECT_EQ(refusal(mesh_frame("m", open, 3, wire::BodyShape::kBox)), "new body: triangles are only for vertices");
   const std::vector<wire::TriangleRecord> many(5, kTetrahedron[0]);
   EXPECT_EQ(refusal(mesh_frame("m", many, 3), ErrorCode::kTooLarge),
             "add_body: 5 triangles are more than the 4 that an added body may have (limit max-added-triangles)");
@@ -276,7 +276,7 @@ TEST_F(Bodies, ACloudThatMakesNoSenseIsRefused) {
   const float two[] = {0, 0, 1, 2, 3, 4}, far[] = {0, NAN, 0}, three[9] = {};
   EXPECT_EQ(refusal(cloud(std::span(two).first(2)), ErrorCode::kBadFrame),
             "new body: points (record 23) have 8 bytes, expected 12 for each");
-  EXPECT_EQ(refusal(cloud(two, wire::BodyShape::kBox)), "new body: points are for a cloud alone");
+  EXPECT_EQ(refusal(cloud(two, wire::BodyShape::kBox)), "new body: points are only for a cloud");
   EXPECT_EQ(refusal(cloud(three), ErrorCode::kTooLarge),
             "add_body: 3 points are more than the 2 that an added body may have (limit max-added-points)");
   EXPECT_NE(refusal(cloud(far)).find("body \"cloud\""), std::string::npos);
@@ -299,7 +299,7 @@ TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {
   EXPECT_EQ(refusal(uncertain_frame("crate", 1.0), ErrorCode::kBadFrame),
             "new body: uncertainty (record 20) has 8 bytes, expected 32");
   EXPECT_EQ(refusal(uncertain_frame("crate", wire::BodyDoubts{}, 19), ErrorCode::kNotSupported),
-            "new body: record 19 is required, and this side does not know it");
+            "new body: record 19 is required but unknown to this side");
   EXPECT_EQ(change(uncertain_frame("crate", wire::BodyDoubts{})).body, 4u);
 }
 

@@ -39,7 +39,7 @@ TEST_F(Records, OfUnknownTagsAreRefusedIfRequiredElsePassedOver) {
   TestQuery query = small_query();
   query.records = record(77, wire::kRecordRequired);
   EXPECT_EQ(refusal_of(query.frame(1), ErrorCode::kNotSupported),
-            "query: record 77 is required, and this side does not know it");
+            "query: record 77 is required but unknown to this side");
   query.records = record(77, 0, 13);
   const Bytes last = record(300, 0, 0);
   query.records.insert(query.records.end(), last.begin(), last.end());
@@ -70,7 +70,7 @@ TEST_F(Records, OfOtherRequestsFollowTheSameRule) {
   };
   const Bytes describe = simple_frame(FrameType::kDescribe, 1);
   EXPECT_EQ(refusal_of(with(describe, record(500, wire::kRecordRequired)), ErrorCode::kNotSupported),
-            "kDescribe: record 500 is required, and this side does not know it");
+            "kDescribe: record 500 is required but unknown to this side");
   const auto scene = ask(a_, with(describe, record(500, 0)));
   EXPECT_EQ(scene->type(), FrameType::kScene);
   TestQuery query = small_query();
@@ -91,8 +91,8 @@ TEST_F(Records, ThatDoNotFitAreRefused) {
   const Case cases[] = {
       {record(4, wire::kRecordRequired, 4), "query: deadline_ns (record 4) has 4 bytes, expected 8"},
       {record(9, 2), "query: record 9 has unknown flags"},
-      {record(0, 0), "query: record 0 comes after record 0: tags must rise, from 1 on"},
-      {twice, "query: record 9 comes after record 9: tags must rise, from 1 on"},
+      {record(0, 0), "query: record 0 comes after record 0: tags must increase from 1"},
+      {twice, "query: record 9 comes after record 9: tags must increase from 1"},
       {cut, "query: record 9 goes past the end of the frame"},
   };
   for (const auto& [records, text] : cases) {

@@ -101,7 +101,7 @@ def _run(frame: Any, has_streams: bool) -> None:
     bits = ctypes.cast(columns, POINTER(_Array)).contents
     plan = _plans.get(plan_number.contents.value[0])
     if plan is None:
-        raise RuntimeError("the plan is gone: keep it as long as functions that were compiled with it are called")
+        raise RuntimeError("the plan was deleted: keep it while functions compiled with it are called")
     addresses = {bits.data[k]: frame.results.at[k].contents.data for k in range(bits.count)}
     given = iter([frame.arguments.at[k].contents.data or 0 for k in range(frame.arguments.count)])
     poses = 0 if plan.bodies is None else next(given)

@@ -115,7 +115,7 @@ class Connection:
         self.check_process()
         if request_id < self._oldest_request:
             raise ConnectionError(
-                f"{self.url}: the daemon went away before request {request_id} was answered; the connection is another "
+                f"{self.url}: the daemon disconnected before request {request_id} was answered; the connection is another "
                 "one now"
             )
         while True:
@@ -126,7 +126,7 @@ class Connection:
             if now >= self._watch.due() and self._watch.look(self._channel, now):
                 self._has_hung = True
                 raise DaemonHung(
-                    f"{self.url}: the daemon hangs: its loop has stood still for {self._hang_s:g} s with a request "
+                    f"{self.url}: the daemon hangs: its loop has been blocked for {self._hang_s:g} s with a request "
                     "under way"
                 )
             if now >= deadline:
@@ -174,7 +174,7 @@ class Connection:
             return ShmChannel(rest, deadline)
         if kind == "udpm":
             raise ConnectionError(
-                f"{url}: this client, of Python alone, speaks no LCM; install the wheel clearance-*.whl for it"
+                f"{url}: this pure-Python client does not support LCM; install the wheel clearance-*.whl for it"
             )
         return ZmqChannel(url.partition("?")[0], keys_of(url, self._keys), deadline)
 

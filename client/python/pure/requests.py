@@ -226,7 +226,7 @@ class Session:
         try:
             return bytes(frame.payload).decode()
         except UnicodeDecodeError as error:
-            raise malformed(self.connection.url, f"the certificate is no UTF-8: {error}") from None
+            raise malformed(self.connection.url, f"the certificate is not UTF-8: {error}") from None
 
     def _expected_reply_bytes(self, q: np.ndarray, pairs: Optional[np.ndarray], joints: int) -> int:
         """Estimates the size of the reply in bytes; 0 leaves the size to the daemon."""

@@ -33,7 +33,7 @@ _WHY_NOT = {
     errno.ENOENT: "there is no socket: is clearanced running?",
     errno.ECONNREFUSED: "no process listens there: the daemon is gone",
     errno.EPROTOTYPE: "the socket there is not clearanced's",
-    errno.EACCES: "the socket belongs to another user, or its folder is closed to us",
+    errno.EACCES: "the socket belongs to another user, or its folder is not accessible",
 }
 
 
@@ -161,7 +161,7 @@ class ShmChannel:
     def _collect(self) -> None:
         sane = [segment.collect() for segment in (self._current, *self._outgrown)]
         if not all(sane) and not self._dead:
-            self._dead = f"{self.url}: the shared segment is garbled"
+            self._dead = f"{self.url}: the shared segment is corrupted"
 
     def _take_reply(self, segment: Segment, index: int) -> Frame:
         slot = segment.slots[index]
@@ -170,7 +170,7 @@ class ShmChannel:
         reply = segment.reply(index)
         frame = Frame(reply[: HEADER.size].tobytes(), reply[HEADER.size :], self.url, lease)
         if frame.request_id != slot.request_id:
-            raise ConnectionError(f"{self.url}: the reply to request {slot.request_id} is garbled")
+            raise ConnectionError(f"{self.url}: the reply to request {slot.request_id} is corrupted")
         return frame
 
     def _send_again(self, segment: Segment, index: int, reply: Frame) -> bool:
@@ -218,7 +218,7 @@ class ShmChannel:
             if not any(slot.state == POSTED and slot.forgotten for slot in slots):
                 raise ConnectionError(
                     f"{self.url}: all {len(slots)} slots are taken: {posted} requests under way, {arrived} replies not "
-                    f"yet received, {len(slots) - posted - arrived} replies still held; let go of some"
+                    f"yet received, {len(slots) - posted - arrived} replies still held; release some"
                 )
             self._check()
             left = deadline - time.monotonic()

@@ -65,7 +65,7 @@ class Segment:
     def __init__(self, memfd: int, url: str):
         size = os.fstat(memfd).st_size
         if size < _PAGE:
-            raise ConnectionError(f"{url}: the daemon handed over something that is no segment")
+            raise ConnectionError(f"{url}: the daemon handed over something that is not a segment")
         self.memory = mmap.mmap(memfd, size)
         self.bytes = np.frombuffer(self.memory, np.uint8)
         self._words = np.frombuffer(self.memory, np.uint32)
@@ -80,7 +80,7 @@ class Segment:
             or not (0 < count <= _RING_ENTRIES and pages and total == expected == size)
             or (requests, replies) != (_PAGE, _PAGE + count * self.request_capacity)
         ):
-            raise ConnectionError(f"{url}: the daemon's segment has another layout than this client knows")
+            raise ConnectionError(f"{url}: the daemon's segment has a layout unknown to this client")
         self.memory.madvise(mmap.MADV_DONTFORK)  # a forked child cannot scribble over its parent's requests
         self.slots = [Slot() for _ in range(count)]
         self.free = set(range(count))

@@ -154,7 +154,10 @@ class ZmqChannel:
             zmq.EVENT_DISCONNECTED,
         ):
             if is_ipc:
-                return "the daemon closed the connection before the handshake: it is ending, or has no descriptor for another client"
+                return (
+                    "the daemon closed the connection before the handshake: it is ending, or has no descriptor for "
+                    "another client"
+                )
             if self._with_keys:
                 return "the daemon there has another key than server_key, or uses none"
             return (

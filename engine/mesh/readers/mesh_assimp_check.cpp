@@ -70,7 +70,7 @@ pugi::xml_document parsed(std::string_view content) {
   pugi::xml_document document;
   const auto result = document.load_buffer(content.data(), content.size());
   if (result.status == pugi::status_out_of_memory) throw std::bad_alloc();
-  if (!result) throw LoadError(std::string("no XML: ") + result.description());
+  if (!result) throw LoadError(std::string("invalid XML: ") + result.description());
   return document;
 }
 

@@ -258,7 +258,7 @@ DaeFacts check_dae(std::string_view content) {
   pugi::xml_document document;
   const auto result = document.load_buffer(content.data(), content.size());
   if (result.status == pugi::status_out_of_memory) throw std::bad_alloc();
-  if (!result) throw LoadError(line_of(content, result.offset) + "no XML: " + result.description());
+  if (!result) throw LoadError(line_of(content, result.offset) + "invalid XML: " + result.description());
   const xml_node root = document.child("COLLADA");
   if (!root) throw LoadError("not a DAE file: it has no <COLLADA>");
   const bool has_fans = check_faces(root, content);

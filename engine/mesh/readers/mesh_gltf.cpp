@@ -93,7 +93,7 @@ std::string decoded_base64(std::string_view text, const std::string& where) {
     else if (c == '/' || c == '_')
       digit = 63;
     else
-      fail(where + ".uri: character " + std::to_string(i) + " of its base64 is none");
+      fail(where + ".uri: character " + std::to_string(i) + " is not base64");
     word = (word << 6 | digit) & 0xffffff;
     bits += 6;
     if (bits < 8) continue;
@@ -134,7 +134,7 @@ class GltfReader {
       root_ = Json::parse(json.begin(), json.end());
     } catch (const Json::exception& e) {
       const std::string text = e.what();
-      fail("no JSON: " + text.substr(text.find("] ") == std::string::npos ? 0 : text.find("] ") + 2, 200));
+      fail("invalid JSON: " + text.substr(text.find("] ") == std::string::npos ? 0 : text.find("] ") + 2, 200));
     }
     const Json* asset = find(root_, "asset");
     const Json* version = asset ? find(*asset, "version") : nullptr;
@@ -278,7 +278,7 @@ class GltfReader {
   static void set_rotation(MeshTransform* X, const std::array<double, 4>& q, const std::string& where) {
     const auto [x, y, z, w] = q;
     const double n = x * x + y * y + z * z + w * w;
-    if (!(n > 0.98 && n < 1.02)) fail(where + ".rotation is no unit quaternion");
+    if (!(n > 0.98 && n < 1.02)) fail(where + ".rotation is not a unit quaternion");
     if (x == 0 && y == 0 && z == 0) return;
     const double rows[3][3] = {{x * x + w * w - y * y - z * z, 2 * (x * y - z * w), 2 * (x * z + y * w)},
                                {2 * (x * y + z * w), y * y + w * w - x * x - z * z, 2 * (y * z - x * w)},
@@ -426,7 +426,7 @@ class GltfReader {
       fail(where + " has " + std::to_string(count) + " rows, more than its " + view_place + " holds");
     read_bytes_ += count * size;
     if (read_bytes_ > kMostReadBytes && read_bytes_ / kMostReadings > buffer_bytes_)
-      fail("its accessors read the same bytes again and again");
+      fail("its accessors read the same bytes too often");
     return {std::string_view(bytes).substr(begin + offset, count == 0 ? 0 : length - offset), stride};
   }
 

@@ -103,7 +103,7 @@ class OctomapReader {
     std::memcpy(&log_odds, take(sizeof log_odds), sizeof log_odds);
     take(header_.bytes_after_value);
     const unsigned children = static_cast<unsigned char>(*take(1));
-    if (std::isnan(log_odds)) throw LoadError("a node's value is no number");
+    if (std::isnan(log_odds)) throw LoadError("a node's value is not a number");
     if (children == 0 && log_odds >= 0) add(at);
     for (unsigned i = 0; i < 8; ++i) {
       if (!(children >> i & 1)) continue;

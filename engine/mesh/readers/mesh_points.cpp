@@ -64,7 +64,7 @@ std::array<std::uint64_t, 2> shape_of(std::string_view text, const std::string& 
       n = 10 * n + static_cast<std::uint64_t>(text[i] - '0');
       if (n > std::uint64_t{1} << 32) throw LoadError("its shape has more than 2^32 rows or columns");
     }
-    if (i == begin) throw LoadError("its shape is no list of numbers: " + in_quotes(text));
+    if (i == begin) throw LoadError("its shape is not a list of numbers: " + in_quotes(text));
     if (dimensions == 2) fail();
     shape[dimensions++] = n;
   }

@@ -141,7 +141,7 @@ std::string_view read_text(std::string_view file, const PartSink& sink) {
     }
   }
   if (in_solid) throw LoadError("the file ends early: no \"endsolid\" at its end");
-  if (!part.positions.empty()) throw LoadError("facets stand behind the last \"endsolid\"");
+  if (!part.positions.empty()) throw LoadError("facets follow the last \"endsolid\"");
   return {};
 }
 
@@ -149,7 +149,7 @@ std::string_view read_text(std::string_view file, const PartSink& sink) {
 std::string_view read_binary(std::string_view file, const PartSink& sink) {
   const std::uint64_t facets = promised(file);
   const auto more = [&] {
-    throw LoadError("its header promises " + std::to_string(facets) + " facets, and more stand behind them");
+    throw LoadError("its header promises " + std::to_string(facets) + " facets, and more follow them");
   };
   double reach = 0;
   read_facets(file, facets, &reach, sink);
@@ -174,7 +174,7 @@ void read_stl(std::string_view file, const PartSink& sink) {
       throw LoadError("the file has " + std::to_string(rest.size()) +
                       " bytes, less than the header of a binary STL file");
     else
-      throw LoadError((rest.size() < file.size() ? "behind its first solid: " : "") + broken_promise(rest));
+      throw LoadError((rest.size() < file.size() ? "after its first solid: " : "") + broken_promise(rest));
   } while (!rest.empty());
 }
 

@@ -37,7 +37,7 @@ class ClearanceNode(Node):
         try:
             from moveit_msgs.msg import PlanningScene
         except ImportError:
-            self.get_logger().info("moveit_msgs is not there: planning scenes are not followed")
+            self.get_logger().info("moveit_msgs is not installed: planning scenes are not followed")
         else:
             self.create_subscription(PlanningScene, "planning_scene", self._guarded(self._on_scene), 10)
         self._state = self.create_publisher(DiagnosticArray, "/diagnostics", 10)

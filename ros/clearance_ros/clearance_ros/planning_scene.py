@@ -100,7 +100,7 @@ class SceneFollower:
         if operation == MOVE:
             return self._move(item, place)
         if item.planes:
-            raise ValueError("planes are not taken: put a half_space into the daemon's scene")
+            raise ValueError("planes are not supported: put a half_space into the daemon's scene")
         shapes = list(_shapes(item))
         if not shapes:
             raise ValueError("it has no shape")
@@ -212,7 +212,7 @@ def primitive_of(primitive: Any) -> dict[str, Any]:
     size = [float(number) for number in primitive.dimensions]
     kinds = {BOX: ("box", 3), SPHERE: ("sphere", 1), CYLINDER: ("cylinder", 2), CONE: ("cone", 2)}
     if primitive.type not in kinds:
-        raise ValueError(f"primitives of type {primitive.type} are not taken")
+        raise ValueError(f"primitives of type {primitive.type} are not supported")
     word, count = kinds[primitive.type]
     if len(size) != count:
         raise ValueError(f"a {word} has {count} dimensions, not {len(size)}")

@@ -153,7 +153,7 @@ TEST(Surface, AMissingOrTurnedTriangleLeavesAnOpenEdge) {
     EXPECT_NO_THROW(surface_of(open, false));
     Mesh turned = mesh;
     std::swap(turned.triangles[at][0], turned.triangles[at][1]);
-    EXPECT_NE(open_edge(turned.vertices, turned.triangles).find("not oriented alike"), std::string::npos);
+    EXPECT_NE(open_edge(turned.vertices, turned.triangles).find("inconsistent orientations"), std::string::npos);
     EXPECT_THROW(surface_of(turned, true), std::invalid_argument);
     // Separate vertices at equal positions count as one.
     Mesh apart;

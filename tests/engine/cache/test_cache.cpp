@@ -185,7 +185,7 @@ TEST_F(CacheTest, UsesNoFolderThatOthersMayHaveFilled) {
   fs::create_symlink("ring", folder_ / "ring");
   EXPECT_NE(why_not(folder_ / "ring/cache").find("Too many levels"), std::string::npos);
   folder_.write("file", "text");
-  EXPECT_EQ(why_not(folder_ / "file"), folder_ / "file" + ": is no folder");
+  EXPECT_EQ(why_not(folder_ / "file"), folder_ / "file" + ": is not a folder");
   if (::geteuid() != 0) GTEST_SKIP() << "only root can give files away";
   const auto give_away = [](const std::string& path, uid_t whom) { return ::lchown(path.c_str(), whom, ::getegid()); };
   ASSERT_EQ(give_away(folder_ / "link", kSomebody), 0);

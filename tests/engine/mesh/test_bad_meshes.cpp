@@ -73,20 +73,20 @@ std::vector<BadMesh> bad_meshes() {
       // STL
       {"cut.stl", without_end(stl_binary(good), 30),
        "its header promises 4 facets (284 bytes), the file has 254 bytes"},
-      {"few.stl", stl_binary(good, 3), "its header promises 3 facets, and more stand behind them"},
-      {"few_and_more.stl", stl_binary(good, 2) + "more", "its header promises 2 facets, and more stand behind them"},
+      {"few.stl", stl_binary(good, 3), "its header promises 3 facets, and more follow them"},
+      {"few_and_more.stl", stl_binary(good, 2) + "more", "its header promises 2 facets, and more follow them"},
       {"zero.stl", stl_binary(good).replace(80, 4, 4, '\0'),
        "its header promises 0 facets (84 bytes), the file has 284 bytes"},
       {"solid_cut.stl", "solid" + without_end(stl_binary(good), 30).substr(5),
        "its header promises 4 facets (284 bytes), the file has 254 bytes"},
       {"second_cut.stl", stl_binary(good) + without_end(stl_binary(good), 30),
-       "behind its first solid: its header promises 4 facets (284 bytes), the file has 254 bytes"},
+       "after its first solid: its header promises 4 facets (284 bytes), the file has 254 bytes"},
       {"no_end.stl", replaced(stl_text(good), "endsolid thing\n", ""),
        "the file ends early: no \"endsolid\" at its end"},
       {"zero_in_number.stl", replaced(stl_text(good), "vertex 0 1 0", std::string("vertex 0 1\0 0", 14)),
        "line 5: a zero byte in a coordinate"},
       {"outside.stl", stl_text(good) + replaced(replaced(stl_text(good), "solid thing\n", ""), "endsolid thing\n", ""),
-       "facets stand behind the last \"endsolid\""},
+       "facets follow the last \"endsolid\""},
       {"huge.stl", stl_binary(good, 4000000000u),
        "its header promises 4000000000 facets (200000000084 bytes), the file has 284 bytes"},
       {"short.stl", std::string(50, '\0'), "the file has 50 bytes, less than the header of a binary STL file"},
@@ -155,8 +155,8 @@ std::vector<BadMesh> bad_meshes() {
       {"huge.off", replaced(off(good), "4 4 0", "4000000000 4 0"),
        "line 11: the file ends before vertex 8 of the 4000000000 that its header promises"},
       // DAE
-      {"cut.dae", dae(good).substr(0, 700), "line 9: no XML: Start-end tags mismatch"},
-      {"text.dae", "no xml at all", "line 1: no XML: No document element found"},
+      {"cut.dae", dae(good).substr(0, 700), "line 9: invalid XML: Start-end tags mismatch"},
+      {"text.dae", "no xml at all", "line 1: invalid XML: No document element found"},
       {"nan.dae", dae_with([](auto& o) { o.positions = "nan 0 0 1 0 0 0 1 0 0 0 1"; }),
        "vertex 0 of mesh \"g\" is not finite: (nan, 0, 0)"},
       {"few.dae", dae_with([](auto& o) { o.positions = "0 0 0 1 0 0"; }),
@@ -184,7 +184,7 @@ std::vector<BadMesh> bad_meshes() {
       {"itself.dae", dae_with([](auto& o) { o.scene = "<node id=\"n\"><instance_node url=\"#n\"/></node>"; }),
        "its nodes repeat each other to more than 100000, or a node holds itself"},
       // glTF and GLB
-      {"cut.gltf", gltf(good).substr(0, 300), "glTF: no JSON: "},
+      {"cut.gltf", gltf(good).substr(0, 300), "glTF: invalid JSON: "},
       {"nan.gltf", gltf(nan), "glTF: position 1 of accessors[0] is not finite"},
       {"no_mesh.gltf",
        replaced(gltf(good, "[{}]"),
@@ -203,7 +203,7 @@ std::vector<BadMesh> bad_meshes() {
       {"lines.gltf", replaced(gltf(good), "\"indices\": 1", "\"indices\": 1, \"mode\": 1"),
        "it holds points or lines only, no face with an area"},
       {"base64.gltf", replaced(gltf(good), "base64,AAAA", "base64,AA*A"),
-       "glTF: buffers[0].uri: character 2 of its base64 is none"},
+       "glTF: buffers[0].uri: character 2 is not base64"},
       {"short_base64.gltf", replaced(gltf(good), "base64,AAAA", "base64,"),
        "glTF: buffers[0].byteLength is 96, and there are 93 bytes"},
       {"short_view.gltf", replaced(gltf(good), "\"byteLength\": 48", "\"byteLength\": 44"),
@@ -213,7 +213,7 @@ std::vector<BadMesh> bad_meshes() {
        "glTF: bufferViews[1] ends at byte 97 of a buffer of 96"},
       {"past.gltf", gltf(past), "glTF: index 10 of accessors[1] names vertex 99, and there are 4, from 0"},
       {"quaternion.gltf", gltf(good, "[{\"mesh\": 0, \"rotation\": [0, 0, 0, 0]}]"),
-       "glTF: nodes[0].rotation is no unit quaternion"},
+       "glTF: nodes[0].rotation is not a unit quaternion"},
       {"draco.gltf",
        replaced(gltf(good), "\"scene\"", "\"extensionsRequired\": [\"KHR_draco_mesh_compression\"], \"scene\""),
        "glTF: it needs the extension KHR_draco_mesh_compression, which is not read"},
@@ -328,7 +328,7 @@ TEST(Mesh, NodesThatMultiplyAreRefusedBeforeTheyAreMade) {
   text = replaced(text, "\"accessors\": [", "\"accessors\": [" + accessors);
   text = replaced(text, "{\"attributes\": {\"POSITION\": 0}, \"indices\": 1}",
                   "{\"attributes\": {\"POSITION\": 400}, \"indices\": 401}");
-  EXPECT_EQ(error("d.gltf", text), "glTF: its accessors read the same bytes again and again");
+  EXPECT_EQ(error("d.gltf", text), "glTF: its accessors read the same bytes too often");
   // A few are as they were.
   EXPECT_EQ(load_mesh(folder.write("c.gltf", gltf(source, "[{\"children\": [1, 2]}, {\"mesh\": 0}, {\"mesh\": 0}]")))
                 .submeshes.size(),

@@ -42,7 +42,7 @@ TEST(Mesh, ALoaderThatHangsCrashesOrTalksNonsenseDoesNoHarm) {
   EXPECT_EQ(error_with("exit 0"), "the mesh loader ended with code 0 and no result; is the file damaged?");
   EXPECT_EQ(error_with("echo nonsense that is longer than a header of 40 bytes >&3"),
             "the mesh loader ended with code 0 and no result; is the file damaged?");
-  const std::string garbled = "the mesh loader's result is garbled; is the file damaged?";
+  const std::string garbled = "the mesh loader's result is corrupted; is the file damaged?";
   // Magic, state, submeshes, bytes of the error text, bytes in all, limits; then a submesh's vertices, triangles,
   // loaded vertices, rounding.
   const std::string good_state = R"(printf 'cmesh003\001\0\0\0\001\0\0\0\0\0\0\0\0\0\0\0)";

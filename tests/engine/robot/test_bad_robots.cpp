@@ -49,16 +49,16 @@ const std::string kDeep = [] {
 
 const std::vector<BadCase> kBadUrdfs = {
     // the file
-    {"empty", "", "1: no XML: No document element found"},
-    {"not_xml", "robot", "1: no XML: No document element found"},
-    {"cut_short", "<robot name='r'>\n<link", "2: no XML: Error parsing start element tag"},
-    {"wrong_end", "<robot name='r'>\n</link>", "2: no XML: Start-end tags mismatch"},
+    {"empty", "", "1: invalid XML: No document element found"},
+    {"not_xml", "robot", "1: invalid XML: No document element found"},
+    {"cut_short", "<robot name='r'>\n<link", "2: invalid XML: Error parsing start element tag"},
+    {"wrong_end", "<robot name='r'>\n</link>", "2: invalid XML: Start-end tags mismatch"},
     {"zero_byte", std::string("<robot\n\0>", 9), "2: a zero byte; expected text"},
     {"another_root", "<sdf/>", "1: expected the element <robot>, got <sdf>"},
     {"two_roots", "<robot name='r'><link name='a'/></robot>\n<robot/>", "2: a second outermost element"},
     {"deep", "<robot name='r'>" + kDeep + "</robot>", "1: nested deeper than 64 elements"},
     {"attribute_twice", "<robot name='r'>\n<link name='a' name='b'/></robot>",
-     "2: link \"a\": name: stands there twice"},
+     "2: link \"a\": name: is set twice"},
     {"macros", "<robot name='r'>\n<xacro:macro name='m'/></robot>",
      "2: xacro:macro \"m\": a macro of xacro; expand the file first: xacro FILE > robot.urdf"},
     {"macros_of_another_prefix",
@@ -250,7 +250,7 @@ const std::vector<BadCase> kBadSrdfs = {
     {"position_twice",
      "<robot name='r'><group name='g'/><group_state name='s' group='g'><joint name='j' value='0'/>\n"
      "<joint name='j' value='1'/></group_state></robot>",
-     "2: group_state \"s\": joint \"j\": its position stands there already"},
+     "2: group_state \"s\": joint \"j\": its position is set already"},
     {"nan_position", "<robot name='r'><group_state name='s'><joint name='j' value='nan'/></group_state></robot>",
      "1: group_state \"s\": joint \"j\": value: expected a finite number, got \"nan\""},
     {"infinite_position", "<robot name='r'><group_state name='s'><joint name='j' value='inf'/></group_state></robot>",

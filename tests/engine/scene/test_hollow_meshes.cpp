@@ -65,7 +65,7 @@ struct Named {
   const char* why;  // a part of the reason; of a solid empty
 };
 
-const char* const kBothWays = "has no volume on either side: faces run both ways there";
+const char* const kBothWays = "has no volume on either side: faces are oriented both ways there";
 const char* const kCrossing = " the other way: parts cross, and not all are turned alike";
 
 std::vector<Named> meshes() {

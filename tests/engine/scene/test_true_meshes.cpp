@@ -170,7 +170,7 @@ TEST(TrueMesh, AnOpenMeshIsItsHullAndAnEdgeSaysWhy) {
   says(0, ": distances are to the hull; " + file + " (hull) encloses nothing: the edge from (");
   says(0, " belongs to no other triangle: the mesh is open there; convexify: surface uses its triangles as they are");
   says(1, "turned.off (hull) encloses nothing: the edge from (");
-  says(1, "they are not oriented alike");
+  says(1, "inconsistent orientations");
   EXPECT_EQ(warnings[2].text.find("edge"), std::string::npos) << "its hull was asked for: " << warnings[2].text;
   EXPECT_EQ(warnings[3].text, warnings[0].text);
   EXPECT_EQ(mesh_warnings(scene, 3).size(), 1u);
@@ -364,9 +364,9 @@ TEST(TrueMesh, WhatIsWrongWithAMeshIsSaid) {
       {"convexify: solid: the mesh encloses no volume: the edge from (1, 1, 1) to (1, -1, 1) of triangle 11 "
        "belongs to no other triangle: the mesh is open there",
        Convexify::kSolid, [](Source& m) { m.triangles.erase(m.triangles.begin() + 14); }},
-      {"they are not oriented alike", Convexify::kSolid,
+      {"inconsistent orientations", Convexify::kSolid,
        [](Source& m) { std::swap(m.triangles[3][0], m.triangles[3][1]); }},
-      {"not as often one way as the other", Convexify::kSolid,
+      {"inconsistent orientations", Convexify::kSolid,
        [](Source& m) { m.triangles.push_back(m.triangles[5]); }},
       {"convexify: surface: the mesh has no triangles", Convexify::kSurface, [](Source& m) { m.triangles.clear(); }},
       {"convexify: solid: the mesh has no triangles", Convexify::kSolid, [](Source& m) { m.triangles.clear(); }},

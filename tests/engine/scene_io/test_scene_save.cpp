@@ -248,7 +248,7 @@ TEST(SavedScene, WhatIsWrongWithItsFilesIsSaidWithTheirPlace) {
   EXPECT_EQ(load("bodies:\n  - {robot: arm}\n" + robot + "base: geometry/" + file + "}}\n"), "");
   has(load("bodies:\n  - {robot: leg}\n" + robot + "}}\n"),
       ":2: bodies[0].robot: there is no robot \"leg\" under \"robots\"");
-  has(load("bodies:\n  - {robot: arm}\n  - {robot: arm}\n" + robot + "}}\n"), "the robot \"arm\" stands there already");
+  has(load("bodies:\n  - {robot: arm}\n  - {robot: arm}\n" + robot + "}}\n"), "the robot \"arm\" is listed already");
   has(load("bodies:\n  - {robot: arm, pose: [0, 0, 0, 1, 0, 0, 0]}\n" + robot + "}}\n"), "unknown key \"pose\"");
   has(load(robot + "bass: geometry/" + file + "}}\n"), "robot \"arm\": geometry: there is no link \"bass\"");
   has(load(robot + "base: robots/0.urdf}}\n"), "robots/0.urdf: no geometry as Scene::save() writes it");

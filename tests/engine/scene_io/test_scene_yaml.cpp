@@ -304,7 +304,7 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, sphere: 1}]\nbodys: []", ":2: unknown key \"bodys\"; did you mean \"bodies\"?"},
     {"bodies: [{name: a, sphere: 1}]\nquaternions: []",
      ":2: unknown key \"quaternions\"; known: bodies, groups, ignore, random, robots"},
-    {"bodies: [{name: a, sphere: 1, sphere: 2}]", ":1: bodies[0]: the key \"sphere\" is there twice"},
+    {"bodies: [{name: a, sphere: 1, sphere: 2}]", ":1: bodies[0]: the key \"sphere\" occurs twice"},
     {"bodies: [{name: a, sphere: 1, [x]: 2}]", ":1: bodies[0]: expected a text as key, got a list of 1"},
     {"bodies: [{name: a, sphere: 1, static: yes}]", ":1: bodies[0].static: expected true or false, got \"yes\""},
     {"bodies: [{name: a, sphere: 1, scale: 2}]", ":1: bodies[0].scale: only a mesh has this key"},

@@ -308,7 +308,7 @@ TEST(Clearanced, WrongGroupsAndRightsEndWith2) {
   EXPECT_NE(said("--socket-group", "no such group").find("--socket-group: there is no group \"no such group\""),
             std::string::npos);
   EXPECT_NE(said("--group-rights", "query,root")
-                .find("--group-rights: \"root\" is no right: expected query, poses, admin or control"),
+                .find("--group-rights: \"root\" is not a right: expected query, poses, admin or control"),
             std::string::npos);
 }
 

@@ -219,7 +219,7 @@ TEST_F(Keys, FilesThatWillNotDoEndTheDaemonWith4) {
   authorize("query again", "probe.key");
   EXPECT_TRUE(contains(said(), "authorized:4: this key is listed twice"));
   std::ofstream{list} << read_public_key(folder_ / "all.key") << " everything\n";
-  EXPECT_TRUE(contains(said(), "authorized:1: \"everything\" is no right"));
+  EXPECT_TRUE(contains(said(), "authorized:1: \"everything\" is not a right"));
   std::ofstream{list} << read_public_key(folder_ / "all.key") << "\n";
   EXPECT_TRUE(contains(said(), "authorized:1: the rights of this key are missing"));
   std::filesystem::remove(list);

@@ -249,9 +249,9 @@ TEST_F(ShmHostile, AClientRefusesAStrangeDaemon) {
       ASSERT_TRUE(shm::send_message(socket, RawClient::make(MessageKind::kSegment), fds));
     };
   };
-  EXPECT_NE(error_with(with_file(0, 0)).find("something that is no segment"), std::string::npos);
-  EXPECT_NE(error_with(with_file(8192, 0)).find("another layout than this client knows"), std::string::npos);
-  EXPECT_NE(error_with(with_file(8192, shm::kLayoutVersion)).find("another layout than this client knows"),
+  EXPECT_NE(error_with(with_file(0, 0)).find("something that is not a segment"), std::string::npos);
+  EXPECT_NE(error_with(with_file(8192, 0)).find("a layout unknown to this client"), std::string::npos);
+  EXPECT_NE(error_with(with_file(8192, shm::kLayoutVersion)).find("a layout unknown to this client"),
             std::string::npos);
   const std::size_t descriptors = open_descriptors();
   for (int i = 0; i < 20; ++i) error_with(with_file(8192, 0));

@@ -45,7 +45,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         return 130
     print(
         f"{done.output}: {done.rows:,} rows in {done.parts:,} parts, of which {done.made:,} were made now; "
-        f"{done.checked:,} rows computed again, all equal; {done.lost} workers lost"
+        f"{done.checked:,} rows recomputed, all equal; {done.lost} workers lost"
     )
     return 0
 

@@ -74,7 +74,7 @@ class Job:
         bodies = keys.take("bodies", to_names) if moving == "bodies" else None
         limits = keys.take("limits", _limits, {})
         if limits and joints is None:
-            raise JobError(f"{keys.at('limits')}: are of joints, and this job moves bodies")
+            raise JobError(f"{keys.at('limits')}: are only for joints, but this job moves bodies")
         rows = read_rows(keys.map("rows"), folder, bodies is not None)
         answer = keys.take("answer", lambda value, what: _word(value, tuple(ANSWERS), what), "validity")
         job = cls(
@@ -182,8 +182,8 @@ def _asked(keys: Keys, answer: str, motions: bool) -> dict[str, Any]:
     asked["rel_tol"] = keys.take("rel_tol", to_length, None)
     reasons = (
         ("margin", answer != "validity" and not motions, "needs answer: validity, or motions"),
-        ("max_distance", answer == "validity", "has no meaning for answer: validity, whose cut-off is the margin"),
-        ("max_steps", not motions, "is of motions, and these rows are configurations"),
+        ("max_distance", answer == "validity", "does not apply to answer: validity, which uses the margin"),
+        ("max_steps", not motions, "is only for motions, but these rows are configurations"),
     )
     for name, refused, why in reasons:
         if refused and asked[name] is not None:

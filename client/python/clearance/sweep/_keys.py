@@ -38,7 +38,7 @@ class Keys:
         self._known.append(name)
         if name not in self._given:
             if default is _NEEDED:
-                raise JobError(f"{self.at(name)}: is needed, and is not there")
+                raise JobError(f"{self.at(name)}: is required")
             return default
         try:
             return read(self._given[name], self.at(name))

@@ -91,6 +91,6 @@ def read_part(folder: Path, part: int, digest: str) -> dict[str, np.ndarray]:
     except OSError as error:
         raise SweepError(f"{path}: a part that was written cannot be read: {error.strerror}") from None
     if hashlib.sha256(data).hexdigest() != digest:
-        raise SweepError(f"{path}: its bytes are not those that were written")
+        raise SweepError(f"{path}: its contents differ from what was written")
     table = pq.read_table(pa.BufferReader(data))
     return {name: table.column(name).to_numpy() for name in table.column_names}

@@ -49,7 +49,7 @@ def prepare(job: Job, output: Optional[Path] = None, backend: str = "cpu", threa
     """Loads the scene, creates the generator, and evaluates the first row. Raises JobError naming file and key."""
     output = output or job.output
     if output is None:
-        raise JobError(f"{job.file}: output: is needed: the folder that the result goes into")
+        raise JobError(f"{job.file}: output: is required: the folder for the result")
     _needs_pyarrow(job)
     if output.exists() and not output.is_dir():
         raise JobError(f"{job.file}: output: {output} is not a folder")
