@@ -112,7 +112,8 @@ AttachParts parse_attach(std::span<const std::byte> payload, std::span<const std
   if (has_pose > 1) bad_frame("attach: has_pose " + std::to_string(has_pose) + " is neither 0 nor 1");
   parts.epoch = read_records("attach", records, parts.passed_over, [&](const RecordView& record) {
     if (record.tag != static_cast<std::uint16_t>(AttachTag::kAllow)) return false;
-    if (record.bytes.size() % 4) bad_frame("attach: allow has " + str(record.bytes.size()) + " bytes, not a whole number of ids");
+    if (record.bytes.size() % 4)
+      bad_frame("attach: allow has " + str(record.bytes.size()) + " bytes, not a whole number of ids");
     parts.allow.resize(record.bytes.size() / 4);
     std::memcpy(parts.allow.data(), record.bytes.data(), record.bytes.size());
     return true;

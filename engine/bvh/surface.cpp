@@ -136,8 +136,7 @@ std::string open_edge(std::span<const Vec3d> vertices, std::span<const Triangle>
     return "the edge from " + position(vertices[t[edges[i].k]]) + " to " + position(vertices[t[(edges[i].k + 1) % 3]]) +
            " of triangle " + std::to_string(edges[i].triangle) +
            (there == 1 ? " belongs to no other triangle: the mesh is open there"
-                       : " is shared by " + std::to_string(there) +
-                             " triangles with inconsistent orientations");
+                       : " is shared by " + std::to_string(there) + " triangles with inconsistent orientations");
   }
   return {};
 }
