@@ -11,7 +11,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Callable, Optional, Union
 
 import numpy as np
 
@@ -28,6 +28,11 @@ from ._query import Parser, Query
 from ._result import Check, Out, Result
 from ._updates import Updates
 from ._words import Field, FormatWord, ModelWord, PrecisionWord, ReduceWord, Status
+
+if TYPE_CHECKING:
+    from typing_extensions import ParamSpec
+
+    _Arguments = ParamSpec("_Arguments")
 
 Margin = Union[float, np.ndarray, Sequence[float], Mapping[tuple[BodyRef, BodyRef], float]]
 Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
@@ -56,6 +61,19 @@ class BodyState:
     parent: Optional[int]
     stamp_ns: int  #: publisher's clock
     age_ns: Optional[int]  #: since the pose, or the points of a cloud if older, were received; None if never
+
+
+def _takes_the_arguments_of(
+    query: Callable[_Arguments, Result],
+) -> Callable[[Callable[..., Future]], Callable[_Arguments, Future]]:
+    """Decorates a method that returns a future of the same query: gives it the signature of `query`."""
+
+    def decorate(method: Callable[..., Future]) -> Callable[..., Future]:
+        method.__signature__ = inspect.signature(query).replace(return_annotation="Future")  # type: ignore[attr-defined]
+        method.__annotations__ = {**query.__annotations__, "return": "Future"}
+        return method
+
+    return decorate
 
 
 class Front(MotionQueries, Certificates, Updates, Parser):
@@ -372,47 +390,22 @@ class Front(MotionQueries, Certificates, Updates, Parser):
 
     def _parse_named(self, arguments: dict[str, Any]) -> Query:
         """Parses some of the arguments of distances(), by name."""
-        return self._parse(**{**DEFAULTS, **arguments})
+        return self._parse(**{**_DEFAULTS, **arguments})
 
-    def submit(
-        self,
-        pairs: Pairs = None,
-        configurations: Any = None,
-        bodies: Optional[Sequence[BodyRef]] = None,
-        max_distance: float = math.inf,
-        abs_tol: float = 0.0,
-        rel_tol: Optional[float] = None,
-        precision: PrecisionWord = "f64",
-        signed: bool = False,
-        reduce: ReduceWord = "none",
-        fields: Union[str, Sequence[str], None] = None,
-        format: FormatWord = "full",
-        out: Out = None,
-        timeout_s: Optional[float] = None,
-        max_results: int = 1 << 20,
-        max_pose_age_ns: int = 0,
-        warm: bool = False,
-        copy: bool = True,
-        min_pose_stamp_ns: int = 0,
-        pose_wait_s: float = 0.0,
-        wait_for: BodyRef = "*",
-        joints: Optional[JointsRef] = None,
-        positions: Any = None,
-        model: ModelWord = "truth",
-        **more: Any,
-    ) -> Future:
+    @_takes_the_arguments_of(distances)
+    def submit(self, *arguments: Any, **more: Any) -> Future:
         """Starts the query of distances() and returns a future: .result(timeout=None), .done(), .cancel().
 
         In process, the poses are those at this call; through a daemon, those at the request's arrival.
         """
-        given = locals()
-        return self._start(self._parse(**{name: given[name] for name in DEFAULTS}, **more))
+        if len(arguments) > len(_DEFAULTS):
+            raise TypeError(f"submit() takes at most {len(_DEFAULTS)} positional arguments, got {len(arguments)}")
+        return self._start(self._parse_named(dict(**dict(zip(_DEFAULTS, arguments)), **more)))
 
     def _result(self, query: Query, answer: Any) -> Result:
         return Result(answer, query.reduce, query.out, query.known_pairs(), TableOf(self, query))
 
 
-#: Default values of the arguments of distances(), by name.
-DEFAULTS = {
+_DEFAULTS = {
     name: p.default for name, p in inspect.signature(Front.distances).parameters.items() if name not in ("self", "more")
 }

@@ -8,7 +8,7 @@ from typing import Any, Optional, Union
 import numpy as np
 
 from ._arguments import to_count
-from ._front import DEFAULTS, Front
+from ._front import Front
 from ._names import BodyRef
 from ._query import Query
 
@@ -37,4 +37,4 @@ def plan_query(
         if joints is None or bodies is not None:
             moved = front._names.movable if bodies is None else front._names.bodies_array(bodies, "bodies")
             asked.update(configurations=np.zeros((1, len(moved), 7)), bodies=moved)
-    return front._parse(**{**DEFAULTS, **asked}), count
+    return front._parse_named(asked), count
