@@ -3,19 +3,16 @@
 
 #include <cstdio>
 #include <filesystem>
-#include <memory>
 
 #include "clearance_lcm/frame_t.hpp"
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
-#include "clearance_lcm/query_t.hpp"
-#include "server/core/loop.h"
 #include "server/gateway/link.h"
 #include "tests/client/plan_payload.h"
-#include "tests/fuzz/changing_scene.h"
+#include "tests/server/conversation.h"
 #include "tests/fuzz/frames.h"
 #include "tests/fuzz/seeds.h"
-#include "tests/server/core/memory_transport.h"
+#include "tests/lcm/sample_query.h"
 #include "tests/server/sample_requests.h"
 #include "tests/server/test_scene.h"
 #include "wire/lcm_frames.h"
@@ -27,28 +24,14 @@ namespace {
 // --- frames
 
 void save_requests_and_replies() {
-  Engine::Options options;
-  options.threads = 1;
-  Engine engine(small_scene(), options);
-  Loop loop(engine, on_one_thread());
-  serve_changing_scenes(loop);
-  auto owned = std::make_unique<MemoryTransport>();
-  MemoryTransport& transport = *owned;
-  loop.add(std::move(owned));
+  Conversation daemon(small_scene());
   Data conversation;
   for (const auto& [name, frame] : sample_requests()) {
     Data request, reply;
     append_frame(request, kMendHeader, frame);
     save("request", "good_" + name, request);
     append_frame(conversation, 0, frame);
-    MemoryClient client;
-    transport.send(client, frame);
-    while (client.replies.empty()) loop.turn();  // one of them waits for poses
-    const MemoryFrame& got = *client.replies.at(0);
-    Data bytes;
-    add(bytes, got.header());
-    wire::append_bytes(bytes, got.payload().data(), got.payload().size());
-    append_frame(reply, kMendHeader, bytes);
+    append_frame(reply, kMendHeader, daemon.reply_to(frame));
     save("reply", "good_" + name, reply);
   }
   save("request", "good_conversation", conversation);
@@ -190,13 +173,6 @@ void save_shm() {
 
 // --- LCM
 
-template <class Message>
-Data encoded(const Message& message) {
-  Data packet(static_cast<std::size_t>(message.getEncodedSize()));
-  message.encode(packet.data(), 0, static_cast<int>(packet.size()));
-  return packet;
-}
-
 void save_lcm() {
   clearance_lcm::pose_update_t poses{};
   poses.publisher_id = 5;
@@ -210,18 +186,6 @@ void save_lcm() {
   named.count = 2;
   named.names = {"cup", "link2"};
   named.poses = poses.poses;
-  clearance_lcm::query_t query{};
-  query.client_id = 7;
-  query.pair_count = 1;
-  query.pairs = {{0, 1}};
-  query.body_count = 1;
-  query.bodies = {1};
-  query.configuration_count = 2;
-  query.configurations.assign(2, {{0, 0, 1, 1, 0, 0, 0}});
-  query.min_pose_stamp_ns = 1000;
-  query.pose_wait_ns = 5;
-  query.wait_for_one = 1;
-  query.deadline_ns = 1'000'000;
   TestQuery large;
   wire::append_record(large.records, 500, 0, data_of("passed over"));
   large.bodies = {1};
@@ -233,7 +197,7 @@ void save_lcm() {
     part.client_id = 9;
     part.request_id = 3;
     part.sequence = 1;
-    parts.push_back(encoded(part));
+    parts.push_back(encode(part));
   }
   const auto packet = [](std::uint8_t type, const Data& bytes) {
     Data out;
@@ -248,7 +212,7 @@ void save_lcm() {
     return out;
   };
   const std::pair<const char*, Data> kinds[] = {
-      {"poses", encoded(poses)}, {"named_poses", encoded(named)}, {"query", encoded(query)}};
+      {"poses", encode(poses)}, {"named_poses", encode(named)}, {"query", encode(sample_lcm_query())}};
   for (std::uint8_t type = 0; type < 3; ++type) {
     save("lcm_packet", std::string("good_") + kinds[type].first, packet(type, kinds[type].second));
     save("lcm_udp", std::string("good_") + kinds[type].first, message(type, kinds[type].second));

@@ -5,7 +5,6 @@
 #include <cstring>
 #include <fstream>
 #include <iostream>
-#include <memory>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -20,7 +19,8 @@
 #include "server/base/log.h"
 #include "server/lcm/lcm_translate.h"
 #include "tests/client/plan_payload.h"
-#include "tests/fuzz/changing_scene.h"
+#include "tests/server/conversation.h"
+#include "tests/lcm/sample_query.h"
 #include "tests/server/sample_requests.h"
 #include "tests/source_file.h"
 #include "wire/shm_layout.h"
@@ -28,6 +28,7 @@
 namespace clearance::golden {
 namespace {
 
+using fuzz::Conversation;
 using wire::FrameType;
 using Bytes = std::vector<std::byte>;
 
@@ -141,45 +142,10 @@ void write(std::ostream& out, const std::string& name, const Bytes& bytes) {
 
 template <class Message>
 void write_message(std::ostream& out, const std::string& name, const Message& message) {
-  Bytes packet(static_cast<std::size_t>(message.getEncodedSize()));
-  message.encode(packet.data(), 0, static_cast<int>(packet.size()));
-  write(out, name, packet);
+  write(out, name, encode(message));
 }
 
 // --- frames
-
-/// A daemon's loop with one client.
-class Conversation {
- public:
-  explicit Conversation(Scene scene) {
-    Engine::Options options;
-    options.backend = "cpu";
-    options.threads = 1;
-    engine_ = std::make_unique<Engine>(std::move(scene), options);
-    loop_ = std::make_unique<Loop>(*engine_, on_one_thread());
-    fuzz::serve_changing_scenes(*loop_);
-    auto transport = std::make_unique<MemoryTransport>();
-    transport_ = transport.get();
-    loop_->add(std::move(transport));
-  }
-  /// The reply to a request.
-  Bytes ask(const Bytes& request) {
-    transport_->send(client_, request);
-    while (client_.replies.empty()) loop_->turn();
-    const MemoryFrame& got = *client_.replies.front();
-    Bytes reply;
-    wire::append(reply, got.header());
-    wire::append_bytes(reply, got.payload().data(), got.payload().size());
-    client_.replies.pop_front();
-    return reply;
-  }
-
- private:
-  MemoryClient client_;
-  std::unique_ptr<Engine> engine_;
-  std::unique_ptr<Loop> loop_;
-  MemoryTransport* transport_ = nullptr;
-};
 
 template <class Record>
 Bytes record_frame(FrameType type, const Record& record) {
@@ -233,7 +199,7 @@ std::vector<std::pair<std::string, Bytes>> ordered_requests() {
 
 void write_exchange(std::ostream& out, Conversation& daemon, const std::string& name, const Bytes& request) {
   write(out, name, comparable(request));
-  write(out, name + ", answered", comparable(daemon.ask(request)));
+  write(out, name + ", answered", comparable(daemon.reply_to(request)));
 }
 
 void write_frames(std::ostream& out) {
@@ -272,20 +238,9 @@ void write_frames(std::ostream& out) {
 // --- LCM
 
 void write_queries(std::ostream& out) {
-  clearance_lcm::query_t query{};
-  query.client_id = 7;
+  clearance_lcm::query_t query = sample_lcm_query();
   query.request_id = 8;
   query.max_distance = 0.5;
-  query.pair_count = 1;
-  query.pairs = {{0, 1}};
-  query.body_count = 1;
-  query.bodies = {1};
-  query.configuration_count = 2;
-  query.configurations.assign(2, {{0, 0, 1, 1, 0, 0, 0}});
-  query.min_pose_stamp_ns = 1000;
-  query.pose_wait_ns = 5;
-  query.deadline_ns = 1'000'000;
-  query.wait_for_one = 1;
   query.wait_for = 2;
   write_message(out, "query_t", query);
   write(out, "query_t, as a frame", query_frame_of(query));
@@ -344,7 +299,7 @@ void write_updates(std::ostream& out) {
 /// Publications of the daemon, derived from its replies.
 void write_publications(std::ostream& out) {
   Conversation daemon(small_scene());
-  const auto answer = [&](const Bytes& request) { return comparable(daemon.ask(request)); };
+  const auto answer = [&](const Bytes& request) { return comparable(daemon.reply_to(request)); };
   const Bytes nearest = answer(nearest_query_frame());
   FrameBytes reply(nearest.size());
   std::copy(nearest.begin(), nearest.end(), reply.bytes.get());

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tests/lcm/lcm_network.h"
+#include "tests/lcm/sample_query.h"
 #include "tests/patience.h"
 
 namespace clearance {
@@ -53,13 +54,5 @@ class LcmTest : public testing::Test {
 
   LcmAddress address_;
 };
-
-/// The bytes of a message.
-template <class Message>
-std::vector<std::byte> encode(const Message& message) {
-  std::vector<std::byte> packet(static_cast<std::size_t>(message.getEncodedSize()));
-  EXPECT_EQ(message.encode(packet.data(), 0, static_cast<int>(packet.size())), static_cast<int>(packet.size()));
-  return packet;
-}
 
 }  // namespace clearance
