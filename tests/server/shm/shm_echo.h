@@ -24,6 +24,7 @@
 #include "client/channel.h"
 #include "client/client.h"
 #include "server/shm/shm_transport.h"
+#include "tests/temporary_folder.h"
 #include "wire/shm_os.h"
 
 namespace clearance {
@@ -34,23 +35,7 @@ inline Deadline soon() {
   return std::chrono::steady_clock::now() + 30s;
 }
 
-/// A temporary folder for each test, removed at the end.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "clearance-test-XXXXXX").string();
-    if (!::mkdtemp(name.data())) throw std::runtime_error("mkdtemp");
-    path_ = name;
-  }
-  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
-  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
-  std::string path() const { return path_.string(); }
-
- private:
-  std::filesystem::path path_;
-};
-
-/// Answers kPing with the same payload or, if the header's scene_revision is not 0, with a pattern of that many bytes.
+/// Answers kPing with the same payload, or, if the header's scene_revision is not 0, with a pattern of that many bytes.
 class EchoRequestHandler final : public RequestHandler {
  public:
   enum class Mode { kEcho, kHold, kDrop };
