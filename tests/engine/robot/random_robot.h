@@ -9,9 +9,9 @@
 namespace clearance::test {
 
 /// Seeded numbers for random robots and their poses.
-class Random {
+class RobotRandom {
  public:
-  explicit Random(std::uint64_t seed) : bits_(seed) {}
+  explicit RobotRandom(std::uint64_t seed) : bits_(seed) {}
   double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(bits_); }
   int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(bits_); }
   /// Of length 1.

@@ -11,14 +11,14 @@
 namespace clearance {
 namespace {
 
-using test::Random;
 using test::Real;
 using test::RealFrame;
+using test::RobotRandom;
 
 const std::string kFolder = source_file("tests/engine/robot/");
 
 // Text of a URDF: a chain of joints of any kind with occasional side branches, and mimics of the first one.
-std::string random_urdf(Random& random, int joints) {
+std::string random_urdf(RobotRandom& random, int joints) {
   std::string text = "<robot name='r'><link name='l0'/>";
   const auto numbers = [&](double most) {
     char out[100];
@@ -50,8 +50,8 @@ struct OracleResult {
 };
 
 // Some configurations of a robot, each link and many pairs of links.
-void check_robot(const RobotModel& robot, Random& random, int configurations, double angle, double travel, double far,
-                 OracleResult* out) {
+void check_robot(const RobotModel& robot, RobotRandom& random, int configurations, double angle, double travel,
+                 double far, OracleResult* out) {
   const Kinematics kinematics(robot);
   constexpr double kRadius = 0.2, kOraclesOwn = 1e-50;
   std::vector<Pose> roots;
@@ -107,7 +107,7 @@ void say(const char* what, const OracleResult& checked) {
 }
 
 TEST(Kinematics, AnArmIsWithinWhatIsClaimedAndThatIsLittle) {
-  Random random(1);
+  RobotRandom random(1);
   OracleResult checked;
   check_robot(read_urdf(kFolder + "arm.urdf"), random, 60, 3, 0.5, 0, &checked);
   say("arm", checked);
@@ -116,7 +116,7 @@ TEST(Kinematics, AnArmIsWithinWhatIsClaimedAndThatIsLittle) {
 }
 
 TEST(Kinematics, EveryKindOfJointIsWithinWhatIsClaimed) {
-  Random random(2);
+  RobotRandom random(2);
   OracleResult checked;
   check_robot(read_urdf(kFolder + "every_joint.urdf"), random, 60, 3, 0.5, 1, &checked);
   say("every joint", checked);
@@ -125,7 +125,7 @@ TEST(Kinematics, EveryKindOfJointIsWithinWhatIsClaimed) {
 }
 
 TEST(Kinematics, RandomRobotsAreWithinWhatIsClaimed) {
-  Random random(3);
+  RobotRandom random(3);
   OracleResult near, far;
   for (int i = 0; i < 25; ++i) {
     const RobotModel robot = parse_urdf(random_urdf(random, 2 + i % 10), "random.urdf");
@@ -150,7 +150,7 @@ TEST(Kinematics, NeighboursShareWhatCarriesThem) {
 }
 
 TEST(Kinematics, AllInstructionSetsGiveTheSameBits) {
-  Random random(4);
+  RobotRandom random(4);
   for (const char* file : {"arm.urdf", "every_joint.urdf"}) {
     const RobotModel robot = read_urdf(kFolder + file);
     const Kinematics kinematics(robot);

@@ -12,10 +12,10 @@
 namespace clearance {
 namespace {
 
-using test::Random;
 using test::Real;
 using test::RealFrame;
 using test::RealVec;
+using test::RobotRandom;
 
 const std::string kFolder = source_file("tests/engine/robot/");
 
@@ -35,7 +35,7 @@ bool slides(const RobotModel& robot, std::uint32_t column) {
          (kind == JointKind::kPlanar && !robot.columns[column].name.ends_with("/theta"));
 }
 
-std::vector<double> random_positions(const RobotModel& robot, Random& random) {
+std::vector<double> random_positions(const RobotModel& robot, RobotRandom& random) {
   std::vector<double> q;
   for (std::uint32_t c = 0; c < robot.columns.size(); ++c)
     q.push_back(random.uniform(-1, 1) * (slides(robot, c) ? 0.5 : 3));
@@ -69,7 +69,7 @@ Real ratio(const Real& way, double claim) {
 }
 
 // Small and large steps of random robots: no point of a ball moves farther than its path's bound.
-void check_robot(const RobotModel& robot, Random& random, int steps, double* worst) {
+void check_robot(const RobotModel& robot, RobotRandom& random, int steps, double* worst) {
   const Kinematics kinematics(robot);
   const auto links = static_cast<std::uint32_t>(robot.links.size());
   for (int k = 0; k < steps; ++k) {
@@ -98,7 +98,7 @@ void check_robot(const RobotModel& robot, Random& random, int steps, double* wor
 }
 
 TEST(MotionPath, NoPointGoesFartherThanItsPath) {
-  Random random(1);
+  RobotRandom random(1);
   for (const char* file : {"arm.urdf", "every_joint.urdf"}) {
     double worst = 0;
     check_robot(read_urdf(kFolder + file), random, 40, &worst);
@@ -109,7 +109,7 @@ TEST(MotionPath, NoPointGoesFartherThanItsPath) {
 
 // Two links come no nearer than the least bound of their paths, on which proofs depend.
 TEST(MotionPath, NoTwoPointsComeNearerThanAnyPathBetweenThem) {
-  Random random(2);
+  RobotRandom random(2);
   for (const char* file : {"arm.urdf", "every_joint.urdf"}) {
     const RobotModel robot = read_urdf(kFolder + file);
     const Kinematics kinematics(robot);

@@ -37,7 +37,7 @@ struct Draw {
 };
 
 /// A number with few set bits, so that sums are exact.
-inline double short_number(test::Random& random, double most) {
+inline double short_number(test::RobotRandom& random, double most) {
   return std::ldexp(std::round(random.uniform(-1, 1) * 64), -6) * std::exp2(std::floor(std::log2(most)));
 }
 
@@ -48,7 +48,7 @@ inline std::string text_of(double x, double y, double z) {
 }
 
 /// A tree of links that are balls, and joints of many kinds, some of which mimic the first.
-inline std::string random_urdf(test::Random& random, const Draw& draw, int joints, std::vector<Ball>* balls) {
+inline std::string random_urdf(test::RobotRandom& random, const Draw& draw, int joints, std::vector<Ball>* balls) {
   std::string text = "<robot name='r'>";
   for (int l = 0; l <= joints; ++l) {
     const Vec3d c{short_number(random, draw.arm), short_number(random, draw.arm), short_number(random, draw.arm)};
@@ -78,7 +78,7 @@ inline std::string random_urdf(test::Random& random, const Draw& draw, int joint
 /// One scene: a robot, a ball that follows its last link, a ball and a box in the world.
 class LinkScene {
  public:
-  LinkScene(test::Random& random, const Draw& draw, bool uncertain_base = false) : random_(random), draw_(draw) {
+  LinkScene(test::RobotRandom& random, const Draw& draw, bool uncertain_base = false) : random_(random), draw_(draw) {
     const TemporaryFolder folder;
     const std::string urdf = folder.write("r.urdf", random_urdf(random, draw, 3 + random.below(6), &balls_));
     Scene scene;
@@ -160,7 +160,7 @@ class LinkScene {
     return between(in, nearest);
   }
 
-  test::Random& random_;
+  test::RobotRandom& random_;
   Draw draw_;
   std::vector<Ball> balls_;  // by link
   Ball ball_{};

@@ -19,7 +19,7 @@ struct Findings {
 };
 
 // Corners of regions and positions in them.
-void sample(test::Random& random, const LinkScene& scene, Findings& findings) {
+void sample(test::RobotRandom& random, const LinkScene& scene, Findings& findings) {
   const std::size_t width = scene.joints().size();
   std::vector<double> weights(width);
   for (double& w : weights) w = random.below(4) == 0 ? 0 : random.uniform(0.1, 2);
@@ -48,7 +48,7 @@ void sample(test::Random& random, const LinkScene& scene, Findings& findings) {
 }
 
 Findings run() {
-  test::Random random(21);
+  test::RobotRandom random(21);
   Findings findings;
   for (int i = 0; i < 40; ++i) {
     const LinkScene scene(random, {.travel = i % 2 ? 1.0 : 0.0});
@@ -120,7 +120,7 @@ TEST(FreeScale, WeightsMayHaveAnySize) {
 }
 
 TEST(FreeScale, SaysWhatItDoesNotAnswer) {
-  test::Random random(22);
+  test::RobotRandom random(22);
   const LinkScene scene(random, {});
   const std::size_t width = scene.joints().size();
   const std::vector<double> row = scene.row();

@@ -50,7 +50,7 @@ std::vector<double> differences(const LinkScene& scene, std::span<const BodyPair
 }
 
 TEST(JointGradient, IsTheSlopeOfTheExactDistance) {
-  test::Random random(11);
+  test::RobotRandom random(11);
   int compared = 0, zero = 0, both_move = 0, held = 0;
   for (int i = 0; i < 25; ++i) {
     const LinkScene scene(random, {.travel = i % 2 ? 1.0 : 0.0, .far = i % 5 ? 0.0 : 2.0});
@@ -83,7 +83,7 @@ TEST(JointGradient, IsTheSlopeOfTheExactDistance) {
 }
 
 TEST(JointGradient, IsThatOfTheRowsPairInEveryReduction) {
-  test::Random random(12);
+  test::RobotRandom random(12);
   const LinkScene scene(random, {.travel = 0.5});
   GradientQuery q = query_of(scene);
   const std::vector<BodyPair> pairs = scene.engine().pairs(q.query);

@@ -73,7 +73,7 @@ void check_robot(LinkScene& scene, bool by_joints, Findings& findings) {
 }
 
 Findings run(const Draw& draw, int scenes, std::uint64_t seed) {
-  test::Random random(seed);
+  test::RobotRandom random(seed);
   Findings findings;
   for (int i = 0; i < scenes; ++i) {
     LinkScene scene(random, draw);
@@ -107,7 +107,7 @@ TEST(LinkSlack, HoldsLinksWhere60DigitsPutThem) {
 
 // For any pose of the base, the distance of its links depends on their joints only.
 TEST(LinkSlack, LinksOfOneRobotStandOnOneBase) {
-  test::Random random(7);
+  test::RobotRandom random(7);
   LinkScene scene(random, kArm, true);
   QueryView query;
   query.rel_tol = 0;
