@@ -107,7 +107,7 @@ TEST_F(LcmTwoDaemonsTest, TheDeathOfTheBoundOneIsANewEpoch) {
   one->stop(SIGKILL);
   for (int i = 0; i < 3; ++i) {
     const std::string error = error_of<NewEpoch>(client);
-    EXPECT_NE(error.find("or is another one"), std::string::npos) << error;
+    EXPECT_NE(error.find("restarted or replaced"), std::string::npos) << error;
   }
   EXPECT_EQ(client.epoch(), first);
   Pending under_way = client.submit();

@@ -56,7 +56,7 @@ def test_a_hung_daemon_is_noticed_and_the_next_one_asked(start_daemon, cell, kin
     assert client.url == urls[0]
     os.kill(first.process.pid, signal.SIGSTOP)
     try:
-        with pytest.raises(clearance.DaemonHung, match=r"stood still for 0\.3 s"):
+        with pytest.raises(clearance.DaemonHung, match=r"been blocked for 0\.3 s"):
             client.distances(pairs=("cup", "*"))
         with pytest.raises(clearance.NewEpoch):
             client.distances(pairs=("cup", "*"))
