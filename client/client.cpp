@@ -235,7 +235,7 @@ Client::Duration Client::ping(std::span<const std::byte> payload) {
   const Duration round_trip = std::chrono::steady_clock::now() - start;
   const auto echo = impl().body_of(*frame);
   if (!std::equal(echo.begin(), echo.end(), payload.begin(), payload.end()))
-    throw ConnectionError(url() + ": the echo differs from what was sent");
+    throw ConnectionError(url() + ": the echo differs from the request");
   return round_trip;
 }
 

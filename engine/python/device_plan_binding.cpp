@@ -24,7 +24,7 @@ void bind_device_plan(nb::module_& m) {
                               type.bits, array.device_type(), array.device_id());
       },
       nb::arg("array"),
-      "Address, shape, type code and bits, kind and number of the device, of what has __dlpack__ and lies in C order.");
+      "Address, shape, type code and bits, kind and number of the device, of an array with __dlpack__ in C order.");
 }
 
 }  // namespace clearance::python

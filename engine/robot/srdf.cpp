@@ -149,7 +149,7 @@ class SrdfReader {
         add_joint(robot_.links[at].joint, group);
       }
       if (at != base)
-        missing(chain, "the link " + excerpt(robot_.links[tip].name) + " does not hang on " +
+        missing(chain, "the link " + excerpt(robot_.links[tip].name) + " is not a descendant of " +
                            excerpt(robot_.links[base].name));
     }
   }

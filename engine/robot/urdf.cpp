@@ -150,11 +150,11 @@ class UrdfReader {
     joint.child = link_of(element, "child");
     joint.X_pj = read_origin(element);
     if (has_axis(joint.kind)) joint.axis = read_axis(element, joint.kind);
-    if (joint.parent == joint.child) element.fail("its link hangs on itself");
+    if (joint.parent == joint.child) element.fail("its parent and child are the same link");
     std::uint32_t& carrier = robot_.links[joint.child].joint;
     if (carrier != kNone)
-      element.fail("the link " + excerpt(robot_.links[joint.child].name) + " hangs on the joint " +
-                   excerpt(robot_.joints[carrier].name) + " already; links must form a tree");
+      element.fail("the link " + excerpt(robot_.links[joint.child].name) + " already has the parent joint " +
+                   excerpt(robot_.joints[carrier].name) + "; links must form a tree");
     carrier = static_cast<std::uint32_t>(robot_.joints.size());
     joints_.emplace(joint.name, carrier);
     elements_.push_back(element);
@@ -177,11 +177,11 @@ class UrdfReader {
     for (std::uint32_t i = 0; i < robot_.links.size(); ++i) {
       if (robot_.links[i].joint != kNone) continue;
       if (robot_.base != kNone)
-        root_.fail("two links hang on no joint, " + excerpt(robot_.links[robot_.base].name) + " and " +
+        root_.fail("two links have no parent joint, " + excerpt(robot_.links[robot_.base].name) + " and " +
                    excerpt(robot_.links[i].name) + "; a robot has one base");
       robot_.base = i;
     }
-    if (robot_.base == kNone) root_.fail("every link hangs on another: the joints form a cycle");
+    if (robot_.base == kNone) root_.fail("every link has a parent: the joints form a cycle");
   }
 
   // Sorts the joints in the order from the base, children in the file's order.
@@ -200,7 +200,7 @@ class UrdfReader {
     std::vector<std::uint32_t> place(robot_.joints.size(), kNone);
     for (std::uint32_t i = 0; i < order.size(); ++i) place[order[i]] = i;
     for (std::uint32_t j = 0; j < place.size(); ++j)
-      if (place[j] == kNone) elements_[j].fail("it hangs on itself by way of others: the joints form a cycle");
+      if (place[j] == kNone) elements_[j].fail("it is its own ancestor: the joints form a cycle");
     std::vector<RobotJoint> sorted;
     std::vector<XmlElement> elements;
     for (const std::uint32_t j : order) {
@@ -257,7 +257,7 @@ class UrdfReader {
       std::size_t steps = 0;
       while (const auto& next = read[mimic.joint].mimic) {
         const XmlElement element = elements_[j].required_child("mimic");
-        if (++steps > read.size()) element.fail("it mimics itself by way of others");
+        if (++steps > read.size()) element.fail("it mimics itself through others");
         mimic = {next->joint, mimic.multiplier * next->multiplier, mimic.multiplier * next->offset + mimic.offset};
         check_mimic(element, mimic);
       }

@@ -119,7 +119,7 @@ void add_backend(CLI::App& app, DaemonOptions& o) {
       ->allow_extra_args(false)
       ->type_name("N,N");
   app.add_flag("!--no-device-fallback", o.device_fallback,
-               "reject what the device cannot answer, instead of using the CPU");
+               "reject queries that the device cannot answer, instead of using the CPU");
 }
 
 void add_real_time(CLI::App& app, DaemonOptions& o) {

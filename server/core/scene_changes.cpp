@@ -93,7 +93,7 @@ Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std
           parent = std::move(parent), most](SceneParts& scene) {
     if (scene.added.size() >= most)
       throw SceneError("add_body: " + std::to_string(most) +
-                       " bodies were added already, and no more may be (limit max-added-bodies)");
+                       " bodies were added already, the maximum (limit max-added-bodies)");
     scene.added.push_back({body_of(record, uncertainties, geometry), parent});
   };
 }

@@ -19,7 +19,7 @@ using wire::FrameType;
 ResourceQuota::Limit point_limit(std::uint64_t most, const char* whose, const char* option, wire::ErrorCode code) {
   return {most, code, [=](std::uint64_t held, std::uint64_t more) {
             return "points: " + std::to_string(held + more) + " points " + whose +
-                   ", with those that they replace are more than the " + std::to_string(most) + " that there may be (" +
+                   ", with those that they replace are more than the " + std::to_string(most) + " that are allowed (" +
                    option + ")";
           }};
 }
@@ -192,7 +192,7 @@ void StateUpdates::set_points(Request& request) {
   if (points > max_points_of_body_)
     throw RejectedRequest{wire::ErrorCode::kTooLarge,
                           "points: " + std::to_string(points) + " points of one body are more than the " +
-                              std::to_string(max_points_of_body_) + " that there may be (limit max-body-points)"};
+                              std::to_string(max_points_of_body_) + " that are allowed (limit max-body-points)"};
   points_.check(client, points);
   update->points = points_.take(client, points);
   context_.submit(request, request.bytes, applying(update, context_.answers), done);

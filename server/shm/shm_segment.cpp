@@ -120,7 +120,7 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, st
   const std::uint64_t limit = open - (is_usual ? 0 : open / kKeptForNewcomers);
   if (bytes > limit - std::min(budget->used.load(), limit)) {
     why = "no room for a segment of " + std::to_string(bytes) + " bytes: " + std::to_string(budget->used.load()) +
-          " of " + std::to_string(limit) + " bytes of shared memory are given out to clients";
+          " of " + std::to_string(limit) + " bytes of shared memory are allocated to clients";
     return nullptr;
   }
   shm::UniqueFd memfd = make_sealed_memfd(bytes, why);

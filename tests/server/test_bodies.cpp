@@ -163,7 +163,7 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
   EXPECT_EQ(change(odd([](auto&) {}, 8)).body, 4u) << "eight times the origin: a point";
   change(box_frame("crate"));
   EXPECT_EQ(refusal(box_frame("one more")),
-            "add_body: 2 bodies were added already, and no more may be (limit max-added-bodies)");
+            "add_body: 2 bodies were added already, the maximum (limit max-added-bodies)");
   change(remove_frame("odd"));
   EXPECT_EQ(change(box_frame("one more")).body, 5u);
   EXPECT_EQ(a_.sinks, 0);

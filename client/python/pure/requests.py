@@ -497,7 +497,7 @@ class Session:
         frame = self._call(FrameType.PING, [payload], "PONG")
         took = time.monotonic() - start
         if frame.payload != payload:
-            raise ConnectionError(f"{self.connection.url}: the echo differs from what was sent")
+            raise ConnectionError(f"{self.connection.url}: the echo differs from the request")
         return took
 
 

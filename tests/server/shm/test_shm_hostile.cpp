@@ -158,7 +158,7 @@ TEST_F(ShmHostile, ClientsThatHoardSegmentsLeaveRoomForNewOnes) {
   EchoThread server(path, limits);
   std::vector<std::unique_ptr<RawClient>> hoarders;
   std::string said;
-  for (int i = 0; i < 8 && said.find("are given out to clients") == std::string::npos; ++i) {
+  for (int i = 0; i < 8 && said.find("are allocated to clients") == std::string::npos; ++i) {
     hoarders.push_back(std::make_unique<RawClient>(path));
     for (Message answer = RawClient::make(MessageKind::kSegment);
          answer.kind == static_cast<std::uint32_t>(MessageKind::kSegment);) {
@@ -167,12 +167,12 @@ TEST_F(ShmHostile, ClientsThatHoardSegmentsLeaveRoomForNewOnes) {
       said = answer.text;
     }
   }
-  EXPECT_NE(said.find("of 314572800 bytes of shared memory are given out to clients"), std::string::npos) << said;
+  EXPECT_NE(said.find("of 314572800 bytes of shared memory are allocated to clients"), std::string::npos) << said;
   Message large = RawClient::make(MessageKind::kHello);
   large.reply_capacity = 2 << 20;
   RawClient greedy(path, false);
   greedy.send(large);
-  EXPECT_NE(std::string(greedy.receive().text).find("are given out to clients"), std::string::npos)
+  EXPECT_NE(std::string(greedy.receive().text).find("are allocated to clients"), std::string::npos)
       << "nor at the door";
   std::vector<std::unique_ptr<Channel>> newcomers;
   for (std::uint64_t i = 1; i <= 4; ++i) {

@@ -281,7 +281,7 @@ TEST_F(ShmTransport, WhatTheDaemonDoesNotAllowIsSaid) {
   for (int i = 0; i < 20 && refusal.empty(); ++i)
     refusal = error_of([&] { others.push_back(open_shm_channel(path_, soon())); });
   EXPECT_NE(refusal.find("rejected: no room for a segment of"), std::string::npos) << refusal;
-  EXPECT_NE(refusal.find("are given out to clients"), std::string::npos) << refusal;
+  EXPECT_NE(refusal.find("are allocated to clients"), std::string::npos) << refusal;
   others.clear();
   send_ping(*channel, 3, {});
   EXPECT_TRUE(echoes(*channel, 3, {}));

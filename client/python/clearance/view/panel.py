@@ -71,7 +71,7 @@ class Panel:
 
     def _make_question(self) -> None:
         gui = self._server.gui
-        self._kind = gui.add_dropdown("ask for", ("pairs within", "each body's nearest"), hint="options of the query")
+        self._kind = gui.add_dropdown("query", ("pairs within", "each body's nearest"), hint="options of the query")
         self._distance = gui.add_number("within [m]", Question.max_distance, min=0.0, max=100.0, step=0.01)
         self._pairs = gui.add_html("")
 
