@@ -83,7 +83,7 @@ def notebook(file):
         for output in cell.get("outputs", []):
             picture = output.get("data", {}).get("image/png")
             if picture:
-                out += [f'<img alt="Picture drawn by the cell" src="data:image/png;base64,{"".join(picture.split())}">', ""]
+                out += [f'<img alt="Output of the cell" src="data:image/png;base64,{"".join(picture.split())}">', ""]
             elif output.get("text"):
                 out += ["```text", "".join(output["text"]).rstrip(), "```", ""]
     return "\n".join(out)

@@ -31,7 +31,7 @@ def test_it_does_what_the_native_client_does(root):
 
 @pytest.mark.skipif(INSTALLED, reason="the build's")
 @pytest.mark.parametrize("code, why", [
-    ("connect('udpm://239.255.76.67:7667?ttl=0')", "ConnectionError.*does not support LCM; install the wheel clearance-.*whl"),
+    ("connect('udpm://239.255.76.67:7667?ttl=0')", "ConnectionError.*not support LCM; install .*clearance-.*whl"),
     ("Engine", "ImportError.*clearance_client.Engine is not there: this is a client-only install"),
     ("DevicePlan", "ImportError.*clearance_client.DevicePlan is not there: this is a client-only install"),
     ("from_pinocchio", "ImportError.*clearance_client.from_pinocchio is not there: this is a client-only install"),

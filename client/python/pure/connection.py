@@ -115,8 +115,8 @@ class Connection:
         self.check_process()
         if request_id < self._oldest_request:
             raise ConnectionError(
-                f"{self.url}: the daemon disconnected before request {request_id} was answered; the connection is another "
-                "one now"
+                f"{self.url}: the daemon disconnected before request {request_id} was answered; the connection "
+                "has been replaced"
             )
         while True:
             frame = self._channel.receive(request_id, min(deadline, self._watch.due()))
