@@ -40,7 +40,7 @@ std::string_view mapped_file() {
 int loader_main(int argc, char** argv, ImportFile import) {
   const std::string_view content = mapped_file();
   if (argc != 5 || ::fcntl(kMeshResultFd, F_GETFD) < 0 || content.empty()) {
-    std::fprintf(stderr, "clearance-mesh-loader reads mesh files for the clearance library; it is not run by hand\n");
+    std::fprintf(stderr, "clearance-mesh-loader reads mesh files for the clearance library; do not run it by hand\n");
     return 2;
   }
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
