@@ -137,7 +137,7 @@ std::optional<Message> Link::take(std::span<const std::byte> datagram) {
   datagram = datagram.subspan(sizeof head);
   if (head.name_bytes > kMaxNameBytes || head.extra_bytes > kMaxExtraBytes ||
       datagram.size() < std::size_t{head.name_bytes} + head.extra_bytes)
-    throw Broken("it sends a name or head of a wrong length");
+    throw Broken("it sends a name or extra data of a wrong length");
   const auto text = [&datagram](std::size_t bytes) {
     const std::string taken(reinterpret_cast<const char*>(datagram.data()), bytes);
     datagram = datagram.subspan(bytes);

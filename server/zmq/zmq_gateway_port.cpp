@@ -146,7 +146,7 @@ class ZmqGatewayPort final : public ZmqPort {
   bool is_client(const ZmqArrival& arrival) {
     const bool is = !arrival.identity.empty() && (arrival.key.empty() || is_key(arrival.key)) &&
                     (keys_.has_value() == !arrival.key.empty());
-    if (!is) process_->lose("it names an unknown client");
+    if (!is) process_->lose("it names an invalid client");
     return is;
   }
 
@@ -159,7 +159,7 @@ class ZmqGatewayPort final : public ZmqPort {
   }
 
   void knock(const std::string& address, const std::string& key) {
-    if (!keys_ || !is_key(key)) return process_->lose("it reports a client without a key");
+    if (!keys_ || !is_key(key)) return process_->lose("it reports a client without a valid key");
     process_->send({Kind::kVerdict, keys_->admits(*handler_, address, key) ? 1u : 0u, {}, {}, {}});
   }
 

@@ -320,15 +320,15 @@ TEST_F(GatewayWithKeys, OneThatWasTakenOverIsEndedAtItsFirstWrongWord) {
   struct Case {
     const char *what, *why;
   };
-  for (const Case& c : {Case{"garbage", "it sends a name or head of a wrong length"},
+  for (const Case& c : {Case{"garbage", "it sends a name or extra data of a wrong length"},
                         {"kind", "it sent something other than a ZeroMQ message"},
                         {"packet", "it sent something other than a ZeroMQ message"},
-                        {"no key", "it names an unknown client"},
-                        {"wrong key", "it names an unknown client"},
-                        {"nameless", "it names an unknown client"},
+                        {"no key", "it names an invalid client"},
+                        {"wrong key", "it names an invalid client"},
+                        {"nameless", "it names an invalid client"},
                         {"headless", "it sent something other than a ZeroMQ message"},
                         {"handed over", "it hands over a message that it did not receive"},
-                        {"knock", "it reports a client without a key"},
+                        {"knock", "it reports a client without a valid key"},
                         {"bodies", "it sends too many bodies at once"},
                         {"stranger's key", "forbidden as it should be"}}) {
     start_hostile(c.what);

@@ -139,9 +139,9 @@ TEST_F(LinkTest, WhoDoesNotReadBreaksIt) {
 TEST_F(LinkTest, WhatNobodyHonestSendsBreaksIt) {
   ASSERT_EQ(::send(raw_, "short", 5, 0), 5);
   EXPECT_EQ(why(), "it sends less than a header");
-  EXPECT_EQ(broken_by(head(256, 0, 0), 256), "it sends a name or head of a wrong length");
-  EXPECT_EQ(broken_by(head(0, 105, 0), 105), "it sends a name or head of a wrong length");
-  EXPECT_EQ(broken_by(head(200, 100, 0), 299), "it sends a name or head of a wrong length");
+  EXPECT_EQ(broken_by(head(256, 0, 0), 256), "it sends a name or extra data of a wrong length");
+  EXPECT_EQ(broken_by(head(0, 105, 0), 105), "it sends a name or extra data of a wrong length");
+  EXPECT_EQ(broken_by(head(200, 100, 0), 299), "it sends a name or extra data of a wrong length");
   EXPECT_EQ(broken_by(head(1, 0, kLimits.message_bytes + 1), 2), "it sends too large a body");
   EXPECT_EQ(broken_by(head(1, 0, ~std::uint64_t{0}, ~std::uint64_t{0}), 2), "it sends too large a body");
   EXPECT_EQ(broken_by(head(1, 0, 10), 1 + 11), "it sends more of a body than announced");
