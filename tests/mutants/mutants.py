@@ -7,6 +7,7 @@ mutants.py --tests  prints a line "NAME PROGRAM" for each mutant
 """
 from __future__ import annotations
 
+import re
 import sys
 from collections import defaultdict
 from pathlib import Path
@@ -17,17 +18,23 @@ from table import MUTANTS, SOURCES_OF_HEADERS, Mutant  # noqa: E402
 ENGINE = Path(__file__).resolve().parents[2] / "engine"
 
 
+def pattern_of(text: str) -> str:
+    """Matches the text with any blanks and line breaks between its characters: clang-format may move them."""
+    return r"\s*".join(re.escape(c) for c in text if not c.isspace())
+
+
 def span_of(text: str, source: str, file: str) -> tuple[int, int]:
     """Where a mutant's expression stands: between the two @ of its text, or the whole text."""
     before, _, rest = text.partition("@")
-    expression, _, _ = rest.partition("@")
+    expression, _, after = rest.partition("@")
     if not rest:
         before, expression = "", text
-    plain = text.replace("@", "")
-    if source.count(plain) != 1:
-        sys.exit(f'engine/{file}: expected "{plain}" exactly once, found {source.count(plain)}; see tests/mutants/table.py')
-    begin = source.index(plain) + len(before)
-    return begin, begin + len(expression)
+    parts = [pattern_of(before), f"({pattern_of(expression)})", pattern_of(after)]
+    found = list(re.finditer(r"\s*".join(part for part in parts if part), source))
+    if len(found) != 1:
+        plain = text.replace("@", "")
+        sys.exit(f'engine/{file}: expected "{plain}" exactly once, found {len(found)}; see tests/mutants/table.py')
+    return found[0].span(1)
 
 
 def mutated(file: str, mutants: list[tuple[int, Mutant]]) -> str:
