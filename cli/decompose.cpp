@@ -58,7 +58,7 @@ void add_decompose(CLI::App& app) {
   command.add_flag("--quiet", o->options.quiet, "hide CoACD's progress");
   add_output_options(command, o->output);
   command.footer(R"(
-CoACD proposes the parts, which are written to FILE.pieces.obj for scenes with `convexify: decompose`.
+CoACD proposes the parts, which are written to FILE.pieces.obj for scenes with `mesh_as: decompose`.
 
 Exit codes
   0 done    1 no parts: the mesh is open, or CoACD is missing, failed or was stopped    2 the command line is wrong)");

@@ -27,7 +27,7 @@ void reload(const Connection& connection) {
 
 struct AddBodyOptions {
   Connection connection;
-  std::string name, vertices, points, triangles, convexify = "auto", parent;
+  std::string name, vertices, points, triangles, mesh_as = "auto", parent;
   std::vector<double> box, capsule, cylinder, cone, ellipsoid, pose, uncertainty{0, 0};
   double sphere = 0, voxel = 0, radius = 0, padding = 0, max_speed = 0;
   bool is_static = false, half_space = false;
@@ -62,7 +62,7 @@ void add_body(const CLI::App& command, const AddBodyOptions& o) {
   body.name = o.name;
   body.vertices = vertices;
   body.triangles = triangles;
-  body.convexify = *convexify_of(o.convexify);
+  body.mesh_as = *mesh_as_of(o.mesh_as);
   std::vector<std::array<float, 3>> points;
   if (!o.points.empty()) {
     points = read_rows<float>("--points", o.points, "numbers");
@@ -133,7 +133,7 @@ void add_add(CLI::App& scene) {
                   "with --vertices: triangles of a mesh, three vertex indices from 0 on a line")
       ->type_name("FILE");
   command
-      .add_option("--convexify", options->convexify,
+      .add_option("--mesh-as", options->mesh_as,
                   "use of that mesh: hull, surface (its triangles), solid (the enclosed volume), or\n"
                   "auto: hull if it is convex or open, else solid")
       ->check(quiet(CLI::IsMember({"auto", "hull", "surface", "solid"})))

@@ -6,7 +6,7 @@
 //   for (std::size_t i = 0; i < reply.rows(); ++i) use(reply.lower()[i], reply.upper()[i]);
 #pragma once
 
-#include <clearance/convexify.h>
+#include <clearance/mesh_as.h>
 #include <clearance/query.h>
 
 #include <array>
@@ -191,7 +191,7 @@ struct NewBody {
   double max_speed = 0;             ///< metres per second: bound on the speed of its points
   // A mesh. Rejected by older daemons.
   std::span<const std::array<std::uint32_t, 3>> triangles = {};  ///< indices into `vertices`; closed for a solid
-  Convexify convexify = Convexify::kAuto;  ///< body made from the mesh; kSubmeshes is the same as kHull
+  MeshAs mesh_as = MeshAs::kAuto;  ///< body made from the mesh; kParts is the same as kHull
   /// Points of a cloud in metres, which set_points() replaces. No points make an empty body.
   std::optional<std::span<const std::array<float, 3>>> points = {};
   double voxel = 0;  ///< metres, for a cloud; above 0, boxes of this edge around the points are the body

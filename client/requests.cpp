@@ -94,8 +94,8 @@ std::vector<std::byte> payload_of(const NewBody& body) {
         "add_body: expected one of vertices, box, sphere, capsule, cylinder, cone, ellipsoid, half_space and points, "
         "got " +
         std::to_string(shapes));
-  if (body.convexify != Convexify::kHull && body.convexify != Convexify::kAuto && body.triangles.empty())
-    throw std::invalid_argument("add_body: convexify is for a mesh, and there are no triangles");
+  if (body.mesh_as != MeshAs::kHull && body.mesh_as != MeshAs::kAuto && body.triangles.empty())
+    throw std::invalid_argument("add_body: mesh_as is for a mesh, and there are no triangles");
   if (body.voxel != 0 && !body.points) throw std::invalid_argument("add_body: voxel is only for points");
   if (!body.triangles.empty() && body.vertices.empty())
     throw std::invalid_argument("add_body: triangles are only for vertices");
@@ -140,8 +140,8 @@ std::vector<std::byte> records_of(const NewBody& body) {
   static_assert(sizeof(body.triangles[0]) == sizeof(wire::TriangleRecord));
   wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kTriangles), wire::kRecordRequired,
                       std::as_bytes(body.triangles));
-  wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kConvexify), wire::kRecordRequired,
-                      std::as_bytes(std::span(&body.convexify, 1)));
+  wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kMeshAs), wire::kRecordRequired,
+                      std::as_bytes(std::span(&body.mesh_as, 1)));
   return records;
 }
 

@@ -21,7 +21,7 @@ function(clearance_install_library part)
   install(TARGETS ${_target} EXPORT Clearance-${part}
     LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${_component} NAMELINK_COMPONENT ${_component})
   install(EXPORT Clearance-${part} NAMESPACE Clearance:: DESTINATION ${_package} COMPONENT ${_component})
-  foreach(_header wire/types.h wire/convexify.h wire/model.h wire/query_options.h wire/query.h wire/protocol.h client/eigen.h ${ARG_HEADERS})
+  foreach(_header wire/types.h wire/mesh_as.h wire/model.h wire/query_options.h wire/query.h wire/protocol.h client/eigen.h ${ARG_HEADERS})
     clearance_installed_name(${_header} _name)
     install(FILES ${PROJECT_SOURCE_DIR}/${_header} RENAME ${_name} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/clearance
       COMPONENT ${_component})

@@ -16,18 +16,18 @@ namespace {
 
 // Returns whether a body was made from one mesh. Its submeshes are no longer known.
 bool is_of_one_mesh(const Body& body) {
-  constexpr std::array kOfOneMesh = {Convexify::kHull, Convexify::kSurface, Convexify::kSolid, Convexify::kDecompose};
+  constexpr std::array kOfOneMesh = {MeshAs::kHull, MeshAs::kSurface, MeshAs::kSolid, MeshAs::kDecompose};
   return body.pieces.size() == 1 && body.display &&
-         (body.source.ends_with(kNoPiecesYet) || std::ranges::any_of(kOfOneMesh, [&](Convexify what) {
+         (body.source.ends_with(kNoPiecesYet) || std::ranges::any_of(kOfOneMesh, [&](MeshAs what) {
             return body.source.ends_with("(" + std::string(word_of(what)) + ")");
           }));
 }
 
-Convexify what_is(const Body& body) {
+MeshAs what_is(const Body& body) {
   const Surface* surface = surface_of(body);
-  if (!surface) return Convexify::kHull;
-  if (surface->decomposition()) return Convexify::kDecompose;
-  return surface->is_solid() ? Convexify::kSolid : Convexify::kSurface;
+  if (!surface) return MeshAs::kHull;
+  if (surface->decomposition()) return MeshAs::kDecompose;
+  return surface->is_solid() ? MeshAs::kSolid : MeshAs::kSurface;
 }
 
 // Rebuilds a body from its mesh in the same place.
@@ -42,7 +42,7 @@ Body made(const Body& body, Geometry geometry, const Pose& X_wb) {
   return other;
 }
 
-Choice choice_of(std::uint32_t id, Convexify what, bool is_now, const Geometry& geometry) {
+Choice choice_of(std::uint32_t id, MeshAs what, bool is_now, const Geometry& geometry) {
   const Piece& piece = *geometry.pieces[0];
   Choice choice{.body = id,
                 .what = what,
@@ -99,13 +99,13 @@ std::vector<Choice> choices_of(const Scene& scene, const PairTimes* times) {
     const double radius = body.pieces[0]->radius;
     if (!seen.insert({body.display.get(), radius}).second) continue;
     const DisplayMesh& mesh = *body.display;
-    std::vector<Convexify> kinds{Convexify::kHull, Convexify::kSurface};
-    if (why_not_solid(mesh.vertices, mesh.triangles).empty()) kinds.push_back(Convexify::kSolid);
-    if (what_is(body) == Convexify::kDecompose) kinds.push_back(Convexify::kDecompose);
+    std::vector<MeshAs> kinds{MeshAs::kHull, MeshAs::kSurface};
+    if (why_not_solid(mesh.vertices, mesh.triangles).empty()) kinds.push_back(MeshAs::kSolid);
+    if (what_is(body) == MeshAs::kDecompose) kinds.push_back(MeshAs::kDecompose);
     std::vector<Geometry> geometries;
     std::vector<Choice> choices;
-    for (const Convexify what : kinds) {
-      if (what == Convexify::kDecompose)
+    for (const MeshAs what : kinds) {
+      if (what == MeshAs::kDecompose)
         geometries.emplace_back().pieces = body.pieces;
       else
         geometries.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, what, radius));

@@ -13,7 +13,7 @@ namespace clearance {
 /// A possible model of a mesh body.
 struct Choice {
   std::uint32_t body = kNone;
-  Convexify what = Convexify::kHull;
+  MeshAs what = MeshAs::kHull;
   bool is_now = false;                ///< the current model
   std::uint64_t vertices = 0;         ///< of its hull
   std::uint64_t triangles = 0;        ///< of the exact geometry

@@ -56,7 +56,7 @@ DecomposedMesh decompose(const DecomposeOptions& options, const std::atomic<bool
   {
     // Loads the mesh as a solid first, to check that it is closed.
     MeshFile file(options.mesh);
-    const Geometry solid = geometry_of_mesh(file.mesh(), {.convexify = Convexify::kSolid}, options.mesh);
+    const Geometry solid = geometry_of_mesh(file.mesh(), {.mesh_as = MeshAs::kSolid}, options.mesh);
     const DisplayMesh& mesh = *solid.display;
     out.triangles = mesh.triangles.size();
     out.size = 2 * norm(solid.pieces[0]->half);
@@ -70,7 +70,7 @@ DecomposedMesh decompose(const DecomposeOptions& options, const std::atomic<bool
   MeshFile file(options.mesh);
   if (!file.pieces()) throw std::runtime_error(out.file + ": no such file");
   MeshGeometries geometries;
-  const Geometry made = geometries.make(file, {{1, 1, 1}, Convexify::kDecompose, 0}, options.mesh);
+  const Geometry made = geometries.make(file, {{1, 1, 1}, MeshAs::kDecompose, 0}, options.mesh);
   out.prove_s = seconds_since(begin);
   const Decomposition& proved = *made.pieces[0]->surface->decomposition();
   out.pieces = proved.pieces.size();

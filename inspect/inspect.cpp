@@ -63,7 +63,7 @@ BodyReport describe(const Body& body) {
   if (body.display) r.faces = body.display->triangles.size();
   // A display mesh has the distinct vertices of a file, except for points and primitives.
   const bool from_file = std::ranges::any_of(
-      kConvexifyWords, [&body](std::string_view how) { return body.source.ends_with("(" + std::string(how) + ")"); });
+      kMeshAsWords, [&body](std::string_view how) { return body.source.ends_with("(" + std::string(how) + ")"); });
   if (r.loaded == r.vertices)
     r.inside = 0;
   else if (from_file && body.display && body.display->vertices.size() >= r.vertices)

@@ -219,12 +219,12 @@ bool read_new_body_record(const RecordView& record, NewBodyParts& parts) {
         bad_query("new body: triangles are only for vertices");
       parts.triangles = Records<TriangleRecord>(record.bytes.data(), size / sizeof(TriangleRecord));
       return true;
-    case NewBodyTag::kConvexify:
-      if (size != 1) bad_frame("new body: convexify (record 22) has " + str(size) + " bytes, expected 1");
-      if (const auto value = std::to_integer<std::size_t>(record.bytes[0]); value >= kConvexifyWords.size())
-        bad_query("new body: convexify " + str(value) + " is not one of 0 to " + str(kConvexifyWords.size() - 1));
-      if (parts.triangles.size() == 0) bad_query("new body: convexify is for a mesh, and there are no triangles");
-      parts.convexify = static_cast<Convexify>(record.bytes[0]);
+    case NewBodyTag::kMeshAs:
+      if (size != 1) bad_frame("new body: mesh_as (record 22) has " + str(size) + " bytes, expected 1");
+      if (const auto value = std::to_integer<std::size_t>(record.bytes[0]); value >= kMeshAsWords.size())
+        bad_query("new body: mesh_as " + str(value) + " is not one of 0 to " + str(kMeshAsWords.size() - 1));
+      if (parts.triangles.size() == 0) bad_query("new body: mesh_as is for a mesh, and there are no triangles");
+      parts.mesh_as = static_cast<MeshAs>(record.bytes[0]);
       return true;
     case NewBodyTag::kPoints:
       if (size % sizeof parts.points[0] != 0)

@@ -122,7 +122,7 @@ enum class AttachTag : std::uint16_t {
 enum class NewBodyTag : std::uint16_t {
   kDoubts = 20,     ///< BodyDoubts
   kTriangles = 21,  ///< TriangleRecord array; makes the vertices of a kHull those of a mesh
-  kConvexify = 22,  ///< uint8 Convexify of that mesh, by default kHull
+  kMeshAs = 22,     ///< uint8 MeshAs of that mesh, by default kHull
   kPoints = 23,     ///< points of a cloud: three float32 each, metres, in the body's frame; by default none
 };
 

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-#include "wire/convexify.h"
+#include "wire/mesh_as.h"
 #include "wire/protocol.h"
 #include "wire/query_options.h"
 
@@ -265,13 +265,13 @@ struct NewBodyParts {
   NewBodyRecord record;
   Records<VertexRecord> vertices;
   Records<TriangleRecord> triangles;  ///< empty for the vertices of a hull
-  Convexify convexify = Convexify::kHull;
+  MeshAs mesh_as = MeshAs::kHull;
   Records<std::array<float, 3>> points;  ///< points of a cloud
   BodyDoubts uncertainties;
   PassedOver passed_over;
   std::uint64_t epoch = 0;  ///< as QueryParts::epoch
 };
-/// Also checks that the name is terminated, that shape and `convexify` are valid, and that only clouds have points.
+/// Also checks that the name is terminated, that shape and `mesh_as` are valid, and that only clouds have points.
 /// Does not check the indices of triangles.
 NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 RemoveBodyRecord parse_remove_body(std::span<const std::byte> payload);

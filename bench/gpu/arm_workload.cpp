@@ -123,7 +123,7 @@ void add_grooved(Scene& scene, const std::string& name, const LinkShape& shape, 
     }
     triangles.push_back({last, last - kAround + i, last - kAround + j});
   }
-  scene.add_mesh(name, vertices, triangles, Convexify::kSolid, options);
+  scene.add_mesh(name, vertices, triangles, MeshAs::kSolid, options);
 }
 
 void add_things(Scene& scene, Random& random) {
@@ -216,7 +216,7 @@ void add_cell(Scene& scene) {
   board({0.8, -0.9, -0.04}, {0.83, 0.9, 1.5});                                                    // back of the shelf
   for (const double z : {0.4, 0.85, 1.3}) board({0.4, -0.9, z}, {0.82, 0.9, z + 0.02});           // its boards
   for (const double y : {-0.9, -0.3, 0.28, 0.88}) board({0.4, y, -0.03}, {0.82, y + 0.02, 1.5});  // and uprights
-  scene.add_mesh("cell", cell.vertices, cell.triangles, Convexify::kSolid, {.is_static = true, .pose = Pose()});
+  scene.add_mesh("cell", cell.vertices, cell.triangles, MeshAs::kSolid, {.is_static = true, .pose = Pose()});
 }
 
 }  // namespace

@@ -56,7 +56,7 @@ def write_scene(folder):
     heap(folder / "heap.obj")
     scene = folder / "scene.yaml"
     heaps = [
-        f"  - {{name: heap{i}, mesh: heap.obj, convexify: submeshes, pose: [{0.1 * i}, 0, 0, 1, 0, 0, 0]}}\n"
+        f"  - {{name: heap{i}, mesh: heap.obj, mesh_as: parts, pose: [{0.1 * i}, 0, 0, 1, 0, 0, 0]}}\n"
         for i in range(4)
     ]
     scene.write_text(SCENE.replace("random:", "".join(heaps) + "random:", 1))

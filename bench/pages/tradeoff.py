@@ -282,10 +282,10 @@ def draw(path):
 def shapes_table():
     """Results of bench/robots/bench_shapes.py."""
     _, rows = results("shapes")
-    header = ["robot, `convexify`", "triangles", "valid [us a state]", "least distance [us]", "short by, median [mm]",
+    header = ["robot, `mesh_as`", "triangles", "valid [us a state]", "least distance [us]", "short by, median [mm]",
               "most [mm]", "free states rejected", "missed overlaps"]
     return markdown(header, [
-        [f"{r['robot']}, `{r['convexify']}`", r["triangles"], f"{float(r['valid_us']):.4g}",
+        [f"{r['robot']}, `{r['mesh_as']}`", r["triangles"], f"{float(r['valid_us']):.4g}",
          f"{float(r['least_us']):.4g}", r["short_mm"], r["short_most_mm"],
          f"{r['false_refusals']} of {r['free']}", r["missed"]]
         for r in rows

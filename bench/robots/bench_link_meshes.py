@@ -67,7 +67,7 @@ def measure(name, links, resources, options):
     joints = list(problems.load(resources, name)[0].goal)
     peer = PinocchioCoal(resources, joints, name, as_hulls=links == "hulls")
     peer.robot.removeAllCollisionPairs()
-    us = Clearance(resources, joints, name, convexify="hull" if links == "hulls" else "surface")
+    us = Clearance(resources, joints, name, mesh_as="hull" if links == "hulls" else "surface")
     room = concave_room()
     for contender in (us, peer):
         contender.begin(room)

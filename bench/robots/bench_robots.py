@@ -128,7 +128,7 @@ def scene_file_of(robot, resources):
     path = resources / f"{robot}.yaml"
     path.write_text(
         f"robots:\n  - {{name: {robot}, urdf: {robot}/{urdf.name}, srdf: {robot}/{srdf.name}, "
-        f"packages: {{{robot}: {robot}}}, convexify: hull}}\n"
+        f"packages: {{{robot}: {robot}}}, mesh_as: hull}}\n"
     )
     return path
 

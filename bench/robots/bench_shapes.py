@@ -3,7 +3,7 @@
 
     bench/run.py shapes [--robots ur5 panda] [--problems 2] [--states 100] [--csv FILE]
 
-`hull`, `submeshes` and `auto` are values of a scene's `convexify`; `exact` is `auto` with open links as surfaces, and
+`hull`, `parts` and `auto` are values of a scene's `mesh_as`; `exact` is `auto` with open links as surfaces, and
 is the reference. Each is queried for validity and distance: start, goal and random states of each problem, one thread,
 a batch of configurations, processor time. A state that is proved free by the reference but not by a choice is a false
 rejection (`unconverged` counts); one that is free by a choice but proved to collide is a missed overlap: exit code 1.
@@ -21,7 +21,7 @@ from clearance import Status
 from contenders import engine_of
 from harness import shown, timed, write
 
-CHOICES = ("hull", "submeshes", "auto", "exact")
+CHOICES = ("hull", "parts", "auto", "exact")
 
 
 class Robot:
@@ -37,16 +37,16 @@ class Robot:
             if body.hull_excess > 0 and scene.source(i).endswith("(hull)")
         }
 
-    def convexify(self, choice):
+    def mesh_as(self, choice):
         return self.open if choice == "exact" else choice
 
     def scene(self, choice):
         scene = clearance.Scene()
-        scene.add_robot(self.name, convexify=self.convexify(choice), **self.files)
+        scene.add_robot(self.name, mesh_as=self.mesh_as(choice), **self.files)
         return scene
 
     def engine(self, choice, problem):
-        return engine_of(problem, self.resources, self.convexify(choice))
+        return engine_of(problem, self.resources, self.mesh_as(choice))
 
 
 def limits(engine, joints):
@@ -106,7 +106,7 @@ def row_of(name, choice, triangles, s):
     short = np.maximum(np.array(s.short), 0)
     return {
         "robot": name,
-        "convexify": choice,
+        "mesh_as": choice,
         "triangles": triangles,
         "states": s.states,
         "free": s.free,

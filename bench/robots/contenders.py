@@ -119,13 +119,13 @@ class Clearance:
     """Clearance: an engine in this process with one thread, or a daemon with one thread over shared memory.
 
     Obstacles are bodies that are added and removed, as by a planner. Links are hulls, as for the peers, or as selected
-    by `convexify`.
+    by `mesh_as`.
     """
 
-    def __init__(self, resources, joints, robot, url=None, convexify="hull"):
+    def __init__(self, resources, joints, robot, url=None, mesh_as="hull"):
         import clearance
 
-        self.clearance, self.robot, self.url, self.convexify = clearance, robot, url, convexify
+        self.clearance, self.robot, self.url, self.mesh_as = clearance, robot, url, mesh_as
         self.names = [f"{robot}/{joint}" for joint in joints]
         self.files = problems.files_of(resources, robot)
         self.client = clearance.connect(url) if url else None
@@ -148,7 +148,7 @@ class Clearance:
             self.joints = self.asked.joints(self.names)
             return
         scene = self.clearance.Scene()
-        scene.add_robot(self.robot, convexify=self.convexify, **self.files)
+        scene.add_robot(self.robot, mesh_as=self.mesh_as, **self.files)
         for thing in problem.obstacles:
             scene.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
         self.asked = self.clearance.Engine(scene, backend="cpu", threads=1)
@@ -209,7 +209,7 @@ class Clearance:
 def shape_of(thing):
     """Arguments of add_body() for an obstacle."""
     if thing.shape == "mesh":
-        return {"mesh": thing.sizes, "convexify": "surface"}
+        return {"mesh": thing.sizes, "mesh_as": "surface"}
     if thing.shape == "box":
         return {"box": thing.sizes}
     if thing.shape == "cylinder":
@@ -217,19 +217,19 @@ def shape_of(thing):
     return {"sphere": thing.sizes[0]}
 
 
-def scene_of(problem, resources, convexify="hull", shape=shape_of):
-    """A problem's robot with its links according to `convexify`, and its obstacles; only the robot moves."""
+def scene_of(problem, resources, mesh_as="hull", shape=shape_of):
+    """A problem's robot with its links according to `mesh_as`, and its obstacles; only the robot moves."""
     import clearance
 
     scene = clearance.Scene()
-    scene.add_robot(problem.robot, convexify=convexify, static=True, **problems.files_of(resources, problem.robot))
+    scene.add_robot(problem.robot, mesh_as=mesh_as, static=True, **problems.files_of(resources, problem.robot))
     for thing in problem.obstacles:
         scene.add_body(f"{thing.name}_obstacle", static=True, pose=thing.pose, **shape(thing))
     return scene
 
 
-def engine_of(problem, resources, convexify="hull"):
+def engine_of(problem, resources, mesh_as="hull"):
     """An engine with one thread on such a scene."""
     import clearance
 
-    return clearance.Engine(scene_of(problem, resources, convexify), backend="cpu", threads=1)
+    return clearance.Engine(scene_of(problem, resources, mesh_as), backend="cpu", threads=1)

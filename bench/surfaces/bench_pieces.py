@@ -66,7 +66,7 @@ def engines(folder, a, b):
             if isinstance(body, tuple):
                 path = folder / f"{name}.obj"
                 write(path, *body)
-                scene.add_mesh(name, path, convexify=how, pose=[0, 0, 0, 1, 0, 0, 0])
+                scene.add_mesh(name, path, mesh_as=how, pose=[0, 0, 0, 1, 0, 0, 0])
             else:
                 scene.add_hull(name, body, pose=[0, 0, 0, 1, 0, 0, 0])
         found.append(clearance.Engine(scene, backend="cpu", threads=1))

@@ -91,7 +91,7 @@ class Clearance:
             if faces is None:
                 scene.add_body(name, vertices, pose=[0, 0, 0, 1, 0, 0, 0])
             else:
-                scene.add_body(name, mesh=(vertices, faces), convexify="solid", pose=[0, 0, 0, 1, 0, 0, 0])
+                scene.add_body(name, mesh=(vertices, faces), mesh_as="solid", pose=[0, 0, 0, 1, 0, 0, 0])
         self.engine = clearance.Engine(scene, backend="cpu", threads=1)
 
     def ask(self, X, **more):

@@ -86,18 +86,17 @@ std::uint32_t Scene::add_hull(const std::string& name, std::span<const std::arra
 }
 std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale,
                               bool submeshes, const BodyOptions& options) {
-  return add_mesh(name, path, scale, submeshes ? Convexify::kSubmeshes : Convexify::kAuto, options);
+  return add_mesh(name, path, scale, submeshes ? MeshAs::kParts : MeshAs::kAuto, options);
 }
 std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale,
-                              Convexify convexify, const BodyOptions& options) {
-  return translated(
-      [&] { return impl_->scene.add_mesh(name, path, vector_of(scale), convexify, options_of(options)); });
+                              MeshAs mesh_as, const BodyOptions& options) {
+  return translated([&] { return impl_->scene.add_mesh(name, path, vector_of(scale), mesh_as, options_of(options)); });
 }
 std::uint32_t Scene::add_mesh(const std::string& name, std::span<const std::array<double, 3>> vertices,
-                              std::span<const std::array<std::uint32_t, 3>> triangles, Convexify convexify,
+                              std::span<const std::array<std::uint32_t, 3>> triangles, MeshAs mesh_as,
                               const BodyOptions& options) {
   const std::span<const Vec3d> rows(reinterpret_cast<const Vec3d*>(vertices.data()), vertices.size());
-  return translated([&] { return impl_->scene.add_mesh(name, rows, triangles, convexify, options_of(options)); });
+  return translated([&] { return impl_->scene.add_mesh(name, rows, triangles, mesh_as, options_of(options)); });
 }
 std::uint32_t Scene::add_box(const std::string& name, std::array<double, 3> size, const BodyOptions& options) {
   return translated([&] { return impl_->scene.add_box(name, vector_of(size), options_of(options)); });
@@ -127,7 +126,7 @@ void Scene::add_robot(const std::string& name, const RobotOptions& options) {
                                      .parent = options.parent,
                                      .base = pose_of(options.X_parent_base),
                                      .is_static = options.is_static,
-                                     .convexify = options.convexify,
+                                     .mesh_as = options.mesh_as,
                                      .home = options.home,
                                      .padding = options.padding};
   translated([&] { impl_->scene.add_robot(name, ours); });

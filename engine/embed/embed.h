@@ -10,7 +10,7 @@
 // nanoseconds, right-handed frames.
 #pragma once
 
-#include <clearance/convexify.h>
+#include <clearance/mesh_as.h>
 #include <clearance/query.h>
 
 #include <array>
@@ -56,9 +56,9 @@ struct RobotOptions {
   Pose7 X_parent_base = {0, 0, 0, 1, 0, 0, 0};       ///< X_world_base without a parent
   bool is_static = false;                            ///< the base never moves
   std::optional<std::map<std::string, double>> home =
-      {};                                  ///< positions at load, by joint, others at 0; by default no poses
-  double padding = 0;                      ///< added to the links, in metres
-  Convexify convexify = Convexify::kAuto;  ///< geometry of the links' meshes
+      {};                          ///< positions at load, by joint, others at 0; by default no poses
+  double padding = 0;              ///< added to the links, in metres
+  MeshAs mesh_as = MeshAs::kAuto;  ///< geometry of the links' meshes
 };
 
 /// Bodies, groups and ignored pairs. Each add_* returns the body's id, its order of insertion. All throw SceneError for
@@ -76,19 +76,19 @@ class CLEARANCE_API Scene {
   /// The hull of vertices, in the body's frame.
   std::uint32_t add_hull(const std::string& name, std::span<const std::array<double, 3>> vertices,
                          const BodyOptions& options = {});
-  /// Adds a mesh file with Convexify::kAuto.
+  /// Adds a mesh file with MeshAs::kAuto.
   /// \param scale per axis
   /// \param submeshes makes one hull per submesh instead
   std::uint32_t add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale = {1, 1, 1},
                          bool submeshes = false, const BodyOptions& options = {});
   /// Adds a mesh file with a given kind of geometry.
-  std::uint32_t add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale,
-                         Convexify convexify, const BodyOptions& options = {});
+  std::uint32_t add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale, MeshAs mesh_as,
+                         const BodyOptions& options = {});
   /// Adds a mesh from memory.
   /// \param vertices in the body's frame
   /// \param triangles indices of vertices
   std::uint32_t add_mesh(const std::string& name, std::span<const std::array<double, 3>> vertices,
-                         std::span<const std::array<std::uint32_t, 3>> triangles, Convexify convexify,
+                         std::span<const std::array<std::uint32_t, 3>> triangles, MeshAs mesh_as,
                          const BodyOptions& options = {});
   std::uint32_t add_box(const std::string& name, std::array<double, 3> size,
                         const BodyOptions& options = {});  ///< full edge lengths

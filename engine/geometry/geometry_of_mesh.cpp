@@ -93,8 +93,8 @@ MeshClass classify(const MeshInput& mesh) {
   constexpr double kOfRounding = 0x1p-20;  // share of the size: eight times what float32 moves a vertex by
   const MeshRecipe& recipe = mesh.recipe;
   const auto& [vertices, triangles] = mesh.whole;
-  if (recipe.convexify == Convexify::kHull || recipe.convexify == Convexify::kSubmeshes) return {MeshKind::kHulls};
-  if (recipe.convexify != Convexify::kAuto) return {MeshKind::kExact};
+  if (recipe.mesh_as == MeshAs::kHull || recipe.mesh_as == MeshAs::kParts) return {MeshKind::kHulls};
+  if (recipe.mesh_as != MeshAs::kAuto) return {MeshKind::kExact};
   if (triangles.empty() || !open_edge(vertices, triangles).empty()) return {MeshKind::kHulls};
   PiecePtr hull = make_hull_piece(vertices, triangles, recipe.radius, mesh.loaded_vertices, mesh.submeshes.size() == 1);
   const std::optional<double> excess = convex_excess(vertices, triangles, *hull);
@@ -115,7 +115,7 @@ void build_hulls(const MeshInput& mesh, Geometry& out) {
     hull_volume += excess.hull_volume;
     solid_volume += excess.solid_volume;
   };
-  if (mesh.recipe.convexify != Convexify::kSubmeshes)
+  if (mesh.recipe.mesh_as != MeshAs::kParts)
     add(mesh.whole, mesh.loaded_vertices, mesh.submeshes.size() == 1);
   else
     for (const Submesh& submesh : mesh.submeshes) add(joined({submesh}, mesh.recipe), submesh.loaded_vertices, true);
@@ -134,7 +134,7 @@ PiecePtr exact_piece(const MeshInput& mesh) {
   const MeshRecipe& recipe = mesh.recipe;
   const auto& [vertices, triangles] = mesh.whole;
   if (triangles.empty()) throw std::invalid_argument("the mesh has no triangles");
-  const bool is_solid = recipe.convexify != Convexify::kSurface;
+  const bool is_solid = recipe.mesh_as != MeshAs::kSurface;
   PiecePtr piece = make_surface_piece(vertices, triangles, is_solid, recipe.radius, mesh.loaded_vertices);
   if (!is_solid) return piece;
   if (const std::string why = hollow_place(*piece->surface); !why.empty())
@@ -149,7 +149,7 @@ void build_exact(const MeshInput& mesh, const MeshClass& found, Geometry& out) {
   try {
     out.pieces = {found.piece ? found.piece : exact_piece(mesh)};
   } catch (const std::invalid_argument& e) {
-    throw std::invalid_argument("convexify: " + std::string(word_of(mesh.recipe.convexify)) + ": " + e.what());
+    throw std::invalid_argument("mesh_as: " + std::string(word_of(mesh.recipe.mesh_as)) + ": " + e.what());
   }
 }
 
@@ -179,15 +179,15 @@ Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std:
       break;
   }
   out.display = whole;
-  out.source = mesh_source(source, recipe.convexify, out);
+  out.source = mesh_source(source, recipe.mesh_as, out);
   return out;
 }
 
-Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
-                               Convexify convexify, double radius) {
-  if (convexify == Convexify::kDecompose)
+Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, MeshAs mesh_as,
+                               double radius) {
+  if (mesh_as == MeshAs::kDecompose)
     throw std::invalid_argument(
-        "convexify: decompose: only for a mesh file with a file of convex parts next to it (clearance decompose "
+        "mesh_as: decompose: only for a mesh file with a file of convex parts next to it (clearance decompose "
         "FILE)");
   check_vertices(vertices);
   UniquePositions<double> unique = unique_positions<double>(vertices);
@@ -204,15 +204,15 @@ Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const 
     }
   all.vertices = std::move(unique.positions);
   all.loaded_vertices = vertices.size();
-  return geometry_of_mesh(mesh, {.convexify = convexify, .radius = radius}, "mesh");
+  return geometry_of_mesh(mesh, {.mesh_as = mesh_as, .radius = radius}, "mesh");
 }
 
-std::string mesh_source(const std::string& file, Convexify convexify, const Geometry& made) {
-  if (convexify == Convexify::kAuto) convexify = made.pieces[0]->surface ? Convexify::kSolid : Convexify::kHull;
+std::string mesh_source(const std::string& file, MeshAs mesh_as, const Geometry& made) {
+  if (mesh_as == MeshAs::kAuto) mesh_as = made.pieces[0]->surface ? MeshAs::kSolid : MeshAs::kHull;
   const Surface* surface = made.pieces[0]->surface.get();
-  if (convexify == Convexify::kDecompose && surface && !surface->decomposition())
+  if (mesh_as == MeshAs::kDecompose && surface && !surface->decomposition())
     return file + " " + std::string(kNoPiecesYet);
-  return file + " (" + std::string(word_of(convexify)) + ")";
+  return file + " (" + std::string(word_of(mesh_as)) + ")";
 }
 
 }  // namespace clearance

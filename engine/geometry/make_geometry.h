@@ -12,7 +12,7 @@
 #include "engine/hull/primitive.h"
 #include "engine/hull/shapes.h"
 #include "engine/mesh/mesh.h"
-#include "wire/convexify.h"
+#include "wire/mesh_as.h"
 
 namespace clearance {
 
@@ -48,7 +48,7 @@ std::vector<Triangle> triangles_as_loaded(const Surface& surface);
 /// Options that turn a mesh file into a body's geometry.
 struct MeshRecipe {
   Vec3d scale{1, 1, 1};  ///< per axis, in the file's frame; negative mirrors
-  Convexify convexify = Convexify::kAuto;
+  MeshAs mesh_as = MeshAs::kAuto;
   double radius = 0;  ///< metres, added to the parts
   UpAxis up = UpAxis::kZ;
 };
@@ -58,12 +58,12 @@ struct MeshRecipe {
 Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source,
                           const Mesh* pieces = nullptr);
 /// Geometry of a mesh given in the body's frame.
-Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
-                               Convexify convexify, double radius);
+Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, MeshAs mesh_as,
+                               double radius);
 /// End of Geometry::source for kDecompose without proxies.
 inline constexpr std::string_view kNoPiecesYet = "(solid: no pieces yet)";
 /// Geometry::source of a mesh file.
 /// \param made of it, which resolves kAuto
-std::string mesh_source(const std::string& file, Convexify convexify, const Geometry& made);
+std::string mesh_source(const std::string& file, MeshAs mesh_as, const Geometry& made);
 
 }  // namespace clearance

@@ -58,11 +58,11 @@ std::string MeshGeometries::name_of(MeshFile& file, const MeshRecipe& recipe) {
     key.add(*loader_);
   }
   key.add(file.digest()).add(std::filesystem::path(file.path()).extension().string());
-  if (recipe.convexify == Convexify::kDecompose)
+  if (recipe.mesh_as == MeshAs::kDecompose)
     if (MeshFile* pieces = file.pieces()) key.add(of_pieces(*pieces, [](MeshFile& f) { return f.digest(); }));
   for (int k = 0; k < 3; ++k) key.add(recipe.scale[k]);
   key.add(static_cast<std::uint64_t>(recipe.up));
-  return key.add(static_cast<std::uint64_t>(recipe.convexify)).add(recipe.radius).name();
+  return key.add(static_cast<std::uint64_t>(recipe.mesh_as)).add(recipe.radius).name();
 }
 
 Geometry MeshGeometries::make(MeshFile& file, const MeshRecipe& recipe, const std::string& source) {
@@ -83,7 +83,7 @@ Geometry MeshGeometries::make(MeshFile& file, const MeshRecipe& recipe, const st
     geometry = made(file, recipe, name, &shared);
     if (shared) slot->geometry = geometry;
   }
-  geometry.source = mesh_source(source, recipe.convexify, geometry);
+  geometry.source = mesh_source(source, recipe.mesh_as, geometry);
   return geometry;
 }
 
@@ -96,7 +96,7 @@ Geometry MeshGeometries::made(MeshFile& file, const MeshRecipe& recipe, const st
       return std::move(*kept);
     }
   const Mesh& mesh = file.mesh();
-  MeshFile* const pieces = recipe.convexify == Convexify::kDecompose ? file.pieces() : nullptr;
+  MeshFile* const pieces = recipe.mesh_as == MeshAs::kDecompose ? file.pieces() : nullptr;
   const auto is_as_named = [](MeshFile& f) { return f.mesh().alone && f.mesh().digest == f.digest(); };
   Geometry geometry = geometry_of_mesh(
       mesh, recipe, "", pieces ? &of_pieces(*pieces, [](MeshFile& f) -> const Mesh& { return f.mesh(); }) : nullptr);

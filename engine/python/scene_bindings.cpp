@@ -107,28 +107,28 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_mesh",
-          [](Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz, int convexify,
+          [](Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz, int mesh_as,
              bool y_up, double radius, const Parent& parent, bool fixed, const P& pose,
              const BodyUncertainty& uncertainties) {
             const Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
             const GilRelease release;
-            return s.add_mesh(name, path, {sx, sy, sz}, static_cast<Convexify>(convexify), o,
+            return s.add_mesh(name, path, {sx, sy, sz}, static_cast<MeshAs>(mesh_as), o,
                               y_up ? UpAxis::kY : UpAxis::kZ);
           },
-          nb::arg("name"), nb::arg("path"), nb::arg("sx"), nb::arg("sy"), nb::arg("sz"), nb::arg("convexify"),
+          nb::arg("name"), nb::arg("path"), nb::arg("sx"), nb::arg("sy"), nb::arg("sz"), nb::arg("mesh_as"),
           nb::arg("y_up"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
           nb::arg("doubts"))
       .def(
           "add_mesh_of",
-          [](Scene& s, const std::string& name, const VertexRows& v, const TriangleRows& t, int convexify,
-             double radius, const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+          [](Scene& s, const std::string& name, const VertexRows& v, const TriangleRows& t, int mesh_as, double radius,
+             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
             const std::span<const Triangle> triangles(reinterpret_cast<const Triangle*>(t.data()), t.shape(0));
             const Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
             const GilRelease release;
-            return s.add_mesh(name, vertices, triangles, static_cast<Convexify>(convexify), o);
+            return s.add_mesh(name, vertices, triangles, static_cast<MeshAs>(mesh_as), o);
           },
-          nb::arg("name"), nb::arg("vertices"), nb::arg("triangles"), nb::arg("convexify"), nb::arg("radius"),
+          nb::arg("name"), nb::arg("vertices"), nb::arg("triangles"), nb::arg("mesh_as"), nb::arg("radius"),
           nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_points",
@@ -215,8 +215,8 @@ void bind_scene(nb::module_& m) {
              const std::string& parent, bool fixed, bool visual,
              const std::optional<std::map<std::string, double>>& home, const std::string& home_state, double padding,
              const std::map<std::string, double>& link_padding,
-             const std::map<std::string, std::pair<double, double>>& link_uncertainty, int convexify,
-             const std::map<std::string, int>& link_convexify) {
+             const std::map<std::string, std::pair<double, double>>& link_uncertainty, int mesh_as,
+             const std::map<std::string, int>& link_mesh_as) {
             RobotOptions o{.urdf = urdf, .srdf = srdf, .packages = packages, .parent = parent};
             if (base) o.base = pose_from(base->data());
             o.is_static = fixed;
@@ -226,15 +226,15 @@ void bind_scene(nb::module_& m) {
             o.padding = padding;
             o.link_padding = link_padding;
             for (const auto& [link, doubt] : link_uncertainty) o.link_uncertainty[link] = {doubt.first, doubt.second};
-            o.convexify = static_cast<Convexify>(convexify);
-            for (const auto& [link, how] : link_convexify) o.link_convexify[link] = static_cast<Convexify>(how);
+            o.mesh_as = static_cast<MeshAs>(mesh_as);
+            for (const auto& [link, how] : link_mesh_as) o.link_mesh_as[link] = static_cast<MeshAs>(how);
             const GilRelease release;
             return s.add_robot(name, o);
           },
           nb::arg("name"), nb::arg("urdf"), nb::arg("srdf"), nb::arg("packages"), nb::arg("base").none(),
           nb::arg("parent"), nb::arg("static"), nb::arg("visual"), nb::arg("home").none(), nb::arg("home_state"),
-          nb::arg("padding"), nb::arg("link_padding"), nb::arg("link_uncertainty"), nb::arg("convexify"),
-          nb::arg("link_convexify"))
+          nb::arg("padding"), nb::arg("link_padding"), nb::arg("link_uncertainty"), nb::arg("mesh_as"),
+          nb::arg("link_mesh_as"))
       .def("robot_warnings",
            [](const Scene& s, std::uint32_t first) {
              std::vector<std::string> all;

@@ -59,7 +59,7 @@ std::string units_warning(const Body& body) {
 
 std::string hull_warning(const Body& body) {
   if (lacks_pieces(body))
-    return "convexify: decompose finds no convex parts next to its mesh, and only triangles are used; `clearance "
+    return "mesh_as: decompose finds no convex parts next to its mesh, and only triangles are used; `clearance "
            "decompose FILE` "
            "makes some";
   if (!stands_out(body)) return "";
@@ -78,7 +78,7 @@ std::string hull_warning(const Body& body) {
   else if (windings_may_cancel(vertices, triangles))
     if (const std::string place = hollow_place(Surface(vertices, triangles, true)); !place.empty())
       why = " is hollow: " + place;
-  if (!why.empty()) warning += "; " + body.source + why + "; convexify: surface uses its triangles as they are";
+  if (!why.empty()) warning += "; " + body.source + why + "; mesh_as: surface uses its triangles as they are";
   return warning;
 }
 

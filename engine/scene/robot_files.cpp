@@ -74,7 +74,7 @@ void check_robot_options(const SceneRobot& robot, const RobotOptions& options) {
   check_names(robot);
   check_padding(robot, options);
   check_links(robot, "uncertainty", options.link_uncertainty);
-  check_links(robot, "convexify", options.link_convexify);
+  check_links(robot, "mesh_as", options.link_mesh_as);
   if (options.geometry_files) check_links(robot, "geometry", *options.geometry_files);
 }
 

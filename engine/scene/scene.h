@@ -94,13 +94,13 @@ class Scene {
   /// Bodies of the same file and options share their parts. A surface needs triangles, a solid a closed mesh.
   /// \param scale per axis of the file, not 0; negative mirrors
   /// \param up axis of the file that becomes the body's z; kY turns (x, y, z) to (x, -z, y), exactly
-  std::uint32_t add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
+  std::uint32_t add_mesh(const std::string& name, const std::string& path, Vec3d scale, MeshAs mesh_as,
                          const BodyOptions& options, UpAxis up = UpAxis::kZ);
   /// Adds a mesh from memory.
   /// \param vertices metres, in the body's frame
   /// \param triangles indices of vertices; those of a solid are oriented consistently
   std::uint32_t add_mesh(const std::string& name, std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
-                         Convexify convexify, const BodyOptions& options);
+                         MeshAs mesh_as, const BodyOptions& options);
   /// Adds a cloud of points (metres, in the body's frame), grown by the radius, or of boxes around them with the edge
   /// `voxel`, rounded up to float32. Without points it is empty, or awaits points if it is live.
   std::uint32_t add_points(const std::string& name, std::span<const CloudPoint> points, double voxel,

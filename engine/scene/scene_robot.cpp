@@ -123,7 +123,7 @@ class RobotAdder {
     if (options_.geometry_files)
       read_geometry(of.name, body);
     else if (const std::vector<RobotShape>& shapes = options_.visual ? of.visual : of.collision; !shapes.empty())
-      make_geometry(shapes, convexify_of_link(of.name), body);
+      make_geometry(shapes, mesh_as_of_link(of.name), body);
     if (!body.pieces.empty()) add_uncertainty(of.name, body);
     if (robot_->places(link)) {
       body.robot = index;
@@ -156,15 +156,15 @@ class RobotAdder {
     if (uncertainty != options_.link_uncertainty.end()) body.uncertainty = uncertainty->second;
   }
 
-  Convexify convexify_of_link(const std::string& link) const {
-    const auto named = options_.link_convexify.find(link);
-    return named == options_.link_convexify.end() ? options_.convexify : named->second;
+  MeshAs mesh_as_of_link(const std::string& link) const {
+    const auto named = options_.link_mesh_as.find(link);
+    return named == options_.link_mesh_as.end() ? options_.mesh_as : named->second;
   }
 
-  void make_geometry(const std::vector<RobotShape>& shapes, Convexify convexify, Body& body) {
+  void make_geometry(const std::vector<RobotShape>& shapes, MeshAs mesh_as, Body& body) {
     std::vector<Geometry> parts;
     for (const RobotShape& shape : shapes) try {
-        parts.push_back(moved(geometry_of(shape, convexify), shape.X_ls));
+        parts.push_back(moved(geometry_of(shape, mesh_as), shape.X_ls));
       } catch (const RobotError& e) {
         throw SceneError(e.what());
       } catch (const std::exception& e) {  // from its mesh or its numbers
@@ -178,7 +178,7 @@ class RobotAdder {
     static_cast<Geometry&>(body) = std::move(geometry);
   }
 
-  Geometry geometry_of(const RobotShape& shape, Convexify convexify) {
+  Geometry geometry_of(const RobotShape& shape, MeshAs mesh_as) {
     if (!shape.problem.empty()) throw RobotError(shape.problem);
     if (shape.kind != RobotShape::Kind::kMesh) {
       constexpr const char* kNames[] = {"box", "sphere", "cylinder", "capsule"};
@@ -187,7 +187,7 @@ class RobotAdder {
     const std::string path = mesh_path(shape, folder_, packages_);
     if (!options_.allow_outside && !is_inside(path, options_.folder))
       throw SceneError("mesh " + in_quotes(shape.mesh) + " lies outside the scene's folder; " + kOutsideIsRefused);
-    return scene_.mesh_geometry(path, {.scale = shape.mesh_scale, .convexify = convexify});
+    return scene_.mesh_geometry(path, {.scale = shape.mesh_scale, .mesh_as = mesh_as});
   }
 
   void add_groups() {

@@ -11,7 +11,7 @@
 #include "engine/robot/kinematics.h"
 #include "engine/robot/robot.h"
 #include "engine/scene/link_errors.h"
-#include "wire/convexify.h"
+#include "wire/mesh_as.h"
 
 namespace clearance {
 
@@ -65,15 +65,15 @@ inline constexpr const char* kOutsideIsRefused =
 
 /// A robot to be added to a scene.
 struct RobotOptions {
-  std::string urdf;                                      ///< path
-  std::string srdf = {};                                 ///< path, or empty
-  std::map<std::string, std::string> packages = {};      ///< folder by package, for package://NAME/...
-  std::string parent = {};                               ///< body that the base follows, or empty
-  Pose base = {};                                        ///< X_wb of the base, or X_pb with a parent
-  bool is_static = false;                                ///< the base never moves
-  bool visual = false;                                   ///< uses the shapes of `visual` instead of `collision`
-  Convexify convexify = Convexify::kAuto;                ///< geometry of the links' meshes
-  std::map<std::string, Convexify> link_convexify = {};  ///< by link, instead of `convexify`
+  std::string urdf;                                  ///< path
+  std::string srdf = {};                             ///< path, or empty
+  std::map<std::string, std::string> packages = {};  ///< folder by package, for package://NAME/...
+  std::string parent = {};                           ///< body that the base follows, or empty
+  Pose base = {};                                    ///< X_wb of the base, or X_pb with a parent
+  bool is_static = false;                            ///< the base never moves
+  bool visual = false;                               ///< uses the shapes of `visual` instead of `collision`
+  MeshAs mesh_as = MeshAs::kAuto;                    ///< geometry of the links' meshes
+  std::map<std::string, MeshAs> link_mesh_as = {};   ///< by link, instead of `mesh_as`
   /// Files of Scene::save() by link, instead of the shapes of the URDF. Other links are frames.
   std::optional<std::map<std::string, std::string>> geometry_files = {};
   /// Positions at load, by joint; joints not named are at 0. Without it, links that depend on joints have no pose.

@@ -91,24 +91,24 @@ std::uint32_t Scene::add_shape(const std::string& name, const Shape& shape, cons
   });
 }
 
-std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
+std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, Vec3d scale, MeshAs mesh_as,
                               const BodyOptions& options, UpAxis up) {
   const FpEnvironment environment;
-  return add_geometry(name, options, [&] { return mesh_geometry(path, {scale, convexify, options.radius, up}); });
+  return add_geometry(name, options, [&] { return mesh_geometry(path, {scale, mesh_as, options.radius, up}); });
 }
 
 std::uint32_t Scene::add_mesh(const std::string& name, std::span<const Vec3d> vertices,
-                              std::span<const Triangle> triangles, Convexify convexify, const BodyOptions& options) {
+                              std::span<const Triangle> triangles, MeshAs mesh_as, const BodyOptions& options) {
   const FpEnvironment environment;
   return add_geometry(name, options,
-                      [&] { return geometry_of_triangles(vertices, triangles, convexify, options.radius); });
+                      [&] { return geometry_of_triangles(vertices, triangles, mesh_as, options.radius); });
 }
 
 // Geometry of a file, kept for the next body of the same file and recipe. Throws MeshError.
 const Geometry& Scene::mesh_geometry(const std::string& path, const MeshRecipe& recipe) {
-  const auto& [scale, convexify, radius, up] = recipe;
+  const auto& [scale, mesh_as, radius, up] = recipe;
   const std::string key = file_key(path) + number_text(scale.x) + ',' + number_text(scale.y) + ',' +
-                          number_text(scale.z) + ',' + std::to_string(static_cast<int>(convexify)) + ',' +
+                          number_text(scale.z) + ',' + std::to_string(static_cast<int>(mesh_as)) + ',' +
                           number_text(radius) + ',' + std::to_string(static_cast<int>(up));
   std::shared_ptr<const Geometry>& known = geometries_[key];
   if (known) return *known;

@@ -111,7 +111,7 @@ std::pair<std::string, YamlValue> find_geometry(const YamlValue& body) {
 // Fails for a key that belongs to another kind of geometry.
 void check_extra_keys(const YamlValue& body, const std::string& kind, const YamlValue& value) {
   if (kind != "mesh")
-    for (const char* key : {"scale", "convexify", "up"})
+    for (const char* key : {"scale", "mesh_as", "up"})
       if (const auto extra = body.find(key)) extra->fail("only a mesh has this key");
   if (const auto extra = body.find("voxel"); extra && (kind != "points" || !is_cloud_value(value)))
     extra->fail("only points of a file, or points: [], have this key");
@@ -188,8 +188,8 @@ std::size_t GeometryReader::read_mesh(const YamlValue& body, const YamlValue& me
     }
     if (scale.x == 0 || scale.y == 0 || scale.z == 0) s->fail("expected factors other than 0");
   }
-  const auto how = body.find("convexify");
-  const Convexify convexify = how ? read_convexify(*how) : Convexify::kAuto;
+  const auto how = body.find("mesh_as");
+  const MeshAs mesh_as = how ? read_mesh_as(*how) : MeshAs::kAuto;
   UpAxis up = UpAxis::kZ;
   if (const auto axis = body.find("up")) {
     const std::string letter = axis->text("y or z");
@@ -199,9 +199,9 @@ std::size_t GeometryReader::read_mesh(const YamlValue& body, const YamlValue& me
   const std::string path = resolve(mesh, named);
   std::shared_ptr<MeshFile>& file = mesh_files_[path];
   if (!file) file = std::make_shared<MeshFile>(path);
-  const std::string key = "mesh " + path + " " + key_of(scale) + std::to_string(static_cast<int>(convexify)) +
+  const std::string key = "mesh " + path + " " + key_of(scale) + std::to_string(static_cast<int>(mesh_as)) +
                           std::to_string(static_cast<int>(up)) + " +" + key_of(radius);
-  return add(key, mesh, [this, file = file, recipe = MeshRecipe{scale, convexify, radius, up}, named] {
+  return add(key, mesh, [this, file = file, recipe = MeshRecipe{scale, mesh_as, radius, up}, named] {
     const auto in_file = [&](const std::exception& e) { return named + ": " + e.what(); };
     try {
       return meshes_.make(*file, recipe, named);

@@ -85,7 +85,7 @@ Geometry height_field(const std::vector<Vec3d>& samples, double cell, double rad
     triangles.push_back({a->second, d->second, c->second});
   }
   if (triangles.empty()) throw std::invalid_argument("no four neighbouring samples are numbers");
-  Geometry geometry = geometry_of_triangles(vertices, triangles, Convexify::kSurface, radius);
+  Geometry geometry = geometry_of_triangles(vertices, triangles, MeshAs::kSurface, radius);
   if (!is_a_power_of_two(cell)) geometry.model_error = geometry.model_inner = 0x1p-52 * far;
   geometry.source = named + " (height field)";
   return geometry;

@@ -36,21 +36,21 @@ void read_geometry(const YamlValue& value, RobotOptions& options, const ResolveP
   options.visual = which == "visual";
 }
 
-void read_robot_convexify(const YamlValue& value, RobotOptions& options) {
+void read_robot_mesh_as(const YamlValue& value, RobotOptions& options) {
   if (!value.is_map()) {
-    options.convexify = read_convexify(value);
+    options.mesh_as = read_mesh_as(value);
     return;
   }
-  for (const auto& [link, how] : value.map("")) options.link_convexify[link] = read_convexify(how);
+  for (const auto& [link, how] : value.map("")) options.link_mesh_as[link] = read_mesh_as(how);
 }
 
 }  // namespace
 
-Convexify read_convexify(const YamlValue& value) {
-  constexpr const char* kExpected = "auto, hull, submeshes, surface, solid or decompose";
-  const std::optional<Convexify> convexify = convexify_of(value.text(kExpected));
-  if (!convexify) value.fail_expected(kExpected);
-  return *convexify;
+MeshAs read_mesh_as(const YamlValue& value) {
+  constexpr const char* kExpected = "auto, hull, parts, surface, solid or decompose";
+  const std::optional<MeshAs> mesh_as = mesh_as_of(value.text(kExpected));
+  if (!mesh_as) value.fail_expected(kExpected);
+  return *mesh_as;
 }
 
 Uncertainty read_uncertainty(const YamlValue& value) {
@@ -90,7 +90,7 @@ Scene scene_of_robot(const std::string& path, bool allow_outside) {
 RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {
   value.map("a robot, such as {name: panda, urdf: panda.urdf}");
   value.check_keys({"name", "urdf", "srdf", "packages", "base", "parent", "static", "live", "geometry", "home",
-                    "padding", "uncertainty", "convexify"});
+                    "padding", "uncertainty", "mesh_as"});
   const auto name = value.find("name"), urdf = value.find("urdf");
   if (!name) value.fail("expected the key \"name\"");
   if (!urdf) value.fail("expected the key \"urdf\"");
@@ -109,9 +109,9 @@ RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {
   if (const auto is_static = value.find("static")) options.is_static = is_static->boolean();
   if (const auto is_live = value.find("live")) plan.is_live = is_live->boolean();
   if (const auto geometry = value.find("geometry")) read_geometry(*geometry, options, resolve);
-  if (const auto convexify = value.find("convexify")) {
-    if (options.geometry_files) convexify->fail("the geometry files of a saved scene cannot be converted");
-    read_robot_convexify(*convexify, options);
+  if (const auto mesh_as = value.find("mesh_as")) {
+    if (options.geometry_files) mesh_as->fail("the geometry files of a saved scene cannot be converted");
+    read_robot_mesh_as(*mesh_as, options);
   }
   if (const auto home = value.find("home")) read_home(*home, options);
   if (const auto padding = value.find("padding")) read_padding(*padding, options);

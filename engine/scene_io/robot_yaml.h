@@ -22,7 +22,7 @@ struct RobotPlan {
 using ResolvePath = std::function<std::string(const YamlValue&)>;
 
 /// Reads the geometry of a mesh. Throws SceneError.
-Convexify read_convexify(const YamlValue& value);
+MeshAs read_mesh_as(const YamlValue& value);
 
 /// Reads the uncertainty of a body's or link's pose. Throws SceneError.
 Uncertainty read_uncertainty(const YamlValue& value);

@@ -67,7 +67,7 @@ class SceneReader {
     value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
     if (const auto robot = value.find("robot")) return read_place(value, *robot);
     value.check_keys({"name",      "mesh",       "box",          "sphere",    "capsule",  "cylinder",    "cone",
-                      "ellipsoid", "half_space", "points",       "uv_sphere", "geometry", "scale",       "convexify",
+                      "ellipsoid", "half_space", "points",       "uv_sphere", "geometry", "scale",       "mesh_as",
                       "radius",    "static",     "live",         "pose",      "parent",   "uncertainty", "padding",
                       "max_speed", "voxel",      "height_field", "cell",      "octomap",  "unknown",     "up"});
     const auto name = value.find("name");
@@ -105,7 +105,7 @@ class SceneReader {
     const std::int64_t n = count->integer(1, kMaxBodies);
     shape->map("a shape, such as {sphere: 0.1}");
     shape->check_keys({"mesh", "box", "sphere", "capsule", "cylinder", "cone", "ellipsoid", "points", "uv_sphere",
-                       "scale", "convexify", "radius", "up"});
+                       "scale", "mesh_as", "radius", "up"});
     const std::size_t geometry = geometries_.read(*shape);
     const Vec3d size = read_box(*box);
     std::uint64_t seed = 0;

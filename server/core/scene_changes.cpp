@@ -20,13 +20,13 @@ struct NewGeometry {
   std::vector<Vec3d> vertices;
   std::vector<Triangle> triangles;
   std::vector<CloudPoint> points;
-  Convexify convexify;
+  MeshAs mesh_as;
 
   explicit NewGeometry(const wire::NewBodyParts& parts)
       : vertices(parts.vertices.size()),
         triangles(parts.triangles.size()),
         points(parts.points.size()),
-        convexify(parts.convexify) {
+        mesh_as(parts.mesh_as) {
     static_assert(sizeof(Vec3d) == sizeof(wire::VertexRecord) && sizeof(Triangle) == sizeof(wire::TriangleRecord));
     if (!vertices.empty()) std::memcpy(vertices.data(), parts.vertices.data(), parts.vertices.size_bytes());
     if (!triangles.empty()) std::memcpy(triangles.data(), parts.triangles.data(), parts.triangles.size_bytes());
@@ -55,7 +55,7 @@ Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& uncertai
       if (geometry.triangles.empty())
         alone.add_hull(name, geometry.vertices, options);
       else
-        alone.add_mesh(name, geometry.vertices, geometry.triangles, geometry.convexify, options);
+        alone.add_mesh(name, geometry.vertices, geometry.triangles, geometry.mesh_as, options);
       break;
     case wire::BodyShape::kBox:
       alone.add_box(name, {record.size[0], record.size[1], record.size[2]}, options);

@@ -125,7 +125,7 @@ TEST(Engine, CertificatesOfTheModelPiecesAreRefusedByTheirNames) {
   const std::vector<Triangle> faces{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
   Scene scene;
   for (const double x : {3.0, 6.0}) scene.add_sphere("ball" + std::to_string(x), 1, {.pose = Pose{{x, 0, 0}}});
-  scene.add_mesh("shelf", corners, faces, Convexify::kSolid, {.pose = Pose{}});
+  scene.add_mesh("shelf", corners, faces, MeshAs::kSolid, {.pose = Pose{}});
   const Engine engine(std::move(scene), {.threads = 1});
   const std::uint64_t between[] = {0}, other[] = {0, 2};
   QueryView by_pieces;

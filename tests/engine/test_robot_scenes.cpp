@@ -100,8 +100,8 @@ TEST(RobotInAScene, MeshesOfLinksAreWhatIsSaidOfThem) {
     <link name="b"><collision><geometry><mesh filename="t.obj"/></geometry></collision></link>
     <joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint></robot>)");
   Scene scene;
-  scene.add_robot("all", {.urdf = urdf, .convexify = Convexify::kSolid, .padding = 0.25});
-  scene.add_robot("one", {.urdf = urdf, .link_convexify = {{"b", Convexify::kSurface}}});
+  scene.add_robot("all", {.urdf = urdf, .mesh_as = MeshAs::kSolid, .padding = 0.25});
+  scene.add_robot("one", {.urdf = urdf, .link_mesh_as = {{"b", MeshAs::kSurface}}});
   const auto link = [&](const char* name) -> const Body& { return scene.bodies()[scene.find_body(name)]; };
   ASSERT_EQ(link("all/a").pieces.size(), 2u);
   const Piece& moved = *link("all/a").pieces[0];
@@ -159,14 +159,14 @@ TEST(RobotInAScene, WhatIsWrongIsSaidWithItsPlace) {
   has(text(joint, {.urdf = "", .parent = "table"}), "parent: there is no body \"table\"");
   has(text(joint, {.urdf = "", .home_state = "ready"}), "no group state \"ready\"");
   has(text(joint, {.urdf = "", .link_padding = {{"c", 0.1}}}), "padding: there is no link \"c\"");
-  has(text(joint, {.urdf = "", .link_convexify = {{"c", Convexify::kSolid}}}), "convexify: there is no link \"c\"");
+  has(text(joint, {.urdf = "", .link_mesh_as = {{"c", MeshAs::kSolid}}}), "mesh_as: there is no link \"c\"");
   folder.write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\n");
   const std::string open =
       "<robot name='r'><link name='a'><collision><geometry>\n<mesh filename='open.obj'/>"
       "</geometry></collision></link></robot>";
-  has(text(open, {.urdf = "", .convexify = Convexify::kSolid}), "r.urdf:1: link \"a\": collision: ");
-  has(text(open, {.urdf = "", .convexify = Convexify::kSolid}),
-      "open.obj: convexify: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle 0");
+  has(text(open, {.urdf = "", .mesh_as = MeshAs::kSolid}), "r.urdf:1: link \"a\": collision: ");
+  has(text(open, {.urdf = "", .mesh_as = MeshAs::kSolid}),
+      "open.obj: mesh_as: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle 0");
   has(text(joint, {.urdf = "", .padding = -1}), "padding: expected a number of metres >= 0");
   has(text(joint, {.urdf = "", .link_uncertainty = {{"c", {}}}}), "uncertainty: there is no link \"c\"");
   const std::string ball =

@@ -145,8 +145,8 @@ TEST(Slices, CountTheTrianglesOfAMesh) {
   const Shape ball = make_uv_sphere(1, 20);  // 1520 triangles
   Scene scene;
   scene.add_sphere("point", 1, {.pose = Pose{}});
-  scene.add_mesh("hull", ball.vertices, ball.triangles, Convexify::kHull, {.pose = Pose{{3, 0, 0}}});
-  scene.add_mesh("solid", ball.vertices, ball.triangles, Convexify::kSolid, {.pose = Pose{{6, 0, 0}}});
+  scene.add_mesh("hull", ball.vertices, ball.triangles, MeshAs::kHull, {.pose = Pose{{3, 0, 0}}});
+  scene.add_mesh("solid", ball.vertices, ball.triangles, MeshAs::kSolid, {.pose = Pose{{6, 0, 0}}});
   const Engine engine(std::move(scene), {.threads = 1});
   QueryView query;
   query.all_pairs = false;

@@ -94,7 +94,7 @@ class FireInputs : public testing::Test {
   TestFolder folder_;
   const std::string mesh_ = folder_.write("hull.stl", stl());
   const std::string yaml_ =
-      "bodies:\n  - {name: part, mesh: hull.stl, convexify: hull, pose: [40,0,0, 1,0,0,0]}\n"
+      "bodies:\n  - {name: part, mesh: hull.stl, mesh_as: hull, pose: [40,0,0, 1,0,0,0]}\n"
       "random: {count: 100, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 28, seed: 1}\n";
   const std::string scene_ = folder_.write("scene.yaml", yaml_);
   const Exam exam_{scene_, 5};

@@ -79,9 +79,9 @@ void save_scenes() {
       {"good_random", "random: {count: 10, shape: {box: [1, 1, 1]}, box: 60, seed: 1}\n"},
       {"good_anchors", "bodies:\n  - &a {name: one, sphere: 1}\n  - {name: two, sphere: 1e0}\n"},
       {"bad_mesh_elsewhere", "bodies:\n  - {name: one, mesh: ../secret.obj}\n"},
-      {"bad_mesh_missing", "bodies:\n  - {name: one, mesh: one.obj, scale: [1, 1, -1], convexify: submeshes}\n"},
-      {"bad_solid_missing", "bodies:\n  - {name: one, mesh: one.obj, convexify: solid}\n"},
-      {"bad_robot_of_surfaces", "robots:\n  - {name: r, urdf: r.urdf, convexify: {hand: surface, arm: solid}}\n"},
+      {"bad_mesh_missing", "bodies:\n  - {name: one, mesh: one.obj, scale: [1, 1, -1], mesh_as: parts}\n"},
+      {"bad_solid_missing", "bodies:\n  - {name: one, mesh: one.obj, mesh_as: solid}\n"},
+      {"bad_robot_of_surfaces", "robots:\n  - {name: r, urdf: r.urdf, mesh_as: {hand: surface, arm: solid}}\n"},
       {"bad_alias", "a: &a [*a, *a]\n"},
       {"bad_cycle", "bodies:\n  - {name: a, sphere: 1, parent: b}\n  - {name: b, sphere: 1, parent: a}\n"}};
   for (const auto& [name, text] : scenes) save("scene_file", name, data_of(text));
@@ -120,7 +120,7 @@ void save_cache_entries() {
     two.model_error = 0.25;
     return two;
   }());
-  for (const Convexify how : {Convexify::kSurface, Convexify::kSolid})
+  for (const MeshAs how : {MeshAs::kSurface, MeshAs::kSolid})
     save_record("good_" + std::string(word_of(how)),
                 geometry_of_triangles(std::span(ball.vertices), ball.triangles, how, 0.25));
   Data raw(65);

@@ -131,8 +131,7 @@ TEST(CudaMotions, LeaveMeshesToTheCpu) {
   ArmEdges edges(13, 200, 0.8);
   BoxMesh board;
   board.add_box({0.5, 0, 0.4}, {0.3, 0.02, 0.3}, 3, false);
-  edges.scene.add_mesh("board", board.vertices, board.triangles, Convexify::kSolid,
-                       {.is_static = true, .pose = Pose()});
+  edges.scene.add_mesh("board", board.vertices, board.triangles, MeshAs::kSolid, {.is_static = true, .pose = Pose()});
   edges.motions.pairs = {{edges.scene.find_body("tool"), edges.scene.find_body("board")}};
   const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
   const QueryView q = edges.query(0, true);

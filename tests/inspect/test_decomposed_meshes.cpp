@@ -54,7 +54,7 @@ TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
   const std::string mesh = write("l.obj", kBracket);
   write("l.obj.pieces.obj", both_boxes());
   Scene scene;
-  scene.add_mesh("l", mesh, {1, 1, 1}, Convexify::kDecompose, {});
+  scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {});
   const Decomposition* pieces = pieces_of(scene);
   ASSERT_TRUE(pieces);
   ASSERT_EQ(pieces->pieces.size(), 2u);
@@ -63,7 +63,7 @@ TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
   EXPECT_TRUE(scene.bodies()[0].source.ends_with("(decompose)")) << scene.bodies()[0].source;
   EXPECT_TRUE(mesh_warnings(scene).empty());
   // Scaled, mirrored and grown, which does not change the parts.
-  scene.add_mesh("grown", mesh, {-2, 1, 3}, Convexify::kDecompose, {.radius = 0.5});
+  scene.add_mesh("grown", mesh, {-2, 1, 3}, MeshAs::kDecompose, {.radius = 0.5});
   ASSERT_TRUE(pieces_of(scene, 1));
   EXPECT_LE(pieces_of(scene, 1)->inner, 1e-12);
   EXPECT_EQ(pieces_of(scene, 1)->pieces[0]->radius, 0);
@@ -72,7 +72,7 @@ TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
 
 TEST_F(DecomposedMeshes, WithoutPiecesAreSolidsAndSayWhatToRun) {
   Scene scene;
-  scene.add_mesh("l", write("l.obj", kBracket), {1, 1, 1}, Convexify::kDecompose, {});
+  scene.add_mesh("l", write("l.obj", kBracket), {1, 1, 1}, MeshAs::kDecompose, {});
   EXPECT_FALSE(pieces_of(scene));
   EXPECT_TRUE(surface_of(scene.bodies()[0])->is_solid());
   const std::vector<MeshWarning> warnings = mesh_warnings(scene);
@@ -81,7 +81,7 @@ TEST_F(DecomposedMeshes, WithoutPiecesAreSolidsAndSayWhatToRun) {
   // A link to another folder is not followed.
   const std::string mesh = write("m.obj", kBracket);
   fs::create_symlink(write("elsewhere.obj", both_boxes()), mesh + ".pieces.obj");
-  scene.add_mesh("m", mesh, {1, 1, 1}, Convexify::kDecompose, {});
+  scene.add_mesh("m", mesh, {1, 1, 1}, MeshAs::kDecompose, {});
   EXPECT_FALSE(pieces_of(scene, 1));
 }
 
@@ -89,7 +89,7 @@ TEST_F(DecomposedMeshes, ThatLeaveAPartOutSaySo) {
   const std::string mesh = write("l.obj", kBracket);
   write("l.obj.pieces.obj", box("lying", 1, 0.25, 0));
   Scene scene;
-  scene.add_mesh("l", mesh, {1, 1, 1}, Convexify::kDecompose, {});
+  scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {});
   ASSERT_TRUE(pieces_of(scene));
   EXPECT_GE(pieces_of(scene)->inner, 0.75);
   EXPECT_LE(pieces_of(scene)->inner, 0.83);
@@ -98,10 +98,10 @@ TEST_F(DecomposedMeshes, ThatLeaveAPartOutSaySo) {
 TEST_F(DecomposedMeshes, RefuseWhatEnclosesNothingOrIsNoPiece) {
   Scene scene;
   const auto refusal = [&](const std::string& mesh) {
-    return error_text<SceneError>([&] { scene.add_mesh("l", mesh, {1, 1, 1}, Convexify::kDecompose, {}); });
+    return error_text<SceneError>([&] { scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {}); });
   };
   const std::string open = write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-  EXPECT_NE(refusal(open).find("convexify: decompose: the mesh encloses no volume: the edge from"), std::string::npos);
+  EXPECT_NE(refusal(open).find("mesh_as: decompose: the mesh encloses no volume: the edge from"), std::string::npos);
   const std::string mesh = write("l.obj", kBracket);
   for (const char* bad : {"", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nf 1 2 9\n", "rubbish"}) {
     write("l.obj.pieces.obj", bad);
@@ -114,7 +114,7 @@ TEST_F(DecomposedMeshes, AreKeptByTheCacheAndProvedAgainFromAFile) {
   const std::string mesh = write("l.obj", kBracket);
   write("l.obj.pieces.obj", both_boxes());
   MeshFile file(mesh);
-  const Geometry made = MeshGeometries().make(file, {{1, 1, 1}, Convexify::kDecompose, 0.25}, "l.obj");
+  const Geometry made = MeshGeometries().make(file, {{1, 1, 1}, MeshAs::kDecompose, 0.25}, "l.obj");
   const Decomposition& pieces = *made.pieces[0]->surface->decomposition();
   const auto is_same = [&](const Geometry& other) {
     const Decomposition* d = other.pieces[0]->surface->decomposition();

@@ -144,7 +144,7 @@ bodies:
   - {name: globe, uv_sphere: {radius: 0.5, resolution: 40}, pose: [5, 0, 0, 1, 0, 0, 0]}
   - {name: globe_2, uv_sphere: {radius: 0.5, resolution: 40}, pose: [7, 0, 0, 1, 0, 0, 0]}
   - {name: coarse, uv_sphere: {radius: 0.5, resolution: 4}, pose: [9, 0, 0, 1, 0, 0, 0]}
-  - {name: lump, mesh: lump.obj, convexify: submeshes, pose: [11, 0, 0, 1, 0, 0, 0]}
+  - {name: lump, mesh: lump.obj, mesh_as: parts, pose: [11, 0, 0, 1, 0, 0, 0]}
 ignore: [[carrier, "*"]]
 )"));
   const SceneReport report = inspect(scene, {false, 0.01});
@@ -281,9 +281,9 @@ TEST(Inspect, BodiesWithoutAPoseAreNotTimed) {
 TEST(Inspect, ASolidIsItsTrianglesAndNoSphereOrBox) {
   const Shape globe = make_uv_sphere(0.5, 40);
   Scene scene;
-  for (const Convexify how : {Convexify::kHull, Convexify::kSolid, Convexify::kSurface})
+  for (const MeshAs how : {MeshAs::kHull, MeshAs::kSolid, MeshAs::kSurface})
     scene.add_mesh(std::string(word_of(how)), globe.vertices, globe.triangles, how, {.radius = 0});
-  scene.add_mesh("again", globe.vertices, globe.triangles, Convexify::kSolid, {.radius = 0});
+  scene.add_mesh("again", globe.vertices, globe.triangles, MeshAs::kSolid, {.radius = 0});
   const SceneReport report = inspect(scene, {false, 0.01});
   const auto spheres = findings(report, Finding::Kind::kSphere);
   ASSERT_EQ(spheres.size(), 1u) << "what looks at vertices alone would name it for all of them";
@@ -307,30 +307,30 @@ TEST(Inspect, SaysWhatAMeshCouldBeAndWhatThatCosts) {
                                     {4, 6, 5}, {4, 5, 7}, {5, 6, 7}, {4, 7, 6}};
   const std::span<const Triangle> open = std::span(faces).first(7), one = std::span(faces).first(4);
   Scene scene;
-  scene.add_mesh("closed", corners, faces, Convexify::kAuto, {.pose = Pose{{0, 0, 0}}});
-  scene.add_mesh("open", corners, open, Convexify::kAuto, {.radius = 0.25, .pose = Pose{{0, 0, 9}}});
-  scene.add_mesh("convex", std::span(corners).first(4), one, Convexify::kAuto, {.pose = Pose{{0, 9, 0}}});
+  scene.add_mesh("closed", corners, faces, MeshAs::kAuto, {.pose = Pose{{0, 0, 0}}});
+  scene.add_mesh("open", corners, open, MeshAs::kAuto, {.radius = 0.25, .pose = Pose{{0, 0, 9}}});
+  scene.add_mesh("convex", std::span(corners).first(4), one, MeshAs::kAuto, {.pose = Pose{{0, 9, 0}}});
   scene.add_box("box", {1, 1, 1}, {.pose = Pose{{3, 0.5, 0.5}}});
-  scene.add_mesh("apart", corners, faces, Convexify::kSurface, {.radius = 0.5});  // without a pose
+  scene.add_mesh("apart", corners, faces, MeshAs::kSurface, {.radius = 0.5});  // without a pose
   const SceneReport report = inspect(scene, {});
   ASSERT_EQ(report.choices.size(), 8u);
-  const auto is = [&](std::size_t i, std::uint32_t body, Convexify what, bool now, bool is_timed) {
+  const auto is = [&](std::size_t i, std::uint32_t body, MeshAs what, bool now, bool is_timed) {
     const Choice& c = report.choices[i];
     EXPECT_EQ(c.body, body) << i;
     EXPECT_EQ(c.what, what) << i;
     EXPECT_EQ(c.is_now, now) << i;
     EXPECT_EQ(c.ns_per_pair.has_value(), is_timed) << i;
-    EXPECT_EQ(c.triangles, c.what == Convexify::kHull ? 0u : body == 1 ? 7u : 8u) << i;
-    EXPECT_EQ(c.hull_excess > 1, c.what == Convexify::kHull) << i << ' ' << c.hull_excess;
+    EXPECT_EQ(c.triangles, c.what == MeshAs::kHull ? 0u : body == 1 ? 7u : 8u) << i;
+    EXPECT_EQ(c.hull_excess > 1, c.what == MeshAs::kHull) << i << ' ' << c.hull_excess;
   };
-  is(0, 0, Convexify::kHull, false, true);
-  is(1, 0, Convexify::kSurface, false, true);
-  is(2, 0, Convexify::kSolid, true, true);
-  is(3, 1, Convexify::kHull, true, true);
-  is(4, 1, Convexify::kSurface, false, true);
-  is(5, 4, Convexify::kHull, false, false);
-  is(6, 4, Convexify::kSurface, true, false);
-  is(7, 4, Convexify::kSolid, false, false);
+  is(0, 0, MeshAs::kHull, false, true);
+  is(1, 0, MeshAs::kSurface, false, true);
+  is(2, 0, MeshAs::kSolid, true, true);
+  is(3, 1, MeshAs::kHull, true, true);
+  is(4, 1, MeshAs::kSurface, false, true);
+  is(5, 4, MeshAs::kHull, false, false);
+  is(6, 4, MeshAs::kSurface, true, false);
+  is(7, 4, MeshAs::kSolid, false, false);
   EXPECT_GT(report.choices[2].bytes, report.choices[0].bytes);
   for (const Choice& c : inspect(scene, {.measure = false}).choices) EXPECT_FALSE(c.ns_per_pair);
 }

@@ -147,7 +147,7 @@ CLIENT: dict[str, tuple[dict, dict]] = {
     "add_body": ({"name": "mug", "sphere": 0.1}, {
         "name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY, "sphere": ["1.5", True, [1.0], 1j, np.ones(2)],
         "vertices": [*VERTICES, np.zeros((0, 3))], "box": SIZES, "capsule": TWO, "cylinder": TWO,
-        "convexify": [*WORDS, "solid"],
+        "mesh_as": [*WORDS, "solid"],
         "mesh": [3, "m", [1], ([[0, 0, 0]],), ([[0, 0, 0]], [[0.5, 1, 2]]), ([["0", 0, 0]], [[0, 0, 0]])],
         "cone": TWO, "ellipsoid": SIZES, "half_space": BOOLS, "points": VERTICES, "voxel": [*NUMBERS, None],
         **DOUBTS}),
@@ -161,7 +161,7 @@ SCENE = {
         "name": TEXTS, "points": VERTICES, "voxel": [*NUMBERS, None], "radius": [*NUMBERS, None], "live": BOOLS,
         **OF_A_BODY, **DOUBTS}),
     "add_mesh": ({"name": "x", "path": "x.obj"}, {
-        "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:2], *SIZES[3:], None, True], "convexify": WORDS,
+        "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:2], *SIZES[3:], None, True], "mesh_as": WORDS,
         "up": WORDS, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
     "add_body": CLIENT["add_body"],
     "add_box": ({"name": "x", "size": [1, 1, 1]},
@@ -179,7 +179,7 @@ SCENE = {
     "add_robot": ({"name": "x", "urdf": "x.urdf"}, {
         "name": TEXTS, "urdf": [*PATHS, None], "srdf": PATHS, "base": POSE, "parent": BODIES, "static": BOOLS,
         "packages": [3, "p", {3: "x"}, {"p": 3}, ["p"]], "geometry": WORDS,
-        "convexify": [*WORDS, {3: "hull"}, {"l": "hul"}, {"l": 3}],
+        "mesh_as": [*WORDS, {3: "hull"}, {"l": "hul"}, {"l": 3}],
         "home": [3, ["j"], {3: 1.0}, {"j": "1"}, {"j": True}, {"j": float("nan")}],
         "padding": [*NUMBERS, None, {3: 0.1}, {"l": "1"}],
         "uncertainty": [3, "l", ["l"], {3: {}}, {"l": 0.1}, {"l": {"turn": 0.1}}, {"l": {"angle": "1"}}]}),

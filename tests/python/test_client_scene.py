@@ -108,8 +108,8 @@ def test_a_mesh_is_added_as_what_it_is(start_daemon, tmp_path):
     triangles = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     two = np.concatenate([vertices, vertices + 5]), np.concatenate([triangles, triangles + 4])
     with clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) as client:
-        client.add_body("solid", mesh=(vertices, triangles), convexify="solid", parent="wall", pose=at(3))
-        client.add_body("surface", mesh=(vertices, triangles[:2]), convexify="surface", pose=at(3), padding=0.1)
+        client.add_body("solid", mesh=(vertices, triangles), mesh_as="solid", parent="wall", pose=at(3))
+        client.add_body("surface", mesh=(vertices, triangles[:2]), mesh_as="surface", pose=at(3), padding=0.1)
         client.add_body("hull", mesh=(vertices, triangles), pose=at(3))
         client.add_body("found out", mesh=two, pose=at(3))
         assert [(body.triangle_count, body.is_solid) for body in client.bodies] == [
@@ -117,8 +117,8 @@ def test_a_mesh_is_added_as_what_it_is(start_daemon, tmp_path):
         ]  # fmt: skip
         scene = clearance.Scene()
         scene.add_box("wall", [1, 1, 1], static=True)
-        scene.add_body("solid", mesh=(vertices, triangles), convexify="solid", parent="wall", pose=at(3))
-        scene.add_body("surface", mesh=(vertices, triangles[:2]), convexify="surface", pose=at(3), padding=0.1)
+        scene.add_body("solid", mesh=(vertices, triangles), mesh_as="solid", parent="wall", pose=at(3))
+        scene.add_body("surface", mesh=(vertices, triangles[:2]), mesh_as="surface", pose=at(3), padding=0.1)
         scene.add_body("hull", mesh=(vertices, triangles), pose=at(3))
         scene.add_body("found out", mesh=two, pose=at(3))
         assert client.distances().scene_revision == scene.revision
@@ -128,7 +128,7 @@ def test_a_mesh_is_added_as_what_it_is(start_daemon, tmp_path):
             ((vertices, np.tile(triangles, (10001, 1))), "40004 triangles are more than the 40000"),
         ]:
             with pytest.raises(clearance.QueryError, match=text):
-                client.add_body("odd", mesh=mesh, convexify="solid")
+                client.add_body("odd", mesh=mesh, mesh_as="solid")
         assert client.distances(pairs=("surface", "wall"), signed=True).upper[0, 0] == pytest.approx(2.4)
 
 

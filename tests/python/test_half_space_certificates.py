@@ -95,7 +95,7 @@ def test_bodies_that_are_not_convex(checker, tmp_path, signed):
     lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {i + 1} {j + 1} {k + 1}" for i, j, k in triangles]
     (tmp_path / "ring.obj").write_text("\n".join(lines))
     (tmp_path / "rings.urdf").write_text(TWO_RINGS)
-    scene.add_robot("r", tmp_path / "rings.urdf", convexify="solid")
+    scene.add_robot("r", tmp_path / "rings.urdf", mesh_as="solid")
     engine = clearance.Engine(scene, backend="cpu")
     planes, clouds = {"floor", "wall"}, test_surface_certificates.CLOUDS if signed else set()  # clouds have no depth
     movable = [body.name for body in engine.bodies if body.name not in planes | {"follower", "r", "r/two"}]
@@ -142,7 +142,7 @@ def robot(tmp_path_factory):
     scene = clearance.Scene()
     scene.add_box("cart", [0.3, 0.3, 0.1], pose=at(0, 0, -0.2), uncertainty={"position": 0.001, "angle": 0.002})
     scene.add_robot("arm", urdf, base=at(0, 0, 0.2), parent="cart")
-    scene.add_body("ring", mesh=test_surface_certificates.torus(8, 5, 0.2, 0.05), convexify="solid")
+    scene.add_body("ring", mesh=test_surface_certificates.torus(8, 5, 0.2, 0.05), mesh_as="solid")
     scene.add_points("cloud", np.random.default_rng(1).normal(size=(40, 3)) * 0.1)
     scene.add_half_space("floor", pose=at(0, 0, -0.35))
     scene.add_half_space("wall", pose=at(-0.7, 0.1, 0, TILTED), padding=0.01)

@@ -15,9 +15,9 @@ from scenes import at
 PROGRAM = "clearance" if INSTALLED else str(BUILD / "bin" / "clearance")
 SCENE = """
 bodies:
-  - {name: bracket, mesh: bracket.obj, convexify: decompose, pose: [0,0,0, 1,0,0,0]}
+  - {name: bracket, mesh: bracket.obj, mesh_as: decompose, pose: [0,0,0, 1,0,0,0]}
   - {name: ball, sphere: 0.1, pose: [0.6,0.25,0.6, 1,0,0,0]}
-  - {name: plate, mesh: bracket.obj, convexify: solid, static: true, pose: [0,3,0, 1,0,0,0]}
+  - {name: plate, mesh: bracket.obj, mesh_as: solid, static: true, pose: [0,3,0, 1,0,0,0]}
   - {name: floor, half_space: true, pose: [0,0,-1, 1,0,0,0]}
 """
 SHRUNK = 0.01  # metres, for each side of each part
@@ -159,7 +159,7 @@ URDF = """<robot name="arm"><link name="base"/><link name="hand">
 
 def test_links_of_robots(scene):
     (scene.parent / "arm.urdf").write_text(URDF)
-    robot = "robots:\n  - {name: arm, urdf: arm.urdf, convexify: decompose, home: {turn: 0}}\n"
+    robot = "robots:\n  - {name: arm, urdf: arm.urdf, mesh_as: decompose, home: {turn: 0}}\n"
     path = scene.parent / "arm.yaml"
     path.write_text(robot + "bodies:\n  - {name: ball, sphere: 0.1, pose: [0.6,0.25,0.6, 1,0,0,0]}\n")
     engine = clearance.Engine(clearance.Scene.load(path), threads=1)

@@ -262,7 +262,7 @@ def test_bodies_that_are_not_convex_are_answered_as_they_are(tmp_path):
     start, end = [1.6, 3, 0.5, 1, 0, 0, 0], [1.6, 1.2, 0.5, 1, 0, 0, 0]  # into the hull, not into the L
     for kind, status in (("solid", Status.OK), ("surface", Status.OK), ("hull", Status.OVERLAP)):
         scene = clearance.Scene()
-        scene.add_mesh("shelf", path, convexify=kind, pose=[0, 0, 0, 1, 0, 0, 0])
+        scene.add_mesh("shelf", path, mesh_as=kind, pose=[0, 0, 0, 1, 0, 0, 0])
         scene.add_sphere("ball", 0.1, pose=start)
         engine = clearance.Engine(scene, backend="cpu", threads=1)
         r = engine.motions(bodies=["ball"], start=np.array([[start]]), end=np.array([[end]]))

@@ -40,7 +40,7 @@ def test_a_mesh_is_the_truth_where_nothing_is_said(tmp_path):
         scene = clearance.Scene.load(tmp_path / "scene.yaml")
         scene.add_mesh("path", tmp_path / "cup.obj")
         scene.add_body("own", mesh=(CUP_VERTICES, CUP_TRIANGLES))
-        scene.add_mesh("said", tmp_path / "cup.obj", convexify="solid")
+        scene.add_mesh("said", tmp_path / "cup.obj", mesh_as="solid")
         robot = clearance.Scene.load_urdf(tmp_path / "cup.urdf")
     assert all(body.is_solid and body.triangle_count == 28 for body in scene.bodies)
     assert [body.is_solid for body in robot.bodies if body.triangle_count] == [True]
@@ -48,7 +48,7 @@ def test_a_mesh_is_the_truth_where_nothing_is_said(tmp_path):
     with pytest.warns(
         clearance.MeshWarning,
         match=r"open: its hull stands up to .*: distances are to the hull; .*open\.obj \(hull\) encloses nothing: the "
-        r"edge from \(.*\) to \(.*\) of triangle \d+ belongs to no other triangle: the mesh is open there; convexify: "
+        r"edge from \(.*\) to \(.*\) of triangle \d+ belongs to no other triangle: the mesh is open there; mesh_as: "
         "surface ",
     ):
         scene.add_mesh("open", tmp_path / "open.obj")
@@ -71,7 +71,7 @@ def test_a_hollow_mesh_is_no_solid_but_its_hull(tmp_path, start_daemon):
     scene.add_sphere("ball", 0.01, pose=at(0.75, 0.75, 0.75))
     for name, mesh in bad.items():
         with pytest.raises(clearance.SceneError, match="solid: the mesh does not enclose all that its faces go around"):
-            scene.add_body(name, mesh=mesh, convexify="solid")
+            scene.add_body(name, mesh=mesh, mesh_as="solid")
         with pytest.warns(clearance.MeshWarning, match=r"mesh \(hull\) is hollow: triangle \d+ at \("):
             scene.add_body(name, mesh=mesh, pose=IDENTITY)
     assert [body.is_solid for body in scene.bodies] == [True, False, False, False]
@@ -81,7 +81,7 @@ def test_a_hollow_mesh_is_no_solid_but_its_hull(tmp_path, start_daemon):
     daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
     with clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) as client:
         with pytest.raises(clearance.QueryError, match="does not enclose all that its faces go around"):
-            client.add_body("solid", mesh=bad["both sides"], convexify="solid")
+            client.add_body("solid", mesh=bad["both sides"], mesh_as="solid")
         client.add_body("hollow", mesh=bad["both sides"], pose=IDENTITY)
         assert client.distances(pairs=[("hollow", "ball")]).status[0, 0] == clearance.Status.OVERLAP
         assert 'event=mesh_suspicious body="hollow"' in daemon.log() and "is hollow: triangle" in daemon.log()
@@ -102,12 +102,12 @@ def test_a_mesh_is_what_is_said_of_it(tmp_path):
     write_obj(tmp_path / "cup.obj", CUP_VERTICES, CUP_TRIANGLES)
     scene = clearance.Scene()
     with pytest.warns(clearance.MeshWarning):
-        scene.add_mesh("hull", tmp_path / "cup.obj", convexify="hull")
+        scene.add_mesh("hull", tmp_path / "cup.obj", mesh_as="hull")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for how in ("surface", "solid"):
-            scene.add_mesh(how, tmp_path / "cup.obj", convexify=how)
-            scene.add_body("own " + how, mesh=(CUP_VERTICES, CUP_TRIANGLES), convexify=how, radius=0.125)
+            scene.add_mesh(how, tmp_path / "cup.obj", mesh_as=how)
+            scene.add_body("own " + how, mesh=(CUP_VERTICES, CUP_TRIANGLES), mesh_as=how, radius=0.125)
     assert [body.triangle_count for body in scene.bodies] == [0, 28, 28, 28, 28]
     assert [body.is_solid for body in scene.bodies] == [False, False, False, True, True]
     assert [body.hull_excess > 0 for body in scene.bodies] == [True, False, False, False, False]
@@ -119,19 +119,19 @@ def test_a_mesh_is_what_is_said_of_it(tmp_path):
 
 
 @pytest.mark.parametrize("arguments, error, text", [
-    ({"mesh": (CUP_VERTICES, CUP_TRIANGLES[1:]), "convexify": "solid"}, clearance.SceneError,
-     r"body \"x\": convexify: solid: the mesh encloses no volume: the edge from \(.*\) to \(.*\) of triangle \d+ "
+    ({"mesh": (CUP_VERTICES, CUP_TRIANGLES[1:]), "mesh_as": "solid"}, clearance.SceneError,
+     r"body \"x\": mesh_as: solid: the mesh encloses no volume: the edge from \(.*\) to \(.*\) of triangle \d+ "
      r"belongs to no other triangle: the mesh is open there"),
     ({"mesh": (CUP_VERTICES, [[0, 1, 16]])}, clearance.SceneError,
      "triangle 0 names the vertex 16, and there are 16"),
-    ({"mesh": (CUP_VERTICES, CUP_TRIANGLES), "convexify": "decompose"}, clearance.SceneError, "only for a mesh file"),
+    ({"mesh": (CUP_VERTICES, CUP_TRIANGLES), "mesh_as": "decompose"}, clearance.SceneError, "only for a mesh file"),
     ({"mesh": CUP_VERTICES}, ValueError, r"mesh: expected a pair \(vertices, triangles\), got 16 things"),
     ({"mesh": (CUP_VERTICES, [[0, 1]])}, ValueError, r"mesh\[1\]: expected shape \(T, 3\), got \(1, 2\)"),
     ({"mesh": (CUP_VERTICES, [[0.0, 1, 2]])}, TypeError, r"mesh\[1\]: expected \(T, 3\) integers, got an array of"),
     ({"mesh": (CUP_VERTICES, [[0, 1, -1]])}, ValueError, r"mesh\[1\]: expected indices of vertices, got -1"),
     ({"mesh": ([[0, 1]], [[0, 1, 2]])}, ValueError, r"mesh\[0\]: expected shape \(V, 3\), got \(1, 2\)"),
-    ({"sphere": 1.0, "convexify": "solid"}, ValueError,
-     "convexify: expected 'auto' or 'hull' where there is no mesh, got 'solid'"),
+    ({"sphere": 1.0, "mesh_as": "solid"}, ValueError,
+     "mesh_as: expected 'auto' or 'hull' where there is no mesh, got 'solid'"),
 ])  # fmt: skip
 def test_what_is_wrong_with_a_mesh_is_said(arguments, error, text):
     scene = clearance.Scene()
@@ -163,8 +163,8 @@ def write_shelf(path):
 def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
     write_shelf(tmp_path / "shelf.obj")
     (tmp_path / "scene.yaml").write_text(
-        "bodies:\n  - {name: one, mesh: shelf.obj, convexify: hull}\n"
-        "  - {name: two, mesh: shelf.obj, scale: 2, convexify: hull}\n"
+        "bodies:\n  - {name: one, mesh: shelf.obj, mesh_as: hull}\n"
+        "  - {name: two, mesh: shelf.obj, scale: 2, mesh_as: hull}\n"
     )
     with pytest.warns(
         clearance.MeshWarning, match=r"one: its hull stands up to .* m out of its mesh, .* % of it is empty.*; two: "
@@ -177,10 +177,10 @@ def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", clearance.MeshWarning)
-        clearance.Scene().add_mesh("quiet", tmp_path / "shelf.obj", convexify="hull")
+        clearance.Scene().add_mesh("quiet", tmp_path / "shelf.obj", mesh_as="hull")
         clearance.Scene().add_box("crate", [1, 1, 1])
     with pytest.warns(clearance.MeshWarning):
-        scene.add_mesh("three", tmp_path / "shelf.obj", convexify="hull")
+        scene.add_mesh("three", tmp_path / "shelf.obj", mesh_as="hull")
 
 
 def test_a_robots_hulls_are_warned_about_once_in_the_callers_line(tmp_path):
@@ -196,7 +196,7 @@ def test_a_robots_hulls_are_warned_about_once_in_the_callers_line(tmp_path):
     (tmp_path / "r.srdf").write_text("<robot name='r'><unknown/></robot>")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        clearance.Scene.load_urdf(tmp_path / "r.urdf", srdf=tmp_path / "r.srdf", convexify="hull")
+        clearance.Scene.load_urdf(tmp_path / "r.urdf", srdf=tmp_path / "r.srdf", mesh_as="hull")
     assert [one.category for one in caught] == [clearance.MeshWarning, clearance.RobotWarning]
     assert [one.filename for one in caught] == [__file__] * 2 and caught[0].lineno == caught[1].lineno
     text = str(caught[0].message)

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
 def documents(checker, urdf):
     scene = clearance.Scene()
     for name, shape in (("ring", torus(8, 5, 0.3, 0.1)), ("ball", ball(0.5))):
-        scene.add_body(name, mesh=shape, convexify="solid")
+        scene.add_body(name, mesh=shape, mesh_as="solid")
     scene.add_box("box", [0.2, 0.3, 0.4])
     scene.add_cylinder("can", 0.1, 0.3)
     scene.add_sphere("lost", 0.1)

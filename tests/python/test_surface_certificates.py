@@ -68,19 +68,19 @@ def shell():
 def zoo():
     rng = np.random.default_rng(7)
     scene = clearance.Scene()
-    scene.add_body("shell", mesh=shell(), convexify="solid")
-    scene.add_body("ring", mesh=torus(12, 8), convexify="solid")
+    scene.add_body("shell", mesh=shell(), mesh_as="solid")
+    scene.add_body("ring", mesh=torus(12, 8), mesh_as="solid")
     vertices, triangles = torus(8, 5, 0.3, 0.1)
     both = np.concatenate([vertices, vertices + [0, 0, 0.5]]), np.concatenate([triangles, triangles + len(vertices)])
-    scene.add_body("two rings", mesh=both, convexify="solid", radius=0.01, uncertainty={"angle": 0.01})
+    scene.add_body("two rings", mesh=both, mesh_as="solid", radius=0.01, uncertainty={"angle": 0.01})
     vertices, triangles = torus(10, 6)
-    scene.add_body("cut ring", mesh=(vertices, triangles[:-9]), convexify="surface")
+    scene.add_body("cut ring", mesh=(vertices, triangles[:-9]), mesh_as="surface")
     scene.add_points("cloud", rng.normal(size=(60, 3)) * 0.6)
     scene.add_points("voxels", rng.normal(size=(20, 3)) * 0.6, voxel=0.05, radius=0.01)
     scene.add_sphere("ball", 0.1)
     scene.add_box("box", [0.2, 0.3, 0.4])
     scene.add_cylinder("can", 0.1, 0.3)
-    scene.add_body("follower", mesh=torus(6, 4, 0.1, 0.03), convexify="solid", parent="box", pose=at(0.3, 0.1, 0.1))
+    scene.add_body("follower", mesh=torus(6, 4, 0.1, 0.03), mesh_as="solid", parent="box", pose=at(0.3, 0.1, 0.1))
     return scene
 
 
@@ -135,13 +135,13 @@ def test_rows_are_proved_and_are_those_of_distances(checker, arguments, seen):
 def test_what_is_in_a_hollow_is_apart(checker):
     """In the hollow of a shell, in its wall, and around all of it; a component of several in the wall."""
     scene = clearance.Scene()
-    scene.add_body("shell", mesh=shell(), convexify="solid", pose=at(0))
-    scene.add_body("in the hollow", mesh=torus(8, 5, 0.2, 0.05), convexify="solid", pose=at(0.1))
-    scene.add_body("in the wall", mesh=torus(8, 5, 0.02, 0.005), convexify="solid", pose=at(0.85))
-    scene.add_body("around", mesh=torus(8, 5, 2.0, 0.05), convexify="solid", pose=at(0))
+    scene.add_body("shell", mesh=shell(), mesh_as="solid", pose=at(0))
+    scene.add_body("in the hollow", mesh=torus(8, 5, 0.2, 0.05), mesh_as="solid", pose=at(0.1))
+    scene.add_body("in the wall", mesh=torus(8, 5, 0.02, 0.005), mesh_as="solid", pose=at(0.85))
+    scene.add_body("around", mesh=torus(8, 5, 2.0, 0.05), mesh_as="solid", pose=at(0))
     vertices, triangles = torus(8, 5, 0.02, 0.005)
     both = np.concatenate([vertices, vertices + [0.85, 0, 0]]), np.concatenate([triangles, triangles + len(vertices)])
-    scene.add_body("in both", mesh=both, convexify="solid", pose=at(0))
+    scene.add_body("in both", mesh=both, mesh_as="solid", pose=at(0))
     scene.add_points("points in the wall", [[0.85, 0, 0], [3, 0, 0]], pose=at(0))
     scene.add_cylinder("can in the wall", 0.01, 0.02, pose=at(0, 0.85))
     scene.add_sphere("ball in the hollow", 0.1, pose=at(0, 0, -0.4))
@@ -152,8 +152,8 @@ def test_what_is_in_a_hollow_is_apart(checker):
     proved(checker, document)
     # The same triangles as a surface: all but the cut are apart. A claim that it is a solid must then fail.
     scene = clearance.Scene()
-    scene.add_body("shell", mesh=shell(), convexify="surface", pose=at(0))
-    scene.add_body("in the wall", mesh=torus(8, 5, 0.02, 0.005), convexify="surface", pose=at(0.85))
+    scene.add_body("shell", mesh=shell(), mesh_as="surface", pose=at(0))
+    scene.add_body("in the wall", mesh=torus(8, 5, 0.02, 0.005), mesh_as="surface", pose=at(0.85))
     document = clearance.Engine(scene).certificate().document
     assert document["rows"][0]["status"] == "ok"
     proved(checker, document)
@@ -176,7 +176,7 @@ def test_links_that_are_solids(checker, tmp_path):
 </robot>""")
     scene = clearance.Scene()
     scene.add_robot("arm", tmp_path / "arm.urdf", base=at(0.1, 0, 0.5))
-    scene.add_body("shell", mesh=shell(), convexify="solid", static=True, pose=at(0.9, 0, 1.6))
+    scene.add_body("shell", mesh=shell(), mesh_as="solid", static=True, pose=at(0.9, 0, 1.6))
     engine = clearance.Engine(scene)
     certificate = engine.certificate(joints="arm", positions=[[-0.9], [0.3], [2.8]])
     assert {body.triangle_count for body in engine.bodies} >= {80}
@@ -188,9 +188,9 @@ def test_links_that_are_solids(checker, tmp_path):
 def documents():
     """One row each, by its content."""
     scene = clearance.Scene()
-    scene.add_body("ring", mesh=torus(9, 6), convexify="solid")
-    scene.add_body("link", mesh=torus(9, 6), convexify="solid")
-    scene.add_body("small", mesh=torus(6, 4, 0.05, 0.02), convexify="solid")
+    scene.add_body("ring", mesh=torus(9, 6), mesh_as="solid")
+    scene.add_body("link", mesh=torus(9, 6), mesh_as="solid")
+    scene.add_body("small", mesh=torus(6, 4, 0.05, 0.02), mesh_as="solid")
     scene.add_points("cloud", np.random.default_rng(1).normal(size=(40, 3)))
     engine = clearance.Engine(scene)
     engine.set_poses(
@@ -341,8 +341,8 @@ def test_the_documents_are_good_and_name_each_vertex_once(checker, documents):
 def test_motions_are_proved(checker):
     """Through a ring and into it, of a solid, and past a cloud; also until first contact."""
     scene = clearance.Scene()
-    scene.add_body("ring", mesh=torus(12, 8), convexify="solid", static=True, pose=at(0))
-    scene.add_body("hand", mesh=torus(6, 4, 0.2, 0.06), convexify="solid")
+    scene.add_body("ring", mesh=torus(12, 8), mesh_as="solid", static=True, pose=at(0))
+    scene.add_body("hand", mesh=torus(6, 4, 0.2, 0.06), mesh_as="solid")
     scene.add_points("cloud", np.random.default_rng(2).normal(size=(30, 3)), static=True, pose=at(0, 2.5, 0))
     engine = clearance.Engine(scene)
     through = at(0.05, 0, -0.8, (0.9, 0.3, 0, 0))

@@ -17,7 +17,7 @@ def upper_snake(name):
 
 @pytest.fixture(scope="module")
 def header(root):
-    return "".join((root / "wire" / name).read_text() for name in ("types.h", "convexify.h", "model.h"))
+    return "".join((root / "wire" / name).read_text() for name in ("types.h", "mesh_as.h", "model.h"))
 
 
 def enum_values(header, name):
@@ -31,7 +31,7 @@ def enum_values(header, name):
 
 @pytest.mark.parametrize("name, prefix", [
     ("Status", "k"), ("Flag", "kFlag"), ("Precision", "k"), ("Reduce", "k"), ("Format", "k"), ("Field", "kField"),
-    ("Convexify", "k"), ("Model", "k"),
+    ("MeshAs", "k"), ("Model", "k"),
 ])  # fmt: skip
 def test_enum_mirrors_header(header, name, prefix):
     values = enum_values(header, name)
@@ -84,7 +84,7 @@ def test_words_as_strings():
 
 @pytest.mark.parametrize("literal, table", [
     ("PrecisionWord", "PRECISIONS"), ("ReduceWord", "REDUCTIONS"), ("FormatWord", "FORMATS"),
-    ("ConvexifyWord", "CONVEXIFY"), ("BackendWord", "BACKENDS"), ("ModelWord", "MODELS"),
+    ("MeshAsWord", "MESH_AS"), ("BackendWord", "BACKENDS"), ("ModelWord", "MODELS"),
 ])  # fmt: skip
 def test_type_checkers_know_the_words(literal, table):
     assert list(typing.get_args(getattr(_words, literal))) == list(getattr(_words, table))
@@ -93,7 +93,7 @@ def test_type_checkers_know_the_words(literal, table):
 @pytest.mark.parametrize("call, argument, literal", [
     ("Client.distances", "reduce", "ReduceWord"), ("Engine.submit", "precision", "PrecisionWord"),
     ("Client.distances", "format", "FormatWord"), ("Engine.__init__", "backend", "BackendWord"),
-    ("Scene.add_mesh", "convexify", "ConvexifyWord"), ("Client.distances", "model", "ModelWord"),
+    ("Scene.add_mesh", "mesh_as", "MeshAsWord"), ("Client.distances", "model", "ModelWord"),
 ])  # fmt: skip
 def test_arguments_are_typed_by_their_words(call, argument, literal):
     kind, _, method = call.partition(".")

@@ -38,7 +38,7 @@ std::vector<std::byte> uncertain_frame(const std::string& name, const Uncertaint
 }
 /// A tetrahedron of up to four corners, with records by tag.
 inline std::vector<std::byte> mesh_frame(const std::string& name, std::span<const wire::TriangleRecord> triangles,
-                                         std::optional<std::uint8_t> convexify,
+                                         std::optional<std::uint8_t> mesh_as,
                                          wire::BodyShape shape = wire::BodyShape::kHull) {
   wire::NewBodyRecord record;
   wire::set_name(record.name, name);
@@ -52,7 +52,7 @@ inline std::vector<std::byte> mesh_frame(const std::string& name, std::span<cons
   wire::append(payload, record);
   wire::append_bytes(payload, corners, record.vertex_count * sizeof corners[0]);
   if (!triangles.empty()) wire::append_record(records, 21, wire::kRecordRequired, std::as_bytes(triangles));
-  if (convexify) wire::append_record(records, 22, wire::kRecordRequired, std::as_bytes(std::span(&*convexify, 1)));
+  if (mesh_as) wire::append_record(records, 22, wire::kRecordRequired, std::as_bytes(std::span(&*mesh_as, 1)));
   std::vector<std::byte> frame = simple_frame(wire::FrameType::kAddBody, 1, payload);
   wire::FrameHeader header;
   std::memcpy(&header, frame.data(), sizeof header);

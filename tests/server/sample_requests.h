@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tests/server/core/memory_transport.h"
-#include "wire/convexify.h"
+#include "wire/mesh_as.h"
 #include "wire/wire.h"
 
 namespace clearance {
@@ -107,7 +107,7 @@ inline std::vector<std::pair<std::string, std::vector<std::byte>>> sample_reques
   std::copy(here.begin(), here.end(), attach.pose);
   const auto new_body = [&](const std::string& name, wire::BodyShape shape,
                             std::span<const wire::VertexRecord> vertices,
-                            std::span<const wire::TriangleRecord> triangles = {}, Convexify convexify = {}) {
+                            std::span<const wire::TriangleRecord> triangles = {}, MeshAs mesh_as = {}) {
     wire::NewBodyRecord record;
     wire::set_name(record.name, name);
     record.shape = static_cast<std::uint8_t>(shape);
@@ -126,7 +126,7 @@ inline std::vector<std::pair<std::string, std::vector<std::byte>>> sample_reques
         wire::append_record(records, static_cast<std::uint16_t>(tag), wire::kRecordRequired, bytes);
       };
       add_tagged(NewBodyTag::kTriangles, std::as_bytes(triangles));
-      add_tagged(NewBodyTag::kConvexify, std::as_bytes(std::span(&convexify, 1)));
+      add_tagged(NewBodyTag::kMeshAs, std::as_bytes(std::span(&mesh_as, 1)));
     }
     const auto of_body = wire::make_header(wire::FrameType::kAddBody, all.size() + 1, payload.size());
     wire::FrameBuilder frame(wire::with_records(of_body, records.size()));
@@ -138,9 +138,9 @@ inline std::vector<std::pair<std::string, std::vector<std::byte>>> sample_reques
                                         {{0, 0, 1}}, {{0.2, 0.2, 0.2}}, {{1, 1, 1}}};
   new_body("hull", wire::BodyShape::kHull, corners);
   const wire::TriangleRecord faces[] = {{{0, 2, 1}}, {{0, 1, 3}}, {{1, 2, 3}}, {{0, 3, 2}}};
-  new_body("solid", wire::BodyShape::kHull, std::span(corners).first(4), faces, Convexify::kSolid);
-  new_body("surface", wire::BodyShape::kHull, corners, std::span(faces).first(2), Convexify::kSurface);
-  new_body("mesh", wire::BodyShape::kHull, corners, faces, Convexify::kHull);
+  new_body("solid", wire::BodyShape::kHull, std::span(corners).first(4), faces, MeshAs::kSolid);
+  new_body("surface", wire::BodyShape::kHull, corners, std::span(faces).first(2), MeshAs::kSurface);
+  new_body("mesh", wire::BodyShape::kHull, corners, faces, MeshAs::kHull);
   all.emplace_back("reload", simple_frame(wire::FrameType::kReload, 27));
   all.emplace_back("attach", simple_frame(wire::FrameType::kAttach, 26, std::as_bytes(std::span(&attach, 1))));
   return all;

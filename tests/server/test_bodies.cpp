@@ -209,9 +209,9 @@ TEST_F(Bodies, AnAddedMeshIsWhatItsClientSays) {
   Scene whole = small_scene();
   const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const std::vector<Triangle> triangles{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
-  whole.add_mesh("solid", corners, triangles, Convexify::kSolid, at(3, 0, 0));
-  whole.add_mesh("surface", corners, std::span(triangles).first(3), Convexify::kSurface, at(3, 0, 0));
-  whole.add_mesh("hull", corners, triangles, Convexify::kHull, at(3, 0, 0));
+  whole.add_mesh("solid", corners, triangles, MeshAs::kSolid, at(3, 0, 0));
+  whole.add_mesh("surface", corners, std::span(triangles).first(3), MeshAs::kSurface, at(3, 0, 0));
+  whole.add_mesh("hull", corners, triangles, MeshAs::kHull, at(3, 0, 0));
   EXPECT_EQ(loop_->engine().scene().revision(), whole.revision());
 
   const auto reply = ask_scene(a_, simple_frame(FrameType::kDescribe, 9));
@@ -232,16 +232,15 @@ TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
   options.max_added_triangles = 4;
   start_editable(small_scene(), options);
   const auto open = std::span(kTetrahedron).first(3);
-  EXPECT_EQ(
-      refusal(mesh_frame("m", open, 4)),
-      "body \"m\": convexify: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle "
-      "0 belongs to no other triangle: the mesh is open there");
+  EXPECT_EQ(refusal(mesh_frame("m", open, 4)),
+            "body \"m\": mesh_as: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle "
+            "0 belongs to no other triangle: the mesh is open there");
   const wire::TriangleRecord beyond[] = {{{0, 1, 4}}};
   for (const std::uint8_t how : {0, 3, 4})
     EXPECT_EQ(refusal(mesh_frame("m", beyond, how)), "body \"m\": triangle 0 names the vertex 4, and there are 4");
-  EXPECT_NE(refusal(mesh_frame("m", open, 2)).find("convexify: decompose: only for a mesh file"), std::string::npos);
-  EXPECT_EQ(refusal(mesh_frame("m", open, 6)), "new body: convexify 6 is not one of 0 to 5");
-  EXPECT_EQ(refusal(mesh_frame("m", {}, 4)), "new body: convexify is for a mesh, and there are no triangles");
+  EXPECT_NE(refusal(mesh_frame("m", open, 2)).find("mesh_as: decompose: only for a mesh file"), std::string::npos);
+  EXPECT_EQ(refusal(mesh_frame("m", open, 6)), "new body: mesh_as 6 is not one of 0 to 5");
+  EXPECT_EQ(refusal(mesh_frame("m", {}, 4)), "new body: mesh_as is for a mesh, and there are no triangles");
   EXPECT_EQ(refusal(mesh_frame("m", open, 3, wire::BodyShape::kBox)), "new body: triangles are only for vertices");
   const std::vector<wire::TriangleRecord> many(5, kTetrahedron[0]);
   EXPECT_EQ(refusal(mesh_frame("m", many, 3), ErrorCode::kTooLarge),
@@ -249,7 +248,7 @@ TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
   EXPECT_EQ(refusal(uncertain_frame("crate", std::uint64_t{0}, 21), ErrorCode::kBadFrame),
             "new body: triangles (record 21) have 8 bytes, expected 12 for each, and one at least");
   EXPECT_EQ(refusal(uncertain_frame("crate", std::uint16_t{0}, 22), ErrorCode::kBadFrame),
-            "new body: convexify (record 22) has 2 bytes, expected 1");
+            "new body: mesh_as (record 22) has 2 bytes, expected 1");
   EXPECT_EQ(change(mesh_frame("m", kTetrahedron, 4)).body, 4u);
 }
 
@@ -475,12 +474,12 @@ TEST(ClearancedBodies, AreAskedAboutByEveryClient) {
   one.add_body({.name = "wedge", .vertices = corners, .parent = one.body("ball"), .pose = Pose7{0, 0, 1, 1, 0, 0, 0}});
   EXPECT_EQ(one.scene().bodies[5].parent, 4u);
   const std::array<std::uint32_t, 3> faces[] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
-  one.add_body({.name = "solid", .vertices = corners, .triangles = faces, .convexify = Convexify::kSolid});
+  one.add_body({.name = "solid", .vertices = corners, .triangles = faces, .mesh_as = MeshAs::kSolid});
   EXPECT_EQ(one.scene().bodies[6].triangle_count, 4u);
   EXPECT_TRUE(one.scene().bodies[6].is_solid);
   EXPECT_EQ(one.scene().bodies[5].triangle_count, 0u);
   one.remove_body("solid");
-  EXPECT_THROW(one.add_body({.name = "m", .vertices = corners, .convexify = Convexify::kSolid}), std::invalid_argument);
+  EXPECT_THROW(one.add_body({.name = "m", .vertices = corners, .mesh_as = MeshAs::kSolid}), std::invalid_argument);
   EXPECT_THROW(one.add_body({.name = "m", .sphere = 1.0, .triangles = faces}), std::invalid_argument);
   EXPECT_THROW(one.add_body({.name = "nothing"}), std::invalid_argument);
   EXPECT_THROW(one.add_body({.name = std::string(64, 'x'), .sphere = 1.0}), std::invalid_argument);

@@ -232,8 +232,8 @@ TEST_F(Clearanced, LogWarnsOfMeshesThatAreFarFromConvex) {
           "f " + std::to_string(first + a) + " " + std::to_string(first + b) + " " + std::to_string(first + c) + "\n";
   folder_.write("apart.obj", obj);
   const std::string scene = folder_.write("apart.yaml",
-                                          "bodies: [{name: apart, mesh: apart.obj, convexify: hull}, "
-                                          "{name: again, mesh: apart.obj, convexify: hull}, {name: box, box: 1}]\n");
+                                          "bodies: [{name: apart, mesh: apart.obj, mesh_as: hull}, "
+                                          "{name: again, mesh: apart.obj, mesh_as: hull}, {name: box, box: 1}]\n");
   Daemon daemon({"--scene", scene, "--zmq", ipc_});
   const std::string log = daemon.log(),
                     event = "level=warning event=mesh_suspicious body=\"apart\" more=1 hull_excess_m=";
@@ -263,7 +263,7 @@ TEST_F(Clearanced, AnOpenMeshThatIsAddedIsLoggedWithAnEdge) {
   ASSERT_TRUE(contains(log, "level=warning event=mesh_suspicious body=\"open\" more=0 "));
   EXPECT_TRUE(contains(log,
                        "mesh (hull) encloses nothing: the edge from (0, 0, 0) to (1, 0, 0) of triangle 0 belongs to no "
-                       "other triangle: the mesh is open there; convexify: surface uses its triangles as they are"));
+                       "other triangle: the mesh is open there; mesh_as: surface uses its triangles as they are"));
 }
 
 TEST_F(Clearanced, TheSocketOfALivingDaemonIsRefusedThatOfADeadOneReplaced) {

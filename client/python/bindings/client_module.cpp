@@ -332,14 +332,14 @@ class PyClient {
   /// \param cloud (N, 3) points, otherwise empty
   nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
                      std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose,
-                     const std::array<double, 4>& uncertainties, const TriangleRows& triangles, int convexify,
+                     const std::array<double, 4>& uncertainties, const TriangleRows& triangles, int mesh_as,
                      const CloudRows& cloud) const {
     const auto* rows = reinterpret_cast<const std::array<double, 3>*>(numbers.data());
     NewBody body;
     body.name = name;
     if (shape == "vertices" || shape == "mesh") body.vertices = {rows, numbers.shape(0)};
     body.triangles = {reinterpret_cast<const std::array<std::uint32_t, 3>*>(triangles.data()), triangles.shape(0)};
-    body.convexify = static_cast<Convexify>(convexify);
+    body.mesh_as = static_cast<MeshAs>(mesh_as);
     if (shape == "box") body.box = rows[0];
     if (shape == "sphere") body.sphere = rows[0][0];
     if (shape == "capsule") body.capsule = {rows[0][0], rows[0][1]};
@@ -465,7 +465,7 @@ NB_MODULE(_client, m) {
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),
            nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"), nb::arg("triangles"),
-           nb::arg("convexify"), nb::arg("cloud"))
+           nb::arg("mesh_as"), nb::arg("cloud"))
       .def("remove_body", &PyClient::remove_body, nb::arg("name"))
       .def("scene", &PyClient::scene, nb::arg("refresh"))
       .def("body_states", &PyClient::body_states)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ._words import CONVEXIFY, Convexify
+from ._words import MESH_AS, MeshAs
 
 _Word = TypeVar("_Word")
 _INT64 = 1 << 63
@@ -213,17 +213,17 @@ class ShapeArgument(NamedTuple):
     kind: str  #: name of the argument
     numbers: np.ndarray  #: float64: vertices (V, 3), or sizes (1, 3)
     triangles: np.ndarray  #: (T, 3) uint32 triangles of a mesh, otherwise empty
-    convexify: int  #: body made from the mesh
+    mesh_as: int  #: body made from the mesh
     cloud: np.ndarray  #: (N, 3) float32 points of a cloud, otherwise empty; its voxel is the first of `numbers`
 
 
-def to_shape(convexify: Any, voxel: Any, **shapes: Any) -> ShapeArgument:
+def to_shape(mesh_as: Any, voxel: Any, **shapes: Any) -> ShapeArgument:
     """Returns the one shape given to add_body(). shapes: each argument by its name, None or False if not given."""
     shapes["half_space"] = True if to_bool(shapes["half_space"], "half_space") else None
     given = [shape for shape, value in shapes.items() if value is not None]
     if len(given) != 1:
         raise ValueError(f"add_body: expected one of {', '.join(shapes)}, got {', '.join(given) or 'none'}")
-    how = to_word(convexify, CONVEXIFY, "convexify")
+    how = to_word(mesh_as, MESH_AS, "mesh_as")
     shape = given[0]
     edge, none = to_number(voxel, "voxel"), np.zeros((0, 3), np.float32)
     if edge != 0 and shape != "points":
@@ -233,8 +233,8 @@ def to_shape(convexify: Any, voxel: Any, **shapes: Any) -> ShapeArgument:
         if len(parts) != 2:
             raise ValueError(f"mesh: expected a pair (vertices, triangles), got {len(parts)} things")
         return ShapeArgument(shape, to_vertices(parts[0], "mesh[0]"), to_triangles(parts[1], "mesh[1]"), how, none)
-    if how not in (Convexify.HULL, Convexify.AUTO):
-        raise ValueError(f"convexify: expected 'auto' or 'hull' where there is no mesh, got {convexify!r}")
+    if how not in (MeshAs.HULL, MeshAs.AUTO):
+        raise ValueError(f"mesh_as: expected 'auto' or 'hull' where there is no mesh, got {mesh_as!r}")
     triangles = np.zeros((0, 3), np.uint32)
     if shape == "points":
         cloud = to_cloud(shapes[shape], "points")

@@ -30,7 +30,7 @@ from ._query import Query
 from ._remote_plan import RemotePlan
 from ._result import Result
 from ._updates import PosesDone
-from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, ConvexifyWord, Reduce, ReduceWord, Status
+from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, MeshAsWord, Reduce, ReduceWord, Status
 from .wire import ErrorCode
 
 
@@ -168,7 +168,7 @@ class Client(Front):
         uncertainty: Optional[Mapping[str, float]] = None,
         padding: float = 0.0,
         max_speed: float = 0.0,
-        convexify: ConvexifyWord = "auto",
+        mesh_as: MeshAsWord = "auto",
     ) -> SceneChanged:
         """Adds a body at run time (for example a grasped object), and waits until the scene contains it.
 
@@ -177,7 +177,7 @@ class Client(Front):
             cylinder and cone: (radius, length), ellipsoid: (x, y, z) half axes, half_space: True, points: (N, 3) of a
             cloud, which set_points() replaces, as in clearance.Scene.
         voxel: metres, for a cloud; above 0, boxes of this edge around the points are the body.
-        convexify: body made from a mesh: "hull", "surface" (its triangles), "solid" (the volume that they enclose, for
+        mesh_as: body made from a mesh: "hull", "surface" (its triangles), "solid" (the volume that they enclose, for
             a closed mesh), or "auto": the hull of a convex or an open mesh, otherwise a solid.
         radius: metres, grows the shape.
         parent: name or id of the body that it follows.
@@ -192,7 +192,7 @@ class Client(Front):
         for a wrong argument.
         """
         shape = to_shape(
-            convexify, voxel, vertices=vertices, mesh=mesh, box=box, sphere=sphere, capsule=capsule, cylinder=cylinder,
+            mesh_as, voxel, vertices=vertices, mesh=mesh, box=box, sphere=sphere, capsule=capsule, cylinder=cylinder,
             cone=cone, ellipsoid=ellipsoid, half_space=half_space, points=points,
         )  # fmt: skip
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
@@ -209,7 +209,7 @@ class Client(Front):
                 row,
                 to_doubts(uncertainty, padding, max_speed),
                 shape.triangles,
-                shape.convexify,
+                shape.mesh_as,
                 shape.cloud,
             )
         )

@@ -272,7 +272,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         positions: (K, J) radians and metres of those joints, for K configurations (the K of `configurations` if both
             are given). NaN or a position beyond 1e6 makes its rows BAD_POSE; one beyond the joint's limits sets
             Flag.BEYOND_LIMITS.
-        model: "truth", or "pieces": a body with convex parts (convexify="decompose") is replaced by these, and its
+        model: "truth", or "pieces": a body with convex parts (mesh_as="decompose") is replaced by these, and its
             triangles are not read. The interval widens by the parts' deviation from the mesh and still contains its
             distance; containment of one body in another is tested on the mesh. Negative values of signed=True are
             those of the parts (Flag.PIECES). Other bodies are unaffected.

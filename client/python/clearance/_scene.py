@@ -31,7 +31,7 @@ from ._names import BodyInfo, BodyRef, NameTable
 from ._poses import as_first_pose
 from ._scene_robots import RobotScene
 from ._scene_warnings import warn_of_files, warn_of_meshes, warn_of_robots
-from ._words import CONVEXIFY, NONE, ConvexifyWord
+from ._words import MESH_AS, NONE, MeshAsWord
 
 
 class Scene(RobotScene):
@@ -120,7 +120,7 @@ class Scene(RobotScene):
         name: str,
         path: str | os.PathLike[str],
         scale: Any = 1.0,
-        convexify: ConvexifyWord = "auto",
+        mesh_as: MeshAsWord = "auto",
         *,
         up: Literal["y", "z"] = "z",
         radius: float = 0.0,
@@ -136,7 +136,7 @@ class Scene(RobotScene):
         scale: one number or three, per axis of the file.
         up: axis of the file that becomes the body's z. "y" turns (x, y, z) to (x, -z, y), exactly.
 
-        convexify: body made from the mesh: "hull" or "submeshes" (the convex hull of all vertices, or of each submesh),
+        mesh_as: body made from the mesh: "hull" or "parts" (the convex hull of all vertices, or of each submesh),
             "surface" (its triangles) or "solid" (the volume that they enclose; the mesh must be closed and consistently
             oriented); "decompose" for a solid with convex parts as accelerator, read from FILE.pieces.obj, the output
             of `clearance decompose FILE`. "auto" is the hull of a convex or an open mesh, otherwise a solid.
@@ -146,7 +146,7 @@ class Scene(RobotScene):
         """
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         file, scales = to_path(path, "path"), _three(scale, "scale", one=True)
-        how, grown = to_word(convexify, CONVEXIFY, "convexify"), to_number(radius, "radius")
+        how, grown = to_word(mesh_as, MESH_AS, "mesh_as"), to_number(radius, "radius")
         y_up = to_word(up, {"z": False, "y": True}, "up")
         return self._add_mesh(self._scene.add_mesh, name, rest, file, *scales, how, y_up, grown)
 
@@ -290,18 +290,18 @@ class Scene(RobotScene):
         uncertainty: Optional[Mapping[str, float]] = None,
         padding: float = 0.0,
         max_speed: float = 0.0,
-        convexify: ConvexifyWord = "auto",
+        mesh_as: MeshAsWord = "auto",
     ) -> int:
         """Adds a body with the arguments of Client.add_body(): exactly one shape, grown by `radius`."""
         shape = to_shape(
-            convexify, voxel, vertices=vertices, mesh=mesh, box=box, sphere=sphere, capsule=capsule, cylinder=cylinder,
+            mesh_as, voxel, vertices=vertices, mesh=mesh, box=box, sphere=sphere, capsule=capsule, cylinder=cylinder,
             cone=cone, ellipsoid=ellipsoid, half_space=half_space, points=points,
         )  # fmt: skip
         grown = to_number(radius, "radius")
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         if shape.kind == "mesh":
             return self._add_mesh(
-                self._scene.add_mesh_of, name, rest, shape.numbers, shape.triangles, shape.convexify, grown
+                self._scene.add_mesh_of, name, rest, shape.numbers, shape.triangles, shape.mesh_as, grown
             )
         if shape.kind == "vertices":
             return self._add(self._scene.add_hull, name, rest, shape.numbers, grown)

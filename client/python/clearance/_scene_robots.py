@@ -11,7 +11,7 @@ from ._arguments import to_bool, to_items, to_number, to_path, to_text, to_uncer
 from ._names import BodyInfo, BodyRef
 from ._poses import as_first_pose
 from ._scene_warnings import warn_of_meshes, warn_of_robots
-from ._words import CONVEXIFY, GEOMETRIES, ConvexifyWord, GeometryWord
+from ._words import GEOMETRIES, MESH_AS, GeometryWord, MeshAsWord
 
 _BY_LINK = "a dict of {'position': metres, 'angle': radians} by link"
 _SceneT = TypeVar("_SceneT", bound="RobotScene")
@@ -54,7 +54,7 @@ class RobotScene:
         home: Union[Mapping[str, float], str, None] = None,
         padding: Union[float, Mapping[str, float]] = 0.0,
         uncertainty: Optional[Mapping[str, Mapping[str, float]]] = None,
-        convexify: Union[ConvexifyWord, Mapping[str, ConvexifyWord]] = "auto",
+        mesh_as: Union[MeshAsWord, Mapping[str, MeshAsWord]] = "auto",
     ) -> None:
         """Adds a robot: a frame `name` that places it, and a body "name/LINK" for each of its links.
 
@@ -70,7 +70,7 @@ class RobotScene:
         padding: growth of the links in metres, one number or {link: metres}.
         uncertainty: {link: {"position": metres, "angle": radians}}, bounds on the pose error of the link alone, not of
             its children.
-        convexify: body made from the links' meshes, as in add_mesh(): one word or {link: word}, "auto" for the others.
+        mesh_as: body made from the links' meshes, as in add_mesh(): one word or {link: word}, "auto" for the others.
 
         Raises SceneError naming file, line and element. Warns (RobotWarning) of ignored parts of the SRDF and
         suspicious parts of the URDF, (MeshWarning) once for all links that reach far outside their meshes, and
@@ -78,7 +78,7 @@ class RobotScene:
         """
         folders = {} if packages is None else dict(to_items(packages, "packages", "a dict of folders by package"))
         by_link = isinstance(padding, Mapping)
-        named = isinstance(convexify, Mapping)
+        named = isinstance(mesh_as, Mapping)
         by_joint = home is not None and not isinstance(home, str)
         with self._lock:
             bodies = len(self._scene.bodies())
@@ -101,8 +101,8 @@ class RobotScene:
                     to_text(link, "uncertainty"): to_uncertainty(doubt, f"uncertainty[{link!r}]")
                     for link, doubt in to_items({} if uncertainty is None else uncertainty, "uncertainty", _BY_LINK)
                 },
-                CONVEXIFY["auto"] if named else to_word(convexify, CONVEXIFY, "convexify"),
-                _convexify_by_link(convexify) if isinstance(convexify, Mapping) else {},
+                MESH_AS["auto"] if named else to_word(mesh_as, MESH_AS, "mesh_as"),
+                _mesh_as_by_link(mesh_as) if isinstance(mesh_as, Mapping) else {},
             )
             warn_of_meshes(self._scene, bodies)
             warn_of_robots(self._scene, index)
@@ -113,5 +113,5 @@ def _numbers_by_name(value: Any, what: str, expected: str) -> dict[str, float]:
     return {to_text(key, what): to_number(number, f"{what}[{key!r}]") for key, number in items}
 
 
-def _convexify_by_link(value: Mapping[str, str]) -> dict[str, int]:
-    return {to_text(link, "convexify"): to_word(how, CONVEXIFY, f"convexify[{link!r}]") for link, how in value.items()}
+def _mesh_as_by_link(value: Mapping[str, str]) -> dict[str, int]:
+    return {to_text(link, "mesh_as"): to_word(how, MESH_AS, f"mesh_as[{link!r}]") for link, how in value.items()}

@@ -1,6 +1,6 @@
 """Enumerations and columns of queries and answers.
 
-Mirrors wire/types.h, wire/convexify.h and wire/model.h, value by value (tests/python/test_words.py compares them).
+Mirrors wire/types.h, wire/mesh_as.h and wire/model.h, value by value (tests/python/test_words.py compares them).
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ class Reduce(enum.IntEnum):
     ANY = 4  #: one row per configuration: BEYOND if every pair is proved beyond its margin, otherwise another pair
 
 
-class Convexify(enum.IntEnum):
+class MeshAs(enum.IntEnum):
     """Body made from a mesh that need not be convex."""
 
     HULL = 0  #: one convex part: the hull of all vertices
-    SUBMESHES = 1  #: one convex part for each submesh of the file
+    PARTS = 1  #: one convex part for each submesh of the file
     DECOMPOSE = 2  #: a solid with convex parts as accelerator
     SURFACE = 3  #: the triangles alone
     SOLID = 4  #: the volume that the triangles enclose
@@ -160,7 +160,7 @@ PrecisionWord = Literal["f64", "f32"]
 ModelWord = Literal["truth", "pieces"]
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]
 FormatWord = Literal["full", "compact"]
-ConvexifyWord = Literal["hull", "submeshes", "decompose", "surface", "solid", "auto"]
+MeshAsWord = Literal["hull", "parts", "decompose", "surface", "solid", "auto"]
 GeometryWord = Literal["collision", "visual"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
 
@@ -168,7 +168,7 @@ PRECISIONS = {word.name.lower(): int(word) for word in Precision}
 MODELS = {word.name.lower(): int(word) for word in Model}
 REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
 FORMATS = {word.name.lower(): int(word) for word in Format}
-CONVEXIFY = {word.name.lower(): int(word) for word in Convexify}
+MESH_AS = {word.name.lower(): int(word) for word in MeshAs}
 GEOMETRIES = {"collision": 0, "visual": 1}
 BACKENDS = {name: name for name in ("auto", "cpu", "cuda", "reference")}
 

@@ -214,10 +214,10 @@ class Client:
         pose: Optional[np.ndarray],
         doubts: tuple[float, float, float, float],
         triangles: np.ndarray,
-        convexify: int,
+        mesh_as: int,
         cloud: np.ndarray,
     ) -> tuple:
-        mesh = (triangles, convexify)
+        mesh = (triangles, mesh_as)
         return self._with(
             self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts, *mesh, cloud
         )

@@ -30,7 +30,7 @@ _ARRAY_TAGS = {record.name.lower(): record for record in QueryRecord if record !
 _ATTACH_ALLOW = 1  #: tag of the record of an attachment with the bodies that the child may touch
 _BODY_DOUBTS = 20  #: tag of the record of a new body with its uncertainty
 _BODY_TRIANGLES = 21  #: tag of a mesh's triangles, whose vertices are the body's
-_BODY_CONVEXIFY = 22  #: tag of the kind of body made from that mesh
+_BODY_MESH_AS = 22  #: tag of the kind of body made from that mesh
 _BODY_POINTS = 23  #: tag of a cloud's points
 
 
@@ -340,7 +340,7 @@ class Session:
         pose: Optional[np.ndarray],
         doubts: tuple[float, float, float, float],
         triangles: np.ndarray,
-        convexify: int,
+        mesh_as: int,
         cloud: np.ndarray,
     ) -> tuple:
         """Adds a body. shape: "mesh", or one of _SHAPES.
@@ -364,7 +364,7 @@ class Session:
         records = record(_BODY_DOUBTS, struct.pack("<4d", *doubts)) if any(doubts) else b""
         if len(triangles):
             records += record(_BODY_TRIANGLES, triangles.astype("<u4").tobytes())
-            records += record(_BODY_CONVEXIFY, struct.pack("<B", convexify))
+            records += record(_BODY_MESH_AS, struct.pack("<B", mesh_as))
         if shape == "points":
             records += record(_BODY_POINTS, cloud.astype("<f4").tobytes())
         return self._change_scene(FrameType.ADD_BODY, parts, self.connection.timeout_s, revision, records)

@@ -204,7 +204,7 @@ def _shapes(item: Any) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
     for mesh, pose in zip(item.meshes, item.mesh_poses):
         vertices = np.array([[p.x, p.y, p.z] for p in mesh.vertices], dtype=np.float64).reshape(-1, 3)
         triangles = np.array([list(t.vertex_indices) for t in mesh.triangles], dtype=np.uint32).reshape(-1, 3)
-        yield {"mesh": (vertices, triangles), "convexify": "surface"}, matrix_of(pose_of(pose))
+        yield {"mesh": (vertices, triangles), "mesh_as": "surface"}, matrix_of(pose_of(pose))
 
 
 def primitive_of(primitive: Any) -> dict[str, Any]:

@@ -29,8 +29,8 @@ Scene zoo() {
   Scene scene;
   exact::Random shapes(5);
   test::Random random(7);
-  const auto add = [&](const char* name, const Mesh& mesh, Convexify convexify, double radius = 0) {
-    scene.add_mesh(name, mesh.vertices, mesh.triangles, convexify, {.radius = radius});
+  const auto add = [&](const char* name, const Mesh& mesh, MeshAs mesh_as, double radius = 0) {
+    scene.add_mesh(name, mesh.vertices, mesh.triangles, mesh_as, {.radius = radius});
   };
   const auto points = [&](int count) {
     std::vector<CloudPoint> cloud;
@@ -38,13 +38,13 @@ Scene zoo() {
       cloud.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
     return cloud;
   };
-  add("ring", ring(12, 1, 0.3), Convexify::kSolid);
-  add("surface", ring(24, 0.8, 0.1), Convexify::kSurface);
+  add("ring", ring(12, 1, 0.3), MeshAs::kSolid);
+  add("surface", ring(24, 0.8, 0.1), MeshAs::kSurface);
   Mesh rings = ring(8, 0.3, 0.1);
   exact::append(rings, exact::moved(ring(8, 0.3, 0.1), {0, 0, 0.5}));
-  add("two rings", rings, Convexify::kSolid, 0.01);
-  add("shelf", exact::shelf(shapes), Convexify::kSolid);
-  add("bar", exact::bent(shapes), Convexify::kSolid);
+  add("two rings", rings, MeshAs::kSolid, 0.01);
+  add("shelf", exact::shelf(shapes), MeshAs::kSolid);
+  add("bar", exact::bent(shapes), MeshAs::kSolid);
   scene.add_points("cloud", points(60), 0, {});
   scene.add_points("voxels", points(20), 0.05, {.radius = 0.01});
   scene.add_sphere("ball", 0.1, {});

@@ -67,7 +67,7 @@ struct ElementCase {
       }
       const MeshOfCase mesh(static_cast<std::uint32_t>(size));
       scene.add_mesh("elements", mesh.vertices, mesh.triangles,
-                     kind == ElementKind::kSurface ? Convexify::kSurface : Convexify::kSolid, options);
+                     kind == ElementKind::kSurface ? MeshAs::kSurface : MeshAs::kSolid, options);
     };
     if (elements_first) add_elements();
     scene.add_hull("hull", cloud_on_sphere(60, 0.3, 4), {});

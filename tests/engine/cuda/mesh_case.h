@@ -19,14 +19,14 @@ struct MeshCase {
     const auto add = [&](const std::string& name, exact::Mesh mesh, double size, bool is_solid,
                          const Scene::BodyOptions& options) {
       mesh = exact::scaled(std::move(mesh), {size, size, size});
-      scene.add_mesh(name, mesh.vertices, mesh.triangles, is_solid ? Convexify::kSolid : Convexify::kSurface, options);
+      scene.add_mesh(name, mesh.vertices, mesh.triangles, is_solid ? MeshAs::kSolid : MeshAs::kSurface, options);
       return static_cast<std::uint32_t>(scene.bodies().size() - 1);
     };
     links = {add("ring", exact::ring(shapes), 0.2, true, {}), add("bent", exact::bent(shapes), 0.2, true, {}),
              add("comb", exact::comb(shapes, 0.05), 0.2, false, {}),
              add("ball", exact::ball(shapes), 0.1, true, {.radius = 0.01})};
     const MeshOfCase mesh(2);
-    scene.add_mesh("shelf", mesh.vertices, mesh.triangles, Convexify::kSolid,
+    scene.add_mesh("shelf", mesh.vertices, mesh.triangles, MeshAs::kSolid,
                    {.is_static = true, .pose = random.pose(0.2)});
     shelf = static_cast<std::uint32_t>(scene.bodies().size() - 1);
     scene.add_hull("hull", cloud_on_sphere(60, 0.3, 4), {.is_static = true, .pose = random.pose(0.5)});

@@ -178,7 +178,7 @@ TEST(MeshKernels, HaveRoomForLargeTrees) {
   const MeshOfCase mesh(24);
   Random random(3);
   for (const char* name : {"a", "b"})
-    scene.add_mesh(name, mesh.vertices, mesh.triangles, Convexify::kSurface, {.pose = random.pose(0)});
+    scene.add_mesh(name, mesh.vertices, mesh.triangles, MeshAs::kSurface, {.pose = random.pose(0)});
   const Engine cpu(std::move(scene), {"cpu"});
   const std::vector<std::uint32_t> moved{1};
   const std::vector<Pose> poses{random.pose(6)};

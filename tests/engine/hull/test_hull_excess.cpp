@@ -197,9 +197,9 @@ TEST(HullExcess, BodiesPublishItAndWarn) {
   }());
   const Scene scene = Scene::load(folder.write("scene.yaml", R"(
 bodies:
-  - {name: shelf, mesh: shelf.obj, convexify: hull}
-  - {name: twice, mesh: shelf.stl, scale: [2, 2, -2], convexify: hull}
-  - {name: parts, mesh: parts.stl, convexify: submeshes}
+  - {name: shelf, mesh: shelf.obj, mesh_as: hull}
+  - {name: twice, mesh: shelf.stl, scale: [2, 2, -2], mesh_as: hull}
+  - {name: parts, mesh: parts.stl, mesh_as: parts}
   - {name: ball, mesh: ball.ply}
   - {name: box, box: 1}
 )"));
@@ -227,7 +227,7 @@ bodies:
   - {name: metres, mesh: part.obj}
   - {name: mm, mesh: part.obj, scale: 0.001}
   - {name: below, mesh: part.obj, scale: 0.36}
-  - {name: surface, mesh: part.obj, convexify: surface}
+  - {name: surface, mesh: part.obj, mesh_as: surface}
   - {name: floor, box: [200, 200, 1]}
 )"));
   const std::vector<MeshWarning> warnings = mesh_warnings(scene);

@@ -21,7 +21,7 @@ namespace {
 void load_and_check(const std::string& path) {
   const auto begin = std::chrono::steady_clock::now();
   Scene scene;
-  scene.add_mesh("ball", path, {1, 1, 1}, Convexify::kHull, {});
+  scene.add_mesh("ball", path, {1, 1, 1}, MeshAs::kHull, {});
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   rusage own{}, loader{};
   getrusage(RUSAGE_SELF, &own);

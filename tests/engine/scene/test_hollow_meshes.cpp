@@ -117,24 +117,24 @@ TEST(HollowMesh, IsNoSolid) {
   for (const auto& [name, mesh, why] : meshes()) {
     SCOPED_TRACE(name);
     const std::string got = hollow(mesh);
-    const auto make = [&mesh = mesh](Convexify how) {
+    const auto make = [&mesh = mesh](MeshAs how) {
       return geometry_of_triangles(mesh.vertices, mesh.triangles, how, 0);
     };
     if (!why) {
       EXPECT_EQ(got, "");
-      EXPECT_TRUE(is_solid(make(Convexify::kSolid)));
+      EXPECT_TRUE(is_solid(make(MeshAs::kSolid)));
       ++good;
       continue;
     }
     ++bad;
     EXPECT_NE(got.find(why), std::string::npos) << got;
     EXPECT_NE(got, "");
-    EXPECT_EQ(error_text<std::invalid_argument>([&] { make(Convexify::kSolid); }),
-              "convexify: solid: the mesh does not enclose all that its faces go around: " + got);
-    const Geometry geometry = make(Convexify::kAuto);
+    EXPECT_EQ(error_text<std::invalid_argument>([&] { make(MeshAs::kSolid); }),
+              "mesh_as: solid: the mesh does not enclose all that its faces go around: " + got);
+    const Geometry geometry = make(MeshAs::kAuto);
     EXPECT_FALSE(is_solid(geometry));
     EXPECT_EQ(geometry.source, "mesh (hull)");
-    EXPECT_FALSE(is_solid(make(Convexify::kSurface))) << "its triangles may be had";
+    EXPECT_FALSE(is_solid(make(MeshAs::kSurface))) << "its triangles may be had";
   }
   EXPECT_EQ(bad, 15);
   EXPECT_EQ(good, 15);
@@ -143,8 +143,8 @@ TEST(HollowMesh, IsNoSolid) {
 TEST(HollowMesh, IsWarnedAboutWithAPlace) {
   const Source mesh = box({0, 0, 0}, {1, 1, 1}) + box({0.5, 0.5, 0.5}, {1.5, 1.5, 1.5}).turned();
   Scene scene;
-  scene.add_mesh("it", mesh.vertices, mesh.triangles, Convexify::kAuto, {});
-  scene.add_mesh("both", (ell() + ell().turned()).vertices, (ell() + ell().turned()).triangles, Convexify::kAuto, {});
+  scene.add_mesh("it", mesh.vertices, mesh.triangles, MeshAs::kAuto, {});
+  scene.add_mesh("both", (ell() + ell().turned()).vertices, (ell() + ell().turned()).triangles, MeshAs::kAuto, {});
   const std::vector<MeshWarning> warnings = mesh_warnings(scene);
   ASSERT_EQ(warnings.size(), 2u);
   EXPECT_NE(warnings[0].text.find("distances are to the hull; mesh (hull) is hollow: triangle "), std::string::npos)

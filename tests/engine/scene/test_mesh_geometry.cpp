@@ -61,10 +61,10 @@ class MeshGeometryTest : public testing::Test {
     for (const Triangle& t : shape.triangles) text += print("3 %u %u %u\n", t[0], t[1], t[2]);
     return folder_.write(name, text);
   }
-  static Body body(const std::string& path, Vec3d scale = {1, 1, 1}, Convexify convexify = Convexify::kHull,
+  static Body body(const std::string& path, Vec3d scale = {1, 1, 1}, MeshAs mesh_as = MeshAs::kHull,
                    double radius = 0) {
     Scene scene;
-    scene.add_mesh("it", path, scale, convexify, {.radius = radius});
+    scene.add_mesh("it", path, scale, mesh_as, {.radius = radius});
     return scene.bodies()[0];
   }
 
@@ -111,8 +111,8 @@ TEST_F(MeshGeometryTest, IsTheSameFromTheCacheAndNoLoaderStartsForIt) {
                     "o a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
                     "o b\nv 5 0 0\nv 6 0 0\nv 5 1 0\nv 5 0 1\nf 5 7 6\nf 5 6 8\nf 6 7 8\nf 5 8 7\n");
   const auto all = [&] {
-    return std::vector<Body>{body(ball, {1, -2, 1}), body(ball, {1, 1, 1}, Convexify::kHull, 0.25), body(box),
-                             body(parts, {1, 1, 1}, Convexify::kSubmeshes)};
+    return std::vector<Body>{body(ball, {1, -2, 1}), body(ball, {1, 1, 1}, MeshAs::kHull, 0.25), body(box),
+                             body(parts, {1, 1, 1}, MeshAs::kParts)};
   };
   const std::vector<Body> cold = all();
   EXPECT_EQ(starts(), 4u);
@@ -143,8 +143,8 @@ TEST_F(MeshGeometryTest, WhateverItDependsOnMakesAnotherEntry) {
   };
   expect_fresh("a mesh", Vec3d{1, 1, 1});
   expect_fresh("its scale", Vec3d{1, 1, 2});
-  expect_fresh("how it becomes convex", Vec3d{1, 1, 1}, Convexify::kSubmeshes);
-  expect_fresh("its radius", Vec3d{1, 1, 1}, Convexify::kHull, 0.5);
+  expect_fresh("how it becomes convex", Vec3d{1, 1, 1}, MeshAs::kParts);
+  expect_fresh("its radius", Vec3d{1, 1, 1}, MeshAs::kHull, 0.5);
   std::ofstream(ball, std::ios::app) << "\n";
   expect_fresh("a byte of the file", Vec3d{1, 1, 1});
   loader("true");
@@ -160,7 +160,7 @@ TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
   const Shape sphere = make_uv_sphere(2, 75);
   const std::string mesh = write("ball.off", sphere);
   Scene first;
-  first.add_mesh("ball", mesh, {1, 1, 1}, Convexify::kHull, {.is_static = true});
+  first.add_mesh("ball", mesh, {1, 1, 1}, MeshAs::kHull, {.is_static = true});
   const Piece& piece = *first.bodies()[0].pieces[0];
   ASSERT_GE(piece.vertices.size(), 10'000u);
   std::uint32_t pole = 0, opposite = 0;
@@ -199,7 +199,7 @@ TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
   for (const char* cache : {"off", cache_.c_str()}) {
     ::setenv("CLEARANCE_CACHE", cache, 1);
     Scene scene;
-    scene.add_mesh("ball", mesh, {1, 1, 1}, Convexify::kHull, {.is_static = true});
+    scene.add_mesh("ball", mesh, {1, 1, 1}, MeshAs::kHull, {.is_static = true});
     EXPECT_EQ(scene.bodies()[0].pieces[0]->table->lists, piece.table->lists);
     scene.add_sphere("probe", 0.25, {.pose = Pose{{0, 0, 2.39}, 1, 0, 0, 0}});
     const Engine engine(scene);

@@ -172,9 +172,7 @@ TEST(Scene, BadInputIsRefusedInWords) {
   EXPECT_EQ(text([](Scene& s) { s.add_box("a", {1, 1, 1}, {}); }), "body name \"a\" is already that of a body");
   EXPECT_EQ(text([](Scene& s) { s.add_box("g", {1, 1, 1}, {}); }), "body name \"g\" is already that of a group");
   EXPECT_EQ(text([](Scene& s) { s.add_box("", {1, 1, 1}, {}); }), "body name is empty");
-  EXPECT_EQ(text([](Scene& s) {
-              s.add_box("*", {1, 1, 1}, {});
-            }),
+  EXPECT_EQ(text([](Scene& s) { s.add_box("*", {1, 1, 1}, {}); }),
             "body name \"*\" is reserved: it selects every body");
   EXPECT_EQ(text([](Scene& s) { s.add_box("x\ny", {1, 1, 1}, {}); }),
             "body name holds an unprintable character or bad UTF-8 at byte 1");
@@ -254,7 +252,7 @@ TEST(Scene, MeshesKeepTheirDistanceAtMapCoordinates) {
       options.pose = Pose{};
       for (const double x : {4.3e6, 4300001.1})
         scene.add_mesh("at " + std::to_string(x), folder.write(std::to_string(x) + extension, write(box_at(x))),
-                       {scale, scale, scale}, Convexify::kHull, options);
+                       {scale, scale, scale}, MeshAs::kHull, options);
       const Engine engine(scene);
       const test::Answer answer = test::ask(engine, {});
       ASSERT_EQ(answer.info.rows, 1u);

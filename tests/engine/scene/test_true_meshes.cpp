@@ -49,9 +49,9 @@ Source cup() {
   return mesh;
 }
 
-std::uint32_t add(Scene& scene, const std::string& name, const Source& mesh, Convexify convexify,
+std::uint32_t add(Scene& scene, const std::string& name, const Source& mesh, MeshAs mesh_as,
                   const Scene::BodyOptions& options = {}) {
-  return scene.add_mesh(name, mesh.vertices, mesh.triangles, convexify, options);
+  return scene.add_mesh(name, mesh.vertices, mesh.triangles, mesh_as, options);
 }
 
 std::string off(const Source& mesh) {
@@ -74,7 +74,7 @@ void expect_same_surfaces(const Surface& a, const Surface& b) {
 
 TEST(TrueMesh, IsOnePieceThatStandsForItsTriangles) {
   Scene scene;
-  for (const Convexify how : {Convexify::kHull, Convexify::kSurface, Convexify::kSolid})
+  for (const MeshAs how : {MeshAs::kHull, MeshAs::kSurface, MeshAs::kSolid})
     add(scene, std::string(word_of(how)), cup(), how);
   const auto& bodies = scene.bodies();
   for (const Body& body : bodies) {
@@ -98,7 +98,7 @@ TEST(TrueMesh, IsOnePieceThatStandsForItsTriangles) {
   }
   EXPECT_TRUE(scene.has_surfaces());
   Scene convex;
-  add(convex, "hull", cup(), Convexify::kHull);
+  add(convex, "hull", cup(), MeshAs::kHull);
   EXPECT_FALSE(convex.has_surfaces());
 }
 
@@ -124,12 +124,12 @@ TEST(TrueMesh, TheDefaultIsTheTruth) {
   Source inside_out = box_at({0, 0, 0});
   for (Triangle& t : inside_out.triangles) std::swap(t[0], t[1]);
   Scene scene;
-  add(scene, "box", box_at({0, 0, 0}), Convexify::kAuto);
-  add(scene, "inside out", inside_out, Convexify::kAuto);
-  add(scene, "cup", cup(), Convexify::kAuto);
-  add(scene, "two", beside(box_at({0, 0, 0}), box_at({3, 0, 0})), Convexify::kAuto);
-  add(scene, "open", open, Convexify::kAuto);
-  add(scene, "turned", turned, Convexify::kAuto);
+  add(scene, "box", box_at({0, 0, 0}), MeshAs::kAuto);
+  add(scene, "inside out", inside_out, MeshAs::kAuto);
+  add(scene, "cup", cup(), MeshAs::kAuto);
+  add(scene, "two", beside(box_at({0, 0, 0}), box_at({3, 0, 0})), MeshAs::kAuto);
+  add(scene, "open", open, MeshAs::kAuto);
+  add(scene, "turned", turned, MeshAs::kAuto);
   const auto& b = scene.bodies();
   for (const std::size_t i : {0u, 1u, 4u, 5u}) {
     EXPECT_EQ(surface_of(b[i]), nullptr) << b[i].name;
@@ -146,7 +146,7 @@ TEST(TrueMesh, TheDefaultIsTheTruth) {
     EXPECT_EQ(b[i].source, "mesh (solid)");
   }
   EXPECT_EQ(b[2].pieces[0], [&] {
-    add(scene, "said", cup(), Convexify::kSolid);
+    add(scene, "said", cup(), MeshAs::kSolid);
     return scene.bodies().back().pieces[0];
   }()) << "what was found out is what may be said";
 }
@@ -158,17 +158,17 @@ TEST(TrueMesh, AnOpenMeshIsItsHullAndAnEdgeSaysWhy) {
   const TemporaryFolder folder;
   const std::string file = folder.write("open.off", off(open));
   Scene scene;
-  scene.add_mesh("a", file, {1, 1, 1}, Convexify::kAuto, {});
-  scene.add_mesh("b", folder.write("turned.off", off(turned)), {2, 2, 2}, Convexify::kAuto, {});
-  add(scene, "closed", cup(), Convexify::kHull);
-  scene.add_mesh("c", file, {1, 1, 1}, Convexify::kAuto, {});
+  scene.add_mesh("a", file, {1, 1, 1}, MeshAs::kAuto, {});
+  scene.add_mesh("b", folder.write("turned.off", off(turned)), {2, 2, 2}, MeshAs::kAuto, {});
+  add(scene, "closed", cup(), MeshAs::kHull);
+  scene.add_mesh("c", file, {1, 1, 1}, MeshAs::kAuto, {});
   const std::vector<MeshWarning> warnings = mesh_warnings(scene);
   ASSERT_EQ(warnings.size(), 4u);
   const auto says = [&](std::size_t i, const std::string& what) {
     EXPECT_NE(warnings[i].text.find(what), std::string::npos) << warnings[i].text;
   };
   says(0, ": distances are to the hull; " + file + " (hull) encloses nothing: the edge from (");
-  says(0, " belongs to no other triangle: the mesh is open there; convexify: surface uses its triangles as they are");
+  says(0, " belongs to no other triangle: the mesh is open there; mesh_as: surface uses its triangles as they are");
   says(1, "turned.off (hull) encloses nothing: the edge from (");
   says(1, "inconsistent orientations");
   EXPECT_EQ(warnings[2].text.find("edge"), std::string::npos) << "its hull was asked for: " << warnings[2].text;
@@ -184,9 +184,9 @@ TEST(TrueMesh, AConvexMeshOfRoundedVerticesIsItsHullWithSlack) {
     for (int k = 0; k < 3; ++k) v[k] = static_cast<float>(v[k]);
   dented.vertices[40] = dented.vertices[40] * (1 - 1e-3);
   Scene scene;
-  add(scene, "rounded", rounded, Convexify::kAuto);
-  add(scene, "hull", rounded, Convexify::kHull);
-  add(scene, "dented", dented, Convexify::kAuto);
+  add(scene, "rounded", rounded, MeshAs::kAuto);
+  add(scene, "hull", rounded, MeshAs::kHull);
+  add(scene, "dented", dented, MeshAs::kAuto);
   const auto& b = scene.bodies();
   EXPECT_EQ(b[0].pieces[0], b[1].pieces[0]) << "the same hull";
   EXPECT_EQ(b[0].hull_excess, 0);
@@ -205,20 +205,20 @@ TEST(TrueMesh, TheDefaultIsKeptInTheCache) {
   MeshGeometries geometries;
   for (int round = 0; round < 2; ++round) {
     MeshFile mesh(file);
-    const Geometry made = geometries.make(mesh, {.convexify = Convexify::kAuto}, "cup.off");
+    const Geometry made = geometries.make(mesh, {.mesh_as = MeshAs::kAuto}, "cup.off");
     const std::optional<Geometry> kept = geometry_of_record(geometry_record(made));
     ASSERT_TRUE(kept);
-    EXPECT_EQ(mesh_source("cup.off", Convexify::kAuto, *kept), "cup.off (solid)");
+    EXPECT_EQ(mesh_source("cup.off", MeshAs::kAuto, *kept), "cup.off (solid)");
     EXPECT_EQ(made.source, "cup.off (solid)");
   }
 }
 
 TEST(TrueMesh, PiecesOfEqualVerticesAreSharedWhereTheirTrianglesAreEqual) {
   Scene scene;
-  add(scene, "one", cup(), Convexify::kSolid);
-  add(scene, "same", cup(), Convexify::kSolid);
-  add(scene, "surface", cup(), Convexify::kSurface);
-  add(scene, "hull", cup(), Convexify::kHull);
+  add(scene, "one", cup(), MeshAs::kSolid);
+  add(scene, "same", cup(), MeshAs::kSolid);
+  add(scene, "surface", cup(), MeshAs::kSurface);
+  add(scene, "hull", cup(), MeshAs::kHull);
   Source box = cup();  // the same vertices, and only the outer box's faces
   box.triangles.clear();
   const Shape plain = make_box({2, 2, 2});
@@ -231,7 +231,7 @@ TEST(TrueMesh, PiecesOfEqualVerticesAreSharedWhereTheirTrianglesAreEqual) {
     }
     box.triangles.push_back(corners);
   }
-  add(scene, "box", box, Convexify::kSolid);
+  add(scene, "box", box, MeshAs::kSolid);
   const auto piece = [&](std::size_t i) { return scene.bodies()[i].pieces[0]; };
   EXPECT_EQ(piece(0), piece(1));
   for (std::size_t i = 0; i < 5; ++i)
@@ -239,18 +239,18 @@ TEST(TrueMesh, PiecesOfEqualVerticesAreSharedWhereTheirTrianglesAreEqual) {
 }
 
 TEST(TrueMesh, TheRevisionKnowsWhatABodyIs) {
-  const auto revision = [](const Source& mesh, Convexify how) {
+  const auto revision = [](const Source& mesh, MeshAs how) {
     Scene scene;
     add(scene, "it", mesh, how);
     return scene.revision();
   };
   Source turned = cup();
   std::rotate(turned.triangles.begin(), turned.triangles.begin() + 1, turned.triangles.end());
-  const std::vector<std::uint64_t> all = {revision(cup(), Convexify::kHull), revision(cup(), Convexify::kSurface),
-                                          revision(cup(), Convexify::kSolid), revision(turned, Convexify::kSolid)};
+  const std::vector<std::uint64_t> all = {revision(cup(), MeshAs::kHull), revision(cup(), MeshAs::kSurface),
+                                          revision(cup(), MeshAs::kSolid), revision(turned, MeshAs::kSolid)};
   for (std::size_t i = 0; i < all.size(); ++i)
     for (std::size_t j = 0; j < i; ++j) EXPECT_NE(all[i], all[j]);
-  EXPECT_EQ(revision(cup(), Convexify::kSolid), all[2]);
+  EXPECT_EQ(revision(cup(), MeshAs::kSolid), all[2]);
 }
 
 TEST(TrueMesh, PaddingGrowsItAndKeepsItsTriangles) {
@@ -258,8 +258,8 @@ TEST(TrueMesh, PaddingGrowsItAndKeepsItsTriangles) {
   Scene::BodyOptions options;
   options.radius = 0.25;
   options.padding = 0.5;
-  add(scene, "cup", cup(), Convexify::kSolid, options);
-  add(scene, "plain", cup(), Convexify::kSolid);
+  add(scene, "cup", cup(), MeshAs::kSolid, options);
+  add(scene, "plain", cup(), MeshAs::kSolid);
   EXPECT_NEAR(scene.bodies()[0].pieces[0]->radius, 0.75, 1e-15);
   ASSERT_NE(surface_of(scene.bodies()[0]), nullptr);
   expect_same_surfaces(*surface_of(scene.bodies()[0]), *surface_of(scene.bodies()[1]));
@@ -275,7 +275,7 @@ TEST(TrueMesh, MovesWithItsHullAroundIt) {
     for (int k = 0; k < 3; ++k) mesh.vertices.push_back({number(random) / 3, number(random) / 3, -1});
     mesh.triangles.push_back({n, n + 1, n + 2});
   }
-  const Geometry still = geometry_of_triangles(mesh.vertices, mesh.triangles, Convexify::kSurface, 0.125);
+  const Geometry still = geometry_of_triangles(mesh.vertices, mesh.triangles, MeshAs::kSurface, 0.125);
   int outside = 0;
   for (int i = 0; i < 20; ++i) {
     const Origin X{{number(random), number(random), number(random)}, {number(random), number(random), number(random)}};
@@ -299,7 +299,7 @@ TEST(TrueMesh, MovesWithItsHullAroundIt) {
 TEST(TrueMesh, JoinsOtherShapesAsOnePieceOfThem) {
   std::vector<Geometry> parts;
   const Source mesh = cup();
-  parts.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, Convexify::kSolid, 0));
+  parts.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, MeshAs::kSolid, 0));
   parts.push_back(geometry_of_shape(make_box({1, 1, 1}), 0, "box"));
   const Geometry both = joined(std::move(parts));
   ASSERT_EQ(both.pieces.size(), 2u);
@@ -310,7 +310,7 @@ TEST(TrueMesh, JoinsOtherShapesAsOnePieceOfThem) {
 TEST(TrueMesh, IsTheSameFromARecord) {
   const Source mesh = cup();
   for (const Tables tables : {Tables::kKept, Tables::kMadeAnew})
-    for (const Convexify how : {Convexify::kSurface, Convexify::kSolid})
+    for (const MeshAs how : {MeshAs::kSurface, MeshAs::kSolid})
       for (const double radius : {0.0, 0.25}) {
         const Geometry made = geometry_of_triangles(mesh.vertices, mesh.triangles, how, radius);
         Geometry without = made;
@@ -334,7 +334,7 @@ TEST(TrueMesh, IsTheSameFromARecord) {
 
 TEST(TrueMesh, ADamagedRecordIsNone) {
   const Source mesh = cup();
-  const Geometry whole = geometry_of_triangles(mesh.vertices, mesh.triangles, Convexify::kSolid, 0);
+  const Geometry whole = geometry_of_triangles(mesh.vertices, mesh.triangles, MeshAs::kSolid, 0);
   Geometry bare = whole;
   bare.display = nullptr;  // so that vertices and triangles are in the piece
   const std::vector<std::byte> record = geometry_record(bare);
@@ -355,39 +355,37 @@ TEST(TrueMesh, ADamagedRecordIsNone) {
 
 struct BadMesh {
   const char* text;
-  Convexify convexify;
+  MeshAs mesh_as;
   void (*spoil)(Source&);
 };
 
 TEST(TrueMesh, WhatIsWrongWithAMeshIsSaid) {
   const BadMesh cases[] = {
-      {"convexify: solid: the mesh encloses no volume: the edge from (1, 1, 1) to (1, -1, 1) of triangle 11 "
+      {"mesh_as: solid: the mesh encloses no volume: the edge from (1, 1, 1) to (1, -1, 1) of triangle 11 "
        "belongs to no other triangle: the mesh is open there",
-       Convexify::kSolid, [](Source& m) { m.triangles.erase(m.triangles.begin() + 14); }},
-      {"inconsistent orientations", Convexify::kSolid,
-       [](Source& m) { std::swap(m.triangles[3][0], m.triangles[3][1]); }},
-      {"inconsistent orientations", Convexify::kSolid, [](Source& m) { m.triangles.push_back(m.triangles[5]); }},
-      {"convexify: surface: the mesh has no triangles", Convexify::kSurface, [](Source& m) { m.triangles.clear(); }},
-      {"convexify: solid: the mesh has no triangles", Convexify::kSolid, [](Source& m) { m.triangles.clear(); }},
-      {"triangle 2 names the vertex 16, and there are 16", Convexify::kSolid,
-       [](Source& m) { m.triangles[2][1] = 16; }},
-      {"triangle 2 names the vertex 4294967295, and there are 16", Convexify::kHull,
+       MeshAs::kSolid, [](Source& m) { m.triangles.erase(m.triangles.begin() + 14); }},
+      {"inconsistent orientations", MeshAs::kSolid, [](Source& m) { std::swap(m.triangles[3][0], m.triangles[3][1]); }},
+      {"inconsistent orientations", MeshAs::kSolid, [](Source& m) { m.triangles.push_back(m.triangles[5]); }},
+      {"mesh_as: surface: the mesh has no triangles", MeshAs::kSurface, [](Source& m) { m.triangles.clear(); }},
+      {"mesh_as: solid: the mesh has no triangles", MeshAs::kSolid, [](Source& m) { m.triangles.clear(); }},
+      {"triangle 2 names the vertex 16, and there are 16", MeshAs::kSolid, [](Source& m) { m.triangles[2][1] = 16; }},
+      {"triangle 2 names the vertex 4294967295, and there are 16", MeshAs::kHull,
        [](Source& m) { m.triangles[2][1] = ~0u; }},
-      {"vertex 3 has the coordinate", Convexify::kSurface, [](Source& m) { m.vertices[3].y = NAN; }},
-      {"vertex 3 has the coordinate", Convexify::kSurface, [](Source& m) { m.vertices[3].y = 1e61; }},
-      {"at least one vertex", Convexify::kSolid, [](Source& m) { m.vertices.clear(); }},
-      {"convexify: decompose: only for a mesh file", Convexify::kDecompose, [](Source&) {}},
+      {"vertex 3 has the coordinate", MeshAs::kSurface, [](Source& m) { m.vertices[3].y = NAN; }},
+      {"vertex 3 has the coordinate", MeshAs::kSurface, [](Source& m) { m.vertices[3].y = 1e61; }},
+      {"at least one vertex", MeshAs::kSolid, [](Source& m) { m.vertices.clear(); }},
+      {"mesh_as: decompose: only for a mesh file", MeshAs::kDecompose, [](Source&) {}},
   };
   for (const BadMesh& bad : cases) {
     Source mesh = cup();
     bad.spoil(mesh);
     Scene scene;
-    const std::string text = error_text<SceneError>([&] { add(scene, "cup", mesh, bad.convexify); });
+    const std::string text = error_text<SceneError>([&] { add(scene, "cup", mesh, bad.mesh_as); });
     EXPECT_NE(text.find("body \"cup\": "), std::string::npos) << text;
     EXPECT_NE(text.find(bad.text), std::string::npos) << text;
     EXPECT_TRUE(scene.bodies().empty());
-    if (bad.convexify == Convexify::kSolid && !mesh.triangles.empty() && text.find("encloses") != std::string::npos) {
-      EXPECT_EQ(add(scene, "cup", mesh, Convexify::kSurface), 0u) << "an open mesh is a surface all the same";
+    if (bad.mesh_as == MeshAs::kSolid && !mesh.triangles.empty() && text.find("encloses") != std::string::npos) {
+      EXPECT_EQ(add(scene, "cup", mesh, MeshAs::kSurface), 0u) << "an open mesh is a surface all the same";
     }
   }
 }
@@ -401,7 +399,7 @@ TEST(TrueMesh, VerticesOfEqualPlacesCloseIt) {
     soup.triangles.push_back({n, n + 1, n + 2});
   }
   Scene scene;
-  add(scene, "soup", soup, Convexify::kSolid);
+  add(scene, "soup", soup, MeshAs::kSolid);
   const Piece& piece = *scene.bodies()[0].pieces[0];
   EXPECT_EQ(piece.surface->vertices().size(), 16u);
   EXPECT_EQ(piece.surface->parts().size(), 1u);
@@ -412,8 +410,8 @@ TEST(TrueMesh, OfAFileIsScaledMirroredAndNamed) {
   const TemporaryFolder folder;
   const std::string file = folder.write("cup.off", off(cup()));
   Scene scene;
-  scene.add_mesh("a", file, {1, 1, 1}, Convexify::kSolid, {});
-  scene.add_mesh("b", file, {0.5, -2, 1}, Convexify::kSolid, {});
+  scene.add_mesh("a", file, {1, 1, 1}, MeshAs::kSolid, {});
+  scene.add_mesh("b", file, {0.5, -2, 1}, MeshAs::kSolid, {});
   EXPECT_EQ(scene.bodies()[0].source, file + " (solid)");
   for (const Body& body : scene.bodies()) {
     const Surface& solid = *surface_of(body);
@@ -426,17 +424,17 @@ TEST(TrueMesh, OfAFileIsScaledMirroredAndNamed) {
   }
   const std::string open =
       folder.write("open.off", "OFF\n4 3 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n");
-  EXPECT_EQ(error_text<SceneError>([&] { scene.add_mesh("c", open, {1, 1, 1}, Convexify::kSolid, {}); }),
+  EXPECT_EQ(error_text<SceneError>([&] { scene.add_mesh("c", open, {1, 1, 1}, MeshAs::kSolid, {}); }),
             "body \"c\": " + open +
-                ": convexify: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle 0 "
+                ": mesh_as: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle 0 "
                 "belongs to no other triangle: the mesh is open there");
 }
 
 TEST(TrueMesh, ADeviceLeavesItToTheProcessor) {
   Scene scene;
-  add(scene, "solid", cup(), Convexify::kSolid);
-  add(scene, "surface", cup(), Convexify::kSurface);
-  add(scene, "hull", cup(), Convexify::kHull);
+  add(scene, "solid", cup(), MeshAs::kSolid);
+  add(scene, "surface", cup(), MeshAs::kSurface);
+  add(scene, "hull", cup(), MeshAs::kHull);
   const cuda::HullArrays arrays(scene, 1 << 16);
   EXPECT_EQ(arrays.of_body[0], kNone);
   EXPECT_EQ(arrays.of_body[1], kNone);

@@ -117,14 +117,14 @@ Scene everything(const TemporaryFolder& folder) {
                            .srdf = srdf,
                            .packages = {{"own", folder / "own"}},
                            .base = {{1, 0.2, 0.3}, 2, 0, 0.1, 0},
-                           .convexify = Convexify::kSolid,
+                           .mesh_as = MeshAs::kSolid,
                            .home_state = "open"});
   scene.add_capsule("vague", 0.1, 0.3, {.pose = Pose{{0.1, 0.7, 0.3}}, .uncertainty = {0.1, 0.02}, .padding = 0.3});
   scene.add_cylinder("round", 0.1, 0.3,
                      {.radius = 0, .pose = Pose{{-0.7, 0.1 / 3, 1e-9}, 0.3, 0.1, -0.0, 7}, .is_live = true});
   const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0.1, 0.1, 0.1}};
   const std::vector<Triangle> skin{{0, 1, 4}, {1, 2, 4}, {2, 3, 4}};
-  scene.add_mesh("open", corners, skin, Convexify::kSurface, {.radius = 0.01, .pose = Pose{{2, 2, 2}}, .padding = 0.1});
+  scene.add_mesh("open", corners, skin, MeshAs::kSurface, {.radius = 0.01, .pose = Pose{{2, 2, 2}}, .padding = 0.1});
   scene.add_half_space("floor", {.pose = Pose{{0, 0, -3}, 1, 0.1, 0, 0}, .uncertainty = {0.01, 0}, .padding = 0.02});
   scene.add_cone("cone", 0.1, 0.4, {.pose = Pose{{-1.5, 0, 0.2}}, .padding = 0.01});
   scene.add_ellipsoid("egg", {0.1, 0.2, 0.3}, {.radius = 0.03, .pose = Pose{{-1.5, 1, 0.2}, 1, 2, 3, 4}});

@@ -34,7 +34,7 @@ bodies:
   - name: gripper
     mesh: meshes/two.obj
     scale: [1, -1, 0.5]
-    convexify: submeshes
+    mesh_as: parts
     radius: 0.25
   - {name: ball, sphere: 0.5}
   - {name: pill, capsule: [0.5, 2]}
@@ -43,9 +43,9 @@ bodies:
   - {name: globe, uv_sphere: {radius: 2, resolution: 5}}
   - {name: cube, box: 2}
   - {name: 123, sphere: 1}
-  - {name: hulled, mesh: meshes/two.obj, convexify: hull}
-  - {name: full, mesh: meshes/two.obj, convexify: solid}
-  - {name: skin, mesh: meshes/two.obj, convexify: surface, scale: 2}
+  - {name: hulled, mesh: meshes/two.obj, mesh_as: hull}
+  - {name: full, mesh: meshes/two.obj, mesh_as: solid}
+  - {name: skin, mesh: meshes/two.obj, mesh_as: surface, scale: 2}
 groups: {arm: [gripper, cup], things: [ball, pill, can]}
 ignore: [[base, cup], [arm, arm], [things, base]]
 )");
@@ -168,16 +168,16 @@ constexpr const char* kWedge = "v 1 2 3\nv 4 2 3\nv 1 7 3\nv 1 2 14\nf 1 3 2\nf 
 TEST(SceneFile, UpYTurnsAMeshExactly) {
   const TemporaryFolder folder;
   folder.write("w.obj", kWedge);
-  for (const std::string how : {"hull", "submeshes", "surface", "solid", "auto"}) {
+  for (const std::string how : {"hull", "parts", "surface", "solid", "auto"}) {
     const Scene scene = load(folder,
                              "bodies:\n"
-                             "  - {name: y, mesh: w.obj, up: y, scale: [0.5, 1, -0.125], convexify: " +
+                             "  - {name: y, mesh: w.obj, up: y, scale: [0.5, 1, -0.125], mesh_as: " +
                                  how +
                                  "}\n"
-                                 "  - {name: z, mesh: w.obj, up: z, scale: [0.5, 1, -0.125], convexify: " +
+                                 "  - {name: z, mesh: w.obj, up: z, scale: [0.5, 1, -0.125], mesh_as: " +
                                  how +
                                  "}\n"
-                                 "  - {name: none, mesh: w.obj, scale: [0.5, 1, -0.125], convexify: " +
+                                 "  - {name: none, mesh: w.obj, scale: [0.5, 1, -0.125], mesh_as: " +
                                  how + "}\n");
     const auto& b = scene.bodies();
     EXPECT_EQ(b[1].pieces[0].get(), b[2].pieces[0].get()) << "z is the default";
@@ -343,16 +343,16 @@ const BadScene kBadScenes[] = {
      ":1: bodies[0].scale: expected a number, or 3 of them [sx, sy, sz], got a list of 2"},
     {"bodies: [{name: a, mesh: t.obj, scale: 1e61}]",
      ":1: bodies[0].mesh: t.obj: scale: expected finite numbers other than 0"},
-    {"bodies: [{name: a, mesh: t.obj, convexify: hulls}]",
-     ":1: bodies[0].convexify: expected auto, hull, submeshes, surface, solid or decompose, got \"hulls\""},
-    {"bodies: [{name: a, mesh: open.obj, convexify: decompose}]",
-     ":1: bodies[0].mesh: open.obj: convexify: decompose: the mesh encloses no volume: the edge from (0, 0, 0) to (0, "
+    {"bodies: [{name: a, mesh: t.obj, mesh_as: hulls}]",
+     ":1: bodies[0].mesh_as: expected auto, hull, parts, surface, solid or decompose, got \"hulls\""},
+    {"bodies: [{name: a, mesh: open.obj, mesh_as: decompose}]",
+     ":1: bodies[0].mesh: open.obj: mesh_as: decompose: the mesh encloses no volume: the edge from (0, 0, 0) to (0, "
      "1, 0) of triangle 0 belongs to no other triangle: the mesh is open there"},
-    {"bodies: [{name: a, mesh: open.obj, convexify: solid}]",
-     ":1: bodies[0].mesh: open.obj: convexify: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, "
+    {"bodies: [{name: a, mesh: open.obj, mesh_as: solid}]",
+     ":1: bodies[0].mesh: open.obj: mesh_as: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, "
      "0) "
      "of triangle 0 belongs to no other triangle: the mesh is open there"},
-    {"bodies: [{name: a, box: 1, convexify: solid}]", ":1: bodies[0].convexify: only a mesh has this key"},
+    {"bodies: [{name: a, box: 1, mesh_as: solid}]", ":1: bodies[0].mesh_as: only a mesh has this key"},
     {"bodies: [{name: a, mesh: empty.obj}]", ":1: bodies[0].mesh: empty.obj: the file is empty"},
     {"bodies: [{name: a, sphere: 1, uncertainty: 0.1}]",
      ":1: bodies[0].uncertainty: expected a map, such as {position: 0.002, angle: 0.01}, got 0.1"},

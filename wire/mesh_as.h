@@ -11,9 +11,9 @@
 namespace clearance {
 
 /// Body made from a mesh that need not be convex.
-enum class Convexify : std::uint8_t {
+enum class MeshAs : std::uint8_t {
   kHull = 0,       ///< one convex part: the hull of all vertices
-  kSubmeshes = 1,  ///< one convex part for each submesh of the file
+  kParts = 1,      ///< one convex part for each submesh of the file
   kDecompose = 2,  ///< a solid with convex parts as accelerator
   kSurface = 3,    ///< the triangles alone
   kSolid = 4,      ///< the volume that the triangles enclose
@@ -21,17 +21,17 @@ enum class Convexify : std::uint8_t {
 };
 
 /// Public names, by value.
-inline constexpr std::array<std::string_view, 6> kConvexifyWords = {"hull",    "submeshes", "decompose",
-                                                                    "surface", "solid",     "auto"};
+inline constexpr std::array<std::string_view, 6> kMeshAsWords = {"hull",    "parts", "decompose",
+                                                                 "surface", "solid", "auto"};
 
 /// Value of a public name, or nullopt.
-constexpr std::optional<Convexify> convexify_of(std::string_view word) {
-  for (std::size_t i = 0; i < kConvexifyWords.size(); ++i)
-    if (kConvexifyWords[i] == word) return static_cast<Convexify>(i);
+constexpr std::optional<MeshAs> mesh_as_of(std::string_view word) {
+  for (std::size_t i = 0; i < kMeshAsWords.size(); ++i)
+    if (kMeshAsWords[i] == word) return static_cast<MeshAs>(i);
   return {};
 }
-constexpr std::string_view word_of(Convexify convexify) {
-  return kConvexifyWords[static_cast<std::size_t>(convexify)];
+constexpr std::string_view word_of(MeshAs mesh_as) {
+  return kMeshAsWords[static_cast<std::size_t>(mesh_as)];
 }
 
 }  // namespace clearance
