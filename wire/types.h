@@ -24,14 +24,14 @@ enum class Status : std::uint8_t {
 
 /// Facts about one answer, as bits.
 enum Flag : std::uint16_t {
-  kFlagRenormalised = 1 << 1,     ///< a quaternion's norm was off by more than 1e-3
-  kFlagRoundingLimited = 1 << 2,  ///< as narrow as the arithmetic allows
-  kFlagNonsmooth = 1 << 3,        ///< witness points are not unique; the gradient is one of several
-  kFlagPieces = 1 << 4,           ///< a body of several convex parts overlaps: the depth is a lower bound
-  kFlagIncomplete = 1 << 5,       ///< a reduced group contains a bad or missing pose
-  kFlagSlack = 1 << 6,            ///< uncertainty alone exceeds the tolerance
-  kFlagBeyondLimits = 1 << 7,     ///< a joint that places one of the bodies is beyond its limits
-  kFlagHalfTurn = 1 << 8,         ///< a body turns by nearly half a turn: its direction of rotation is ambiguous
+  kFlagRenormalised = 1 << 1,        ///< a quaternion's norm was off by more than 1e-3
+  kFlagRoundingLimited = 1 << 2,     ///< as narrow as the arithmetic allows
+  kFlagNonsmooth = 1 << 3,           ///< witness points are not unique; the gradient is one of several
+  kFlagPieces = 1 << 4,              ///< a body of several convex parts overlaps: the depth is a lower bound
+  kFlagIncomplete = 1 << 5,          ///< a reduced group contains a bad or missing pose
+  kFlagUncertaintyLimited = 1 << 6,  ///< uncertainty alone exceeds the tolerance
+  kFlagBeyondLimits = 1 << 7,        ///< a joint that places one of the bodies is beyond its limits
+  kFlagHalfTurn = 1 << 8,            ///< a body turns by nearly half a turn: its direction of rotation is ambiguous
 };
 
 /// Arithmetic of the iterations; the bounds are valid in either.

@@ -102,7 +102,7 @@ void decide_least(const QueryView& query, double low, bool forced, PairAnswer& a
   answer.flags = kept;
   if (answer.status != Status::kUnconverged || forced || !std::isfinite(upper)) return;
   answer.status = lower > 0 ? Status::kOk : Status::kContact;
-  answer.flags |= kFlagSlack;
+  answer.flags |= kFlagUncertaintyLimited;
 }
 
 void write_motion_row(const ReplyView& reply, std::uint64_t at, const MotionRow& row) {

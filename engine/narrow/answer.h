@@ -141,7 +141,7 @@ CLEARANCE_HD inline void decide(const NarrowLimits& asked, double lower, double 
   const double size = true_lower > 0 ? true_upper : overlap ? true_lower : 0;
   if (slack.any() && !(overlap && !asked.signed_distance) &&
       !is_narrow(slack.inner + slack.outer, size, asked.abs_tol, asked.rel_tol))
-    answer.flags |= kFlagSlack;
+    answer.flags |= kFlagUncertaintyLimited;
 }
 
 }  // namespace clearance

@@ -75,7 +75,7 @@ CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double
   widen_to_group(answer, lower, max_distance, wanted + slack, rel_tol);
   if (slack > 0 && answer.status == Status::kOk &&
       !is_narrow(answer.upper - answer.lower, answer.upper, abs_tol, rel_tol))
-    answer.flags |= kFlagSlack;
+    answer.flags |= kFlagUncertaintyLimited;
 }
 
 }  // namespace clearance

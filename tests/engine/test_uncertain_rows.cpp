@@ -44,7 +44,7 @@ TEST_P(EngineTest, DoubtedReductionsAgreeWithAllPairs) {
     };
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       EXPECT_EQ(dense.view.pair_lower[i], pairs[i]);
-      uncertain += (dense.view.flags[i] & kFlagSlack) != 0;
+      uncertain += (dense.view.flags[i] & kFlagUncertaintyLimited) != 0;
       for (const std::uint32_t body : {pairs[i].a, pairs[i].b}) {
         lower[body] = std::min(lower[body], dense.view.lower[i]);
         upper[body] = std::min(upper[body], dense.view.upper[i]);

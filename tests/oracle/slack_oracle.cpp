@@ -152,7 +152,7 @@ void try_uncertain(Random& random, Findings& findings) {
     const double wanted = turn + 1e-6 * (row.upper + turn) + 1e-12;
     findings.wide += row.upper - row.lower > wanted * (1 + 1e-9);
     findings.unresolved += row.status == Status::kUnconverged;
-    findings.untrue += turn > 1e-5 * row.upper && !(row.flags & kFlagSlack);
+    findings.untrue += turn > 1e-5 * row.upper && !(row.flags & kFlagUncertaintyLimited);
   }
 }
 
@@ -300,7 +300,7 @@ void try_age(Random& random, Findings& findings) {
     ++findings.asked;
     findings.misses += rows[i].lower > std::max(exact[i] - least, 0.0) || rows[i].upper < exact[i];
     findings.wide += rows[i].lower < exact[i] - most - 1e-9 || rows[i].upper > exact[i] + 1e-9;
-    findings.untrue += !(rows[i].flags & kFlagSlack);
+    findings.untrue += !(rows[i].flags & kFlagUncertaintyLimited);
   }
   // Boxes at the time of the pose would skip the wall, which may be that near.
   query.max_distance = 2 - 0.5 * least;

@@ -74,7 +74,7 @@ def test_the_interval_holds_the_mesh_s_distance_and_is_as_wide_as_the_pieces_mis
         assert pieces.lower[row] <= exact <= pieces.upper[row] + 1e-12
     assert (pieces.lower <= truth.upper).all() and (truth.lower <= pieces.upper).all()
     assert (truth.upper - truth.lower < 1e-4).all() and slack <= width[0] <= 1.2 * slack + 0.002
-    assert pieces.flags[0] & Flag.SLACK and not truth.flags[0] & Flag.SLACK
+    assert pieces.flags[0] & Flag.UNCERTAINTY_LIMITED and not truth.flags[0] & Flag.UNCERTAINTY_LIMITED
     same = front.distances([("ball", "plate"), ("plate", "floor")], model="pieces")
     known = front.distances([("ball", "plate"), ("plate", "floor")])
     assert same.lower.tolist() == known.lower.tolist() and same.upper.tolist() == known.upper.tolist()

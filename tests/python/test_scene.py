@@ -85,7 +85,7 @@ def test_what_is_not_known_of_a_body_widens_its_intervals():
     r = clearance.Engine(scene).distances(fields=("default", "flags", "pair_lower"))
     turn = 2 * np.sin(0.005) * (np.sqrt(0.75) + 0.375)
     assert r.upper[0, 0] == pytest.approx(2 - 0.375) and r.lower[0, 0] == pytest.approx(2 - 0.375 - turn, abs=1e-5)
-    assert r.flags[0, 0] & clearance.Flag.SLACK and r.pair_lower[0, 0].tolist() == [0, 1]
+    assert r.flags[0, 0] & clearance.Flag.UNCERTAINTY_LIMITED and r.pair_lower[0, 0].tolist() == [0, 1]
     assert r.status[0, 0] == clearance.Status.OK
 
 

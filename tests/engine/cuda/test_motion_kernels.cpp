@@ -267,9 +267,14 @@ MotionDecision decision_of(const Scene& scene, const QueryView& q) {
   if (q.reduce == Reduce::kMin) {
     PairAnswer answer = hit.answer;
     decide_least(q, hit.low, false, answer);
-    return {
-        MotionDecision::kHit, host.plan().pairs.at(hit.pair),  hit.time, answer.lower, answer.upper, host.free_until(0),
-        hit.contact,          (answer.flags & kFlagSlack) != 0};
+    return {MotionDecision::kHit,
+            host.plan().pairs.at(hit.pair),
+            hit.time,
+            answer.lower,
+            answer.upper,
+            host.free_until(0),
+            hit.contact,
+            (answer.flags & kFlagUncertaintyLimited) != 0};
   }
   return {MotionDecision::kHit, host.plan().pairs.at(hit.pair), hit.time, hit.answer.lower, hit.answer.upper,
           host.free_until(0)};

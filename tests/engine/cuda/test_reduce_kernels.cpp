@@ -42,7 +42,7 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpuForWhatIsDoubted) {
         left += reduction.compare("reduce " + std::to_string(static_cast<int>(reduce)) + " within " +
                                   std::to_string(distance));
         for (std::uint64_t i = 0; i < reduction.row_count(); ++i) {
-          slack += (reduction.rows().flags[i] & kFlagSlack) != 0;
+          slack += (reduction.rows().flags[i] & kFlagUncertaintyLimited) != 0;
           others += reduction.rows().pair[i] != reduction.rows().pair_lower[i];
         }
       }

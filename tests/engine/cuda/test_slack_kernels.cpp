@@ -138,7 +138,7 @@ Seen expect_rows_of_the_cpu(const Engine& cpu, const QueryView& q, const std::st
   seen.left = chunk.host_counts[kRest];
   for (std::size_t row = 0; row < chunk.rest.size(); ++row) {
     const auto status = static_cast<Status>(chunk.rows.view.status[row]);
-    seen.slack += (chunk.rows.view.flags[row] & kFlagSlack) != 0;
+    seen.slack += (chunk.rows.view.flags[row] & kFlagUncertaintyLimited) != 0;
     seen.beyond_limits += (chunk.rows.view.flags[row] & kFlagBeyondLimits) != 0;
     seen.contact += status == Status::kContact;
     seen.overlap += status == Status::kOverlap;

@@ -72,7 +72,7 @@ struct LeastRows {
 /// An interval of the least distance is as narrow as requested. The arm's slack, a tenth of that, may come on top and
 /// must be flagged.
 inline void expect_narrow(double lower, double upper, std::uint16_t flags, const QueryView& q, std::uint32_t motion) {
-  EXPECT_LE(upper - lower, q.abs_tol * (flags & kFlagSlack ? 1.3 : 1 + 1e-9)) << motion;
+  EXPECT_LE(upper - lower, q.abs_tol * (flags & kFlagUncertaintyLimited ? 1.3 : 1 + 1e-9)) << motion;
 }
 
 /// Rows of the least distance for the same query: intervals that intersect, as narrow as requested, with the same free

@@ -144,7 +144,7 @@ class MotionOracle {
       findings_.farther += !is_within(there, upper, pair, true);
       findings_.untrue += overlaps && !is_within(there, 0, pair, true);
     }
-    if (view.status[row] == static_cast<std::uint8_t>(Status::kOk) && !(view.flags[row] & kFlagSlack))
+    if (view.status[row] == static_cast<std::uint8_t>(Status::kOk) && !(view.flags[row] & kFlagUncertaintyLimited))
       findings_.wide += upper - lower > kTolerance * 1.0001;
   }
 

@@ -282,7 +282,7 @@ TEST(Motions, EdgesOfAnArmHoldAtEachSample) {
     EXPECT_LE(min.view.lower[i], nearest + kRounding);
     if (min.view.status[i] != static_cast<std::uint8_t>(Status::kUnconverged)) {
       // The base's prism protrudes from its cylinder by 0.12 mm.
-      const double slack = min.view.flags[i] & kFlagSlack ? 1.3e-4 : 0;
+      const double slack = min.view.flags[i] & kFlagUncertaintyLimited ? 1.3e-4 : 0;
       EXPECT_LE(min.view.upper[i] - min.view.lower[i], 1.001e-3 + slack);
     }
     const Answer witness = ask(engine, Samples(motions, i, min.view.time[i]).view(motions, Reduce::kMin));

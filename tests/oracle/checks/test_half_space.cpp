@@ -233,7 +233,7 @@ TEST(HalfSpace, IsAskedLikeAnyBody) {
                                                                              : Status::kOverlap);
             const mpq_class clipped = exact < 0 ? mpq_class(0) : exact;
             ASSERT_TRUE(holds({dense.view.lower[i], dense.view.upper[i]}, clipped)) << i;
-            EXPECT_FALSE(dense.view.flags[i] & kFlagSlack);
+            EXPECT_FALSE(dense.view.flags[i] & kFlagUncertaintyLimited);
             least = std::min(least, dense.view.upper[i]);
             within += status != Status::kBeyond;
           }
