@@ -161,7 +161,7 @@ void add_query(CLI::App& app) {
                   "nearest of all;\nany: whether all are farther than --margin, or one that is not")
       ->check(quiet(CLI::IsMember(names_of(kReduceNames))))
       ->type_name("WORD");
-  command.add_flag("--signed", q.signed_distance, "also how deep bodies overlap");
+  command.add_flag("--signed-distance", q.signed_distance, "also how deep bodies overlap");
   command.add_option("--fields", options->fields, "distance lower upper status flags points normal pieces gradient")
       ->check(quiet(CLI::IsMember(names_of(kFieldNames))))
       ->delimiter(',')

@@ -253,7 +253,8 @@ def check_row(row, motions, query):
     require(row["proved"] is True and (0 <= free <= 1 or free == math.inf), "the engine found no proof")
     if status in ("bad_pose", "no_pose", "stale_pose", "unknown_body"):
         return require((-lower, upper, hit, free, pairs) == (*[math.inf] * 3, 0, []), "it claims", "claims nothing")
-    signed, decides, motion = query["signed"] is not False, query["reduce"] == "any", motions[row["configuration"]]
+    signed = query["signed_distance"] is not False
+    decides, motion = query["reduce"] == "any", motions[row["configuration"]]
     own = [real(pair["margin"]) for pair in pairs if pair["bodies"] == row["bodies"]]
     require(pairs and (len(own) == len(pairs) == 1 or (query["motions"] and query["reduce"] != "none")), "not its pair")
     cut = min(real(pair["margin"]) for pair in pairs) if decides else real(query["max_distance"])

@@ -29,7 +29,7 @@ KINDS = {f"`{word}`": (word, False) for word in REDUCTIONS} | {
 OPTIONS: "dict[str, dict[str, Any]]" = {
     "`max_distance`": {"max_distance": 1.0},
     "`margin`": {"margin": 0.01},
-    "depths (`signed`)": {"signed": True},
+    "depths (`signed`)": {"signed_distance": True},
     "`gradient`": {"fields": "gradient"},
     "`gradient_joints`": {"fields": "gradient_joints"},
     "`pair_lower`": {"fields": ["lower", "pair_lower"]},

@@ -81,11 +81,11 @@ def aggressor(kind, url, as_planning=False):
         "explicit pairs": lambda: client.distances(pairs=pairs, reduce="min", **options),
         "poses": lambda: client.set_poses(dict.fromkeys(names, pose)),
         "pieces with depths": lambda: client.distances(
-            pairs=[(a, b) for a in heaps for b in heaps if a < b], signed=True, **options
+            pairs=[(a, b) for a in heaps for b in heaps if a < b], signed_distance=True, **options
         ),
         "within": lambda: client.distances(reduce="within", max_distance=0.5, **options),
         "dense": lambda: client.distances(reduce="none", fields=["lower"], pairs=pairs, **options),
-        "small ones": lambda: client.distances(pairs=pairs[:200], signed=True, **options),
+        "small ones": lambda: client.distances(pairs=pairs[:200], signed_distance=True, **options),
     }
     ask = asks[kind]
     print("ready", flush=True)

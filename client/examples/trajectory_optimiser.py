@@ -46,7 +46,7 @@ class Cost:
         slope[1:] += 2 * steps
         slope[:-1] -= 2 * steps
         r = self.engine.distances(
-            joints=self.joints, positions=path[1:-1], reduce="within", max_distance=self.keep, signed=True,
+            joints=self.joints, positions=path[1:-1], reduce="within", max_distance=self.keep, signed_distance=True,
             fields=["distance", "gradient_joints", "configuration"], rel_tol=1e-3, abs_tol=1e-4,
         )  # fmt: skip
         missing = self.keep - r.distance

@@ -174,7 +174,7 @@ void CertificateText::begin(const ReplyInfo& info) {
   const QueryView& query = plan_.query;
   const Json asked{{"reduce", name_of_reduce(query.reduce)},     {"motions", query.max_steps > 0},
                    {"max_distance", number(query.max_distance)}, {"abs_tol", number(query.abs_tol)},
-                   {"rel_tol", number(query.rel_tol)},           {"signed", query.signed_distance}};
+                   {"rel_tol", number(query.rel_tol)},           {"signed_distance", query.signed_distance}};
   add(open_text({{"format", "clearance certificate"},
                  {"version", 3},
                  {"scene_revision", text(info.scene_revision)},

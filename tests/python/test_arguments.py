@@ -79,7 +79,7 @@ QUERY = {
     "abs_tol": [*NUMBERS, None],
     "rel_tol": NUMBERS_FROM_0,
     "precision": WORDS,
-    "signed": BOOLS,
+    "signed_distance": BOOLS,
     "reduce": WORDS,
     "fields": ["lowr", b"lower", 3.5, True, [], ["lower", 3], 1 << 20, -1],
     "format": WORDS,
@@ -300,10 +300,10 @@ def test_every_argument_of_public_functions(scene_of_the_cell):
 
 
 def test_what_is_as_good_is_taken(engine):
-    exact = engine.distances(signed=True, max_distance=2.0, max_results=7)
-    numpy_scalars = engine.distances(signed=np.True_, max_distance=np.float32(2), max_results=np.int64(7))
+    exact = engine.distances(signed_distance=True, max_distance=2.0, max_results=7)
+    numpy_scalars = engine.distances(signed_distance=np.True_, max_distance=np.float32(2), max_results=np.int64(7))
     assert np.array_equal(exact.upper, numpy_scalars.upper)
-    arrays = engine.distances(signed=True, max_distance=np.array(2), max_results=np.array(7))
+    arrays = engine.distances(signed_distance=True, max_distance=np.array(2), max_results=np.array(7))
     assert np.array_equal(exact.upper, arrays.upper)
     engine.set_poses({"link1": [0, 0, 1, 1, 0, 0, 0]}, stamp_ns=np.int64(3))
     assert engine.body_states()[1].pose.tolist() == [0, 0, 1, 1, 0, 0, 0]

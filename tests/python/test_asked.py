@@ -48,7 +48,7 @@ ASKED = [
     {"reduce": "within", "max_distance": 0.5},
     {"reduce": "nearest", "precision": "f32"},
     {"reduce": "none"},
-    {"pairs": [("arm", "cup")], "reduce": "none", "signed": True, "fields": "default"},
+    {"pairs": [("arm", "cup")], "reduce": "none", "signed_distance": True, "fields": "default"},
 ]
 
 
@@ -109,13 +109,13 @@ def test_what_has_changed_is_parsed_again(engine, parsed):
 def test_wrong_values_are_refused_after_right_ones(engine):
     arm = engine.joints("arm")
     q = rows(5, 1, len(arm))
-    engine.distances(joints=arm, positions=q, signed=True, max_results=1)
-    for wrong in ({"signed": 1}, {"max_results": True}, {"max_results": 1.0}):
+    engine.distances(joints=arm, positions=q, signed_distance=True, max_results=1)
+    for wrong in ({"signed_distance": 1}, {"max_results": True}, {"max_results": 1.0}):
         with pytest.raises(TypeError):
-            engine.distances(**{"joints": arm, "positions": q, "signed": True, "max_results": 1, **wrong})
+            engine.distances(**{"joints": arm, "positions": q, "signed_distance": True, "max_results": 1, **wrong})
     for few in (q[:, 1:], q[0], np.zeros((0, len(arm)))):
         with pytest.raises(ValueError, match="positions: expected"):
-            engine.distances(joints=arm, positions=few, signed=True, max_results=1)
+            engine.distances(joints=arm, positions=few, signed_distance=True, max_results=1)
 
 
 def test_another_scene_is_seen(engine, root):
@@ -159,7 +159,7 @@ def test_the_same_objects_are_the_same_question_and_others_are_not(engine, parse
         free = engine.distances(margin=margin, **asked).status[0] == clearance.Status.BEYOND
         assert free == (margin == near)
     assert len(parsed) == 2
-    for wrong in ({"max_results": 1.0}, {"max_results": True}, {"signed": 0}):
+    for wrong in ({"max_results": 1.0}, {"max_results": True}, {"signed_distance": 0}):
         with pytest.raises(TypeError):
             engine.distances(margin=far, **{**asked, **wrong})
     assert engine.distances(**asked).status[0] == clearance.Status.BEYOND, "without the option: its default"

@@ -62,12 +62,12 @@ def check_all(checker, certificate):
     ("arguments", "seen"),
     [
         ({}, {"ok", "overlap"}),
-        ({"signed": True}, {"ok", "overlap"}),
+        ({"signed_distance": True}, {"ok", "overlap"}),
         ({"max_distance": 0.3}, {"ok", "overlap", "beyond"}),
         ({"precision": "f32", "max_distance": 0.8}, {"ok", "overlap", "beyond"}),
         ({"rel_tol": 1e-15}, {"ok", "overlap"}),
         ({"rel_tol": 0.0}, {"unconverged", "overlap"}),
-        ({"signed": True, "rel_tol": 0.0}, {"unconverged"}),
+        ({"signed_distance": True, "rel_tol": 0.0}, {"unconverged"}),
     ],
     ids=str,
 )
@@ -96,15 +96,15 @@ def test_hard_places(checker):
     engine = clearance.Engine(scene)
     engine.set_poses(poses)
     pairs = [(f"a{i}{j}", f"b{i}{j}") for i in range(4) for j in range(4)]
-    for signed in (False, True):
-        certificate = engine.certificate(pairs=pairs, signed=signed)
-        dense(engine.distances(pairs=pairs, signed=signed), certificate.document)
+    for signed_distance in (False, True):
+        certificate = engine.certificate(pairs=pairs, signed_distance=signed_distance)
+        dense(engine.distances(pairs=pairs, signed_distance=signed_distance), certificate.document)
         assert set(check_all(checker, certificate)) >= {"ok", "contact", "overlap"}
     in_double_double = [p["arithmetic"] for row in certificate.document["rows"] for p in spans_of(row)[0]["lower"]]
     assert "double-double" in in_double_double and "float64" in in_double_double
 
 
-@pytest.mark.parametrize("arguments", [{}, {"max_distance": 0.2}, {"signed": True}], ids=str)
+@pytest.mark.parametrize("arguments", [{}, {"max_distance": 0.2}, {"signed_distance": True}], ids=str)
 def test_bodies_of_several_pieces(checker, root, arguments):
     engine = clearance.Engine(clearance.Scene.load(root / "scenes" / "cell" / "scene.yaml"))
     result = engine.distances(**arguments)
@@ -242,7 +242,7 @@ def documents(root, tmp_path_factory):
     }
     made = {name: engine.certificate(**arguments).document for name, arguments in asked.items()}
     engine.set_poses({"hull": at(0.1, 0.05, 0.02, q)})
-    made["depth"] = engine.certificate(pairs=[("box", "hull")], signed=True).document
+    made["depth"] = engine.certificate(pairs=[("box", "hull")], signed_distance=True).document
     made["overlap"] = engine.certificate(pairs=[("box", "hull")]).document
     cell = clearance.Engine(clearance.Scene.load(root / "scenes" / "cell" / "scene.yaml"))
     result = cell.distances(rel_tol=1e-12)

@@ -55,7 +55,7 @@ def queries():
         "compact within": {**moved, "reduce": "within", "max_distance": 0.2, "format": "compact"},
         "wide": {"rel_tol": 0.5, "abs_tol": 0.01},
         "f32": {"precision": "f32"},
-        "signed": {"signed": True, "fields": EVERY_FIELD},
+        "signed_distance": {"signed_distance": True, "fields": EVERY_FIELD},
     }
 
 

@@ -129,7 +129,7 @@ def test_a_mesh_is_added_as_what_it_is(start_daemon, tmp_path):
         ]:
             with pytest.raises(clearance.QueryError, match=text):
                 client.add_body("odd", mesh=mesh, mesh_as="solid")
-        assert client.distances(pairs=("surface", "wall"), signed=True).upper[0, 0] == pytest.approx(2.4)
+        assert client.distances(pairs=("surface", "wall"), signed_distance=True).upper[0, 0] == pytest.approx(2.4)
 
 
 def test_a_cloud_is_added_and_replaced(start_daemon, tmp_path):

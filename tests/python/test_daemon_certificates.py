@@ -32,9 +32,9 @@ def proved(root, tmp_path, certificate, rows):
 
 
 def test_rows_are_proved_and_are_those_of_distances(client, root, tmp_path):
-    result = client.distances(signed=True)
+    result = client.distances(signed_distance=True)
     numbers = list(range(0, result.lower.size, 7))
-    document = proved(root, tmp_path, client.certificate(numbers, signed=True), len(numbers))
+    document = proved(root, tmp_path, client.certificate(numbers, signed_distance=True), len(numbers))
     assert [row["row"] for row in document["rows"]] == numbers
     for name in ("lower", "upper"):
         bounds = np.array([float(row[name]) for row in document["rows"]])

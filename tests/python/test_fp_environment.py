@@ -36,7 +36,7 @@ def answers(poses_of, threads):
     engine = clearance.Engine(scene, backend="cpu", threads=threads)
     engine.set_poses(poses)
     found = [engine.scene_revision]
-    for options in ({}, {"signed": True}, {"precision": "f32"}, {"rel_tol": 0.0}, {"reduce": "nearest"}):
+    for options in ({}, {"signed_distance": True}, {"precision": "f32"}, {"rel_tol": 0.0}, {"reduce": "nearest"}):
         r = engine.distances(fields=("default", "flags", "points", "normal"), **options)
         found += [getattr(r, column).tobytes() for column in COLUMNS]
     r = engine.distances(format="compact")

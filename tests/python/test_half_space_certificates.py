@@ -60,11 +60,11 @@ def claims(document, row=0):
 
 ARGUMENTS = [
     ({}, {"ok", "overlap"}),
-    ({"signed": True}, {"ok", "overlap"}),
+    ({"signed_distance": True}, {"ok", "overlap"}),
     ({"max_distance": 0.3}, {"ok", "overlap", "beyond"}),
     ({"precision": "f32", "max_distance": 0.8}, {"ok", "overlap", "beyond"}),
     ({"rel_tol": 0.0}, {"unconverged", "overlap"}),
-    ({"signed": True, "rel_tol": 0.0}, {"unconverged"}),
+    ({"signed_distance": True, "rel_tol": 0.0}, {"unconverged"}),
 ]
 
 
@@ -88,8 +88,8 @@ def test_rows_are_proved(checker, tmp_path, arguments, seen):
     assert not any("faces" in row["witness"] for row in document["rows"] if row["witness"])
 
 
-@pytest.mark.parametrize("signed", [False, True])
-def test_bodies_that_are_not_convex(checker, tmp_path, signed):
+@pytest.mark.parametrize("signed_distance", [False, True])
+def test_bodies_that_are_not_convex(checker, tmp_path, signed_distance):
     scene = add_planes(test_surface_certificates.zoo())
     vertices, triangles = test_surface_certificates.torus(8, 5, 0.3, 0.1)
     lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {i + 1} {j + 1} {k + 1}" for i, j, k in triangles]
@@ -97,14 +97,16 @@ def test_bodies_that_are_not_convex(checker, tmp_path, signed):
     (tmp_path / "rings.urdf").write_text(TWO_RINGS)
     scene.add_robot("r", tmp_path / "rings.urdf", mesh_as="solid")
     engine = clearance.Engine(scene, backend="cpu")
-    planes, clouds = {"floor", "wall"}, test_surface_certificates.CLOUDS if signed else set()  # clouds have no depth
+    planes, clouds = {"floor",
+        "wall"}, test_surface_certificates.CLOUDS if signed_distance else set()  # clouds have no depth
     movable = [body.name for body in engine.bodies if body.name not in planes | {"follower", "r", "r/two"}]
     pairs = both_sides(engine, [name for name in [*movable, "r/two"] if name not in clouds])
     rng = np.random.default_rng(4)
     places = np.stack([random_poses(rng, len(movable), spread) for spread in (0.3, 0.8, 1.5)])
-    document = checked(checker, engine, signed=signed, pairs=pairs, bodies=movable, configurations=places)
+    document = checked(checker, engine, signed_distance=signed_distance, pairs=pairs, bodies=movable,
+        configurations=places)
     assert {row["status"] for row in document["rows"]} >= {"ok", "overlap"}
-    if signed:  # depths of several surfaces are also proved by one direction
+    if signed_distance:  # depths of several surfaces are also proved by one direction
         assert {len(claims(document, k)) for k in range(len(document["rows"]))} == {1}
 
 
@@ -126,8 +128,8 @@ def test_hard_places(checker):
             scene.add_hull(f"box{i}{j}", box_vertices(size, size, size), pose=at(x, origin + y, z, q))
             pairs.append((f"plane{i}{j}", f"box{i}{j}") if (i + j) % 2 else (f"box{i}{j}", f"plane{i}{j}"))
     engine = clearance.Engine(scene)
-    for signed in (False, True):
-        document = checked(checker, engine, pairs=pairs, signed=signed)
+    for signed_distance in (False, True):
+        document = checked(checker, engine, pairs=pairs, signed_distance=signed_distance)
         assert {row["status"] for row in document["rows"]} >= {"ok", "contact", "overlap"}
 
 
@@ -241,7 +243,7 @@ def documents(checker, robot):
     }
     made = {name: engine.certificate(**arguments).document for name, arguments in asked.items()}
     engine.set_poses({"box": at(0.4, 0.2, -0.35, (0.9, 0.1, 0.3, 0.2))})
-    made["depth"] = engine.certificate(pairs=[("box", "floor")], signed=True).document
+    made["depth"] = engine.certificate(pairs=[("box", "floor")], signed_distance=True).document
     made["overlap"] = engine.certificate(pairs=[("box", "floor")]).document
     engine.set_poses({"box": at(0.4, 0.2, -2, (0.9, 0.1, 0.3, 0.2))})
     made["sunk"] = engine.certificate(pairs=np.array([[13, 5]])).document  # the floor is a

@@ -83,7 +83,7 @@ def test_the_interval_holds_the_mesh_s_distance_and_is_as_wide_as_the_pieces_mis
 
 
 def test_signed_values_below_0_are_the_pieces(front):
-    pieces = ask(front, model="pieces", signed=True)
+    pieces = ask(front, model="pieces", signed_distance=True)
     depth = 0.25 - SHRUNK - 0.1  # of the ball's lowest point below the part's top
     assert pieces.lower[2] <= -depth <= pieces.upper[2] < 0
     assert pieces.status[2] == Status.OVERLAP and pieces.flags[2] & Flag.PIECES and not pieces.flags[0] & Flag.PIECES
@@ -196,4 +196,4 @@ def test_beside_clouds_whose_points_are_replaced(scene):
     engine.set_points("seen", np.zeros((0, 3), np.float32))
     assert interval("pieces")[2] == Status.BEYOND
     with pytest.raises(clearance.QueryError, match="'seen' is a cloud of points"):
-        engine.distances([("bracket", "seen")], model="pieces", signed=True)
+        engine.distances([("bracket", "seen")], model="pieces", signed_distance=True)

@@ -228,7 +228,7 @@ WRONG = {
         "end": ONE,
         "reduce": "nearest",
     },
-    "signed_distance: motions have no depths": {"joints": "arm", "start": ONE, "end": ONE, "signed": True},
+    "signed_distance: motions have no depths": {"joints": "arm", "start": ONE, "end": ONE, "signed_distance": True},
     "fields: motions have no gradient": {"joints": "arm", "start": ONE, "end": ONE, "fields": ["gradient"]},
     "margin": {"joints": "arm", "start": ONE, "end": ONE, "margin": -1.0},
 }

@@ -69,7 +69,7 @@ def test_primitives_are_exact():
         assert r.lower[0, 0] <= distance <= r.upper[0, 0] and r.status[0, 0] == clearance.Status.OK, pair
     assert engine.distances(pairs=("cone", "egg"), rel_tol=1e-9).normal[0, 0] == pytest.approx([0, 0, 1])
     engine.set_poses({"egg": [0, 0, -0.75, 1, 0, 0, 0]})
-    r = engine.distances(pairs=("floor", "egg"), signed=True)
+    r = engine.distances(pairs=("floor", "egg"), signed_distance=True)
     assert r.lower[0, 0] <= -0.25 <= r.upper[0, 0] and r.status[0, 0] == clearance.Status.OVERLAP
     with pytest.raises(clearance.SceneError, match="cannot follow a body"):
         scene.add_half_space("wall", parent="cone")

@@ -92,7 +92,7 @@ def test_what_overlaps_a_solid_has_a_depth_between_two_bounds():
     scene.add_body("cup", mesh=(CUP_VERTICES, CUP_TRIANGLES), pose=[0, 0, 0, 1, 0, 0, 0])
     scene.add_sphere("inside", 0.25, pose=[0, 0, 0.25, 1, 0, 0, 0])
     scene.add_sphere("in the wall", 0.1, pose=[0.75, 0, 0, 1, 0, 0, 0])
-    r = clearance.Engine(scene, backend="cpu").distances(pairs=[(0, 1), (0, 2)], signed=True)
+    r = clearance.Engine(scene, backend="cpu").distances(pairs=[(0, 1), (0, 2)], signed_distance=True)
     assert r.status[0, 0] == clearance.Status.OK and r.lower[0, 0] <= 0.25 <= r.upper[0, 0]
     assert r.status[0, 1] == clearance.Status.UNCONVERGED
     assert r.lower[0, 1] == pytest.approx(-0.35) and -0.35 <= r.upper[0, 1] <= -0.1

@@ -101,7 +101,7 @@ def claims(document, row=0):
     [
         ({}, {"ok", "overlap"}),
         ({"precision": "f32", "max_distance": 0.3}, {"ok", "overlap", "beyond"}),
-        ({"signed": True}, {"ok", "unconverged"}),
+        ({"signed_distance": True}, {"ok", "unconverged"}),
     ],
     ids=str,
 )
@@ -112,7 +112,7 @@ def test_rows_are_proved_and_are_those_of_distances(checker, arguments, seen):
     rng = np.random.default_rng(3)
     arguments = {**arguments, "bodies": movable}
     arguments["configurations"] = np.stack([random_poses(rng, len(movable), spread) for spread in (0.3, 0.8, 1.5)])
-    if "signed" in arguments:  # clouds have no depth
+    if "signed_distance" in arguments:  # clouds have no depth
         pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :] if {a, b} != {"box", "follower"}]
         arguments["pairs"] = [pair for pair in pairs if not CLOUDS & set(pair)]
     result = engine.distances(**arguments)
@@ -125,7 +125,7 @@ def test_rows_are_proved_and_are_those_of_distances(checker, arguments, seen):
     counts = [len(claims(document, k)) for k in range(len(document["rows"]))]
     assert max(counts) > 10, "no direction did for few"
     assert 1 in counts
-    if "signed" not in arguments:
+    if "signed_distance" not in arguments:
         assert any(
             type(side) is list for k in range(len(counts)) for c in claims(document, k) for side in c["pieces"] or ()
         )
@@ -204,7 +204,7 @@ def documents():
     }
     engine.set_poses({"link": at(1.4, 0.1, 0.03)})
     found["crossing"] = engine.certificate(pairs=[("ring", "link")]).document
-    found["deep"] = engine.certificate(pairs=[("small", "ring")], signed=True).document
+    found["deep"] = engine.certificate(pairs=[("small", "ring")], signed_distance=True).document
     assert [document["rows"][0]["status"] for document in found.values()] == [
         *("ok", "overlap", "overlap", "ok", "overlap", "unconverged")
     ]

@@ -215,7 +215,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         abs_tol: float = 0.0,
         rel_tol: Optional[float] = None,
         precision: PrecisionWord = "f64",
-        signed: bool = False,
+        signed_distance: bool = False,
         reduce: ReduceWord = "none",
         fields: Union[str, Sequence[str], None] = None,
         format: FormatWord = "full",
@@ -244,7 +244,8 @@ class Front(MotionQueries, Certificates, Updates, Parser):
             1e-6, or 1e-4 for "f32".
         precision: "f64" or "f32" iterations; the bounds are valid in both. Reductions and signed distances always
             iterate in float64, since float32 is no faster there; "f32" changes only their default rel_tol.
-        signed: adds the penetration depth of overlapping pairs; for a solid or a surface, an interval that contains it.
+        signed_distance: adds the penetration depth of overlapping pairs; for a solid or a surface, an interval that
+            contains it.
         reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body), "min" (per configuration) or
             "any" (per configuration: BEYOND if every pair is proved farther than its margin, otherwise a pair that is
             not). "any" takes no max_distance but a `margin`: metres, or (P,) metres for each pair, or
@@ -274,8 +275,8 @@ class Front(MotionQueries, Certificates, Updates, Parser):
             Flag.BEYOND_LIMITS.
         model: "truth", or "pieces": a body with convex parts (mesh_as="decompose") is replaced by these, and its
             triangles are not read. The interval widens by the parts' deviation from the mesh and still contains its
-            distance; containment of one body in another is tested on the mesh. Negative values of signed=True are
-            those of the parts (Flag.PIECES). Other bodies are unaffected.
+            distance; containment of one body in another is tested on the mesh. Negative values of signed_distance=True
+            are those of the parts (Flag.PIECES). Other bodies are unaffected.
         more: further options by name; docs/wire.md lists them. An option that is unknown to an older daemon raises
             RequestError naming it.
 
@@ -284,7 +285,8 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         status of its rows.
         """
         arguments = (
-            max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format, out, timeout_s, max_results,
+            max_distance, abs_tol, rel_tol, precision, signed_distance, reduce, fields, format, out, timeout_s,
+            max_results,
             max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, joints,
         )  # fmt: skip
         rows = None if positions is None else to_floats(positions, "positions", "(K, J) numbers")

@@ -83,7 +83,8 @@ class Parser:
         raise NotImplementedError
 
     def _parse(  # type: ignore[no-untyped-def]  # types as in distances()
-        self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
+        self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed_distance, reduce, fields,
+        format,
         out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
         joints, positions, model, **more,
     ) -> Query:  # fmt: skip
@@ -120,7 +121,7 @@ class Parser:
         raw.abs_tol = to_number(abs_tol, "abs_tol")
         raw.rel_tol = -1.0 if rel_tol is None else to_number_from_0(rel_tol, "rel_tol", " or None")
         raw.precision = to_word(precision, PRECISIONS, "precision")
-        raw.signed_distance = to_bool(signed, "signed")
+        raw.signed_distance = to_bool(signed_distance, "signed_distance")
         raw.model = to_word(model, MODELS, "model")
         raw.reduce = query.reduce
         raw.format = format_word

@@ -33,7 +33,7 @@ struct Row {
 Query read_query(const Value& document) {
   const std::string_view reduce = document["reduce"].text();
   require(reduce == "none" || reduce == "min" || reduce == "any", "a reduction is not known");
-  return {document["signed"].truth(), document["motions"].truth() && reduce != "none", reduce == "any",
+  return {document["signed_distance"].truth(), document["motions"].truth() && reduce != "none", reduce == "any",
           document["max_distance"].real()};
 }
 

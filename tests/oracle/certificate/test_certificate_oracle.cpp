@@ -157,7 +157,7 @@ struct Boxes {
   std::string text() const {
     std::ostringstream text;
     text << R"({"format":"clearance certificate","version":3,"query":{"reduce":"none","motions":)"
-         << (ends.empty() ? "false" : "true") << R"(,"max_distance":"inf","signed":false},
+         << (ends.empty() ? "false" : "true") << R"(,"max_distance":"inf","signed_distance":false},
       "pieces":[{"radius":0,"count":8,"vertices":[[0,0,0],[1,0,0],[0,1,0],[1,1,0],[0,0,1],[1,0,1],[0,1,1],[1,1,1]]},
       {"radius":0,"count":1,"vertices":[[1,0,0]]}],
       "bodies":[)"
@@ -242,7 +242,7 @@ struct BoxAndPlane {
 
   std::string text() const {
     return R"({"format":"clearance certificate","version":3,"query":{"reduce":"none","motions":)" +
-           std::string(ends.empty() ? "false" : "true") + R"(,"max_distance":"inf","signed":true},
+           std::string(ends.empty() ? "false" : "true") + R"(,"max_distance":"inf","signed_distance":true},
       "pieces":[{"radius":0,"count":8,"vertices":[[0,0,0],[1,0,0],[0,1,0],[1,1,0],[0,0,1],[1,0,1],[0,1,1],[1,1,1]]},
       {"radius":)" +
            radius + R"(,"count":1,"vertices":[[0,0,0]],"core":{"kind":"half_space","size":[0,0,0]}}],
