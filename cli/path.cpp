@@ -18,7 +18,7 @@ struct PathOptions {
   std::string file;
   std::vector<std::string> pairs;
   double margin = 0;
-  std::uint32_t max_steps = 256;
+  std::uint32_t max_evaluations = 256;
   std::string certificate;  // file name, or empty
 };
 
@@ -119,7 +119,7 @@ std::string beyond_limits(const Path& path, const std::vector<std::uint32_t>& id
     text << pair << " are within " << o.margin << " m at t = " << reply.time()[r];
   else if (status == Status::kUnconverged)
     text << "not proved from t = " << reply.first_contact()[2 * r] << " on: " << pair << " may be within " << o.margin
-         << " m; --max-steps may prove it";
+         << " m; --max-evaluations may prove it";
   else
     text << pair << " cannot be evaluated: a pose is bad, missing or old";
   if (!limits.empty()) text << "\n" << limits;
@@ -157,7 +157,7 @@ void run(const PathOptions& o) {
   query.joints = ids;
   query.reduce = Reduce::kAny;
   query.margin = o.margin;
-  query.max_steps = o.max_steps;
+  query.max_evaluations = o.max_evaluations;
   query.fields = kFieldStatus | kFieldPair | kFieldTime | kFieldFirstContact | kFieldSteps;
   std::uint64_t steps = 0;
   for (std::size_t first = 0; first + 1 < path.size(); first += kMotionsAtOnce) {
@@ -209,7 +209,7 @@ void add_path(CLI::App& app) {
       ->check(at_least_zero())
       ->type_name("M")
       ->capture_default_str();
-  command.add_option("--max-steps", options->max_steps, "maximum evaluations per motion")
+  command.add_option("--max-evaluations", options->max_evaluations, "maximum evaluations per motion")
       ->check(quiet(CLI::Range(1, 65536)))
       ->type_name("N")
       ->capture_default_str();

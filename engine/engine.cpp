@@ -188,7 +188,7 @@ struct CpuJobKind {
   std::unique_ptr<Job::State> (*make)(const JobContext&, Plan, const ReplyView&);
 };
 constexpr CpuJobKind kCpuJobKinds[] = {
-    {[](const QueryView& query) { return query.max_steps > 0; }, make_motion_job},
+    {[](const QueryView& query) { return query.max_evaluations > 0; }, make_motion_job},
     {[](const QueryView& query) { return (query.fields & kFieldFreeScale) != 0; }, make_free_scale_job},
     {[](const QueryView&) { return true; }, make_cpu_job},
 };

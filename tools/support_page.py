@@ -51,12 +51,12 @@ GPU_QUERIES = {
     "depths (`signed`)": {"signed_distance": True},
     "`free_scale`": {"reduce": "any", "fields": "free_scale"},
     "`max_pose_age_ns`": {"max_pose_age_ns": 1},
-    "motions of joints, `none`": {"max_steps": 256},
-    "motions of joints, `min`": {"max_steps": 256, "reduce": "min"},
-    "motions of joints, `min` with `max_distance`": {"max_steps": 256, "reduce": "min", "max_distance": 1.0},
-    "motions of joints, `min` with `pair_lower`": {"max_steps": 256, "reduce": "min", "fields": "pair_lower"},
-    "motions of joints, `any`": {"max_steps": 256, "reduce": "any"},
-    "motions of bodies by poses": {"max_steps": 256, "reduce": "any", "given_bodies": 1},
+    "motions of joints, `none`": {"max_evaluations": 256},
+    "motions of joints, `min`": {"max_evaluations": 256, "reduce": "min"},
+    "motions of joints, `min` with `max_distance`": {"max_evaluations": 256, "reduce": "min", "max_distance": 1.0},
+    "motions of joints, `min` with `pair_lower`": {"max_evaluations": 256, "reduce": "min", "fields": "pair_lower"},
+    "motions of joints, `any`": {"max_evaluations": 256, "reduce": "any"},
+    "motions of bodies by poses": {"max_evaluations": 256, "reduce": "any", "given_bodies": 1},
 }
 
 
@@ -146,7 +146,7 @@ def gpu() -> str:
     rows = []
     for name, members in GPU_QUERIES.items():
         q = SimpleNamespace(
-            **{"reduce": "none", "fields": "", "max_steps": 0, "max_distance": math.inf, "max_pose_age_ns": 0,
+            **{"reduce": "none", "fields": "", "max_evaluations": 0, "max_distance": math.inf, "max_pose_age_ns": 0,
                "signed_distance": False, "given_bodies": 0} | members
         )  # fmt: skip
         plan = SimpleNamespace(given_bodies=q.given_bodies, joints=[] if q.given_bodies else [0])

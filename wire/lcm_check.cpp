@@ -157,7 +157,7 @@ std::string check_joint_query(std::span<const std::byte> packet) {
   const std::uint64_t rows = walk.count(joints * 8, "row_count");
   if (joints == 0 && rows > 0) walk.fail("rows without joints");
   walk.skip(rows * joints * 8, "positions");
-  walk.skip(8 + 4, "margin and max_steps");
+  walk.skip(8 + 4, "margin and max_evaluations");
   return walk.end();
 }
 

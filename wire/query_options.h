@@ -55,7 +55,7 @@
     "ns", "maximum time from receipt to answer (daemon's steady clock), else rejected with `kDeadline`; 0: no limit")  \
   X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \
     "m", "reduce `any`, and motions: distance that every pair must provably exceed")                                   \
-  X(std::uint32_t, max_steps, 0, 10, Legal::range(0, 65536),                                                           \
+  X(std::uint32_t, max_evaluations, 0, 10, Legal::range(0, 65536),                                                     \
     "", "maximum evaluations per motion; if nonzero, configurations are (start, end) pairs")                           \
   X(Model, model, Model::kTruth, 12, Legal::word("truth pieces"),                                                      \
     "", "pieces: use only the convex parts of a mesh, without refinement by its triangles")

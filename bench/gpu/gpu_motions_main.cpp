@@ -86,7 +86,7 @@ struct Edges {
     q.positions = std::span(positions).first(std::size_t{2} * count * joints.size());
     q.configuration_count = 2 * count;
     q.reduce = columns.reduce;
-    q.max_steps = 256;
+    q.max_evaluations = 256;
     q.margin = margin;
     q.abs_tol = least ? 1e-3 : 0;
     q.rel_tol = least ? 0 : 1e-6;

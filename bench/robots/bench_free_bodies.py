@@ -112,7 +112,7 @@ def measure(name, other, count, rng):
     engine.motions(**{**ask, "start": start[:2, None], "end": end[:2, None]}, reduce="any")
     proof = {"reduce": "any", "rel_tol": 1e-6, "abs_tol": 0.0, "fields": ("status", "time")}
     seconds, any_ = timed(engine.motions, **ask, **proof)
-    least = engine.motions(**ask, reduce="min", abs_tol=1e-5, max_steps=4096, fields=("lower", "status"))
+    least = engine.motions(**ask, reduce="min", abs_tol=1e-5, max_evaluations=4096, fields=("lower", "status"))
     free = any_.status == Status.BEYOND
     hit = any_.status <= Status.CONTACT
     clear = free & (least.lower > NEAR)

@@ -81,7 +81,7 @@ def judged(problem, rows):
     way = [rows[0]]
     for row in rows[1:]:
         way.append(problem.unwrapped(way[-1], row))
-    done = problem.engine.check_path(np.array(way), joints=problem.joints, max_steps=4096)
+    done = problem.engine.check_path(np.array(way), joints=problem.joints, max_evaluations=4096)
     if done.free:
         return ""
     names = [problem.engine.bodies[i] for i in done.pair]

@@ -98,7 +98,7 @@ struct CertificateRun::Impl {
 CertificateRun::CertificateRun(const JobContext& context, std::shared_ptr<const PoseSnapshot> snapshot,
                                const QueryView& query, CertificateRows rows, std::uint64_t max_rows,
                                MotionCertifier* certify_motions) {
-  if (query.reduce != Reduce::kNone && query.max_steps == 0)
+  if (query.reduce != Reduce::kNone && query.max_evaluations == 0)
     refuse(QueryErrorCode::kBadQuery, "only rows of reduce none and motions have one");
   impl_.reset(new Impl{context, std::move(rows), certify_motions,
                        Planner(query, *context.scene, std::move(snapshot), max_rows, true), nullptr});
@@ -116,7 +116,7 @@ bool CertificateRun::advance(const WorkBudget& budget) {
     if (!is_planned) return false;
     check_rows(impl_->rows, impl_->planner.plan().size);
     Plan& plan = impl_->planner.plan();
-    if (plan.query.max_steps > 0)
+    if (plan.query.max_evaluations > 0)
       impl_->job = impl_->certify_motions(impl_->context, std::move(plan), impl_->rows);
     else
       impl_->job = std::make_unique<RowCertificateJob>(impl_->context, std::move(plan), impl_->rows);

@@ -172,7 +172,7 @@ void CertificateText::add_item(const std::string& text, bool& is_first) {
 
 void CertificateText::begin(const ReplyInfo& info) {
   const QueryView& query = plan_.query;
-  const Json asked{{"reduce", name_of_reduce(query.reduce)},     {"motions", query.max_steps > 0},
+  const Json asked{{"reduce", name_of_reduce(query.reduce)},     {"motions", query.max_evaluations > 0},
                    {"max_distance", number(query.max_distance)}, {"abs_tol", number(query.abs_tol)},
                    {"rel_tol", number(query.rel_tol)},           {"signed_distance", query.signed_distance}};
   add(open_text({{"format", "clearance certificate"},
@@ -308,7 +308,8 @@ bool CertificateText::end(WorkMeter& meter) {
 
 // Values of all joints and bodies in the document that the query moves.
 void CertificateText::add_configuration(std::uint64_t k) {
-  const std::uint64_t ends = plan_.query.max_steps > 0 ? 2 : 1, count = plan_.query.configuration_count > 0 ? ends : 0;
+  const std::uint64_t ends = plan_.query.max_evaluations > 0 ? 2 : 1,
+                      count = plan_.query.configuration_count > 0 ? ends : 0;
   Json poses = Json::object(), positions = Json::object();
   for (std::size_t i = 0; i < plan_.given_bodies; ++i)
     for (std::uint64_t e = 0; e < count && known_.contains(plan_.bodies[i]); ++e)

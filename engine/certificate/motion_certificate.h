@@ -7,7 +7,7 @@
 
 namespace clearance {
 
-/// Certifies a plan with max_steps > 0. Throws QueryError for more pairs than a motion may have.
+/// Certifies a plan with max_evaluations > 0. Throws QueryError for more pairs than a motion may have.
 std::unique_ptr<CertificateJob> make_motion_certificate(const JobContext& context, Plan&& plan,
                                                         const CertificateRows& rows);
 

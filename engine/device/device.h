@@ -136,7 +136,7 @@ struct QuerySetup {
   PairAnswer beyond{};
   // Motions:
   const MotionArrays* motions = nullptr;
-  std::uint32_t max_steps = 0;
+  std::uint32_t max_evaluations = 0;
   LeastAsked least;
 };
 

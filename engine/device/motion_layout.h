@@ -105,7 +105,7 @@ struct MotionsView {
   double abs_tol, rel_tol;
   std::uint32_t motions, level, levels;
   std::uint32_t span_capacity, pair_capacity, hit_capacity;
-  std::uint32_t max_steps;
+  std::uint32_t max_evaluations;
   const double* ends;  ///< (motions, 2, joints)
   double* positions;   ///< (spans, joints) at their middles
   double* travels;     ///< (motions, robots) maximum over both ends

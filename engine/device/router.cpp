@@ -35,7 +35,7 @@ int size_of(std::uint64_t pairs) {
 }  // namespace
 
 QueryKind kind_of(const QueryView& q) {
-  if (q.max_steps > 0) return q.reduce == Reduce::kAny ? QueryKind::kMotion : QueryKind::kLeastMotion;
+  if (q.max_evaluations > 0) return q.reduce == Reduce::kAny ? QueryKind::kMotion : QueryKind::kLeastMotion;
   if (q.reduce == Reduce::kAny) return QueryKind::kDecision;
   if (q.reduce != Reduce::kNone) {
     if (q.configuration_count > 0) return QueryKind::kConfigurations;

@@ -73,7 +73,7 @@ class MotionJob final : public ParallelJob {
 
 void check_motion_pairs(const Plan& plan) {
   if (plan.size.pairs > kMostPairs)
-    throw QueryError(QueryErrorCode::kTooLarge, "max_steps: motions of " + std::to_string(plan.size.pairs) +
+    throw QueryError(QueryErrorCode::kTooLarge, "max_evaluations: motions of " + std::to_string(plan.size.pairs) +
                                                     " pairs are more than the limit of " + std::to_string(kMostPairs) +
                                                     ": list the pairs explicitly");
 }

@@ -48,7 +48,7 @@ void MotionSearch::open_all() {
 // Restarts the search from the motion's beginning, when the least distance is known but first contact is not. Returns
 // false if first contact is known or not requested.
 bool MotionSearch::seek_contact() {
-  if (seeks_contact_ || !wants_contact() || steps_ >= motion_query_.plan.query.max_steps) return false;
+  if (seeks_contact_ || !wants_contact() || steps_ >= motion_query_.plan.query.max_evaluations) return false;
   Node root{0, 1, {}, {}, 0, false};
   for (std::uint64_t i = 0; i < motion_query_.plan.pairs.size(); ++i)
     if (goal_of(i).unproved < kInf) root.open.push_back(i);

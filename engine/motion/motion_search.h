@@ -147,7 +147,7 @@ class MotionSearch {
   void open_all();
   bool seek_contact();
   bool may_ask() const {
-    return !spans_.empty() && (spans_[0].has_steps || steps_ < motion_query_.plan.query.max_steps);
+    return !spans_.empty() && (spans_[0].has_steps || steps_ < motion_query_.plan.query.max_evaluations);
   }
   std::size_t nearest_of(const Node& node, const BodyPoses& placed) const;
   bool leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const BodyPoses& placed);

@@ -94,7 +94,7 @@ QueryCost SceneCost::of(const QueryView& query, const PoseSnapshot& snapshot) co
   for (const MarginEntry& entry : query.margins)
     extent.listed = plus(extent.listed, plus(side(entry.a).bodies, side(entry.b).bodies));
   std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
-  if (query.max_steps > 0) configurations = times(configurations / 2, query.max_steps);
+  if (query.max_evaluations > 0) configurations = times(configurations / 2, query.max_evaluations);
   return {times(extent.pairs, configurations), times(extent.piece_pairs, configurations),
           times(extent.units, configurations), times(extent.links, configurations), extent.listed};
 }

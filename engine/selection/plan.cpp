@@ -18,8 +18,9 @@ namespace {
 }
 
 void check_motions(const QueryView& q) {
-  if (q.max_steps == 0) {
-    if (q.fields & kMotionFields) refuse("fields: time, first_contact and steps are only for motions (max_steps)");
+  if (q.max_evaluations == 0) {
+    if (q.fields & kMotionFields)
+      refuse("fields: time, first_contact and steps are only for motions (max_evaluations)");
     return;
   }
   const auto unsupported = [](const char* what) { throw QueryError(QueryErrorCode::kNotSupported, what); };
@@ -37,7 +38,7 @@ void check_free_scale(const QueryView& q) {
     return;
   }
   if (q.reduce != Reduce::kAny) refuse("fields: free_scale needs reduce any");
-  if (q.max_steps > 0) throw QueryError(QueryErrorCode::kNotSupported, "fields: motions have no free_scale");
+  if (q.max_evaluations > 0) throw QueryError(QueryErrorCode::kNotSupported, "fields: motions have no free_scale");
   if ((q.fields & ~(kFieldFreeScale | kFieldPair)) || q.format != Format::kFull)
     refuse("fields: free_scale can be combined only with pair, in the format full");
 }
@@ -57,7 +58,7 @@ void check_numbers(const QueryView& q) {
     refuse("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
   const bool any = q.reduce == Reduce::kAny;
   const bool has_margins = q.margin != 0 || !q.margins.empty() || !q.pair_margins.empty();
-  if (has_margins && !any && q.max_steps == 0)
+  if (has_margins && !any && q.max_evaluations == 0)
     refuse("margin: only for reduce any and motions; use max_distance for other queries");
   if (any && q.max_distance < std::numeric_limits<double>::infinity())
     refuse("max_distance: reduce any uses its margins instead");
@@ -198,7 +199,7 @@ bool Planner::advance(WorkMeter& meter) {
   plan_.pairs = lister_->take();
   lister_.reset();
   if (plan_.query.signed_distance && scene_.has_surfaces()) refuse_depths_of_clouds(plan_.pairs, scene_);
-  if (plan_.query.reduce == Reduce::kAny || plan_.query.max_steps > 0)
+  if (plan_.query.reduce == Reduce::kAny || plan_.query.max_evaluations > 0)
     plan_.margins = Margins(plan_.query, scene_, plan_.pairs);
   plan_.query.margins = {};
   plan_.query.pair_margins = {};
@@ -210,7 +211,7 @@ void Planner::settle_size() {
   const QueryView& query = plan_.query;
   QuerySize& size = plan_.size;
   size.configurations = std::max<std::uint64_t>(query.configuration_count, 1);
-  if (query.max_steps > 0) size.configurations = query.configuration_count / 2;
+  if (query.max_evaluations > 0) size.configurations = query.configuration_count / 2;
   size.pairs = plan_.pairs.size();
   size.fields = written_fields(query);
   size.joints = static_cast<std::uint32_t>(query.joints.size());

@@ -10,7 +10,7 @@ QueryView for_pairs(QueryView query) {
   query.margins = {};
   query.pair_margins = {};
   query.weights = {};
-  query.max_steps = 0;
+  query.max_evaluations = 0;
   query.fields = 0;
   query.configuration_count = 0;
   query.configurations = {};

@@ -41,7 +41,7 @@ struct QueryView {
   /// Maximum evaluations per motion; 0 if there are no motions. Configurations 2k and 2k + 1 are the ends of motion k,
   /// so the answer has K / 2 motions. Joints and bodies move in a straight line, and bodies turn the shorter way at
   /// constant speed. For Reduce::kNone, kMin and kAny; `margin` applies to kFieldFirstContact.
-  std::uint32_t max_steps = 0;
+  std::uint32_t max_evaluations = 0;
   double abs_tol = 0.0;   ///< metres: upper - lower <= max(abs_tol, rel_tol * |distance|) is requested
   double rel_tol = -1.0;  ///< ratio; if negative, the default of the precision (1e-6 float64, 1e-4 float32)
   Precision precision = Precision::kF64;

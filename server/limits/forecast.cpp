@@ -35,10 +35,10 @@ RejectedRequest late(std::chrono::nanoseconds deadline, const std::string& why) 
 Forecast::Work Forecast::work_of(const QueryOptions& query, const QueryCost& extent) {
   const auto reduce = static_cast<std::uint32_t>(query.reduce);
   const auto kind = query.fields & kFieldFreeScale ? 45u
-                    : query.max_steps > 0          ? 40 + reduce
+                    : query.max_evaluations > 0    ? 40 + reduce
                                                    : reduce * 8 + (query.signed_distance ? 4u : 0u) +
-                                                (query.precision == Precision::kF32 ? 2u : 0u) +
-                                                (std::isfinite(query.max_distance) ? 1u : 0u);
+                                                      (query.precision == Precision::kF32 ? 2u : 0u) +
+                                                      (std::isfinite(query.max_distance) ? 1u : 0u);
   const auto of_model = query.model == Model::kPieces ? kKinds / 2 : 0u;
   return {of_model + kind, std::max<std::uint64_t>(extent.piece_pairs, 1)};
 }

@@ -250,7 +250,7 @@ void write_queries(std::ostream& out) {
   joints.joints = {"arm/joint1", "arm/joint4"};
   joints.row_count = 1;
   joints.positions = {{0.5, -1.5}};
-  joints.max_steps = 3;
+  joints.max_evaluations = 3;
   write_message(out, "joint_query_t", joints);
   const std::uint32_t ids[] = {0, 3};
   write(out, "joint_query_t, as a frame", query_frame_of(joints, ids));

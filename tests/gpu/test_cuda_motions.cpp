@@ -80,11 +80,11 @@ TEST(CudaMotions, OutOfStepsIsNeverFree) {
   for (std::uint32_t steps = 1; steps <= 256; steps = steps < 8 ? steps + 1 : 2 * steps)
     for (const double abs_tol : {0.0, 1e-3}) {
       QueryView query = edges.query(0, true);
-      query.max_steps = steps;
+      query.max_evaluations = steps;
       query.abs_tol = abs_tol;
       const Answer any = ask(device, query);
       query = edges.least(0, true);
-      query.max_steps = steps;
+      query.max_evaluations = steps;
       const Answer least = ask(device, query);
       ASSERT_EQ(any.info.backend, "cuda");
       for (std::uint64_t i = 0; i < any.info.rows; ++i) {

@@ -179,7 +179,7 @@ TEST_F(LcmJoints, MotionsAreAnsweredAllTheWay) {
   message.joints = {"arm0/joint1", "arm0/joint4"};
   message.row_count = 4;
   message.positions = {{0, -1}, {0.5, -1.2}, {1, -0.4}, {-1, -0.6}};
-  message.max_steps = 64;
+  message.max_evaluations = 64;
   const auto send = [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); };
   const auto least = ask(message.query, send);
   ASSERT_TRUE(least);
@@ -194,10 +194,10 @@ TEST_F(LcmJoints, MotionsAreAnsweredAllTheWay) {
   ASSERT_EQ(decided->error_code, 0) << decided->error_text;
   ASSERT_EQ(decided->status.size(), 2u);
   EXPECT_LE(decided->status[0], static_cast<int>(Status::kContact)) << "a pair is proved within";
-  message.max_steps = -1;
+  message.max_evaluations = -1;
   const auto negative = ask(message.query, send);
   ASSERT_TRUE(negative);
-  EXPECT_EQ(negative->error_text, "query: max_steps must be 0 to 65536, got 4294967295");
+  EXPECT_EQ(negative->error_text, "query: max_evaluations must be 0 to 65536, got 4294967295");
 }
 
 TEST_F(LcmJoints, AQueryWaitsForPositionsOfItsStamp) {

@@ -132,11 +132,11 @@ FRONT = {
         "margin": MARGINS,
         **{name: QUERY[name] for name in ("configurations", "pairs", "bodies", "timeout_s", "joints", "positions")}}),
     "motions": ({"bodies": ["cup"], "start": [[IDENTITY]], "end": [[IDENTITY]]}, {
-        "start": ENDS, "end": ENDS, "margin": MARGINS, "max_steps": COUNTS, "abs_tol": NUMBERS,
+        "start": ENDS, "end": ENDS, "margin": MARGINS, "max_evaluations": COUNTS, "abs_tol": NUMBERS,
         **{name: QUERY[name] for name in (
             "joints", "pairs", "max_distance", "rel_tol", "reduce", "bodies", "fields")}}),
     "check_path": ({"bodies": ["cup"], "path": [[IDENTITY], [IDENTITY]]}, {
-        "path": [*ENDS, [[IDENTITY]]], "margin": MARGINS, "max_steps": COUNTS,
+        "path": [*ENDS, [[IDENTITY]]], "margin": MARGINS, "max_evaluations": COUNTS,
         **{name: QUERY[name] for name in ("joints", "pairs", "bodies")}}),
     "allow": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     "forbid": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),

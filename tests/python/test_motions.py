@@ -94,7 +94,7 @@ def test_a_path_whose_search_ends_early_is_not_free():
     path = [[at(0, 0, 5)], [[0, 0, 5, np.cos(1.5), 0, 0, np.sin(1.5)]]]
     pairs = [("ball", "post"), ("ball", "obstacle")]
     for steps in (1, 2, 3, 64, 256):
-        r = engine.check_path(path, bodies=["arm"], pairs=pairs, max_steps=steps)
+        r = engine.check_path(path, bodies=["arm"], pairs=pairs, max_evaluations=steps)
         assert not r.free and r.status == Status.UNCONVERGED, steps
     assert engine.check_path(path, bodies=["arm"], pairs=pairs[1:]).status == Status.OVERLAP
 
@@ -244,7 +244,7 @@ def test_columns_of_motions_are_for_motions(engine):
     with pytest.raises(clearance.QueryError, match="fields: time, first_contact and steps are only for motions"):
         engine.distances(fields=["time"])
     with pytest.raises(clearance.QueryError, match="configurations: motions have two each, got 3"):
-        engine.distances(joints="arm", positions=np.zeros((3, 8)), max_steps=8)
+        engine.distances(joints="arm", positions=np.zeros((3, 8)), max_evaluations=8)
     with pytest.raises(ValueError, match="path: expected two waypoints or more, got 1"):
         engine.check_path(ONE, joints="arm")
 

@@ -51,7 +51,7 @@ BAD = {
     "margin list": ({"margin": [["arm", "cup"]]}, ["margin[0]: expected [a, b, metres]"]),
     "margin least": ({"answer": "least", "margin": 0.1}, ["margin: needs answer: validity, or motions"]),
     "cut-off": ({"max_distance": 1.0}, ["max_distance: does not apply to answer: validity"]),
-    "steps": ({"max_steps": 5}, ["max_steps: is only for motions, but these rows are configurations"]),
+    "steps": ({"max_evaluations": 5}, ["max_evaluations: is only for motions, but these rows are configurations"]),
     "pairs": ({"pairs": [["arm"]]}, ["pairs[0]: expected two names of bodies or groups, got 1"]),
     "part": ({"part_rows": 0}, ["part_rows: expected an integer >= 1, got 0"]),
     "check": ({"check": 1.5}, ["check: expected a number from 0 to 1, got 1.5"]),

@@ -79,7 +79,7 @@ class MotionQueries:
         abs_tol: Optional[float] = None,
         rel_tol: Optional[float] = None,
         reduce: MotionReduceWord = "min",
-        max_steps: int = 256,
+        max_evaluations: int = 256,
         bodies: Optional[Sequence[Union[str, int]]] = None,
         fields: Union[str, Sequence[str], None] = None,
         **more: Any,
@@ -98,7 +98,7 @@ class MotionQueries:
             and 1e-6 for reduce="any", which decide nearly every motion.
         reduce: "min" for a row per motion, the minimum of all pairs; "none" for a row per motion and pair; "any" for a
             row per motion, BEYOND if every pair is proved farther than its margin throughout, otherwise another pair.
-        max_steps: maximum evaluations per motion. Beyond it the status is UNCONVERGED; the bounds remain valid.
+        max_evaluations: maximum evaluations per motion. Beyond it the status is UNCONVERGED; the bounds remain valid.
 
         Columns begin with (K,), or (K, P) for reduce="none". [lower, upper] contains the least distance of the whole
         motion, both ends included. `time`, 0 to 1, is the time of the witness points. `first_contact` (..., 2) is the
@@ -107,7 +107,8 @@ class MotionQueries:
 
         Raises as distances() does.
         """
-        more |= {"margin": margin, "abs_tol": abs_tol, "rel_tol": rel_tol, "reduce": reduce, "max_steps": max_steps}
+        more |= {"margin": margin, "abs_tol": abs_tol, "rel_tol": rel_tol, "reduce": reduce,
+            "max_evaluations": max_evaluations}
         return self.distances(
             pairs, max_distance=max_distance, **motion_arguments(self, joints, start, end, bodies, fields, **more)
         )
@@ -119,7 +120,7 @@ class MotionQueries:
         margin: Any = 0.0,
         pairs: Any = None,
         bodies: Optional[Sequence[Union[str, int]]] = None,
-        max_steps: int = 256,
+        max_evaluations: int = 256,
         **more: Any,
     ) -> PathCheck:
         """Returns whether a path is free: every pair is proved farther than its margin along the whole path.
@@ -144,7 +145,7 @@ class MotionQueries:
             between = [None if p is None else _interleave(p[first:last], p[first + 1 : last + 1]) for p in points]
             r = self.distances(
                 pairs, between[1], bodies, reduce="any", joints=joints, positions=between[0], margin=margin,
-                max_steps=max_steps, fields=("status", "pair", "time", "first_contact"), **more,
+                max_evaluations=max_evaluations, fields=("status", "pair", "time", "first_contact"), **more,
             )  # fmt: skip
             bad = np.flatnonzero(r.status != Status.BEYOND)
             if len(bad):
@@ -166,7 +167,7 @@ def motion_arguments(
     joints = _joints_of(answers, joints)
     ends = _ends(start, joints, bodies, "start"), _ends(end, joints, bodies, "end")
     positions, configurations = (_interleave(*each) for each in zip(*ends))
-    asked: dict[str, Any] = {"reduce": "min", "max_steps": 256, "bodies": bodies, "joints": joints}
+    asked: dict[str, Any] = {"reduce": "min", "max_evaluations": 256, "bodies": bodies, "joints": joints}
     asked |= {"positions": positions, "configurations": configurations}
     asked |= {"fields": MOTION_FIELDS if fields is None else fields, **more}
     if asked["reduce"] == "any":  # wider tolerances leave motions undecided

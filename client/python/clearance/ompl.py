@@ -29,7 +29,7 @@ class JointProblem:
     joints: as in distances(). A joint with limits is a number between them; a joint without limits is an angle on a
         circle (SO2). OMPL moves it in the shorter direction, which queries receive unwrapped.
     margin, pairs: as in check(), the required clearance.
-    max_steps: maximum evaluations per motion; a motion that needs more counts as not free.
+    max_evaluations: maximum evaluations per motion; a motion that needs more counts as not free.
     """
 
     def __init__(
@@ -38,12 +38,12 @@ class JointProblem:
         joints: JointsRef,
         margin: Margin = 0.0,
         pairs: Pairs = None,
-        max_steps: int = 256,
+        max_evaluations: int = 256,
     ):
         self.engine = engine
         self.joints = engine.joints(joints)
         self.asked: dict[str, Any] = {"joints": self.joints, "margin": margin, "pairs": pairs}
-        self.max_steps = max_steps
+        self.max_evaluations = max_evaluations
         bounded = np.isfinite(self.joints.lower) & np.isfinite(self.joints.upper)
         self._bounded: list[int] = np.flatnonzero(bounded).tolist()
         self._turning: list[int] = np.flatnonzero(~bounded).tolist()
@@ -108,7 +108,7 @@ class JointProblem:
 
     def motions(self, start: np.ndarray, end: np.ndarray) -> Any:
         """Returns the Result of motions() with reduce="any" from (K, J) to (K, J), along OMPL's interpolation."""
-        asked = {**self.asked, "reduce": "any", "max_steps": self.max_steps}
+        asked = {**self.asked, "reduce": "any", "max_evaluations": self.max_evaluations}
         return self.engine.motions(start=start, end=self.unwrapped(start, end), **asked)
 
     def shortened(self, path: np.ndarray) -> np.ndarray:

@@ -375,7 +375,7 @@ __global__ void __launch_bounds__(kMotionThreads) conclude_motions(const __grid_
   if (i < m.motions) {
     const bool is_hit = m.hit[i] != kNoHit;
     const bool matters = m.finds_least || m.seeks_contact || !is_hit;  // whether unproved parts matter
-    const bool is_open = m.to_cpu[i] != 0 || (matters && m.open[i] != 0) || m.steps[i] > m.max_steps ||
+    const bool is_open = m.to_cpu[i] != 0 || (matters && m.open[i] != 0) || m.steps[i] > m.max_evaluations ||
                          (m.finds_least && !has_least(m, i));
     has_row = (is_hit || m.finds_least) && !is_open;
     m.verdicts[i] = is_open ? MotionVerdict::kOpen : has_row ? MotionVerdict::kHit : MotionVerdict::kFree;

@@ -45,7 +45,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
       check(cudaStreamWaitEvent(slots_[i]->stream, sent_.event), "waiting for an event");
     margin_ = s.margin;
-    max_steps_ = s.max_steps;
+    max_evaluations_ = s.max_evaluations;
     least_ = s.least;
     clock_.restart();
   }
@@ -134,7 +134,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     m.tables = at_;
     m.margins = margins_;
     m.margin = margin_;
-    m.max_steps = max_steps_;
+    m.max_evaluations = max_evaluations_;
     m.seeks_contact = seeks_contact();
     m.finds_least = least_.is_wanted;
     m.abs_tol = least_.abs_tol;
@@ -243,7 +243,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
   Event sent_;
   ChunkClock clock_;
   double margin_ = 0;
-  std::uint32_t max_steps_ = 0;
+  std::uint32_t max_evaluations_ = 0;
   LeastAsked least_;
 };
 

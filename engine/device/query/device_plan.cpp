@@ -23,7 +23,7 @@ constexpr std::uint64_t kMostPlanRows = 1u << 22;
 std::string beyond_plans(const Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
   if (q.reduce == Reduce::kNearest || q.reduce == Reduce::kWithin) return "reduce: expected none, min or any";
-  if (q.max_steps > 0) return "max_steps: motions are not for plans yet";
+  if (q.max_evaluations > 0) return "max_evaluations: motions are not for plans yet";
   if (q.fields & kFieldFreeScale) return "the column free_scale";
   if (q.signed_distance) return "signed_distance: depths are the CPU's";
   // Its poses arrive after the request, which has no clock.

@@ -16,7 +16,7 @@ namespace {
 }
 
 std::unique_ptr<DeviceQuery> make_device_query(const JobContext& context, Plan& plan, const ReplyView& reply) {
-  if (plan.query.max_steps > 0) return make_motion_device_query(context, plan, reply);
+  if (plan.query.max_evaluations > 0) return make_motion_device_query(context, plan, reply);
   return plan.query.reduce == Reduce::kNone ? make_dense_device_query(context, std::move(plan), reply)
                                             : make_reduced_device_query(context, plan, reply);
 }
@@ -80,7 +80,7 @@ class FallbackJob final : public Job::State {
     if (others_are_left) query_ = begin_on_device(context_, plan, reply_);
     if (query_) return;
     backend.queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
-    on_cpu_ = (plan.query.max_steps > 0 ? make_motion_job : make_cpu_job)(context_, std::move(plan), reply_);
+    on_cpu_ = (plan.query.max_evaluations > 0 ? make_motion_job : make_cpu_job)(context_, std::move(plan), reply_);
   }
 
   JobContext context_;
@@ -94,8 +94,9 @@ class FallbackJob final : public Job::State {
 
 std::string beyond_the_device(const Plan& plan) {
   if (plan.query.fields & kFieldFreeScale) return "the column free_scale";
-  if (plan.query.max_steps == 0) return "";
-  if (plan.query.reduce != Reduce::kAny && plan.query.reduce != Reduce::kMin) return "max_steps with reduce: none";
+  if (plan.query.max_evaluations == 0) return "";
+  if (plan.query.reduce != Reduce::kAny && plan.query.reduce != Reduce::kMin)
+    return "max_evaluations with reduce: none";
   if (plan.query.reduce == Reduce::kMin && (plan.query.fields & kFieldPairLower))
     return "the column pair_lower of motions";
   if (plan.query.reduce == Reduce::kMin && plan.query.max_distance < INFINITY) return "a max_distance of motions";

@@ -55,7 +55,7 @@ class MotionDeviceQuery final : public DeviceQuery {
     s.margins = plan_.margins.each();
     s.margin = plan_.margins.most();
     s.motions = &arrays_;
-    s.max_steps = plan_.query.max_steps;
+    s.max_evaluations = plan_.query.max_evaluations;
     s.least = {finds_least(), plan_.query.abs_tol, plan_.query.rel_tol};
     begin_chunks(*workspace_, s);
   }

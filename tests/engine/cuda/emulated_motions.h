@@ -35,7 +35,7 @@ class HostMotions {
                pairs = static_cast<std::uint32_t>(plan.size.pairs);
     const std::size_t J = plan.joints.size(), M = plan.moved.size();
     m_.motions = motions;
-    m_.max_steps = q.max_steps;
+    m_.max_evaluations = q.max_evaluations;
     m_.seeks_contact = (q.fields & kFieldFirstContact) != 0;
     const MotionRoom room_for(motions, pairs);
     m_.span_capacity = span_capacity ? span_capacity : room_for.spans;

@@ -182,7 +182,7 @@ TEST(MotionKernels, LeaveLeastDistancesToTheCpuWhereListsHaveNoRoom) {
     }
   }
   QueryView hasty = q;
-  hasty.max_steps = 3;
+  hasty.max_evaluations = 3;
   HostMotions host(edges.scene, hasty);
   EXPECT_GT(compare_nearest(edges, hasty, host).open, all.open + 2);
 }
@@ -210,7 +210,7 @@ TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
       EXPECT_GT(found.free + found.hits, 5);
     }
     QueryView hasty = q;
-    hasty.max_steps = 1;
+    hasty.max_evaluations = 1;
     HostMotions host(edges.scene, hasty);
     const Found found = compare(edges, hasty, host);
     EXPECT_GT(found.open, all.open + 2);

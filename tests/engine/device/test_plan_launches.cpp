@@ -195,7 +195,7 @@ TEST_F(PlanLaunches, AreRefusedByName) {
   for (const Reduce reduce : {Reduce::kNearest, Reduce::kWithin})
     expect_refusal("reduce: expected none, min or any", [&](QueryView& q) { q.reduce = reduce; });
   expect_refusal("signed_distance", [](QueryView& q) { q.signed_distance = true; });
-  expect_refusal("max_steps", [](QueryView& q) { q.max_steps = 64; });
+  expect_refusal("max_evaluations", [](QueryView& q) { q.max_evaluations = 64; });
   expect_refusal("max_pose_age_ns", [](QueryView& q) { q.max_pose_age_ns = 1000; });
   expect_refusal("free_scale", [](QueryView& q) { q.reduce = Reduce::kAny, q.fields = kFieldFreeScale | kFieldPair; });
   expect_refusal("no pairs", [](QueryView& q) { q.reduce = Reduce::kMin, q.pairs = {}; });

@@ -121,7 +121,7 @@ TEST(Router, TellsKindsApartByWhatIsAsked) {
   EXPECT_EQ(cuda::kind_of(q), QueryKind::kConfigurations);
   q.reduce = Reduce::kAny;
   EXPECT_EQ(cuda::kind_of(q), QueryKind::kDecision);
-  q.max_steps = 1;
+  q.max_evaluations = 1;
   EXPECT_EQ(cuda::kind_of(q), QueryKind::kMotion);
   q.reduce = Reduce::kMin;
   EXPECT_EQ(cuda::kind_of(q), QueryKind::kLeastMotion);

@@ -172,7 +172,7 @@ class MotionOracle {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
     QueryView query = least_of(one);
-    query.max_steps = 512;
+    query.max_evaluations = 512;
     query.margin = random_.below(2) ? margin_beside_least() : 0;
     if (!when) query.fields &= ~kFieldFirstContact;
     const MotionDecision found = decide(engine_.scene(), query);

@@ -26,7 +26,7 @@ struct Motions {
     return static_cast<std::uint32_t>(joints.empty() ? poses.size() / (2 * bodies.size())
                                                      : positions.size() / (2 * joints.size()));
   }
-  QueryView view(Reduce reduce, std::uint32_t max_steps = 256) const {
+  QueryView view(Reduce reduce, std::uint32_t max_evaluations = 256) const {
     QueryView query;
     query.pairs = pairs;
     query.all_pairs = pairs.empty();
@@ -36,7 +36,7 @@ struct Motions {
     query.configurations = poses;
     query.configuration_count = 2 * count();
     query.reduce = reduce;
-    query.max_steps = max_steps;
+    query.max_evaluations = max_evaluations;
     query.abs_tol = reduce == Reduce::kAny ? 0 : 1e-3;
     query.rel_tol = reduce == Reduce::kAny ? 1e-6 : 0;
     query.fields = kMotionAnswer;

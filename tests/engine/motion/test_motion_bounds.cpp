@@ -153,7 +153,7 @@ struct Approach {
     QueryView query = motion.view(Reduce::kMin, 1);
     query.abs_tol = 1e-9;
     const Answer bound = ask(engine, query);
-    query.max_steps = 0;  // both ends, as configurations
+    query.max_evaluations = 0;  // both ends, as configurations
     query.abs_tol = 1e-10;
     query.fields = kDefaultFields;
     const Answer ends = ask(engine, query);

@@ -278,7 +278,7 @@ TEST(KeptJobs, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
   const std::vector<Named> questions{{"age", [](QueryView& q) { q.max_pose_age_ns = 1'000'000'000; }},
                                      {"warm", [](QueryView& q) { q.warm_slot = 1; }},
                                      {"motions", [](QueryView& q) {
-                                        q.max_steps = 8;
+                                        q.max_evaluations = 8;
                                         q.configuration_count = 2;
                                         q.fields = kDefaultFields;
                                       }}};

@@ -192,8 +192,8 @@ TEST_F(FreeScaleTest, WhatItIsNotForIsSaid) {
   query.positions = {};
   EXPECT_EQ(refusal(query), "free_scale: expected joints, and their positions");
   query = scale_query();
-  const std::uint32_t max_steps = 64;
-  wire::append_record(query.records, 10, wire::kRecordRequired, std::as_bytes(std::span(&max_steps, 1)));
+  const std::uint32_t max_evaluations = 64;
+  wire::append_record(query.records, 10, wire::kRecordRequired, std::as_bytes(std::span(&max_evaluations, 1)));
   query.positions.resize(4);
   EXPECT_EQ(refusal(query), "fields: motions have no free_scale");
 }

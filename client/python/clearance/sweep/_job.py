@@ -177,13 +177,13 @@ def _asked(keys: Keys, answer: str, motions: bool) -> dict[str, Any]:
     asked: dict[str, Any] = {"pairs": keys.take("pairs", _pairs, None)}
     asked["margin"] = keys.take("margin", _margin, None)
     asked["max_distance"] = keys.take("max_distance", to_number_from_0, None)
-    asked["max_steps"] = keys.take("max_steps", to_positive, None)
+    asked["max_evaluations"] = keys.take("max_evaluations", to_positive, None)
     asked["abs_tol"] = keys.take("abs_tol", to_length, None)
     asked["rel_tol"] = keys.take("rel_tol", to_length, None)
     reasons = (
         ("margin", answer != "validity" and not motions, "needs answer: validity, or motions"),
         ("max_distance", answer == "validity", "does not apply to answer: validity, which uses the margin"),
-        ("max_steps", not motions, "is only for motions, but these rows are configurations"),
+        ("max_evaluations", not motions, "is only for motions, but these rows are configurations"),
     )
     for name, refused, why in reasons:
         if refused and asked[name] is not None:

@@ -63,11 +63,11 @@ def certified_edge(
     end: np.ndarray,
     margin: float = 0.0,
     spans: int = 16,
-    max_steps: int = 256,
+    max_evaluations: int = 256,
 ) -> Edge:
     """Evaluates the edge from (J,) `start` to `end` and equal spans of it, in one query.
 
-    margin: metres >= 0, of every pair. spans: 1 or more. max_steps: maximum evaluations of each motion.
+    margin: metres >= 0, of every pair. spans: 1 or more. max_evaluations: maximum evaluations of each motion.
 
     Adjacent spans share one configuration, rounded to float64: the spans are the edge as drawn, `whole` is the exact
     edge. Raises ValueError for spans < 1, and as Front.motions() does.
@@ -78,7 +78,8 @@ def certified_edge(
     times = np.linspace(0.0, 1.0, spans + 1)
     rows = start + times[:, None] * (end - start)
     rows[-1] = end
-    asked = {"margin": margin, "reduce": "min", "max_steps": max_steps, "fields": _FIELDS, **as_planner(front)}
+    asked = {"margin": margin, "reduce": "min", "max_evaluations": max_evaluations, "fields": _FIELDS,
+        **as_planner(front)}
     r = front.motions(joints, np.vstack((start, rows[:-1])), np.vstack((end, rows[1:])), **asked)
     whole, *parts = (_span(r, i, *ends) for i, ends in enumerate([(0.0, 1.0), *zip(times[:-1], times[1:])]))
     return Edge(joints, start, end, margin, whole, tuple(parts))
