@@ -36,7 +36,7 @@ Body made(const Body& body, Geometry geometry, const Pose& X_wb) {
   other.pieces = std::move(geometry.pieces);
   other.parent = other.robot = other.link = kNone;
   other.is_static = false;
-  other.is_live = false;
+  other.requires_pose = false;
   other.is_grown = true;
   other.pose = X_wb;
   return other;

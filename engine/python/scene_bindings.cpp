@@ -132,15 +132,15 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_points",
-          [](Scene& s, const std::string& name, const CloudRows& v, double voxel, bool live, double radius,
+          [](Scene& s, const std::string& name, const CloudRows& v, double voxel, bool requires_pose, double radius,
              const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(v.data()), v.shape(0));
             Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
-            o.is_live = live;
+            o.requires_pose = requires_pose;
             const GilRelease release;
             return s.add_points(name, points, voxel, o);
           },
-          nb::arg("name"), nb::arg("points"), nb::arg("voxel"), nb::arg("live"), nb::arg("radius"),
+          nb::arg("name"), nb::arg("points"), nb::arg("voxel"), nb::arg("requires_pose"), nb::arg("radius"),
           nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_box",

@@ -63,10 +63,12 @@ void check_positive(const std::string& name, const char* what, double x, bool ze
                    (zero_allowed ? ">= 0" : "> 0") + ", got " + number_text(x));
 }
 
-void check_may_be_live(const Body& body) {
-  if (body.robot != kNone) throw SceneError("body " + in_quotes(body.name) + ": live: " + placed_by_joints(body));
+void check_may_require_pose(const Body& body) {
+  if (body.robot != kNone)
+    throw SceneError("body " + in_quotes(body.name) + ": requires_pose: " + placed_by_joints(body));
   if (body.is_static)
-    throw SceneError("body " + in_quotes(body.name) + ": live: a static body never gets another pose than its own");
+    throw SceneError("body " + in_quotes(body.name) +
+                     ": requires_pose: a static body never gets another pose than its own");
 }
 
 void check_uncertainty(const Body& body) {

@@ -18,7 +18,7 @@ void check_name(const std::string& name, const char* what);
 /// \param name of the body
 /// \param what quantity, in metres
 void check_positive(const std::string& name, const char* what, double x, bool zero_allowed = false);
-void check_may_be_live(const Body& body);
+void check_may_require_pose(const Body& body);
 void check_uncertainty(const Body& body);
 
 bool is_plane(const Body& body);

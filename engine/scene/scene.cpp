@@ -46,7 +46,7 @@ std::uint32_t Scene::insert_body(Body body) {
   check_uncertainty(body);
   fix_half_space(body);
   adopt_cloud(body);
-  if (body.is_live) check_may_be_live(body);
+  if (body.requires_pose) check_may_require_pose(body);
   const std::uint32_t parent = body.parent;
   body.parent = kNone;
   if (parent != kNone && parent >= bodies_.size())
@@ -80,11 +80,11 @@ void Scene::set_parent(const std::string& child, const std::string& parent) {
   if (!bodies_[c].pose) bodies_[c].pose = Pose{};
 }
 
-void Scene::set_live(const std::string& body) {
+void Scene::set_requires_pose(const std::string& body) {
   const std::uint32_t id = find_body(body);
   if (id == kNone) throw SceneError("there is no body " + in_quotes(body));
-  check_may_be_live(bodies_[id]);
-  bodies_[id].is_live = true;
+  check_may_require_pose(bodies_[id]);
+  bodies_[id].requires_pose = true;
 }
 
 void Scene::add_group(const std::string& name, std::span<const std::string> bodies) {
@@ -160,7 +160,7 @@ std::uint64_t Scene::revision() const {
   for (const Body& body : bodies_) {
     digest.add(std::string_view(body.name));
     digest.add(std::uint64_t{body.parent});
-    digest.add(std::uint64_t{body.is_static} | std::uint64_t{body.is_live} << 1);
+    digest.add(std::uint64_t{body.is_static} | std::uint64_t{body.requires_pose} << 1);
     digest.add(body.model_error);
     const double uncertainties[] = {body.model_inner, body.uncertainty.position, body.uncertainty.angle, body.padding,
                                     body.max_speed};

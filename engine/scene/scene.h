@@ -30,7 +30,7 @@ struct Body : Geometry {
   std::string name;
   std::uint32_t parent = kNone;  ///< body that this one follows at load
   bool is_static = false;        ///< never moves after load
-  bool is_live = false;          ///< ignores `pose`: no_pose until a pose is received
+  bool requires_pose = false;    ///< ignores `pose`: no_pose until a pose is received
   std::uint32_t robot = kNone;   ///< index into Scene::robots() of the robot whose joints place it
   std::uint32_t link = kNone;    ///< index of its link in that robot
   std::optional<Pose> pose;      ///< initial X_wb, or X_pb with a parent; without one no_pose until a pose is received
@@ -75,7 +75,7 @@ class Scene {
     std::string parent = {};  ///< name of an existing body, or empty
     bool is_static = false;
     std::optional<Pose> pose = {};
-    bool is_live = false;  ///< ignores `pose`: no_pose until a pose is received
+    bool requires_pose = false;  ///< ignores `pose`: no_pose until a pose is received
     Uncertainty uncertainty = {};
     double padding = 0;    ///< as in Body
     double max_speed = 0;  ///< as in Body
@@ -130,8 +130,8 @@ class Scene {
   std::uint32_t add_robot(const std::string& name, const RobotOptions& options);
   /// Makes a body follow another from the start. Throws SceneError for an unknown body, a cycle, or a static child.
   void set_parent(const std::string& child, const std::string& parent);
-  /// Sets Body::is_live. Throws SceneError for an unknown or static body.
-  void set_live(const std::string& body);
+  /// Sets Body::requires_pose. Throws SceneError for an unknown or static body.
+  void set_requires_pose(const std::string& body);
 
   void add_group(const std::string& name, std::span<const std::string> bodies);
   /// Ignores every pair between two bodies or groups. A group with itself means its inner pairs.

@@ -41,7 +41,7 @@ Body Scene::body_from(const std::string& name, const BodyOptions& options) const
   body.name = name;
   body.is_static = options.is_static;
   body.pose = options.pose;
-  body.is_live = options.is_live;
+  body.requires_pose = options.requires_pose;
   body.uncertainty = options.uncertainty;
   body.padding = options.padding;
   body.max_speed = options.max_speed;
@@ -196,7 +196,7 @@ std::uint32_t Scene::add_points(const std::string& name, std::span<const CloudPo
   } catch (const std::invalid_argument& e) {
     throw SceneError(who + e.what());
   }
-  if (points.empty() && options.is_live) body.cloud = CloudState::kAwaited;
+  if (points.empty() && options.requires_pose) body.cloud = CloudState::kAwaited;
   return add_body(std::move(body));
 }
 

@@ -114,11 +114,11 @@ bool is_cloud_value(const YamlValue& points) {
 MakeGeometry read_cloud(const YamlValue& body, const YamlValue& points, double radius, const ResolvePath& resolve) {
   const float voxel = read_voxel(body);
   if (!points.is_text()) {
-    const auto is_live = body.find("live");
+    const auto requires_pose = body.find("requires_pose");
     Geometry empty;
     empty.pieces = {piece_of_no_points()};
     empty.source = voxel > 0 ? "voxels" : "cloud";
-    empty.cloud = is_live && is_live->boolean() ? CloudState::kAwaited : CloudState::kEmpty;
+    empty.cloud = requires_pose && requires_pose->boolean() ? CloudState::kAwaited : CloudState::kEmpty;
     empty.cloud_radius = radius;
     empty.voxel = voxel;
     return [empty] { return empty; };

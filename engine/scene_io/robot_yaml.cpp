@@ -89,7 +89,7 @@ Scene scene_of_robot(const std::string& path, bool allow_outside) {
 
 RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {
   value.map("a robot, such as {name: panda, urdf: panda.urdf}");
-  value.check_keys({"name", "urdf", "srdf", "packages", "base", "parent", "static", "live", "geometry", "home",
+  value.check_keys({"name", "urdf", "srdf", "packages", "base", "parent", "static", "requires_pose", "geometry", "home",
                     "padding", "uncertainty", "mesh_as"});
   const auto name = value.find("name"), urdf = value.find("urdf");
   if (!name) value.fail("expected the key \"name\"");
@@ -107,7 +107,7 @@ RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {
     plan.parent = *parent;
   }
   if (const auto is_static = value.find("static")) options.is_static = is_static->boolean();
-  if (const auto is_live = value.find("live")) plan.is_live = is_live->boolean();
+  if (const auto requires_pose = value.find("requires_pose")) plan.requires_pose = requires_pose->boolean();
   if (const auto geometry = value.find("geometry")) read_geometry(*geometry, options, resolve);
   if (const auto mesh_as = value.find("mesh_as")) {
     if (options.geometry_files) mesh_as->fail("the geometry files of a saved scene cannot be converted");

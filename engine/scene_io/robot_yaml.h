@@ -15,7 +15,7 @@ struct RobotPlan {
   std::string name;
   RobotOptions options;  ///< except the parent, which may come later in the file
   std::optional<YamlValue> parent;
-  bool is_live = false;
+  bool requires_pose = false;
 };
 
 /// Returns the path of a file or folder that a value names.

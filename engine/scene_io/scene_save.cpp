@@ -86,9 +86,9 @@ class SceneWriter {
     for (const auto& robot : scene_.robots())
       for (std::uint32_t link = 0; link < robot->bodies.size(); ++link) {
         const Body& body = scene_.bodies()[robot->bodies[link]];
-        if (!robot->places(link) && (body.parent != kNone || body.is_live))
+        if (!robot->places(link) && (body.parent != kNone || body.requires_pose))
           fail("the link " + quoted(body.name) +
-               " has a parent or is live, which a scene file cannot express for a link");
+               " has a parent or requires a pose, which a scene file cannot express for a link");
       }
   }
 
@@ -115,7 +115,7 @@ class SceneWriter {
     if (body.pose) text_ += ", pose: " + exact(*body.pose);
     if (body.parent != kNone) text_ += ", parent: " + names_[body.parent];
     if (body.is_static) text_ += ", static: true";
-    if (body.is_live) text_ += ", live: true";
+    if (body.requires_pose) text_ += ", requires_pose: true";
     if (is_uncertain(body)) text_ += ", uncertainty: " + exact(body.uncertainty);
     if (body.padding > 0) text_ += ", padding: " + exact(body.padding);
     if (body.max_speed > 0) text_ += ", max_speed: " + exact(body.max_speed);
@@ -137,7 +137,7 @@ class SceneWriter {
       if (base.pose) text_ += ", base: " + exact(*base.pose);
       if (base.parent != kNone) text_ += ", parent: " + names_[base.parent];
       if (base.is_static) text_ += ", static: true";
-      if (base.is_live) text_ += ", live: true";
+      if (base.requires_pose) text_ += ", requires_pose: true";
       add_home(robot);
       add_links(robot);
       text_ += "}\n";

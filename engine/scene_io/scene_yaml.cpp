@@ -66,17 +66,17 @@ class SceneReader {
   void read_body(const YamlValue& value) {
     value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
     if (const auto robot = value.find("robot")) return read_place(value, *robot);
-    value.check_keys({"name",      "mesh",       "box",          "sphere",    "capsule",  "cylinder",    "cone",
-                      "ellipsoid", "half_space", "points",       "uv_sphere", "geometry", "scale",       "mesh_as",
-                      "radius",    "static",     "live",         "pose",      "parent",   "uncertainty", "padding",
-                      "max_speed", "voxel",      "height_field", "cell",      "octomap",  "unknown",     "up"});
+    value.check_keys({"name",      "mesh",       "box",           "sphere",    "capsule",  "cylinder",    "cone",
+                      "ellipsoid", "half_space", "points",        "uv_sphere", "geometry", "scale",       "mesh_as",
+                      "radius",    "static",     "requires_pose", "pose",      "parent",   "uncertainty", "padding",
+                      "max_speed", "voxel",      "height_field",  "cell",      "octomap",  "unknown",     "up"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, geometries_.read(value), {}};
     plan.body.name = name->text("a name");
     plan.body.is_grown = value.find("geometry") != nullptr;
     if (const auto is_static = value.find("static")) plan.body.is_static = is_static->boolean();
-    if (const auto is_live = value.find("live")) plan.body.is_live = is_live->boolean();
+    if (const auto requires_pose = value.find("requires_pose")) plan.body.requires_pose = requires_pose->boolean();
     if (const auto pose = value.find("pose")) plan.body.pose = pose->pose();
     if (const auto uncertainty = value.find("uncertainty")) plan.body.uncertainty = read_uncertainty(*uncertainty);
     if (const auto padding = value.find("padding")) plan.body.padding = padding->not_negative();
@@ -143,12 +143,12 @@ class SceneReader {
   // A list of bodies, or a map with the key "bodies".
   static void read_group(Scene& scene, const std::string& name, const YamlValue& group) {
     std::unique_ptr<YamlValue> members;
-    bool is_live = false;
+    bool requires_pose = false;
     if (group.is_map()) {
-      group.check_keys({"bodies", "live"});
+      group.check_keys({"bodies", "requires_pose"});
       members = group.find("bodies");
       if (!members) group.fail("expected the key \"bodies\"");
-      if (const auto live = group.find("live")) is_live = live->boolean();
+      if (const auto value = group.find("requires_pose")) requires_pose = value->boolean();
     }
     std::vector<std::string> names;
     for (const YamlValue& member : (members ? *members : group).list("a list of bodies")) {
@@ -157,8 +157,8 @@ class SceneReader {
     }
     placed(group, [&] {
       scene.add_group(name, names);
-      if (is_live)
-        for (const std::string& body : names) scene.set_live(body);
+      if (requires_pose)
+        for (const std::string& body : names) scene.set_requires_pose(body);
     });
   }
 
@@ -192,7 +192,7 @@ class SceneReader {
     plan.options.folder = folder_.string();
     placed(plan.place, [&] {
       scene.add_robot(plan.name, plan.options);
-      if (plan.is_live) scene.set_live(plan.name);
+      if (plan.requires_pose) scene.set_requires_pose(plan.name);
     });
   }
 

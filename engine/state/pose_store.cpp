@@ -125,7 +125,7 @@ PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead
     const Body& body = scene.bodies()[i];
     first->parent.push_back(body.parent);
     first->local[i] = body.pose.value_or(Pose{});
-    first->given[i] = body.pose.has_value() && !body.is_live;
+    first->given[i] = body.pose.has_value() && !body.requires_pose;
   }
   const std::size_t joints = scene.joints().size();
   for (const SceneJoint& joint : scene.joints()) {

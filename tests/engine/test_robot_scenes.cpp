@@ -242,7 +242,7 @@ TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
   has("{name: p, urdf: arm.urdf, packages: {own: .}, parent: chair}",
       "robots[0].parent: body \"p\": parent: there is no");
   has("{name: p, urdf: arm.urdf, packages: {own: .}, parent: p/l1}", "\"p/l1\" follows \"p\" itself");
-  has("{name: p, urdf: arm.urdf, packages: {own: .}, static: true, live: true}",
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, static: true, requires_pose: true}",
       "a static body never gets another pose");
   has("{name: p, urdf: arm.urdf, packages: {own: .}, base: [0, 0, 0, 0, 0, 0, 0]}", "robots[0].base");
   has("{name: p, urdf: arm.urdf, srdf: far.srdf, home: up, packages: {own: .}}",

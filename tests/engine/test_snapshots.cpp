@@ -97,10 +97,10 @@ TEST_P(EngineTest, StalePosesAreNoneWhereTheQueryLimitsTheirAge) {
 
 TEST_P(EngineTest, ALiveBodyHasNoPoseUntilOneIsReceived) {
   Scene scene;
-  scene.add_sphere("tool", 0.5, {.pose = Pose{}, .is_live = true});
+  scene.add_sphere("tool", 0.5, {.pose = Pose{}, .requires_pose = true});
   scene.add_sphere("cup", 0.5, {.parent = "tool", .pose = Pose{{0, 2, 0}}});
   scene.add_sphere("wall", 0.5, {.is_static = true, .pose = Pose{{3, 0, 0}}});
-  EXPECT_THROW(scene.add_sphere("rock", 0.5, {.is_static = true, .is_live = true}), SceneError);
+  EXPECT_THROW(scene.add_sphere("rock", 0.5, {.is_static = true, .requires_pose = true}), SceneError);
   Engine engine = make(std::move(scene));
   const std::vector<BodyPair> pairs{{0, 2}, {1, 2}};
   QueryView q;

@@ -158,7 +158,8 @@ SCENE = {
     "add_hull": ({"name": "x", "vertices": [[0, 0, 0]]},
                  {"name": TEXTS, "vertices": VERTICES, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
     "add_points": ({"name": "x", "points": [[0, 0, 0]]}, {
-        "name": TEXTS, "points": VERTICES, "voxel": [*NUMBERS, None], "radius": [*NUMBERS, None], "live": BOOLS,
+        "name": TEXTS, "points": VERTICES, "voxel": [*NUMBERS, None], "radius": [*NUMBERS, None],
+        "requires_pose": BOOLS,
         **OF_A_BODY, **DOUBTS}),
     "add_mesh": ({"name": "x", "path": "x.obj"}, {
         "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:2], *SIZES[3:], None, True], "mesh_as": WORDS,

@@ -12,7 +12,7 @@ from patience import PATIENCE_S
 SCENE = """
 bodies:
   - {name: cloud, points: [], radius: 0.01, pose: [0,0,0, 1,0,0,0]}
-  - {name: live, points: [], live: true}
+  - {name: live, points: [], requires_pose: true}
   - {name: voxels, points: points.xyz, voxel: 0.5, pose: [0,0,50, 1,0,0,0]}
   - {name: ground, height_field: ground.npy, cell: 0.5, pose: [0,0,-50, 1,0,0,0]}
   - {name: ball, sphere: 0.5, pose: [10,0,0, 1,0,0,0]}

@@ -25,8 +25,8 @@ constexpr const char* kScene = R"(bodies:
 constexpr const char* kLiveScene = R"(bodies:
   - {name: wall, box: [0.2, 4, 4], static: true, pose: [0,0,0, 1,0,0,0]}
   - {name: tool, sphere: 0.1, pose: [1.04,0,0, 1,0,0,0]}
-  - {name: hand, sphere: 0.1, pose: [2.04,0,0, 1,0,0,0], live: true}
-groups: {arm: {bodies: [tool], live: true}}
+  - {name: hand, sphere: 0.1, pose: [2.04,0,0, 1,0,0,0], requires_pose: true}
+groups: {arm: {bodies: [tool], requires_pose: true}}
 )";
 constexpr double kAtLoad = 0.84, kSet = 8.2;
 

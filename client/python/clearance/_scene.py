@@ -95,7 +95,7 @@ class Scene(RobotScene):
         voxel: float = 0.0,
         radius: float = 0.0,
         *,
-        live: bool = False,
+        requires_pose: bool = False,
         parent: Optional[BodyRef] = None,
         static: bool = False,
         pose: Any = None,
@@ -108,12 +108,13 @@ class Scene(RobotScene):
         points: float32 values are exact; other numbers are rounded to float32. No points make an empty body.
         voxel: metres; above 0, boxes of this edge around the points, parallel to the body's axes, are the body. The
             edge is rounded up to float32.
-        live: whether the body starts without a pose. It has the status NO_POSE until its pose and, if it is empty, its
-            points arrive.
+        requires_pose: whether the body starts without a pose. It has the status NO_POSE until its pose and, if it is
+            empty, its points arrive.
         """
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         cloud, edge = to_cloud(points, "points"), to_number(voxel, "voxel")
-        return self._add(self._scene.add_points, name, rest, cloud, edge, to_bool(live, "live"), radius=radius)
+        return self._add(self._scene.add_points, name, rest, cloud, edge, to_bool(requires_pose, "requires_pose"),
+            radius=radius)
 
     def add_mesh(
         self,

@@ -132,7 +132,7 @@ class TableReduction : private HostReduction {
 
 TEST(TableKernels, ListThePairsThatAreNear) {
   Scene scene = mixed_scene(150, 3, 11);
-  scene.set_live("body" + std::to_string(kNowhere));
+  scene.set_requires_pose("body" + std::to_string(kNowhere));
   scene.ignore("body0", "body1");
   for (int i = 20; i < 60; i += 2) scene.ignore("body" + std::to_string(i), "body" + std::to_string(i + 31));
   const Engine cpu(std::move(scene), {"cpu"});

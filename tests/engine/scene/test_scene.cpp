@@ -86,7 +86,7 @@ TEST(Scene, HalfSpacesStandStill) {
     EXPECT_NE(text.find(why), std::string::npos) << text;
   };
   refused({.parent = "box"}, "parent: a half_space cannot follow a body");
-  refused({.is_live = true}, "live: a static body");
+  refused({.requires_pose = true}, "requires_pose: a static body");
   refused({.uncertainty = {0, 0.1}}, "uncertainty.angle: expected 0");
   EXPECT_NE(error_text<SceneError>([&] { scene.set_parent("floor", "box"); }).find("a half_space cannot follow a body"),
             std::string::npos);

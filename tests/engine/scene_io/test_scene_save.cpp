@@ -121,7 +121,7 @@ Scene everything(const TemporaryFolder& folder) {
                            .home_state = "open"});
   scene.add_capsule("vague", 0.1, 0.3, {.pose = Pose{{0.1, 0.7, 0.3}}, .uncertainty = {0.1, 0.02}, .padding = 0.3});
   scene.add_cylinder("round", 0.1, 0.3,
-                     {.radius = 0, .pose = Pose{{-0.7, 0.1 / 3, 1e-9}, 0.3, 0.1, -0.0, 7}, .is_live = true});
+                     {.radius = 0, .pose = Pose{{-0.7, 0.1 / 3, 1e-9}, 0.3, 0.1, -0.0, 7}, .requires_pose = true});
   const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0.1, 0.1, 0.1}};
   const std::vector<Triangle> skin{{0, 1, 4}, {1, 2, 4}, {2, 3, 4}};
   scene.add_mesh("open", corners, skin, MeshAs::kSurface, {.radius = 0.01, .pose = Pose{{2, 2, 2}}, .padding = 0.1});
@@ -197,9 +197,10 @@ TEST(SavedScene, WhatCannotBeSavedIsSaid) {
   EXPECT_NE(error(scene, folder / "full/note/under").find("Not a directory"), std::string::npos);
   Scene loose = everything(folder);
   loose.set_parent("hand/loose", "vague");
-  EXPECT_EQ(error(loose, folder / "b"), "save: " + (folder / "b") +
-                                            ": the link \"hand/loose\" has a parent or is live, which a scene file "
-                                            "cannot express for a link");
+  EXPECT_EQ(error(loose, folder / "b"),
+            "save: " + (folder / "b") +
+                ": the link \"hand/loose\" has a parent or requires a pose, which a scene file "
+                "cannot express for a link");
 }
 
 TEST(SavedScene, WhatIsWrongWithItsFilesIsSaidWithTheirPlace) {

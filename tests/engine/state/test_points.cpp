@@ -17,12 +17,12 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kCloud = 0, kBall = 1;
 
 /// A cloud, at the origin unless it is live, and a ball of radius 0.5 at x = 10.
-Scene scene_of(std::span<const CloudPoint> points, double voxel = 0, bool is_live = false, double radius = 0) {
+Scene scene_of(std::span<const CloudPoint> points, double voxel = 0, bool requires_pose = false, double radius = 0) {
   Scene scene;
   Scene::BodyOptions options;
-  options.is_live = is_live;
+  options.requires_pose = requires_pose;
   options.radius = radius;
-  if (!is_live) options.pose = Pose{};
+  if (!requires_pose) options.pose = Pose{};
   scene.add_points("cloud", points, voxel, options);
   Scene::BodyOptions there;
   there.pose = Pose{{10, 0, 0}};
