@@ -1,5 +1,5 @@
-// clearance-outside, the gateway between the network and clearanced (process.h). Usage, by clearanced only:
-// clearance-outside zmq|lcm MEMORY_BYTES CONNECTIONS
+// clearance-gateway, the gateway between the network and clearanced (process.h). Usage, by clearanced only:
+// clearance-gateway zmq|lcm MEMORY_BYTES CONNECTIONS
 // with one end of a socket pair as descriptor 3 and, for zmq, a listening TCP socket as descriptor 4.
 #include <fcntl.h>
 #include <poll.h>
@@ -73,7 +73,7 @@ int main(int argc, char** argv) {
   using namespace clearance::gateway;
   const bool known = argc == 4 && (!std::strcmp(argv[1], "zmq") || !std::strcmp(argv[1], "lcm"));
   if (!known || ::fcntl(kLinkFd, F_GETFD) < 0) {
-    std::fprintf(stderr, "clearance-outside is started by clearanced for network traffic; do not run it by hand\n");
+    std::fprintf(stderr, "clearance-gateway is started by clearanced for network traffic; do not run it by hand\n");
     return kUsage;
   }
   ::fcntl(kLinkFd, F_SETFD, FD_CLOEXEC);

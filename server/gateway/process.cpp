@@ -34,7 +34,7 @@ constexpr auto kLookEvery = milliseconds(500);
 constexpr auto kHang = std::chrono::seconds(5);
 constexpr int kSendBuffer = 1 << 20;
 
-const char* const kProgram = "clearance-outside";
+const char* const kProgram = "clearance-gateway";
 
 std::string ending_of(int status) {
   if (WIFSIGNALED(status)) return std::string("signal ") + std::to_string(WTERMSIG(status));
@@ -118,7 +118,7 @@ bool Process::turn(RequestHandler& handler) {
                                       : std::clamp<Clock::duration>(2 * pause_, kFirstPause, kLongestPause);
   next_start_ = now + pause_;
   ++handler.counter("outside.restarts");
-  log::warn("event=outside_ended url={} pid={} pause_ms={} why=\"{}\"", log_text(plan_.url), pid_,
+  log::warn("event=gateway_ended url={} pid={} pause_ms={} why=\"{}\"", log_text(plan_.url), pid_,
             std::chrono::duration_cast<milliseconds>(pause_).count(), log_text(why_lost_));
   ::kill(pid_, SIGKILL);
   ending_.push_back(std::exchange(pid_, -1));
@@ -145,7 +145,7 @@ std::optional<Message> Process::take_own(Message message) {
     case Kind::kReady:
       ready_ = true;
       if (message.body.bytes && !std::exchange(reported_unfiltered_, true))
-        log::warn("event=outside_unfiltered url={} text=\"{}\"", log_text(plan_.url),
+        log::warn("event=gateway_unfiltered url={} text=\"{}\"", log_text(plan_.url),
                   log_text(message.body.text().substr(0, 200)));
       return std::nullopt;
     case Kind::kAlive:
@@ -181,7 +181,7 @@ void Process::tick(RequestHandler& handler) {
     } catch (const std::runtime_error& error) {
       link_.reset();
       next_start_ = now + kLongestPause;
-      log::error("event=outside_not_started url={} error=\"{}\"", log_text(plan_.url), log_text(error.what()));
+      log::error("event=gateway_not_started url={} error=\"{}\"", log_text(plan_.url), log_text(error.what()));
     }
   if (now < next_look_) return;
   next_look_ = now + kLookEvery;
@@ -202,7 +202,7 @@ void Process::reap(bool wait) {
     pid_t reaped;
     do reaped = ::waitpid(pid, &status, wait ? 0 : WNOHANG);
     while (reaped < 0 && errno == EINTR);
-    if (reaped == pid && !wait) log::info("event=outside_reaped pid={} by=\"{}\"", pid, ending_of(status));
+    if (reaped == pid && !wait) log::info("event=gateway_reaped pid={} by=\"{}\"", pid, ending_of(status));
     return reaped != 0;
   });
 }

@@ -17,7 +17,7 @@ namespace clearance::gateway {
 /// Configuration of a gateway.
 struct Plan {
   std::string url;                             ///< for the log
-  std::string what;                            ///< "zmq" or "lcm", as clearance-outside reads it
+  std::string what;                            ///< "zmq" or "lcm", as clearance-gateway reads it
   std::uint64_t memory_bytes = kGatewayBytes;  ///< of address space
   std::uint32_t connections = 0;               ///< most connections
   Message start;                               ///< first message to the gateway

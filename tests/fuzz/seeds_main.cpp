@@ -252,19 +252,19 @@ void save_link() {
   const std::string header(sizeof(wire::FrameHeader), 'h'), key(40, 'k'), body(300, 'b');
   Data frame, parts, told, mixed, torn;
   say(frame, Kind::kFrame, "client", header + key, body, 0, body.size());
-  save("outside_link", "good_frame", frame);
+  save("gateway_link", "good_frame", frame);
   for (const std::size_t offset : {0, 100, 200})
     for (const char* client : {"one", "two"}) say(parts, Kind::kReply, client, header, body, offset, 100);
-  save("outside_link", "good_parts_of_two_clients", parts);
+  save("gateway_link", "good_parts_of_two_clients", parts);
   for (const Kind kind : {Kind::kReady, Kind::kAlive, Kind::kHandedOver, Kind::kGone, Kind::kKnock, Kind::kVerdict})
     say(told, kind, "127.0.0.1", key, "", 0, 0);
-  save("outside_link", "good_short_words", told);
+  save("gateway_link", "good_short_words", told);
   say(mixed, Kind::kReply, "one", header, body, 0, 100);
   say(mixed, Kind::kReply, "one", header, body, 200, 100);
-  save("outside_link", "bad_parts_mixed_up", mixed);
+  save("gateway_link", "bad_parts_mixed_up", mixed);
   say(torn, Kind::kStart, "tcp://*:7", "", body, 0, body.size());
   torn[3 + offsetof(gateway::Head, body_bytes)] = std::byte{255};
-  save("outside_link", "bad_body_that_does_not_end", torn);
+  save("gateway_link", "bad_body_that_does_not_end", torn);
 }
 
 }  // namespace

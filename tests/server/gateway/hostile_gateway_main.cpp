@@ -1,4 +1,4 @@
-// A compromised gateway process: started by the daemon in place of clearance-outside (CLEARANCE_OUTSIDE), it misbehaves
+// A compromised gateway process: started by the daemon in place of clearance-gateway (CLEARANCE_OUTSIDE), it misbehaves
 // as selected by CLEARANCE_HOSTILE.
 #include <poll.h>
 #include <unistd.h>

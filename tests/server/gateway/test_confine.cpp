@@ -47,7 +47,7 @@ void read_file() {
   (void)!::open("/etc/passwd", O_RDONLY);
 }
 void write_file() {
-  (void)!::open("/tmp/clearance-outside-test", O_WRONLY | O_CREAT, 0600);
+  (void)!::open("/tmp/clearance-gateway-test", O_WRONLY | O_CREAT, 0600);
 }
 void fork_off() {
   (void)!::fork();

@@ -250,7 +250,7 @@ class GatewayWithKeys : public Gateway {
   void start_hostile(const std::string& what) {
     daemon_.reset();
     start({"--keys", folder_ / "keys", "--limit", "outside-mib=64"},
-          {"CLEARANCE_OUTSIDE=" + program("clearance-hostile-outside"), "CLEARANCE_HOSTILE=" + what,
+          {"CLEARANCE_OUTSIDE=" + program("clearance-hostile-gateway"), "CLEARANCE_HOSTILE=" + what,
            "CLEARANCE_KEY_TO_CLAIM=" + read_public_key(folder_ / "own.key")});
   }
   ConnectOptions own() const { return {20s, folder_ / "keys/server.key.pub", folder_ / "own.key"}; }

@@ -79,7 +79,7 @@ void pass_on(const Message& message, Link& from, Link& to) {
 }  // namespace
 }  // namespace clearance::fuzz
 
-CLEARANCE_FUZZ_TARGET(outside_link) {
+CLEARANCE_FUZZ_TARGET(gateway_link) {
   using namespace clearance::fuzz;
   Ends hostile, honest;
   Link link(std::move(hostile.one), kLimits), from(std::move(honest.one), kLimits),
