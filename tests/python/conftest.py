@@ -247,5 +247,5 @@ def checker(root):
     spec = importlib.util.spec_from_file_location("check_certificate", root / "tools" / "check_certificate.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    program = BUILD / "bin" / "clearance-judge"
+    program = BUILD / "bin" / "clearance-check-certificate"
     return Judges(module, program if program.exists() and not INSTALLED else None)

@@ -1,4 +1,4 @@
-// `clearance-judge`: checks certificates with this oracle, in place of tools/check_certificate.py.
+// `clearance-check-certificate`: checks certificates with this oracle, in place of tools/check_certificate.py.
 #include <fstream>
 #include <iostream>
 #include <sstream>
@@ -29,7 +29,7 @@ bool check_file(const std::string& name) {
 // Exit code 0 if every row of every file is proved, 1 if some are not or a file is no certificate.
 int main(int argc, char** argv) {
   if (argc < 2 || std::string_view(argv[1]).starts_with("--")) {
-    std::cout << "clearance-judge FILE...: are all rows of these certificates proved?\n";
+    std::cout << "clearance-check-certificate FILE...: are all rows of these certificates proved?\n";
     return argc < 2 ? 1 : 0;
   }
   bool good = true;
