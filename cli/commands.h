@@ -53,7 +53,7 @@ double position_of(const std::string& text, const std::string& expected);
 /// degrees, else nothing.
 std::string degrees_hint(const std::vector<std::pair<double, JointInfo>>& beyond);
 /// Prints a warning for entries of an update that the daemon has stored as bad.
-void warn_of_bad(const PosesDone& done);
+void warn_of_bad(const UpdateResult& done);
 std::string name_of(const SceneInfo& scene, std::uint32_t body);
 
 void add_bodies(CLI::App& app);

@@ -126,7 +126,7 @@ std::string degrees_hint(const std::vector<std::pair<double, JointInfo>>& beyond
   return is_large ? "; in degrees they would be within: positions are in radians" : "";
 }
 
-void warn_of_bad(const PosesDone& done) {
+void warn_of_bad(const UpdateResult& done) {
   if (done.bad > 0)
     std::cerr << "clearance: warning: the daemon stored " << done.bad
               << " of the values as bad; queries give no distance for the bodies that they move\n";

@@ -49,7 +49,7 @@ void set(Client& client, const JointsInfo& info, const std::vector<std::string>&
     const double position = position_of(number, "--set: " + text + ": expected JOINT=POSITION, a position");
     update.emplace_back(joint_of(info, text.substr(0, equals)), position);
   }
-  const PosesDone done = client.set_joints(update);
+  const UpdateResult done = client.set_joints(update);
   std::cout << "pose revision " << done.revision << "\n";
   warn_of_bad(done);
   warn_of_limits(info, update);

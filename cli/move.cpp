@@ -20,8 +20,8 @@ void attach(const SetPoseOptions& o, const Pose7& pose) {
   Client client = o.connection.open();
   std::vector<std::uint32_t> allowed;
   for (const std::string& name : o.allow) allowed.push_back(selector_of(client, name));
-  const PosesDone done = client.attach(body_of(client, o.body), o.free ? kNone : body_of(client, o.parent),
-                                       o.pose.empty() ? nullptr : &pose, allowed);
+  const UpdateResult done = client.attach(body_of(client, o.body), o.free ? kNone : body_of(client, o.parent),
+                                          o.pose.empty() ? nullptr : &pose, allowed);
   std::cout << "pose revision " << done.revision << "\n";
 }
 
@@ -31,7 +31,7 @@ void set_pose(const SetPoseOptions& o) {
   if (o.pose.empty()) throw std::invalid_argument("set-pose: expected POSE, --parent or --free");
   Client client = o.connection.open();
   const std::pair<std::uint32_t, Pose7> pose{body_of(client, o.body), wanted};
-  const PosesDone done = client.set_poses(std::span(&pose, 1));
+  const UpdateResult done = client.set_poses(std::span(&pose, 1));
   if (done.fixed) throw RequestError(0, "\"" + o.body + "\" is static: it does not move");
   std::cout << "pose revision " << done.revision << "\n";
   warn_of_bad(done);

@@ -38,7 +38,7 @@ void run(const PointsOptions& o) {
   const std::vector<std::array<float, 3>> points = read_points(o.file);
   Client client = o.connection.open();
   const std::optional<double> radius = o.radius >= 0 ? std::optional(o.radius) : std::nullopt;
-  const PosesDone done = client.set_points(body_of(client, o.body), points, radius);
+  const UpdateResult done = client.set_points(body_of(client, o.body), points, radius);
   std::cout << done.applied << " points, pose revision " << done.revision << "\n";
 }
 

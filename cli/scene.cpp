@@ -100,7 +100,7 @@ struct AllowOptions {
 void allow(const AllowOptions& o, bool allowed) {
   Client client = o.connection.open();
   const std::uint32_t a = selector_of(client, o.a), b = selector_of(client, o.b);
-  const PosesDone done = allowed ? client.allow(a, b) : client.forbid(a, b);
+  const UpdateResult done = allowed ? client.allow(a, b) : client.forbid(a, b);
   std::cout << done.applied << (done.applied == 1 ? " pair" : " pairs") << (allowed ? " allowed\n" : " forbidden\n");
 }
 

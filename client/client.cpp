@@ -48,21 +48,21 @@ Pending Client::submit(const Query& query) {
   return Pending(impl_, impl().send_query(FrameType::kQuery, query));
 }
 
-PosesDone Client::set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
-                            std::int64_t sequence) {
+UpdateResult Client::set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
+                               std::int64_t sequence) {
   return impl().send_poses(poses, stamp_ns, sequence);
 }
 
-PosesDone Client::set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns,
-                            std::int64_t sequence) {
+UpdateResult Client::set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns,
+                               std::int64_t sequence) {
   std::vector<std::pair<std::uint32_t, Pose7>> by_id;
   by_id.reserve(poses.size());
   for (const auto& [name, pose] : poses) by_id.emplace_back(body(name), pose);
   return impl().send_poses(by_id, stamp_ns, sequence);
 }
 
-PosesDone Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child,
-                         std::span<const std::uint32_t> allow) {
+UpdateResult Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child,
+                            std::span<const std::uint32_t> allow) {
   wire::AttachRecord record;
   record.child = child;
   record.parent = parent;
@@ -75,17 +75,17 @@ PosesDone Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7*
   return impl().change_pairs(FrameType::kAttach, std::as_bytes(std::span(&record, 1)), std::move(records));
 }
 
-PosesDone Client::allow(std::uint32_t a, std::uint32_t b) {
+UpdateResult Client::allow(std::uint32_t a, std::uint32_t b) {
   const wire::AllowRecord record{a, b, 1, {}};
   return impl().change_pairs(FrameType::kAllow, std::as_bytes(std::span(&record, 1)));
 }
-PosesDone Client::forbid(std::uint32_t a, std::uint32_t b) {
+UpdateResult Client::forbid(std::uint32_t a, std::uint32_t b) {
   const wire::AllowRecord record{a, b, 0, {}};
   return impl().change_pairs(FrameType::kAllow, std::as_bytes(std::span(&record, 1)));
 }
 
-PosesDone Client::set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns,
-                             std::int64_t sequence) {
+UpdateResult Client::set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns,
+                                std::int64_t sequence) {
   std::vector<std::byte> payload;
   wire::PosesHeader header;
   header.count = positions.size();
@@ -102,8 +102,8 @@ PosesDone Client::set_joints(std::span<const std::pair<std::uint32_t, double>> p
   return impl().poses_done(*impl().call(FrameType::kSetJoints, payload, FrameType::kPosesDone, 0, revision));
 }
 
-PosesDone Client::set_points(std::uint32_t body, std::span<const std::array<float, 3>> xyz,
-                             std::optional<double> radius, std::int64_t stamp_ns, std::int64_t sequence) {
+UpdateResult Client::set_points(std::uint32_t body, std::span<const std::array<float, 3>> xyz,
+                                std::optional<double> radius, std::int64_t stamp_ns, std::int64_t sequence) {
   wire::PointsHeader header;
   header.count = xyz.size();
   header.stamp_ns = stamp_ns;

@@ -162,7 +162,7 @@ struct JointsInfo {
   std::vector<JointInfo> joints;
   std::vector<JointGroupInfo> groups;
 };
-struct PosesDone {
+struct UpdateResult {
   std::uint64_t revision = 0;  ///< pose revision that contains the update
   std::uint64_t scene_revision = 0;
   std::uint32_t applied = 0, bad = 0, unknown = 0, fixed = 0;
@@ -301,32 +301,32 @@ class CLEARANCE_API Client {
   /// Applies poses as one snapshot. Throws RequestError, and applies nothing, for a stamp below 0, far ahead of the
   /// daemon's clock, or older than this client's last for one of the bodies.
   /// \param stamp_ns, sequence the caller's clock and its count of updates, returned with replies; 0 for none
-  PosesDone set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0,
-                      std::int64_t sequence = 0);
-  PosesDone set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0,
-                      std::int64_t sequence = 0);
+  UpdateResult set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0,
+                         std::int64_t sequence = 0);
+  UpdateResult set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0,
+                         std::int64_t sequence = 0);
   /// Sets joint positions by id, radians and metres, and with them the poses of links. Throws RequestError also for a
   /// repeated joint.
-  PosesDone set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns = 0,
-                       std::int64_t sequence = 0);
+  UpdateResult set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns = 0,
+                          std::int64_t sequence = 0);
   /// Replaces the points of a cloud atomically, for all queries that start after it returns. `applied` counts points.
   /// Throws RequestError, and replaces nothing, for a body that is no cloud, a coordinate that is not finite, too many
   /// points, and stamps as set_poses() does.
   /// \param xyz (N,) metres, in the body's frame; empty for an empty body
   /// \param radius metres, growth of the points; by default the radius in the scene
-  PosesDone set_points(std::uint32_t body, std::span<const std::array<float, 3>> xyz, std::optional<double> radius = {},
-                       std::int64_t stamp_ns = 0, std::int64_t sequence = 0);
+  UpdateResult set_points(std::uint32_t body, std::span<const std::array<float, 3>> xyz,
+                          std::optional<double> radius = {}, std::int64_t stamp_ns = 0, std::int64_t sequence = 0);
   /// Returns the joints of the scene's robots with their current positions.
   JointsInfo joints();
   /// Attaches `child` to `parent`, at its current relative pose or at X_parent_child; with kNone, detaches it.
   /// \param allow bodies and groups (selectors) that the child may touch during this attachment: their pairs with it
   /// are disabled until the next attach() of the child
-  PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr,
-                   std::span<const std::uint32_t> allow = {});
+  UpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr,
+                      std::span<const std::uint32_t> allow = {});
   /// Disables the pairs of a body or group (selectors) with another, or enables them again, except those of a parent
   /// and its child. `applied` counts the pairs that have changed. Throws RequestError.
-  PosesDone allow(std::uint32_t a, std::uint32_t b);
-  PosesDone forbid(std::uint32_t a, std::uint32_t b);
+  UpdateResult allow(std::uint32_t a, std::uint32_t b);
+  UpdateResult forbid(std::uint32_t a, std::uint32_t b);
 
   /// Makes the daemon reload its scene file, and waits for the new scene. Queries of other clients continue, and bodies
   /// keep their poses and attachments by name. If loading fails, the old scene stays, and this throws RequestError with

@@ -38,8 +38,8 @@ bool Client::Impl::ids_mean_the_same(const SceneInfo& now, bool parents) const {
          same(scene->groups, now.groups, [](const GroupInfo& a, const GroupInfo& b) { return a.name == b.name; });
 }
 
-PosesDone Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
-                                   std::int64_t sequence) {
+UpdateResult Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
+                                      std::int64_t sequence) {
   std::vector<std::byte> payload(sizeof(wire::PosesHeader) + poses.size() * sizeof(wire::PoseRecord));
   wire::PosesHeader header;
   header.count = poses.size();

@@ -177,9 +177,9 @@ struct Client::Impl {
   /// parents.
   bool ids_mean_the_same(const SceneInfo& now, bool parents) const;
 
-  PosesDone send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
-                       std::int64_t sequence);
-  PosesDone poses_done(const Frame& frame) const {
+  UpdateResult send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
+                          std::int64_t sequence);
+  UpdateResult poses_done(const Frame& frame) const {
     const auto r = checked([&] { return wire::parse_poses_done(body_of(frame)); });
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
   }
@@ -194,13 +194,13 @@ struct Client::Impl {
   }
 
   /// Sends a request that changes the enabled pairs but no ids.
-  PosesDone change_pairs(wire::FrameType type, std::span<const std::byte> payload,
-                         std::vector<std::byte> records = {}) {
+  UpdateResult change_pairs(wire::FrameType type, std::span<const std::byte> payload,
+                            std::vector<std::byte> records = {}) {
     const std::uint64_t revision = revision_of_ids();
     const std::uint64_t request = send_with(type, payload, revision, std::move(records), "attach: allow");
     const auto frame = receive(request, wire::FrameType::kPosesDone);
     scene_is_old = true;
-    const PosesDone done = poses_done(*frame);
+    const UpdateResult done = poses_done(*frame);
     if (revision) known_revision = poses_revision = done.scene_revision;
     return done;
   }

@@ -47,7 +47,7 @@ class LcmClientTest : public LcmTest {
   static void place(Client& client, double t) {
     std::vector<std::pair<std::uint32_t, Pose7>> poses;
     for (std::uint32_t i = 0; i < kBodies; ++i) poses.push_back({i, pose_of(i, t)});
-    const PosesDone done = client.set_poses(poses, 77, 4);
+    const UpdateResult done = client.set_poses(poses, 77, 4);
     EXPECT_EQ(done.applied, kBodies);
   }
   std::optional<Engine> engine_;

@@ -401,7 +401,7 @@ class PyClient {
   static nb::tuple changed(const SceneChanged& r) {
     return nb::make_tuple(r.scene_revision, r.body_count, r.body, r.seconds);
   }
-  static nb::tuple done(const PosesDone& r) {
+  static nb::tuple done(const UpdateResult& r) {
     return nb::make_tuple(r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed);
   }
 

@@ -42,7 +42,7 @@ from ._names import BodyInfo
 from ._poses import pose7_from_matrix
 from ._prepared import Prepared
 from ._result import Check, Result
-from ._updates import PosesDone
+from ._updates import UpdateResult
 from ._version import __version__
 from ._words import EVERY_BODY, NONE, Field, Flag, Format, Precision, Reduce, Status
 
@@ -79,7 +79,7 @@ __all__ = [
     "NONE",
     "NewEpoch",
     "PoseWarning",
-    "PosesDone",
+    "UpdateResult",
     "Precision",
     "PathCheck",
     "Prepared",

@@ -29,7 +29,7 @@ from ._poses import as_first_pose
 from ._query import Query
 from ._remote_plan import RemotePlan
 from ._result import Result
-from ._updates import PosesDone
+from ._updates import UpdateResult
 from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, MeshAsWord, Reduce, ReduceWord, Status
 from .wire import ErrorCode
 
@@ -353,27 +353,27 @@ class Client(Front):
             raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
         return self._guarded(pending.answer)
 
-    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
-        return PosesDone(*self._guarded(self._use().set_poses, ids, poses, stamp_ns, sequence))
+    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
+        return UpdateResult(*self._guarded(self._use().set_poses, ids, poses, stamp_ns, sequence))
 
     def _load_joints(self) -> tuple[list[Any], list[Any]]:
         return self._use().joints()
 
-    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
-        return PosesDone(*self._guarded(self._use().set_joints, ids, positions, stamp_ns, sequence))
+    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
+        return UpdateResult(*self._guarded(self._use().set_joints, ids, positions, stamp_ns, sequence))
 
     def _send_points(
         self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int
-    ) -> PosesDone:
-        return PosesDone(*self._guarded(self._use().set_points, body, xyz, radius, stamp_ns, sequence))
+    ) -> UpdateResult:
+        return UpdateResult(*self._guarded(self._use().set_points, body, xyz, radius, stamp_ns, sequence))
 
-    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> PosesDone:
-        return PosesDone(
+    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> UpdateResult:
+        return UpdateResult(
             *self._guarded(self._use().attach, child, parent, None if pose is None else pose.reshape(1, 7), allow)
         )
 
-    def _send_allow(self, a: int, b: int, allow: bool) -> PosesDone:
-        return PosesDone(*self._guarded(self._use().allow, a, b, allow))
+    def _send_allow(self, a: int, b: int, allow: bool) -> UpdateResult:
+        return UpdateResult(*self._guarded(self._use().allow, a, b, allow))
 
     def _guarded(self, call: Any, *args: Any) -> Any:
         """Calls, and discards the cached names if the daemon rejects the request for its scene."""

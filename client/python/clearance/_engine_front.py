@@ -21,7 +21,7 @@ from ._names import BodyRef, NameTable
 from ._plan_arguments import plan_query
 from ._query import POINTS_BY_DEFAULT, Query
 from ._scene import Scene, name_table
-from ._updates import PosesDone
+from ._updates import UpdateResult
 from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, ReduceWord, Status
 
 
@@ -166,25 +166,25 @@ class Engine(Front):
         job = self._engine.start(query.raw, query.out_list())
         return EngineFuture(self._worker.submit(job, lambda done: self._result(query, done.answer())), query.timeout_s)
 
-    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
-        return PosesDone(*self._engine.set_poses(ids, poses, stamp_ns, sequence))
+    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
+        return UpdateResult(*self._engine.set_poses(ids, poses, stamp_ns, sequence))
 
     def _load_joints(self) -> tuple[list[Any], list[Any]]:
         return self._engine.joints()
 
-    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
-        return PosesDone(*self._engine.set_joints(ids, positions, stamp_ns, sequence))
+    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
+        return UpdateResult(*self._engine.set_joints(ids, positions, stamp_ns, sequence))
 
     def _send_points(
         self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int
-    ) -> PosesDone:
-        return PosesDone(*self._engine.set_points(body, xyz, radius, stamp_ns, sequence))
+    ) -> UpdateResult:
+        return UpdateResult(*self._engine.set_points(body, xyz, radius, stamp_ns, sequence))
 
-    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> PosesDone:
-        return PosesDone(*self._engine.attach(child, parent, None if pose is None else pose.reshape(1, 7), allow))
+    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> UpdateResult:
+        return UpdateResult(*self._engine.attach(child, parent, None if pose is None else pose.reshape(1, 7), allow))
 
-    def _send_allow(self, a: int, b: int, allow: bool) -> PosesDone:
-        return PosesDone(*self._engine.allow(a, b, allow))
+    def _send_allow(self, a: int, b: int, allow: bool) -> UpdateResult:
+        return UpdateResult(*self._engine.allow(a, b, allow))
 
     def __repr__(self) -> str:
         return f"<clearance.Engine {self.backend}: {len(self.bodies)} bodies>"

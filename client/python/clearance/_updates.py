@@ -17,7 +17,7 @@ from ._words import NONE
 
 
 @dataclass(frozen=True)
-class PosesDone:
+class UpdateResult:
     """The effect of an update, which applies as a whole, in one snapshot."""
 
     revision: int  #: of the snapshot that contains the update
@@ -43,21 +43,21 @@ class Updates:
     def _joint_table(self) -> JointTable:
         raise NotImplementedError
 
-    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
+    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
         raise NotImplementedError
 
-    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
+    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
         raise NotImplementedError
 
     def _send_points(
         self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int
-    ) -> PosesDone:
+    ) -> UpdateResult:
         raise NotImplementedError
 
-    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> PosesDone:
+    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> UpdateResult:
         raise NotImplementedError
 
-    def _send_allow(self, a: int, b: int, allow: bool) -> PosesDone:
+    def _send_allow(self, a: int, b: int, allow: bool) -> UpdateResult:
         raise NotImplementedError
 
     # ---- updates --------------------------------------------------------------------------------------------------
@@ -68,7 +68,7 @@ class Updates:
         bodies: Optional[Sequence[BodyRef]] = None,
         stamp_ns: int = 0,
         sequence: int = 0,
-    ) -> PosesDone:
+    ) -> UpdateResult:
         """Applies poses of one or more bodies as one snapshot.
 
         poses: {body: pose}, bodies by name or id; a pose is 7 numbers [x, y, z, qw, qx, qy, qz] (metres) or a (4, 4)
@@ -105,7 +105,7 @@ class Updates:
         radius: Optional[float] = None,
         stamp_ns: int = 0,
         sequence: int = 0,
-    ) -> PosesDone:
+    ) -> UpdateResult:
         """Replaces the points of a cloud atomically: a query uses all old points or all new ones.
 
         body: name or id of a body that was added as points, empty or not.
@@ -132,7 +132,7 @@ class Updates:
         joints: Optional[JointsRef] = None,
         stamp_ns: int = 0,
         sequence: int = 0,
-    ) -> PosesDone:
+    ) -> UpdateResult:
         """Sets positions of robots' joints, and with them the poses of their links, as one snapshot.
 
         positions: {joint: position}, by name ("panda/panda_joint1") or id, radians and metres; or (J,) numbers with
@@ -152,7 +152,7 @@ class Updates:
 
     def attach(
         self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None, allow: Sequence[BodyRef] = ()
-    ) -> PosesDone:
+    ) -> UpdateResult:
         """Attaches `child` to `parent`, at its current relative pose or at `pose` (X_parent_child).
 
         With parent None, detaches the child at its current pose.
@@ -172,7 +172,7 @@ class Updates:
         self._names_cache = None
         return done
 
-    def allow(self, a: BodyRef, b: BodyRef) -> PosesDone:
+    def allow(self, a: BodyRef, b: BodyRef) -> UpdateResult:
         """Allows contact of `a` and `b` (bodies or groups): excludes their pairs from pairs=None and from groups.
 
         A query can still name such a pair by its two bodies. `applied` counts the pairs that changed. Raises QueryError
@@ -180,14 +180,14 @@ class Updates:
         """
         return self._allow(a, b, True)
 
-    def forbid(self, a: BodyRef, b: BodyRef) -> PosesDone:
+    def forbid(self, a: BodyRef, b: BodyRef) -> UpdateResult:
         """Includes the pairs of `a` and `b` (bodies or groups) again, whichever call excluded them.
 
         Pairs of a parent and its child, and of two static bodies, stay excluded.
         """
         return self._allow(a, b, False)
 
-    def _allow(self, a: BodyRef, b: BodyRef, allow: bool) -> PosesDone:
+    def _allow(self, a: BodyRef, b: BodyRef, allow: bool) -> UpdateResult:
         done = self._send_allow(self._names.selector(a, "a"), self._names.selector(b, "b"), allow)
         self._names_cache = None
         return done

@@ -58,7 +58,7 @@ class Bridge:
         self.unknown: set[str] = set()  #: joints and frames of messages that are not in the scene
         self.scene = SceneFollower(client, robot)
 
-    def on_joints(self, message: Any) -> Optional[clearance.PosesDone]:
+    def on_joints(self, message: Any) -> Optional[clearance.UpdateResult]:
         """sensor_msgs/JointState: sets the joints that the scene has, as one snapshot. Returns None if it names none.
 
         A message without positions (with velocities alone) is ignored, and so is one that repeats the last one with its
@@ -76,7 +76,7 @@ class Bridge:
         positions = {n: float(q) for n, q in zip(names, message.position) if n in known}
         return self._send(self.client.set_joints, positions, stamp_ns(message.header))
 
-    def _send(self, send: Any, values: dict[str, Any], stamp: int) -> Optional[clearance.PosesDone]:
+    def _send(self, send: Any, values: dict[str, Any], stamp: int) -> Optional[clearance.UpdateResult]:
         """Sends an update, unless it is empty or an exact repeat; without its stamp if the clock was set back."""
         names = tuple(values)
         if not values or (stamp and self._last.get(names) == (stamp, values)):
@@ -94,7 +94,7 @@ class Bridge:
             self._known = revision, frozenset(state.name for state in self.client.joint_states())
         return self._known[1]
 
-    def on_poses(self, transforms: list[Any]) -> Optional[clearance.PosesDone]:
+    def on_poses(self, transforms: list[Any]) -> Optional[clearance.UpdateResult]:
         """geometry_msgs/TransformStamped of the bodies named like their frames. Returns None if none is known.
 
         Raises ValueError if a frame occurs twice.
