@@ -214,8 +214,8 @@ void* see_out(void*) {
 
 bool kernel_refuses_descriptors() {
   static const bool refuses = [] {
-    const char* doorman = std::getenv("CLEARANCE_DOORMAN");
-    if (doorman && std::string(doorman) == "on") return false;
+    const char* proxy = std::getenv("CLEARANCE_FD_FILTER_PROXY");
+    if (proxy && std::string(proxy) == "on") return false;
     const UniqueFd probe(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     return probe && set_passrights(probe.get(), 0);
   }();

@@ -12,7 +12,7 @@
 namespace clearance {
 
 /// Whether the kernel rejects descriptors (SO_PASSRIGHTS, Linux 6.16), so that no proxy is needed. False with
-/// CLEARANCE_DOORMAN=on in the environment, for tests.
+/// CLEARANCE_FD_FILTER_PROXY=on in the environment, for tests.
 bool kernel_refuses_descriptors();
 
 /// Makes a Unix socket that does not listen yet reject descriptors, and each connection that it accepts. Does nothing

@@ -44,7 +44,7 @@ void say(const char* step, const std::string& what, const std::string& refused) 
   if (refused.empty())
     log::info("event=real_time step={} text=\"{}\"", step, what);
   else
-    log::warn("event=real_time_refused step={} cause=\"{}\"", step, log_text(refused));
+    log::warn("event=real_time_rejected step={} cause=\"{}\"", step, log_text(refused));
 }
 
 }  // namespace

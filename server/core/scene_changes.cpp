@@ -140,7 +140,7 @@ void SceneChanges::let_wait(Request& request, Waiter waiter) {
 void SceneChanges::ask_reload(Request& request) {
   if (!reloader_) throw RejectedRequest{ErrorCode::kNotSupported, "there is no scene file to reload"};
   quotas_.check_requests(request.sink->client());
-  log::info("event=reload_asked client={}", request.sink->client());
+  log::info("event=reload_requested client={}", request.sink->client());
   let_wait(request, {.asked = {}, .load = reloader_->next_load(), .name = ""});
   reloader_->ask();
 }

@@ -96,7 +96,7 @@ void ReplyWriter::count_query(std::uint64_t server_ns, std::uint64_t rows) {
 
 void ReplyWriter::refuse(ReplySink& sink, const FrameHeader& request, const RejectedRequest& refusal) {
   stats_.count_error(std::string(wire::error_name(refusal.code)), refusal.text);
-  log::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
+  log::debug("event=rejected client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
              log_text(refusal.text));
   try {
     if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes,

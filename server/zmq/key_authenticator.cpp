@@ -35,7 +35,7 @@ void KeyAuthenticator::refused(RequestHandler& handler, const std::string& what)
     return;
   }
   next_line_ = now + std::chrono::seconds(1);
-  log::warn("event=zmq_refused more={} {}", std::exchange(unsaid_, 0), what);
+  log::warn("event=zmq_rejected more={} {}", std::exchange(unsaid_, 0), what);
 }
 
 void KeyAuthenticator::tick() {

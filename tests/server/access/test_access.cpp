@@ -237,7 +237,7 @@ TEST_F(SocketGroup, ItsMembersGetTheirRightsAndOthersAreRefused) {
 }
 
 TEST_F(SocketGroup, TheDoormanTellsWhoIsBehindAConnection) {
-  expect_rights_of_members({"CLEARANCE_DOORMAN=on"});
+  expect_rights_of_members({"CLEARANCE_FD_FILTER_PROXY=on"});
 }
 
 TEST_F(SocketGroup, AMemberWhoTakesAllPlacesShutsOutNobodyElse) {

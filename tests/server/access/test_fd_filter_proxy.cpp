@@ -119,7 +119,7 @@ class FdFilterProxy : public testing::TestWithParam<const char*> {
     daemon_.emplace(
         std::vector<std::string>{"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--shm", folder_ / "c.sock",
                                  "--zmq", "ipc://" + (folder_ / "c.ipc"), "--metrics", folder_ / "m.sock"},
-        std::vector<std::string>{std::string("CLEARANCE_DOORMAN=") + GetParam()});
+        std::vector<std::string>{std::string("CLEARANCE_FD_FILTER_PROXY=") + GetParam()});
   }
   bool uses_proxy() const { return std::string(GetParam()) == "on"; }
   /// Checks that new and existing clients are answered, on every endpoint.
@@ -145,9 +145,9 @@ class FdFilterProxy : public testing::TestWithParam<const char*> {
 };
 
 TEST_P(FdFilterProxy, NobodyWaitsForDescriptorsOfOthers) {
-  EXPECT_NE(daemon_->log().find(std::string("event=descriptors_of_strangers refused_by=") +
-                                (uses_proxy() ? "doorman" : "kernel")),
-            std::string::npos)
+  EXPECT_NE(
+      daemon_->log().find(std::string("event=descriptor_filter rejected_by=") + (uses_proxy() ? "proxy" : "kernel")),
+      std::string::npos)
       << daemon_->log();
   std::vector<Client> old;
   for (const std::string& url : daemon_->urls()) old.push_back(connect(url, {.timeout = std::chrono::seconds(60)}));

@@ -128,7 +128,7 @@ TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
   ask(witness);
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { come("stranger"); }), "the daemon rejects this client's key"));
   EXPECT_TRUE(
-      contains(daemon_->log(), "event=zmq_refused more=0 reason=\"this key is not authorized\" address=127.0.0.1"));
+      contains(daemon_->log(), "event=zmq_rejected more=0 reason=\"this key is not authorized\" address=127.0.0.1"));
   EXPECT_TRUE(contains(daemon_->log(), read_public_key(folder_ / "stranger.key")));
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { patient(daemon_->url()); }), "the daemon there needs keys"));
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon_->url(), with("all", "probe.key.pub")); }),

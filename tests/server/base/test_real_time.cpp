@@ -93,7 +93,7 @@ TEST(RealTime, OfADaemonTheLoopAlone) {
   const int policy = sched_getscheduler(daemon.pid());
   const bool is_first = log.find("event=real_time step=priority") != std::string::npos;
   EXPECT_EQ(policy == (SCHED_FIFO | SCHED_RESET_ON_FORK), is_first) << log;
-  EXPECT_NE(is_first, log.find("event=real_time_refused step=priority") != std::string::npos) << log;
+  EXPECT_NE(is_first, log.find("event=real_time_rejected step=priority") != std::string::npos) << log;
   const bool is_locked = log.find("event=real_time step=lock_memory") != std::string::npos;
   EXPECT_EQ(std::stoul(line_of(process + "/status", "VmLck:")) > 0, is_locked) << log;
   int others = 0;
