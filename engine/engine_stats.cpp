@@ -39,7 +39,7 @@ Counters Engine::stats() const {
   std::uint64_t vertices = 0, pieces = 0, points = 0;
   for (const Body& body : snapshot->scene->bodies()) {
     points += point_count(body);
-    for (const PiecePtr& piece : body.pieces) {
+    for (const ConvexPartPtr& piece : body.pieces) {
       ++pieces;
       vertices += piece->vertices.size();
     }

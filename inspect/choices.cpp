@@ -43,7 +43,7 @@ Body made(const Body& body, Geometry geometry, const Pose& X_wb) {
 }
 
 Choice choice_of(std::uint32_t id, MeshAs what, bool is_now, const Geometry& geometry) {
-  const Piece& piece = *geometry.pieces[0];
+  const ConvexPart& piece = *geometry.pieces[0];
   Choice choice{.body = id,
                 .what = what,
                 .is_now = is_now,
@@ -57,7 +57,7 @@ Choice choice_of(std::uint32_t id, MeshAs what, bool is_now, const Geometry& geo
   if (const Decomposition* pieces = piece.surface->decomposition()) {
     choice.stand_ins = pieces->pieces.size();
     choice.inner = pieces->inner;
-    for (const PiecePtr& stands : pieces->pieces) choice.bytes += resident_bytes(*stands);
+    for (const ConvexPartPtr& stands : pieces->pieces) choice.bytes += resident_bytes(*stands);
   }
   return choice;
 }

@@ -11,13 +11,13 @@
 
 namespace clearance {
 
-struct ProposedPiece {
+struct ProposedPart {
   std::vector<Vec3d> vertices;
   std::vector<Triangle> triangles;
 };
 
 /// Returns CoACD's convex parts of a mesh. Only their indices are checked. Throws as decompose() does.
-std::vector<ProposedPiece> propose_pieces(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
-                                          const DecomposeOptions& options, const std::atomic<bool>& stop);
+std::vector<ProposedPart> propose_pieces(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
+                                         const DecomposeOptions& options, const std::atomic<bool>& stop);
 
 }  // namespace clearance

@@ -23,7 +23,7 @@ double seconds_since(Clock::time_point begin) {
 }
 
 // Writes an OBJ with one object per part to a temporary file and renames it.
-void write_pieces(const std::string& path, const std::vector<ProposedPiece>& pieces, const DecomposeOptions& options) {
+void write_pieces(const std::string& path, const std::vector<ProposedPart>& pieces, const DecomposeOptions& options) {
   const std::string unfinished = path + ".unfinished";
   std::ofstream file(unfinished);
   file << "# convex pieces for " << std::filesystem::path(options.mesh).filename().string()
@@ -74,7 +74,7 @@ DecomposedMesh decompose(const DecomposeOptions& options, const std::atomic<bool
   out.prove_s = seconds_since(begin);
   const Decomposition& proved = *made.pieces[0]->surface->decomposition();
   out.pieces = proved.pieces.size();
-  for (const PiecePtr& piece : proved.pieces) out.vertices += piece->vertices.size();
+  for (const ConvexPartPtr& piece : proved.pieces) out.vertices += piece->vertices.size();
   out.inner = proved.inner;
   std::vector<double> outer = proved.outer;
   std::sort(outer.begin(), outer.end());

@@ -16,7 +16,7 @@ namespace clearance {
 
 namespace {
 
-bool is_box(const Piece& piece) {
+bool is_box(const ConvexPart& piece) {
   if (piece.vertices.size() != 8) return false;
   for (const Vec3d& v : piece.vertices)
     for (int k = 0; k < 3; ++k)
@@ -24,7 +24,7 @@ bool is_box(const Piece& piece) {
   return piece.half.x > 0 && piece.half.y > 0 && piece.half.z > 0;  // all eight corners are distinct
 }
 
-std::string form_of(const Piece& piece) {
+std::string form_of(const ConvexPart& piece) {
   const bool rounded = piece.radius > 0;
   if (piece.surface) return std::string(rounded ? "rounded " : "") + (piece.surface->is_solid() ? "solid" : "surface");
   if (piece.primitive) return std::string(rounded ? "rounded " : "") + name_of(piece.primitive->kind);
@@ -33,7 +33,7 @@ std::string form_of(const Piece& piece) {
   return std::string(rounded ? "rounded " : "") + (is_box(piece) ? "box" : "hull");
 }
 
-std::uint64_t bytes_of(const Piece& piece) {
+std::uint64_t bytes_of(const ConvexPart& piece) {
   return resident_bytes(piece) + (piece.surface ? piece.surface->resident_bytes() : 0);
 }
 
@@ -51,7 +51,7 @@ BodyReport describe(const Body& body) {
   if (!std::isnan(body.empty_share)) r.empty_share = body.empty_share;
   r.extent = extent_of(body);
   r.form = body.pieces.empty() ? "frame" : form_of(*body.pieces[0]);
-  for (const PiecePtr& piece : body.pieces) {
+  for (const ConvexPartPtr& piece : body.pieces) {
     if (form_of(*piece) != r.form) r.form = "mixed";
     r.loaded += piece->loaded_vertices;
     r.vertices += piece->vertices.size();
@@ -98,12 +98,12 @@ void count_partners(const Scene& scene, SceneReport& report) {
 }
 
 void count_sharing(const Scene& scene, SceneReport& report) {
-  std::map<const Piece*, std::uint32_t> holders;
+  std::map<const ConvexPart*, std::uint32_t> holders;
   std::set<const DisplayMesh*> displays;
   for (const Body& body : scene.bodies()) {
-    std::set<const Piece*> own;
-    for (const PiecePtr& piece : body.pieces) own.insert(piece.get());
-    for (const Piece* piece : own)
+    std::set<const ConvexPart*> own;
+    for (const ConvexPartPtr& piece : body.pieces) own.insert(piece.get());
+    for (const ConvexPart* piece : own)
       if (++holders[piece] == 1) report.bytes += bytes_of(*piece);
     if (displays.insert(body.display.get()).second) report.display_bytes += display_bytes(body);
   }

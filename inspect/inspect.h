@@ -41,7 +41,7 @@ struct Finding {
     kUnused,        ///< no enabled pair touches the body
     kDuplicate,     ///< same shape and pose as `other`
     kUnshared,      ///< a second copy of the geometry of `other`
-    kInnerPiece,    ///< the part is proved to lie inside another one of its body
+    kInnerPart,     ///< the part is proved to lie inside another one of its body
     kFlatVertices,  ///< vertices on the hull of the others, up to rounding
     kSphere,        ///< a sphere around the body is hardly larger
     kBox,           ///< a box around the body is hardly larger

@@ -29,12 +29,12 @@ using Place = std::tuple<std::uint32_t, double, double, double, double, double, 
 /// Bodies of one shape: the first of them, and their distinct convex parts.
 struct Copies {
   std::uint32_t first;
-  std::set<const Piece*> held;
+  std::set<const ConvexPart*> held;
 };
 
 Piecewise digests(const Body& body) {
   Piecewise all;
-  for (const PiecePtr& piece : body.pieces) all.push_back(piece->digest);
+  for (const ConvexPartPtr& piece : body.pieces) all.push_back(piece->digest);
   return all;
 }
 
@@ -66,7 +66,7 @@ class Search {
 
  private:
   // Bodies of several convex parts are not compared with primitives, and not counted.
-  std::string also_for(const PiecePtr& piece) const {
+  std::string also_for(const ConvexPartPtr& piece) const {
     const std::size_t others = holders_.at(piece.get()) - 1;
     return others == 0 ? "" : text("; the same holds for %zu more that share its shape", others);
   }
@@ -91,7 +91,7 @@ class Search {
     }
     Copies& copies = copies_.try_emplace(shape, Copies{b, {}}).first->second;
     std::uint64_t bytes = 0;
-    for (const PiecePtr& piece : body.pieces) bytes += resident_bytes(*piece);
+    for (const ConvexPartPtr& piece : body.pieces) bytes += resident_bytes(*piece);
     if (copies.held.insert(body.pieces[0].get()).second && copies.held.size() > 1 && bytes >= kWorthSharing)
       add(Finding::Kind::kUnshared, b,
           "its geometry is that of " + name(copies.first) + ", held once more: " +
@@ -100,7 +100,7 @@ class Search {
   }
 
   // Returns whether part p is proved to lie inside q: reduce_to_hull() drops only inner vertices.
-  static bool holds(const Piece& q, const Piece& p) {
+  static bool holds(const ConvexPart& q, const ConvexPart& p) {
     if (q.surface || p.surface) return false;  // hulls of meshes are not solid
     if (p.radius > q.radius || p.vertices.size() + q.vertices.size() > kMostVertices) return false;
     for (int k = 0; k < 3; ++k)
@@ -115,17 +115,17 @@ class Search {
   }
 
   void look_inside(std::uint32_t b) {
-    const std::vector<PiecePtr>& pieces = scene_.bodies()[b].pieces;
+    const std::vector<ConvexPartPtr>& pieces = scene_.bodies()[b].pieces;
     std::vector<char> gone(pieces.size(), 0);
     for (std::size_t i = 0; i < pieces.size(); ++i)
       for (std::size_t j = 0; j < pieces.size() && !gone[i]; ++j) {
         if (i == j || gone[j] || !holds(*pieces[j], *pieces[i])) continue;
         gone[i] = 1;
-        add(Finding::Kind::kInnerPiece, b, text("piece %zu lies inside piece %zu: it never decides a distance", i, j));
+        add(Finding::Kind::kInnerPart, b, text("piece %zu lies inside piece %zu: it never decides a distance", i, j));
       }
   }
 
-  void look_at_piece(std::uint32_t b, const PiecePtr& piece) {
+  void look_at_piece(std::uint32_t b, const ConvexPartPtr& piece) {
     // Findings of a part apply to every body that shares it and are reported once.
     if (piece->surface || !seen_.insert(piece.get()).second || piece->vertices.size() <= kFewVertices) return;
     const double allowed = within_ * (piece->spread + piece->radius);
@@ -143,9 +143,9 @@ class Search {
   }
 
   // Upper bounds on the (signed) distance between each point and the core of a convex part, in its body's frame.
-  static std::vector<double> upper_distances(const PiecePtr& piece, const std::vector<Vec3d>& points, bool depth,
+  static std::vector<double> upper_distances(const ConvexPartPtr& piece, const std::vector<Vec3d>& points, bool depth,
                                              double abs_tol) {
-    const PiecePtr core = piece->radius > 0 ? make_piece(piece->vertices) : piece;
+    const ConvexPartPtr core = piece->radius > 0 ? make_piece(piece->vertices) : piece;
     Scene scene;
     std::vector<BodyPair> pairs;
     for (std::size_t i = 0; i <= points.size(); ++i) {
@@ -176,7 +176,7 @@ class Search {
 
   // A small ball around the vertices: Badoiu and Clarkson, "Smaller core-sets for balls" (2003): steps towards the
   // farthest vertex that grow shorter, short ones from the start since the box's centre is a good one.
-  bool look_for_sphere(std::uint32_t b, const PiecePtr& piece, double allowed) {
+  bool look_for_sphere(std::uint32_t b, const ConvexPartPtr& piece, double allowed) {
     Vec3d centre = piece->centre;
     const auto farthest = [&] {
       std::pair<double, const Vec3d*> far{-1, nullptr};
@@ -217,7 +217,7 @@ class Search {
   };
 
   // Candidate axes of a box around the part: the body's, the principal ones, and those of its largest faces.
-  static std::vector<Frame> frames(const Piece& piece, const std::vector<Triangle>& faces) {
+  static std::vector<Frame> frames(const ConvexPart& piece, const std::vector<Triangle>& faces) {
     std::vector<Frame> all{{Eigen::Matrix3d::Identity()}};
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
     for (const Vec3d& v : piece.vertices) {
@@ -244,7 +244,7 @@ class Search {
     return all;
   }
 
-  bool look_for_box(std::uint32_t b, const PiecePtr& piece, const std::vector<Triangle>& faces, double allowed) {
+  bool look_for_box(std::uint32_t b, const ConvexPartPtr& piece, const std::vector<Triangle>& faces, double allowed) {
     double least = std::numeric_limits<double>::infinity();
     Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
     Frame best{Eigen::Matrix3d::Identity()};
@@ -291,8 +291,8 @@ class Search {
   double within_;
   std::map<std::pair<Piecewise, Place>, std::uint32_t> placed_;
   std::map<Piecewise, Copies> copies_;
-  std::set<const Piece*> seen_;
-  std::map<const Piece*, std::size_t> holders_;  // number of bodies that consist of this part alone
+  std::set<const ConvexPart*> seen_;
+  std::map<const ConvexPart*, std::size_t> holders_;  // number of bodies that consist of this part alone
   std::vector<Finding> findings_;
 };
 
@@ -306,7 +306,7 @@ const char* name_of(Finding::Kind kind) {
       return "duplicate";
     case Finding::Kind::kUnshared:
       return "unshared";
-    case Finding::Kind::kInnerPiece:
+    case Finding::Kind::kInnerPart:
       return "inner_piece";
     case Finding::Kind::kFlatVertices:
       return "flat_vertices";

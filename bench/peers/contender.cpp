@@ -10,7 +10,7 @@ Pose pose_of(const peers::Problem& p, std::uint64_t k, std::uint32_t body) {
 }
 
 Scene scene_of(const peers::Problem& p, std::uint64_t k) {
-  std::vector<PiecePtr> pieces;
+  std::vector<ConvexPartPtr> pieces;
   for (const peers::Shape& s : p.shapes) {
     std::vector<Vec3d> vertices;
     for (const peers::Point& v : s.vertices) vertices.push_back({v[0], v[1], v[2]});

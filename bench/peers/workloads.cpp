@@ -181,14 +181,14 @@ double near_share(const Problem& p) {
 Problem make_cell(const std::string& scenes, const LinkPoses& links) {
   const Scene scene = Scene::load(scenes + "/cell/scene.yaml");
   Problem p;
-  std::map<const Piece*, std::uint32_t> shapes;
+  std::map<const ConvexPart*, std::uint32_t> shapes;
   for (const Body& body : scene.bodies()) {
     auto& mine = p.bodies.emplace_back();
-    for (const PiecePtr& piece : body.pieces) {
+    for (const ConvexPartPtr& piece : body.pieces) {
       const auto [at, fresh] = shapes.try_emplace(piece.get(), static_cast<std::uint32_t>(p.shapes.size()));
       if (fresh) {
         std::vector<Triangle> faces;
-        const PiecePtr hull = with_prism(piece);
+        const ConvexPartPtr hull = with_prism(piece);
         make_hull_piece(hull->vertices, {}, hull->radius, 0, true, &faces);
         p.shapes.push_back(shape_of(hull->vertices, faces, hull->radius));
       }
@@ -317,7 +317,7 @@ Problem make_class_problem(const exact::CaseClass& c, std::uint64_t seed, int co
     const auto [at, fresh] = shapes.try_emplace(solid.get(), static_cast<std::uint32_t>(p.shapes.size()));
     if (fresh) {
       std::vector<Triangle> faces;
-      const PiecePtr piece = make_hull_piece(solid->vertices, {}, solid->radius, 0, false, &faces);
+      const ConvexPartPtr piece = make_hull_piece(solid->vertices, {}, solid->radius, 0, false, &faces);
       const auto same = [](const Vec3d& v, const Vec3d& w) { return v.x == w.x && v.y == w.y && v.z == w.z; };
       for (Triangle& face : faces)  // from indices of kept vertices to those of given ones
         for (std::uint32_t& i : face)

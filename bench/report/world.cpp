@@ -32,7 +32,7 @@ std::shared_ptr<const Connections> connect(const DisplayMesh& mesh) {
 }
 
 /// The hull's own faces, for a body whose mesh has more vertices.
-std::shared_ptr<const DisplayMesh> hull_of(const Piece& piece) {
+std::shared_ptr<const DisplayMesh> hull_of(const ConvexPart& piece) {
   auto mesh = std::make_shared<DisplayMesh>();
   mesh->vertices = make_hull_piece(piece.vertices, {}, 0, 0, true, &mesh->triangles)->vertices;
   return mesh;
@@ -45,7 +45,7 @@ World::World(const Scene& scene) {
     std::shared_ptr<const DisplayMesh> mesh;
     std::shared_ptr<const Connections> connections;
   };
-  std::map<const Piece*, Shared> known;
+  std::map<const ConvexPart*, Shared> known;
   std::vector<Pose> poses;
   std::uint32_t first = 0;
   for (const Body& body : scene.bodies()) {

@@ -37,7 +37,7 @@ std::vector<Vec3d> egg(Random& random, int count, double size) {
 
 double size_of(const Body& body) {
   double size = 0;
-  for (const PiecePtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
+  for (const ConvexPartPtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
   return size;
 }
 
@@ -169,7 +169,7 @@ Scene as_pieces(const Scene& scene) {
   Scene exact;
   for (Body body : scene.bodies()) {
     body.model_error = body.model_inner = 0;
-    for (PiecePtr& piece : body.pieces) piece = with_prism(piece);
+    for (ConvexPartPtr& piece : body.pieces) piece = with_prism(piece);
     exact.add_body(std::move(body));
   }
   return exact;

@@ -14,22 +14,22 @@ namespace clearance::tradeoff {
 namespace {
 
 constexpr std::size_t kOracleVertices = 4000;  // of a body; more take the oracle too long
-constexpr std::size_t kOraclePiecePairs = 50;
+constexpr std::size_t kOraclePartPairs = 50;
 
 /// The least exact distance over the pairs of parts; unset if the bodies are too large for the oracle.
 std::optional<exact::Value> exact_answer(const MovingScene& scene, const Engine& engine, BodyPair pair) {
   const Body &a = scene.scene.bodies()[pair.a], &b = scene.scene.bodies()[pair.b];
   for (const Body* body : {&a, &b}) {
     std::size_t vertices = 0;
-    for (const PiecePtr& piece : body->pieces) vertices += piece->vertices.size();
+    for (const ConvexPartPtr& piece : body->pieces) vertices += piece->vertices.size();
     if (vertices > kOracleVertices || body->parent != kNone) return {};  // a child's pose is composed, with rounding
   }
-  if (a.pieces.size() * b.pieces.size() > kOraclePiecePairs) return {};
+  if (a.pieces.size() * b.pieces.size() > kOraclePartPairs) return {};
   const BodyState at_a = engine.body_state(pair.a), at_b = engine.body_state(pair.b);
   if (at_a.status != Status::kOk || at_b.status != Status::kOk) return {};
   std::optional<exact::Value> least;
-  for (const PiecePtr& p : a.pieces)
-    for (const PiecePtr& q : b.pieces) {
+  for (const ConvexPartPtr& p : a.pieces)
+    for (const ConvexPartPtr& q : b.pieces) {
       const exact::Value v =
           exact::exact_distance({p->vertices, p->radius}, at_a.X_wb, {q->vertices, q->radius}, at_b.X_wb, false)
               .distance;

@@ -60,7 +60,7 @@ SpanPlace CertificateJob::span_at(const BodyPoses& here, BodyPair pair) const {
   return place;
 }
 
-WitnessProof CertificateJob::witness_at(const BodyPoses& here, BodyPair pair, double time, PieceProof proof) const {
+WitnessProof CertificateJob::witness_at(const BodyPoses& here, BodyPair pair, double time, PartProof proof) const {
   return {time, here[pair.a].pose.X_wb, here[pair.b].pose.X_wb, std::move(proof)};
 }
 

@@ -31,7 +31,7 @@ class CertificateJob : public ParallelJob {
   void refuse_stand_ins(BodyPair pair) const;
   /// Describes bodies with usable poses over a whole motion; the caller may then set begin, end and time.
   SpanPlace span_at(const BodyPoses& here, BodyPair pair) const;
-  WitnessProof witness_at(const BodyPoses& here, BodyPair pair, double time, PieceProof proof) const;
+  WitnessProof witness_at(const BodyPoses& here, BodyPair pair, double time, PartProof proof) const;
 
   const CertificateRows& rows_;
   std::uint64_t count_, next_ = 0;

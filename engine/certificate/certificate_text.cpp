@@ -68,11 +68,11 @@ Json run_of(std::uint32_t first, std::uint32_t count) {
   if (count == 1) return first;
   return Json::array({first, first + count});
 }
-Json pieces_of(const PieceProof& proof) {
+Json pieces_of(const PartProof& proof) {
   if (proof.piece_a == kNone) return nullptr;
   return Json::array({run_of(proof.piece_a, proof.count_a), run_of(proof.piece_b, proof.count_b)});
 }
-Json lower_json(const PieceProof& p) {
+Json lower_json(const PartProof& p) {
   return {{"pieces", pieces_of(p)},
           {"order", p.order},
           {"seer", id_json(p.seer)},
@@ -87,7 +87,7 @@ Json points_json(const std::vector<Vec3<DoubleDouble>>& points) {
 }
 Json witness_json(const std::optional<WitnessProof>& witness) {
   if (!witness) return nullptr;
-  const PieceProof& p = witness->proof;
+  const PartProof& p = witness->proof;
   Json vertices = Json::array(), weights = Json::array(), faces = Json::array(), normals = Json::array();
   for (const ProofVertex& v : p.proof.vertices) {
     vertices.push_back({v.a, v.b});
@@ -221,7 +221,7 @@ void CertificateText::begin_span(BodyPair pair, const SpanPlace& span) {
   first_lower_ = true;
 }
 
-void CertificateText::add_lower(const PieceProof& proof) {
+void CertificateText::add_lower(const PartProof& proof) {
   if (proof.seer != kNone) name(proof.seer, *here_);
   add_item(text_of(lower_json(proof)), first_lower_);
 }
@@ -325,7 +325,7 @@ void CertificateText::add_configuration(std::uint64_t k) {
 void CertificateText::add_body(std::uint32_t id) {
   const Body& body = scene_.bodies()[id];
   Json pieces = Json::array();
-  for (const PiecePtr& piece : body.pieces) {
+  for (const ConvexPartPtr& piece : body.pieces) {
     if (!in_pairs_.contains(id)) break;
     const auto [found, is_new] = places_.insert({piece.get(), pieces_.size()});
     if (is_new) pieces_.push_back(piece.get());
@@ -366,7 +366,7 @@ bool CertificateText::lists_elements(const Surface& surface, WorkMeter& meter) {
 
 // Writes some vertices and elements of the current part.
 void CertificateText::add_piece(WorkMeter& meter) {
-  const Piece& piece = *pieces_[next_piece_];
+  const ConvexPart& piece = *pieces_[next_piece_];
   if (piece.surface && lists_elements(*piece.surface, meter)) return;
   const SurfaceRows* const rows = piece.surface ? &elements_->rows() : nullptr;
   bool is_first = next_piece_ == 0;

@@ -17,7 +17,7 @@ namespace clearance {
 
 /// Proof of a bound on two convex parts, or on two ranges of parts. The elements of a surface count as parts, in their
 /// order, in place of the surface (piece_place()).
-struct PieceProof {
+struct PartProof {
   std::uint32_t piece_a, piece_b;  ///< of their bodies; if both are kNone, the direction is for all pairs of parts
   NarrowProof proof;
   int order = 1;                           ///< of a direction; 2 follows the bodies along it as they move
@@ -44,7 +44,7 @@ struct SpanPlace {
 struct WitnessProof {
   double time = 0;
   Pose X_wa, X_wb;  ///< as computed
-  PieceProof proof;
+  PartProof proof;
 };
 
 /// Time until which a motion is free, and time at which a pair is within its margin.
@@ -70,7 +70,7 @@ class CertificateText {
   /// \param lower lower bound that is proved
   void begin_pair(BodyPair pair, const BodyPoses& here, double margin, double lower);
   void begin_span(BodyPair pair, const SpanPlace& place);
-  void add_lower(const PieceProof& proof);
+  void add_lower(const PartProof& proof);
   void end_span();
   /// Ends the pair's spans of the row and starts those that prove it free until first contact.
   /// \param lower as for begin_pair()
@@ -109,8 +109,8 @@ class CertificateText {
   std::map<std::uint32_t, double> known_;  // named bodies and the ages of their poses, in seconds
   std::set<std::uint32_t> in_pairs_;       // bodies whose parts are written
   std::vector<std::uint32_t> bodies_;      // in the order in which rows name them
-  std::map<const Piece*, std::size_t> places_;
-  std::vector<const Piece*> pieces_;
+  std::map<const ConvexPart*, std::size_t> places_;
+  std::vector<const ConvexPart*> pieces_;
   std::set<std::uint64_t> configurations_;
   std::size_t next_body_ = 0, next_piece_ = 0, next_vertex_ = 0;
   std::optional<SurfaceLister> elements_;  // of the current part

@@ -54,11 +54,11 @@ const Surface* PairCover::Side::surface(const Part& part) const {
 }
 
 // The hull of some elements, or an enclosure of it.
-const Piece& PairCover::Side::around(const Part& part, std::uint32_t begin, std::uint32_t end) {
+const ConvexPart& PairCover::Side::around(const Part& part, std::uint32_t begin, std::uint32_t end) {
   if (const auto found = large_.find(part); found != large_.end()) return found->second;
   if (part == of_small_) return small_;
   const Surface& surface = *this->surface(part);
-  Piece piece;
+  ConvexPart piece;
   piece.radius = body_.pieces[part.piece]->radius;
   if (end - begin > kMostListed) piece.vertices = corners_around(surface, part.at);
   for (std::uint32_t i = begin; i < end && end - begin <= kMostListed; ++i) {
@@ -99,7 +99,7 @@ std::vector<PairCover::Part> PairCover::Side::halves(const Part& part) const {
 PairCover::Parts PairCover::parts() {
   const auto& [of_a, of_b] = open_.back();
   const PartHull a = sides_[0].hull(of_a), b = sides_[1].hull(of_b);
-  PieceProof claim{a.place, b.place, {}};
+  PartProof claim{a.place, b.place, {}};
   claim.count_a = a.count;
   claim.count_b = b.count;
   if (of_a == sides_[0].whole() && of_b == sides_[1].whole()) claim.piece_a = claim.piece_b = kNone;
@@ -110,7 +110,7 @@ void PairCover::halve() {
   const std::array<Part, 2> parts = open_.back();
   const std::array<std::vector<Part>, 2> halves{sides_[0].halves(parts[0]), sides_[1].halves(parts[1])};
   const auto spread = [&](std::size_t side) {
-    const Piece* const piece = sides_[side].hull(parts[side]).piece;
+    const ConvexPart* const piece = sides_[side].hull(parts[side]).piece;
     return piece ? piece->spread : std::numeric_limits<double>::infinity();
   };
   const std::size_t larger = halves[0].empty() ? 1 : halves[1].empty() || spread(0) > spread(1) ? 0 : 1;

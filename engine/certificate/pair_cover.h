@@ -22,9 +22,9 @@ class PairCover {
   bool is_done() const { return open_.empty(); }
   /// Two parts that are not resolved yet, as convex parts. Valid until parts() is called again.
   struct Parts {
-    const Piece *a, *b;  ///< null if it is not a single convex part
-    bool are_elements;   ///< elements, or convex parts that are exact geometry: they have no halves
-    PieceProof claim;    ///< the parts of both bodies that the claim covers
+    const ConvexPart *a, *b;  ///< null if it is not a single convex part
+    bool are_elements;        ///< elements, or convex parts that are exact geometry: they have no halves
+    PartProof claim;          ///< the parts of both bodies that the claim covers
     bool are_pieces() const { return a && b; }
   };
   Parts parts();
@@ -44,7 +44,7 @@ class PairCover {
   };
   // A part's convex hull, and the range of the body's parts that it covers; elements count as parts.
   struct PartHull {
-    const Piece* piece;  // null if the part has no convex hull
+    const ConvexPart* piece;  // null if the part has no convex hull
     std::uint32_t place, count;
   };
   // One of the two bodies.
@@ -59,11 +59,11 @@ class PairCover {
 
    private:
     const Surface* surface(const Part& part) const;
-    const Piece& around(const Part& part, std::uint32_t begin, std::uint32_t end);
+    const ConvexPart& around(const Part& part, std::uint32_t begin, std::uint32_t end);
 
     const Body& body_;
-    std::map<Part, Piece> large_;
-    Piece small_;
+    std::map<Part, ConvexPart> large_;
+    ConvexPart small_;
     Part of_small_{kNone, kNone};
   };
 

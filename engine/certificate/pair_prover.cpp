@@ -104,8 +104,8 @@ bool PairProver::is_too_near_somewhere(WorkMeter& meter) {
   nearest_.begin(a_, here[pair_.a].pose, b_, here[pair_.b].pose);
   ElementPair near;
   nearest_.take_near(std::numeric_limits<double>::infinity(), near);
-  Piece room_a, room_b;
-  const Piece &p = piece_of(a_, near.a, room_a), &q = piece_of(b_, near.b, room_b);
+  ConvexPart room_a, room_b;
+  const ConvexPart &p = piece_of(a_, near.a, room_a), &q = piece_of(b_, near.b, room_b);
   meter.count(kUnitsPerSpanProof + WorkMeter::units_of(p, q));
   const bool is_proved = try_pieces(p, q, {0, 0, {}}, true).any();
   claims_.clear();
@@ -155,7 +155,7 @@ void PairProver::write(SpanPlace place) {
   place.end = proved_.end;
   place.at = proved_.at;
   text_.begin_span(pair_, place);
-  for (const PieceProof& claim : claims_) text_.add_lower(claim);
+  for (const PartProof& claim : claims_) text_.add_lower(claim);
   text_.end_span();
 }
 
@@ -173,11 +173,11 @@ bool PairProver::try_boxes() {
   const BodyPoses& here = moment_.placed();
   const Vec3d n = towards_b();
   if (n.x == 0 && n.y == 0 && n.z == 0) return false;
-  PieceProof all{kNone, kNone, {}, 1, rates_.speed_seer};
+  PartProof all{kNone, kNone, {}, 1, rates_.speed_seer};
   const PoseMatrix &pose_a = here[pair_.a].pose, &pose_b = here[pair_.b].pose;
   double least = std::numeric_limits<double>::infinity();
-  for (const PiecePtr& p : a_.pieces)
-    for (const PiecePtr& q : b_.pieces) least = std::min(least, lower_along(*p, pose_a, *q, pose_b, n, all.proof));
+  for (const ConvexPartPtr& p : a_.pieces)
+    for (const ConvexPartPtr& q : b_.pieces) least = std::min(least, lower_along(*p, pose_a, *q, pose_b, n, all.proof));
   if (!by_speed(least)) {
     const Halves along = by_direction(n, nullptr, nullptr);
     if (way_ == 0 || !along.before || !along.after) return false;
@@ -190,7 +190,7 @@ bool PairProver::try_boxes() {
 
 // \param claim the parts that it is about
 // \param in_all_ways tries all attempts, and not only the first that may suffice
-PairProver::Halves PairProver::try_pieces(const Piece& p, const Piece& q, PieceProof claim, bool in_all_ways) {
+PairProver::Halves PairProver::try_pieces(const ConvexPart& p, const ConvexPart& q, PartProof claim, bool in_all_ways) {
   const PoseMatrix &pose_a = moment_.placed()[pair_.a].pose, &pose_b = moment_.placed()[pair_.b].pose;
   claim.seer = rates_.speed_seer;
   NarrowLimits limits = limits_;
@@ -218,10 +218,10 @@ PairProver::Halves PairProver::try_pieces(const Piece& p, const Piece& q, PieceP
 
 // Lower bounds on the pair's distance in either half of the span, along a direction in world axes.
 // \param p, q null for all parts
-PairProver::Halves PairProver::by_direction(const Vec3d& n, const Piece* p, const Piece* q) const {
+PairProver::Halves PairProver::by_direction(const Vec3d& n, const ConvexPart* p, const ConvexPart* q) const {
   const BodyPoses& here = moment_.placed();
   const double half = left_.back().half();
-  const auto moving_body = [&](std::uint32_t body, const Piece* piece) {
+  const auto moving_body = [&](std::uint32_t body, const ConvexPart* piece) {
     return MovingBody{scene_.bodies()[body], here[body].pose,
                       bounds_.twist_before(rates_.seer, body, moment_.twists(), here), nullptr, piece};
   };

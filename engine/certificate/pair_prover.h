@@ -87,8 +87,8 @@ class PairProver {
   bool try_boxes();
   bool step_cover(WorkMeter& meter);
   bool is_too_near_somewhere(WorkMeter& meter);
-  Halves try_pieces(const Piece& p, const Piece& q, PieceProof claim, bool in_all_ways);
-  Halves by_direction(const Vec3d& n, const Piece* p, const Piece* q) const;
+  Halves try_pieces(const ConvexPart& p, const ConvexPart& q, PartProof claim, bool in_all_ways);
+  Halves by_direction(const Vec3d& n, const ConvexPart* p, const ConvexPart* q) const;
   bool by_speed(double lower) const { return difference_below(slack_.true_lower(lower), way_) >= lower_; }
   void write(SpanPlace place);
   void end_span(const Halves& proved);
@@ -114,7 +114,7 @@ class PairProver {
   std::optional<PairCover> cover_;  // used instead of i_ and j_ if a body is not convex
   NearestElements nearest_;
   Halves halves_;
-  std::vector<PieceProof> claims_;
+  std::vector<PartProof> claims_;
   SpanPlace proved_;  // its begin, end and middle
 };
 

@@ -13,10 +13,10 @@ constexpr std::uint64_t kUnitsPerDirection = 8;
 constexpr double kFine = 1e-12;  // rel_tol of a second attempt, much narrower than any float32 interval
 
 // Bodies whose convex parts are exact geometry: one direction for all parts, or one for each pair.
-class PiecesProver final : public RowProver {
+class PartsProver final : public RowProver {
  public:
-  PiecesProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
-               const PairAnswer& answer, CertificateText& text)
+  PartsProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
+              const PairAnswer& answer, CertificateText& text)
       : RowProver(scene, options, here, pair, answer, text),
         box_a_(here.box(pair.a)),
         box_b_(here.box(pair.b)),
@@ -91,16 +91,16 @@ void RowProver::end(bool proved) {
 void RowProver::try_plane(WorkMeter& meter) {
   const bool is_a = is_half_space(*a_.pieces[0]);
   const Body& other = is_a ? b_ : a_;
-  const Piece &p = *a_.pieces[is_a ? 0 : above_], &q = *b_.pieces[is_a ? above_ : 0];
+  const ConvexPart &p = *a_.pieces[is_a ? 0 : above_], &q = *b_.pieces[is_a ? above_ : 0];
   meter.count(kUnitsPerDirection + WorkMeter::units_of(p, q));
-  PieceProof all{kNone, kNone, {}};
+  PartProof all{kNone, kNone, {}};
   has_plane_ = covers_lower(plane_proved(p, pose_a_, q, pose_b_, all.proof).lower);
   if (!has_plane_ || ++above_ < other.pieces.size()) return;
   text_.add_lower(all);
   has_plane_ = wants_lower_ = false;
 }
 
-bool RowProver::prove(const Piece& p, const Piece& q, PieceProof found, bool wants_lower, bool wants_upper) {
+bool RowProver::prove(const ConvexPart& p, const ConvexPart& q, PartProof found, bool wants_lower, bool wants_upper) {
   std::array<NarrowLimits, 4> attempts = proof_attempts(limits_);
   // Only the nearest pair needs the exact distance; others are proved only as far as the answer claims.
   if (!wants_upper)
@@ -124,12 +124,12 @@ std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOpt
                                            BodyPair pair, const PairAnswer& answer, CertificateText& text) {
   if (surface_of(scene.bodies()[pair.a]) || surface_of(scene.bodies()[pair.b]))
     return std::make_unique<SurfaceProver>(scene, options, here, pair, answer, text);
-  return std::make_unique<PiecesProver>(scene, options, here, pair, answer, text);
+  return std::make_unique<PartsProver>(scene, options, here, pair, answer, text);
 }
 
 namespace {
 
-bool PiecesProver::step(WorkMeter& meter) {
+bool PartsProver::step(WorkMeter& meter) {
   if (has_plane())
     try_plane(meter);
   else
@@ -138,17 +138,17 @@ bool PiecesProver::step(WorkMeter& meter) {
 }
 
 // Advances to the next pair of parts. Returns false after the last.
-bool PiecesProver::go_on() {
+bool PartsProver::go_on() {
   if (++j_ < b_.pieces.size()) return true;
   j_ = 0;
   return ++i_ < a_.pieces.size();
 }
 
 // Tests whether the direction between the bodies' boxes, one for all parts, suffices for the current pair.
-void PiecesProver::try_box(WorkMeter& meter) {
+void PartsProver::try_box(WorkMeter& meter) {
   meter.count(kUnitsPerDirection + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
   const Vec3d n = between(box_a_, box_b_);
-  PieceProof all{kNone, kNone, {}};
+  PartProof all{kNone, kNone, {}};
   if (!covers_lower(lower_along(*a_.pieces[i_], pose_a_, *b_.pieces[j_], pose_b_, n, all.proof))) {
     by_box_ = false;
     i_ = j_ = 0;
@@ -158,7 +158,7 @@ void PiecesProver::try_box(WorkMeter& meter) {
   }
 }
 
-void PiecesProver::try_pieces(WorkMeter& meter) {
+void PartsProver::try_pieces(WorkMeter& meter) {
   meter.count(kUnitsPerProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
   const bool is_nearest = wants_upper_ && i_ == answer_.piece_a && j_ == answer_.piece_b;
   if ((wants_lower_ || is_nearest) && !prove_pieces(i_, j_, wants_lower_, is_nearest))
@@ -167,9 +167,9 @@ void PiecesProver::try_pieces(WorkMeter& meter) {
     end(!wants_upper_ || upper_.has_value());
 }
 
-bool PiecesProver::prove_pieces(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper) {
-  const Piece &p = *a_.pieces[i], &q = *b_.pieces[j];
-  PieceProof found{i, j, {}};
+bool PartsProver::prove_pieces(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper) {
+  const ConvexPart &p = *a_.pieces[i], &q = *b_.pieces[j];
+  PartProof found{i, j, {}};
   if (wants_lower && !wants_upper) {
     const Vec3d n = between(certify_box(p, pose_a_.R_wb, pose_a_.t_w), certify_box(q, pose_b_.R_wb, pose_b_.t_w));
     if (covers_lower(lower_along(p, pose_a_, q, pose_b_, n, found.proof))) {

@@ -26,7 +26,7 @@ class RowProver {
   /// Returns true once both bounds are proved or have failed, and false if the slice ended first.
   bool advance(WorkMeter& meter);
   bool has_proved() const { return proved_; }
-  const std::optional<PieceProof>& upper() const { return upper_; }
+  const std::optional<PartProof>& upper() const { return upper_; }
 
  protected:
   static constexpr double kInf = std::numeric_limits<double>::infinity();
@@ -48,7 +48,7 @@ class RowProver {
   void try_plane(WorkMeter& meter);
   /// Proves two convex parts as far as the answer needs.
   /// \param found the claim to complete with a proof
-  bool prove(const Piece& p, const Piece& q, PieceProof found, bool wants_lower, bool wants_upper);
+  bool prove(const ConvexPart& p, const ConvexPart& q, PartProof found, bool wants_lower, bool wants_upper);
 
   const Body &a_, &b_;
   const PoseMatrix &pose_a_, &pose_b_;
@@ -57,7 +57,7 @@ class RowProver {
   const PairAnswer& answer_;
   CertificateText& text_;
   bool wants_lower_, wants_upper_;
-  std::optional<PieceProof> upper_;
+  std::optional<PartProof> upper_;
 
  private:
   bool is_over_ = false, proved_ = false, has_plane_ = false;

@@ -21,7 +21,7 @@ std::array<std::uint32_t, 2> element_with(const Surface& surface, std::uint32_t 
 
 // Number of vertices that represent all components of a part: if none of them is inside a solid whose triangles do not
 // touch the part, no other vertex is.
-std::uint32_t candidates_of(const Piece& piece) {
+std::uint32_t candidates_of(const ConvexPart& piece) {
   const Surface* const surface = piece.surface.get();
   if (!surface) return 1;
   return surface->is_cloud() ? surface->size() : static_cast<std::uint32_t>(surface->parts().size());
@@ -73,7 +73,7 @@ bool SurfaceProver::covers(PairCover::Parts parts) {
   NarrowLimits limits = limits_;
   limits.signed_distance = false;
   limits.max_distance = std::min(limits_.max_distance, slack_.cut_off(answer_.lower));
-  PieceProof& found = parts.claim;
+  PartProof& found = parts.claim;
   const NarrowAnswer answer = narrow_phase_proved(*parts.a, pose_a_, *parts.b, pose_b_, limits, found.proof);
   if (!covers_lower(answer.bounds.lower)) return false;
   text_.add_lower(found);
@@ -95,8 +95,8 @@ bool SurfaceProver::find_upper(WorkMeter& meter) {
   const auto place = [](const Body& body, const Element& element) {
     return piece_place(body, element.piece) + (element.triangle == kNone ? 0 : element.triangle);
   };
-  Piece room_a, room_b;
-  const Piece &p = piece_of(a_, pair.a, room_a), &q = piece_of(b_, pair.b, room_b);
+  ConvexPart room_a, room_b;
+  const ConvexPart &p = piece_of(a_, pair.a, room_a), &q = piece_of(b_, pair.b, room_b);
   meter.count(kUnitsPerProof + WorkMeter::units_of(p, q));
   prove(p, q, {place(a_, pair.a), place(b_, pair.b), {}}, false, true);
   return true;
@@ -108,7 +108,7 @@ void SurfaceProver::seek_held(WorkMeter& meter) {
   const Body &holder = c.outer == 0 ? a_ : b_, &held = c.outer == 0 ? b_ : a_;
   const Surface* const solid = holder.pieces[c.solid]->surface.get();
   const bool is_solid = solid && solid->is_solid();
-  if (const Piece& piece = *held.pieces[c.piece]; is_solid && c.next < candidates_of(piece))
+  if (const ConvexPart& piece = *held.pieces[c.piece]; is_solid && c.next < candidates_of(piece))
     try_held(*solid, piece, c.next++, meter);
   else if (is_solid && c.piece + 1 < held.pieces.size())
     c = {c.outer, c.solid, c.piece + 1, 0};
@@ -120,7 +120,7 @@ void SurfaceProver::seek_held(WorkMeter& meter) {
     end(false);
 }
 
-void SurfaceProver::try_held(const Surface& solid, const Piece& piece, std::uint32_t candidate, WorkMeter& meter) {
+void SurfaceProver::try_held(const Surface& solid, const ConvexPart& piece, std::uint32_t candidate, WorkMeter& meter) {
   meter.count(1);
   const std::size_t outer = candidates_.outer;
   const PoseMatrix &X_wo = outer == 0 ? pose_a_ : pose_b_, &X_wi = outer == 0 ? pose_b_ : pose_a_;
@@ -132,9 +132,9 @@ void SurfaceProver::try_held(const Surface& solid, const Piece& piece, std::uint
   if (winding_number(solid, X_wo.R_wb.transpose_times(X_wi.R_wb * vertex + (X_wi.t_w - X_wo.t_w))) == 0) return;
   const auto [element, corner] =
       is_mesh ? element_with(*surface, surface->parts()[candidate]) : std::array<std::uint32_t, 2>{candidate, 0};
-  PieceProof proof{piece_place(outer == 0 ? a_ : b_, candidates_.solid),
-                   piece_place(outer == 0 ? b_ : a_, candidates_.piece) + element,
-                   {}};
+  PartProof proof{piece_place(outer == 0 ? a_ : b_, candidates_.solid),
+                  piece_place(outer == 0 ? b_ : a_, candidates_.piece) + element,
+                  {}};
   if (outer == 1) std::swap(proof.piece_a, proof.piece_b);
   proof.within = static_cast<std::uint32_t>(outer);
   proof.proof.vertices.push_back(outer == 0 ? ProofVertex{0, corner, {}} : ProofVertex{corner, 0, {}});
@@ -152,10 +152,10 @@ void SurfaceProver::prove_held(WorkMeter& meter) {
     return held_.reset();
   }
   meter.count(kUnitsPerProof);
-  Piece point, triangle;
+  ConvexPart point, triangle;
   remake_piece(point, {&held_->vertex, 1}, 0);
   remake_piece(triangle, around.element(held_->next++).span(), 0);
-  const Piece &p = outer == 0 ? triangle : point, &q = outer == 0 ? point : triangle;
+  const ConvexPart &p = outer == 0 ? triangle : point, &q = outer == 0 ? point : triangle;
   NarrowProof found;
   const auto is_far_enough = [&](NarrowLimits limits) {
     limits.signed_distance = false;

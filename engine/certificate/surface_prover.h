@@ -25,7 +25,7 @@ class SurfaceProver final : public RowProver {
   bool covers(PairCover::Parts parts);
   bool find_upper(WorkMeter& meter);
   void seek_held(WorkMeter& meter);
-  void try_held(const Surface& solid, const Piece& piece, std::uint32_t candidate, WorkMeter& meter);
+  void try_held(const Surface& solid, const ConvexPart& piece, std::uint32_t candidate, WorkMeter& meter);
   void prove_held(WorkMeter& meter);
 
   // Vertices that may lie inside a solid of the other body.
@@ -35,7 +35,7 @@ class SurfaceProver final : public RowProver {
   };
   // Such a vertex before it is proved.
   struct HeldVertex {
-    PieceProof proof;
+    PartProof proof;
     Vec3d vertex;
     std::uint32_t next = 0;  // next triangle of the solid; those before it are proved to be far enough
   };

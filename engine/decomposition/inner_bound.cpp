@@ -21,7 +21,7 @@ constexpr std::uint64_t kPartsPerQuestion = 4;  // box tests of this many subtri
 
 class InnerBound {
  public:
-  InnerBound(const Surface& truth, std::span<const PiecePtr> pieces, const ProofEffort& effort)
+  InnerBound(const Surface& truth, std::span<const ConvexPartPtr> pieces, const ProofEffort& effort)
       : truth_(truth), pieces_(pieces), effort_(effort), points_(truth.vertices().begin(), truth.vertices().end()) {
     Vec3d low = points_[0], high = points_[0];
     for (const Vec3d& v : points_) {
@@ -67,7 +67,7 @@ class InnerBound {
   }
   // Approximate lower bound on the distance of a point from a convex part.
   double box_gap(std::uint32_t point, std::uint32_t piece) const {
-    const Piece& p = *pieces_[piece];
+    const ConvexPart& p = *pieces_[piece];
     const Vec3d& v = points_[point];
     double sum = 0;
     for (int k = 0; k < 3; ++k) {
@@ -167,7 +167,7 @@ class InnerBound {
   }
 
   const Surface& truth_;
-  std::span<const PiecePtr> pieces_;
+  std::span<const ConvexPartPtr> pieces_;
   const ProofEffort& effort_;
   std::vector<Vec3d> points_;
   std::vector<char> looked_;
@@ -180,7 +180,7 @@ class InnerBound {
 
 }  // namespace
 
-ProvedLength prove_inner(const Surface& truth, std::span<const PiecePtr> pieces, const ProofEffort& effort) {
+ProvedLength prove_inner(const Surface& truth, std::span<const ConvexPartPtr> pieces, const ProofEffort& effort) {
   const FpEnvironment environment;
   return InnerBound(truth, pieces, effort).run();
 }

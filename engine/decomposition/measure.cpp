@@ -33,7 +33,7 @@ double squared_distance(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Ve
 
 }  // namespace
 
-Measure::Bounds Measure::ask(const Piece& a, const Piece& b) {
+Measure::Bounds Measure::ask(const ConvexPart& a, const ConvexPart& b) {
   ++count_;
   NarrowLimits limits;
   limits.abs_tol = fine_;
@@ -42,7 +42,7 @@ Measure::Bounds Measure::ask(const Piece& a, const Piece& b) {
   return {std::max(answer.bounds.lower, 0.0), std::max(answer.bounds.upper, 0.0), answer.normal};
 }
 
-Measure::Bounds Measure::to(const Piece& piece, const Vec3d& p) {
+Measure::Bounds Measure::to(const ConvexPart& piece, const Vec3d& p) {
   remake_piece(rooms_[0], {&p, 1}, 0);
   return ask(piece, rooms_[0]);
 }
@@ -52,7 +52,7 @@ Measure::Bounds Measure::to(std::span<const Vec3d> corners, const Vec3d& p) {
   return to(rooms_[1], p);
 }
 
-double Measure::apart(std::span<const Vec3d> corners, const Piece& piece) {
+double Measure::apart(std::span<const Vec3d> corners, const ConvexPart& piece) {
   remake_piece(rooms_[1], corners, 0);
   return ask(piece, rooms_[1]).lower;
 }

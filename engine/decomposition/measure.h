@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "engine/bvh/surface.h"
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 #include "engine/pose/placed.h"
 
 namespace clearance {
@@ -23,22 +23,22 @@ class Measure {
 
   /// Distance of a point from a convex set, both in the same frame.
   /// \param piece its radius counts, too
-  Bounds to(const Piece& piece, const Vec3d& p);
+  Bounds to(const ConvexPart& piece, const Vec3d& p);
   /// Distance of a point from the hull of a few points.
   Bounds to(std::span<const Vec3d> corners, const Vec3d& p);
   /// Lower bound on the distance of a part from the hull of a few points; not below 0.
-  double apart(std::span<const Vec3d> corners, const Piece& piece);
+  double apart(std::span<const Vec3d> corners, const ConvexPart& piece);
   /// Lower bound on the signed distance of two hulls of a few points, as far as it is proved.
   double gap(std::span<const Vec3d> a, std::span<const Vec3d> b);
   /// Number of distances computed.
   std::uint64_t count() const { return count_; }
 
  private:
-  Bounds ask(const Piece& a, const Piece& b);
+  Bounds ask(const ConvexPart& a, const ConvexPart& b);
 
   double fine_;
   std::uint64_t count_ = 0;
-  Piece rooms_[2];
+  ConvexPart rooms_[2];
 };
 
 /// The triangle of a mesh that is nearest to a point, as computed.

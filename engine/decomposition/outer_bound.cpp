@@ -25,7 +25,7 @@ using Corners = std::array<std::uint32_t, 4>;
 
 class OuterBound {
  public:
-  OuterBound(const Surface& truth, const Piece& piece, const ProofEffort& effort)
+  OuterBound(const Surface& truth, const ConvexPart& piece, const ProofEffort& effort)
       : truth_(truth), piece_(piece), effort_(effort) {
     for (const Vec3d& v : truth.vertices()) reach_ = std::max(reach_, norm(v));
     Vec3d low = truth.vertices()[0], high = low;
@@ -210,7 +210,7 @@ class OuterBound {
   }
 
   const Surface& truth_;
-  const Piece& piece_;
+  const ConvexPart& piece_;
   const ProofEffort& effort_;
   double reach_ = 0, size_ = 0, fine_ = 0, met_ = 0;
   bool is_within_ = false;  // tetrahedra cover the convex part itself, not a box around it
@@ -222,7 +222,7 @@ class OuterBound {
 
 }  // namespace
 
-ProvedLength prove_outer(const Surface& truth, const Piece& piece, const ProofEffort& effort) {
+ProvedLength prove_outer(const Surface& truth, const ConvexPart& piece, const ProofEffort& effort) {
   const FpEnvironment environment;
   return OuterBound(truth, piece, effort).run();
 }

@@ -15,7 +15,7 @@ ProvedDecomposition prove_decomposition(const Surface& truth, std::span<const st
   if (proposed.empty()) throw std::invalid_argument("there is no piece");
   if (truth.is_cloud()) throw std::invalid_argument("points are not decomposed");
   ProvedDecomposition out;
-  std::vector<PiecePtr>& cores = out.decomposition.pieces;
+  std::vector<ConvexPartPtr>& cores = out.decomposition.pieces;
   for (std::size_t i = 0; i < proposed.size(); ++i) try {
       cores.push_back(make_hull_piece(proposed[i], {}, 0));
     } catch (const std::invalid_argument& e) {
@@ -24,7 +24,7 @@ ProvedDecomposition prove_decomposition(const Surface& truth, std::span<const st
   const ProvedLength inner = prove_inner(truth, cores, effort);
   out.decomposition.inner = inner.bound;
   out.inner_met = inner.met;
-  for (const PiecePtr& core : cores) {
+  for (const ConvexPartPtr& core : cores) {
     const ProvedLength outer = prove_outer(truth, *core, effort);
     out.decomposition.outer.push_back(outer.bound);
     out.outer_met = std::max(out.outer_met, outer.met);

@@ -21,7 +21,7 @@ class PairTable;
 class Scene;
 class Surface;
 struct MotionArrays;
-struct Piece;
+struct ConvexPart;
 }  // namespace clearance
 
 namespace clearance::cuda {

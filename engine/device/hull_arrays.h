@@ -33,10 +33,10 @@ class HullArrays {
   /// \param most_shared bytes of a block's shared memory that two hulls may use
   HullArrays(const Scene& scene, std::uint32_t most_shared) : most_shared_(most_shared) {
     std::vector<std::uint32_t> hulls;
-    std::unordered_map<const Piece*, std::uint32_t> index;
+    std::unordered_map<const ConvexPart*, std::uint32_t> index;
     for (const Body& body : scene.bodies()) {
       hulls.clear();
-      for (const PiecePtr& piece : body.pieces) {
+      for (const ConvexPartPtr& piece : body.pieces) {
         const auto [at, is_new] = index.try_emplace(piece.get(), kNone);
         if (is_new) at->second = add_hull(*piece);
         if (at->second == kNone || is_cloud(body)) break;
@@ -57,7 +57,7 @@ class HullArrays {
 
  private:
   // Returns the hull's index, or kNone if the device cannot hold it.
-  std::uint32_t add_hull(const Piece& p) {
+  std::uint32_t add_hull(const ConvexPart& p) {
     // Kernels support hulls alone: no triangles and no closed forms.
     if (p.surface || p.primitive || p.vertices.size() > kMostVertices) return kNone;
     HullHead head{p.extents(),
@@ -84,7 +84,7 @@ class HullArrays {
   }
   // Finer than the CPU's table, since the threads of a warp wait for the longest list. Omitted if it would leave too
   // little space for a second hull.
-  void add_table(const Piece& p, HullHead& head) {
+  void add_table(const ConvexPart& p, HullHead& head) {
     if (p.vertices.size() < kTableVertices) return;
     const DirectionTable table =
         make_direction_table(p.vertices, p.rho, {kFewVertices, kFinerGrid, float_blur(p.spread)});
@@ -95,7 +95,7 @@ class HullArrays {
   }
   // Uses the finest of a few tables that 16 bits can index. Returns false if none fits: a scan of all vertices would be
   // slower than the CPU.
-  bool add_large_table(const Piece& p, HullHead& head) {
+  bool add_large_table(const ConvexPart& p, HullHead& head) {
     for (const auto& [few, finer] :
          {std::pair{kFewVertices, kFinerGrid}, {std::size_t{6}, 0u}, {std::size_t{16}, 0u}, {std::size_t{40}, 0u}}) {
       const DirectionTable table = make_direction_table(p.vertices, p.rho, {few, finer, float_blur(p.spread)});

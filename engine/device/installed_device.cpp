@@ -83,7 +83,8 @@ PinnedMemory::~PinnedMemory() {
 const SharedMemoryCalls& installed_memory() {
   return module_or_throw().shared_memory;
 }
-SharedMemory::SharedMemory(int device, std::size_t bytes) : bytes_((bytes + kPiece - 1) / kPiece * kPiece) {
+SharedMemory::SharedMemory(int device, std::size_t bytes)
+    : bytes_((bytes + kConvexPart - 1) / kConvexPart * kConvexPart) {
   constexpr auto kMost = static_cast<std::size_t>(PTRDIFF_MAX);
   if (bytes == 0 || bytes > kMost)
     throw DeviceError(DeviceError::kNoRoom, "shared device memory: expected 1 to " + std::to_string(kMost) +

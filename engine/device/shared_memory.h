@@ -41,7 +41,7 @@ class SharedMemory {
  public:
   /// CUDA exports memory in whole blocks of this size, including unrelated data in the block. Allocations are therefore
   /// whole blocks.
-  static constexpr std::size_t kPiece = std::size_t{2} << 20;
+  static constexpr std::size_t kConvexPart = std::size_t{2} << 20;
 
   /// Zero-filled, since the memory may have held other data. Throws DeviceError, also if the device cannot share
   /// memory.

@@ -71,8 +71,8 @@ PairAnswer unusable_answer(const Scene& scene, const BodyPoses& placement, BodyP
 namespace {
 
 // Writes the answer of single parts that converged in lanes: apart, and within tolerance or beyond max_distance.
-void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane,
-               const LaneWitness& witness, const PlacedBodies& bodies, PairAnswer& answer) {
+void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness,
+               const PlacedBodies& bodies, PairAnswer& answer) {
   assert(lane.converged && lane.lower <= lane.upper);
   const Slack slack = pair_slack(*bodies.placement, bodies.pair);
   NarrowLimits limits = options.limits;
@@ -134,7 +134,7 @@ void Evaluator::finish(const PlacedBodies& bodies, const BodiesAnswer& found, Pa
                                                            : false;
   if (limits.signed_distance && is_of_pieces) answer.flags |= kFlagPieces;
   if (!options_.want_flags || answer.status == Status::kBeyond) return;
-  const Piece &piece_a = piece_of(a, found.a, scratch_[0]), &piece_b = piece_of(b, found.b, scratch_[1]);
+  const ConvexPart &piece_a = piece_of(a, found.a, scratch_[0]), &piece_b = piece_of(b, found.b, scratch_[1]);
   if (is_nonsmooth(answer.lower, piece_a, pose_a.R_wb, piece_b, pose_b.R_wb, best.normal,
                    normal_angle(piece_a, piece_b, best.bounds.lower, best.bounds.upper)))
     answer.flags |= kFlagNonsmooth;
@@ -153,18 +153,18 @@ void Evaluator::begin(std::span<const PlacedBodies> pairs, std::span<PairAnswer>
 bool Evaluator::advance(WorkMeter& meter) {
   while (in_round_ || begin_round(meter)) {
     in_round_ = true;
-    const auto is_single = [&](const PieceTask& task) {
+    const auto is_single = [&](const PartTask& task) {
       return static_cast<std::size_t>(&task - tasks_.data()) < singles_;
     };
     const bool answered = batch_.advance(
         meter,
-        [&](const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
+        [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
           if (is_single(task))
             take_lane(options_, task, lane, witness, pairs_[task.id], answers_[task.id]);
           else
             found_[task.id] = batch_.converged_answer(task, lane, witness);
         },
-        [&](const PieceTask& task, const NarrowAnswer& answer) {
+        [&](const PartTask& task, const NarrowAnswer& answer) {
           if (is_single(task))
             finish(pairs_[task.id], {answer, answer.bounds.lower}, answers_[task.id], Overlap::kExact);
           else
@@ -211,12 +211,12 @@ bool Evaluator::begin_round(WorkMeter& meter) {
 // Takes in pairs: single parts become tasks, other pairs searches, and some are answered at once.
 void Evaluator::take_in(WorkMeter& meter) {
   piece_pairs_.clear();
-  for (std::size_t elements = 0; next_ < pairs_.size() && piece_pairs_.size() < kMostPiecePairs; ++next_) {
+  for (std::size_t elements = 0; next_ < pairs_.size() && piece_pairs_.size() < kMostPartPairs; ++next_) {
     const auto i = static_cast<std::uint32_t>(next_);
     const BodyPair pair = pairs_[i].pair;
     const BodyPoses& placement = *pairs_[i].placement;
     if (answer_without_pieces(scene_, pairs_[i], options_, answers_[i])) continue;
-    const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
+    const std::vector<ConvexPartPtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     assert(!a.empty() && !b.empty());
     // A half-space's distance depends on the body's hull alone, which every body but a cloud has.
     const bool by_hulls = (is_half_space(*a[0]) && !is_cloud(scene_.bodies()[pair.b])) ||

@@ -7,11 +7,11 @@
 #include <span>
 #include <vector>
 
-#include "engine/evaluate/piece_boxes.h"
+#include "engine/evaluate/part_boxes.h"
 #include "engine/mesh_distance/element_search.h"
 #include "engine/narrow/answer.h"
-#include "engine/narrow/piece_batch.h"
-#include "engine/narrow/piece_search.h"
+#include "engine/narrow/part_batch.h"
+#include "engine/narrow/part_search.h"
 #include "engine/selection/body_poses.h"
 
 namespace clearance {
@@ -68,11 +68,11 @@ class Evaluator {
 
  private:
   // Limit on the part pairs listed at a time, unless those of one pair are more.
-  static constexpr std::size_t kMostPiecePairs = 1u << 16;
+  static constexpr std::size_t kMostPartPairs = 1u << 16;
   // Limit on non-convex bodies searched at a time; it suffices to fill the lanes.
   static constexpr std::size_t kMostElementSearches = 16;
 
-  // Search for the nearest part pair of two bodies (piece_search.h).
+  // Search for the nearest part pair of two bodies (part_search.h).
   struct PairSearch {
     std::uint32_t index;     // of the pair
     std::size_t next, end;   // part pairs not yet evaluated, in piece_pairs_
@@ -80,7 +80,7 @@ class Evaluator {
     std::size_t task_count;  // tasks of this round
     Slack slack;             // of the pair
     double min_penetration = 0;
-    PieceSearch state;
+    PartSearch state;
     BodiesAnswer found;                         // without the lower bound
     std::unique_ptr<ElementSearch> elements{};  // source of part pairs for bodies that are not convex, else null
   };
@@ -101,7 +101,7 @@ class Evaluator {
   bool drops(double gap, const PlacedBodies& bodies) const;
   void sort_ahead(PairSearch& search);
   bool add_tasks(PairSearch& search);
-  void add_task(PairSearch& search, double cut_off, double stop_below, const Piece& a, const Piece& b);
+  void add_task(PairSearch& search, double cut_off, double stop_below, const ConvexPart& a, const ConvexPart& b);
   double cut_off_of(const PairSearch& search) const;
   void take_round(PairSearch& search, double stop_below, std::span<const NarrowAnswer> answers);
   void finish_search(PairSearch& search, WorkMeter& meter);
@@ -129,20 +129,20 @@ class Evaluator {
 
   const Scene& scene_;
   EvaluateOptions options_;
-  PieceBatch batch_;
-  PieceBoxes boxes_;
+  PartBatch batch_;
+  PartBoxes boxes_;
   std::span<const PlacedBodies> pairs_;
   std::span<PairAnswer> answers_;
   std::size_t next_ = 0;     // first of pairs_ not taken in yet
   std::size_t singles_ = 0;  // tasks_ of single parts, which come first
   bool in_round_ = false;    // tasks_ are being answered
-  std::vector<PieceTask> tasks_;
+  std::vector<PartTask> tasks_;
   std::vector<PairSearch> searches_;
-  std::vector<PiecePair> piece_pairs_;
+  std::vector<PartPair> piece_pairs_;
   std::vector<NarrowAnswer> found_;
   std::vector<std::unique_ptr<ElementSearch>> unused_;  // for reuse
   bool gathering_ = false;                              // a round is being put together
-  Piece scratch_[2];                                    // for triangles
+  ConvexPart scratch_[2];                               // for triangles
 };
 
 /// Lower bound on a pair's distance from its boxes; +inf if a body has none.

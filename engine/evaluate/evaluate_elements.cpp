@@ -56,7 +56,7 @@ bool Evaluator::is_left_to_pieces(PairSearch& search) {
   ElementSearch& elements = *search.elements;
   if (options_.reference ||
       elements.go_on_by_pieces(placement[bodies.pair.a].pose, placement[bodies.pair.b].pose,
-                               search.slack.cut_off(bodies.max_distance)) != ElementSearch::ByPieces::kGoesOn)
+                               search.slack.cut_off(bodies.max_distance)) != ElementSearch::ByParts::kGoesOn)
     return false;
   if (elements.pieces().round().empty()) {
     search.state.leave_out(elements.pieces().lower());
@@ -95,7 +95,7 @@ bool Evaluator::take_hulls_or_proxies(PairSearch& search, std::span<const Narrow
 }
 
 void Evaluator::end_element_round(PairSearch& search, std::span<const NarrowAnswer> answers) {
-  PieceSearch& state = search.state;
+  PartSearch& state = search.state;
   ElementSearch& elements = *search.elements;
   const bool is_one_near = state.round == 1;  // a single pair guides the search less well than separate hulls
   state.round *= 2;

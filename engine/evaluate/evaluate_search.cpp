@@ -23,11 +23,11 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
                               boxes_b = boxes_.at(*bodies.placement, bodies.pair.b);
   const Slack slack = pair_slack(*bodies.placement, bodies.pair);
   const double cut_off = options_.reference ? kInf : slack.cut_off(bodies.max_distance);
-  PiecePair far{kInf, kNone, kNone};  // the nearest beyond the cut-off
-  double left = kInf;                 // the gap of the next one
+  PartPair far{kInf, kNone, kNone};  // the nearest beyond the cut-off
+  double left = kInf;                // the gap of the next one
   for (std::uint32_t i = 0; i < boxes_a.size(); ++i)
     for (std::uint32_t j = 0; j < boxes_b.size(); ++j) {
-      const PiecePair p{certify_box_gap(boxes_a[i], boxes_b[j]), i, j};
+      const PartPair p{certify_box_gap(boxes_a[i], boxes_b[j]), i, j};
       if (!(p.gap > cut_off)) {
         piece_pairs_.push_back(p);
       } else if (goes_before(p, far)) {
@@ -47,7 +47,7 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
     piece_pairs_.push_back(far);
   }
   searches_.push_back({index, begin, piece_pairs_.size(), begin, 0, slack, 0, {}, {}});
-  PieceSearch& state = searches_.back().state;
+  PartSearch& state = searches_.back().state;
   state.lower = left;
   if (options_.reference) state.round = piece_pairs_.size() - begin;  // all at once
 }
@@ -101,11 +101,11 @@ bool Evaluator::add_tasks(PairSearch& search) {
   search.min_penetration = is_by_pieces(bodies.pair) ? 0 : search.slack.outer;
   if (search.elements) return add_element_tasks(search);
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
-  PieceSearch& state = search.state;
+  PartSearch& state = search.state;
   const double cut_off = cut_off_of(search), near_enough = stop_below(bodies, search.slack);
   sort_ahead(search);
   for (std::size_t i = search.next; i < search.end && search.task_count < state.round; ++i) {
-    const PiecePair& p = piece_pairs_[i];
+    const PartPair& p = piece_pairs_[i];
     if (!options_.reference && !state.asks(p.gap, cut_off)) break;
     add_task(search, cut_off, near_enough, *a.pieces[p.a], *b.pieces[p.b]);
   }
@@ -118,7 +118,8 @@ double Evaluator::cut_off_of(const PairSearch& search) const {
   return options_.reference ? user : search.state.cut_off(user);
 }
 
-void Evaluator::add_task(PairSearch& search, double cut_off, double stop_below, const Piece& a, const Piece& b) {
+void Evaluator::add_task(PairSearch& search, double cut_off, double stop_below, const ConvexPart& a,
+                         const ConvexPart& b) {
   const PlacedBodies& bodies = pairs_[search.index];
   tasks_.push_back({&a, &b, &(*bodies.placement)[bodies.pair.a].pose, &(*bodies.placement)[bodies.pair.b].pose, cut_off,
                     static_cast<std::uint32_t>(tasks_.size() - singles_), nullptr, search.min_penetration, stop_below});
@@ -130,11 +131,11 @@ void Evaluator::take_round(PairSearch& search, double stop_below, std::span<cons
   assert(search.next + answers.size() <= search.end);
   ElementSearch* const elements = search.elements.get();
   if (elements && take_hulls_or_proxies(search, answers)) return;
-  PieceSearch& state = search.state;
+  PartSearch& state = search.state;
   const bool by_pieces = is_by_pieces(pairs_[search.index].pair);
   const auto pair_at = [&](std::size_t k) -> ElementPair {
     if (elements) return elements->round()[k];
-    const PiecePair& p = piece_pairs_[search.next + k];
+    const PartPair& p = piece_pairs_[search.next + k];
     return {p.gap, {p.a, kNone}, {p.b, kNone}};
   };
   for (std::size_t k = 0; k < answers.size(); ++k) {

@@ -10,7 +10,7 @@
 
 namespace clearance {
 
-PiecePtr make_cloud_piece(std::span<const CloudPoint> points, float voxel, double radius) {
+ConvexPartPtr make_cloud_piece(std::span<const CloudPoint> points, float voxel, double radius) {
   const FpEnvironment environment;
   const auto cloud = std::make_shared<const Surface>(points, voxel);
   const auto& ends = cloud->extremes();
@@ -22,8 +22,8 @@ PiecePtr make_cloud_piece(std::span<const CloudPoint> points, float voxel, doubl
   return make_piece(std::move(corners), radius, cloud->size(), digest.value(), nullptr, cloud);
 }
 
-PiecePtr piece_of_no_points() {
-  static const PiecePtr& nothing = *new PiecePtr(make_piece({{0, 0, 0}}));  // queries may outlast main()
+ConvexPartPtr piece_of_no_points() {
+  static const ConvexPartPtr& nothing = *new ConvexPartPtr(make_piece({{0, 0, 0}}));  // queries may outlast main()
   return nothing;
 }
 

@@ -83,8 +83,8 @@ enum class MeshKind : std::uint8_t { kHulls, kConvex, kExact };
 
 struct MeshClass {
   MeshKind kind;
-  PiecePtr piece = {};  // that the classifier built to decide; may be null
-  double excess = 0;    // of kConvex, in metres
+  ConvexPartPtr piece = {};  // that the classifier built to decide; may be null
+  double excess = 0;         // of kConvex, in metres
 };
 
 // Only kAuto depends on the mesh: it is kConvex if its vertices alone keep it from being convex, by their rounding, and
@@ -96,10 +96,11 @@ MeshClass classify(const MeshInput& mesh) {
   if (recipe.mesh_as == MeshAs::kHull || recipe.mesh_as == MeshAs::kParts) return {MeshKind::kHulls};
   if (recipe.mesh_as != MeshAs::kAuto) return {MeshKind::kExact};
   if (triangles.empty() || !open_edge(vertices, triangles).empty()) return {MeshKind::kHulls};
-  PiecePtr hull = make_hull_piece(vertices, triangles, recipe.radius, mesh.loaded_vertices, mesh.submeshes.size() == 1);
+  ConvexPartPtr hull =
+      make_hull_piece(vertices, triangles, recipe.radius, mesh.loaded_vertices, mesh.submeshes.size() == 1);
   const std::optional<double> excess = convex_excess(vertices, triangles, *hull);
   if (excess && *excess <= kOfRounding * hull->spread) return {MeshKind::kConvex, std::move(hull), *excess};
-  PiecePtr solid = make_surface_piece(vertices, triangles, true, recipe.radius, mesh.loaded_vertices);
+  ConvexPartPtr solid = make_surface_piece(vertices, triangles, true, recipe.radius, mesh.loaded_vertices);
   if (hollow_place(*solid->surface).empty()) return {MeshKind::kExact, std::move(solid)};
   return {MeshKind::kHulls};
 }
@@ -130,12 +131,12 @@ void build_convex(const MeshClass& found, Geometry& out) {
 }
 
 // Builds the surface or solid that a recipe names, with the proxies that are proposed.
-PiecePtr exact_piece(const MeshInput& mesh) {
+ConvexPartPtr exact_piece(const MeshInput& mesh) {
   const MeshRecipe& recipe = mesh.recipe;
   const auto& [vertices, triangles] = mesh.whole;
   if (triangles.empty()) throw std::invalid_argument("the mesh has no triangles");
   const bool is_solid = recipe.mesh_as != MeshAs::kSurface;
-  PiecePtr piece = make_surface_piece(vertices, triangles, is_solid, recipe.radius, mesh.loaded_vertices);
+  ConvexPartPtr piece = make_surface_piece(vertices, triangles, is_solid, recipe.radius, mesh.loaded_vertices);
   if (!is_solid) return piece;
   if (const std::string why = hollow_place(*piece->surface); !why.empty())
     throw std::invalid_argument("the mesh does not enclose all that its faces go around: " + why);

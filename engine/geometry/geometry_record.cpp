@@ -96,13 +96,13 @@ std::vector<T> get_list(Reader& in, const std::vector<T>* displayed) {
   return *displayed;
 }
 
-enum class ExactKind : std::uint64_t { kPiece, kSurface, kSolid, kPrimitive, kCloud, kDecomposed };
+enum class ExactKind : std::uint64_t { kConvexPart, kSurface, kSolid, kPrimitive, kCloud, kDecomposed };
 
 // The exact geometry of the part: vertices and triangles, from which the rest is computed again.
 void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display) {
   const Decomposition* const pieces = surface ? surface->decomposition() : nullptr;
   out.add(pieces                ? ExactKind::kDecomposed
-          : !surface            ? ExactKind::kPiece
+          : !surface            ? ExactKind::kConvexPart
           : surface->is_solid() ? ExactKind::kSolid
                                 : ExactKind::kSurface);
   if (!surface) return;
@@ -110,14 +110,14 @@ void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display
   add_list(out, triangles_as_loaded(*surface), display ? &display->triangles : nullptr);
   if (!pieces) return;
   out.add(std::uint64_t{pieces->pieces.size()});
-  for (const PiecePtr& piece : pieces->pieces) out.add(piece->vertices);
+  for (const ConvexPartPtr& piece : pieces->pieces) out.add(piece->vertices);
   out.add(pieces->inner);
   out.add(pieces->outer);
 }
 
 // Proxies of a solid. The cache is trusted with their proved deviation; elsewhere it is proved again.
-PiecePtr get_decomposed_piece(Reader& in, std::vector<Vec3d> vertices, std::vector<Triangle> triangles, double radius,
-                              std::uint64_t loaded, Tables tables) {
+ConvexPartPtr get_decomposed_piece(Reader& in, std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
+                                   double radius, std::uint64_t loaded, Tables tables) {
   std::vector<std::vector<Vec3d>> proposed;
   for (auto count = in.get<std::uint64_t>(); count > 0; --count) proposed.push_back(in.list<Vec3d>());
   auto kept = std::make_shared<Decomposition>();
@@ -133,8 +133,8 @@ PiecePtr get_decomposed_piece(Reader& in, std::vector<Vec3d> vertices, std::vect
   return make_surface_piece(std::move(vertices), std::move(triangles), true, radius, loaded, std::move(kept));
 }
 
-PiecePtr get_surface_piece(Reader& in, ExactKind truth, double radius, std::uint64_t loaded, const DisplayMesh* display,
-                           Tables tables) {
+ConvexPartPtr get_surface_piece(Reader& in, ExactKind truth, double radius, std::uint64_t loaded,
+                                const DisplayMesh* display, Tables tables) {
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::vector<Triangle> triangles = get_list(in, display ? &display->triangles : nullptr);
   if (truth == ExactKind::kDecomposed)
@@ -142,7 +142,7 @@ PiecePtr get_surface_piece(Reader& in, ExactKind truth, double radius, std::uint
   return make_surface_piece(std::move(vertices), std::move(triangles), truth == ExactKind::kSolid, radius, loaded);
 }
 
-void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display, Tables tables) {
+void add_piece(Writer& out, const ConvexPart& piece, const DisplayMesh* display, Tables tables) {
   out.add(piece.radius);
   out.add(piece.loaded_vertices);
   if (piece.primitive) {
@@ -167,7 +167,7 @@ void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display, Tabl
   out.add(piece.table->lists);
 }
 
-PiecePtr get_primitive(Reader& in, double radius) {
+ConvexPartPtr get_primitive(Reader& in, double radius) {
   const auto kind = in.get<std::uint64_t>();
   const auto size = in.get<Vec3d>();
   if (kind < static_cast<std::uint64_t>(Primitive::Kind::kHalfSpace) ||
@@ -176,7 +176,7 @@ PiecePtr get_primitive(Reader& in, double radius) {
   return make_primitive_piece({static_cast<Primitive::Kind>(kind), size}, radius);
 }
 
-PiecePtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
+ConvexPartPtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
   const auto radius = in.get<double>();
   const auto loaded = in.get<std::uint64_t>();
   const auto truth = in.get<ExactKind>();
@@ -186,7 +186,7 @@ PiecePtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
     const auto edge = in.get<float>();
     return make_cloud_piece(in.list<CloudPoint>(), edge, radius);
   }
-  if (truth != ExactKind::kPiece) return get_surface_piece(in, truth, radius, loaded, display, tables);
+  if (truth != ExactKind::kConvexPart) return get_surface_piece(in, truth, radius, loaded, display, tables);
   const auto digest = in.get<std::uint64_t>();
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::shared_ptr<DirectionTable> table;
@@ -217,7 +217,7 @@ std::vector<std::byte> geometry_record(const Geometry& geometry, Tables tables) 
     out.add(display->triangles);
   }
   out.add(std::uint64_t{pieces.size()});
-  for (const PiecePtr& piece : pieces) add_piece(out, *piece, display.get(), tables);
+  for (const ConvexPartPtr& piece : pieces) add_piece(out, *piece, display.get(), tables);
   return out.take();
 }
 

@@ -52,13 +52,13 @@ Geometry moved(const Geometry& geometry, const Origin& X) {
   const auto pieces_of = [&](const Surface& surface) -> std::shared_ptr<const Decomposition> {
     if (!surface.decomposition()) return nullptr;
     auto there = std::make_shared<Decomposition>(*surface.decomposition());
-    for (PiecePtr& core : there->pieces) core = make_piece(all_of(core->vertices));
+    for (ConvexPartPtr& core : there->pieces) core = make_piece(all_of(core->vertices));
     for (const Vec3d& v : surface.vertices()) mover(v);
     there->inner = sum_above(there->inner, 2 * mover.worst());
     for (double& outer : there->outer) outer = sum_above(outer, 2 * mover.worst());
     return there;
   };
-  for (PiecePtr& piece : out.pieces)
+  for (ConvexPartPtr& piece : out.pieces)
     if (const Surface* surface = piece->surface.get())  // a new hull: rounding may have moved inner vertices out
       piece = make_surface_piece(all_of(surface->vertices()), triangles_as_loaded(*surface), surface->is_solid(),
                                  piece->radius, piece->loaded_vertices, pieces_of(*surface));

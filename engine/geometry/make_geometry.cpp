@@ -48,39 +48,40 @@ std::uint64_t digest_of(const Surface& surface, double radius) {
   digest.add(radius);
   if (const Decomposition* pieces = surface.decomposition()) {
     digest.add(pieces->inner);
-    for (const PiecePtr& piece : pieces->pieces) digest.add(piece->digest);
+    for (const ConvexPartPtr& piece : pieces->pieces) digest.add(piece->digest);
   }
   return digest.value();
 }
 
 // \param hull of the surface's vertices
-PiecePtr piece_around(const Piece& hull, const std::shared_ptr<const Surface>& surface) {
+ConvexPartPtr piece_around(const ConvexPart& hull, const std::shared_ptr<const Surface>& surface) {
   return make_piece(hull.vertices, hull.radius, hull.loaded_vertices, digest_of(*surface, hull.radius), hull.table,
                     surface);
 }
 
 }  // namespace
 
-PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid, double radius,
-                            std::uint64_t loaded_vertices, std::shared_ptr<const Decomposition> decomposition) {
+ConvexPartPtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid,
+                                 double radius, std::uint64_t loaded_vertices,
+                                 std::shared_ptr<const Decomposition> decomposition) {
   // The hull first, because it checks the coordinates.
-  const PiecePtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
+  const ConvexPartPtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
   auto surface = std::make_shared<Surface>(std::move(vertices), std::move(triangles), is_solid);
   surface->set_decomposition(std::move(decomposition));
   return piece_around(*hull, surface);
 }
 
-PiecePtr make_decomposed_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
-                               std::span<const std::vector<Vec3d>> proposed, double radius,
-                               std::uint64_t loaded_vertices) {
-  const PiecePtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
+ConvexPartPtr make_decomposed_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
+                                    std::span<const std::vector<Vec3d>> proposed, double radius,
+                                    std::uint64_t loaded_vertices) {
+  const ConvexPartPtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
   auto surface = std::make_shared<Surface>(std::move(vertices), std::move(triangles), true);
   surface->set_decomposition(
       std::make_shared<const Decomposition>(prove_decomposition(*surface, proposed).decomposition));
   return piece_around(*hull, surface);
 }
 
-PiecePtr with_radius(const Piece& piece, double radius) {
+ConvexPartPtr with_radius(const ConvexPart& piece, double radius) {
   if (piece.primitive) return make_primitive_piece(*piece.primitive, radius);
   const std::uint64_t digest = piece.surface ? digest_of(*piece.surface, radius) : 0;
   return make_piece(piece.vertices, radius, piece.loaded_vertices, digest, piece.table, piece.surface);
@@ -119,7 +120,7 @@ Primitive cylinder_of(double radius, double length) {
   return {Primitive::Kind::kCylinder, {radius, radius, 0.5 * length}};
 }
 
-PiecePtr with_prism(const PiecePtr& piece) {
+ConvexPartPtr with_prism(const ConvexPartPtr& piece) {
   if (!piece->primitive || piece->primitive->kind != Primitive::Kind::kCylinder) return piece;
   const Vec3d& size = piece->primitive->size;
   return geometry_of_shape(make_cylinder(size.x, 2 * size.z), piece->radius, "cylinder").pieces[0];

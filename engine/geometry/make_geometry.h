@@ -27,21 +27,21 @@ Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
 Primitive cone_of(double radius, double length);
 Primitive cylinder_of(double radius, double length);
 /// Replaces a cylinder by the prism around it, for code that supports hulls only. Returns any other part unchanged.
-PiecePtr with_prism(const PiecePtr& piece);
+ConvexPartPtr with_prism(const ConvexPartPtr& piece);
 
 /// Makes a part of a surface or solid mesh, enclosed by the hull of its vertices.
 /// Throws std::invalid_argument as Surface and make_piece() do.
 /// \param loaded_vertices of the mesh file; 0 for the number given
-PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid, double radius,
-                            std::uint64_t loaded_vertices = 0,
-                            std::shared_ptr<const Decomposition> decomposition = nullptr);
+ConvexPartPtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid,
+                                 double radius, std::uint64_t loaded_vertices = 0,
+                                 std::shared_ptr<const Decomposition> decomposition = nullptr);
 /// Makes a solid with convex parts as proxies, and proves how far these deviate from it.
 /// \param proposed vertices of each proxy
-PiecePtr make_decomposed_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
-                               std::span<const std::vector<Vec3d>> proposed, double radius,
-                               std::uint64_t loaded_vertices = 0);
+ConvexPartPtr make_decomposed_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
+                                    std::span<const std::vector<Vec3d>> proposed, double radius,
+                                    std::uint64_t loaded_vertices = 0);
 /// Returns the same part, with its exact geometry, grown by another radius.
-PiecePtr with_radius(const Piece& piece, double radius);
+ConvexPartPtr with_radius(const ConvexPart& piece, double radius);
 /// A surface's triangles in the order of its mesh.
 std::vector<Triangle> triangles_as_loaded(const Surface& surface);
 

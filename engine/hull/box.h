@@ -7,7 +7,7 @@
 #include "engine/base/arithmetic.h"
 #include "engine/base/slack.h"
 #include "engine/base/vec.h"
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 #include "engine/hull/primitive.h"
 
 namespace clearance {
@@ -56,7 +56,7 @@ inline Aabb certify_half_space_box(double radius, const Mat3d& R_wb, const Vec3d
   }
   return box;
 }
-inline Aabb certify_box(const Piece& piece, const Mat3d& R_wb, const Vec3d& t_w) {
+inline Aabb certify_box(const ConvexPart& piece, const Mat3d& R_wb, const Vec3d& t_w) {
   if (is_half_space(piece)) return certify_half_space_box(piece.radius, R_wb, t_w);
   return certify_box(piece.centre, piece.half, piece.spread, piece.rho, piece.radius, R_wb, t_w);
 }

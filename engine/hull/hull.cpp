@@ -235,8 +235,8 @@ Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> t
   return hull;
 }
 
-PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
-                         std::uint64_t loaded_vertices, bool distinct, std::vector<Triangle>* faces) {
+ConvexPartPtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
+                              std::uint64_t loaded_vertices, bool distinct, std::vector<Triangle>* faces) {
   const FpEnvironment environment;
   check_vertices(vertices);
   Digest digest;

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "engine/base/vec.h"
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 #include "engine/hull/shapes.h"
 
 namespace clearance {
@@ -39,8 +39,8 @@ void check_vertices(std::span<const Vec3d> vertices);
 /// make_piece() does.
 /// \param faces receives the guess of its faces, if not null
 /// \param loaded_vertices their number before the caller merged duplicates (`distinct`), or 0 for those given
-PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
-                         std::uint64_t loaded_vertices = 0, bool distinct = false,
-                         std::vector<Triangle>* faces = nullptr);
+ConvexPartPtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
+                              std::uint64_t loaded_vertices = 0, bool distinct = false,
+                              std::vector<Triangle>* faces = nullptr);
 
 }  // namespace clearance

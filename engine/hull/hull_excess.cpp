@@ -40,7 +40,7 @@ Solid solid_of(std::span<const Vec3d> vertices, std::span<const Triangle> triang
 
 class Measure {
  public:
-  Measure(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const Piece& hull,
+  Measure(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const ConvexPart& hull,
           std::span<const Triangle> hull_faces)
       : hull_(hull), hull_faces_(hull_faces) {
     const UniquePositions<double> unique = unique_positions<double>(vertices);
@@ -209,7 +209,7 @@ class Measure {
     return cells.empty() ? 0 : cells.top().bound;
   }
 
-  const Piece& hull_;
+  const ConvexPart& hull_;
   std::span<const Triangle> hull_faces_;
   std::vector<Vec3d> positions_, points_;  // of the mesh, distinct: as they are, and in units of the hull
   std::vector<Triangle> triangles_;
@@ -217,14 +217,14 @@ class Measure {
 
 }  // namespace
 
-HullExcess hull_excess(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const Piece& hull,
+HullExcess hull_excess(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const ConvexPart& hull,
                        std::span<const Triangle> hull_faces) {
   if (triangles.empty() || !(hull.spread > 0)) return {};
   return Measure(vertices, triangles, hull, hull_faces).run();
 }
 
 std::optional<double> convex_excess(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
-                                    const Piece& hull) {
+                                    const ConvexPart& hull) {
   if (!(hull.spread > 0)) return 0;
   return Measure(vertices, triangles, hull, {}).run_convex();
 }

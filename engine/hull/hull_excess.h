@@ -6,7 +6,7 @@
 #include <span>
 
 #include "engine/base/vec.h"
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 #include "engine/hull/shapes.h"
 
 namespace clearance {
@@ -35,13 +35,13 @@ inline constexpr int kHullExcessVisits = 1 << 17;
 /// \param vertices of the mesh, finite
 /// \param hull of the vertices
 /// \param hull_faces a guess of its faces, outward; if empty, its volume is unknown
-HullExcess hull_excess(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const Piece& hull,
+HullExcess hull_excess(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const ConvexPart& hull,
                        std::span<const Triangle> hull_faces);
 
 /// The same for a closed mesh whose faces' planes prove that it is convex, or nearly so: metres, rounding included, and
 /// 0 only if it is proved convex. Nothing without a proof; it may be convex all the same.
 /// \param hull of all its vertices
 std::optional<double> convex_excess(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
-                                    const Piece& hull);
+                                    const ConvexPart& hull);
 
 }  // namespace clearance

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 
 namespace clearance {
 

@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "engine/base/double_double.h"
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 
 namespace clearance {
 
@@ -34,17 +34,17 @@ const char* name_of(Primitive::Kind kind);
 
 /// A part with a core in closed form, grown by a radius. Throws std::invalid_argument for a negative or non-finite
 /// radius, and for sizes that are not above 0 and at most 1e60 m.
-PiecePtr make_primitive_piece(const Primitive& primitive, double radius = 0);
+ConvexPartPtr make_primitive_piece(const Primitive& primitive, double radius = 0);
 
-inline bool is_half_space(const Piece& piece) {
+inline bool is_half_space(const ConvexPart& piece) {
   return piece.primitive && piece.primitive->kind == Primitive::Kind::kHalfSpace;
 }
 /// Whether a core is bounded, with a curved surface.
-inline bool is_round(const Piece& piece) {
+inline bool is_round(const ConvexPart& piece) {
   return piece.primitive && piece.primitive->kind != Primitive::Kind::kHalfSpace;
 }
 /// Whether two parts' cores are the same primitive, or both hulls.
-inline bool same_primitive(const Piece& a, const Piece& b) {
+inline bool same_primitive(const ConvexPart& a, const ConvexPart& b) {
   return a.primitive && b.primitive ? *a.primitive == *b.primitive : a.primitive == b.primitive;
 }
 

@@ -31,7 +31,7 @@ Scan best_scan() {
   return scan_baseline;
 }
 
-SupportPoint<double> scan(const Piece& piece, const Vec3d& n) {
+SupportPoint<double> scan(const ConvexPart& piece, const Vec3d& n) {
   static const Scan run = best_scan();
   const std::size_t count = piece.x.size();
   return run({piece.x.data(), piece.y.data(), piece.z.data(), count}, n);
@@ -51,7 +51,7 @@ T reach_of(const Primitive& primitive, const Vec3<T>& n) {
 
 }  // namespace
 
-SupportPoint<double> support(const Piece& piece, const Vec3d& n) {
+SupportPoint<double> support(const ConvexPart& piece, const Vec3d& n) {
   if (piece.primitive) return {0, reach_of(*piece.primitive, n)};
   assert(!piece.vertices.empty() && piece.x.size() % kScanBlock == 0);
   if (!piece.table) return scan(piece, n);
@@ -65,7 +65,7 @@ SupportPoint<double> support(const Piece& piece, const Vec3d& n) {
 
 // Only vertices whose double value is within rounding of the best double value can be the exact maximum: |computed -
 // exact| <= 4 u |n| rho for each (n itself is rounded to double first), so twice that separates two of them.
-SupportPoint<DoubleDouble> support(const Piece& piece, const Vec3<DoubleDouble>& n) {
+SupportPoint<DoubleDouble> support(const ConvexPart& piece, const Vec3<DoubleDouble>& n) {
   if (piece.primitive) return {0, reach_of(*piece.primitive, n)};
   const Vec3d n_hi{n.x.hi, n.y.hi, n.z.hi};
   const SupportPoint<double> guess = support(piece, n_hi);

@@ -16,7 +16,7 @@ namespace {
 class PartsOf {
  public:
   /// \param R,t convert coordinates of the part to those of the solid, with an error of at most `wrong`, metres
-  PartsOf(const Piece& piece, const Surface& solid, const Mat3d& R, const Vec3d& t, double wrong, WorkMeter& meter)
+  PartsOf(const ConvexPart& piece, const Surface& solid, const Mat3d& R, const Vec3d& t, double wrong, WorkMeter& meter)
       : piece_(piece), solid_(solid), R_(R), t_(t), wrong_(wrong), meter_(meter) {}
 
   template <class Found>
@@ -55,7 +55,7 @@ class PartsOf {
     return cloud.nodes()[at].begin();
   }
 
-  const Piece& piece_;
+  const ConvexPart& piece_;
   const Surface& solid_;
   Mat3d R_;
   Vec3d t_;
@@ -71,10 +71,10 @@ Containment holds(const Body& outer, const PoseMatrix& outer_pose, const Body& i
   const double wrong =
       rounding_error(double(RoundingUnits<double>::kLower), pair_scale(shift, outer.reach, inner.reach, 0.0));
   Containment held = Containment::kNo;
-  for (const PiecePtr& o : outer.pieces) {
+  for (const ConvexPartPtr& o : outer.pieces) {
     if (!o->surface || !o->surface->is_solid()) continue;
     const Aabb box = certify_box(*o, outer_pose.R_wb, outer_pose.t_w);
-    for (const PiecePtr& i : inner.pieces) {
+    for (const ConvexPartPtr& i : inner.pieces) {
       if (certify_box_gap(box, certify_box(*i, inner_pose.R_wb, inner_pose.t_w)) > 0) continue;
       // The computed point must be on the same side of every triangle as the exact one, so none may be that near.
       if (!(apart + o->radius + i->radius > wrong)) {

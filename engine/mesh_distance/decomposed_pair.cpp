@@ -15,31 +15,32 @@ namespace {
 
 constexpr std::size_t kMostAsked = 4096;  // beyond which triangles are as fast
 
-const Decomposition* decomposition_of(const Piece& piece) {
+const Decomposition* decomposition_of(const ConvexPart& piece) {
   return piece.surface ? piece.surface->decomposition() : nullptr;
 }
 
 }  // namespace
 
 bool has_decomposition(const Body& body) {
-  return std::ranges::any_of(body.pieces, [](const PiecePtr& piece) { return decomposition_of(*piece) != nullptr; });
+  return std::ranges::any_of(body.pieces,
+                             [](const ConvexPartPtr& piece) { return decomposition_of(*piece) != nullptr; });
 }
 
 void DecomposedPair::hold(const Body& body, const PoseMatrix& pose, std::vector<Holder>& holders, Aabb& around) {
   holders.clear();
   around = kEmptyBox;
-  const auto add = [&](const Piece& piece, double inner) {
+  const auto add = [&](const ConvexPart& piece, double inner) {
     holders.push_back({&piece, inner, certify_box(piece, pose.R_wb, pose.t_w)});
     around = joined(around, grown(holders.back().box, inner));
   };
-  for (const PiecePtr& piece : body.pieces) {
+  for (const ConvexPartPtr& piece : body.pieces) {
     const Decomposition* decomposition = decomposition_of(*piece);
     if (!decomposition) {
       add(*piece, 0);  // it contains the mesh whose hull it is
       continue;
     }
     const double inner = sum_above(decomposition->inner, piece->radius);  // the decomposition's parts are cores
-    for (const PiecePtr& core : decomposition->pieces) add(*core, inner);
+    for (const ConvexPartPtr& core : decomposition->pieces) add(*core, inner);
   }
 }
 

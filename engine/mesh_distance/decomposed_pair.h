@@ -22,7 +22,7 @@ class DecomposedPair {
   /// A pair of parts, and the distance between them beyond which the elements that they represent are beyond the
   /// cut-off.
   struct Asked {
-    const Piece *a, *b;
+    const ConvexPart *a, *b;
     double gap;      // of their boxes
     double inner;    // by which the elements may be nearer
     double cut_off;  // metres
@@ -45,7 +45,7 @@ class DecomposedPair {
  private:
   // A convex set that contains elements, grown by `inner`.
   struct Holder {
-    const Piece* piece;
+    const ConvexPart* piece;
     double inner;
     Aabb box;
   };

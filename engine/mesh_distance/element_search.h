@@ -68,14 +68,14 @@ class ElementSearch {
   bool hulls_are_apart() const { return known_.are_apart; }
   /// Step between hulls and triangles: the convex parts of decompositions. kGoesOn while they are evaluated, or if all
   /// are proved beyond the cut-off (DecomposedPair::round() is empty); kOver if triangles have to be evaluated.
-  enum class ByPieces : std::uint8_t { kNotYet, kGoesOn, kOver };
-  ByPieces go_on_by_pieces(const PoseMatrix& pose_a, const PoseMatrix& pose_b, double cut_off) {
-    if (known_.by_pieces == ByPieces::kNotYet)
-      known_.by_pieces = pieces_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByPieces::kGoesOn : ByPieces::kOver;
-    if (pieces_.has_failed()) known_.by_pieces = ByPieces::kOver;
+  enum class ByParts : std::uint8_t { kNotYet, kGoesOn, kOver };
+  ByParts go_on_by_pieces(const PoseMatrix& pose_a, const PoseMatrix& pose_b, double cut_off) {
+    if (known_.by_pieces == ByParts::kNotYet)
+      known_.by_pieces = pieces_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByParts::kGoesOn : ByParts::kOver;
+    if (pieces_.has_failed()) known_.by_pieces = ByParts::kOver;
     return known_.by_pieces;
   }
-  bool is_by_pieces() const { return known_.by_pieces == ByPieces::kGoesOn; }
+  bool is_by_pieces() const { return known_.by_pieces == ByParts::kGoesOn; }
   DecomposedPair& pieces() { return pieces_; }
   /// Begins a round with one near pair. Returns false if all pairs tried for it are beyond the cut-off.
   bool begin_near(double cut_off) {
@@ -88,14 +88,14 @@ class ElementSearch {
   std::span<const ElementPair> round() const { return round_; }
   void end_round() { round_.clear(); }
   /// The elements of a pair of the round, as parts that stay valid until the next round begins.
-  const Piece& piece_a(std::size_t i) { return piece_of(*a_, round_[i].a, room(2 * i)); }
-  const Piece& piece_b(std::size_t i) { return piece_of(*b_, round_[i].b, room(2 * i + 1)); }
+  const ConvexPart& piece_a(std::size_t i) { return piece_of(*a_, round_[i].a, room(2 * i)); }
+  const ConvexPart& piece_b(std::size_t i) { return piece_of(*b_, round_[i].b, room(2 * i + 1)); }
   /// Lower bound on the distance of pairs in no round yet, metres.
   double left() const { return nearest_.left(); }
   void look_along(const Vec3d& n_w) { nearest_.look_along(n_w); }
 
  private:
-  Piece& room(std::size_t i) {
+  ConvexPart& room(std::size_t i) {
     while (rooms_.size() <= i) rooms_.emplace_back();
     return rooms_[i];
   }
@@ -108,10 +108,10 @@ class ElementSearch {
   // depends on its bodies alone.
   struct Known {
     bool in_hulls = false, are_hulls_taken = false, are_apart = false;  // hulls: in progress, done, apart
-    ByPieces by_pieces = ByPieces::kNotYet;
+    ByParts by_pieces = ByParts::kNotYet;
     HullsGap hulls_gap;
   } known_;
-  std::deque<Piece> rooms_;
+  std::deque<ConvexPart> rooms_;
 };
 
 }  // namespace clearance

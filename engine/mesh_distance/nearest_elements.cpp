@@ -47,8 +47,8 @@ double above_zero(double x) {
 
 }  // namespace
 
-const Piece& piece_of(const Body& body, const Element& element, Piece& room) {
-  const Piece& piece = *body.pieces[element.piece];
+const ConvexPart& piece_of(const Body& body, const Element& element, ConvexPart& room) {
+  const ConvexPart& piece = *body.pieces[element.piece];
   if (element.triangle == kNone) return piece;
   remake_piece(room, piece.surface->element(element.triangle).span(), piece.radius);
   return room;
@@ -69,7 +69,7 @@ void NearestElements::begin(const Body& a, const PoseMatrix& pose_a, const Body&
   reached_ = 0;
   left_out_ = kInf;
   open_.clear();
-  const auto first = [](const PiecePtr& piece) { return piece->surface ? 0 : kNone; };
+  const auto first = [](const ConvexPartPtr& piece) { return piece->surface ? 0 : kNone; };
   for (std::uint32_t i = 0; i < a.pieces.size(); ++i)
     for (std::uint32_t j = 0; j < b.pieces.size(); ++j) {
       Entry e{0, i, first(a.pieces[i]), j, first(b.pieces[j]), 0};
@@ -79,7 +79,7 @@ void NearestElements::begin(const Body& a, const PoseMatrix& pose_a, const Body&
 }
 
 NearestElements::NodeBounds NearestElements::bounds(const Body& body, std::uint32_t piece, std::uint32_t at) {
-  const Piece& p = *body.pieces[piece];
+  const ConvexPart& p = *body.pieces[piece];
   if (at == kNone) return {p.centre, p.half};
   const Surface& surface = *p.surface;
   if (is_element(at)) {
@@ -109,7 +109,7 @@ NearestElements::NodeBounds NearestElements::bounds(const Body& body, std::uint3
 // \param room for the corners of a triangle
 PartBounds NearestElements::part_bounds(const Body& body, std::uint32_t piece, std::uint32_t at,
                                         const NodeBounds& bounds, std::array<Vec3d, 3>& room) {
-  const Piece& whole = *body.pieces[piece];
+  const ConvexPart& whole = *body.pieces[piece];
   PartBounds part{bounds.centre, bounds.half};
   if (at == kNone) {
     if (!whole.primitive && whole.count() <= kMostCorners) part.corners = whole.vertices;

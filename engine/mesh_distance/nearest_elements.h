@@ -12,7 +12,7 @@
 
 #include "engine/base/best_first.h"
 #include "engine/mesh_distance/part_gaps.h"
-#include "engine/narrow/piece_search.h"
+#include "engine/narrow/part_search.h"
 #include "engine/narrow/work_meter.h"
 #include "engine/pose/placed.h"
 #include "engine/scene/scene.h"
@@ -25,7 +25,7 @@ struct Element {
   std::uint32_t triangle = kNone;  ///< of the mesh; kNone for the part itself
 };
 /// The element as a part that can be evaluated: the part itself, or `room`, which becomes its triangle.
-const Piece& piece_of(const Body& body, const Element& element, Piece& room);
+const ConvexPart& piece_of(const Body& body, const Element& element, ConvexPart& room);
 
 struct ElementPair {
   double gap;  ///< lower bound on the pair's distance, in metres

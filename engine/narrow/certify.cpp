@@ -63,7 +63,7 @@ SupportPoint<T> CorePoints<T>::farthest(const Vec3<T>& n) {
 }
 
 template <class T>
-PlacedPair<T>::PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b,
+PlacedPair<T>::PlacedPair(const ConvexPart& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const ConvexPart& piece_b,
                           const Mat3<T>& R_b, const Vec3d& t_b)
     : a(&piece_a),
       b(&piece_b),
@@ -152,7 +152,7 @@ double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> ver
   return radius > 0 ? radius : -kInf;
 }
 
-double certify_overlap(const Piece& a, const Piece& b, double ball) {
+double certify_overlap(const ConvexPart& a, const ConvexPart& b, double ball) {
   assert(ball > 0);
   return upper_of_overlap(a.radius, b.radius, ball);
 }

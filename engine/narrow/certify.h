@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "engine/base/arithmetic.h"
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
 #include "engine/narrow/gjk.h"
@@ -149,7 +149,7 @@ struct RunBounds {
 template <class T>
 class CorePoints {
  public:
-  explicit CorePoints(const Piece& piece) : piece_(&piece) {
+  explicit CorePoints(const ConvexPart& piece) : piece_(&piece) {
     if (is_round(piece)) found_.push_back({T(0), T(0), T(0)});
   }
   Vec3<T> operator[](std::uint32_t i) const { return found_.empty() ? cast<T>(piece_->vertices[i]) : found_[i]; }
@@ -158,15 +158,15 @@ class CorePoints {
   SupportPoint<T> farthest(const Vec3<T>& n);
 
  private:
-  const Piece* piece_;
+  const ConvexPart* piece_;
   std::vector<Vec3<T>> found_;  // of a round core
 };
 
 /// Two placed parts, in the arithmetic T and the frame of a.
 template <class T>
 struct PlacedPair {
-  const Piece* a;
-  const Piece* b;
+  const ConvexPart* a;
+  const ConvexPart* b;
   Mat3<T> R_wa, R_wb;                        ///< convert results to world axes
   Mat3<T> R;                                 ///< R_wa^T R_wb
   Vec3<T> D;                                 ///< R_wa^T (t_b - t_a)
@@ -174,8 +174,8 @@ struct PlacedPair {
   T radius;                                  ///< r_a + r_b; exact in double-double
   mutable CorePoints<T> points_a, points_b;  ///< of round cores: the points found so far
 
-  PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b, const Mat3<T>& R_b,
-             const Vec3d& t_b);
+  PlacedPair(const ConvexPart& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const ConvexPart& piece_b,
+             const Mat3<T>& R_b, const Vec3d& t_b);
 
   double lower_error() const { return error(RoundingUnits<T>::kLower); }
   double upper_error() const { return error(RoundingUnits<T>::kUpper); }
@@ -250,6 +250,6 @@ double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> ver
                     std::span<const CsoFace<T>> faces);
 
 /// Upper bound on the signed distance of two grown parts whose cores' overlap holds a ball (see certify_ball).
-double certify_overlap(const Piece& a, const Piece& b, double ball);
+double certify_overlap(const ConvexPart& a, const ConvexPart& b, double ball);
 
 }  // namespace clearance

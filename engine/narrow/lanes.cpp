@@ -11,7 +11,7 @@
 
 namespace clearance {
 
-LaneHull::LaneHull(const Piece& p)
+LaneHull::LaneHull(const ConvexPart& p)
     : HullExtents(p),
       x(p.x.data()),
       y(p.y.data()),
@@ -27,7 +27,7 @@ LaneHull::LaneHull(const Piece& p)
       grid_bits(p.table ? p.table->grid_bits : 0),
       has_table(p.table != nullptr) {}
 
-bool fits_f32(const Piece& a, const Piece& b) {
+bool fits_f32(const ConvexPart& a, const ConvexPart& b) {
   return !a.table && !b.table && sizes_fit_f32(a.spread + a.radius, b.spread + b.radius);
 }
 

@@ -12,7 +12,7 @@
 #include <span>
 #include <string_view>
 
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 #include "engine/narrow/gjk.h"
 #include "engine/narrow/warm.h"
 
@@ -29,7 +29,7 @@ struct LaneHull : HullExtents {
   std::uint32_t grid_bits;
   bool has_table;
 
-  explicit LaneHull(const Piece& piece);
+  explicit LaneHull(const ConvexPart& piece);
 };
 
 /// Two placed parts, and their own limits.
@@ -72,7 +72,7 @@ struct LaneBatch {
 };
 
 /// Whether float32 suits two parts: small ones, of sizes that it can represent (sizes_fit_f32()).
-bool fits_f32(const Piece& a, const Piece& b);
+bool fits_f32(const ConvexPart& a, const ConvexPart& b);
 
 /// The kernels of one instruction set.
 struct LaneKernel {

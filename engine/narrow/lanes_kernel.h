@@ -135,7 +135,7 @@ HWY_INLINE OneFound<T> look_up(const LaneHull& hull, double u, double v, const V
   return found;
 }
 
-// The same by a scan, with as many vertices at a time as there are lanes. The arrays are padded (`Piece::x`).
+// The same by a scan, with as many vertices at a time as there are lanes. The arrays are padded (`ConvexPart::x`).
 template <class T>
 HWY_INLINE OneFound<T> scan_across(const T* x, const T* y, const T* z, std::size_t count, const Vec3<T>& n) {
   using P = Pack<T>;

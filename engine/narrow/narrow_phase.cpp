@@ -169,7 +169,7 @@ class Answer {
   }
   template <class T>
   void add_to_proof(const PlacedPair<T>& pair, std::uint32_t a, std::uint32_t b, const DoubleDouble& share) {
-    const auto named = [](const Piece& piece, const CorePoints<T>& points, std::uint32_t i, auto& known) {
+    const auto named = [](const ConvexPart& piece, const CorePoints<T>& points, std::uint32_t i, auto& known) {
       if (!is_round(piece)) return i;
       known.push_back(cast<DoubleDouble>(points[i]));
       return static_cast<std::uint32_t>(known.size() - 1);
@@ -390,8 +390,8 @@ void attempt_plane(const PlacedPair<T>& pair, Answer& answer) {
 }
 
 // Answers a half-space, a, and another part, without a search. Proves nothing for two half-spaces.
-NarrowAnswer against_half_space(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
-                                const NarrowLimits& limits, bool in_fine) {
+NarrowAnswer against_half_space(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
+                                const PoseMatrix& pose_b, const NarrowLimits& limits, bool in_fine) {
   if (is_half_space(b)) return {};
   Answer answer(limits, pose_a.R_wb, a.radius, b.radius);
   if (!in_fine) attempt_plane(PlacedPair<double>(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w), answer);
@@ -404,7 +404,7 @@ NarrowAnswer against_half_space(const Piece& a, const PoseMatrix& pose_a, const 
   return r;
 }
 // The same with the half-space as a or b. Nothing if neither is one.
-std::optional<NarrowAnswer> against_half_space(const Piece& a, const PoseMatrix& pose_a, const Piece& b,
+std::optional<NarrowAnswer> against_half_space(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
                                                const PoseMatrix& pose_b, bool in_fine, const NarrowLimits& limits) {
   if (is_half_space(a)) return against_half_space(a, pose_a, b, pose_b, limits, in_fine);
   if (!is_half_space(b)) return {};
@@ -415,7 +415,7 @@ std::optional<NarrowAnswer> against_half_space(const Piece& a, const PoseMatrix&
 }
 
 // narrow_phase() with an empty answer.
-NarrowAnswer narrow_down(Answer answer, const Piece& a, const PoseMatrix& pose_a, const Piece& b,
+NarrowAnswer narrow_down(Answer answer, const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
                          const PoseMatrix& pose_b, const NarrowLimits& limits, WarmSimplex* warm,
                          const Gjk<double>* done, WorkMeter* meter, PausedPairPtr* paused) {
   const bool in_fine = paused && dynamic_cast<PausedEpa<DoubleDouble>*>(paused->get());
@@ -447,7 +447,7 @@ NarrowAnswer narrow_down(Answer answer, const Piece& a, const PoseMatrix& pose_a
 
 }  // namespace
 
-NarrowAnswer narrow_phase(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
+NarrowAnswer narrow_phase(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
                           const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done, WorkMeter* meter,
                           std::unique_ptr<PausedPair>* paused) {
   if (const auto plane = against_half_space(a, pose_a, b, pose_b, false, limits)) return *plane;
@@ -455,8 +455,8 @@ NarrowAnswer narrow_phase(const Piece& a, const PoseMatrix& pose_a, const Piece&
                      paused);
 }
 
-NarrowAnswer narrow_phase_proved(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
-                                 const NarrowLimits& limits, NarrowProof& proof) {
+NarrowAnswer narrow_phase_proved(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
+                                 const PoseMatrix& pose_b, const NarrowLimits& limits, NarrowProof& proof) {
   proof = {};
   if (is_half_space(a) || is_half_space(b)) {
     NarrowAnswer plane;
@@ -467,19 +467,19 @@ NarrowAnswer narrow_phase_proved(const Piece& a, const PoseMatrix& pose_a, const
                      nullptr, nullptr, nullptr);
 }
 
-double rounding_of(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b) {
+double rounding_of(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b) {
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
   return rounding_width(pair.scale);
 }
 
-void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
-                       Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
+void take_lane_witness(const ConvexPart& a, const Mat3d& R_wa, const ConvexPart& b, const Mat3d& R_wb,
+                       const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
   converged_points(a, R_wa, b, R_wb, lane, point_a, point_b);
   normal = converged_normal(lane);
 }
 
-NarrowAnswer narrow_phase_reference(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
-                                    const NarrowLimits& limits) {
+NarrowAnswer narrow_phase_reference(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
+                                    const PoseMatrix& pose_b, const NarrowLimits& limits) {
   NarrowLimits whole = limits;
   whole.max_distance = kInf;
   whole.stop_below = -kInf;

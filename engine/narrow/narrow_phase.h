@@ -36,19 +36,19 @@ struct PausedPair {
 /// \param paused null to answer the pair without interruption. Otherwise, if the meter's slice ends within EPA,
 /// WorkMeter::PairUnfinished is thrown, and the next call for the same pair resumes from the state left here. The bits
 /// of the answer are the same. A null pointer inside begins the pair
-NarrowAnswer narrow_phase(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
+NarrowAnswer narrow_phase(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
                           const NarrowLimits& limits, WarmSimplex* warm = nullptr, const Gjk<double>* done = nullptr,
                           WorkMeter* meter = nullptr, std::unique_ptr<PausedPair>* paused = nullptr);
 
 /// NarrowAnswer::rounding of two placed parts.
-double rounding_of(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b);
+double rounding_of(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b);
 
 /// Witness points and normal of a pair that converged in lanes, as narrow_phase() computes them.
-void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
-                       Vec3d& point_a, Vec3d& point_b, Vec3d& normal);
+void take_lane_witness(const ConvexPart& a, const Mat3d& R_wa, const ConvexPart& b, const Mat3d& R_wb,
+                       const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b, Vec3d& normal);
 
 /// The oracle with the same interface: proved supports and double-double from the start, no cut-off, no seed.
-NarrowAnswer narrow_phase_reference(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
-                                    const NarrowLimits& limits);
+NarrowAnswer narrow_phase_reference(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
+                                    const PoseMatrix& pose_b, const NarrowLimits& limits);
 
 }  // namespace clearance

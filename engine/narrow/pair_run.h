@@ -2,7 +2,7 @@
 // device threads, so that their answers have the same bits. All that proofs depend on is here and in certify.h.
 //
 // S is the scalar of the arithmetic (double, float, DoubleDouble), T that scalar or a pack of it. A hull is any type
-// with the members `centre`, `rho`, `spread` and `radius` of `Piece`.
+// with the members `centre`, `rho`, `spread` and `radius` of `ConvexPart`.
 #pragma once
 
 #include "engine/narrow/certify.h"

@@ -11,11 +11,12 @@ namespace clearance {
 
 namespace {
 
-PlacedPair<double> placed(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b, double) {
+PlacedPair<double> placed(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
+                          double) {
   return {a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w};
 }
-PlacedPair<DoubleDouble> placed(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
-                                DoubleDouble) {
+PlacedPair<DoubleDouble> placed(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
+                                const PoseMatrix& pose_b, DoubleDouble) {
   return {a, rotation_of_double_double(pose_a.X_wb), pose_a.t_w, b, rotation_of_double_double(pose_b.X_wb), pose_b.t_w};
 }
 
@@ -43,13 +44,13 @@ void above_plane(const PlacedPair<T>& pair, Interval& bounds, NarrowProof& proof
 
 }  // namespace
 
-Interval plane_proved(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
+Interval plane_proved(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
                       NarrowProof& proof) {
   proof = {};
   Interval bounds{-HUGE_VAL, HUGE_VAL};
   if (is_half_space(a) && is_half_space(b)) return bounds;
   const bool is_b = is_half_space(b);
-  const Piece &plane = is_b ? b : a, &other = is_b ? a : b;
+  const ConvexPart &plane = is_b ? b : a, &other = is_b ? a : b;
   const PoseMatrix &X_wp = is_b ? pose_b : pose_a, &X_wo = is_b ? pose_a : pose_b;
   const auto fine = placed(plane, X_wp, other, X_wo, DoubleDouble());
   above_plane(placed(plane, X_wp, other, X_wo, double()), bounds, proof);
@@ -63,8 +64,8 @@ Interval plane_proved(const Piece& a, const PoseMatrix& pose_a, const Piece& b, 
   return bounds;
 }
 
-double lower_along(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b, const Vec3d& n_w,
-                   NarrowProof& proof) {
+double lower_along(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
+                   const Vec3d& n_w, NarrowProof& proof) {
   if (is_half_space(a) || is_half_space(b)) return plane_proved(a, pose_a, b, pose_b, proof).lower;
   const auto pair = placed(a, pose_a, b, pose_b, DoubleDouble());
   proof = {};

@@ -34,17 +34,17 @@ struct NarrowProof {
 
 /// narrow_phase() with its proof, from a cold start and without slices. The bits are the same. Half-spaces give the
 /// bounds of plane_proved() alone.
-NarrowAnswer narrow_phase_proved(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
-                                 const NarrowLimits& limits, NarrowProof& proof);
+NarrowAnswer narrow_phase_proved(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
+                                 const PoseMatrix& pose_b, const NarrowLimits& limits, NarrowProof& proof);
 
 /// Proves the bounds of a half-space and another part, in either arithmetic, from the plane's normal and the height of
 /// the other's lowest point. Proves nothing for two half-spaces.
-Interval plane_proved(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b,
+Interval plane_proved(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
                       NarrowProof& proof);
 
 /// Lower bound that a direction proves, in double-double.
 /// \param n_w world axes, from a towards b; for a half-space, its own normal is used instead
-double lower_along(const Piece& a, const PoseMatrix& pose_a, const Piece& b, const PoseMatrix& pose_b, const Vec3d& n_w,
-                   NarrowProof& proof);
+double lower_along(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
+                   const Vec3d& n_w, NarrowProof& proof);
 
 }  // namespace clearance

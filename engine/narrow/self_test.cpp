@@ -10,7 +10,7 @@
 #include "engine/base/fp_environment.h"
 #include "engine/hull/shapes.h"
 #include "engine/narrow/certify.h"
-#include "engine/narrow/piece_batch.h"
+#include "engine/narrow/part_batch.h"
 
 namespace clearance {
 
@@ -157,7 +157,7 @@ void run(SelfTest& test, const NarrowOptions& asked, int places) {
   options.contradictions = &contradictions;
   const std::vector<KnownPair>& pairs = known_pairs();
   std::vector<std::pair<PoseMatrix, PoseMatrix>> placed;
-  std::vector<PieceTask> tasks;
+  std::vector<PartTask> tasks;
   placed.reserve(pairs.size() * static_cast<std::size_t>(places));  // tasks point to them
   for (std::uint32_t p = 0; p < pairs.size(); ++p)
     for (int i = 0; i < places; ++i) {
@@ -165,13 +165,13 @@ void run(SelfTest& test, const NarrowOptions& asked, int places) {
       placed.push_back({{rotation_of(X_wa), X_wa.translation, X_wa}, {rotation_of(X_wb), X_wb.translation, X_wb}});
       tasks.push_back({pairs[p].a.get(), pairs[p].b.get(), &placed.back().first, &placed.back().second, kInf, p});
     }
-  const auto take = [&](const PieceTask& task, const NarrowAnswer& answer) {
+  const auto take = [&](const PartTask& task, const NarrowAnswer& answer) {
     test.count(error_of(pairs[task.id], answer, options.limits));
   };
-  PieceBatch batch(options);
+  PartBatch batch(options);
   batch.run(
       tasks,
-      [&](const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
+      [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
         take(task, batch.converged_answer(task, lane, witness));
       },
       take);

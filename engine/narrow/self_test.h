@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 #include "engine/narrow/lanes.h"
 #include "engine/narrow/narrow_phase.h"
 
@@ -19,7 +19,7 @@ namespace clearance {
 /// their vertices and poses exactly.
 struct KnownPair {
   std::string_view kind;
-  PiecePtr a, b;
+  ConvexPartPtr a, b;
   double exact;                              ///< metres; the same in all places
   std::vector<std::pair<Pose, Pose>> poses;  ///< X_wa and X_wb
 };

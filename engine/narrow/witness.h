@@ -98,7 +98,7 @@ CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, cons
   return contact_of_vertices(hull, R, n_w, angle);
 }
 /// Contact of a part. A core in closed form needs no vertices. A template, so that device compilers skip it.
-template <std::same_as<Piece> P>
+template <std::same_as<ConvexPart> P>
 inline Contact contact_along(const P& piece, const Mat3d& R, const Vec3d& n_w, double angle) {
   if (piece.primitive) return contact_of_primitive(*piece.primitive, R, n_w, angle);
   return contact_of_vertices(piece, R, n_w, angle);
@@ -106,8 +106,10 @@ inline Contact contact_along(const P& piece, const Mat3d& R, const Vec3d& n_w, d
 
 /// Bound on the error of a converged normal, in radians. Vertices determine it up to rounding. For a curved core the
 /// iteration ends when the bounds meet the tolerance, and cos(angle) >= lower / upper.
-inline double normal_angle(const Piece& a, const Piece& b, double lower, double upper) {
-  const auto is_curved = [](const Piece& p) { return p.primitive && p.primitive->kind != Primitive::Kind::kHalfSpace; };
+inline double normal_angle(const ConvexPart& a, const ConvexPart& b, double lower, double upper) {
+  const auto is_curved = [](const ConvexPart& p) {
+    return p.primitive && p.primitive->kind != Primitive::Kind::kHalfSpace;
+  };
   if (!(is_curved(a) || is_curved(b)) || !(0 < lower && lower <= upper)) return kContactAngle;
   constexpr double kArcPerChord = 1.12;  // up to a right angle
   return std::max(kContactAngle, kArcPerChord * std::sqrt(2 * (upper - lower) / upper));

@@ -9,7 +9,7 @@
 #include <chrono>
 #include <cstdint>
 
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 
 namespace clearance {
 
@@ -87,10 +87,10 @@ class WorkMeter {
   std::uint64_t spent() const { return spent_; }
 
   /// Units of a support of one part, and of both parts.
-  static std::uint64_t units_of(const Piece& piece) {
+  static std::uint64_t units_of(const ConvexPart& piece) {
     return piece.table ? kUnitsOfATable : (piece.vertices.size() + kVerticesPerUnit - 1) / kVerticesPerUnit;
   }
-  static std::uint64_t units_of(const Piece& a, const Piece& b) { return units_of(a) + units_of(b); }
+  static std::uint64_t units_of(const ConvexPart& a, const ConvexPart& b) { return units_of(a) + units_of(b); }
 
  private:
   static constexpr std::uint64_t kUnitsPerLook = 32;  // between two readings of the clock

@@ -65,7 +65,7 @@ nb::list bodies(const Scene& scene) {
   nb::list list;
   for (const Body& b : scene.bodies()) {
     std::uint64_t vertices = 0;
-    for (const PiecePtr& piece : b.pieces) vertices += piece->vertices.size();
+    for (const ConvexPartPtr& piece : b.pieces) vertices += piece->vertices.size();
     list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.pieces.size(), vertices, b.model_error, extent_of(b),
                                b.hull_excess, b.empty_share, triangle_count(b), is_solid(b), is_cloud(b), b.model_inner,
                                b.uncertainty.position, b.uncertainty.angle, b.padding, b.max_speed));
@@ -75,7 +75,7 @@ nb::list bodies(const Scene& scene) {
 
 nb::list pieces(const Scene& scene, std::uint32_t id) {
   nb::list list;
-  for (const PiecePtr& piece : body_at(scene, id).pieces) {
+  for (const ConvexPartPtr& piece : body_at(scene, id).pieces) {
     list.append(nb::make_tuple(array_of<double>(piece->vertices), piece->radius));
   }
   return list;

@@ -39,7 +39,7 @@ void SceneCost::SelectorCost::add(const SelectorCost& other) {
 SceneCost::SceneCost(const Scene& scene) : scene_(&scene) {
   for (const Body& body : scene.bodies()) {
     SelectorCost& side = bodies_.emplace_back(SelectorCost{1, body.pieces.size(), 0});
-    for (const PiecePtr& piece : body.pieces)
+    for (const ConvexPartPtr& piece : body.pieces)
       side.units += WorkMeter::units_of(*piece) + units_of(body, piece->surface.get());
     all_.add(side);
   }

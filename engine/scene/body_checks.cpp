@@ -83,7 +83,7 @@ void check_uncertainty(const Body& body) {
 }
 
 bool is_plane(const Body& body) {
-  return std::any_of(body.pieces.begin(), body.pieces.end(), [](const PiecePtr& p) { return is_half_space(*p); });
+  return std::any_of(body.pieces.begin(), body.pieces.end(), [](const ConvexPartPtr& p) { return is_half_space(*p); });
 }
 
 void fix_half_space(Body& body) {

@@ -28,7 +28,7 @@ double width(const Body& body) {
   double widest = 0;
   for (int k = 0; k < 3; ++k) {
     double low = std::numeric_limits<double>::infinity(), high = -low;
-    for (const PiecePtr& piece : body.pieces)
+    for (const ConvexPartPtr& piece : body.pieces)
       for (const Vec3d& v : piece->vertices) {
         low = std::min(low, v[k]);
         high = std::max(high, v[k]);
@@ -44,7 +44,7 @@ bool is_large(const Body& body) {
 
 bool stands_out(const Body& body) {
   double size = 0;
-  for (const PiecePtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
+  for (const ConvexPartPtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
   return body.hull_excess > kHullExcessShare * size;
 }
 
@@ -92,7 +92,7 @@ std::string mesh_warning(const Body& body) {
 
 std::vector<MeshWarning> mesh_warnings(const Scene& scene, std::uint32_t first) {
   std::vector<MeshWarning> warnings;
-  std::map<std::pair<const DisplayMesh*, const Piece*>, std::string> known;
+  std::map<std::pair<const DisplayMesh*, const ConvexPart*>, std::string> known;
   for (std::uint32_t id = first; id < scene.bodies().size(); ++id) {
     const Body& body = scene.bodies()[id];
     if (!stands_out(body) && !lacks_pieces(body) && !is_large(body)) continue;

@@ -34,7 +34,7 @@ std::uint32_t Scene::add_body(Body body) {
 // Inserts a body with a free name; one without parts is a frame.
 std::uint32_t Scene::insert_body(Body body) {
   const std::string who = "body " + in_quotes(body.name) + ": ";
-  for (const PiecePtr& piece : body.pieces)
+  for (const ConvexPartPtr& piece : body.pieces)
     if (!piece) throw SceneError(who + "a piece is null");
   if (bodies_.size() >= kGroupBit) throw SceneError(who + "too many bodies");
   if (body.pose && check(*body.pose) == PoseQuality::kBad)
@@ -177,7 +177,7 @@ std::uint64_t Scene::revision() const {
       digest.add(double{body.voxel});
     }
     digest.add(std::uint64_t{body.pieces.size()});
-    for (const PiecePtr& piece : body.pieces) digest.add(piece->digest);
+    for (const ConvexPartPtr& piece : body.pieces) digest.add(piece->digest);
   }
   digest.add(std::uint64_t{groups_.size()});
   for (const Group& group : groups_) {

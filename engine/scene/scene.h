@@ -107,7 +107,7 @@ class Scene {
                            const BodyOptions& options);
   /// Returns the same scene with other points in a cloud.
   /// \param cloud from make_cloud_piece(), not yet grown by the body's uncertainty; null for no points
-  Scene with_points(std::uint32_t body, const PiecePtr& cloud) const;
+  Scene with_points(std::uint32_t body, const ConvexPartPtr& cloud) const;
   std::uint32_t add_uv_sphere(const std::string& name, double radius, int resolution,
                               const BodyOptions& options);                                 ///< Open3D's create_sphere
   std::uint32_t add_box(const std::string& name, Vec3d size, const BodyOptions& options);  ///< full edge lengths
@@ -178,7 +178,7 @@ class Scene {
   std::uint32_t add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of);
   std::uint32_t add_shape(const std::string& name, const Shape& shape, const char* source, const BodyOptions& options);
   Body body_from(const std::string& name, const BodyOptions& options) const;
-  PiecePtr shared_piece(const PiecePtr& piece);
+  ConvexPartPtr shared_piece(const ConvexPartPtr& piece);
   void check_free(const std::string& name, const char* what) const;
   const Geometry& mesh_geometry(const std::string& path, const MeshRecipe& recipe);
   void insert_group(Group group);
@@ -200,7 +200,7 @@ class Scene {
   std::unordered_map<std::string, std::uint32_t> joint_ids_;
   std::unordered_map<std::string, std::uint32_t> body_ids_;
   std::unordered_map<std::string, std::uint32_t> group_ids_;
-  std::unordered_multimap<std::uint64_t, PiecePtr> pieces_;  ///< by digest
+  std::unordered_multimap<std::uint64_t, ConvexPartPtr> pieces_;  ///< by digest
   /// Geometries made before: meshes by file and options, shapes by their vertices.
   std::unordered_map<std::string, std::shared_ptr<const Geometry>> geometries_;
   std::shared_ptr<MeshGeometries> meshes_;  ///< null until there is a mesh

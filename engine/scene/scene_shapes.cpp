@@ -26,7 +26,7 @@ std::string file_key(const std::string& path) {
 }
 
 // Replaces the points of a body, not yet grown by its uncertainty.
-void put_points(Body& body, const PiecePtr& cloud) {
+void put_points(Body& body, const ConvexPartPtr& cloud) {
   body.pieces = {cloud ? cloud : piece_of_no_points()};
   body.cloud = cloud ? CloudState::kPoints : CloudState::kEmpty;
   body.model_error = body.model_inner = cloud ? cloud->surface->rounding() : 0;
@@ -60,7 +60,7 @@ std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& op
   Body body = body_from(name, options);
   try {
     static_cast<Geometry&>(body) = geometry_of();
-    for (PiecePtr& piece : body.pieces) piece = shared_piece(piece);
+    for (ConvexPartPtr& piece : body.pieces) piece = shared_piece(piece);
   } catch (const std::invalid_argument& e) {
     throw SceneError("body " + in_quotes(name) + ": " + e.what());
   } catch (const MeshError& e) {
@@ -200,7 +200,7 @@ std::uint32_t Scene::add_points(const std::string& name, std::span<const CloudPo
   return add_body(std::move(body));
 }
 
-Scene Scene::with_points(std::uint32_t id, const PiecePtr& cloud) const {
+Scene Scene::with_points(std::uint32_t id, const ConvexPartPtr& cloud) const {
   const FpEnvironment environment;
   Scene next = without_memory();
   put_points(next.bodies_.at(id), cloud);

@@ -210,7 +210,7 @@ class SceneWriter {
     if (!file) fail(name + " cannot be written");
   }
 
-  using Key = std::tuple<std::vector<PiecePtr>, std::shared_ptr<const DisplayMesh>, std::string, double, double>;
+  using Key = std::tuple<std::vector<ConvexPartPtr>, std::shared_ptr<const DisplayMesh>, std::string, double, double>;
   const Scene& scene_;
   const fs::path folder_;
   std::vector<std::uint32_t> robot_of_;  // by body, or kNone

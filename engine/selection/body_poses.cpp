@@ -11,7 +11,8 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr std::uint64_t kMostPieces = 8192;  // limit on the parts of moved bodies in all configurations of a worker
+constexpr std::uint64_t kMostConvexParts =
+    8192;  // limit on the parts of moved bodies in all configurations of a worker
 
 // \param each receives the box of each part of a body with a usable pose
 template <class Each>
@@ -50,7 +51,7 @@ Slack pair_slack(const BodyPoses& placement, BodyPair pair) {
 std::uint64_t BodyPoses::most(const Scene& scene, const Plan& plan) {
   std::uint64_t pieces = 1;
   for (const std::uint32_t b : plan.moved) pieces += scene.bodies()[b].pieces.size();
-  return std::max<std::uint64_t>(kMostPieces / pieces, 1);
+  return std::max<std::uint64_t>(kMostConvexParts / pieces, 1);
 }
 
 BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)

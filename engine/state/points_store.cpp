@@ -31,7 +31,7 @@ PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const Cloud
   if (body >= scene_.bodies().size()) refuse("unknown body " + std::to_string(body));
   const Body& of = scene_.bodies()[body];
   if (!is_cloud(of)) refuse("'" + of.name + "' is not a point cloud");
-  PiecePtr cloud;
+  ConvexPartPtr cloud;
   try {
     if (!points.empty()) cloud = make_cloud_piece(points, of.voxel, radius.value_or(of.cloud_radius));
   } catch (const std::invalid_argument& e) {

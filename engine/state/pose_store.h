@@ -24,7 +24,7 @@ namespace clearance {
 /// The most recently received points of a body.
 struct ReceivedPoints {
   std::uint32_t body;
-  PiecePtr cloud;       ///< without the body's uncertainty; null if there are no points
+  ConvexPartPtr cloud;  ///< without the body's uncertainty; null if there are no points
   std::uint64_t count;  ///< of points
   std::int64_t stamp_ns, receipt_ns, sequence;
 };

@@ -106,7 +106,7 @@ void log_scene(const DaemonOptions& options, const Engine& engine, double load_s
   std::size_t pieces = 0, vertices = 0;
   for (const Body& body : engine.scene().bodies()) {
     pieces += body.pieces.size();
-    for (const PiecePtr& piece : body.pieces) vertices += piece->vertices.size();
+    for (const ConvexPartPtr& piece : body.pieces) vertices += piece->vertices.size();
   }
   log::info(
       "event=scene_loaded scene=\"{}\" bodies={} pieces={} vertices={} revision={:016x} backend={} seconds={:.3f}",

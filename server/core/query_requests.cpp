@@ -12,7 +12,7 @@ using wire::FrameHeader;
 constexpr auto kPairCost = std::chrono::microseconds(1);
 
 /// Size of a query that the loop itself begins, on one thread.
-constexpr std::uint64_t kSmallPairs = 256, kSmallPiecePairs = 8192, kSmallLists = 8192, kSmallLinks = 4096;
+constexpr std::uint64_t kSmallPairs = 256, kSmallPartPairs = 8192, kSmallLists = 8192, kSmallLinks = 4096;
 
 QueryRequests::Clock::time_point due(QueryRequests::Clock::time_point begun, std::uint64_t pairs) {
   return begun + kPairCost * std::min<std::uint64_t>(pairs, 1u << 30);
@@ -83,7 +83,7 @@ std::unique_ptr<QueryTask> QueryRequests::new_query(const Request& request, Serv
 }
 
 bool QueryRequests::is_small(const QueryCost& cost) const {
-  return cost.pairs < kSmallPairs && cost.piece_pairs <= kSmallPiecePairs && cost.listed <= kSmallLists &&
+  return cost.pairs < kSmallPairs && cost.piece_pairs <= kSmallPartPairs && cost.listed <= kSmallLists &&
          cost.links <= kSmallLinks && context_.engine->has_cpu();
 }
 

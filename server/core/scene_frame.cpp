@@ -27,7 +27,7 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
   record.is_cloud = is_cloud(body);
   record.triangle_count = triangle_count(body);
   record.extent = extent_of(body);
-  for (const PiecePtr& piece : body.pieces) record.vertex_count += piece->vertices.size();
+  for (const ConvexPartPtr& piece : body.pieces) record.vertex_count += piece->vertices.size();
   return record;
 }
 

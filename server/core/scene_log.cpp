@@ -16,7 +16,7 @@ void log_mesh_warnings(const Scene& scene, std::span<const MeshWarning> warnings
     int bodies = 0;
   };
   std::vector<Warned> meshes;  // in the order of the scene
-  std::unordered_map<const Piece*, std::size_t> place;
+  std::unordered_map<const ConvexPart*, std::size_t> place;
   for (const MeshWarning& warning : warnings) {
     const Body& body = scene.bodies()[warning.body];
     const auto [at, fresh] = place.try_emplace(body.pieces[0].get(), meshes.size());

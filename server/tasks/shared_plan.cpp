@@ -64,8 +64,8 @@ SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& qu
   std::uint64_t columns = 0;
   reply_view_over(nullptr, size.rows, size.fields, &columns, size.joints);
   const std::uint64_t bytes = std::max<std::uint64_t>(columns_offset_ + columns, 1);
-  constexpr std::uint64_t kPiece = cuda::SharedMemory::kPiece;
-  share_.bytes.grow((bytes + kPiece - 1) / kPiece * kPiece - columns_offset_ + plan_->bytes());
+  constexpr std::uint64_t kConvexPart = cuda::SharedMemory::kConvexPart;
+  share_.bytes.grow((bytes + kConvexPart - 1) / kConvexPart * kConvexPart - columns_offset_ + plan_->bytes());
   memory_ = on_device([&] { return std::make_unique<cuda::SharedMemory>(plan_->device(), bytes); });
   next_ = size.configurations;
 }

@@ -71,7 +71,7 @@ inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
   Random random(seed);
   Scene scene, boxes;
   boxes.add_box("one", {0.2, 0.2, 0.2}, {});
-  std::vector<PiecePtr> grid;
+  std::vector<ConvexPartPtr> grid;
   for (int i = 0; i < 27; ++i) {
     std::vector<Vec3d> corners = boxes.bodies()[0].pieces[0]->vertices;
     for (Vec3d& v : corners) v += Vec3d{0.25 * (i % 3), 0.25 * (i / 3 % 3), 0.25 * (i / 9)};

@@ -17,7 +17,7 @@ namespace {
 // Bodies of one to five convex parts, of 1 to 150 vertices, some of them rounded; the first two share their parts.
 Scene pieces_scene(Random& random, int count) {
   Scene scene;
-  std::vector<PiecePtr> shared;
+  std::vector<ConvexPartPtr> shared;
   for (int i = 0; i < count; ++i) {
     Body body;
     body.name = "body" + std::to_string(i);

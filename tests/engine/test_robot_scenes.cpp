@@ -104,7 +104,7 @@ TEST(RobotInAScene, MeshesOfLinksAreWhatIsSaidOfThem) {
   scene.add_robot("one", {.urdf = urdf, .link_mesh_as = {{"b", MeshAs::kSurface}}});
   const auto link = [&](const char* name) -> const Body& { return scene.bodies()[scene.find_body(name)]; };
   ASSERT_EQ(link("all/a").pieces.size(), 2u);
-  const Piece& moved = *link("all/a").pieces[0];
+  const ConvexPart& moved = *link("all/a").pieces[0];
   ASSERT_TRUE(moved.surface);
   EXPECT_TRUE(moved.surface->is_solid());
   EXPECT_EQ(moved.radius, 0.25);

@@ -36,7 +36,7 @@ void check_surface(const Surface& surface) {
 bool is_usable(const std::optional<Geometry>& geometry) {
   if (!geometry) return false;
   require(!geometry->pieces.empty() && geometry->model_error >= 0, "a body has pieces and an error");
-  for (const PiecePtr& piece : geometry->pieces) {
+  for (const ConvexPartPtr& piece : geometry->pieces) {
     require(!piece->vertices.empty() && piece->radius >= 0, "a piece has vertices and a radius");
     for (const Vec3d& v : piece->vertices)
       require(std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z), "vertices are finite");

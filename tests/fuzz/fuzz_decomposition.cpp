@@ -23,7 +23,7 @@ bool is_length(double x) {
 void check_decomposition(const Decomposition& of) {
   require(!of.pieces.empty() && of.pieces.size() == of.outer.size(), "each piece has an outer bound");
   require(is_length(of.inner) && std::ranges::all_of(of.outer, is_length), "bounds are lengths");
-  for (const PiecePtr& piece : of.pieces)
+  for (const ConvexPartPtr& piece : of.pieces)
     require(piece && !piece->vertices.empty() && piece->radius == 0 && std::ranges::all_of(piece->vertices, is_finite),
             "pieces are cores of finite vertices");
 }
@@ -55,7 +55,7 @@ bool reads(Bytes record) {
   const std::optional<Geometry> geometry = geometry_of_record(record);
   if (!geometry) return false;
   bool any = false;
-  for (const PiecePtr& piece : geometry->pieces) {
+  for (const ConvexPartPtr& piece : geometry->pieces) {
     if (!piece->surface) continue;
     const Surface& surface = *piece->surface;
     require(!surface.is_solid() || open_edge(surface.vertices(), surface.triangles()).empty(), "a solid is closed");
@@ -120,7 +120,7 @@ bool is_proved(Input in) {
   Measure measure(0);
   for (const Vec3d& v : cube.vertices) {
     double nearest = HUGE_VAL;
-    for (const PiecePtr& piece : proved.pieces) nearest = std::min(nearest, measure.to(*piece, v).lower);
+    for (const ConvexPartPtr& piece : proved.pieces) nearest = std::min(nearest, measure.to(*piece, v).lower);
     require(nearest <= proved.inner, "no corner of the mesh is farther from the pieces than the inner bound");
   }
   for (std::size_t i = 0; i < proposal.size(); ++i)

@@ -47,11 +47,11 @@ class Dice {
   std::uint64_t state_;
 };
 
-using Pieces = std::vector<PiecePtr>;
+using ConvexParts = std::vector<ConvexPartPtr>;
 
 // Bodies at random poses, in configurations that move two thirds of them; every seventh is static.
-template <class MakePieces>
-GoldenScene scene_of(const std::string& name, int count, double room, double cut_off, const MakePieces& pieces,
+template <class MakeParts>
+GoldenScene scene_of(const std::string& name, int count, double room, double cut_off, const MakeParts& pieces,
                      std::uint64_t seed) {
   GoldenScene g;
   g.name = name;
@@ -76,22 +76,22 @@ GoldenScene scene_of(const std::string& name, int count, double room, double cut
   return g;
 }
 
-PiecePtr box(Vec3d half, Vec3d at = {0, 0, 0}) {
+ConvexPartPtr box(Vec3d half, Vec3d at = {0, 0, 0}) {
   std::vector<Vec3d> v;
   for (int i = 0; i < 8; ++i)
     v.push_back(at + Vec3d{i & 1 ? half.x : -half.x, i & 2 ? half.y : -half.y, i & 4 ? half.z : -half.z});
   return make_piece(std::move(v));
 }
 
-Pieces clouds(Dice& d, int i) {
+ConvexParts clouds(Dice& d, int i) {
   return {make_piece(d.points(4 + 3 * i, {0.5, 0.4, 0.3}))};
 }
 
-Pieces boxes(Dice& d, int) {
+ConvexParts boxes(Dice& d, int) {
   return {box({d.integer(1, 4) * 0.125, d.integer(1, 4) * 0.125, d.integer(1, 4) * 0.125})};
 }
 
-Pieces rounded(Dice& d, int i) {
+ConvexParts rounded(Dice& d, int i) {
   const double radius = d.integer(1, 8) * 0.0625;
   if (i % 3 == 0) return {make_piece({{0, 0, 0}}, radius)};
   if (i % 3 == 1) return {make_piece({{0, 0, -0.375}, {0, 0, 0.375}}, radius)};
@@ -99,12 +99,12 @@ Pieces rounded(Dice& d, int i) {
 }
 
 // Needles and plates, with a thickness down to 2^-30 of their length.
-Pieces slender(Dice& d, int i) {
+ConvexParts slender(Dice& d, int i) {
   const double thin = std::ldexp(1.0, -d.integer(3, 30));
   return {i % 2 ? make_piece(d.points(10, {0.8, thin, thin})) : make_piece(d.points(10, {0.8, 0.8, thin}))};
 }
 
-Pieces degenerate(Dice& d, int i) {
+ConvexParts degenerate(Dice& d, int i) {
   const int kind = i % 4;
   if (kind == 0) return {make_piece({d.vector(0.5)})};
   if (kind == 1) return {make_piece({{-0.5, 0, 0}, {0.25, 0, 0}, {0.5, 0, 0}, {0.25, 0, 0}})};
@@ -114,18 +114,18 @@ Pieces degenerate(Dice& d, int i) {
   return {make_piece(std::move(v))};
 }
 
-Pieces sizes(Dice& d, int i) {
+ConvexParts sizes(Dice& d, int i) {
   const double size = std::ldexp(1.0, -2 * i);
   return {make_piece(d.points(12, {size, size, size}), i % 4 == 3 ? size / 8 : 0)};
 }
 
 // Parts with more than 64 vertices have a direction table.
-Pieces large(Dice& d, int i) {
+ConvexParts large(Dice& d, int i) {
   return {make_piece(d.shell(48 << i % 4, 0.5))};
 }
 
-Pieces several(Dice& d, int i) {
-  Pieces all;
+ConvexParts several(Dice& d, int i) {
+  ConvexParts all;
   for (int p = 0; p < 1 + i % 6 * 3; ++p) {
     const Vec3d at = d.vector(0.6);
     if (p % 2) {
@@ -141,7 +141,7 @@ Pieces several(Dice& d, int i) {
 
 // Axis-aligned boxes in a row: faces touch exactly, are 2^-40 apart, or overlap by as much.
 GoldenScene contacts() {
-  GoldenScene g = scene_of("contacts", 14, 1, 0.5, [](Dice&, int) { return Pieces{box({0.25, 0.25, 0.25})}; }, 71);
+  GoldenScene g = scene_of("contacts", 14, 1, 0.5, [](Dice&, int) { return ConvexParts{box({0.25, 0.25, 0.25})}; }, 71);
   Dice dice(72);
   const auto in_row = [&](std::vector<Pose>& poses) {
     for (Pose& p : poses) {

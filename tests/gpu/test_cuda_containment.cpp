@@ -84,10 +84,12 @@ std::vector<Exact> exact_answer(const Scene& scene, const std::vector<BodyPair>&
     for (std::size_t i; (i = next++) < rows.size();) {
       const BodyPair pair = pairs[i % pairs.size()];
       const Pose* X = poses.data() + i / pairs.size() * kBodies;
-      const auto view = [](const PiecePtr& piece) { return exact::PieceView{piece->vertices, piece->radius}; };
+      const auto view = [](const ConvexPartPtr& piece) {
+        return exact::ConvexPartView{piece->vertices, piece->radius};
+      };
       rows[i] = {kInf, kInf};
-      for (const PiecePtr& a : scene.bodies()[pair.a].pieces)
-        for (const PiecePtr& b : scene.bodies()[pair.b].pieces) {
+      for (const ConvexPartPtr& a : scene.bodies()[pair.a].pieces)
+        for (const ConvexPartPtr& b : scene.bodies()[pair.b].pieces) {
           const exact::Value d = exact::exact_distance(view(a), X[pair.a], view(b), X[pair.b], false).distance;
           const Exact one = d.compare(0) > 0 ? Exact{d.lower(), d.upper()} : Exact{};
           rows[i] = {std::min(rows[i].below, one.below), std::min(rows[i].above, one.above)};

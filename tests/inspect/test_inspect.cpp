@@ -160,7 +160,7 @@ ignore: [[carrier, "*"]]
   EXPECT_EQ(unused[0].body, scene.find_body("carrier"));
   EXPECT_EQ(of(scene, report, "carrier").partners, 0u);
 
-  const auto inner = findings(report, Finding::Kind::kInnerPiece);
+  const auto inner = findings(report, Finding::Kind::kInnerPart);
   ASSERT_EQ(inner.size(), 1u);
   EXPECT_EQ(inner[0].body, scene.find_body("lump"));
   EXPECT_EQ(inner[0].text.substr(0, 30), "piece 1 lies inside piece 0: i");
@@ -253,7 +253,7 @@ TEST(Inspect, GeometryHeldTwiceIsNamedAndCounted) {
   Body second = scene.bodies()[0];
   second.name = "two";
   second.pose = there.pose;
-  second.pieces = {std::make_shared<const Piece>(*second.pieces[0])};
+  second.pieces = {std::make_shared<const ConvexPart>(*second.pieces[0])};
   scene.add_body(second);
   Body third = scene.bodies()[0];
   third.name = "three";

@@ -237,9 +237,9 @@ MUTANTS = [
     # Meshes modelled by their convex parts alone.
     *mutants_of(
         "model",
-        ("model_inner", "scene/scene_by_pieces.cpp", "sum_above(body.model_inner, inner)", "body.model_inner"),
-        ("model_outer", "scene/scene_by_pieces.cpp", "sum_above(body.model_error, outer)", "body.model_error"),
-        ("model_radius", "scene/scene_by_pieces.cpp", "with_radius(*core, piece->radius)", "core"),
+        ("model_inner", "scene/scene_by_parts.cpp", "sum_above(body.model_inner, inner)", "body.model_inner"),
+        ("model_outer", "scene/scene_by_parts.cpp", "sum_above(body.model_error, outer)", "body.model_error"),
+        ("model_radius", "scene/scene_by_parts.cpp", "with_radius(*core, piece->radius)", "core"),
         (
             "model_held", "evaluate/evaluate_containment.cpp",
             "by_pieces ? @search.slack.true_lower(found.lower)@ : found.lower",

@@ -22,9 +22,9 @@ inline bool holds(const std::vector<Vec3d>& list, const Vec3d& v) {
 }
 
 /// The part without `vertices` in the lists of its direction table, although they are still vertices.
-inline PiecePtr without_table_entries_of(const Piece& piece, const std::vector<Vec3d>& vertices) {
-  Piece cut = piece;
-  if (!cut.table) return std::make_shared<const Piece>(cut);
+inline ConvexPartPtr without_table_entries_of(const ConvexPart& piece, const std::vector<Vec3d>& vertices) {
+  ConvexPart cut = piece;
+  if (!cut.table) return std::make_shared<const ConvexPart>(cut);
   DirectionTable table = *cut.table;
   const auto gone = [&](std::uint32_t i) { return holds(vertices, piece.vertices[i]); };
   std::uint32_t other = 0;
@@ -35,7 +35,7 @@ inline PiecePtr without_table_entries_of(const Piece& piece, const std::vector<V
     std::replace_if(begin, end, gone, kept == end ? other : *kept);
   }
   cut.table = std::make_shared<const DirectionTable>(std::move(table));
-  return std::make_shared<const Piece>(cut);
+  return std::make_shared<const ConvexPart>(cut);
 }
 
 }  // namespace clearance::exact

@@ -13,7 +13,7 @@
 
 namespace clearance::exact {
 
-PiecePtr piece_of(const Solid& s) {
+ConvexPartPtr piece_of(const Solid& s) {
   if (s.is_half_space) return make_primitive_piece({Primitive::Kind::kHalfSpace}, s.radius);
   if (!s.cloud.empty()) return make_cloud_piece(s.cloud, s.voxel, s.radius);
   if (s.triangles.empty()) return make_hull_piece(s.vertices, {}, s.radius);
@@ -26,9 +26,9 @@ PiecePtr piece_of(const Solid& s) {
 Bench::Bench(std::span<const Case> cases, const std::string& backend, int threads, const Surgery& surgery)
     : count_(cases.size()) {
   Scene scene;
-  std::map<const Solid*, PiecePtr> pieces;  // shared shapes are made once
+  std::map<const Solid*, ConvexPartPtr> pieces;  // shared shapes are made once
   const auto add = [&](std::size_t i, bool is_b, const SolidPtr& solid, const Pose& X) {
-    PiecePtr& piece = pieces[solid.get()];
+    ConvexPartPtr& piece = pieces[solid.get()];
     if (!piece) piece = piece_of(*solid);
     Body body;
     body.name = (is_b ? "b" : "a") + std::to_string(i);

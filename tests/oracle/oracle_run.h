@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 #include "engine/selection/query.h"
 #include "tests/oracle/check_result.h"
 
@@ -18,10 +18,10 @@ class Engine;
 namespace clearance::exact {
 
 /// The convex part of a body in the engine.
-PiecePtr piece_of(const Solid& s);
+ConvexPartPtr piece_of(const Solid& s);
 
 /// Replaces a part that was loaded for body a or b of a case: damage unknown to the engine.
-using Surgery = std::function<PiecePtr(const PiecePtr& piece, std::size_t index, bool is_b)>;
+using Surgery = std::function<ConvexPartPtr(const ConvexPartPtr& piece, std::size_t index, bool is_b)>;
 
 /// Some cases as one scene, two bodies per case, loaded into one engine.
 class Bench {

@@ -76,7 +76,7 @@ TEST(Damage, AMissingTableEntryIsFound) {
   std::vector<Result> truth;
   for (const Case& c : cases) truth.push_back(exact_answer(c));
   int found = 0;
-  const Bench bench(cases, "cpu", 1, [&](const PiecePtr& piece, std::size_t i, bool is_b) {
+  const Bench bench(cases, "cpu", 1, [&](const ConvexPartPtr& piece, std::size_t i, bool is_b) {
     EXPECT_TRUE(piece->table);
     return is_b ? piece : without_table_entries_of(*piece, decisive(cases[i], truth[i], false));
   });

@@ -58,7 +58,7 @@ class Bodies : public LoopTest {
 
 TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
   start_editable(small_scene());
-  const PiecePtr cup = bodies()[1].pieces[0];
+  const ConvexPartPtr cup = bodies()[1].pieces[0];
   const std::uint64_t before = loop_->engine().scene_revision();
   const BodyPose moved{1, Pose{{0, 0, 0.7}}};
   loop_->on_poses(std::span(&moved, 1), 5);

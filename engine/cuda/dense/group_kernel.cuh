@@ -4,7 +4,7 @@
 
 #include "engine/cuda/dense/overlap_rows.cuh"
 #include "engine/cuda/pair/pair_kernel.cuh"
-#include "engine/cuda/pair/piece_kernel.cuh"
+#include "engine/cuda/pair/part_kernel.cuh"
 
 namespace clearance::cuda {
 
@@ -59,7 +59,7 @@ __device__ inline PairOutcome answer_item(const ChunkView& c, const GroupItem& i
   const PairOutcome outcome =
       solve_item<kLean, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm, slack);
   if (outcome == PairOutcome::kEnclosed && c.prove_at_once) return prove_row(c, enclosed);
-  if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged)
+  if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged)
     write_answer<kLean>(c, item.row, item.k, item.at_a, item.at_b, answer);
   return outcome;
 }
@@ -142,7 +142,7 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
   PairOutcome outcome = PairOutcome::kNone;
   PairAnswer answer;
   if (place < count) outcome = solve_pieces<kBoth>(c, c.pair_limits, item.ref, item.k, item.at_a, item.at_b, answer);
-  if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged)
+  if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged)
     write_answer(c, item.row, item.k, item.at_a, item.at_b, answer);
   report(c, outcome, item.row, {});
   hand_over_counts(c);

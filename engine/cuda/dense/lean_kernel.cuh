@@ -47,7 +47,7 @@ __device__ inline PairOutcome answer_lean_item(const ChunkView& c, const LeanIte
   PairAnswer answer;
   answer.point_a = answer.point_b = no_point();
   const PairLimits& q = c.pair_limits;
-  PairOutcome outcome = PairOutcome::kWithoutPieces;
+  PairOutcome outcome = PairOutcome::kWithoutParts;
   const bool looks = (states & kStateStatus) != static_cast<std::uint8_t>(Status::kOk) || q.cull;
   if (!looks || !answer_without_pieces(q, BodyPoseRef(c.bodies, c.configurations, ref.a, item.k),
                                        BodyPoseRef(c.bodies, c.configurations, ref.b, item.k), answer)) {
@@ -60,8 +60,7 @@ __device__ inline PairOutcome answer_lean_item(const ChunkView& c, const LeanIte
     };
     outcome = run_to_end<false>(q, a, b, at, enclosed, nullptr, take);
   }
-  if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged)
-    write_lean<kPoints>(c, item, answer);
+  if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged) write_lean<kPoints>(c, item, answer);
   return outcome;
 }
 

@@ -52,7 +52,7 @@ __device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& 
   PairLimits q = c.pair_limits;
   if (kAny) q.max_distance = margin_of(r, item.p);
   is_mine = threadIdx.x % 32 == 0;
-  if (answer_without_pieces(q, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
+  if (answer_without_pieces(q, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
   if (!q.prove_overlaps) return PairOutcome::kUnresolved;
   const Slack slack = slack_of_pair(c, item.ref, item.k);
   double most = q.max_distance, stop_below = -__builtin_inf();
@@ -89,7 +89,7 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
       PairOutcome outcome = PairOutcome::kNone;
       if (!kAny || !__any_sync(~0u, is_decided_before(r, item))) {
         outcome = answer_elements<kAny, typename Kind::Search>(r, item, room, answer, is_mine);
-        if (is_mine && (outcome == PairOutcome::kConverged || outcome == PairOutcome::kWithoutPieces)) {
+        if (is_mine && (outcome == PairOutcome::kConverged || outcome == PairOutcome::kWithoutParts)) {
           const BodyPoseRef at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
               at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
           r.answers[i] = answer;
@@ -139,8 +139,8 @@ __device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedVie
   const ElementSet& set = r.elements.sets[r.elements.of_body[elements_first ? at_a.body : at_b.body]];
   const HullHead* const head =
       c.hulls.heads + c.hulls.piece_hull[c.hulls.piece_begin[elements_first ? at_b.body : at_a.body]];
-  const PieceBefore before(set, elements_first ? at_a.frame() : at_b.frame(), *head,
-                           elements_first ? at_b.frame() : at_a.frame());
+  const PartBefore before(set, elements_first ? at_a.frame() : at_b.frame(), *head,
+                          elements_first ? at_b.frame() : at_a.frame());
   constexpr double kInf = __builtin_inf();
   std::uint32_t at = 0;
   for (;;) {

@@ -15,10 +15,10 @@ __device__ inline double above_zero(double x) {
 
 // The other body's convex part in the frame of the set, with lower bounds on its distance from parts of the set.
 // Metres, the set's axes.
-class PieceBefore {
+class PartBefore {
  public:
-  __device__ PieceBefore(const ElementSet& set, const PlacedFrame& elements, const HullHead& piece,
-                         const PlacedFrame& other)
+  __device__ PartBefore(const ElementSet& set, const PlacedFrame& elements, const HullHead& piece,
+                        const PlacedFrame& other)
       : R_(elements.R_wb.transpose_times(other.R_wb)),
         D_(elements.R_wb.transpose_times(other.t_w - elements.t_w)),
         own_{piece.centre, piece.half},

@@ -56,7 +56,7 @@ class HullSearch : public WarpSearch {
  private:
   __device__ void search(std::uint32_t piece, PairAnswer& answer) {
     const HullHead* const head = c_.hulls.heads + c_.hulls.piece_hull[first_piece_ + piece];
-    PieceBefore before(set_, elements_first_ ? of_a_ : of_b_, *head, elements_first_ ? of_b_ : of_a_);
+    PartBefore before(set_, elements_first_ ? of_a_ : of_b_, *head, elements_first_ ? of_b_ : of_a_);
     stacked_ = waiting_ = 0;
     put_root(before);
     while ((stacked_ > 0 || waiting_ > 0) && !is_over()) {
@@ -71,18 +71,18 @@ class HullSearch : public WarpSearch {
     if (is_over())  // the other convex parts are not searched
       for (std::uint32_t other = piece + 1 + lane(); other < pieces_; other += 32) {
         const HullHead& of = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + other]];
-        const PieceBefore there(set_, elements_first_ ? of_a_ : of_b_, of, elements_first_ ? of_b_ : of_a_);
+        const PartBefore there(set_, elements_first_ ? of_a_ : of_b_, of, elements_first_ ? of_b_ : of_a_);
         leave_out(there.gap(LoadedNode<Elements>(set_, 0).bounds, __builtin_inf()));
       }
   }
 
-  __device__ void put_root(const PieceBefore& before) {
+  __device__ void put_root(const PartBefore& before) {
     const double limit = this->limit(), gap = before.gap(LoadedNode<Elements>(set_, 0).bounds, limit);
     put(lane() == 0, 0u, gap, limit, room_.node, room_.node_gap, stacked_);
   }
   // Divides the nodes on top of the stack, one per thread: as many as fit with their children and the descent from one
   // node. If even that does not fit, one node descends alone.
-  __device__ void open(const PieceBefore& before) {
+  __device__ void open(const PartBefore& before) {
     if (stacked_ == kStackEntries) {
       is_open_ = true;
       return;
@@ -136,7 +136,7 @@ class HullSearch : public WarpSearch {
   }
 
   // Evaluates waiting elements, one per thread.
-  __device__ void look(std::uint32_t piece, const HullHead& head, PieceBefore& before, PairAnswer& answer) {
+  __device__ void look(std::uint32_t piece, const HullHead& head, PartBefore& before, PairAnswer& answer) {
     __syncwarp();
     const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
     waiting_ -= count;
@@ -175,7 +175,7 @@ class HullSearch : public WarpSearch {
     const Vec3d shift = inner.t_w - outer.t_w;
     for (std::uint32_t piece = 0; piece < pieces_; ++piece) {
       const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + piece]];
-      if (PieceBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bounds, 0) > 0) continue;
+      if (PartBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bounds, 0) > 0) continue;
       if (!knows_side(apart, shift, set_.hull, head)) return PairOutcome::kUnresolved;
       // The whole part lies on one side, so if float64 is unsure of one of its points, another may decide.
       Winding winding{0, false};

@@ -90,7 +90,7 @@ struct Hull {
   __device__ std::uint32_t count() const { return size; }
   __device__ const HullExtents& extents() const { return *head; }
 
-  // The farthest vertex along n; ties go to the lowest index, as in support() of a `Piece`.
+  // The farthest vertex along n; ties go to the lowest index, as in support() of a `ConvexPart`.
   __device__ friend SupportPoint<T> support(const Hull& hull, const Vec3<T>& n) {
     const Vec3<float> f = cast<float>(n);
     if (!hull.has_table || !is_on_map(f)) return hull.scan(n);

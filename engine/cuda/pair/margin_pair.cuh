@@ -2,7 +2,7 @@
 #pragma once
 
 #include "engine/cuda/pair/overlap_kernel.cuh"
-#include "engine/cuda/pair/piece_kernel.cuh"
+#include "engine/cuda/pair/part_kernel.cuh"
 
 namespace clearance::cuda {
 
@@ -38,7 +38,7 @@ __device__ inline PairOutcome look_at_margin(const ChunkView& c, const PairLimit
                                              std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                              PairAnswer& answer) {
   if (has_several(c.hulls, at_a.body, at_b.body)) return solve_pieces<false>(c, q, ref, k, at_a, at_b, answer, margin);
-  if (answer_without_pieces(q, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
+  if (answer_without_pieces(q, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
   return narrow_to_margin(c, q, margin, ref, k, at_a, at_b, answer, known_slack<S>(c, ref, k));
 }
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "engine/cuda/pair/overlap_kernel.cuh"
-#include "engine/cuda/pair/piece_kernel.cuh"
+#include "engine/cuda/pair/part_kernel.cuh"
 
 namespace clearance::cuda {
 

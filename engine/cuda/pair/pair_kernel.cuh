@@ -45,7 +45,7 @@ __device__ __noinline__ void add_points(const Hull& a, const BodyPoseRef& at_a, 
 inline constexpr std::uint32_t kLeanFields =
     kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact | kFieldBounds;
 
-enum class PairOutcome { kNone, kWithoutPieces, kConverged, kUnresolved, kEnclosed };
+enum class PairOutcome { kNone, kWithoutParts, kConverged, kUnresolved, kEnclosed };
 
 // GJK run of one pair, and the data for its bounds.
 template <class Hull>
@@ -338,7 +338,7 @@ __device__ inline PairOutcome solve_item(const ChunkView& c, const Hull& a, cons
                                          const BodyPoseRef& at_b, const PairFrame<typename Hull::T>& at,
                                          PairAnswer& answer, Enclosed& enclosed, WarmRow* warm = nullptr,
                                          const S& slack = S()) {
-  if (answer_without_pieces(c.pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
+  if (answer_without_pieces(c.pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
   return narrow<kLean, kWarm>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
 }
 

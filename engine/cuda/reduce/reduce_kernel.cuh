@@ -11,7 +11,7 @@
 #include "engine/cuda/pair/overlap_kernel.cuh"
 #include "engine/cuda/pair/pair_kernel.cuh"
 #include "engine/cuda/pair/pair_table.cuh"
-#include "engine/cuda/pair/piece_kernel.cuh"
+#include "engine/cuda/pair/part_kernel.cuh"
 #include "engine/narrow/group.h"
 
 namespace clearance::cuda {
@@ -184,7 +184,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
       if (kind == PairKind::kLeft) outcome = PairOutcome::kUnresolved;
       if (outcome == PairOutcome::kEnclosed)
         outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
-      if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged) {
+      if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);
       }
@@ -209,7 +209,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_const
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       PairAnswer answer;
       outcome = solve_pieces<false>(c, c.pair_limits, item.ref, item.k, at_a, at_b, answer);
-      if (outcome == PairOutcome::kWithoutPieces || outcome == PairOutcome::kConverged) {
+      if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);
       }

@@ -39,7 +39,7 @@ struct QuerySlot {
   DeviceBuffer device_frames, device_bodies;
 };
 
-inline constexpr std::size_t kPieceBoxBytes = 6 * sizeof(double);
+inline constexpr std::size_t kPartBoxBytes = 6 * sizeof(double);
 inline constexpr std::size_t kGivenPart = 1u << 21;  // bytes copied at a time
 
 /// Common part of dense and reduced workspaces.
@@ -176,7 +176,7 @@ class QuerySide : public Interface {
     const std::size_t outer_at = (fixed_bytes() + boxes + 15) / 16 * 16;
     const std::size_t pieces_at = outer_at + (s.boxes ? n * sizeof(OuterBox) : 0);
     std::byte* memory =
-        device_bodies_.reserve(pieces_at + (hulls_.has_several() ? hulls_.pieces() * kPieceBoxBytes : 0));
+        device_bodies_.reserve(pieces_at + (hulls_.has_several() ? hulls_.pieces() * kPartBoxBytes : 0));
     auto* outer = s.boxes ? reinterpret_cast<OuterBox*>(memory + outer_at) : nullptr;
     bodies_ = {};
     bodies_.uncertainties = uncertainties;
@@ -228,7 +228,7 @@ class QuerySide : public Interface {
   MovedRoom moved_room(std::uint32_t configurations) const {
     const std::size_t states = std::size_t{bodies_.moved_count} * configurations;
     return {states, bodies_.fixed_box ? states * sizeof(OuterBox) : 0,
-            std::size_t{moved_pieces_} * configurations * kPieceBoxBytes, states * bodies_.components * sizeof(double),
+            std::size_t{moved_pieces_} * configurations * kPartBoxBytes, states * bodies_.components * sizeof(double),
             bodies_.uncertainties.fixed ? states * sizeof(BodySlack) : 0};
   }
 

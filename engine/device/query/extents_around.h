@@ -19,7 +19,7 @@ inline HullExtents extents_around(const Body& body) {
     low[k] = std::numeric_limits<double>::infinity();
     high[k] = -low[k];
   }
-  for (const PiecePtr& piece : body.pieces) {
+  for (const ConvexPartPtr& piece : body.pieces) {
     around.rho = std::max(around.rho, piece->rho);
     around.radius = std::max(around.radius, piece->radius);
     for (int k = 0; k < 3; ++k) {

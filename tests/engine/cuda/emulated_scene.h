@@ -12,7 +12,7 @@
 #include "engine/device/query/device_uncertainty.h"
 #include "engine/device/query/moved_chains.h"
 #include "engine/narrow/overlap.h"
-#include "engine/narrow/piece_search.h"
+#include "engine/narrow/part_search.h"
 #include "engine/narrow/witness.h"
 #include "tests/engine/cuda/same_answer.h"
 // After all other headers.

@@ -169,11 +169,11 @@ struct CheckedElements {
 };
 Exact exact_answer(const Body& a, const Pose& at_a, const Body& b, const Pose& at_b) {
   Exact least;
-  for (const PiecePtr& of_a : a.pieces)
-    for (const PiecePtr& of_b : b.pieces) {
+  for (const ConvexPartPtr& of_a : a.pieces)
+    for (const ConvexPartPtr& of_b : b.pieces) {
       std::vector<CheckedElements> elements;
       elements.reserve(2);
-      const auto view = [&](const Piece& piece) {
+      const auto view = [&](const ConvexPart& piece) {
         if (!piece.surface) return exact::BodyView{piece.vertices, {}, false, piece.radius};
         const CheckedElements& of = elements.emplace_back(*piece.surface);
         return exact::BodyView{of.vertices, of.triangles, of.is_solid, piece.radius};

@@ -96,7 +96,7 @@ TEST_F(DeviceModuleDeathTest, WithoutItNothingIsPinned) {
 
 [[noreturn]] void share_some_sizes() {
   setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_FAKE_MODULE, 1);
-  constexpr std::size_t piece = cuda::SharedMemory::kPiece;
+  constexpr std::size_t piece = cuda::SharedMemory::kConvexPart;
   bool good = true;
   for (const std::size_t bytes : {std::size_t{1}, piece, piece + 1}) {
     cuda::SharedMemory memory(3, bytes);

@@ -34,7 +34,7 @@ Source shelf() {
 
 struct Result {
   HullExcess excess;
-  PiecePtr piece;
+  ConvexPartPtr piece;
 };
 
 Result measure(const Source& mesh) {

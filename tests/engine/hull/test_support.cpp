@@ -13,7 +13,7 @@ namespace clearance::test {
 namespace {
 
 // The exact maximum, to the precision of 64-bit long doubles.
-long double brute_force(const Piece& piece, const Vec3d& n) {
+long double brute_force(const ConvexPart& piece, const Vec3d& n) {
   long double best = -INFINITY;
   for (const Vec3d& v : piece.vertices) {
     const long double s =
@@ -23,9 +23,9 @@ long double brute_force(const Piece& piece, const Vec3d& n) {
   return best;
 }
 
-std::vector<PiecePtr> pieces_of_every_size() {
+std::vector<ConvexPartPtr> pieces_of_every_size() {
   Random random(17);
-  std::vector<PiecePtr> pieces;
+  std::vector<ConvexPartPtr> pieces;
   for (const int count : {1, 2, 7, 8, 15, 16, 17, 64, 65, 100, 257, 1000, 20000})
     pieces.push_back(make_piece(random.cloud(count, {1, 2, 0.5})));
   pieces.push_back(make_piece(make_uv_sphere(2, 40).vertices));           // rings of equal heights: many ties
@@ -37,7 +37,7 @@ std::vector<PiecePtr> pieces_of_every_size() {
 TEST(Support, IsTheMaximumOverAllVerticesWithinRounding) {
   Random random(5);
   int with_table = 0, without = 0;
-  for (const PiecePtr& piece : pieces_of_every_size()) {
+  for (const ConvexPartPtr& piece : pieces_of_every_size()) {
     ++(piece->table ? with_table : without);
     for (int i = 0; i < 300; ++i) {
       Vec3d n{random.normal(), random.normal(), random.normal()};
@@ -86,7 +86,7 @@ TEST(DirectionTable, FindsTheVertexThatAScanFinds) {
   for (int i = 0; i < 20; ++i)
     clouds.back().insert(clouds.back().end(), box.vertices.begin(), box.vertices.end());  // repeats
   for (const std::vector<Vec3d>& cloud : clouds) {
-    const PiecePtr piece = make_piece(cloud);
+    const ConvexPartPtr piece = make_piece(cloud);
     ASSERT_TRUE(piece->table);
     const DirectionTable blurred = make_direction_table(cloud, piece->rho, {4, 1, float_blur(piece->spread)});
     int in_float = 0;
@@ -127,7 +127,7 @@ TEST(DirectionTable, ListsAreShortWhateverTheMesh) {
   for (const Mesh& m :
        {Mesh{"sphere", make_uv_sphere(1, 100).vertices, 7}, Mesh{"cloud", random.cloud(20000, {1, 1, 1}), 7},
         Mesh{"cylinder", make_cylinder(1, 2).vertices, 7}}) {
-    const PiecePtr piece = make_piece(m.vertices);
+    const ConvexPartPtr piece = make_piece(m.vertices);
     double sum = 0;
     std::size_t longest = 0;
     for (int i = 0; i < 2000; ++i) {

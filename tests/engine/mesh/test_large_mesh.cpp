@@ -31,7 +31,7 @@ void load_and_check(const std::string& path) {
   std::printf("%s: %.2f s, %ld MiB\n", path.c_str() + path.rfind('.'), seconds, mebibytes);
   ::testing::Test::RecordProperty("seconds", std::to_string(seconds));
   EXPECT_LT(mebibytes, 2048);
-  const Piece& piece = *scene.bodies()[0].pieces.at(0);
+  const ConvexPart& piece = *scene.bodies()[0].pieces.at(0);
   EXPECT_EQ(piece.vertices.size(), 1998002u);
   ASSERT_TRUE(piece.table);
   // also at the poles, where 2000 faces meet

@@ -86,7 +86,7 @@ void expect_same(const Body& a, const Body& b) {
   EXPECT_EQ(a.display->triangles, b.display->triangles);
   ASSERT_EQ(a.pieces.size(), b.pieces.size());
   for (std::size_t i = 0; i < a.pieces.size(); ++i) {
-    const Piece &p = *a.pieces[i], &q = *b.pieces[i];
+    const ConvexPart &p = *a.pieces[i], &q = *b.pieces[i];
     EXPECT_TRUE(equal(p.vertices, q.vertices));
     EXPECT_EQ(p.radius, q.radius);
     EXPECT_EQ(p.loaded_vertices, q.loaded_vertices);
@@ -161,7 +161,7 @@ TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
   const std::string mesh = write("ball.off", sphere);
   Scene first;
   first.add_mesh("ball", mesh, {1, 1, 1}, MeshAs::kHull, {.is_static = true});
-  const Piece& piece = *first.bodies()[0].pieces[0];
+  const ConvexPart& piece = *first.bodies()[0].pieces[0];
   ASSERT_GE(piece.vertices.size(), 10'000u);
   std::uint32_t pole = 0, opposite = 0;
   for (std::uint32_t i = 0; i < piece.vertices.size(); ++i) {

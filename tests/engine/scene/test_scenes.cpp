@@ -95,7 +95,7 @@ TEST(Scenes, ExtremesKeepTheirExtremes) {
   EXPECT_EQ(body(scene, "point").pieces[0]->vertices.size(), 1u);
   EXPECT_EQ(body(scene, "straight").pieces[0]->vertices.size(), 5u);
   EXPECT_EQ(body(scene, "repeated").pieces[0]->vertices.size(), 4u);
-  const Piece& far = *body(scene, "far_from_its_frame").pieces[0];
+  const ConvexPart& far = *body(scene, "far_from_its_frame").pieces[0];
   EXPECT_GT(far.rho, 4600);
   EXPECT_NEAR(far.spread, 1, 0.01);
 }

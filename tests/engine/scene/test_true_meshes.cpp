@@ -280,7 +280,7 @@ TEST(TrueMesh, MovesWithItsHullAroundIt) {
   for (int i = 0; i < 20; ++i) {
     const Origin X{{number(random), number(random), number(random)}, {number(random), number(random), number(random)}};
     const Geometry there = moved(still, X);
-    const Piece& piece = *there.pieces[0];
+    const ConvexPart& piece = *there.pieces[0];
     ASSERT_TRUE(piece.surface);
     EXPECT_EQ(piece.radius, 0.125);
     EXPECT_FALSE(piece.surface->is_solid());
@@ -320,7 +320,7 @@ TEST(TrueMesh, IsTheSameFromARecord) {
           const std::optional<Geometry> again = geometry_of_record(record, tables);
           ASSERT_TRUE(again);
           ASSERT_EQ(again->pieces.size(), 1u);
-          const Piece &was = *geometry.pieces[0], &is = *again->pieces[0];
+          const ConvexPart &was = *geometry.pieces[0], &is = *again->pieces[0];
           ASSERT_TRUE(is.surface);
           expect_same_surfaces(*was.surface, *is.surface);
           EXPECT_EQ(was.digest, is.digest);
@@ -400,7 +400,7 @@ TEST(TrueMesh, VerticesOfEqualPlacesCloseIt) {
   }
   Scene scene;
   add(scene, "soup", soup, MeshAs::kSolid);
-  const Piece& piece = *scene.bodies()[0].pieces[0];
+  const ConvexPart& piece = *scene.bodies()[0].pieces[0];
   EXPECT_EQ(piece.surface->vertices().size(), 16u);
   EXPECT_EQ(piece.surface->parts().size(), 1u);
   EXPECT_EQ(piece.loaded_vertices, 84u);

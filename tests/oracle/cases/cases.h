@@ -36,7 +36,7 @@ struct Case {
   Pose X_wa, X_wb;
 };
 
-inline PieceView view(const Solid& s) {
+inline ConvexPartView view(const Solid& s) {
   return {s.vertices, s.radius};
 }
 inline BodyView body_view(const Solid& s) {

@@ -3,14 +3,14 @@
 
 #include <algorithm>
 
+#include "engine/hull/convex_part.h"
 #include "engine/hull/direction_table.h"
-#include "engine/hull/piece.h"
 
 namespace clearance::exact {
 
 /// The part with a direction table that, along n (body frame), returns the least far vertex.
-inline PiecePtr with_misleading_table(const Piece& piece, const Vec3d& n) {
-  Piece cut = piece;
+inline ConvexPartPtr with_misleading_table(const ConvexPart& piece, const Vec3d& n) {
+  ConvexPart cut = piece;
   DirectionTable table = *cut.table;
   const std::span<const std::uint32_t> found = cut.table->candidates(n);
   const auto nearest = std::min_element(piece.vertices.begin(), piece.vertices.end(),
@@ -18,7 +18,7 @@ inline PiecePtr with_misleading_table(const Piece& piece, const Vec3d& n) {
   const auto at = table.lists.begin() + (found.data() - cut.table->lists.data());
   std::fill_n(at, found.size(), static_cast<std::uint32_t>(nearest - piece.vertices.begin()));
   cut.table = std::make_shared<const DirectionTable>(std::move(table));
-  return std::make_shared<const Piece>(cut);
+  return std::make_shared<const ConvexPart>(cut);
 }
 
 }  // namespace clearance::exact

@@ -21,10 +21,10 @@ inline Mesh on_lattice(Mesh mesh) {
   return mesh;
 }
 
-using Pieces = std::vector<std::vector<Vec3d>>;
+using ConvexParts = std::vector<std::vector<Vec3d>>;
 
 /// The triangles nearest to each of some points as hulls: together they contain all triangles.
-inline Pieces clusters(Random& random, const Mesh& mesh, int count) {
+inline ConvexParts clusters(Random& random, const Mesh& mesh, int count) {
   std::vector<Vec3d> seeds;
   const auto middle = [&](const Triangle& t) {
     return (mesh.vertices[t[0]] + mesh.vertices[t[1]] + mesh.vertices[t[2]]) * (1.0 / 3);
@@ -33,7 +33,7 @@ inline Pieces clusters(Random& random, const Mesh& mesh, int count) {
     const int at = random.integer(0, static_cast<int>(mesh.triangles.size()) - 1);
     seeds.push_back(middle(mesh.triangles[static_cast<std::size_t>(at)]));
   }
-  Pieces pieces(seeds.size());
+  ConvexParts pieces(seeds.size());
   for (const Triangle& t : mesh.triangles) {
     std::size_t best = 0;
     for (std::size_t i = 1; i < seeds.size(); ++i)
@@ -48,8 +48,8 @@ enum class Kind { kFlat, kWhole, kClusters, kShrunk, kLeftOut, kShaken };
 inline constexpr std::array<Kind, 6> kKinds = {Kind::kFlat,   Kind::kWhole,   Kind::kClusters,
                                                Kind::kShrunk, Kind::kLeftOut, Kind::kShaken};
 
-inline Pieces propose(Random& random, const Mesh& mesh, Kind kind) {
-  Pieces pieces = clusters(random, mesh, kind == Kind::kWhole ? 1 : random.integer(3, 8));
+inline ConvexParts propose(Random& random, const Mesh& mesh, Kind kind) {
+  ConvexParts pieces = clusters(random, mesh, kind == Kind::kWhole ? 1 : random.integer(3, 8));
   if (kind == Kind::kLeftOut && pieces.size() > 1) pieces.erase(pieces.begin());
   const double by = random.uniform(0.8, 0.99), length = random.log_uniform(1e-4, 0.1);
   for (std::vector<Vec3d>& piece : pieces) {

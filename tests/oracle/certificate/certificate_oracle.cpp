@@ -157,7 +157,7 @@ void check_row(const Value& document, const Query& query, const std::map<Id, Mot
 std::vector<std::string> check_rows(const Value& document) {
   require(document["format"].text() == "clearance certificate" && document["version"].integer() == 3,
           "another format or version");
-  std::vector<Piece> pieces;
+  std::vector<ConvexPart> pieces;
   for (const Value& piece : document["pieces"].list()) pieces.emplace_back(piece);
   Bodies bodies;
   for (const Value& body : document["bodies"].list())

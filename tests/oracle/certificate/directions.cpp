@@ -135,7 +135,7 @@ void check_cover(const std::vector<RunPair>& covered, std::size_t of_a, std::siz
 // Checks that no component of one body is within a solid of the other, whose surfaces are at least `apart` from it.
 void check_outside(const Body& held, const Pose& X_wh, const Body& holder, const Pose& X_wo, const Dyadic& apart) {
   const Dyadic over = X_wh.divisor * X_wo.divisor;
-  for (const Piece* solid : holder.wholes) {
+  for (const ConvexPart* solid : holder.wholes) {
     if (!solid->is_solid()) continue;
     std::vector<Vector> corners;
     for (std::size_t k = 0; k < solid->count(); ++k)
@@ -146,7 +146,7 @@ void check_outside(const Body& held, const Pose& X_wh, const Body& holder, const
         low[k] = std::min(low[k], corner[k]);
         high[k] = std::max(high[k], corner[k]);
       }
-    for (const Piece* whole : held.wholes)
+    for (const ConvexPart* whole : held.wholes)
       for (const Vector& seed : whole->seeds()) {
         const Vector p = X_wo.divisor * turned(X_wh.rows, seed);
         bool is_beside = false;
@@ -206,7 +206,7 @@ Span check_span(const Motion& motion, const IdPair& ids, const Value& span, cons
     check_outside(a, X_wa, b, X_wb, bound);
     check_outside(b, X_wb, a, X_wa, bound);
   } else {
-    const auto has_elements = [](const Piece* whole) { return whole->has_elements(); };
+    const auto has_elements = [](const ConvexPart* whole) { return whole->has_elements(); };
     require(covered.size() == 1 || (std::none_of(a.wholes.begin(), a.wholes.end(), has_elements) &&
                                     std::none_of(b.wholes.begin(), b.wholes.end(), has_elements)),
             "how deep surfaces overlap is not of one direction");

@@ -40,7 +40,7 @@ Frame frame_of(const Value& id) {
   return id.is_null() ? Frame() : Frame(id.integer());
 }
 
-Body::Body(const Value& document, const std::vector<Piece>& pieces_of_all)
+Body::Body(const Value& document, const std::vector<ConvexPart>& pieces_of_all)
     : name(document["name"].text()),
       on(frame_of(document["on"])),
       has_joint(!document["joint"].is_null()),
@@ -56,18 +56,19 @@ Body::Body(const Value& document, const std::vector<Piece>& pieces_of_all)
   require(!has_joint || on, "a joint hangs on nothing");
   for (const Value& place : document["pieces"].list())
     wholes.push_back(&pieces_of_all[place.index(pieces_of_all.size())]);
-  for (const Piece* whole : wholes) {
+  for (const ConvexPart* whole : wholes) {
     if (!whole->has_elements()) pieces.push_back(whole);
-    for (const Piece& element : whole->elements()) pieces.push_back(&element);
+    for (const ConvexPart& element : whole->elements()) pieces.push_back(&element);
     whole_of.resize(pieces.size(), whole);
   }
   const Dyadic grown = Dyadic(document["padding"].length()) + position;
-  for (const Piece* piece : wholes) require(piece->radius() + inner >= grown, "a body lacks padding or uncertainty");
+  for (const ConvexPart* piece : wholes)
+    require(piece->radius() + inner >= grown, "a body lacks padding or uncertainty");
 }
 
 Dyadic Body::farthest_from(const Vector& point) const {
   Dyadic farthest;
-  for (const Piece* piece : wholes) farthest = std::max(farthest, piece->reach(point));
+  for (const ConvexPart* piece : wholes) farthest = std::max(farthest, piece->reach(point));
   return farthest + inner;
 }
 

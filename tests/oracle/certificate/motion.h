@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/oracle/certificate/piece.h"
+#include "tests/oracle/certificate/convex_part.h"
 #include "tests/oracle/certificate/turns.h"
 
 namespace clearance::certificate_oracle {
@@ -21,7 +21,7 @@ Frame frame_of(const Value& id);
 /// without a usable pose are not numbers.
 class Body {
  public:
-  Body(const Value& document, const std::vector<Piece>& pieces);
+  Body(const Value& document, const std::vector<ConvexPart>& pieces);
 
   /// Bound on the distance of the true body's points from its origin, or from `centre`.
   const Dyadic& reach() const;
@@ -30,9 +30,9 @@ class Body {
   std::string name;
   Frame on;
   bool has_joint;
-  std::vector<const Piece*> pieces;    ///< elements of surfaces and clouds count as parts
-  std::vector<const Piece*> whole_of;  ///< for each, the part that it is an element of, or itself
-  std::vector<const Piece*> wholes;    ///< each once
+  std::vector<const ConvexPart*> pieces;    ///< elements of surfaces and clouds count as parts
+  std::vector<const ConvexPart*> whole_of;  ///< for each, the part that it is an element of, or itself
+  std::vector<const ConvexPart*> wholes;    ///< each once
   const Value *pose, *moves;
   Dyadic inner, outer, position;
   Dyadic chord;  ///< of the angle by which it may be rotated: bound on the motion of a point 1 m away

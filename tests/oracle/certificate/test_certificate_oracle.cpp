@@ -6,8 +6,8 @@
 #include <sstream>
 
 #include "tests/oracle/certificate/certificate_oracle.h"
+#include "tests/oracle/certificate/convex_part.h"
 #include "tests/oracle/certificate/document.h"
-#include "tests/oracle/certificate/piece.h"
 #include "tests/oracle/certificate/turns.h"
 
 namespace clearance::certificate_oracle {
@@ -118,9 +118,9 @@ TEST(CertificateOracle, RoundCoresReachAsFarAsTheyAreSaidTo) {
   const auto piece = [](const std::string& kind) {
     const Document document(R"({"radius":0.5,"core":{"kind":")" + kind +
                             R"(","size":[3,4,4]},"count":1,"vertices":[[0,0,0]]})");
-    return Piece(document.root());
+    return ConvexPart(document.root());
   };
-  const Piece cylinder = piece("cylinder"), cone = piece("cone"), egg = piece("ellipsoid");
+  const ConvexPart cylinder = piece("cylinder"), cone = piece("cone"), egg = piece("ellipsoid");
   // Along (3, 4, 12), of length 13: the radius adds 6.5.
   expect_just_above(cylinder.support({3.0, 4.0, 12.0}), 3.0 * 5 + 4 * 12 + 6.5);
   expect_just_above(cone.support({3.0, 4.0, 12.0}), 4.0 * 12 + 6.5);       // the apex
@@ -134,7 +134,7 @@ TEST(CertificateOracle, RoundCoresReachAsFarAsTheyAreSaidTo) {
   expect_just_above(egg.off({0.0, 6.0, 8.0}), 15.0);  // (10 / 4 - 1) 10
   EXPECT_LT(egg.off({0.0, 2.0, 0.0}).sign(), 0);
   for (const double z : {4.0000000000000009, -4.0000000000000009})
-    for (const Piece* ended : {&cylinder, &cone}) EXPECT_THROW(ended->off({0.0, 0.0, z}), Refusal);
+    for (const ConvexPart* ended : {&cylinder, &cone}) EXPECT_THROW(ended->off({0.0, 0.0, z}), Refusal);
   EXPECT_THROW(piece("torus"), Refusal);
 }
 

@@ -11,7 +11,7 @@ constexpr const char* kTooFar = "a point of a witness is too far away";
 
 // The points of a part in a witness: its vertices, or for a core that is no hull points given by the witness.
 struct Named {
-  const Piece *piece = nullptr, *whole = nullptr;
+  const ConvexPart *piece = nullptr, *whole = nullptr;
   std::vector<Vector> points;  // of such a core
   Dyadic off;                  // bound on their distance from the core
 
@@ -124,7 +124,7 @@ void check_witness(const Motion& motion, const IdPair& ids, const Value& witness
   for (const Named* side : {&of_a, &of_b}) reach += side->piece->radius() - side->off;
   if (const Value* within = witness.find("within")) {
     const std::size_t around = within->index(2);
-    const Piece& solid = *(around == 0 ? of_a : of_b).whole;
+    const ConvexPart& solid = *(around == 0 ? of_a : of_b).whole;
     require(solid.is_solid(), "a surface that is no solid is around nothing");
     const Difference d = all_around(witness, of_a, of_b, around, X_wa, X_wb);
     require(!is_rounded || !d.has_far_points(), kTooFar);

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 #include "tests/oracle/oracle_run.h"
 
 namespace clearance::exact {

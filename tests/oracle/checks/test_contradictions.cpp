@@ -7,7 +7,7 @@
 
 #include "engine/engine.h"
 #include "engine/narrow/group.h"
-#include "engine/narrow/piece_batch.h"
+#include "engine/narrow/part_batch.h"
 #include "engine/selection/columns.h"
 #include "tests/oracle/cases/misleading_table.h"
 #include "tests/oracle/oracle_run.h"
@@ -39,7 +39,7 @@ struct Spheres {
 /// Body a's table is wrong along the direction of b's nearest point, provided that GJK does not begin with it. If it
 /// did, it would never see another vertex, and nothing would contradict.
 Bench misled(const Spheres& spheres, const std::string& backend) {
-  return Bench(spheres.cases, backend, 1, [&](const PiecePtr& piece, std::size_t i, bool is_b) {
+  return Bench(spheres.cases, backend, 1, [&](const ConvexPartPtr& piece, std::size_t i, bool is_b) {
     EXPECT_TRUE(piece->table);
     if (is_b) return piece;
     const Case& c = spheres.cases[i];
@@ -123,9 +123,9 @@ void run_broken_f32_lanes(const LaneBatch& batch) {
 }
 
 struct Batch {
-  std::vector<PiecePtr> pieces;
+  std::vector<ConvexPartPtr> pieces;
   std::vector<PoseMatrix> poses;
-  std::vector<PieceTask> tasks;
+  std::vector<PartTask> tasks;
 
   explicit Batch(std::span<const Case> cases) {
     poses.reserve(2 * cases.size());
@@ -139,10 +139,10 @@ struct Batch {
   }
   std::vector<Interval> ask(const NarrowOptions& options) const {
     std::vector<Interval> found(tasks.size());
-    PieceBatch(options).run(
+    PartBatch(options).run(
         tasks,
-        [&](const PieceTask& t, const LaneAnswer& lane, const LaneWitness&) { found[t.id] = {lane.lower, lane.upper}; },
-        [&](const PieceTask& t, const NarrowAnswer& answer) { found[t.id] = answer.bounds; });
+        [&](const PartTask& t, const LaneAnswer& lane, const LaneWitness&) { found[t.id] = {lane.lower, lane.upper}; },
+        [&](const PartTask& t, const NarrowAnswer& answer) { found[t.id] = answer.bounds; });
     return found;
   }
 };

@@ -23,7 +23,7 @@ struct Row {
   Status status;
 };
 /// \param limits max_distance of each query
-std::vector<Row> ask(const PiecePtr& a, const Pose& X_wa, const PiecePtr& b, const Pose& X_wb,
+std::vector<Row> ask(const ConvexPartPtr& a, const Pose& X_wa, const ConvexPartPtr& b, const Pose& X_wb,
                      std::span<const double> limits) {
   Scene scene;
   Body first, second;
@@ -76,9 +76,10 @@ void try_pair(Random& random, Kind kind, Found& found) {
   const int what = random.integer(0, 2);
   const SolidPtr b =
       what == 2 ? std::make_shared<const Solid>(Solid{other.vertices, radius_b}) : solid(other, true, radius_b);
-  const PiecePtr with = make_decomposed_piece(mesh.vertices, mesh.triangles, propose(random, mesh, kind), radius_a),
-                 without = make_surface_piece(mesh.vertices, mesh.triangles, true, radius_a);
-  const PiecePtr piece_b =
+  const ConvexPartPtr with =
+                          make_decomposed_piece(mesh.vertices, mesh.triangles, propose(random, mesh, kind), radius_a),
+                      without = make_surface_piece(mesh.vertices, mesh.triangles, true, radius_a);
+  const ConvexPartPtr piece_b =
       what == 2   ? make_piece(other.vertices, radius_b)
       : what == 1 ? make_surface_piece(other.vertices, other.triangles, true, radius_b)
                   : make_decomposed_piece(other.vertices, other.triangles, propose(random, other, kind), radius_b);
@@ -104,13 +105,13 @@ void try_pair(Random& random, Kind kind, Found& found) {
 /// A ball of a mesh whose convex parts cover its skin alone, around a small body that overlaps none of them.
 void try_held(Random& random, Found& found) {
   const Mesh box = box_mesh({1, 1, 1});
-  Pieces skin;
+  ConvexParts skin;
   for (const Triangle& t : box.triangles) {
     skin.emplace_back();
     for (const std::uint32_t corner : t) skin.back().push_back(box.vertices[corner]);
   }
-  const PiecePtr a = make_decomposed_piece(box.vertices, box.triangles, skin, 0),
-                 b = make_piece({random.direction() * 0.1, random.direction() * 0.1}, 0);
+  const ConvexPartPtr a = make_decomposed_piece(box.vertices, box.triangles, skin, 0),
+                      b = make_piece({random.direction() * 0.1, random.direction() * 0.1}, 0);
   const std::array<double, 2> limits{0.0, 0.25};
   for (const Row& row : ask(a, {}, b, random.rotation(random.direction() * random.uniform(0, 0.3)), limits)) {
     ++found.held;

@@ -65,7 +65,7 @@ void check_inner(Random& random, const Mesh& mesh, const Decomposition& d, doubl
   for (const Vec3d& p : points) {
     double nearest = kInf;
     bool exceeds = true;
-    for (const PiecePtr& piece : d.pieces) {
+    for (const ConvexPartPtr& piece : d.pieces) {
       if (!exceeds && nearest <= farthest) break;
       const Distance r = against(exact_distance({{&p, 1}, 0}, {}, {piece->vertices, 0}, {}, false), d.inner);
       nearest = std::min(nearest, r.about);
@@ -143,7 +143,7 @@ TEST(Decomposition, OfWhatIsOneIsExact) {
   // An L of two boxes that share a side.
   const std::array<Point2, 3> path{{{0, 1}, {0, 0}, {1, 0}}};
   const Mesh bar = on_lattice(bent_bar(path, 0.25, 0.5));
-  Pieces boxes(2);
+  ConvexParts boxes(2);
   for (const Vec3d& v : bar.vertices) {
     if (v.x <= 0.125) boxes[0].push_back(v);
     if (v.x > 0.125 || v.y <= 0.125) boxes[1].push_back(v);
@@ -157,7 +157,7 @@ TEST(Decomposition, OfWhatIsOneIsExact) {
 
 TEST(Decomposition, ABareSurfaceHasNothingWithin) {
   const Mesh box = box_mesh({1, 1, 1});
-  const Pieces whole{box.vertices};
+  const ConvexParts whole{box.vertices};
   const Decomposition solid = prove_decomposition(Surface(box.vertices, box.triangles, true), whole).decomposition;
   const Decomposition bare = prove_decomposition(Surface(box.vertices, box.triangles, false), whole).decomposition;
   EXPECT_LE(solid.outer[0], 1e-9);
@@ -169,7 +169,7 @@ TEST(Decomposition, ABareSurfaceHasNothingWithin) {
 TEST(Decomposition, SaysWhichPieceIsNone) {
   const Mesh box = box_mesh({1, 1, 1});
   const Surface truth(box.vertices, box.triangles, true);
-  const auto refusal = [&](const Pieces& pieces) -> std::string {
+  const auto refusal = [&](const ConvexParts& pieces) -> std::string {
     try {
       prove_decomposition(truth, pieces);
       return "";
@@ -182,7 +182,7 @@ TEST(Decomposition, SaysWhichPieceIsNone) {
   EXPECT_NE(refusal({{{std::nan(""), 0, 0}}}).find("piece 0: vertex 0"), std::string::npos);
   EXPECT_NE(refusal({box.vertices, {{kInf, 0, 0}}}).find("piece 1: vertex 0"), std::string::npos);
   // A distant point is a valid part, with a large error.
-  const Decomposition far = prove_decomposition(truth, Pieces{{{10, 0, 0}}}).decomposition;
+  const Decomposition far = prove_decomposition(truth, ConvexParts{{{10, 0, 0}}}).decomposition;
   EXPECT_GE(far.inner, 11);
   EXPECT_LE(far.inner, 13);
   EXPECT_GE(far.outer[0], 9);

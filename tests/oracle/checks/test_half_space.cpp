@@ -36,7 +36,7 @@ Vec3q turned(const Pose& X, const Vec3q& v) {
 }
 
 // The exact signed distance of a part from the grown half-space.
-mpq_class height(const Piece& plane, const Pose& X_plane, const Piece& piece, const Pose& X_piece) {
+mpq_class height(const ConvexPart& plane, const Pose& X_plane, const ConvexPart& piece, const Pose& X_piece) {
   const Vec3q n = turned(X_plane, {0, 0, 1}), t_a = rational(X_plane.translation), t_b = rational(X_piece.translation);
   mpq_class least;
   bool first = true;
@@ -63,7 +63,7 @@ Pose plane_pose(Random& random, const Vec3d& at) {
   return random.rotation(at);
 }
 
-PiecePtr any_piece(Random& random) {
+ConvexPartPtr any_piece(Random& random) {
   const double size = random.log_uniform(1e-3, 10);
   std::vector<Vec3d> vertices;
   const int count = random.chance(0.2) ? random.integer(1, 3) : random.chance(0.2) ? 200 : random.integer(4, 40);
@@ -74,7 +74,7 @@ PiecePtr any_piece(Random& random) {
 }
 
 struct PlaneCase {
-  PiecePtr plane, piece;
+  ConvexPartPtr plane, piece;
   Pose X_plane, X_piece;
 };
 

@@ -52,7 +52,7 @@ class Lanes : public testing::TestWithParam<std::string_view> {};
 
 // Pairs for one batch, and each of them alone.
 struct Asked {
-  std::vector<PiecePtr> pieces;  // two for each hull pair
+  std::vector<ConvexPartPtr> pieces;  // two for each hull pair
   std::vector<Placed> placed;
   std::vector<std::size_t> hulls;  // of each pair: index into `pieces` of the first one
   std::vector<std::string> names;
@@ -79,7 +79,7 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool
                               Seen& seen) {
   const std::size_t count = asked.placed.size();
   std::vector<LaneHull> hulls;
-  for (const PiecePtr& piece : asked.pieces) hulls.emplace_back(*piece);
+  for (const ConvexPartPtr& piece : asked.pieces) hulls.emplace_back(*piece);
   std::vector<LanePair> pairs;
   for (std::size_t k = 0; k < count; ++k) {
     const auto& [at_a, at_b] = asked.placed[k];
@@ -93,7 +93,7 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool
               witnesses.data(), rest.data()});
   for (std::size_t k = 0; k < count; ++k) {
     const auto& [at_a, at_b] = asked.placed[k];
-    const Piece &a = *asked.pieces[asked.hulls[k]], &b = *asked.pieces[asked.hulls[k] + 1];
+    const ConvexPart &a = *asked.pieces[asked.hulls[k]], &b = *asked.pieces[asked.hulls[k] + 1];
     limits.max_distance = asked.max_distances[k];
     const NarrowAnswer alone = narrow_phase(a, at_a, b, at_b, limits);
     const std::string& where = asked.names[k];
@@ -171,7 +171,7 @@ TEST_P(Lanes, WarmStartsEndSoonerAndProveTheSame) {
   for (const CaseClass& cls : case_classes())
     for (int i = 0; i < kCases; ++i) {
       const Case c = make_case(cls, 6, static_cast<std::uint64_t>(i));
-      const PiecePtr a = make_piece(c.a->vertices, c.a->radius), b = make_piece(c.b->vertices, c.b->radius);
+      const ConvexPartPtr a = make_piece(c.a->vertices, c.a->radius), b = make_piece(c.b->vertices, c.b->radius);
       const LaneHull hull_a(*a), hull_b(*b);
       Random random(static_cast<std::uint64_t>(i));
       const std::vector<Placed> placed = placements(c, random);

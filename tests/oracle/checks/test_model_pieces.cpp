@@ -34,7 +34,7 @@ struct Found {
 /// A decomposed body among a hull, another decomposed one and a solid without decomposition.
 struct Trial {
   std::array<SolidPtr, 1 + kOthers> solids;
-  std::array<PiecePtr, 1 + kOthers> pieces;
+  std::array<ConvexPartPtr, 1 + kOthers> pieces;
   std::array<Pose, kOthers> stands;
   std::array<Pose, kPlaces> places;
   std::array<std::array<Result, kOthers>, kPlaces> truth;
@@ -183,7 +183,7 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
   const auto solids_of = [&](std::uint32_t i) {
     std::vector<SolidPtr> all;
     if (!trial.is_by_pieces(i)) return std::vector{trial.solids[i]};
-    for (const PiecePtr& piece : trial.pieces[i]->surface->decomposition()->pieces)
+    for (const ConvexPartPtr& piece : trial.pieces[i]->surface->decomposition()->pieces)
       all.push_back(std::make_shared<const Solid>(Solid{piece->vertices, trial.pieces[i]->radius}));
     return all;
   };
@@ -269,7 +269,7 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
 /// A box of a mesh whose convex parts cover its skin alone, around a small body that overlaps none of them.
 void look_at_held(Random& random, Found& found) {
   const Mesh box = box_mesh({1, 1, 1});
-  Pieces skin;
+  ConvexParts skin;
   for (const Triangle& t : box.triangles) {
     skin.emplace_back();
     for (const std::uint32_t corner : t) skin.back().push_back(box.vertices[corner]);
@@ -343,7 +343,7 @@ void try_all(Random& random, Kind kind, Found& found) {
 }
 
 #ifdef CLEARANCE_MUTANT
-TEST(ModelPieces, MutantsAreFound) {
+TEST(ModelParts, MutantsAreFound) {
   Random random(kSeed);
   Found found;
   look_at_tube(found);
@@ -352,7 +352,7 @@ TEST(ModelPieces, MutantsAreFound) {
   EXPECT_GT(found.wrong, 0);
 }
 #else
-TEST(ModelPieces, HoldWhatTheJudgeSays) {
+TEST(ModelParts, HoldWhatTheJudgeSays) {
   Random random(kSeed);
   Found found;
   look_at_tube(found);

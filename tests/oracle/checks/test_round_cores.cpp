@@ -114,7 +114,7 @@ Real from_round(const Primitive& core, const Vec3r& p) {
 }
 
 // Reach of a part along n, in its own axes.
-Real reach(const Piece& piece, const Vec3r& n) {
+Real reach(const ConvexPart& piece, const Vec3r& n) {
   Real far;
   if (!piece.primitive) {
     for (std::size_t i = 0; i < piece.vertices.size(); ++i) {
@@ -134,7 +134,7 @@ Real reach(const Piece& piece, const Vec3r& n) {
 }
 
 // The gap of the planes normal to n, axes of a: at most the signed distance.
-Real gap(const Piece& a, const Pose& X_wa, const Piece& b, const Pose& X_wb, const Vec3r& n) {
+Real gap(const ConvexPart& a, const Pose& X_wa, const ConvexPart& b, const Pose& X_wb, const Vec3r& n) {
   const Vec3r n_w = turned(X_wa, n), n_b = turned(X_wb, n_w, true);
   const Vec3r D = difference(real(X_wb.translation), real(X_wa.translation));
   const Vec3r minus{-n_b.x, -n_b.y, -n_b.z};
@@ -150,7 +150,7 @@ Vec3d sizes(Random& random, bool extreme) {
   return {one(), one(), one()};
 }
 
-PiecePtr round_piece(Random& random, bool extreme) {
+ConvexPartPtr round_piece(Random& random, bool extreme) {
   const Vec3d s = sizes(random, extreme);
   const double radius = random.chance(0.3) ? random.log_uniform(1e-4, 0.5) : 0;
   const auto kind = random.integer(0, 2);
@@ -194,8 +194,8 @@ CheckedBalls check_balls(bool extreme, int count, std::uint64_t seed) {
   Random random(seed);
   CheckedBalls checked;
   for (int i = 0; i < count; ++i) {
-    const PiecePtr piece = round_piece(random, extreme);
-    const PiecePtr ball = make_piece({{0, 0, 0}}, random.chance(0.5) ? random.log_uniform(1e-3, 1) : 0);
+    const ConvexPartPtr piece = round_piece(random, extreme);
+    const ConvexPartPtr ball = make_piece({{0, 0, 0}}, random.chance(0.5) ? random.log_uniform(1e-3, 1) : 0);
     const Pose X_wa = any_pose(random, random.chance(0.3) ? 1e4 : 1);
     // From a point of the surface, outwards or inwards.
     const FarthestPoint<double> on = farthest(*piece->primitive, random.direction());
@@ -250,7 +250,7 @@ TEST(RoundCores, HoldItWhateverTheirShape) {
   EXPECT_GE(checked.converged, checked.asked * 0.9);
 }
 
-PiecePtr any_piece(Random& random) {
+ConvexPartPtr any_piece(Random& random) {
   if (random.chance(0.5)) return round_piece(random, false);
   std::vector<Vec3d> vertices;
   for (int i = random.integer(1, 30); i > 0; --i) vertices.push_back(random.direction() * random.uniform(0.2, 1));
@@ -258,7 +258,7 @@ PiecePtr any_piece(Random& random) {
 }
 
 // Whether a point, in body axes, lies in a part's core or no farther from it than the radius; all to 1e-12.
-bool holds_point(const Piece& piece, const Vec3d& p) {
+bool holds_point(const ConvexPart& piece, const Vec3d& p) {
   if (!piece.primitive) {  // no farther along any of many directions
     Random random(5);
     for (int i = 0; i < 100; ++i) {
@@ -277,7 +277,7 @@ TEST(RoundCores, AreProvedByDirectionsAndPoints) {
   Random random(3);
   CheckedBalls checked;
   for (int i = 0; i < 2000; ++i) {
-    const PiecePtr a = any_piece(random), b = any_piece(random);
+    const ConvexPartPtr a = any_piece(random), b = any_piece(random);
     if (!is_round(*a) && !is_round(*b)) continue;
     const Pose X_wa = any_pose(random, 1);
     Pose X_wb = any_pose(random, random.chance(0.5) ? 1 : 4);

@@ -15,7 +15,7 @@ TEST(SelfTest, KnowsExactDistances) {
   int apart = 0, touching = 0, overlapping = 0;
   for (const KnownPair& pair : known_pairs())
     for (const auto& [X_wa, X_wb] : pair.poses) {
-      const PieceView a{pair.a->vertices, pair.a->radius}, b{pair.b->vertices, pair.b->radius};
+      const ConvexPartView a{pair.a->vertices, pair.a->radius}, b{pair.b->vertices, pair.b->radius};
       const Result truth = exact_distance(a, X_wa, b, X_wb, true);
       EXPECT_EQ(truth.distance.compare(pair.exact), 0)
           << pair.kind << ": " << pair.exact << ", exact " << truth.distance.lower();

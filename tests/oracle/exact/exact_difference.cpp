@@ -65,7 +65,7 @@ mpq_class rational(double v) {
   return mpq_class(v);
 }
 
-PosedPiece::PosedPiece(const PieceView& piece, const Pose& X) : vertices_(piece.vertices) {
+PosedPart::PosedPart(const ConvexPartView& piece, const Pose& X) : vertices_(piece.vertices) {
   if (vertices_.empty()) throw std::invalid_argument("exact_distance: a piece has no vertices");
   for (const Vec3d& v : vertices_) {
     exponent_.include(v);
@@ -88,7 +88,7 @@ PosedPiece::PosedPiece(const PieceView& piece, const Pose& X) : vertices_(piece.
     for (int k = 0; k < 3; ++k) row[k] /= common;
 }
 
-std::uint32_t PosedPiece::highest(const Vec3z& direction) const {
+std::uint32_t PosedPart::highest(const Vec3z& direction) const {
   const Vec3z m = M.transpose_times(direction);
   const Vec3d f = rounded(m, largest_);
   // |f.v as computed - its exact value| <= (2^-52 + 4 * 2^-53) sum |f_k v_k|, and a little more if it underflows.
@@ -119,7 +119,7 @@ std::uint32_t PosedPiece::highest(const Vec3z& direction) const {
 }
 
 /// sum += m v / 2^exponent_
-void PosedPiece::add_product(mpz_class& sum, const mpz_class& m, double v) const {
+void PosedPart::add_product(mpz_class& sum, const mpz_class& m, double v) const {
   if (v == 0) return;
   const Dyadic d = dyadic(v);
   product_ = m * d.mantissa;
@@ -127,7 +127,7 @@ void PosedPiece::add_product(mpz_class& sum, const mpz_class& m, double v) const
   sum += product_;
 }
 
-Difference::Difference(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb)
+Difference::Difference(const ConvexPartView& a, const Pose& X_wa, const ConvexPartView& b, const Pose& X_wb)
     : a_(a, X_wa), b_(b, X_wb) {
   LeastExponent e = a_.exponent();
   e.value = std::min(e.value, b_.exponent().value);

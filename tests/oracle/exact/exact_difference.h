@@ -27,9 +27,9 @@ Vec3z integer(const Vec3d& v, int unit);
 mpq_class rational(double v);
 
 /// A part with its rotation M / n in integers.
-class PosedPiece {
+class PosedPart {
  public:
-  PosedPiece(const PieceView& piece, const Pose& X);
+  PosedPart(const ConvexPartView& piece, const Pose& X);
 
   const LeastExponent& exponent() const { return exponent_; }
   /// M v, as integers of the unit 2^unit.
@@ -63,7 +63,7 @@ class Difference {
  public:
   using Scalar = mpz_class;
 
-  Difference(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb);
+  Difference(const ConvexPartView& a, const Pose& X_wa, const ConvexPartView& b, const Pose& X_wb);
 
   Vertex<mpz_class> at(VertexPair i) const {
     return {i, a_.n * b_.rotated(i.b, unit_) + offset_ - b_.n * a_.rotated(i.a, unit_)};
@@ -75,7 +75,7 @@ class Difference {
   Value value(int sign, const mpz_class& height, const Vec3z& direction) const;
 
  private:
-  PosedPiece a_, b_;
+  PosedPart a_, b_;
   int unit_ = 0;
   Vec3z offset_;
   mpq_class radius_;

@@ -138,7 +138,8 @@ Vec3d rough_direction(std::span<const Vec3d> a, std::span<const Vec3d> b) {
   return descend(RoughDifference(a, b), {{0, 0}}, 60, 1e-13, nullptr).direction;
 }
 
-Result exact_distance(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, bool depth) {
+Result exact_distance(const ConvexPartView& a, const Pose& X_wa, const ConvexPartView& b, const Pose& X_wb,
+                      bool depth) {
   const Difference C(a, X_wa, b, X_wb);
   const std::vector<Vec3d> rough_a = roughly_placed(a.vertices, X_wa, {0, 0, 0}),
                            rough_b = roughly_placed(b.vertices, X_wb, X_wb.translation - X_wa.translation);
@@ -162,14 +163,16 @@ Result exact_distance(const PieceView& a, const Pose& X_wa, const PieceView& b, 
   return result;
 }
 
-Value exact_gap_along(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3z& n) {
+Value exact_gap_along(const ConvexPartView& a, const Pose& X_wa, const ConvexPartView& b, const Pose& X_wb,
+                      const Vec3z& n) {
   if (squared_norm(n) == 0) throw std::invalid_argument("exact_gap_along: the direction is zero");
   const Difference C(a, X_wa, b, X_wb);
   const mpz_class gap = dot(n, C.lowest(n).c);
   return C.value(sgn(gap), gap, n);
 }
 
-Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3d& n) {
+Value exact_support_gap(const ConvexPartView& a, const Pose& X_wa, const ConvexPartView& b, const Pose& X_wb,
+                        const Vec3d& n) {
   LeastExponent e;
   e.include(n);
   return exact_gap_along(a, X_wa, b, X_wb, integer(n, e.get()));

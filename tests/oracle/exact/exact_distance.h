@@ -20,7 +20,7 @@ namespace clearance::exact {
 using Vec3z = Vec3<mpz_class>;
 
 /// The convex hull of the vertices (metres, body frame), grown by a radius.
-struct PieceView {
+struct ConvexPartView {
   std::span<const Vec3d> vertices;
   double radius = 0;
 };
@@ -63,13 +63,16 @@ struct Result {
 /// Exact signed distance of two parts. Throws std::invalid_argument for a part without vertices, a non-finite number or
 /// a zero quaternion.
 /// \param depth also solve for the penetration depth if the cores overlap
-Result exact_distance(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, bool depth = true);
+Result exact_distance(const ConvexPartView& a, const Pose& X_wa, const ConvexPartView& b, const Pose& X_wb,
+                      bool depth = true);
 
 /// The exact support gap of direction n (world frame, from a towards b, need not be a unit vector): [min_b n.b - max_a
 /// n.a] / |n| - r_a - r_b, a lower bound of the signed distance. Throws for n = 0 or non-finite.
-Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3d& n);
+Value exact_support_gap(const ConvexPartView& a, const Pose& X_wa, const ConvexPartView& b, const Pose& X_wb,
+                        const Vec3d& n);
 /// The same for a direction of integers.
-Value exact_gap_along(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3z& n);
+Value exact_gap_along(const ConvexPartView& a, const Pose& X_wa, const ConvexPartView& b, const Pose& X_wb,
+                      const Vec3z& n);
 
 /// Guesses in doubles: vertices under a pose and a shift, and an approximate separating direction from points a towards
 /// points b, not of length 1; zero if they seem to overlap.

@@ -57,8 +57,8 @@ struct PosedBody {
     std::iota(all.begin(), all.end(), 0);
     add(std::move(all), rough);
   }
-  PieceView hull() const { return {view.vertices, view.radius}; }
-  PieceView piece(std::uint32_t part) const { return {parts[part].vertices, view.radius}; }
+  ConvexPartView hull() const { return {view.vertices, view.radius}; }
+  ConvexPartView piece(std::uint32_t part) const { return {parts[part].vertices, view.radius}; }
 
   BodyView view;
   Pose X;

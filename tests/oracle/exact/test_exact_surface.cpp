@@ -29,7 +29,8 @@ Value least_of_all_pairs(const Case& c) {
   for (const auto& p : parts(*c.a))
     for (const auto& q : parts(*c.b)) {
       const Value v =
-          exact_distance(PieceView{p, c.a->radius}, c.X_wa, PieceView{q, c.b->radius}, c.X_wb, false).distance;
+          exact_distance(ConvexPartView{p, c.a->radius}, c.X_wa, ConvexPartView{q, c.b->radius}, c.X_wb, false)
+              .distance;
       if (!least || v.compare(*least) < 0) least = v;
     }
   return *least;

@@ -29,7 +29,7 @@ Vec3d to_doubles(const Vec3z& v) {
 }
 
 struct Placed {
-  PiecePtr a, b;
+  ConvexPartPtr a, b;
   PlacedPair<double> pair;
   PlacedPair<DoubleDouble> fine;
 

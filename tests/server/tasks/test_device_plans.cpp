@@ -267,7 +267,7 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
   Loop::Options options;
   options.max_plans_of_client = 2;
   options.max_plans = 3;
-  constexpr std::uint64_t kOne = cuda::SharedMemory::kPiece + test::HostPlans::kOwnBytes;
+  constexpr std::uint64_t kOne = cuda::SharedMemory::kConvexPart + test::HostPlans::kOwnBytes;
   options.max_plan_bytes_of_client = 3 * kOne;
   options.max_plan_bytes = 4 * kOne;
   begin(options);
@@ -336,7 +336,7 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
          "a plan on a device: 4000000000 configurations of 2 bodies and 100000 joints are more than one has room for");
   device_.has_room = false;
   refuse(plan_query(), ErrorCode::kTooLarge,
-         "a plan on a device: device memory, " + std::to_string(cuda::SharedMemory::kPiece) + " bytes: full");
+         "a plan on a device: device memory, " + std::to_string(cuda::SharedMemory::kConvexPart) + " bytes: full");
   device_.has_room = true;
   EXPECT_EQ(counter("plans.open"), 0u);
   EXPECT_EQ(counter("plans.bytes"), 0u);

@@ -1,4 +1,4 @@
-#include "engine/hull/piece.h"
+#include "engine/hull/convex_part.h"
 
 #include <algorithm>
 #include <cassert>
@@ -24,7 +24,7 @@ constexpr std::size_t kFew = 6, kFewOfMany = 16, kMany = 200000;
 
 constexpr std::size_t kWidestRegister = 64;  // bytes
 
-void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
+void fill_rows(ConvexPart& piece, const std::vector<Vec3d>& vertices) {
   const auto padded_to = [&](std::size_t lanes) { return (vertices.size() + lanes - 1) / lanes * lanes; };
   const std::size_t f64 = padded_to(kWidestRegister / sizeof(double)), f32 = padded_to(kWidestRegister / sizeof(float));
   for (std::size_t i = 0; i < f32; ++i) {
@@ -39,15 +39,16 @@ void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
   }
 }
 
-void measure(Piece& piece, const std::vector<Vec3d>& vertices) {
+void measure(ConvexPart& piece, const std::vector<Vec3d>& vertices) {
   measure_hull(
       static_cast<std::uint32_t>(vertices.size()), [&](std::uint32_t i) -> const Vec3d& { return vertices[i]; }, piece);
 }
 
 }  // namespace
 
-PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices, std::uint64_t digest,
-                    std::shared_ptr<const DirectionTable> table, std::shared_ptr<const Surface> surface) {
+ConvexPartPtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
+                         std::uint64_t digest, std::shared_ptr<const DirectionTable> table,
+                         std::shared_ptr<const Surface> surface) {
   const FpEnvironment environment;
   if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
   if (!(radius >= 0 && radius <= kMaxCoordinate))
@@ -58,7 +59,7 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
         throw std::invalid_argument("vertex " + std::to_string(i) + " has the coordinate " +
                                     std::to_string(vertices[i][k]) + "; expected a finite number up to 1e60 m");
 
-  auto piece = std::make_shared<Piece>();
+  auto piece = std::make_shared<ConvexPart>();
   piece->radius = radius;
   piece->loaded_vertices = loaded_vertices ? loaded_vertices : vertices.size();
   if (digest == 0) {
@@ -81,7 +82,7 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
   return piece;
 }
 
-void remake_piece(Piece& piece, std::span<const Vec3d> vertices, double radius) {
+void remake_piece(ConvexPart& piece, std::span<const Vec3d> vertices, double radius) {
   assert(!vertices.empty() && vertices.size() <= kTableFromVertices && !piece.table);
   piece.vertices.assign(vertices.begin(), vertices.end());
   piece.radius = radius;
@@ -91,9 +92,9 @@ void remake_piece(Piece& piece, std::span<const Vec3d> vertices, double radius) 
   fill_rows(piece, piece.vertices);
 }
 
-Piece without_table(const Piece& piece) {
+ConvexPart without_table(const ConvexPart& piece) {
   if (piece.primitive) return piece;  // does not depend on vertices
-  Piece plain;
+  ConvexPart plain;
   plain.vertices = piece.vertices;
   plain.radius = piece.radius;
   plain.loaded_vertices = piece.loaded_vertices;
@@ -103,9 +104,9 @@ Piece without_table(const Piece& piece) {
   return plain;
 }
 
-std::uint64_t resident_bytes(const Piece& piece) {
+std::uint64_t resident_bytes(const ConvexPart& piece) {
   const auto held = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
-  std::uint64_t bytes = sizeof(Piece) + held(piece.vertices) + held(piece.x) + held(piece.y) + held(piece.z) +
+  std::uint64_t bytes = sizeof(ConvexPart) + held(piece.vertices) + held(piece.x) + held(piece.y) + held(piece.z) +
                         held(piece.x_f32) + held(piece.y_f32) + held(piece.z_f32);
   if (piece.table) bytes += sizeof(DirectionTable) + piece.table->bytes();
   return bytes;

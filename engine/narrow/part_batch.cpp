@@ -1,4 +1,4 @@
-#include "engine/narrow/piece_batch.h"
+#include "engine/narrow/part_batch.h"
 
 #include <algorithm>
 #include <bit>
@@ -11,7 +11,7 @@ namespace {
 constexpr std::uint32_t kFree = ~std::uint32_t{0};
 constexpr std::size_t kMostInLanes = 512;  // tasks that lanes answer between two checks of the meter
 
-std::size_t hash_of(const Piece* a, const Piece* b) {
+std::size_t hash_of(const ConvexPart* a, const ConvexPart* b) {
   const auto bits = reinterpret_cast<std::uintptr_t>(a) * 3 + reinterpret_cast<std::uintptr_t>(b);
   return (bits >> 4) * 0x9E3779B97F4A7C15u >> 20;
 }
@@ -19,7 +19,7 @@ std::size_t hash_of(const Piece* a, const Piece* b) {
 }  // namespace
 
 // Index of the task's kind in kinds_. The first task of a kind is added.
-std::uint32_t PieceBatch::kind_of(const PieceTask& task) {
+std::uint32_t PartBatch::kind_of(const PartTask& task) {
   for (std::size_t h = hash_of(task.a, task.b);; ++h) {
     std::uint32_t& slot = kind_slots_[h & (kind_slots_.size() - 1)];
     if (slot == kFree) {
@@ -32,7 +32,7 @@ std::uint32_t PieceBatch::kind_of(const PieceTask& task) {
   }
 }
 
-void PieceBatch::begin(std::span<const PieceTask> tasks) {
+void PartBatch::begin(std::span<const PartTask> tasks) {
   assert(!tasks.empty());
   tasks_ = tasks;
   group_ = next_ = 0;
@@ -42,8 +42,8 @@ void PieceBatch::begin(std::span<const PieceTask> tasks) {
 }
 
 // Groups pairs of the same two parts if they fill the lanes. The other lanes take any pairs.
-void PieceBatch::deal() {
-  const std::span<const PieceTask> tasks = tasks_;
+void PartBatch::deal() {
+  const std::span<const PartTask> tasks = tasks_;
   order_.clear();
   groups_.clear();
   const auto add_group_alone = [&](std::size_t begin, std::size_t end) {
@@ -58,8 +58,8 @@ void PieceBatch::deal() {
       groups_.push_back({begin, next, f32 || next - begin > lanes / 4, same_hulls, f32});
     }
   };
-  const PieceTask& first = tasks[0];
-  if (std::all_of(tasks.begin(), tasks.end(), [&](const PieceTask& t) { return t.a == first.a && t.b == first.b; })) {
+  const PartTask& first = tasks[0];
+  if (std::all_of(tasks.begin(), tasks.end(), [&](const PartTask& t) { return t.a == first.a && t.b == first.b; })) {
     if (!fit_lanes(first)) return add_group_alone(0, tasks.size());
     add_group(0, tasks.size(), true, options_.f32 && fits_f32(*first.a, *first.b));
     return;
@@ -68,7 +68,7 @@ void PieceBatch::deal() {
   kinds_.clear();
   kind_slots_.assign(std::bit_ceil(2 * tasks.size()), kFree);
   kind_of_task_.clear();
-  for (const PieceTask& task : tasks) {
+  for (const PartTask& task : tasks) {
     kind_of_task_.push_back(kind_of(task));
     ++kinds_[kind_of_task_.back()].count;
   }
@@ -92,17 +92,17 @@ void PieceBatch::deal() {
   for (std::uint32_t i = 0; i < tasks.size(); ++i) order_[kinds_[kind_of_task_[i]].begin++] = i;
 }
 
-void PieceBatch::run_group(const Group& group, WorkMeter& meter) {
+void PartBatch::run_group(const Group& group, WorkMeter& meter) {
   if (!group.in_lanes) return;
   const std::size_t count = group.end - group.begin;
   hulls_.clear();
   hulls_.reserve(group.same_hulls ? 2 : 2 * count);  // lanes keep pointers to them
   pairs_.clear();
   std::uint64_t units = 0;
-  const Piece *a = nullptr, *b = nullptr;
+  const ConvexPart *a = nullptr, *b = nullptr;
   const LaneHull *hull_a = nullptr, *hull_b = nullptr;
   for (std::size_t i = group.begin; i < group.end; ++i) {
-    const PieceTask& task = tasks_[at(i)];
+    const PartTask& task = tasks_[at(i)];
     units += WorkMeter::units_of(*task.a, *task.b);
     if (task.a != a) hull_a = &hulls_.emplace_back(*(a = task.a));
     if (task.b != b) hull_b = &hulls_.emplace_back(*(b = task.b));
@@ -131,7 +131,7 @@ void PieceBatch::run_group(const Group& group, WorkMeter& meter) {
 }
 
 // Float64 lanes for pairs that float32 left unresolved.
-void PieceBatch::resolve_in_f64(const LaneBatch& all) {
+void PartBatch::resolve_in_f64(const LaneBatch& all) {
   again_.clear();
   again_pairs_.clear();
   for (std::size_t i = 0; i < all.count; ++i)
@@ -161,7 +161,7 @@ void PieceBatch::resolve_in_f64(const LaneBatch& all) {
   }
 }
 
-NarrowLimits PieceBatch::limits_of(const PieceTask& task) const {
+NarrowLimits PartBatch::limits_of(const PartTask& task) const {
   NarrowLimits limits = options_.limits;
   limits.max_distance = task.max_distance;
   limits.min_penetration = task.min_penetration;
@@ -169,7 +169,7 @@ NarrowLimits PieceBatch::limits_of(const PieceTask& task) const {
   return limits;
 }
 
-NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter) {
+NarrowAnswer PartBatch::answer_alone(const PartTask& task, const Gjk<double>* done, WorkMeter& meter) {
   meter.begin_pair();
   const auto& [a, b, pose_a, pose_b, max_distance, id, warm, min_penetration, stop_below] = task;
   const NarrowLimits limits = limits_of(task);
@@ -182,16 +182,16 @@ NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* 
 // Answers a pair with contradictory bounds again, in the most independent way: alone, in double-double from the first
 // step, vertices without a table, new rotations, no warm state. If that contradicts itself too, nothing is proved:
 // [-inf, inf].
-NarrowAnswer PieceBatch::answer_anew(const PieceTask& task) const {
+NarrowAnswer PartBatch::answer_anew(const PartTask& task) const {
   if (options_.contradictions) options_.contradictions->fetch_add(1, std::memory_order_relaxed);
   if (task.warm) *task.warm = {};
-  const Piece a = without_table(*task.a), b = without_table(*task.b);
+  const ConvexPart a = without_table(*task.a), b = without_table(*task.b);
   const NarrowAnswer answer = narrow_phase_reference(a, *task.pose_a, b, *task.pose_b, limits_of(task));
   return answer.bounds.is_possible() ? answer : NarrowAnswer();
 }
 
-NarrowAnswer PieceBatch::converged_answer(const PieceTask& task, const LaneAnswer& lane,
-                                          const LaneWitness& witness) const {
+NarrowAnswer PartBatch::converged_answer(const PartTask& task, const LaneAnswer& lane,
+                                         const LaneWitness& witness) const {
   NarrowAnswer answer;
   answer.bounds = {lane.lower, lane.upper};
   answer.beyond = lane.lower > task.max_distance;

@@ -20,14 +20,14 @@ bool has_uncertainty(const Body& body) {
 }
 
 const Surface* surface_of(const Body& body) {
-  for (const PiecePtr& piece : body.pieces)
+  for (const ConvexPartPtr& piece : body.pieces)
     if (piece->surface) return piece->surface.get();
   return nullptr;
 }
 
 std::uint64_t triangle_count(const Body& body) {
   std::uint64_t count = 0;
-  for (const PiecePtr& piece : body.pieces)
+  for (const ConvexPartPtr& piece : body.pieces)
     if (piece->surface) count += piece->surface->triangles().size();  // a cloud has none
   return count;
 }
@@ -57,12 +57,12 @@ bool same_decomposition(const Decomposition* a, const Decomposition* b) {
   if (!a || !b) return a == b;
   return a->inner == b->inner && a->outer == b->outer &&
          std::ranges::equal(
-             a->pieces, b->pieces, {}, [](const PiecePtr& p) { return p->digest; },
-             [](const PiecePtr& p) { return p->digest; });
+             a->pieces, b->pieces, {}, [](const ConvexPartPtr& p) { return p->digest; },
+             [](const ConvexPartPtr& p) { return p->digest; });
 }
 
 // Whether two parts have the same exact geometry: themselves, or equal surfaces.
-bool same_truth(const Piece& a, const Piece& b) {
+bool same_truth(const ConvexPart& a, const ConvexPart& b) {
   if (!a.surface || !b.surface) return a.surface == b.surface;
   const auto same_vertex = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
   const Surface &s = *a.surface, &t = *b.surface;
@@ -75,11 +75,11 @@ bool same_truth(const Piece& a, const Piece& b) {
 }  // namespace
 
 // Shares one part among bodies of the same shape: this saves memory, and their pairs can share lanes.
-PiecePtr Scene::shared_piece(const PiecePtr& piece) {
+ConvexPartPtr Scene::shared_piece(const ConvexPartPtr& piece) {
   const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
   const auto [begin, end] = pieces_.equal_range(piece->digest);
   for (auto it = begin; it != end; ++it) {
-    const Piece& known = *it->second;
+    const ConvexPart& known = *it->second;
     if (known.radius == piece->radius && known.loaded_vertices == piece->loaded_vertices &&
         std::equal(known.vertices.begin(), known.vertices.end(), piece->vertices.begin(), piece->vertices.end(),
                    same) &&
@@ -95,7 +95,7 @@ PiecePtr Scene::shared_piece(const PiecePtr& piece) {
 void Scene::grow(Body& body, bool shares_pieces) {
   const double by = body.is_grown ? 0 : sum_above(body.padding, body.uncertainty.position);
   double rounding = 0;
-  for (PiecePtr& piece : body.pieces) {
+  for (ConvexPartPtr& piece : body.pieces) {
     if (by > 0) {
       const double radius = sum_above(by, piece->radius);
       const bool is_exact = (piece->radius == 0) + (body.padding == 0) + (body.uncertainty.position == 0) >= 2;

@@ -12,12 +12,12 @@ namespace clearance {
 
 namespace {
 
-const Decomposition* stand_ins_of(const Piece& piece) {
+const Decomposition* stand_ins_of(const ConvexPart& piece) {
   return piece.surface ? piece.surface->decomposition() : nullptr;
 }
 
 bool has_stand_ins_of_its_own(const Body& body) {
-  return std::ranges::any_of(body.pieces, [](const PiecePtr& piece) { return stand_ins_of(*piece) != nullptr; });
+  return std::ranges::any_of(body.pieces, [](const ConvexPartPtr& piece) { return stand_ins_of(*piece) != nullptr; });
 }
 
 // The deviation of convex proxies from their mesh is slack of the shape, and proxies are grown as the mesh is. Parts
@@ -26,7 +26,7 @@ Body body_by_pieces(const Body& body) {
   Body made = body;
   made.pieces.clear();
   double inner = 0, outer = 0;
-  for (const PiecePtr& piece : body.pieces) {
+  for (const ConvexPartPtr& piece : body.pieces) {
     const Decomposition* const of = stand_ins_of(*piece);
     if (!of) {
       made.pieces.push_back(piece);
@@ -34,7 +34,7 @@ Body body_by_pieces(const Body& body) {
     }
     inner = std::max(inner, of->inner);
     outer = std::max(outer, of->most_outer());
-    for (const PiecePtr& core : of->pieces)
+    for (const ConvexPartPtr& core : of->pieces)
       made.pieces.push_back(piece->radius > 0 ? with_radius(*core, piece->radius) : core);
   }
   made.model_inner = sum_above(body.model_inner, inner);

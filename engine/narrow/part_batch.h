@@ -24,8 +24,8 @@ struct NarrowOptions {
 };
 
 /// Two placed parts. All that they point to must outlive the run.
-struct PieceTask {
-  const Piece *a, *b;
+struct PartTask {
+  const ConvexPart *a, *b;
   const PoseMatrix *pose_a, *pose_b;
   double max_distance;                                           ///< overrides the limits
   std::uint32_t id;                                              ///< chosen by the caller
@@ -36,21 +36,21 @@ struct PieceTask {
 
 /// Each worker has its own. The bits of an answer do not depend on the rest of the batch. Every interval is checked
 /// before it is returned: an empty one proves a malfunction, and its pair is answered again (answer_anew()).
-class PieceBatch {
+class PartBatch {
  public:
-  explicit PieceBatch(const NarrowOptions& options) : options_(options) {}
+  explicit PartBatch(const NarrowOptions& options) : options_(options) {}
 
   /// Calls, for each task and in any order, converged(task, its LaneAnswer, its LaneWitness) if it converged in lanes,
   /// or else take(task, its NarrowAnswer). Both forms give the same answer: see converged_answer().
   template <class Converged, class Take>
-  void run(std::span<const PieceTask> tasks, Converged&& converged, Take&& take) {
+  void run(std::span<const PartTask> tasks, Converged&& converged, Take&& take) {
     WorkMeter unlimited;
     begin(tasks);
     advance(unlimited, converged, take);
   }
 
   /// The same in slices. `tasks` must stay until all are answered.
-  void begin(std::span<const PieceTask> tasks);
+  void begin(std::span<const PartTask> tasks);
   /// Answers at least one task, unless it is too expensive, and more until the slice is over. Returns true once all are
   /// answered.
   template <class Converged, class Take>
@@ -59,7 +59,7 @@ class PieceBatch {
       const Group& group = groups_[group_];
       if (!std::exchange(in_group_, true)) run_group(group, meter);
       for (; next_ < group.end; ++next_) {
-        const PieceTask& task = tasks_[at(next_)];
+        const PartTask& task = tasks_[at(next_)];
         const std::size_t place = next_ - group.begin;
         if (group.in_lanes && !is_possible(answers_[place])) {
           take(task, answer_anew(task));
@@ -87,7 +87,7 @@ class PieceBatch {
   }
 
   /// The NarrowAnswer of a pair that converged in lanes. `rounding` stays 0.
-  NarrowAnswer converged_answer(const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) const;
+  NarrowAnswer converged_answer(const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness) const;
 
  private:
   struct Group {  // tasks, in the order of at()
@@ -95,23 +95,23 @@ class PieceBatch {
     bool in_lanes, same_hulls, f32;
   };
   struct Kind {  // tasks with the same two parts
-    const Piece *a, *b;
+    const ConvexPart *a, *b;
     std::uint32_t count, begin;
     bool in_lanes, f32;
   };
   std::size_t at(std::size_t i) const { return order_.empty() ? i : order_[i]; }
-  std::uint32_t kind_of(const PieceTask& task);
+  std::uint32_t kind_of(const PartTask& task);
   void deal();
   void run_group(const Group& group, WorkMeter& meter);
   void resolve_in_f64(const LaneBatch& all);
-  static bool fit_lanes(const PieceTask& task) { return !task.a->primitive && !task.b->primitive; }
+  static bool fit_lanes(const PartTask& task) { return !task.a->primitive && !task.b->primitive; }
   static bool is_possible(const LaneAnswer& lane) { return Interval{lane.lower, lane.upper}.is_possible(); }
-  NarrowLimits limits_of(const PieceTask& task) const;
-  NarrowAnswer answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter);
-  NarrowAnswer answer_anew(const PieceTask& task) const;
+  NarrowLimits limits_of(const PartTask& task) const;
+  NarrowAnswer answer_alone(const PartTask& task, const Gjk<double>* done, WorkMeter& meter);
+  NarrowAnswer answer_anew(const PartTask& task) const;
 
   NarrowOptions options_;
-  std::span<const PieceTask> tasks_;
+  std::span<const PartTask> tasks_;
   std::size_t group_ = 0, next_ = 0;    // progress of advance(): in groups_, and in the order of at()
   bool in_group_ = false;               // lanes have run
   std::unique_ptr<PausedPair> paused_;  // of the next task

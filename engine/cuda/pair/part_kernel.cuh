@@ -1,23 +1,23 @@
-// Pairs with a body of several convex parts, by the search of engine/narrow/piece_search.h: one thread per pair, which
+// Pairs with a body of several convex parts, by the search of engine/narrow/part_search.h: one thread per pair, which
 // evaluates its part pairs in sequence.
 #pragma once
 
 #include "engine/cuda/pair/overlap_kernel.cuh"
-#include "engine/narrow/piece_search.h"
+#include "engine/narrow/part_search.h"
 
 namespace clearance::cuda {
 
 // Part pairs of a pair that are sorted at a time. Most pairs need at most three rounds.
-inline constexpr int kOrderedPieces = 8;
+inline constexpr int kOrderedParts = 8;
 
 // A body's convex parts in one configuration, with their boxes.
-struct Pieces {
+struct ConvexParts {
   const double* boxes;
   std::size_t stride;
   const std::uint32_t* hulls;
   std::uint32_t count;
 
-  __device__ Pieces(const ChunkView& c, std::uint32_t ref, std::uint32_t k, std::uint32_t body) {
+  __device__ ConvexParts(const ChunkView& c, std::uint32_t ref, std::uint32_t k, std::uint32_t body) {
     const std::uint32_t first = c.hulls.piece_begin[body];
     hulls = c.hulls.piece_hull + first;
     count = c.hulls.piece_begin[body + 1] - first;
@@ -42,9 +42,9 @@ struct PairHeads {
 };
 __device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairRef ref, std::uint32_t k,
                                                        std::uint32_t body_a, std::uint32_t body_b) {
-  const Pieces a(c, ref.a, k, body_a), b(c, ref.b, k, body_b);
-  NearestPieces<1, Pieces, Pieces> nearest(a, a.count, b, b.count);
-  PiecePair p;
+  const ConvexParts a(c, ref.a, k, body_a), b(c, ref.b, k, body_b);
+  NearestConvexParts<1, ConvexParts, ConvexParts> nearest(a, a.count, b, b.count);
+  PartPair p;
   nearest.next(p);
   return {c.hulls.heads + a.hulls[p.a], c.hulls.heads + b.hulls[p.b]};
 }
@@ -56,15 +56,15 @@ template <bool kBoth, class... Margin>
 __device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits& pair_limits, PairRef ref,
                                            std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                            PairAnswer& answer, const Margin&... margin) {
-  if (answer_without_pieces(pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutPieces;
-  const Pieces a(c, ref.a, k, at_a.body), b(c, ref.b, k, at_b.body);
+  if (answer_without_pieces(pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
+  const ConvexParts a(c, ref.a, k, at_a.body), b(c, ref.b, k, at_b.body);
   const auto head_a = [&](std::uint32_t i) { return c.hulls.heads + a.hulls[i]; };
   const auto head_b = [&](std::uint32_t i) { return c.hulls.heads + b.hulls[i]; };
-  NearestPieces<kOrderedPieces, Pieces, Pieces> nearest(a, a.count, b, b.count);
-  PieceSearch search;
-  PiecePair best{};
+  NearestConvexParts<kOrderedParts, ConvexParts, ConvexParts> nearest(a, a.count, b, b.count);
+  PartSearch search;
+  PartPair best{};
   LaneWitness witness;
-  const auto look = [&](const PiecePair& p, double cut_off) {
+  const auto look = [&](const PartPair& p, double cut_off) {
     const HullHead *of_a = head_a(p.a), *of_b = head_b(p.b);
     PairLimits q = pair_limits;
     q.max_distance = cut_off;
@@ -79,23 +79,23 @@ __device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits&
       const PairFrame<float> at = place_pair<float>(at_a, *of_a, at_b, *of_b);
       if (run_to_end<false>(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, nullptr,
                             take, slack_of_pair(c, ref, k).near_enough(margin)...) == PairOutcome::kConverged)
-        return PieceEnd::kApart;
+        return PartEnd::kApart;
     }
     const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
     const PairOutcome outcome = run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed,
                                                   nullptr, take, slack_of_pair(c, ref, k).near_enough(margin)...);
-    if (outcome == PairOutcome::kConverged) return PieceEnd::kApart;
-    if (outcome != PairOutcome::kEnclosed) return PieceEnd::kOpen;
+    if (outcome == PairOutcome::kConverged) return PartEnd::kApart;
+    if (outcome != PairOutcome::kEnclosed) return PartEnd::kOpen;
     const double outer = slack_of_pair(c, ref, k).outer;
-    if (!prove_overlap(c, *of_a, *of_b, enclosed, at_a, at_b, outer, answer)) return PieceEnd::kOpen;
+    if (!prove_overlap(c, *of_a, *of_b, enclosed, at_a, at_b, outer, answer)) return PartEnd::kOpen;
     best = p;
-    return PieceEnd::kOverlap;
+    return PartEnd::kOverlap;
   };
   const double cut_off = slack_of_pair(c, ref, k).cut_off(pair_limits.max_distance);
-  const PieceEnd end = search_pieces(search, cut_off, nearest, look, slack_of_pair(c, ref, k).near_enough(margin)...);
-  if (end == PieceEnd::kOpen || (end == PieceEnd::kApart && !(search.upper < __builtin_inf())))
+  const PartEnd end = search_pieces(search, cut_off, nearest, look, slack_of_pair(c, ref, k).near_enough(margin)...);
+  if (end == PartEnd::kOpen || (end == PartEnd::kApart && !(search.upper < __builtin_inf())))
     return PairOutcome::kUnresolved;
-  if (end == PieceEnd::kApart) {
+  if (end == PartEnd::kApart) {
     const HullHead *of_a = head_a(best.a), *of_b = head_b(best.b);
     const auto rounding = [&] {
       const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);

@@ -13,9 +13,9 @@
 namespace clearance {
 
 /// Caches boxes, since a body of several parts meets many others in one configuration. Each worker has its own.
-class PieceBoxes {
+class PartBoxes {
  public:
-  explicit PieceBoxes(const Scene& scene) : scene_(scene) {}
+  explicit PartBoxes(const Scene& scene) : scene_(scene) {}
 
   /// Sizes the cache for the boxes of so many bodies, up to a bound, and may clear it. A few bodies would not pay for
   /// the memory that thousands need.
@@ -43,7 +43,7 @@ class PieceBoxes {
     slot.used = ++count_;
     slot.boxes.clear();
     const PoseMatrix& pose = placement[body].pose;
-    for (const PiecePtr& piece : scene_.bodies()[body].pieces)
+    for (const ConvexPartPtr& piece : scene_.bodies()[body].pieces)
       slot.boxes.push_back(certify_box(*piece, pose.R_wb, pose.t_w));
     return slot.boxes;
   }

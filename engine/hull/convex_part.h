@@ -28,8 +28,8 @@ struct HullExtents {
 /// Immutable geometry in the body's frame, metres.
 ///
 /// `vertices` holds every vertex that was loaded except exact duplicates and those proved to lie inside the hull of the
-/// rest (hull.h). Bounds refer to this set. Bodies made from the same shape share one `Piece`.
-struct Piece : HullExtents {
+/// rest (hull.h). Bounds refer to this set. Bodies made from the same shape share one `ConvexPart`.
+struct ConvexPart : HullExtents {
   std::vector<Vec3d> vertices;        ///< at least one
   std::uint64_t loaded_vertices = 0;  ///< before duplicates and inner vertices were dropped
   std::uint64_t digest = 0;           ///< of the vertices as loaded and the radius; the same on every machine
@@ -50,26 +50,26 @@ struct Piece : HullExtents {
 
   std::uint32_t count() const { return static_cast<std::uint32_t>(vertices.size()); }
 };
-using PiecePtr = std::shared_ptr<const Piece>;
+using ConvexPartPtr = std::shared_ptr<const ConvexPart>;
 
 /// Builds a part with all derived data from its vertices, of which none is dropped. Throws std::invalid_argument
 /// without vertices, for a non-finite or too large coordinate, and for a negative or non-finite radius.
 /// \param digest of the vertices as loaded; if 0, computed from `vertices` and `radius`
 /// \param table the one that an earlier call has made of the same vertices, if it was kept
 /// \param surface the mesh whose hull the vertices are
-PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
-                    std::uint64_t digest = 0, std::shared_ptr<const DirectionTable> table = nullptr,
-                    std::shared_ptr<const Surface> surface = nullptr);
+ConvexPartPtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
+                         std::uint64_t digest = 0, std::shared_ptr<const DirectionTable> table = nullptr,
+                         std::shared_ptr<const Surface> surface = nullptr);
 
 /// Replaces a temporary small part in place, reusing its memory. It has no digest.
 /// \param vertices as for make_piece(), at most kTableFromVertices
-void remake_piece(Piece& piece, std::span<const Vec3d> vertices, double radius);
+void remake_piece(ConvexPart& piece, std::span<const Vec3d> vertices, double radius);
 
 /// A copy with all derived data computed again from its vertices, and without a table. It allows a check of a part
 /// whose table or other data may be damaged. Takes time linear in the number of vertices.
-Piece without_table(const Piece& piece);
+ConvexPart without_table(const ConvexPart& piece);
 
 /// Memory of a part, its copies and its tree included.
-std::uint64_t resident_bytes(const Piece& piece);
+std::uint64_t resident_bytes(const ConvexPart& piece);
 
 }  // namespace clearance

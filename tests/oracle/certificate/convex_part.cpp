@@ -1,4 +1,4 @@
-#include "tests/oracle/certificate/piece.h"
+#include "tests/oracle/certificate/convex_part.h"
 
 #include <algorithm>
 #include <cmath>
@@ -41,7 +41,7 @@ std::array<double, 3> rough_direction(const Vector& n) {
 
 }  // namespace
 
-Piece::Core Piece::core_named(std::string_view kind) {
+ConvexPart::Core ConvexPart::core_named(std::string_view kind) {
   if (kind == "cone") return Core::kCone;
   if (kind == "cylinder") return Core::kCylinder;
   if (kind == "ellipsoid") return Core::kEllipsoid;
@@ -49,7 +49,7 @@ Piece::Core Piece::core_named(std::string_view kind) {
   return Core::kHalfSpace;
 }
 
-Piece::Piece(const Value& document) : radius_(document["radius"].length()) {
+ConvexPart::ConvexPart(const Value& document) : radius_(document["radius"].length()) {
   if (const Value* core = document.find("core")) {
     core_ = core_named((*core)["kind"].text());
     size_ = (*core)["size"].vector();
@@ -64,14 +64,14 @@ Piece::Piece(const Value& document) : radius_(document["radius"].length()) {
   read_elements(document);
 }
 
-void Piece::add_vertex(double x, double y, double z) {
+void ConvexPart::add_vertex(double x, double y, double z) {
   x_.push_back(x);
   y_.push_back(y);
   z_.push_back(z);
   largest_ = std::max({largest_, std::abs(x), std::abs(y), std::abs(z)});
 }
 
-void Piece::read_elements(const Value& document) {
+void ConvexPart::read_elements(const Value& document) {
   const Value *const elements = document.find("elements"), *const solid = document.find("solid");
   is_solid_ = solid && solid->truth();
   has_elements_ = elements != nullptr;
@@ -85,7 +85,7 @@ void Piece::read_elements(const Value& document) {
     return v;
   };
   for (const Value& named : elements->list()) {
-    Piece element;
+    ConvexPart element;
     element.radius_ = radius_;
     std::vector<std::size_t> corners;
     for (const Value& place : named.list()) {
@@ -104,7 +104,7 @@ void Piece::read_elements(const Value& document) {
   require(!is_solid_ || is_closed(faces_), "a solid has a border");
 }
 
-std::vector<Vector> Piece::seeds() const {
+std::vector<Vector> ConvexPart::seeds() const {
   if (!is_hull()) return {Vector{}};  // the origin is in every core
   std::vector<Vector> seeds;
   for (const std::size_t v : seeds_) seeds.push_back(vertex(v));
@@ -112,7 +112,7 @@ std::vector<Vector> Piece::seeds() const {
   return seeds;
 }
 
-Dyadic Piece::farthest_along(const Vector& n) const {
+Dyadic ConvexPart::farthest_along(const Vector& n) const {
   const std::array<double, 3> d = rough_direction(n);
   scratch_.assign(count(), 0);
   // The error of products is (2^-51 + 2^-53) of the largest coordinate and of sums 2^-53 of three times it, or in
@@ -123,7 +123,7 @@ Dyadic Piece::farthest_along(const Vector& n) const {
   return largest_of(scratch_, wrong, [&](std::size_t k) { return dot(n, vertex(k)); });
 }
 
-Dyadic Piece::farthest_squared(const Vector& centre) const {
+Dyadic ConvexPart::farthest_squared(const Vector& centre) const {
   std::array<double, 3> c;
   double largest = largest_;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -147,7 +147,7 @@ Dyadic Piece::farthest_squared(const Vector& centre) const {
   });
 }
 
-Dyadic Piece::support(const Vector& n) const {
+Dyadic ConvexPart::support(const Vector& n) const {
   Dyadic core;
   if (core_ == Core::kHull) {
     core = farthest_along(n);
@@ -162,7 +162,7 @@ Dyadic Piece::support(const Vector& n) const {
   return radius_.sign() == 0 ? core : core + radius_ * length_above(n);
 }
 
-Dyadic Piece::reach(const Vector& centre) const {
+Dyadic ConvexPart::reach(const Vector& centre) const {
   require(core_ != Core::kHalfSpace, "a half-space is farther than any length");
   if (core_ == Core::kHull) return radius_ + root_above(farthest_squared(centre));
   const Dyadic around = core_ == Core::kEllipsoid ? std::max({size_[0], size_[1], size_[2]})
@@ -170,7 +170,7 @@ Dyadic Piece::reach(const Vector& centre) const {
   return radius_ + length_above(centre) + around;
 }
 
-Dyadic Piece::off(const Vector& p) const {
+Dyadic ConvexPart::off(const Vector& p) const {
   if (core_ == Core::kHalfSpace) return p[2];
   if (core_ == Core::kEllipsoid) {
     // With s = |(p_x / a, p_y / b, p_z / c)| p / s lies on it: (s - 1) |p|, all times a b c.

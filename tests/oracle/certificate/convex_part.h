@@ -14,14 +14,14 @@ using Face = std::array<std::size_t, 3>;
 /// Whether triangles use each edge equally often both ways.
 bool is_closed(const std::vector<Face>& faces);
 
-class Piece {
+class ConvexPart {
  public:
-  explicit Piece(const Value& document);
+  explicit ConvexPart(const Value& document);
 
   const Dyadic& radius() const { return radius_; }
   /// Elements of a surface or cloud; empty for others.
   bool has_elements() const { return has_elements_; }
-  const std::vector<Piece>& elements() const { return elements_; }
+  const std::vector<ConvexPart>& elements() const { return elements_; }
   /// Whether it is the volume enclosed by its triangles, which have no border.
   bool is_solid() const { return is_solid_; }
   const std::vector<Face>& faces() const { return faces_; }
@@ -44,7 +44,7 @@ class Piece {
  private:
   enum class Core { kHull, kCone, kCylinder, kEllipsoid, kHalfSpace };
 
-  Piece() = default;
+  ConvexPart() = default;
   static Core core_named(std::string_view kind);
   void read_elements(const Value& document);
   void add_vertex(double x, double y, double z);
@@ -58,7 +58,7 @@ class Piece {
   double largest_ = 0;             // of all coordinates
   mutable std::vector<double> scratch_;
   bool has_elements_ = false, is_solid_ = false;
-  std::vector<Piece> elements_;
+  std::vector<ConvexPart> elements_;
   std::vector<Face> faces_;         // of a solid
   std::vector<std::size_t> seeds_;  // of elements: vertices
 };

@@ -6,7 +6,7 @@
 #include <set>
 
 #include "engine/narrow/narrow_phase.h"
-#include "engine/narrow/piece_search.h"
+#include "engine/narrow/part_search.h"
 #include "tests/engine/engine_test_util.h"
 
 namespace clearance {
@@ -32,15 +32,15 @@ std::vector<Aabb> random_boxes(std::size_t count, Random& random) {
 
 template <int kCount>
 void expect_order(const std::vector<Aabb>& a, const std::vector<Aabb>& b, std::size_t& ties) {
-  std::vector<PiecePair> all;
+  std::vector<PartPair> all;
   for (std::uint32_t i = 0; i < a.size(); ++i)
     for (std::uint32_t j = 0; j < b.size(); ++j) all.push_back({certify_box_gap(a[i], b[j]), i, j});
   std::sort(all.begin(), all.end(), goes_before);
   const auto of_a = [&](std::uint32_t i) { return a[i]; };
   const auto of_b = [&](std::uint32_t i) { return b[i]; };
-  NearestPieces<kCount, decltype(of_a), decltype(of_b)> nearest(of_a, static_cast<std::uint32_t>(a.size()), of_b,
-                                                                static_cast<std::uint32_t>(b.size()));
-  PiecePair p;
+  NearestConvexParts<kCount, decltype(of_a), decltype(of_b)> nearest(of_a, static_cast<std::uint32_t>(a.size()), of_b,
+                                                                     static_cast<std::uint32_t>(b.size()));
+  PartPair p;
   for (std::size_t i = 0; i < all.size(); ++i) {
     ASSERT_TRUE(nearest.next(p)) << i << " of " << all.size();
     ASSERT_TRUE(p.gap == all[i].gap && p.a == all[i].a && p.b == all[i].b) << i << " of " << all.size();
@@ -49,7 +49,7 @@ void expect_order(const std::vector<Aabb>& a, const std::vector<Aabb>& b, std::s
   EXPECT_FALSE(nearest.next(p));
 }
 
-TEST(PieceSearch, FindsPiecePairsInTheirOrder) {
+TEST(PartSearch, FindsPiecePairsInTheirOrder) {
   Random random(1);
   std::size_t ties = 0;
   for (const std::size_t count_a : {1u, 2u, 7u, 40u})
@@ -62,14 +62,14 @@ TEST(PieceSearch, FindsPiecePairsInTheirOrder) {
 }
 
 // The engine answers the pairs of a round in parallel lanes, and sorts all gaps at once.
-TEST(PieceSearch, EndsAsTheEnginesRoundsDo) {
+TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
   const Scene scene = test::decomposed_scene(60, 1.2, 2);
   std::vector<BodyPlacement> placed;
   std::vector<std::vector<Aabb>> boxes;
   for (const Body& body : scene.bodies()) {
     placed.push_back(place(&*body.pose, nullptr));
     boxes.emplace_back();
-    for (const PiecePtr& piece : body.pieces)
+    for (const ConvexPartPtr& piece : body.pieces)
       boxes.back().push_back(certify_box(*piece, placed.back().pose.R_wb, placed.back().pose.t_w));
   }
   const Engine engine(test::decomposed_scene(60, 1.2, 2), {"cpu"});
@@ -86,19 +86,19 @@ TEST(PieceSearch, EndsAsTheEnginesRoundsDo) {
       if (answer.view.pieces[2 * row] == kNone) continue;  // body boxes are beyond max_distance
       const auto of_a = [&](std::uint32_t i) { return boxes[a][i]; };
       const auto of_b = [&](std::uint32_t i) { return boxes[b][i]; };
-      NearestPieces<8, decltype(of_a), decltype(of_b)> nearest(of_a, static_cast<std::uint32_t>(boxes[a].size()), of_b,
-                                                               static_cast<std::uint32_t>(boxes[b].size()));
-      PieceSearch search;
-      PiecePair best{};
+      NearestConvexParts<8, decltype(of_a), decltype(of_b)> nearest(of_a, static_cast<std::uint32_t>(boxes[a].size()),
+                                                                    of_b, static_cast<std::uint32_t>(boxes[b].size()));
+      PartSearch search;
+      PartPair best{};
       NarrowLimits limits;
       std::size_t looks = 0;
-      const PieceEnd end = search_pieces(search, max_distance, nearest, [&](const PiecePair& p, double cut_off) {
+      const PartEnd end = search_pieces(search, max_distance, nearest, [&](const PartPair& p, double cut_off) {
         ++looks;
         limits.max_distance = cut_off;
         const NarrowAnswer n = narrow_phase(*scene.bodies()[a].pieces[p.a], placed[a].pose,
                                             *scene.bodies()[b].pieces[p.b], placed[b].pose, limits);
         if (search.take(p.gap, n.bounds.lower, n.bounds.upper)) best = p;
-        return n.bounds.upper <= 0 ? PieceEnd::kOverlap : PieceEnd::kApart;
+        return n.bounds.upper <= 0 ? PartEnd::kOverlap : PartEnd::kApart;
       });
       ++searched;
       long_searches += looks > 7;
@@ -107,7 +107,7 @@ TEST(PieceSearch, EndsAsTheEnginesRoundsDo) {
       EXPECT_EQ(answer.view.upper[row], std::max(search.upper, 0.0)) << row;
       EXPECT_EQ(answer.view.pieces[2 * row], best.a) << row;
       EXPECT_EQ(answer.view.pieces[2 * row + 1], best.b) << row;
-      EXPECT_EQ(end == PieceEnd::kOverlap, answer.view.status[row] == static_cast<std::uint8_t>(Status::kOverlap))
+      EXPECT_EQ(end == PartEnd::kOverlap, answer.view.status[row] == static_cast<std::uint8_t>(Status::kOverlap))
           << row;
     }
   }

@@ -16,18 +16,18 @@
 namespace clearance {
 
 /// A part of each of two bodies, and a lower bound on the distance of their boxes.
-struct PiecePair {
+struct PartPair {
   double gap;
   std::uint32_t a, b;
 };
 /// The order in which they are taken.
-CLEARANCE_HD inline bool goes_before(const PiecePair& p, const PiecePair& q) {
+CLEARANCE_HD inline bool goes_before(const PartPair& p, const PartPair& q) {
   if (p.gap != q.gap) return p.gap < q.gap;
   return p.a != q.a ? p.a < q.a : p.b < q.b;
 }
 
 /// State of the search over two bodies' part pairs.
-struct PieceSearch {
+struct PartSearch {
   double lower = __builtin_inf();  ///< least of the pairs taken, and the gap of those left out
   double upper = __builtin_inf();  ///< least of the pairs taken
   std::size_t round = 1;           ///< number of pairs answered in parallel
@@ -57,9 +57,10 @@ struct PieceSearch {
 /// \tparam kCount number of pairs found at a time
 /// \tparam BoxesA,BoxesB return the Aabb of each part, as `boxes_a(i)` and `boxes_b(j)`
 template <int kCount, class BoxesA, class BoxesB>
-class NearestPieces {
+class NearestConvexParts {
  public:
-  CLEARANCE_HD NearestPieces(const BoxesA& boxes_a, std::uint32_t count_a, const BoxesB& boxes_b, std::uint32_t count_b)
+  CLEARANCE_HD NearestConvexParts(const BoxesA& boxes_a, std::uint32_t count_a, const BoxesB& boxes_b,
+                                  std::uint32_t count_b)
       : boxes_a_(boxes_a),
         boxes_b_(boxes_b),
         count_a_(count_a),
@@ -67,7 +68,7 @@ class NearestPieces {
         left_(std::uint64_t{count_a} * count_b) {}
 
   /// False if there are no more.
-  CLEARANCE_HD bool next(PiecePair& pair) {
+  CLEARANCE_HD bool next(PartPair& pair) {
     if (left_ == 0) return false;
     if (at_ == kCount) find();
     pair = found_[at_++];
@@ -78,15 +79,15 @@ class NearestPieces {
  private:
   // Finds the pairs that come after the last one found before. No gap is NaN: that marks an empty place.
   CLEARANCE_HD void find() {
-    PiecePair near[kCount];  // where a GPU can keep it in registers
+    PartPair near[kCount];  // where a GPU can keep it in registers
     CLEARANCE_UNROLL
     for (int i = 0; i < kCount; ++i) near[i] = {__builtin_nan(""), kNone, kNone};
     const bool is_first = !begun_;
-    const PiecePair last = found_[kCount - 1];
+    const PartPair last = found_[kCount - 1];
     for (std::uint32_t a = 0; a < count_a_; ++a) {
       const Aabb box = boxes_a_(a);
       for (std::uint32_t b = 0; b < count_b_; ++b) {
-        const PiecePair p{certify_box_gap(box, boxes_b_(b)), a, b};
+        const PartPair p{certify_box_gap(box, boxes_b_(b)), a, b};
         if (!(near[kCount - 1].gap <= p.gap) && (is_first || goes_before(last, p))) insert(p, near);
       }
     }
@@ -96,7 +97,7 @@ class NearestPieces {
     begun_ = true;
   }
   // Among equal gaps it comes last, so that only gaps need to be compared.
-  CLEARANCE_HD static void insert(const PiecePair& p, PiecePair (&near)[kCount]) {
+  CLEARANCE_HD static void insert(const PartPair& p, PartPair (&near)[kCount]) {
     CLEARANCE_UNROLL
     for (int i = kCount - 1; i > 0; --i)
       near[i] = !(near[i - 1].gap <= p.gap) ? near[i - 1] : near[i].gap <= p.gap ? near[i] : p;
@@ -107,22 +108,22 @@ class NearestPieces {
   const BoxesB& boxes_b_;
   std::uint32_t count_a_, count_b_;
   std::uint64_t left_;
-  PiecePair found_[kCount]{};
+  PartPair found_[kCount]{};
   int at_ = kCount;  // in found_
   bool begun_ = false;
 };
 
 /// Result of a part pair.
-enum class PieceEnd { kApart, kOverlap, kOpen };
+enum class PartEnd { kApart, kOverlap, kOpen };
 
 /// Runs a search to its end, one part pair after another.
 /// \param look answers one pair with this cut-off: kApart if the search has taken it; kOverlap if an overlap is proved,
 /// which ends the search without depth; kOpen if it is unresolved, which also ends it
 /// \param stop_below upper bound that is low enough to stop
 template <class Nearest, class Look>
-CLEARANCE_HD inline PieceEnd search_pieces(PieceSearch& search, double max_distance, Nearest& nearest, const Look& look,
-                                           double stop_below = -__builtin_inf()) {
-  PiecePair p;
+CLEARANCE_HD inline PartEnd search_pieces(PartSearch& search, double max_distance, Nearest& nearest, const Look& look,
+                                          double stop_below = -__builtin_inf()) {
+  PartPair p;
   bool there = nearest.next(p);
   while (there) {
     const double cut_off = search.cut_off(max_distance);
@@ -130,23 +131,23 @@ CLEARANCE_HD inline PieceEnd search_pieces(PieceSearch& search, double max_dista
     for (; there && asked < search.round && search.asks(p.gap, cut_off); ++asked) {
       if (search.ends_before(p.gap)) {
         search.leave_out(p.gap);
-        return PieceEnd::kApart;
+        return PartEnd::kApart;
       }
-      if (const PieceEnd end = look(p, cut_off); end != PieceEnd::kApart) return end;
+      if (const PartEnd end = look(p, cut_off); end != PartEnd::kApart) return end;
       const double gap = p.gap;
       there = nearest.next(p);
       if (search.upper <= stop_below && there && !(p.gap > max_distance)) {
         search.leave_out(gap);
-        return PieceEnd::kApart;
+        return PartEnd::kApart;
       }
     }
     if (there && asked == 0) {
       search.leave_out(p.gap);
-      return PieceEnd::kApart;
+      return PartEnd::kApart;
     }
     search.round *= 2;
   }
-  return PieceEnd::kApart;
+  return PartEnd::kApart;
 }
 
 }  // namespace clearance
