@@ -274,7 +274,7 @@ std::shared_ptr<void> Engine::trim_warm(std::uint64_t client, std::uint64_t room
 }
 
 QueryCost Engine::extent(const QueryView& query) const {
-  const SceneCost& bulk = query.model == Model::kPieces ? impl_->bulk_by_pieces : impl_->bulk;
+  const SceneCost& bulk = query.model == Model::kPieces ? impl_->bulk_by_parts : impl_->bulk;
   return bulk.of(query, *impl_->poses.snapshot());
 }
 bool Engine::has_cpu() const {

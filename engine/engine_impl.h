@@ -37,7 +37,7 @@ struct Engine::Impl {
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
   SceneCost bulk{scene};
-  SceneCost bulk_by_pieces{scene.by_pieces() ? *scene.by_pieces() : scene};
+  SceneCost bulk_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
   mutable KeptJobs kept{scene};  // after `trees`, to which its jobs return theirs
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
@@ -50,8 +50,8 @@ struct Engine::Impl {
 
   // Scene that answers a query. Certificates and devices support only the exact model.
   static const Scene& scene_of(const PoseSnapshot& snapshot, Model model = Model::kTruth) {
-    const Scene* const by_pieces = model == Model::kPieces ? snapshot.scene->by_pieces() : nullptr;
-    return by_pieces ? *by_pieces : *snapshot.scene;
+    const Scene* const by_parts = model == Model::kPieces ? snapshot.scene->by_parts() : nullptr;
+    return by_parts ? *by_parts : *snapshot.scene;
   }
 
   JobContext context(const Scene& of) const {

@@ -74,7 +74,7 @@ void write_mesh(const std::string& path, std::span<const Vec3d> vertices, std::s
   if (!file) throw std::runtime_error(path + " cannot be written");
 }
 
-std::vector<ProposedPart> read_pieces(const std::string& path) {
+std::vector<ProposedPart> read_parts(const std::string& path) {
   const auto damaged = [] { return std::runtime_error("CoACD ended without pieces that can be read"); };
   std::error_code error;
   const std::uint64_t size = std::filesystem::file_size(path, error);
@@ -127,8 +127,8 @@ int wait_for(pid_t child, double seconds, const std::atomic<bool>& stop) {
 
 }  // namespace
 
-std::vector<ProposedPart> propose_pieces(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
-                                         const DecomposeOptions& options, const std::atomic<bool>& stop) {
+std::vector<ProposedPart> propose_parts(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
+                                        const DecomposeOptions& options, const std::atomic<bool>& stop) {
   const Scratch scratch;
   const std::string source = scratch.file("mesh"), target = scratch.file("pieces"),
                     threshold = std::to_string(options.threshold), most = std::to_string(options.most_pieces);
@@ -158,7 +158,7 @@ std::vector<ProposedPart> propose_pieces(std::span<const Vec3d> vertices, std::s
     throw std::runtime_error("CoACD failed with " + (WIFEXITED(status)
                                                          ? "exit code " + std::to_string(WEXITSTATUS(status))
                                                          : "signal " + std::to_string(WTERMSIG(status))));
-  std::vector<ProposedPart> pieces = read_pieces(target);
+  std::vector<ProposedPart> pieces = read_parts(target);
   if (pieces.empty()) throw std::runtime_error("CoACD proposed no piece");
   return pieces;
 }

@@ -17,7 +17,7 @@ struct ProposedPart {
 };
 
 /// Returns CoACD's convex parts of a mesh. Only their indices are checked. Throws as decompose() does.
-std::vector<ProposedPart> propose_pieces(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
-                                         const DecomposeOptions& options, const std::atomic<bool>& stop);
+std::vector<ProposedPart> propose_parts(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
+                                        const DecomposeOptions& options, const std::atomic<bool>& stop);
 
 }  // namespace clearance

@@ -23,7 +23,7 @@ double seconds_since(Clock::time_point begin) {
 }
 
 // Writes an OBJ with one object per part to a temporary file and renames it.
-void write_pieces(const std::string& path, const std::vector<ProposedPart>& pieces, const DecomposeOptions& options) {
+void write_parts(const std::string& path, const std::vector<ProposedPart>& pieces, const DecomposeOptions& options) {
   const std::string unfinished = path + ".unfinished";
   std::ofstream file(unfinished);
   file << "# convex pieces for " << std::filesystem::path(options.mesh).filename().string()
@@ -62,7 +62,7 @@ DecomposedMesh decompose(const DecomposeOptions& options, const std::atomic<bool
     out.size = 2 * norm(solid.pieces[0]->half);
     if (!options.keep) {
       const Clock::time_point begin = Clock::now();
-      write_pieces(out.file, propose_pieces(mesh.vertices, mesh.triangles, options, stop), options);
+      write_parts(out.file, propose_parts(mesh.vertices, mesh.triangles, options, stop), options);
       out.propose_s = seconds_since(begin);
     }
   }

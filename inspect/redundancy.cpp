@@ -59,7 +59,7 @@ class Search {
       look_for_copies(b);
       look_inside(b);
       const Body& body = scene_.bodies()[b];
-      if (body.pieces.size() == 1) look_at_piece(b, body.pieces[0]);
+      if (body.pieces.size() == 1) look_at_part(b, body.pieces[0]);
     }
     return std::move(findings_);
   }
@@ -125,7 +125,7 @@ class Search {
       }
   }
 
-  void look_at_piece(std::uint32_t b, const ConvexPartPtr& piece) {
+  void look_at_part(std::uint32_t b, const ConvexPartPtr& piece) {
     // Findings of a part apply to every body that shares it and are reported once.
     if (piece->surface || !seen_.insert(piece.get()).second || piece->vertices.size() <= kFewVertices) return;
     const double allowed = within_ * (piece->spread + piece->radius);
@@ -145,13 +145,13 @@ class Search {
   // Upper bounds on the (signed) distance between each point and the core of a convex part, in its body's frame.
   static std::vector<double> upper_distances(const ConvexPartPtr& piece, const std::vector<Vec3d>& points, bool depth,
                                              double abs_tol) {
-    const ConvexPartPtr core = piece->radius > 0 ? make_piece(piece->vertices) : piece;
+    const ConvexPartPtr core = piece->radius > 0 ? make_convex_part(piece->vertices) : piece;
     Scene scene;
     std::vector<BodyPair> pairs;
     for (std::size_t i = 0; i <= points.size(); ++i) {
       Body body;
       body.name = std::to_string(i);
-      body.pieces = {i == 0 ? core : make_piece({points[i - 1]})};
+      body.pieces = {i == 0 ? core : make_convex_part({points[i - 1]})};
       body.pose = Pose{};
       scene.add_body(std::move(body));
       if (i > 0) pairs.push_back({0, static_cast<std::uint32_t>(i)});

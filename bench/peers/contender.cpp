@@ -14,7 +14,7 @@ Scene scene_of(const peers::Problem& p, std::uint64_t k) {
   for (const peers::Shape& s : p.shapes) {
     std::vector<Vec3d> vertices;
     for (const peers::Point& v : s.vertices) vertices.push_back({v[0], v[1], v[2]});
-    pieces.push_back(make_hull_piece(vertices, s.triangles, s.radius));
+    pieces.push_back(make_hull_part(vertices, s.triangles, s.radius));
   }
   Scene scene;
   for (std::uint32_t b = 0; b < p.bodies.size(); ++b) {

@@ -126,7 +126,7 @@ class Runner {
     first_.push_back(0);
     for (const auto& body : p.bodies) first_.push_back(first_.back() + body.size());
     at_.resize(p.configurations * first_.back());
-    piece_boxes_.resize(at_.size());
+    part_boxes_.resize(at_.size());
     body_boxes_.resize(p.configurations * p.bodies.size());
     for (std::size_t s = 0; s < p.shapes.size(); ++s)
       for (const Point& v : p.shapes[s].vertices) shape_boxes_[s].add({v, v});
@@ -210,7 +210,7 @@ class Runner {
       const std::uint32_t s = p_.bodies[b][i];
       at_[slot(k, b, i)] = Peer::transform(R, pose.data(), *geometry_[s]);
       const Box& own = shape_boxes_[s];
-      Box& box = piece_boxes_[slot(k, b, i)];
+      Box& box = part_boxes_[slot(k, b, i)];
       for (std::size_t r = 0; r < 3; ++r) {
         double centre = pose[r], half = p_.shapes[s].radius;
         for (std::size_t c = 0; c < 3; ++c) {
@@ -230,16 +230,17 @@ class Runner {
   /// first.
   double distance(Peer& peer, std::uint64_t k, std::uint32_t a, std::uint32_t b, typename Peer::Cache& cache,
                   double limit = kBeyond) {
-    const auto &pieces_a = p_.bodies[a], &pieces_b = p_.bodies[b];
+    const auto &convex_parts_a = p_.bodies[a], &convex_parts_b = p_.bodies[b];
     const std::size_t slot_a = slot(k, a, 0), slot_b = slot(k, b, 0);
     const auto one = [&](std::size_t i, std::size_t j) {
-      return peer.distance(*geometry_[pieces_a[i]], at_[slot_a + i], *geometry_[pieces_b[j]], at_[slot_b + j], cache);
+      return peer.distance(*geometry_[convex_parts_a[i]], at_[slot_a + i], *geometry_[convex_parts_b[j]],
+                           at_[slot_b + j], cache);
     };
-    if (pieces_a.size() == 1 && pieces_b.size() == 1) return one(0, 0);
+    if (convex_parts_a.size() == 1 && convex_parts_b.size() == 1) return one(0, 0);
     pieces_.clear();
-    for (std::uint32_t i = 0; i < pieces_a.size(); ++i)
-      for (std::uint32_t j = 0; j < pieces_b.size(); ++j)
-        pieces_.push_back({Box::gap2(piece_boxes_[slot_a + i], piece_boxes_[slot_b + j]), i, j});
+    for (std::uint32_t i = 0; i < convex_parts_a.size(); ++i)
+      for (std::uint32_t j = 0; j < convex_parts_b.size(); ++j)
+        pieces_.push_back({Box::gap2(part_boxes_[slot_a + i], part_boxes_[slot_b + j]), i, j});
     std::sort(pieces_.begin(), pieces_.end());
     double least = limit;
     for (const Candidate& c : pieces_) {
@@ -276,10 +277,10 @@ class Runner {
 
   const Problem& p_;
   std::vector<std::unique_ptr<typename Peer::Geometry>> geometry_;
-  std::vector<Box> shape_boxes_;               // in their own frames
-  std::vector<std::size_t> first_;             // index of each body's first part among those of all bodies
-  std::vector<typename Peer::Transform> at_;   // (K, parts of all bodies)
-  std::vector<Box> piece_boxes_, body_boxes_;  // (K, parts of all bodies), (K, B)
+  std::vector<Box> shape_boxes_;              // in their own frames
+  std::vector<std::size_t> first_;            // index of each body's first part among those of all bodies
+  std::vector<typename Peer::Transform> at_;  // (K, parts of all bodies)
+  std::vector<Box> part_boxes_, body_boxes_;  // (K, parts of all bodies), (K, B)
   std::unique_ptr<typename Peer::Tree> tree_;
   std::vector<Candidate> pieces_, bodies_;
   std::vector<Found> found_;

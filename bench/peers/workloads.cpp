@@ -189,7 +189,7 @@ Problem make_cell(const std::string& scenes, const LinkPoses& links) {
       if (fresh) {
         std::vector<Triangle> faces;
         const ConvexPartPtr hull = with_prism(piece);
-        make_hull_piece(hull->vertices, {}, hull->radius, 0, true, &faces);
+        make_hull_part(hull->vertices, {}, hull->radius, 0, true, &faces);
         p.shapes.push_back(shape_of(hull->vertices, faces, hull->radius));
       }
       mine.push_back(at->second);
@@ -317,7 +317,7 @@ Problem make_class_problem(const exact::CaseClass& c, std::uint64_t seed, int co
     const auto [at, fresh] = shapes.try_emplace(solid.get(), static_cast<std::uint32_t>(p.shapes.size()));
     if (fresh) {
       std::vector<Triangle> faces;
-      const ConvexPartPtr piece = make_hull_piece(solid->vertices, {}, solid->radius, 0, false, &faces);
+      const ConvexPartPtr piece = make_hull_part(solid->vertices, {}, solid->radius, 0, false, &faces);
       const auto same = [](const Vec3d& v, const Vec3d& w) { return v.x == w.x && v.y == w.y && v.z == w.z; };
       for (Triangle& face : faces)  // from indices of kept vertices to those of given ones
         for (std::uint32_t& i : face)

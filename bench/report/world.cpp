@@ -34,7 +34,7 @@ std::shared_ptr<const Connections> connect(const DisplayMesh& mesh) {
 /// The hull's own faces, for a body whose mesh has more vertices.
 std::shared_ptr<const DisplayMesh> hull_of(const ConvexPart& piece) {
   auto mesh = std::make_shared<DisplayMesh>();
-  mesh->vertices = make_hull_piece(piece.vertices, {}, 0, 0, true, &mesh->triangles)->vertices;
+  mesh->vertices = make_hull_part(piece.vertices, {}, 0, 0, true, &mesh->triangles)->vertices;
   return mesh;
 }
 

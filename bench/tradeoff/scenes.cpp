@@ -165,7 +165,7 @@ MovingScene cell(const std::string& folder, int steps) {
 
 // The same bodies as exactly represented hulls, which the oracle supports: a cylinder becomes its prism. Only the
 // effect of refinement is measured; slack is the same for all settings.
-Scene as_pieces(const Scene& scene) {
+Scene as_parts(const Scene& scene) {
   Scene exact;
   for (Body body : scene.bodies()) {
     body.model_error = body.model_inner = 0;
@@ -253,7 +253,7 @@ MovingScene make_moving_scene(const std::string& name, const std::string& folder
     throw std::invalid_argument("there is no scene \"" + name + "\" in the sweep");
   }
   s.name = name;
-  s.scene = as_pieces(s.scene);
+  s.scene = as_parts(s.scene);
   return s;
 }
 

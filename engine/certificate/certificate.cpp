@@ -21,7 +21,7 @@ constexpr std::uint64_t kMostRows = 100'000;  // about 100 MB of document
 class RowCertificateJob final : public CertificateJob {
  public:
   RowCertificateJob(const JobContext& context, Plan&& plan, const CertificateRows& rows)
-      : CertificateJob(context, std::move(plan), rows, false), evaluator_(scene(), with_pieces()) {}
+      : CertificateJob(context, std::move(plan), rows, false), evaluator_(scene(), with_parts()) {}
 
  private:
   enum class Step { kBegin, kAnswer, kProve };

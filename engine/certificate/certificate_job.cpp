@@ -32,7 +32,7 @@ bool CertificateJob::go_on(WorkMeter& slice) {
   return text_.end(slice);
 }
 
-const EvaluateOptions& CertificateJob::with_pieces() {
+const EvaluateOptions& CertificateJob::with_parts() {
   options_.want_points = true;  // identifies the nearest parts
   return options_;
 }

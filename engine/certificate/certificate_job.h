@@ -26,7 +26,7 @@ class CertificateJob : public ParallelJob {
   /// Writes a row. Returns true once it is written, and false if the slice ended first; the next call continues.
   virtual bool go_on_with(std::uint64_t row, WorkMeter& slice) = 0;
 
-  const EvaluateOptions& with_pieces();
+  const EvaluateOptions& with_parts();
   /// Throws QueryError for pairs that cannot be certified.
   void refuse_stand_ins(BodyPair pair) const;
   /// Describes bodies with usable poses over a whole motion; the caller may then set begin, end and time.

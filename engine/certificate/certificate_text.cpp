@@ -68,12 +68,12 @@ Json run_of(std::uint32_t first, std::uint32_t count) {
   if (count == 1) return first;
   return Json::array({first, first + count});
 }
-Json pieces_of(const PartProof& proof) {
-  if (proof.piece_a == kNone) return nullptr;
-  return Json::array({run_of(proof.piece_a, proof.count_a), run_of(proof.piece_b, proof.count_b)});
+Json convex_parts_of(const PartProof& proof) {
+  if (proof.part_a == kNone) return nullptr;
+  return Json::array({run_of(proof.part_a, proof.count_a), run_of(proof.part_b, proof.count_b)});
 }
 Json lower_json(const PartProof& p) {
-  return {{"pieces", pieces_of(p)},
+  return {{"pieces", convex_parts_of(p)},
           {"order", p.order},
           {"seer", id_json(p.seer)},
           {"arithmetic", arithmetic(p.proof.lower_in_double_double)},
@@ -99,7 +99,7 @@ Json witness_json(const std::optional<WitnessProof>& witness) {
   }
   Json json{{"time", witness->time},
             {"poses", {pose(witness->X_wa), pose(witness->X_wb)}},
-            {"pieces", pieces_of(p)},
+            {"pieces", convex_parts_of(p)},
             {"arithmetic", arithmetic(p.proof.upper_in_double_double)},
             {"vertices", vertices}};
   if (!p.proof.points_a.empty() || !p.proof.points_b.empty())
@@ -150,7 +150,7 @@ const char* name_of_reduce(Reduce reduce) {
 }
 }  // namespace
 
-std::uint32_t piece_place(const Body& body, std::uint32_t piece) {
+std::uint32_t part_place(const Body& body, std::uint32_t piece) {
   std::uint32_t place = 0;
   for (std::uint32_t i = 0; i < piece; ++i) place += body.pieces[i]->surface ? body.pieces[i]->surface->size() : 1;
   return place;
@@ -287,9 +287,9 @@ bool CertificateText::end(WorkMeter& meter) {
     add("],\"pieces\":[");
     part_ = Part::kPieces;
   }
-  while (next_piece_ < pieces_.size()) {
+  while (next_part_ < pieces_.size()) {
     if (meter.is_over()) return false;
-    add_piece(meter);
+    add_convex_part(meter);
   }
   if (part_ == Part::kPieces) {
     add("],\"configurations\":[");
@@ -365,11 +365,11 @@ bool CertificateText::lists_elements(const Surface& surface, WorkMeter& meter) {
 }
 
 // Writes some vertices and elements of the current part.
-void CertificateText::add_piece(WorkMeter& meter) {
-  const ConvexPart& piece = *pieces_[next_piece_];
+void CertificateText::add_convex_part(WorkMeter& meter) {
+  const ConvexPart& piece = *pieces_[next_part_];
   if (piece.surface && lists_elements(*piece.surface, meter)) return;
   const SurfaceRows* const rows = piece.surface ? &elements_->rows() : nullptr;
-  bool is_first = next_piece_ == 0;
+  bool is_first = next_part_ == 0;
   if (next_vertex_ == 0) {
     Json json{{"digest", text(piece.surface ? piece.surface->digest() : piece.digest)},
               {"loaded_vertices", rows ? rows->loaded : piece.loaded_vertices},
@@ -395,7 +395,7 @@ void CertificateText::add_piece(WorkMeter& meter) {
   meter.count(kUnitsPerItem + kVerticesAtOnce);
   if (next_vertex_ < vertices.size() + elements) return;
   add("]}");
-  ++next_piece_;
+  ++next_part_;
   next_vertex_ = 0;
   elements_.reset();
 }

@@ -16,9 +16,9 @@
 namespace clearance {
 
 /// Proof of a bound on two convex parts, or on two ranges of parts. The elements of a surface count as parts, in their
-/// order, in place of the surface (piece_place()).
+/// order, in place of the surface (part_place()).
 struct PartProof {
-  std::uint32_t piece_a, piece_b;  ///< of their bodies; if both are kNone, the direction is for all pairs of parts
+  std::uint32_t part_a, part_b;  ///< of their bodies; if both are kNone, the direction is for all pairs of parts
   NarrowProof proof;
   int order = 1;                           ///< of a direction; 2 follows the bodies along it as they move
   std::uint32_t seer = kNone;              ///< body whose frame the motion is measured in; kNone is the world
@@ -29,7 +29,7 @@ struct PartProof {
 };
 
 /// Index of a part, or of the first element of its surface, if elements count as parts.
-std::uint32_t piece_place(const Body& body, std::uint32_t piece);
+std::uint32_t part_place(const Body& body, std::uint32_t piece);
 
 /// A span of a motion, evaluated at one time, and the pair's uncertainty there. A row without motions has one span.
 struct SpanPlace {
@@ -92,7 +92,7 @@ class CertificateText {
   void add_item(const std::string& text, bool& is_first);
   void add_body(std::uint32_t id);
   bool lists_elements(const Surface& surface, WorkMeter& meter);
-  void add_piece(WorkMeter& meter);
+  void add_convex_part(WorkMeter& meter);
   void add_configuration(std::uint64_t k);
   void name(std::uint32_t id, const BodyPoses& here);
   const RobotJoint* joint_of(std::uint32_t id) const;
@@ -112,7 +112,7 @@ class CertificateText {
   std::map<const ConvexPart*, std::size_t> places_;
   std::vector<const ConvexPart*> pieces_;
   std::set<std::uint64_t> configurations_;
-  std::size_t next_body_ = 0, next_piece_ = 0, next_vertex_ = 0;
+  std::size_t next_body_ = 0, next_part_ = 0, next_vertex_ = 0;
   std::optional<SurfaceLister> elements_;  // of the current part
   bool first_configuration_ = true;
 };

@@ -160,8 +160,8 @@ class MotionCertificateJob final : public CertificateJob {
     if (!contact_ || !(hit.time < kInf)) return true;
     PairAnswer within{};
     within.upper = plan_.margins.of(hit.position);
-    within.piece_a = hit.piece_a;
-    within.piece_b = hit.piece_b;
+    within.part_a = hit.part_a;
+    within.part_b = hit.part_b;
     return prove_upper(contact_->pair, hit.time, within, contact_->witness, slice);
   }
 

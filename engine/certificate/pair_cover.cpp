@@ -73,7 +73,7 @@ const ConvexPart& PairCover::Side::around(const Part& part, std::uint32_t begin,
 PairCover::PartHull PairCover::Side::hull(const Part& part) {
   if (part.piece == kAll) return {nullptr, 0, 0};
   const Surface* const surface = this->surface(part);
-  const std::uint32_t place = piece_place(body_, part.piece);
+  const std::uint32_t place = part_place(body_, part.piece);
   if (part.at == kNone) return {body_.pieces[part.piece].get(), place, surface ? surface->size() : 1};
   const bool is_element = (part.at & kElement) != 0;
   const std::uint32_t begin = is_element ? part.at & ~kElement : first_of(*surface, part.at),
@@ -102,7 +102,7 @@ PairCover::Parts PairCover::parts() {
   PartProof claim{a.place, b.place, {}};
   claim.count_a = a.count;
   claim.count_b = b.count;
-  if (of_a == sides_[0].whole() && of_b == sides_[1].whole()) claim.piece_a = claim.piece_b = kNone;
+  if (of_a == sides_[0].whole() && of_b == sides_[1].whole()) claim.part_a = claim.part_b = kNone;
   return {a.piece, b.piece, sides_[0].halves(of_a).empty() && sides_[1].halves(of_b).empty(), std::move(claim)};
 }
 

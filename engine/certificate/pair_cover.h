@@ -25,7 +25,7 @@ class PairCover {
     const ConvexPart *a, *b;  ///< null if it is not a single convex part
     bool are_elements;        ///< elements, or convex parts that are exact geometry: they have no halves
     PartProof claim;          ///< the parts of both bodies that the claim covers
-    bool are_pieces() const { return a && b; }
+    bool are_parts() const { return a && b; }
   };
   Parts parts();
   /// Marks the last parts() as resolved.

@@ -86,7 +86,7 @@ bool PairProver::step(WorkMeter& meter) {
   }
   if (cover_) return step_cover(meter);
   meter.count(kUnitsPerSpanProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
-  const Halves now = try_pieces(*a_.pieces[i_], *b_.pieces[j_], {i_, j_, {}}, true);
+  const Halves now = try_parts(*a_.pieces[i_], *b_.pieces[j_], {i_, j_, {}}, true);
   halves_.before &= now.before;
   halves_.after &= now.after;
   if (halves_.any()) {
@@ -105,9 +105,9 @@ bool PairProver::is_too_near_somewhere(WorkMeter& meter) {
   ElementPair near;
   nearest_.take_near(std::numeric_limits<double>::infinity(), near);
   ConvexPart room_a, room_b;
-  const ConvexPart &p = piece_of(a_, near.a, room_a), &q = piece_of(b_, near.b, room_b);
+  const ConvexPart &p = part_of(a_, near.a, room_a), &q = part_of(b_, near.b, room_b);
   meter.count(kUnitsPerSpanProof + WorkMeter::units_of(p, q));
-  const bool is_proved = try_pieces(p, q, {0, 0, {}}, true).any();
+  const bool is_proved = try_parts(p, q, {0, 0, {}}, true).any();
   claims_.clear();
   return !is_proved;
 }
@@ -118,9 +118,9 @@ bool PairProver::step_cover(WorkMeter& meter) {
   meter.count(kUnitsPerSpanProof);
   Halves now{false, false};
   const std::size_t claims = claims_.size();
-  if (parts.are_pieces()) {
+  if (parts.are_parts()) {
     meter.count(WorkMeter::units_of(*parts.a, *parts.b));
-    now = try_pieces(*parts.a, *parts.b, parts.claim, parts.are_elements);
+    now = try_parts(*parts.a, *parts.b, parts.claim, parts.are_elements);
   }
   if (parts.are_elements || (now.before && now.after)) {
     cover_->settle();
@@ -190,7 +190,7 @@ bool PairProver::try_boxes() {
 
 // \param claim the parts that it is about
 // \param in_all_ways tries all attempts, and not only the first that may suffice
-PairProver::Halves PairProver::try_pieces(const ConvexPart& p, const ConvexPart& q, PartProof claim, bool in_all_ways) {
+PairProver::Halves PairProver::try_parts(const ConvexPart& p, const ConvexPart& q, PartProof claim, bool in_all_ways) {
   const PoseMatrix &pose_a = moment_.placed()[pair_.a].pose, &pose_b = moment_.placed()[pair_.b].pose;
   claim.seer = rates_.speed_seer;
   NarrowLimits limits = limits_;

@@ -87,7 +87,7 @@ class PairProver {
   bool try_boxes();
   bool step_cover(WorkMeter& meter);
   bool is_too_near_somewhere(WorkMeter& meter);
-  Halves try_pieces(const ConvexPart& p, const ConvexPart& q, PartProof claim, bool in_all_ways);
+  Halves try_parts(const ConvexPart& p, const ConvexPart& q, PartProof claim, bool in_all_ways);
   Halves by_direction(const Vec3d& n, const ConvexPart* p, const ConvexPart* q) const;
   bool by_speed(double lower) const { return difference_below(slack_.true_lower(lower), way_) >= lower_; }
   void write(SpanPlace place);

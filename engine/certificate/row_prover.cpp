@@ -26,8 +26,8 @@ class PartsProver final : public RowProver {
   bool step(WorkMeter& meter) override;
   bool go_on();
   void try_box(WorkMeter& meter);
-  void try_pieces(WorkMeter& meter);
-  bool prove_pieces(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper);
+  void try_parts(WorkMeter& meter);
+  bool prove_parts(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper);
 
   Aabb box_a_, box_b_;
   bool by_box_;
@@ -133,7 +133,7 @@ bool PartsProver::step(WorkMeter& meter) {
   if (has_plane())
     try_plane(meter);
   else
-    by_box_&& wants_lower_ ? try_box(meter) : try_pieces(meter);
+    by_box_&& wants_lower_ ? try_box(meter) : try_parts(meter);
   return true;
 }
 
@@ -158,16 +158,16 @@ void PartsProver::try_box(WorkMeter& meter) {
   }
 }
 
-void PartsProver::try_pieces(WorkMeter& meter) {
+void PartsProver::try_parts(WorkMeter& meter) {
   meter.count(kUnitsPerProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
-  const bool is_nearest = wants_upper_ && i_ == answer_.piece_a && j_ == answer_.piece_b;
-  if ((wants_lower_ || is_nearest) && !prove_pieces(i_, j_, wants_lower_, is_nearest))
+  const bool is_nearest = wants_upper_ && i_ == answer_.part_a && j_ == answer_.part_b;
+  if ((wants_lower_ || is_nearest) && !prove_parts(i_, j_, wants_lower_, is_nearest))
     end(false);
   else if (!go_on())
     end(!wants_upper_ || upper_.has_value());
 }
 
-bool PartsProver::prove_pieces(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper) {
+bool PartsProver::prove_parts(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper) {
   const ConvexPart &p = *a_.pieces[i], &q = *b_.pieces[j];
   PartProof found{i, j, {}};
   if (wants_lower && !wants_upper) {

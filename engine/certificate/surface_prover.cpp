@@ -56,13 +56,13 @@ bool SurfaceProver::step(WorkMeter& meter) {
 // Tries one direction for the current parts, or halves them.
 void SurfaceProver::cover(WorkMeter& meter) {
   PairCover::Parts parts = cover_.parts();
-  const bool are_elements = parts.are_elements, are_pieces = parts.are_pieces();
+  const bool are_elements = parts.are_elements, are_parts = parts.are_parts();
   meter.count(kUnitsPerProof);
-  if (are_pieces) meter.count(WorkMeter::units_of(*parts.a, *parts.b));
+  if (are_parts) meter.count(WorkMeter::units_of(*parts.a, *parts.b));
   // A direction for several parts does not bound a penetration depth.
-  if (are_pieces && covers(std::move(parts)))
+  if (are_parts && covers(std::move(parts)))
     cover_.settle();
-  else if (are_elements || (are_pieces && answer_.lower <= 0))
+  else if (are_elements || (are_parts && answer_.lower <= 0))
     end(false);
   else
     cover_.halve();
@@ -93,10 +93,10 @@ bool SurfaceProver::find_upper(WorkMeter& meter) {
       break;
   }
   const auto place = [](const Body& body, const Element& element) {
-    return piece_place(body, element.piece) + (element.triangle == kNone ? 0 : element.triangle);
+    return part_place(body, element.piece) + (element.triangle == kNone ? 0 : element.triangle);
   };
   ConvexPart room_a, room_b;
-  const ConvexPart &p = piece_of(a_, pair.a, room_a), &q = piece_of(b_, pair.b, room_b);
+  const ConvexPart &p = part_of(a_, pair.a, room_a), &q = part_of(b_, pair.b, room_b);
   meter.count(kUnitsPerProof + WorkMeter::units_of(p, q));
   prove(p, q, {place(a_, pair.a), place(b_, pair.b), {}}, false, true);
   return true;
@@ -132,10 +132,10 @@ void SurfaceProver::try_held(const Surface& solid, const ConvexPart& piece, std:
   if (winding_number(solid, X_wo.R_wb.transpose_times(X_wi.R_wb * vertex + (X_wi.t_w - X_wo.t_w))) == 0) return;
   const auto [element, corner] =
       is_mesh ? element_with(*surface, surface->parts()[candidate]) : std::array<std::uint32_t, 2>{candidate, 0};
-  PartProof proof{piece_place(outer == 0 ? a_ : b_, candidates_.solid),
-                  piece_place(outer == 0 ? b_ : a_, candidates_.piece) + element,
+  PartProof proof{part_place(outer == 0 ? a_ : b_, candidates_.solid),
+                  part_place(outer == 0 ? b_ : a_, candidates_.piece) + element,
                   {}};
-  if (outer == 1) std::swap(proof.piece_a, proof.piece_b);
+  if (outer == 1) std::swap(proof.part_a, proof.part_b);
   proof.within = static_cast<std::uint32_t>(outer);
   proof.proof.vertices.push_back(outer == 0 ? ProofVertex{0, corner, {}} : ProofVertex{corner, 0, {}});
   if (piece.primitive) (outer == 0 ? proof.proof.points_b : proof.proof.points_a).push_back(cast<DoubleDouble>(vertex));
@@ -153,8 +153,8 @@ void SurfaceProver::prove_held(WorkMeter& meter) {
   }
   meter.count(kUnitsPerProof);
   ConvexPart point, triangle;
-  remake_piece(point, {&held_->vertex, 1}, 0);
-  remake_piece(triangle, around.element(held_->next++).span(), 0);
+  remake_part(point, {&held_->vertex, 1}, 0);
+  remake_part(triangle, around.element(held_->next++).span(), 0);
   const ConvexPart &p = outer == 0 ? triangle : point, &q = outer == 0 ? point : triangle;
   NarrowProof found;
   const auto is_far_enough = [&](NarrowLimits limits) {

@@ -35,7 +35,7 @@ bool is_closed(std::span<const Triangle> faces, std::vector<std::uint32_t>& acro
 std::optional<Fan> fan_of(std::span<const Vec3d> vertices) {
   if (vertices.size() < 4) return {};
   std::vector<Triangle> faces;
-  const ConvexPartPtr hull = make_hull_piece(vertices, {}, 0, 0, false, &faces);
+  const ConvexPartPtr hull = make_hull_part(vertices, {}, 0, 0, false, &faces);
   const std::vector<Vec3d>& corners = hull->vertices;
   std::vector<std::uint32_t> across;
   if (faces.size() < 4 || !is_closed(faces, across)) return {};

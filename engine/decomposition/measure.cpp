@@ -43,24 +43,24 @@ Measure::Bounds Measure::ask(const ConvexPart& a, const ConvexPart& b) {
 }
 
 Measure::Bounds Measure::to(const ConvexPart& piece, const Vec3d& p) {
-  remake_piece(rooms_[0], {&p, 1}, 0);
+  remake_part(rooms_[0], {&p, 1}, 0);
   return ask(piece, rooms_[0]);
 }
 
 Measure::Bounds Measure::to(std::span<const Vec3d> corners, const Vec3d& p) {
-  remake_piece(rooms_[1], corners, 0);
+  remake_part(rooms_[1], corners, 0);
   return to(rooms_[1], p);
 }
 
 double Measure::apart(std::span<const Vec3d> corners, const ConvexPart& piece) {
-  remake_piece(rooms_[1], corners, 0);
+  remake_part(rooms_[1], corners, 0);
   return ask(piece, rooms_[1]).lower;
 }
 
 double Measure::gap(std::span<const Vec3d> a, std::span<const Vec3d> b) {
   ++count_;
-  remake_piece(rooms_[0], a, 0);
-  remake_piece(rooms_[1], b, 0);
+  remake_part(rooms_[0], a, 0);
+  remake_part(rooms_[1], b, 0);
   NarrowLimits limits;
   limits.abs_tol = fine_;
   limits.rel_tol = 1e-3;

@@ -17,7 +17,7 @@ ProvedDecomposition prove_decomposition(const Surface& truth, std::span<const st
   ProvedDecomposition out;
   std::vector<ConvexPartPtr>& cores = out.decomposition.pieces;
   for (std::size_t i = 0; i < proposed.size(); ++i) try {
-      cores.push_back(make_hull_piece(proposed[i], {}, 0));
+      cores.push_back(make_hull_part(proposed[i], {}, 0));
     } catch (const std::invalid_argument& e) {
       throw std::invalid_argument("piece " + std::to_string(i) + ": " + e.what());
     }

@@ -28,7 +28,7 @@ class HullArrays {
   std::vector<double> x, y, z;
   std::vector<float> f32;
   std::vector<std::uint16_t> words;
-  std::vector<std::uint32_t> of_body, piece_begin{0}, piece_hull;
+  std::vector<std::uint32_t> of_body, part_begin{0}, part_hull;
 
   /// \param most_shared bytes of a block's shared memory that two hulls may use
   HullArrays(const Scene& scene, std::uint32_t most_shared) : most_shared_(most_shared) {
@@ -44,15 +44,15 @@ class HullArrays {
       }
       const bool is_held = hulls.size() == body.pieces.size();
       of_body.push_back(!is_held ? kNone : hulls.size() == 1 ? hulls[0] : kSeveral);
-      if (is_held) piece_hull.insert(piece_hull.end(), hulls.begin(), hulls.end());
-      piece_begin.push_back(static_cast<std::uint32_t>(piece_hull.size()));
+      if (is_held) part_hull.insert(part_hull.end(), hulls.begin(), hulls.end());
+      part_begin.push_back(static_cast<std::uint32_t>(part_hull.size()));
     }
   }
 
   /// The arrays in host memory.
   HullsView view() const {
-    return {heads.data(), x.data(),       y.data(),           z.data(),         f32.data(),
-            words.data(), of_body.data(), piece_begin.data(), piece_hull.data()};
+    return {heads.data(), x.data(),       y.data(),          z.data(),        f32.data(),
+            words.data(), of_body.data(), part_begin.data(), part_hull.data()};
   }
 
  private:

@@ -44,11 +44,11 @@ inline constexpr std::uint32_t kSeveral = kNone - 1;
 struct HullsView {
   const HullHead* heads;
   const double *x, *y, *z;
-  const float* f32;                  ///< (vertices, 4) relative to the hull's centre; the fourth component is padding
-  const std::uint16_t* words;        ///< of all tables, each aligned to a multiple of 8 words
-  const std::uint32_t* of_body;      ///< (bodies,) index of the body's hull, kSeveral, or kNone if not on the device
-  const std::uint32_t* piece_begin;  ///< (bodies + 1,) first convex part of each body; empty range if not on the device
-  const std::uint32_t* piece_hull;   ///< (parts,) index of the hull
+  const float* f32;                 ///< (vertices, 4) relative to the hull's centre; the fourth component is padding
+  const std::uint16_t* words;       ///< of all tables, each aligned to a multiple of 8 words
+  const std::uint32_t* of_body;     ///< (bodies,) index of the body's hull, kSeveral, or kNone if not on the device
+  const std::uint32_t* part_begin;  ///< (bodies + 1,) first convex part of each body; empty range if not on the device
+  const std::uint32_t* part_hull;   ///< (parts,) index of the hull
 };
 
 /// Node of an element tree, copied verbatim from Surface.
@@ -151,9 +151,9 @@ struct BodiesView {
   std::uint32_t moved_count;
   std::uint32_t components;  ///< per body: with or without boxes
   // Boxes of convex parts: low, high. Null if no body has several.
-  double* fixed_piece_box;                 ///< (parts, 6) at the snapshot's poses
-  double* moved_piece_box;                 ///< (parts of the moved bodies, 6, configurations)
-  const std::uint32_t* moved_piece_begin;  ///< (moved,)
+  double* fixed_part_box;                 ///< (parts, 6) at the snapshot's poses
+  double* moved_part_box;                 ///< (parts of the moved bodies, 6, configurations)
+  const std::uint32_t* moved_part_begin;  ///< (moved,)
   UncertaintyView uncertainties;
 };
 

@@ -38,8 +38,8 @@ double box_gap(const Scene& scene, const BodyPoses& placement, BodyPair pair) {
 namespace {
 
 // Writes the flags of a pair's bodies, and its answer if that does not depend on the parts.
-bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options,
-                           PairAnswer& answer) {
+bool answer_without_parts(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options,
+                          PairAnswer& answer) {
   const BodyPair pair = bodies.pair;
   const BodyPoses& placement = *bodies.placement;
   if (pair.a >= scene.bodies().size() || pair.b >= scene.bodies().size()) {
@@ -53,7 +53,7 @@ bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const
     answer.flags = flags;
     return true;
   }
-  return answer_without_pieces(
+  return answer_without_parts(
       placement[pair.a].status, placement[pair.b].status, flags, options.cull, bodies.max_distance,
       [&] { return box_gap(scene, placement, pair); }, answer);
 }
@@ -64,7 +64,7 @@ PairAnswer unusable_answer(const Scene& scene, const BodyPoses& placement, BodyP
                            const EvaluateOptions& options) {
   assert(is_unusable(scene, placement, pair));
   PairAnswer answer;
-  answer_without_pieces(scene, {pair, &placement, kInf}, options, answer);
+  answer_without_parts(scene, {pair, &placement, kInf}, options, answer);
   return answer;
 }
 
@@ -83,7 +83,7 @@ void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneA
     decide_apart(limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
   const Mat3d &R_wa = task.pose_a->R_wb, &R_wb = task.pose_b->R_wb;
-  answer.piece_a = answer.piece_b = 0;
+  answer.part_a = answer.part_b = 0;
   take_lane_witness(*task.a, R_wa, *task.b, R_wb, witness, answer.point_a, answer.point_b, answer.normal);
   if (answer.status == Status::kBeyond)
     answer.point_a = answer.point_b = no_point();
@@ -111,8 +111,8 @@ void Evaluator::finish(const PlacedBodies& bodies, const BodiesAnswer& found, Pa
 
   if (best.bounds.upper == kInf && lower == -kInf) return replace_answer(answer, unproved_answer());
   if (options_.want_points) {
-    answer.piece_a = found.a.piece;
-    answer.piece_b = found.b.piece;
+    answer.part_a = found.a.piece;
+    answer.part_b = found.b.piece;
     answer.point_a = best.point_a;
     answer.point_b = best.point_b;
     answer.normal = best.normal;
@@ -129,14 +129,14 @@ void Evaluator::finish(const PlacedBodies& bodies, const BodiesAnswer& found, Pa
   assert(found.a.piece < a.pieces.size() && found.b.piece < b.pieces.size());
   decide(limits, lower, upper, rounding, answer, slack);
   const bool of_several = a.pieces.size() > 1 || b.pieces.size() > 1;
-  const bool is_of_pieces = overlap == Overlap::kOfProxies ? answer.lower < 0
-                            : overlap == Overlap::kExact   ? of_several && upper <= 0
-                                                           : false;
-  if (limits.signed_distance && is_of_pieces) answer.flags |= kFlagPieces;
+  const bool is_of_parts = overlap == Overlap::kOfProxies ? answer.lower < 0
+                           : overlap == Overlap::kExact   ? of_several && upper <= 0
+                                                          : false;
+  if (limits.signed_distance && is_of_parts) answer.flags |= kFlagPieces;
   if (!options_.want_flags || answer.status == Status::kBeyond) return;
-  const ConvexPart &piece_a = piece_of(a, found.a, scratch_[0]), &piece_b = piece_of(b, found.b, scratch_[1]);
-  if (is_nonsmooth(answer.lower, piece_a, pose_a.R_wb, piece_b, pose_b.R_wb, best.normal,
-                   normal_angle(piece_a, piece_b, best.bounds.lower, best.bounds.upper)))
+  const ConvexPart &part_a = part_of(a, found.a, scratch_[0]), &part_b = part_of(b, found.b, scratch_[1]);
+  if (is_nonsmooth(answer.lower, part_a, pose_a.R_wb, part_b, pose_b.R_wb, best.normal,
+                   normal_angle(part_a, part_b, best.bounds.lower, best.bounds.upper)))
     answer.flags |= kFlagNonsmooth;
 }
 
@@ -210,18 +210,18 @@ bool Evaluator::begin_round(WorkMeter& meter) {
 
 // Takes in pairs: single parts become tasks, other pairs searches, and some are answered at once.
 void Evaluator::take_in(WorkMeter& meter) {
-  piece_pairs_.clear();
-  for (std::size_t elements = 0; next_ < pairs_.size() && piece_pairs_.size() < kMostPartPairs; ++next_) {
+  part_pairs_.clear();
+  for (std::size_t elements = 0; next_ < pairs_.size() && part_pairs_.size() < kMostPartPairs; ++next_) {
     const auto i = static_cast<std::uint32_t>(next_);
     const BodyPair pair = pairs_[i].pair;
     const BodyPoses& placement = *pairs_[i].placement;
-    if (answer_without_pieces(scene_, pairs_[i], options_, answers_[i])) continue;
+    if (answer_without_parts(scene_, pairs_[i], options_, answers_[i])) continue;
     const std::vector<ConvexPartPtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     assert(!a.empty() && !b.empty());
     // A half-space's distance depends on the body's hull alone, which every body but a cloud has.
     const bool by_hulls = (is_half_space(*a[0]) && !is_cloud(scene_.bodies()[pair.b])) ||
                           (is_half_space(*b[0]) && !is_cloud(scene_.bodies()[pair.a]));
-    if (a.size() == 1 && b.size() == 1 && !is_by_pieces(pair) && (by_hulls || (!a[0]->surface && !b[0]->surface))) {
+    if (a.size() == 1 && b.size() == 1 && !is_by_parts(pair) && (by_hulls || (!a[0]->surface && !b[0]->surface))) {
       const Slack slack = pair_slack(placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &placement[pair.a].pose, &placement[pair.b].pose,
                         slack.cut_off(pairs_[i].max_distance), i, pairs_[i].warm, slack.outer,

@@ -75,7 +75,7 @@ class Evaluator {
   // Search for the nearest part pair of two bodies (part_search.h).
   struct PairSearch {
     std::uint32_t index;     // of the pair
-    std::size_t next, end;   // part pairs not yet evaluated, in piece_pairs_
+    std::size_t next, end;   // part pairs not yet evaluated, in part_pairs_
     std::size_t sorted;      // part pairs before this one are sorted, and nearer than the others
     std::size_t task_count;  // tasks of this round
     Slack slack;             // of the pair
@@ -109,7 +109,7 @@ class Evaluator {
   // evaluate_elements.cpp
   void begin_element_search(const PlacedBodies& bodies, std::uint32_t index);
   bool gather(PairSearch& search, WorkMeter& meter);
-  bool is_left_to_pieces(PairSearch& search);
+  bool is_left_to_parts(PairSearch& search);
   bool add_element_tasks(PairSearch& search);
   bool take_hulls_or_proxies(PairSearch& search, std::span<const NarrowAnswer> answers);
   void end_element_round(PairSearch& search, std::span<const NarrowAnswer> answers);
@@ -119,12 +119,12 @@ class Evaluator {
   void take_contained(PairSearch& search, double apart, const Vec3d (&shared)[2]);
   // Whether a body of the pair consists of proxies, so that an overlap of parts proves no overlap of bodies. Not for a
   // half-space, whose distance depends on the body's hull alone.
-  bool is_by_pieces(BodyPair pair) const;
+  bool is_by_parts(BodyPair pair) const;
   // An overlap of proxies is their last evidence of how near the mesh is.
   double stop_below(const PlacedBodies& bodies, const Slack& slack) const {
     if (std::isinf(bodies.stop_below)) return bodies.stop_below;
     const double near = slack.near_enough(bodies.stop_below);
-    return near < 0 && is_by_pieces(bodies.pair) ? 0 : near;
+    return near < 0 && is_by_parts(bodies.pair) ? 0 : near;
   }
 
   const Scene& scene_;
@@ -138,7 +138,7 @@ class Evaluator {
   bool in_round_ = false;    // tasks_ are being answered
   std::vector<PartTask> tasks_;
   std::vector<PairSearch> searches_;
-  std::vector<PartPair> piece_pairs_;
+  std::vector<PartPair> part_pairs_;
   std::vector<NarrowAnswer> found_;
   std::vector<std::unique_ptr<ElementSearch>> unused_;  // for reuse
   bool gathering_ = false;                              // a round is being put together

@@ -25,7 +25,7 @@ double depth_of(const Aabb& a, const Aabb& b) {
 
 }  // namespace
 
-bool Evaluator::is_by_pieces(BodyPair pair) const {
+bool Evaluator::is_by_parts(BodyPair pair) const {
   if (!scene_.has_stand_ins()) return false;
   const Body &a = scene_.bodies()[pair.a], &b = scene_.bodies()[pair.b];
   return (a.stands_for || b.stands_for) && !is_half_space(*a.pieces[0]) && !is_half_space(*b.pieces[0]);
@@ -35,10 +35,10 @@ bool Evaluator::is_by_pieces(BodyPair pair) const {
 // meshes may be hollow.
 bool Evaluator::finds_containment(PairSearch& search, WorkMeter& meter) {
   const PlacedBodies& bodies = pairs_[search.index];
-  const bool by_pieces = is_by_pieces(bodies.pair);
+  const bool by_parts = is_by_parts(bodies.pair);
   BodiesAnswer& found = search.found;
-  const double apart = by_pieces ? search.slack.true_lower(found.lower) : found.lower;
-  if (!(apart > 0) || (by_pieces && box_gap(scene_, *bodies.placement, bodies.pair) > 0)) return false;
+  const double apart = by_parts ? search.slack.true_lower(found.lower) : found.lower;
+  if (!(apart > 0) || (by_parts && box_gap(scene_, *bodies.placement, bodies.pair) > 0)) return false;
   const Body &a = exact_body_of(scene_.bodies()[bodies.pair.a]), &b = exact_body_of(scene_.bodies()[bodies.pair.b]);
   Vec3d shared[2];
   switch (either_contains(a, (*bodies.placement)[bodies.pair.a].pose, b, (*bodies.placement)[bodies.pair.b].pose, apart,
@@ -66,7 +66,7 @@ void Evaluator::take_contained(PairSearch& search, double apart, const Vec3d (&s
   found.best.point_b = shared[1];
   found.best.normal = normal;
   found.lower = -kInf;
-  if (!is_by_pieces(bodies.pair)) return;
+  if (!is_by_parts(bodies.pair)) return;
   const BodyPoses& placement = *bodies.placement;
   found.lower = -std::max(apart, depth_of(placement.box(bodies.pair.a), placement.box(bodies.pair.b)));
 }

@@ -37,7 +37,7 @@ bool Evaluator::gather(PairSearch& search, WorkMeter& meter) {
       elements.begin_hulls(options_.limits.signed_distance);
       return true;
     }
-    if (is_left_to_pieces(search) || elements.begin_near(user)) return true;
+    if (is_left_to_parts(search) || elements.begin_near(user)) return true;
     search.state.round = 2;
   }
   double cut_off = search.state.cut_off(user);
@@ -50,13 +50,13 @@ bool Evaluator::gather(PairSearch& search, WorkMeter& meter) {
 }
 
 // Whether proxies of the triangles come next, or have proved that no pair is near enough.
-bool Evaluator::is_left_to_pieces(PairSearch& search) {
+bool Evaluator::is_left_to_parts(PairSearch& search) {
   const PlacedBodies& bodies = pairs_[search.index];
   const BodyPoses& placement = *bodies.placement;
   ElementSearch& elements = *search.elements;
   if (options_.reference ||
-      elements.go_on_by_pieces(placement[bodies.pair.a].pose, placement[bodies.pair.b].pose,
-                               search.slack.cut_off(bodies.max_distance)) != ElementSearch::ByParts::kGoesOn)
+      elements.go_on_by_parts(placement[bodies.pair.a].pose, placement[bodies.pair.b].pose,
+                              search.slack.cut_off(bodies.max_distance)) != ElementSearch::ByParts::kGoesOn)
     return false;
   if (elements.pieces().round().empty()) {
     search.state.leave_out(elements.pieces().lower());
@@ -68,14 +68,14 @@ bool Evaluator::is_left_to_pieces(PairSearch& search) {
 bool Evaluator::add_element_tasks(PairSearch& search) {
   if (search.next == search.end) return false;
   const ElementSearch& elements = *search.elements;
-  if (elements.is_by_pieces()) {  // whether the proxies are beyond the cut-off is all that is needed
+  if (elements.is_by_parts()) {  // whether the proxies are beyond the cut-off is all that is needed
     for (const DecomposedPair::Asked& p : search.elements->pieces().round())
       add_task(search, p.cut_off, p.cut_off, *p.a, *p.b);
     return search.task_count > 0;
   }
   const double cut_off = cut_off_of(search), near_enough = stop_below(pairs_[search.index], search.slack);
   for (std::size_t i = 0; i < elements.round().size(); ++i)
-    add_task(search, cut_off, near_enough, search.elements->piece_a(i), search.elements->piece_b(i));
+    add_task(search, cut_off, near_enough, search.elements->part_a(i), search.elements->part_b(i));
   if (search.task_count == 0) search.state.leave_out(search.elements->left());
   return search.task_count > 0;
 }
@@ -88,7 +88,7 @@ bool Evaluator::take_hulls_or_proxies(PairSearch& search, std::span<const Narrow
     elements.take_hulls(answers[0].bounds.lower, answers[0].normal);
     return true;
   }
-  if (!elements.is_by_pieces()) return false;
+  if (!elements.is_by_parts()) return false;
   for (std::size_t k = 0; k < answers.size(); ++k) elements.pieces().take(k, answers[k].bounds.lower);
   elements.pieces().end_round();
   return true;

@@ -18,7 +18,7 @@ constexpr std::size_t kSortedAtOnce = 256;  // part pairs
 
 // Lists the part pairs within the cut-off; beyond it only the nearest, if there is no other.
 void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter) {
-  const std::size_t begin = piece_pairs_.size();
+  const std::size_t begin = part_pairs_.size();
   const std::span<const Aabb> boxes_a = boxes_.at(*bodies.placement, bodies.pair.a),
                               boxes_b = boxes_.at(*bodies.placement, bodies.pair.b);
   const Slack slack = pair_slack(*bodies.placement, bodies.pair);
@@ -29,7 +29,7 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
     for (std::uint32_t j = 0; j < boxes_b.size(); ++j) {
       const PartPair p{certify_box_gap(boxes_a[i], boxes_b[j]), i, j};
       if (!(p.gap > cut_off)) {
-        piece_pairs_.push_back(p);
+        part_pairs_.push_back(p);
       } else if (goes_before(p, far)) {
         left = far.gap;
         far = p;
@@ -38,18 +38,18 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
       }
     }
   meter.count(boxes_a.size() * boxes_b.size() / kBoxesPerUnit);
-  if (piece_pairs_.size() > begin) {
+  if (part_pairs_.size() > begin) {
     left = far.gap;
   } else if (drops(far.gap, bodies) &&
-             !(is_by_pieces(bodies.pair) && box_gap(scene_, *bodies.placement, bodies.pair) <= 0)) {
+             !(is_by_parts(bodies.pair) && box_gap(scene_, *bodies.placement, bodies.pair) <= 0)) {
     return replace_answer(answers_[index], beyond_answer(slack.true_lower(far.gap)));
   } else {
-    piece_pairs_.push_back(far);
+    part_pairs_.push_back(far);
   }
-  searches_.push_back({index, begin, piece_pairs_.size(), begin, 0, slack, 0, {}, {}});
+  searches_.push_back({index, begin, part_pairs_.size(), begin, 0, slack, 0, {}, {}});
   PartSearch& state = searches_.back().state;
   state.lower = left;
-  if (options_.reference) state.round = piece_pairs_.size() - begin;  // all at once
+  if (options_.reference) state.round = part_pairs_.size() - begin;  // all at once
 }
 
 // Combines the searched part pairs into the answer of their bodies.
@@ -57,13 +57,13 @@ void Evaluator::finish_search(PairSearch& search, WorkMeter& meter) {
   const PlacedBodies& bodies = pairs_[search.index];
   BodiesAnswer& found = search.found;
   found.lower = search.state.lower;
-  const bool by_elements = search.elements != nullptr, by_pieces = is_by_pieces(bodies.pair);
-  const bool held = (by_elements || by_pieces) && finds_containment(search, meter);
+  const bool by_elements = search.elements != nullptr, by_parts = is_by_parts(bodies.pair);
+  const bool held = (by_elements || by_parts) && finds_containment(search, meter);
   if (by_elements) {
     const ElementSearch::HullsGap hulls = search.elements->hulls_gap();
     unused_.push_back(std::move(search.elements));
     // A shift that separates the hulls separates the bodies within.
-    if (options_.limits.signed_distance && search.slack.true_lower(found.lower) <= 0 && !(held && by_pieces)) {
+    if (options_.limits.signed_distance && search.slack.true_lower(found.lower) <= 0 && !(held && by_parts)) {
       found.lower = hulls.lower;
       found.best.normal = hulls.normal;
     }
@@ -73,7 +73,7 @@ void Evaluator::finish_search(PairSearch& search, WorkMeter& meter) {
   const bool was_asked = found.best.bounds.upper < kInf;
   if (by_elements && !was_asked && true_lower > bodies.max_distance)
     return replace_answer(answer, beyond_answer(true_lower));
-  finish(bodies, found, answer, !by_pieces ? Overlap::kExact : held ? Overlap::kContained : Overlap::kOfProxies);
+  finish(bodies, found, answer, !by_parts ? Overlap::kExact : held ? Overlap::kContained : Overlap::kOfProxies);
 }
 
 // Whether the gap of its boxes suffices to answer a pair.
@@ -87,7 +87,7 @@ bool Evaluator::drops(double gap, const PlacedBodies& bodies) const {
 void Evaluator::sort_ahead(PairSearch& search) {
   const std::size_t wanted = std::min(search.next + search.state.round, search.end);
   if (wanted <= search.sorted) return;
-  const auto at = [&](std::size_t i) { return piece_pairs_.begin() + static_cast<std::ptrdiff_t>(i); };
+  const auto at = [&](std::size_t i) { return part_pairs_.begin() + static_cast<std::ptrdiff_t>(i); };
   const std::size_t to = std::min(search.end, std::max(wanted, search.sorted + kSortedAtOnce));
   if (to < search.end) std::nth_element(at(search.sorted), at(to), at(search.end), goes_before);
   std::sort(at(search.sorted), at(to), goes_before);
@@ -98,18 +98,18 @@ void Evaluator::sort_ahead(PairSearch& search) {
 bool Evaluator::add_tasks(PairSearch& search) {
   const PlacedBodies& bodies = pairs_[search.index];
   search.task_count = 0;
-  search.min_penetration = is_by_pieces(bodies.pair) ? 0 : search.slack.outer;
+  search.min_penetration = is_by_parts(bodies.pair) ? 0 : search.slack.outer;
   if (search.elements) return add_element_tasks(search);
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
   PartSearch& state = search.state;
   const double cut_off = cut_off_of(search), near_enough = stop_below(bodies, search.slack);
   sort_ahead(search);
   for (std::size_t i = search.next; i < search.end && search.task_count < state.round; ++i) {
-    const PartPair& p = piece_pairs_[i];
+    const PartPair& p = part_pairs_[i];
     if (!options_.reference && !state.asks(p.gap, cut_off)) break;
     add_task(search, cut_off, near_enough, *a.pieces[p.a], *b.pieces[p.b]);
   }
-  if (search.task_count == 0 && search.next < search.end) state.leave_out(piece_pairs_[search.next].gap);
+  if (search.task_count == 0 && search.next < search.end) state.leave_out(part_pairs_[search.next].gap);
   return search.task_count > 0;
 }
 
@@ -132,10 +132,10 @@ void Evaluator::take_round(PairSearch& search, double stop_below, std::span<cons
   ElementSearch* const elements = search.elements.get();
   if (elements && take_hulls_or_proxies(search, answers)) return;
   PartSearch& state = search.state;
-  const bool by_pieces = is_by_pieces(pairs_[search.index].pair);
+  const bool by_parts = is_by_parts(pairs_[search.index].pair);
   const auto pair_at = [&](std::size_t k) -> ElementPair {
     if (elements) return elements->round()[k];
-    const PartPair& p = piece_pairs_[search.next + k];
+    const PartPair& p = part_pairs_[search.next + k];
     return {p.gap, {p.a, kNone}, {p.b, kNone}};
   };
   for (std::size_t k = 0; k < answers.size(); ++k) {
@@ -152,7 +152,7 @@ void Evaluator::take_round(PairSearch& search, double stop_below, std::span<cons
       search.found.b = p.b;
     }
     const bool wants_depth = options_.limits.signed_distance && !elements;
-    const double upper = by_pieces ? state.upper : search.slack.true_upper(state.upper);
+    const double upper = by_parts ? state.upper : search.slack.true_upper(state.upper);
     if (!wants_depth && upper <= 0) {  // the bodies overlap, and no depth is requested
       search.next = search.end;
       return;

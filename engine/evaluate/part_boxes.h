@@ -26,7 +26,7 @@ class PartBoxes {
 
   /// A box for each part of a body with a usable pose, valid until the next call but one.
   std::span<const Aabb> at(const BodyPoses& placement, std::uint32_t body) {
-    if (const std::span<const Aabb> known = placement.known_piece_boxes(body); !known.empty()) return known;
+    if (const std::span<const Aabb> known = placement.known_part_boxes(body); !known.empty()) return known;
     if (slots_.empty()) expect(1);
     const CachedBoxes wanted = of(placement, body);
     const std::size_t home =

@@ -10,7 +10,7 @@
 
 namespace clearance {
 
-ConvexPartPtr make_cloud_piece(std::span<const CloudPoint> points, float voxel, double radius) {
+ConvexPartPtr make_cloud_part(std::span<const CloudPoint> points, float voxel, double radius) {
   const FpEnvironment environment;
   const auto cloud = std::make_shared<const Surface>(points, voxel);
   const auto& ends = cloud->extremes();
@@ -19,11 +19,12 @@ ConvexPartPtr make_cloud_piece(std::span<const CloudPoint> points, float voxel, 
   Digest digest;
   digest.add(cloud->digest());
   digest.add(radius);
-  return make_piece(std::move(corners), radius, cloud->size(), digest.value(), nullptr, cloud);
+  return make_convex_part(std::move(corners), radius, cloud->size(), digest.value(), nullptr, cloud);
 }
 
-ConvexPartPtr piece_of_no_points() {
-  static const ConvexPartPtr& nothing = *new ConvexPartPtr(make_piece({{0, 0, 0}}));  // queries may outlast main()
+ConvexPartPtr part_of_no_points() {
+  static const ConvexPartPtr& nothing =
+      *new ConvexPartPtr(make_convex_part({{0, 0, 0}}));  // queries may outlast main()
   return nothing;
 }
 

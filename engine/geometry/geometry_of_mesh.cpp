@@ -97,10 +97,10 @@ MeshClass classify(const MeshInput& mesh) {
   if (recipe.mesh_as != MeshAs::kAuto) return {MeshKind::kExact};
   if (triangles.empty() || !open_edge(vertices, triangles).empty()) return {MeshKind::kHulls};
   ConvexPartPtr hull =
-      make_hull_piece(vertices, triangles, recipe.radius, mesh.loaded_vertices, mesh.submeshes.size() == 1);
+      make_hull_part(vertices, triangles, recipe.radius, mesh.loaded_vertices, mesh.submeshes.size() == 1);
   const std::optional<double> excess = convex_excess(vertices, triangles, *hull);
   if (excess && *excess <= kOfRounding * hull->spread) return {MeshKind::kConvex, std::move(hull), *excess};
-  ConvexPartPtr solid = make_surface_piece(vertices, triangles, true, recipe.radius, mesh.loaded_vertices);
+  ConvexPartPtr solid = make_surface_part(vertices, triangles, true, recipe.radius, mesh.loaded_vertices);
   if (hollow_place(*solid->surface).empty()) return {MeshKind::kExact, std::move(solid)};
   return {MeshKind::kHulls};
 }
@@ -110,7 +110,7 @@ void build_hulls(const MeshInput& mesh, Geometry& out) {
   double hull_volume = 0, solid_volume = 0;
   const auto add = [&](const DisplayMesh& part, std::uint64_t loaded, bool distinct) {
     std::vector<Triangle> faces;
-    out.pieces.push_back(make_hull_piece(part.vertices, part.triangles, mesh.recipe.radius, loaded, distinct, &faces));
+    out.pieces.push_back(make_hull_part(part.vertices, part.triangles, mesh.recipe.radius, loaded, distinct, &faces));
     const HullExcess excess = hull_excess(part.vertices, part.triangles, *out.pieces.back(), faces);
     out.hull_excess = std::max(out.hull_excess, excess.distance);
     hull_volume += excess.hull_volume;
@@ -131,24 +131,24 @@ void build_convex(const MeshClass& found, Geometry& out) {
 }
 
 // Builds the surface or solid that a recipe names, with the proxies that are proposed.
-ConvexPartPtr exact_piece(const MeshInput& mesh) {
+ConvexPartPtr exact_part(const MeshInput& mesh) {
   const MeshRecipe& recipe = mesh.recipe;
   const auto& [vertices, triangles] = mesh.whole;
   if (triangles.empty()) throw std::invalid_argument("the mesh has no triangles");
   const bool is_solid = recipe.mesh_as != MeshAs::kSurface;
-  ConvexPartPtr piece = make_surface_piece(vertices, triangles, is_solid, recipe.radius, mesh.loaded_vertices);
+  ConvexPartPtr piece = make_surface_part(vertices, triangles, is_solid, recipe.radius, mesh.loaded_vertices);
   if (!is_solid) return piece;
   if (const std::string why = hollow_place(*piece->surface); !why.empty())
     throw std::invalid_argument("the mesh does not enclose all that its faces go around: " + why);
   if (!mesh.proxies) return piece;
   std::vector<std::vector<Vec3d>> proposed;
   for (const Submesh& proxy : mesh.proxies->submeshes) proposed.push_back(joined({proxy}, recipe).vertices);
-  return make_decomposed_piece(vertices, triangles, proposed, recipe.radius, mesh.loaded_vertices);
+  return make_decomposed_part(vertices, triangles, proposed, recipe.radius, mesh.loaded_vertices);
 }
 
 void build_exact(const MeshInput& mesh, const MeshClass& found, Geometry& out) {
   try {
-    out.pieces = {found.piece ? found.piece : exact_piece(mesh)};
+    out.pieces = {found.piece ? found.piece : exact_part(mesh)};
   } catch (const std::invalid_argument& e) {
     throw std::invalid_argument("mesh_as: " + std::string(word_of(mesh.recipe.mesh_as)) + ": " + e.what());
   }

@@ -116,33 +116,33 @@ void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display
 }
 
 // Proxies of a solid. The cache is trusted with their proved deviation; elsewhere it is proved again.
-ConvexPartPtr get_decomposed_piece(Reader& in, std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
-                                   double radius, std::uint64_t loaded, Tables tables) {
+ConvexPartPtr get_decomposed_part(Reader& in, std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
+                                  double radius, std::uint64_t loaded, Tables tables) {
   std::vector<std::vector<Vec3d>> proposed;
   for (auto count = in.get<std::uint64_t>(); count > 0; --count) proposed.push_back(in.list<Vec3d>());
   auto kept = std::make_shared<Decomposition>();
   kept->inner = in.get<double>();
   kept->outer = in.list<double>();
   if (tables != Tables::kKept)
-    return make_decomposed_piece(std::move(vertices), std::move(triangles), proposed, radius, loaded);
+    return make_decomposed_part(std::move(vertices), std::move(triangles), proposed, radius, loaded);
   const auto is_length = [](double x) { return x >= 0 && x <= kMaxCoordinate; };
   if (proposed.empty() || kept->outer.size() != proposed.size() || !is_length(kept->inner) ||
       !std::all_of(kept->outer.begin(), kept->outer.end(), is_length))
     throw Damaged();
-  for (std::vector<Vec3d>& piece : proposed) kept->pieces.push_back(make_piece(std::move(piece)));
-  return make_surface_piece(std::move(vertices), std::move(triangles), true, radius, loaded, std::move(kept));
+  for (std::vector<Vec3d>& piece : proposed) kept->pieces.push_back(make_convex_part(std::move(piece)));
+  return make_surface_part(std::move(vertices), std::move(triangles), true, radius, loaded, std::move(kept));
 }
 
-ConvexPartPtr get_surface_piece(Reader& in, ExactKind truth, double radius, std::uint64_t loaded,
-                                const DisplayMesh* display, Tables tables) {
+ConvexPartPtr get_surface_part(Reader& in, ExactKind truth, double radius, std::uint64_t loaded,
+                               const DisplayMesh* display, Tables tables) {
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::vector<Triangle> triangles = get_list(in, display ? &display->triangles : nullptr);
   if (truth == ExactKind::kDecomposed)
-    return get_decomposed_piece(in, std::move(vertices), std::move(triangles), radius, loaded, tables);
-  return make_surface_piece(std::move(vertices), std::move(triangles), truth == ExactKind::kSolid, radius, loaded);
+    return get_decomposed_part(in, std::move(vertices), std::move(triangles), radius, loaded, tables);
+  return make_surface_part(std::move(vertices), std::move(triangles), truth == ExactKind::kSolid, radius, loaded);
 }
 
-void add_piece(Writer& out, const ConvexPart& piece, const DisplayMesh* display, Tables tables) {
+void add_convex_part(Writer& out, const ConvexPart& piece, const DisplayMesh* display, Tables tables) {
   out.add(piece.radius);
   out.add(piece.loaded_vertices);
   if (piece.primitive) {
@@ -173,10 +173,10 @@ ConvexPartPtr get_primitive(Reader& in, double radius) {
   if (kind < static_cast<std::uint64_t>(Primitive::Kind::kHalfSpace) ||
       kind > static_cast<std::uint64_t>(Primitive::Kind::kCylinder))
     throw Damaged();
-  return make_primitive_piece({static_cast<Primitive::Kind>(kind), size}, radius);
+  return make_primitive_part({static_cast<Primitive::Kind>(kind), size}, radius);
 }
 
-ConvexPartPtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
+ConvexPartPtr get_part(Reader& in, const DisplayMesh* display, Tables tables) {
   const auto radius = in.get<double>();
   const auto loaded = in.get<std::uint64_t>();
   const auto truth = in.get<ExactKind>();
@@ -184,9 +184,9 @@ ConvexPartPtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
   if (truth == ExactKind::kPrimitive) return get_primitive(in, radius);
   if (truth == ExactKind::kCloud) {
     const auto edge = in.get<float>();
-    return make_cloud_piece(in.list<CloudPoint>(), edge, radius);
+    return make_cloud_part(in.list<CloudPoint>(), edge, radius);
   }
-  if (truth != ExactKind::kConvexPart) return get_surface_piece(in, truth, radius, loaded, display, tables);
+  if (truth != ExactKind::kConvexPart) return get_surface_part(in, truth, radius, loaded, display, tables);
   const auto digest = in.get<std::uint64_t>();
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::shared_ptr<DirectionTable> table;
@@ -198,7 +198,7 @@ ConvexPartPtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
     table->lists = in.list<std::uint32_t>();
     if (!is_sound(*table, vertices.size())) throw Damaged();
   }
-  return make_piece(std::move(vertices), radius, loaded, digest, std::move(table));
+  return make_convex_part(std::move(vertices), radius, loaded, digest, std::move(table));
 }
 
 }  // namespace
@@ -217,7 +217,7 @@ std::vector<std::byte> geometry_record(const Geometry& geometry, Tables tables) 
     out.add(display->triangles);
   }
   out.add(std::uint64_t{pieces.size()});
-  for (const ConvexPartPtr& piece : pieces) add_piece(out, *piece, display.get(), tables);
+  for (const ConvexPartPtr& piece : pieces) add_convex_part(out, *piece, display.get(), tables);
   return out.take();
 }
 
@@ -241,13 +241,13 @@ std::optional<Geometry> geometry_of_record(std::span<const std::byte> record, Ta
     geometry.display = std::move(display);
   }
   for (auto pieces = in.get<std::uint64_t>(); pieces > 0; --pieces)
-    geometry.pieces.push_back(get_piece(in, geometry.display.get(), tables));
+    geometry.pieces.push_back(get_part(in, geometry.display.get(), tables));
   in.expect_end();
   if (geometry.pieces.empty()) return {};
   return geometry;
 } catch (const Damaged&) {
   return {};
-} catch (const std::invalid_argument&) {  // of make_piece(), for invalid vertices
+} catch (const std::invalid_argument&) {  // of make_convex_part(), for invalid vertices
   return {};
 }
 

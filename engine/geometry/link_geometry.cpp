@@ -49,10 +49,10 @@ Geometry moved(const Geometry& geometry, const Origin& X) {
     return there;
   };
   // Proxies of a surface, with the deviation of both after the move.
-  const auto pieces_of = [&](const Surface& surface) -> std::shared_ptr<const Decomposition> {
+  const auto convex_parts_of = [&](const Surface& surface) -> std::shared_ptr<const Decomposition> {
     if (!surface.decomposition()) return nullptr;
     auto there = std::make_shared<Decomposition>(*surface.decomposition());
-    for (ConvexPartPtr& core : there->pieces) core = make_piece(all_of(core->vertices));
+    for (ConvexPartPtr& core : there->pieces) core = make_convex_part(all_of(core->vertices));
     for (const Vec3d& v : surface.vertices()) mover(v);
     there->inner = sum_above(there->inner, 2 * mover.worst());
     for (double& outer : there->outer) outer = sum_above(outer, 2 * mover.worst());
@@ -60,10 +60,10 @@ Geometry moved(const Geometry& geometry, const Origin& X) {
   };
   for (ConvexPartPtr& piece : out.pieces)
     if (const Surface* surface = piece->surface.get())  // a new hull: rounding may have moved inner vertices out
-      piece = make_surface_piece(all_of(surface->vertices()), triangles_as_loaded(*surface), surface->is_solid(),
-                                 piece->radius, piece->loaded_vertices, pieces_of(*surface));
+      piece = make_surface_part(all_of(surface->vertices()), triangles_as_loaded(*surface), surface->is_solid(),
+                                piece->radius, piece->loaded_vertices, convex_parts_of(*surface));
     else
-      piece = make_hull_piece(all_of(piece->vertices), {}, piece->radius, piece->loaded_vertices);
+      piece = make_hull_part(all_of(piece->vertices), {}, piece->radius, piece->loaded_vertices);
   out.model_error += mover.worst();
   out.model_inner += mover.worst();
   if (out.display) {

@@ -54,37 +54,37 @@ std::uint64_t digest_of(const Surface& surface, double radius) {
 }
 
 // \param hull of the surface's vertices
-ConvexPartPtr piece_around(const ConvexPart& hull, const std::shared_ptr<const Surface>& surface) {
-  return make_piece(hull.vertices, hull.radius, hull.loaded_vertices, digest_of(*surface, hull.radius), hull.table,
-                    surface);
+ConvexPartPtr part_around(const ConvexPart& hull, const std::shared_ptr<const Surface>& surface) {
+  return make_convex_part(hull.vertices, hull.radius, hull.loaded_vertices, digest_of(*surface, hull.radius),
+                          hull.table, surface);
 }
 
 }  // namespace
 
-ConvexPartPtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid,
-                                 double radius, std::uint64_t loaded_vertices,
-                                 std::shared_ptr<const Decomposition> decomposition) {
+ConvexPartPtr make_surface_part(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid,
+                                double radius, std::uint64_t loaded_vertices,
+                                std::shared_ptr<const Decomposition> decomposition) {
   // The hull first, because it checks the coordinates.
-  const ConvexPartPtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
+  const ConvexPartPtr hull = make_hull_part(vertices, {}, radius, loaded_vertices);
   auto surface = std::make_shared<Surface>(std::move(vertices), std::move(triangles), is_solid);
   surface->set_decomposition(std::move(decomposition));
-  return piece_around(*hull, surface);
+  return part_around(*hull, surface);
 }
 
-ConvexPartPtr make_decomposed_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
-                                    std::span<const std::vector<Vec3d>> proposed, double radius,
-                                    std::uint64_t loaded_vertices) {
-  const ConvexPartPtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
+ConvexPartPtr make_decomposed_part(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
+                                   std::span<const std::vector<Vec3d>> proposed, double radius,
+                                   std::uint64_t loaded_vertices) {
+  const ConvexPartPtr hull = make_hull_part(vertices, {}, radius, loaded_vertices);
   auto surface = std::make_shared<Surface>(std::move(vertices), std::move(triangles), true);
   surface->set_decomposition(
       std::make_shared<const Decomposition>(prove_decomposition(*surface, proposed).decomposition));
-  return piece_around(*hull, surface);
+  return part_around(*hull, surface);
 }
 
 ConvexPartPtr with_radius(const ConvexPart& piece, double radius) {
-  if (piece.primitive) return make_primitive_piece(*piece.primitive, radius);
+  if (piece.primitive) return make_primitive_part(*piece.primitive, radius);
   const std::uint64_t digest = piece.surface ? digest_of(*piece.surface, radius) : 0;
-  return make_piece(piece.vertices, radius, piece.loaded_vertices, digest, piece.table, piece.surface);
+  return make_convex_part(piece.vertices, radius, piece.loaded_vertices, digest, piece.table, piece.surface);
 }
 
 std::vector<Triangle> triangles_as_loaded(const Surface& surface) {
@@ -97,7 +97,7 @@ Geometry geometry_of_shape(const Shape& shape, double radius, const std::string&
   Shape grown = shape;
   grown.radius += radius;
   Geometry out;
-  out.pieces = {make_hull_piece(shape.vertices, shape.triangles, grown.radius)};
+  out.pieces = {make_hull_part(shape.vertices, shape.triangles, grown.radius)};
   out.display = display_of(shape.radius > 0 ? grown : shape);  // boxes and prisms are shown without their rounding
   out.model_error = shape.model_error;
   out.source = source;
@@ -106,7 +106,7 @@ Geometry geometry_of_shape(const Shape& shape, double radius, const std::string&
 
 Geometry geometry_of_primitive(const Primitive& primitive, double radius, const std::string& source) {
   Geometry out;
-  out.pieces = {make_primitive_piece(primitive, radius)};
+  out.pieces = {make_primitive_part(primitive, radius)};
   if (primitive.kind != Primitive::Kind::kHalfSpace) out.display = display_of(picture_of(primitive));
   out.source = source;
   return out;
@@ -129,7 +129,7 @@ ConvexPartPtr with_prism(const ConvexPartPtr& piece) {
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
   Geometry out;
   auto display = std::make_shared<DisplayMesh>();
-  out.pieces = {make_hull_piece(points, {}, radius, 0, false, &display->triangles)};
+  out.pieces = {make_hull_part(points, {}, radius, 0, false, &display->triangles)};
   display->vertices = out.pieces[0]->vertices;
   if (!display->triangles.empty()) out.display = std::move(display);
   out.source = "points";

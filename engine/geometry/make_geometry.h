@@ -30,16 +30,16 @@ Primitive cylinder_of(double radius, double length);
 ConvexPartPtr with_prism(const ConvexPartPtr& piece);
 
 /// Makes a part of a surface or solid mesh, enclosed by the hull of its vertices.
-/// Throws std::invalid_argument as Surface and make_piece() do.
+/// Throws std::invalid_argument as Surface and make_convex_part() do.
 /// \param loaded_vertices of the mesh file; 0 for the number given
-ConvexPartPtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid,
-                                 double radius, std::uint64_t loaded_vertices = 0,
-                                 std::shared_ptr<const Decomposition> decomposition = nullptr);
+ConvexPartPtr make_surface_part(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid,
+                                double radius, std::uint64_t loaded_vertices = 0,
+                                std::shared_ptr<const Decomposition> decomposition = nullptr);
 /// Makes a solid with convex parts as proxies, and proves how far these deviate from it.
 /// \param proposed vertices of each proxy
-ConvexPartPtr make_decomposed_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
-                                    std::span<const std::vector<Vec3d>> proposed, double radius,
-                                    std::uint64_t loaded_vertices = 0);
+ConvexPartPtr make_decomposed_part(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
+                                   std::span<const std::vector<Vec3d>> proposed, double radius,
+                                   std::uint64_t loaded_vertices = 0);
 /// Returns the same part, with its exact geometry, grown by another radius.
 ConvexPartPtr with_radius(const ConvexPart& piece, double radius);
 /// A surface's triangles in the order of its mesh.

@@ -11,7 +11,7 @@ namespace {
 
 // Reads a file of convex parts, whose name is added to errors.
 template <class Ask>
-decltype(auto) of_pieces(MeshFile& pieces, const Ask& ask) {
+decltype(auto) of_parts(MeshFile& pieces, const Ask& ask) {
   try {
     return ask(pieces);
   } catch (const MeshError& error) {
@@ -59,7 +59,7 @@ std::string MeshGeometries::name_of(MeshFile& file, const MeshRecipe& recipe) {
   }
   key.add(file.digest()).add(std::filesystem::path(file.path()).extension().string());
   if (recipe.mesh_as == MeshAs::kDecompose)
-    if (MeshFile* pieces = file.pieces()) key.add(of_pieces(*pieces, [](MeshFile& f) { return f.digest(); }));
+    if (MeshFile* pieces = file.pieces()) key.add(of_parts(*pieces, [](MeshFile& f) { return f.digest(); }));
   for (int k = 0; k < 3; ++k) key.add(recipe.scale[k]);
   key.add(static_cast<std::uint64_t>(recipe.up));
   return key.add(static_cast<std::uint64_t>(recipe.mesh_as)).add(recipe.radius).name();
@@ -99,7 +99,7 @@ Geometry MeshGeometries::made(MeshFile& file, const MeshRecipe& recipe, const st
   MeshFile* const pieces = recipe.mesh_as == MeshAs::kDecompose ? file.pieces() : nullptr;
   const auto is_as_named = [](MeshFile& f) { return f.mesh().alone && f.mesh().digest == f.digest(); };
   Geometry geometry = geometry_of_mesh(
-      mesh, recipe, "", pieces ? &of_pieces(*pieces, [](MeshFile& f) -> const Mesh& { return f.mesh(); }) : nullptr);
+      mesh, recipe, "", pieces ? &of_parts(*pieces, [](MeshFile& f) -> const Mesh& { return f.mesh(); }) : nullptr);
   *shared = is_as_named(file) && (!pieces || is_as_named(*pieces));
   if (*shared && cache_.is_on()) cache_.write(name, geometry_record(geometry));
   return geometry;

@@ -46,9 +46,9 @@ void measure(ConvexPart& piece, const std::vector<Vec3d>& vertices) {
 
 }  // namespace
 
-ConvexPartPtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
-                         std::uint64_t digest, std::shared_ptr<const DirectionTable> table,
-                         std::shared_ptr<const Surface> surface) {
+ConvexPartPtr make_convex_part(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
+                               std::uint64_t digest, std::shared_ptr<const DirectionTable> table,
+                               std::shared_ptr<const Surface> surface) {
   const FpEnvironment environment;
   if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
   if (!(radius >= 0 && radius <= kMaxCoordinate))
@@ -82,7 +82,7 @@ ConvexPartPtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64
   return piece;
 }
 
-void remake_piece(ConvexPart& piece, std::span<const Vec3d> vertices, double radius) {
+void remake_part(ConvexPart& piece, std::span<const Vec3d> vertices, double radius) {
   assert(!vertices.empty() && vertices.size() <= kTableFromVertices && !piece.table);
   piece.vertices.assign(vertices.begin(), vertices.end());
   piece.radius = radius;

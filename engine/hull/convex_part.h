@@ -57,13 +57,13 @@ using ConvexPartPtr = std::shared_ptr<const ConvexPart>;
 /// \param digest of the vertices as loaded; if 0, computed from `vertices` and `radius`
 /// \param table the one that an earlier call has made of the same vertices, if it was kept
 /// \param surface the mesh whose hull the vertices are
-ConvexPartPtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
-                         std::uint64_t digest = 0, std::shared_ptr<const DirectionTable> table = nullptr,
-                         std::shared_ptr<const Surface> surface = nullptr);
+ConvexPartPtr make_convex_part(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
+                               std::uint64_t digest = 0, std::shared_ptr<const DirectionTable> table = nullptr,
+                               std::shared_ptr<const Surface> surface = nullptr);
 
 /// Replaces a temporary small part in place, reusing its memory. It has no digest.
-/// \param vertices as for make_piece(), at most kTableFromVertices
-void remake_piece(ConvexPart& piece, std::span<const Vec3d> vertices, double radius);
+/// \param vertices as for make_convex_part(), at most kTableFromVertices
+void remake_part(ConvexPart& piece, std::span<const Vec3d> vertices, double radius);
 
 /// A copy with all derived data computed again from its vertices, and without a table. It allows a check of a part
 /// whose table or other data may be damaged. Takes time linear in the number of vertices.

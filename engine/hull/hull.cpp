@@ -235,8 +235,8 @@ Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> t
   return hull;
 }
 
-ConvexPartPtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
-                              std::uint64_t loaded_vertices, bool distinct, std::vector<Triangle>* faces) {
+ConvexPartPtr make_hull_part(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
+                             std::uint64_t loaded_vertices, bool distinct, std::vector<Triangle>* faces) {
   const FpEnvironment environment;
   check_vertices(vertices);
   Digest digest;
@@ -244,8 +244,8 @@ ConvexPartPtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const T
   digest.add(radius);
   Hull hull = reduce_to_hull(vertices, triangles, distinct);
   if (faces) *faces = std::move(hull.triangles);
-  return make_piece(std::move(hull.vertices), radius, std::max<std::uint64_t>(loaded_vertices, vertices.size()),
-                    digest.value());
+  return make_convex_part(std::move(hull.vertices), radius, std::max<std::uint64_t>(loaded_vertices, vertices.size()),
+                          digest.value());
 }
 
 }  // namespace clearance

@@ -36,11 +36,11 @@ inline constexpr std::size_t kHullMaxVertices = 150'000;
 void check_vertices(std::span<const Vec3d> vertices);
 
 /// The convex part spanned by `vertices` and grown by `radius`, from reduce_to_hull(). Throws std::invalid_argument as
-/// make_piece() does.
+/// make_convex_part() does.
 /// \param faces receives the guess of its faces, if not null
 /// \param loaded_vertices their number before the caller merged duplicates (`distinct`), or 0 for those given
-ConvexPartPtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
-                              std::uint64_t loaded_vertices = 0, bool distinct = false,
-                              std::vector<Triangle>* faces = nullptr);
+ConvexPartPtr make_hull_part(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
+                             std::uint64_t loaded_vertices = 0, bool distinct = false,
+                             std::vector<Triangle>* faces = nullptr);
 
 }  // namespace clearance

@@ -34,7 +34,7 @@ const char* name_of(Primitive::Kind kind);
 
 /// A part with a core in closed form, grown by a radius. Throws std::invalid_argument for a negative or non-finite
 /// radius, and for sizes that are not above 0 and at most 1e60 m.
-ConvexPartPtr make_primitive_piece(const Primitive& primitive, double radius = 0);
+ConvexPartPtr make_primitive_part(const Primitive& primitive, double radius = 0);
 
 inline bool is_half_space(const ConvexPart& piece) {
   return piece.primitive && piece.primitive->kind == Primitive::Kind::kHalfSpace;

@@ -41,7 +41,7 @@ class ElementSearch {
   /// \param all with all pairs whose boxes may overlap
   void begin_hulls(bool all) {
     round_.assign(1, nearest_.pieces());
-    if (all) nearest_.touching_pieces(round_);
+    if (all) nearest_.touching_parts(round_);
     known_.in_hulls = true;
   }
   /// Least lower bound on the signed distance of the hulls, from their round.
@@ -55,7 +55,7 @@ class ElementSearch {
   const HullsGap& hulls_gap() const { return known_.hulls_gap; }
   bool in_hulls() const { return known_.in_hulls; }
   void take_hulls(double lower, const Vec3d& n_w) {
-    nearest_.take_pieces(lower);
+    nearest_.take_parts(lower);
     known_.are_apart = lower > 0;
     nearest_.look_along(n_w);
     end_round();
@@ -69,13 +69,13 @@ class ElementSearch {
   /// Step between hulls and triangles: the convex parts of decompositions. kGoesOn while they are evaluated, or if all
   /// are proved beyond the cut-off (DecomposedPair::round() is empty); kOver if triangles have to be evaluated.
   enum class ByParts : std::uint8_t { kNotYet, kGoesOn, kOver };
-  ByParts go_on_by_pieces(const PoseMatrix& pose_a, const PoseMatrix& pose_b, double cut_off) {
-    if (known_.by_pieces == ByParts::kNotYet)
-      known_.by_pieces = pieces_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByParts::kGoesOn : ByParts::kOver;
-    if (pieces_.has_failed()) known_.by_pieces = ByParts::kOver;
-    return known_.by_pieces;
+  ByParts go_on_by_parts(const PoseMatrix& pose_a, const PoseMatrix& pose_b, double cut_off) {
+    if (known_.by_parts == ByParts::kNotYet)
+      known_.by_parts = pieces_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByParts::kGoesOn : ByParts::kOver;
+    if (pieces_.has_failed()) known_.by_parts = ByParts::kOver;
+    return known_.by_parts;
   }
-  bool is_by_pieces() const { return known_.by_pieces == ByParts::kGoesOn; }
+  bool is_by_parts() const { return known_.by_parts == ByParts::kGoesOn; }
   DecomposedPair& pieces() { return pieces_; }
   /// Begins a round with one near pair. Returns false if all pairs tried for it are beyond the cut-off.
   bool begin_near(double cut_off) {
@@ -88,8 +88,8 @@ class ElementSearch {
   std::span<const ElementPair> round() const { return round_; }
   void end_round() { round_.clear(); }
   /// The elements of a pair of the round, as parts that stay valid until the next round begins.
-  const ConvexPart& piece_a(std::size_t i) { return piece_of(*a_, round_[i].a, room(2 * i)); }
-  const ConvexPart& piece_b(std::size_t i) { return piece_of(*b_, round_[i].b, room(2 * i + 1)); }
+  const ConvexPart& part_a(std::size_t i) { return part_of(*a_, round_[i].a, room(2 * i)); }
+  const ConvexPart& part_b(std::size_t i) { return part_of(*b_, round_[i].b, room(2 * i + 1)); }
   /// Lower bound on the distance of pairs in no round yet, metres.
   double left() const { return nearest_.left(); }
   void look_along(const Vec3d& n_w) { nearest_.look_along(n_w); }
@@ -108,7 +108,7 @@ class ElementSearch {
   // depends on its bodies alone.
   struct Known {
     bool in_hulls = false, are_hulls_taken = false, are_apart = false;  // hulls: in progress, done, apart
-    ByParts by_pieces = ByParts::kNotYet;
+    ByParts by_parts = ByParts::kNotYet;
     HullsGap hulls_gap;
   } known_;
   std::deque<ConvexPart> rooms_;

@@ -47,10 +47,10 @@ double above_zero(double x) {
 
 }  // namespace
 
-const ConvexPart& piece_of(const Body& body, const Element& element, ConvexPart& room) {
+const ConvexPart& part_of(const Body& body, const Element& element, ConvexPart& room) {
   const ConvexPart& piece = *body.pieces[element.piece];
   if (element.triangle == kNone) return piece;
-  remake_piece(room, piece.surface->element(element.triangle).span(), piece.radius);
+  remake_part(room, piece.surface->element(element.triangle).span(), piece.radius);
   return room;
 }
 
@@ -140,7 +140,7 @@ NearestElements::NodeBounds NearestElements::before_a(const NodeBounds& of_b) co
 
 // Difference of a gap between cores and the one between grown elements, as computed.
 double NearestElements::margin(const Entry& e) const {
-  return a_->pieces[e.piece_a]->radius + b_->pieces[e.piece_b]->radius + error_;
+  return a_->pieces[e.part_a]->radius + b_->pieces[e.part_b]->radius + error_;
 }
 
 // Gap of two parts, or of anything and a half-space: from boxes in the axes of a, and along the line of their centres.
@@ -195,7 +195,7 @@ double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32
 // \param n_a,n_b the direction in the axes of both, of length 1 up to rounding
 double NearestElements::gap_along(const Entry& e, const NodeBounds& a, const NodeBounds& b, const Vec3d& n_a,
                                   const Vec3d& n_b) const {
-  const double far_a = reach(*a_, e.piece_a, e.at_a, a, n_a), far_b = reach(*b_, e.piece_b, e.at_b, b, -n_b);
+  const double far_a = reach(*a_, e.part_a, e.at_a, a, n_a), far_b = reach(*b_, e.part_b, e.at_b, b, -n_b);
   return above_zero(((dot(n_a, D_) - far_b) - far_a) * (1 - 0x1p-45) - margin(e));
 }
 
@@ -254,7 +254,7 @@ double NearestElements::gap_known(const Entry& e, double far_a, double far_b) co
 }
 
 double NearestElements::gap_known(const Entry& e, const NodeBounds& a, const NodeBounds& b) const {
-  return gap_known(e, known_reach(true, e.piece_a, e.at_a, a), known_reach(false, e.piece_b, e.at_b, b));
+  return gap_known(e, known_reach(true, e.part_a, e.at_a, a), known_reach(false, e.part_b, e.at_b, b));
 }
 
 void NearestElements::look_along(const Vec3d& n_w) {
@@ -283,14 +283,14 @@ void NearestElements::open(const Entry& e, double cut_off, const Each& each) con
   const auto is_of_mesh = [](const Body& body, std::uint32_t piece, std::uint32_t at) {
     return at != kNone && !body.pieces[piece]->surface->is_cloud();
   };
-  const Surface::Node *const a = node_of(*a_, e.piece_a, e.at_a), *const b = node_of(*b_, e.piece_b, e.at_b);
+  const Surface::Node *const a = node_of(*a_, e.part_a, e.at_a), *const b = node_of(*b_, e.part_b, e.at_b);
   const bool divides_a = a && !a->is_leaf(), divides_b = b && !b->is_leaf();
   const bool opens_a = divides_a != divides_b ? divides_a
                        : a && b               ? !(squared_size(*a) < squared_size(*b))
                                               : a != nullptr;
   if (plane_ == Plane::kNeither) {
     if (divides_a || divides_b) return divide<NodesBelow>(e, opens_a, cut_off, each);
-    if (is_of_mesh(*a_, e.piece_a, e.at_a) && is_of_mesh(*b_, e.piece_b, e.at_b)) return pair_triangles(e, a, b, each);
+    if (is_of_mesh(*a_, e.part_a, e.at_a) && is_of_mesh(*b_, e.part_b, e.at_b)) return pair_triangles(e, a, b, each);
     return divide<ElementsBelow>(e, opens_a, cut_off, each);
   }
   const NodeBounds bounds_of_a = bounds_a(e), bounds_of_b = bounds_b(e);
@@ -330,19 +330,19 @@ NearestElements::ElementsBelow::ElementsBelow(const Surface& surface, std::uint3
 template <class Below, class Each>
 void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const Each& each) const {
   const Body &body = opens_a ? *a_ : *b_, &other = opens_a ? *b_ : *a_;
-  const std::uint32_t piece = opens_a ? e.piece_a : e.piece_b, at = opens_a ? e.at_a : e.at_b,
-                      other_piece = opens_a ? e.piece_b : e.piece_a, other_at = opens_a ? e.at_b : e.at_a;
+  const std::uint32_t piece = opens_a ? e.part_a : e.part_b, at = opens_a ? e.at_a : e.at_b,
+                      other_part = opens_a ? e.part_b : e.part_a, other_at = opens_a ? e.at_b : e.at_a;
   const Surface& surface = *body.pieces[piece]->surface;
   const Below below(surface, at);
   PartColumn far;
   if (looks_) part_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
   const auto before = [&](std::uint32_t before_at) {
-    const NodeBounds other_bounds = bounds(other, other_piece, before_at);
+    const NodeBounds other_bounds = bounds(other, other_part, before_at);
     std::array<Vec3d, 3> room;
     PartColumn gaps;
-    part_gaps(below.columns, part_bounds(other, other_piece, before_at, other_bounds, room), opens_a ? R_ : R_ba_,
+    part_gaps(below.columns, part_bounds(other, other_part, before_at, other_bounds, room), opens_a ? R_ : R_ba_,
               opens_a ? D_ : D_ba_, cut_off + margin(e), gaps);
-    const double other_far = looks_ ? known_reach(!opens_a, other_piece, before_at, other_bounds) : 0;
+    const double other_far = looks_ ? known_reach(!opens_a, other_part, before_at, other_bounds) : 0;
     for (std::uint32_t k = 0; k < below.count; ++k) {
       Entry part = e;
       (opens_a ? part.at_a : part.at_b) = below.at[k];
@@ -356,7 +356,7 @@ void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const
     }
   };
   if (is_element(other_at)) return before(other_at);
-  const Surface& others = *other.pieces[other_piece]->surface;
+  const Surface& others = *other.pieces[other_part]->surface;
   const Surface::Node& node = others.nodes()[other_at];
   if (!node.is_leaf() || others.is_cloud() || squared_size(node) < squared_size(surface.nodes()[at]))
     return before(other_at);
@@ -374,7 +374,7 @@ void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a
   const auto range_of = [](const Surface::Node* leaf, std::uint32_t at) {
     return leaf ? Range{leaf->begin(), leaf->end()} : Range{at & ~kTriangle, (at & ~kTriangle) + 1};
   };
-  const Surface &of_a = *a_->pieces[e.piece_a]->surface, &of_b = *b_->pieces[e.piece_b]->surface;
+  const Surface &of_a = *a_->pieces[e.part_a]->surface, &of_b = *b_->pieces[e.part_b]->surface;
   const Range range_a = range_of(leaf_a, e.at_a), range_b = range_of(leaf_b, e.at_b);
   const Vec3d d = before_a(bounds_b(e)).centre - bounds_a(e).centre;
   const double length = norm(d);
@@ -396,7 +396,7 @@ void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a
 
 ElementPair NearestElements::pieces() const {
   const Entry& e = open_.front();
-  return {e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}};
+  return {e.gap, {e.part_a, kNone}, {e.part_b, kNone}};
 }
 
 bool NearestElements::is_one_within() const {
@@ -412,13 +412,13 @@ bool NearestElements::is_one_within() const {
   return holds(a, turned.centre, turned.half) || holds(b, R_ba_ * a.centre + D_ba_, half);
 }
 
-void NearestElements::touching_pieces(std::vector<ElementPair>& others) const {
+void NearestElements::touching_parts(std::vector<ElementPair>& others) const {
   open_.each_behind([&](const Entry& e) {
-    if (!(e.gap > 0)) others.push_back({e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}});
+    if (!(e.gap > 0)) others.push_back({e.gap, {e.part_a, kNone}, {e.part_b, kNone}});
   });
 }
 
-void NearestElements::take_pieces(double lower) {
+void NearestElements::take_parts(double lower) {
   looks_deep_ = lower > 0;  // without a direction that separates all, one helps for a few triangles only
   Entry e = open_.pop();
   e.gap = std::max(e.gap, lower);
@@ -453,7 +453,7 @@ bool NearestElements::take_near(double cut_off, ElementPair& pair) {
     }
     at = best;
   }
-  pair = {std::max(at.gap, known), element(at.piece_a, at.at_a), element(at.piece_b, at.at_b)};
+  pair = {std::max(at.gap, known), element(at.part_a, at.at_a), element(at.part_b, at.at_b)};
   return true;
 }
 
@@ -467,7 +467,7 @@ NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, E
       continue;
     }
     if (is_element(e.at_a) && is_element(e.at_b)) {
-      pair = {e.gap, element(e.piece_a, e.at_a), element(e.piece_b, e.at_b)};
+      pair = {e.gap, element(e.part_a, e.at_a), element(e.part_b, e.at_b)};
       return Found::kPair;
     }
     open(e, cut_off, [&](Entry part) {

@@ -25,7 +25,7 @@ struct Element {
   std::uint32_t triangle = kNone;  ///< of the mesh; kNone for the part itself
 };
 /// The element as a part that can be evaluated: the part itself, or `room`, which becomes its triangle.
-const ConvexPart& piece_of(const Body& body, const Element& element, ConvexPart& room);
+const ConvexPart& part_of(const Body& body, const Element& element, ConvexPart& room);
 
 struct ElementPair {
   double gap;  ///< lower bound on the pair's distance, in metres
@@ -44,8 +44,8 @@ class NearestElements {
   /// Whether the box of one of these parts contains that of the other, so that their hulls are unlikely to be apart.
   bool is_one_within() const;
   /// All other parts whose boxes may overlap. Call before any pair is taken.
-  void touching_pieces(std::vector<ElementPair>& others) const;
-  void take_pieces(double lower);
+  void touching_parts(std::vector<ElementPair>& others) const;
+  void take_parts(double lower);
   /// Takes a near pair, not necessarily the nearest. Returns false if all pairs tried for it are beyond the cut-off.
   bool take_near(double cut_off, ElementPair& pair);
   /// The next pair in their order, unless its gap exceeds the cut-off (kNoMore) or the slice is over (kPaused).
@@ -64,7 +64,7 @@ class NearestElements {
   // A pair of subtrees; `at` is a node, a triangle, or kNone for an exact part.
   struct Entry {
     double gap;
-    std::uint32_t piece_a, at_a, piece_b, at_b;
+    std::uint32_t part_a, at_a, part_b, at_b;
     std::uint32_t looked;  // number of directions known when its gap was made
   };
   // The nearest first; among equal gaps those farther down, which end sooner. Gaps are not below 0, so that their bits
@@ -97,8 +97,8 @@ class NearestElements {
     return {piece, at == kNone ? kNone : at & ~kTriangle};
   }
   static NodeBounds bounds(const Body& body, std::uint32_t piece, std::uint32_t at);
-  NodeBounds bounds_a(const Entry& e) const { return bounds(*a_, e.piece_a, e.at_a); }
-  NodeBounds bounds_b(const Entry& e) const { return bounds(*b_, e.piece_b, e.at_b); }
+  NodeBounds bounds_a(const Entry& e) const { return bounds(*a_, e.part_a, e.at_a); }
+  NodeBounds bounds_b(const Entry& e) const { return bounds(*b_, e.part_b, e.at_b); }
   NodeBounds before_a(const NodeBounds& of_b) const;
   double gap_of(const Entry& e, const NodeBounds& a, const NodeBounds& b) const;
   double gap_along(const Entry& e, const NodeBounds& a, const NodeBounds& b, const Vec3d& n_a, const Vec3d& n_b) const;

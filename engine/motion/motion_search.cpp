@@ -214,7 +214,7 @@ void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const Pa
                        const BodyPoses& placed) {
   const bool within = is_within(answer, motion_query_.plan.margins.of(position));
   const bool earlier = within && time < goal.hit.time, hit_before = goal.hit.time < kInf;
-  if (earlier) goal.hit = {time, position, answer.piece_a, answer.piece_b};
+  if (earlier) goal.hit = {time, position, answer.part_a, answer.part_b};
   const bool nearer = answer.upper < goal.upper() && (!any() || within || !goal.decided);
   if (!(any() && seeks_contact_ ? earlier || (nearer && !hit_before) : nearer)) return;
   const BodyPair pair = motion_query_.plan.pairs.at(position);

@@ -17,7 +17,7 @@ namespace clearance {
 struct MotionHit {
   double time = std::numeric_limits<double>::infinity();  // in [0, 1]; inf if never
   std::uint64_t position = 0;                             // of the pair in the plan
-  std::uint32_t piece_a = 0, piece_b = 0;                 // its bodies' nearest parts at that time
+  std::uint32_t part_a = 0, part_b = 0;                   // its bodies' nearest parts at that time
 };
 
 /// A row of a motion.

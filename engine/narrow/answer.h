@@ -25,7 +25,7 @@ struct PairAnswer {
   double distance, lower, upper;
   Status status;
   std::uint16_t flags;
-  std::uint32_t piece_a, piece_b;
+  std::uint32_t part_a, part_b;
   Vec3d point_a, point_b, normal;
 };
 
@@ -62,8 +62,8 @@ CLEARANCE_HD inline Status pair_status(Status a, Status b) {
 /// Answers a pair from its bodies' poses and boxes alone, if they suffice; otherwise sets only the flags.
 /// \param gap returns a lower bound on the distance of the boxes; called only if `cull`
 template <class Gap>
-CLEARANCE_HD inline bool answer_without_pieces(Status a, Status b, std::uint16_t flags, bool cull, double max_distance,
-                                               const Gap& gap, PairAnswer& answer) {
+CLEARANCE_HD inline bool answer_without_parts(Status a, Status b, std::uint16_t flags, bool cull, double max_distance,
+                                              const Gap& gap, PairAnswer& answer) {
   answer.flags = flags;
   if (const Status status = pair_status(a, b); status != Status::kOk) {
     answer = no_answer(status);
@@ -110,16 +110,16 @@ template <class Rounding>
 CLEARANCE_HD inline void decide(const NarrowLimits& asked, double lower, double upper, const Rounding& rounding,
                                 PairAnswer& answer, const Slack& slack = {}) {
   double true_lower = slack.true_lower(lower), true_upper = slack.true_upper(upper);
-  const bool pieces_overlap = upper <= 0, overlap = true_upper <= 0;
+  const bool parts_overlap = upper <= 0, overlap = true_upper <= 0;
   if (!asked.signed_distance) {
     lower = lower < 0 ? 0 : lower;
-    upper = pieces_overlap ? 0 : upper;
+    upper = parts_overlap ? 0 : upper;
     true_lower = true_lower < 0 ? 0 : true_lower;
     true_upper = overlap ? 0 : true_upper;
   }
   const double width = upper - lower;
   const auto narrow = [&](double distance) { return is_narrow(width, distance, asked.abs_tol, asked.rel_tol); };
-  const bool converged = pieces_overlap ? !asked.signed_distance || narrow(lower) : narrow(lower > 0 ? upper : 0);
+  const bool converged = parts_overlap ? !asked.signed_distance || narrow(lower) : narrow(lower > 0 ? upper : 0);
   if (true_lower > 0) {
     decide_apart(asked.max_distance, true_lower, true_upper, converged, answer);
     if (answer.status == Status::kBeyond) {

@@ -63,18 +63,18 @@ SupportPoint<T> CorePoints<T>::farthest(const Vec3<T>& n) {
 }
 
 template <class T>
-PlacedPair<T>::PlacedPair(const ConvexPart& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const ConvexPart& piece_b,
+PlacedPair<T>::PlacedPair(const ConvexPart& part_a, const Mat3<T>& R_a, const Vec3d& t_a, const ConvexPart& part_b,
                           const Mat3<T>& R_b, const Vec3d& t_b)
-    : a(&piece_a),
-      b(&piece_b),
+    : a(&part_a),
+      b(&part_b),
       R_wa(R_a),
       R_wb(R_b),
       R(R_a.transpose_times(R_b)),
       D(R_a.transpose_times(difference(t_b, t_a, T()))),
-      points_a(piece_a),
-      points_b(piece_b) {
-  radius = sum(piece_a.radius, piece_b.radius, T());
-  scale = pair_scale<double>(to_double(D), piece_a.rho, piece_b.rho, piece_a.radius + piece_b.radius);
+      points_a(part_a),
+      points_b(part_b) {
+  radius = sum(part_a.radius, part_b.radius, T());
+  scale = pair_scale<double>(to_double(D), part_a.rho, part_b.rho, part_a.radius + part_b.radius);
 }
 
 template <class T>

@@ -174,7 +174,7 @@ struct PlacedPair {
   T radius;                                  ///< r_a + r_b; exact in double-double
   mutable CorePoints<T> points_a, points_b;  ///< of round cores: the points found so far
 
-  PlacedPair(const ConvexPart& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const ConvexPart& piece_b,
+  PlacedPair(const ConvexPart& part_a, const Mat3<T>& R_a, const Vec3d& t_a, const ConvexPart& part_b,
              const Mat3<T>& R_b, const Vec3d& t_b);
 
   double lower_error() const { return error(RoundingUnits<T>::kLower); }

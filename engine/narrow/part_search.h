@@ -121,8 +121,8 @@ enum class PartEnd { kApart, kOverlap, kOpen };
 /// which ends the search without depth; kOpen if it is unresolved, which also ends it
 /// \param stop_below upper bound that is low enough to stop
 template <class Nearest, class Look>
-CLEARANCE_HD inline PartEnd search_pieces(PartSearch& search, double max_distance, Nearest& nearest, const Look& look,
-                                          double stop_below = -__builtin_inf()) {
+CLEARANCE_HD inline PartEnd search_parts(PartSearch& search, double max_distance, Nearest& nearest, const Look& look,
+                                         double stop_below = -__builtin_inf()) {
   PartPair p;
   bool there = nearest.next(p);
   while (there) {

@@ -67,7 +67,7 @@ class Maker {
     const auto piece = [](const std::vector<Vec3d>& world, const Turn& turn, const Vec3d& at, double radius) {
       std::vector<Vec3d> v;
       for (const Vec3d& p : world) v.push_back(turn.turned_back(p * kGrid - at) * kStep);
-      return make_piece(std::move(v), radius * kGrid * kStep);
+      return make_convex_part(std::move(v), radius * kGrid * kStep);
     };
     KnownPair pair{kind, piece(a, turn_a, at_a, radius_a), piece(b, turn_b, at_b, radius_b), exact * kGrid * kStep, {}};
     for (int i = 0; i < kPlaces; ++i) {

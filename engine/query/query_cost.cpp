@@ -61,7 +61,7 @@ SceneCost::SelectorCost SceneCost::side(std::uint32_t selector) const {
 void SceneCost::add_pairs(QueryCost& extent, const SelectorCost& a, const SelectorCost& b, bool are_same) {
   const std::uint64_t ordered = times(a.bodies, b.bodies);
   extent.pairs = plus(extent.pairs, are_same ? (ordered - a.bodies) / 2 : ordered);
-  extent.piece_pairs = plus(extent.piece_pairs, times(a.pieces, b.pieces));
+  extent.part_pairs = plus(extent.part_pairs, times(a.pieces, b.pieces));
   extent.units = plus(extent.units, plus(times(a.units, b.pieces), times(b.units, a.pieces)));
 }
 
@@ -95,7 +95,7 @@ QueryCost SceneCost::of(const QueryView& query, const PoseSnapshot& snapshot) co
     extent.listed = plus(extent.listed, plus(side(entry.a).bodies, side(entry.b).bodies));
   std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
   if (query.max_evaluations > 0) configurations = times(configurations / 2, query.max_evaluations);
-  return {times(extent.pairs, configurations), times(extent.piece_pairs, configurations),
+  return {times(extent.pairs, configurations), times(extent.part_pairs, configurations),
           times(extent.units, configurations), times(extent.links, configurations), extent.listed};
 }
 

@@ -11,11 +11,11 @@ namespace clearance {
 
 /// Counts that saturate at the largest number.
 struct QueryCost {
-  std::uint64_t pairs = 0;        ///< pairs of bodies times configurations
-  std::uint64_t piece_pairs = 0;  ///< part pairs times configurations
-  std::uint64_t units = 0;        ///< of work (WorkMeter), if each part pair took one support evaluation
-  std::uint64_t links = 0;        ///< links of robots that the query moves, times configurations
-  std::uint64_t listed = 0;       ///< listed pairs (none for the scene's table) and bodies in margins
+  std::uint64_t pairs = 0;       ///< pairs of bodies times configurations
+  std::uint64_t part_pairs = 0;  ///< part pairs times configurations
+  std::uint64_t units = 0;       ///< of work (WorkMeter), if each part pair took one support evaluation
+  std::uint64_t links = 0;       ///< links of robots that the query moves, times configurations
+  std::uint64_t listed = 0;      ///< listed pairs (none for the scene's table) and bodies in margins
 };
 
 /// Counts for selectors, summed over the scene beforehand.

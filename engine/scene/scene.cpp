@@ -56,7 +56,7 @@ std::uint32_t Scene::insert_body(Body body) {
   if (!body.pose && (body.is_static || parent != kNone)) body.pose = Pose{};
   body.parent = parent;
   grow(body);
-  by_pieces_ = nullptr;
+  by_parts_ = nullptr;
   has_uncertainties_ |= has_uncertainty(body);
   has_surfaces_ |= has_surface(body);
   const auto id = static_cast<std::uint32_t>(bodies_.size());

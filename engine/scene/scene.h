@@ -39,7 +39,7 @@ struct Body : Geometry {
   bool is_grown = false;  ///< the parts include `padding` and the uncertainty of position already; set by Scene
   double max_speed = 0;   ///< bound on the speed of its points and of bodies that follow it, in metres per second
   double reach = 0;       ///< bound on the distance of the parts from the origin, in metres; set by Scene
-  /// The exact body, if convex parts are proxies for its meshes (Scene::by_pieces()), else null. `model_inner` and
+  /// The exact body, if convex parts are proxies for its meshes (Scene::by_parts()), else null. `model_inner` and
   /// `model_error` bound their distance from it.
   std::shared_ptr<const Body> stands_for;
 };
@@ -106,7 +106,7 @@ class Scene {
   std::uint32_t add_points(const std::string& name, std::span<const CloudPoint> points, double voxel,
                            const BodyOptions& options);
   /// Returns the same scene with other points in a cloud.
-  /// \param cloud from make_cloud_piece(), not yet grown by the body's uncertainty; null for no points
+  /// \param cloud from make_cloud_part(), not yet grown by the body's uncertainty; null for no points
   Scene with_points(std::uint32_t body, const ConvexPartPtr& cloud) const;
   std::uint32_t add_uv_sphere(const std::string& name, double radius, int resolution,
                               const BodyOptions& options);                                 ///< Open3D's create_sphere
@@ -156,8 +156,8 @@ class Scene {
 
   /// The same scene with convex proxies in place of meshes that have them (Decomposition), for queries of the model
   /// `pieces`. Null before find_stand_ins(), or if no body has proxies.
-  const Scene* by_pieces() const { return by_pieces_.get(); }
-  /// Makes by_pieces(). Call it again after adding bodies.
+  const Scene* by_parts() const { return by_parts_.get(); }
+  /// Makes by_parts(). Call it again after adding bodies.
   void find_stand_ins();
   /// Whether a body of this scene consists of proxies.
   bool has_stand_ins() const { return has_stand_ins_; }
@@ -178,7 +178,7 @@ class Scene {
   std::uint32_t add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of);
   std::uint32_t add_shape(const std::string& name, const Shape& shape, const char* source, const BodyOptions& options);
   Body body_from(const std::string& name, const BodyOptions& options) const;
-  ConvexPartPtr shared_piece(const ConvexPartPtr& piece);
+  ConvexPartPtr shared_part(const ConvexPartPtr& piece);
   void check_free(const std::string& name, const char* what) const;
   const Geometry& mesh_geometry(const std::string& path, const MeshRecipe& recipe);
   void insert_group(Group group);
@@ -186,7 +186,7 @@ class Scene {
   void leave_out(std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs);
   friend class RobotAdder;
 
-  void grow(Body& body, bool shares_pieces = true);
+  void grow(Body& body, bool shares_parts = true);
   Scene without_memory() const;
 
   std::vector<Body> bodies_;
@@ -204,7 +204,7 @@ class Scene {
   /// Geometries made before: meshes by file and options, shapes by their vertices.
   std::unordered_map<std::string, std::shared_ptr<const Geometry>> geometries_;
   std::shared_ptr<MeshGeometries> meshes_;  ///< null until there is a mesh
-  std::shared_ptr<const Scene> by_pieces_;
+  std::shared_ptr<const Scene> by_parts_;
 };
 
 /// Names the body of a pair that is a cloud, surface or solid, as in "'shelf' is a solid". Empty if neither is.

@@ -22,7 +22,7 @@ bool has_stand_ins_of_its_own(const Body& body) {
 
 // The deviation of convex proxies from their mesh is slack of the shape, and proxies are grown as the mesh is. Parts
 // without proxies are unchanged.
-Body body_by_pieces(const Body& body) {
+Body body_by_parts(const Body& body) {
   Body made = body;
   made.pieces.clear();
   double inner = 0, outer = 0;
@@ -64,19 +64,19 @@ Scene Scene::without_memory() const {
 }
 
 void Scene::find_stand_ins() {
-  by_pieces_ = nullptr;
+  by_parts_ = nullptr;
   if (std::ranges::none_of(bodies_, has_stand_ins_of_its_own)) return;
   const FpEnvironment environment;
   auto made = std::make_shared<Scene>(without_memory());
   for (Body& body : made->bodies_) {
     if (!has_stand_ins_of_its_own(body)) continue;
-    body = body_by_pieces(body);
+    body = body_by_parts(body);
     made->grow(body, false);
   }
   made->has_stand_ins_ = true;
   made->has_surfaces_ = std::ranges::any_of(made->bodies_, has_surface);
   made->has_uncertainties_ = std::ranges::any_of(made->bodies_, has_uncertainty);
-  by_pieces_ = std::move(made);
+  by_parts_ = std::move(made);
 }
 
 }  // namespace clearance

@@ -75,7 +75,7 @@ bool same_truth(const ConvexPart& a, const ConvexPart& b) {
 }  // namespace
 
 // Shares one part among bodies of the same shape: this saves memory, and their pairs can share lanes.
-ConvexPartPtr Scene::shared_piece(const ConvexPartPtr& piece) {
+ConvexPartPtr Scene::shared_part(const ConvexPartPtr& piece) {
   const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
   const auto [begin, end] = pieces_.equal_range(piece->digest);
   for (auto it = begin; it != end; ++it) {
@@ -92,7 +92,7 @@ ConvexPartPtr Scene::shared_piece(const ConvexPartPtr& piece) {
 
 // Adds padding and the uncertainty of position to the radius of the parts, which is exact but for the rounding of the
 // sum.
-void Scene::grow(Body& body, bool shares_pieces) {
+void Scene::grow(Body& body, bool shares_parts) {
   const double by = body.is_grown ? 0 : sum_above(body.padding, body.uncertainty.position);
   double rounding = 0;
   for (ConvexPartPtr& piece : body.pieces) {
@@ -101,7 +101,7 @@ void Scene::grow(Body& body, bool shares_pieces) {
       const bool is_exact = (piece->radius == 0) + (body.padding == 0) + (body.uncertainty.position == 0) >= 2;
       if (!is_exact) rounding = std::max(rounding, radius * 0x1p-50);
       piece = with_radius(*piece, radius);
-      if (shares_pieces) piece = shared_piece(piece);
+      if (shares_parts) piece = shared_part(piece);
     }
     body.reach = std::max(body.reach, (piece->rho + piece->radius) * (1 + 0x1p-50));
   }

@@ -174,7 +174,7 @@ class RobotAdder {
   }
 
   void take(Geometry geometry, Body& body) {
-    for (ConvexPartPtr& piece : geometry.pieces) piece = scene_.shared_piece(piece);
+    for (ConvexPartPtr& piece : geometry.pieces) piece = scene_.shared_part(piece);
     static_cast<Geometry&>(body) = std::move(geometry);
   }
 

@@ -27,7 +27,7 @@ std::string file_key(const std::string& path) {
 
 // Replaces the points of a body, not yet grown by its uncertainty.
 void put_points(Body& body, const ConvexPartPtr& cloud) {
-  body.pieces = {cloud ? cloud : piece_of_no_points()};
+  body.pieces = {cloud ? cloud : part_of_no_points()};
   body.cloud = cloud ? CloudState::kPoints : CloudState::kEmpty;
   body.model_error = body.model_inner = cloud ? cloud->surface->rounding() : 0;
   body.reach = 0;
@@ -60,7 +60,7 @@ std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& op
   Body body = body_from(name, options);
   try {
     static_cast<Geometry&>(body) = geometry_of();
-    for (ConvexPartPtr& piece : body.pieces) piece = shared_piece(piece);
+    for (ConvexPartPtr& piece : body.pieces) piece = shared_part(piece);
   } catch (const std::invalid_argument& e) {
     throw SceneError("body " + in_quotes(name) + ": " + e.what());
   } catch (const MeshError& e) {
@@ -192,7 +192,7 @@ std::uint32_t Scene::add_points(const std::string& name, std::span<const CloudPo
   body.source = voxel > 0 ? "voxels" : "cloud";
   try {
     body.voxel = voxel_of(voxel);
-    put_points(body, points.empty() ? nullptr : make_cloud_piece(points, body.voxel, options.radius));
+    put_points(body, points.empty() ? nullptr : make_cloud_part(points, body.voxel, options.radius));
   } catch (const std::invalid_argument& e) {
     throw SceneError(who + e.what());
   }
@@ -206,7 +206,7 @@ Scene Scene::with_points(std::uint32_t id, const ConvexPartPtr& cloud) const {
   put_points(next.bodies_.at(id), cloud);
   next.grow(next.bodies_[id], false);
   next.has_uncertainties_ = std::ranges::any_of(next.bodies_, has_uncertainty);
-  if (by_pieces_) next.by_pieces_ = std::make_shared<const Scene>(by_pieces_->with_points(id, cloud));
+  if (by_parts_) next.by_parts_ = std::make_shared<const Scene>(by_parts_->with_points(id, cloud));
   return next;
 }
 

@@ -64,7 +64,7 @@ BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb>
     local_.push_back(plan.snapshot->local[b]);
     facts_.push_back((plan.snapshot->given[b] ? 0 : kLinkUnplaced) |
                      (plan.snapshot->beyond_limits[b] ? kLinkBeyondLimits : 0));
-    first_piece_.push_back(static_cast<std::uint32_t>(pieces));
+    first_part_.push_back(static_cast<std::uint32_t>(pieces));
     pieces += scene.bodies()[b].pieces.size();
   }
   for (const std::uint32_t b : plan.moved)
@@ -73,7 +73,7 @@ BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb>
   rotation_of_.resize(local_.size(), nullptr);
   moved_boxes_.resize(local_.size());
   if (!plan.uncertainties.empty()) moved_uncertainties_.resize(local_.size());
-  if (!boxes.empty()) piece_boxes_.resize(pieces);
+  if (!boxes.empty()) part_boxes_.resize(pieces);
 }
 
 void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
@@ -111,7 +111,7 @@ void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& 
                          parent == kNone ? nullptr : &uncertainty(parent), on && is_composed(*on), link);
     }
     if (boxes_.empty()) continue;
-    Aabb* const pieces = piece_boxes_.data() + first_piece_[i];
+    Aabb* const pieces = part_boxes_.data() + first_part_[i];
     moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i], slack(body),
                                [&](std::size_t p, const Aabb& box) { pieces[p] = box; });
   }

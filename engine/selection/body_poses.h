@@ -57,9 +57,9 @@ class BodyPoses {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? &boxes_[body] : &moved_boxes_[moved_slot_[body]];
   }
   /// Boxes of the parts of a moved body with a usable pose, if they exist already, otherwise empty.
-  std::span<const Aabb> known_piece_boxes(std::uint32_t body) const {
-    if (piece_boxes_.empty() || moved_slot_[body] == kNone) return {};
-    return std::span(piece_boxes_).subspan(first_piece_[moved_slot_[body]], scene_.bodies()[body].pieces.size());
+  std::span<const Aabb> known_part_boxes(std::uint32_t body) const {
+    if (part_boxes_.empty() || moved_slot_[body] == kNone) return {};
+    return std::span(part_boxes_).subspan(first_part_[moved_slot_[body]], scene_.bodies()[body].pieces.size());
   }
 
  private:
@@ -76,8 +76,8 @@ class BodyPoses {
   std::vector<PoseUncertainty> moved_uncertainties_;  // empty if the plan has none
   std::span<const double> errors_;                    // of each moved body, in addition; may be empty
   std::vector<Aabb> moved_boxes_;
-  std::vector<Aabb> piece_boxes_;           // of all moved bodies
-  std::vector<std::uint32_t> first_piece_;  // by moved body: index into piece_boxes_
+  std::vector<Aabb> part_boxes_;           // of all moved bodies
+  std::vector<std::uint32_t> first_part_;  // by moved body: index into part_boxes_
 };
 
 /// A box that contains the exact body at a placement.

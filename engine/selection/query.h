@@ -46,7 +46,7 @@ struct QueryView {
   double rel_tol = -1.0;  ///< ratio; if negative, the default of the precision (1e-6 float64, 1e-4 float32)
   Precision precision = Precision::kF64;
   bool signed_distance = false;  ///< computes the penetration depth of overlapping pairs
-  Model model = Model::kTruth;   ///< kPieces replaces bodies by their convex proxies (Scene::by_pieces())
+  Model model = Model::kTruth;   ///< kPieces replaces bodies by their convex proxies (Scene::by_parts())
   Reduce reduce = Reduce::kNone;
   Format format = Format::kFull;
   std::uint32_t fields = kDefaultFields;  ///< Field bits

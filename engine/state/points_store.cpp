@@ -33,7 +33,7 @@ PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const Cloud
   if (!is_cloud(of)) refuse("'" + of.name + "' is not a point cloud");
   ConvexPartPtr cloud;
   try {
-    if (!points.empty()) cloud = make_cloud_piece(points, of.voxel, radius.value_or(of.cloud_radius));
+    if (!points.empty()) cloud = make_cloud_part(points, of.voxel, radius.value_or(of.cloud_radius));
   } catch (const std::invalid_argument& e) {
     refuse("'" + of.name + "': " + e.what());
   }

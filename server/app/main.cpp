@@ -159,7 +159,7 @@ Loop::Options loop_options_of(const DaemonOptions& options, const Access& access
   loop.max_added_triangles = options.max_added_triangles;
   loop.max_added_points = options.max_added_points;
   loop.max_pairs = options.max_pairs;
-  loop.max_piece_pairs = options.max_piece_pairs;
+  loop.max_part_pairs = options.max_part_pairs;
   loop.max_plans_of_client = options.max_client_plans;
   loop.max_plans = options.max_plans;
   loop.max_plan_bytes_of_client = std::uint64_t{options.max_client_plan_mib} << 20;

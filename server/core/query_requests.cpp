@@ -83,7 +83,7 @@ std::unique_ptr<QueryTask> QueryRequests::new_query(const Request& request, Serv
 }
 
 bool QueryRequests::is_small(const QueryCost& cost) const {
-  return cost.pairs < kSmallPairs && cost.piece_pairs <= kSmallPartPairs && cost.listed <= kSmallLists &&
+  return cost.pairs < kSmallPairs && cost.part_pairs <= kSmallPartPairs && cost.listed <= kSmallLists &&
          cost.links <= kSmallLinks && context_.engine->has_cpu();
 }
 

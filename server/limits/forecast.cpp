@@ -40,18 +40,18 @@ Forecast::Work Forecast::work_of(const QueryOptions& query, const QueryCost& ext
                                                       (query.precision == Precision::kF32 ? 2u : 0u) +
                                                       (std::isfinite(query.max_distance) ? 1u : 0u);
   const auto of_model = query.model == Model::kPieces ? kKinds / 2 : 0u;
-  return {of_model + kind, std::max<std::uint64_t>(extent.piece_pairs, 1)};
+  return {of_model + kind, std::max<std::uint64_t>(extent.part_pairs, 1)};
 }
 
 /// Groups queries by size in steps of a factor of four, as the start dominates small ones.
 std::uint32_t Forecast::index(const Work& work) {
-  const auto size = static_cast<std::uint32_t>(std::bit_width(work.piece_pairs)) / 2;
+  const auto size = static_cast<std::uint32_t>(std::bit_width(work.part_pairs)) / 2;
   return std::min(work.kind, kKinds - 1) * kSizes + std::min(size, kSizes - 1);
 }
 
 void Forecast::note(const Work& work, std::chrono::nanoseconds took, bool is_whole) {
-  double& figure = ns_per_piece_pair_[index(work)];
-  double seen = static_cast<double>(took.count()) / static_cast<double>(work.piece_pairs);
+  double& figure = ns_per_part_pair_[index(work)];
+  double seen = static_cast<double>(took.count()) / static_cast<double>(work.part_pairs);
   if (!is_whole) seen *= kGivenUp;
   if (figure > 0) seen = std::min(seen, kMostRise * figure);
   if (!is_whole)
@@ -61,16 +61,16 @@ void Forecast::note(const Work& work, std::chrono::nanoseconds took, bool is_who
 }
 
 std::optional<std::chrono::nanoseconds> Forecast::of(const Work& work) const {
-  const double figure = ns_per_piece_pair_[index(work)];
+  const double figure = ns_per_part_pair_[index(work)];
   if (figure <= 0) return std::nullopt;
-  const double ns = std::min(figure * static_cast<double>(work.piece_pairs), 9e18);
+  const double ns = std::min(figure * static_cast<double>(work.part_pairs), 9e18);
   return std::chrono::nanoseconds(static_cast<std::int64_t>(ns));
 }
 
 void Forecast::check(const Work& work, std::chrono::nanoseconds left, std::chrono::nanoseconds deadline) {
   const auto takes = of(work);
   if (!takes || *takes <= left) return;
-  ns_per_piece_pair_[index(work)] *= kAfterRefusal;
+  ns_per_part_pair_[index(work)] *= kAfterRefusal;
   throw late(deadline, "it would take about " + ms(*takes) + ", based on similar queries");
 }
 

@@ -21,7 +21,7 @@ class Forecast {
   /// Properties of a query that determine its cost.
   struct Work {
     std::uint32_t kind = 0;
-    std::uint64_t piece_pairs = 0;
+    std::uint64_t part_pairs = 0;
   };
   static Work work_of(const QueryOptions& query, const QueryCost& extent);
 
@@ -38,7 +38,7 @@ class Forecast {
   static constexpr std::uint32_t kKinds = 96, kSizes = 32;
   static std::uint32_t index(const Work& work);
 
-  std::array<double, std::size_t{kKinds} * kSizes> ns_per_piece_pair_{};  // 0 if unknown
+  std::array<double, std::size_t{kKinds} * kSizes> ns_per_part_pair_{};  // 0 if unknown
 };
 
 /// Rejection of a query whose deadline has passed.

@@ -48,10 +48,10 @@ std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vect
 }
 
 void QueryLimits::check(const QueryCost& cost) const {
-  if (cost.piece_pairs > max_piece_pairs)
+  if (cost.part_pairs > max_part_pairs)
     reject_too_large(
-        "the pairs that this query names have " + std::to_string(cost.piece_pairs) + " pairs of convex parts,",
-        max_piece_pairs, "max-piece-pairs");
+        "the pairs that this query names have " + std::to_string(cost.part_pairs) + " pairs of convex parts,",
+        max_part_pairs, "max-piece-pairs");
 }
 
 void QueryLimits::check(const QuerySize& size) const {

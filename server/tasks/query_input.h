@@ -19,8 +19,8 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision);
 std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vector<std::uint64_t>& copy);
 
 struct QueryLimits {
-  std::uint64_t max_pairs = 10'000'000'000;            ///< pairs times configurations, kTooLarge beyond it
-  std::uint64_t max_piece_pairs = 10'000'000'000'000;  ///< pairs of convex parts, likewise
+  std::uint64_t max_pairs = 10'000'000'000;           ///< pairs times configurations, kTooLarge beyond it
+  std::uint64_t max_part_pairs = 10'000'000'000'000;  ///< pairs of convex parts, likewise
   /// Of the one slice on the loop. Counted in work, not time, so that the machine's load does not matter.
   WorkBudget on_loop{.units = 4096, .pair_units = 1024};
   /// The same for a query of the class planning where clients of the class control exist.

@@ -324,7 +324,7 @@ TEST(Boxes, HoldEveryVertexAtAnyPose) {
   Random random(4);
   for (int round = 0; round < 500; ++round) {
     const double size = std::pow(10, random.uniform(-9, 9)), place = std::pow(10, random.uniform(-9, 9));
-    const ConvexPartPtr piece = make_piece(random.cloud(10, {size, size, size}), random.below(2) ? size : 0.0);
+    const ConvexPartPtr piece = make_convex_part(random.cloud(10, {size, size, size}), random.below(2) ? size : 0.0);
     const Pose X = random.pose(place);
     const Mat3<DoubleDouble> R = rotation_of_double_double(X);
     const Aabb box = certify_box(*piece, rotation_of(X), X.translation);

@@ -233,7 +233,7 @@ TEST(Worlds, RefuseWhatTheReportDoesNotKnow) {
   EXPECT_THROW(World{round}, std::invalid_argument);
   Body body;
   body.name = "two";
-  body.pieces = {make_piece({{0, 0, 0}}), make_piece({{1, 0, 0}})};
+  body.pieces = {make_convex_part({{0, 0, 0}}), make_convex_part({{1, 0, 0}})};
   many.add_body(body);
   EXPECT_THROW(World{many}, std::invalid_argument);
 }

@@ -56,7 +56,7 @@ inline Scene mixed_scene(int count, double box, std::uint64_t seed) {
         body.is_static = options.is_static;
         std::vector<Vec3d> far = random.cloud(12, {0.2, 0.2, 0.2});
         for (Vec3d& v : far) v.x += 1.5;
-        body.pieces = {make_piece(random.cloud(12, {0.2, 0.2, 0.2})), make_piece(std::move(far), 0.05)};
+        body.pieces = {make_convex_part(random.cloud(12, {0.2, 0.2, 0.2})), make_convex_part(std::move(far), 0.05)};
         scene.add_body(std::move(body));
       }
     }
@@ -75,7 +75,7 @@ inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
   for (int i = 0; i < 27; ++i) {
     std::vector<Vec3d> corners = boxes.bodies()[0].pieces[0]->vertices;
     for (Vec3d& v : corners) v += Vec3d{0.25 * (i % 3), 0.25 * (i / 3 % 3), 0.25 * (i / 9)};
-    grid.push_back(make_piece(std::move(corners)));
+    grid.push_back(make_convex_part(std::move(corners)));
   }
   for (int i = 0; i < count; ++i) {
     Body body;
@@ -95,7 +95,7 @@ inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
             random.cloud(p % 6 == 5 ? 90 : 6 + static_cast<int>(random.below(30)), {0.06, 0.06, 0.06});
         for (Vec3d& x : v) x += at;
         at += Vec3d{random.uniform(-0.2, 0.25), random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2)};
-        body.pieces.push_back(make_piece(std::move(v), p % 4 == 2 ? 0.03 : 0.0));
+        body.pieces.push_back(make_convex_part(std::move(v), p % 4 == 2 ? 0.03 : 0.0));
       }
     }
     scene.add_body(std::move(body));

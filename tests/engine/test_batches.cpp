@@ -15,7 +15,7 @@ namespace clearance::test {
 namespace {
 
 // Bodies of one to five convex parts, of 1 to 150 vertices, some of them rounded; the first two share their parts.
-Scene pieces_scene(Random& random, int count) {
+Scene parts_scene(Random& random, int count) {
   Scene scene;
   std::vector<ConvexPartPtr> shared;
   for (int i = 0; i < count; ++i) {
@@ -26,7 +26,7 @@ Scene pieces_scene(Random& random, int count) {
       const int sizes[] = {1, 2, 8, 30, 64, 150};
       std::vector<Vec3d> cloud = random.cloud(sizes[random.below(6)], {0.2, 0.2, 0.2});
       for (Vec3d& v : cloud) v += Vec3d{0.7 * p, random.uniform(-0.3, 0.3), 0};
-      body.pieces.push_back(make_piece(std::move(cloud), random.below(3) == 0 ? 0.05 : 0));
+      body.pieces.push_back(make_convex_part(std::move(cloud), random.below(3) == 0 ? 0.05 : 0));
     }
     if (i == 0) shared = body.pieces;
     if (i == 1) body.pieces = shared;
@@ -47,7 +47,7 @@ TEST(Batches, GiveEachPairTheBitsThatItHasAlone) {
     Random same(4);
     Engine::Options options;
     options.instruction_set = kernel.name;
-    const Engine engine(pieces_scene(same, kBodies), options);
+    const Engine engine(parts_scene(same, kBodies), options);
     for (const Precision precision : {Precision::kF64, Precision::kF32})
       for (const bool signed_distance : {false, true})
         for (const double max_distance : {1.0, std::numeric_limits<double>::infinity()}) {
@@ -96,7 +96,7 @@ TEST(Batches, HaveATeamWhereOneIsWorthIt) {
   Random random(5);
   Engine::Options options;
   options.threads = 4;
-  const Engine engine(pieces_scene(random, 12), options);
+  const Engine engine(parts_scene(random, 12), options);
   std::vector<std::uint32_t> moved(12);
   for (std::uint32_t b = 0; b < 12; ++b) moved[b] = b;
   std::vector<Pose> poses;

@@ -128,12 +128,12 @@ TEST(Engine, CertificatesOfTheModelPiecesAreRefusedByTheirNames) {
   scene.add_mesh("shelf", corners, faces, MeshAs::kSolid, {.pose = Pose{}});
   const Engine engine(std::move(scene), {.threads = 1});
   const std::uint64_t between[] = {0}, other[] = {0, 2};
-  QueryView by_pieces;
-  by_pieces.model = Model::kPieces;
-  EXPECT_NE(engine.certificate(by_pieces, between).find("\"rows\""), std::string::npos);
+  QueryView by_parts;
+  by_parts.model = Model::kPieces;
+  EXPECT_NE(engine.certificate(by_parts, between).find("\"rows\""), std::string::npos);
   EXPECT_NE(engine.certificate({}, other).find("\"elements\""), std::string::npos);
   try {
-    engine.certificate(by_pieces, other);
+    engine.certificate(by_parts, other);
     FAIL() << "accepted";
   } catch (const QueryError& error) {
     EXPECT_EQ(error.code, QueryErrorCode::kNotSupported);

@@ -24,7 +24,7 @@ Scene heaps(int bodies, int pieces) {
       const Vec3d centre{random.uniform(-3, 3), random.uniform(-3, 3), random.uniform(-3, 3)};
       std::vector<Vec3d> vertices = random.cloud(20, {0.3, 0.3, 0.3});
       for (Vec3d& v : vertices) v = v + centre;
-      body.pieces.push_back(make_piece(std::move(vertices)));
+      body.pieces.push_back(make_convex_part(std::move(vertices)));
     }
     scene.add_body(std::move(body));
   }
@@ -135,10 +135,10 @@ TEST(Slices, CountWhatAQueryNames) {
   query.all_pairs = false;
   const QueryCost extent = engine.extent(query);
   EXPECT_EQ(extent.pairs, 1u + 15 + 1);
-  EXPECT_EQ(extent.piece_pairs, 16u + 12 * 20);
+  EXPECT_EQ(extent.part_pairs, 16u + 12 * 20);
   EXPECT_EQ(extent.units, 2 * (16u + 12 * 20)) << "20 vertices are a unit";
   query.configuration_count = 7;
-  EXPECT_EQ(engine.extent(query).piece_pairs, 7 * (16u + 12 * 20));
+  EXPECT_EQ(engine.extent(query).part_pairs, 7 * (16u + 12 * 20));
 }
 
 TEST(Slices, CountTheTrianglesOfAMesh) {

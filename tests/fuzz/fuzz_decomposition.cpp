@@ -41,7 +41,7 @@ struct Cube {
 std::vector<std::byte> record_of(std::shared_ptr<const Decomposition> pieces, Tables tables) {
   const Cube cube;
   Geometry geometry;
-  geometry.pieces = {make_surface_piece(cube.vertices, cube.triangles, true, 0, 0, std::move(pieces))};
+  geometry.pieces = {make_surface_part(cube.vertices, cube.triangles, true, 0, 0, std::move(pieces))};
   return geometry_record(geometry, tables);
 }
 
@@ -72,7 +72,7 @@ bool is_proved_anew(Input in) {
   auto claimed = std::make_shared<Decomposition>();
   std::vector<Vec3d> half;
   for (const Vec3d& v : Cube().vertices) half.push_back({std::min(v.x, 0.0), v.y, v.z});
-  claimed->pieces = {make_piece(half)};
+  claimed->pieces = {make_convex_part(half)};
   claimed->inner = in.number<double>();
   claimed->outer = {in.number<double>()};
   const bool are_lengths = is_length(claimed->inner) && is_length(claimed->outer[0]);

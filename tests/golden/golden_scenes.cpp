@@ -80,11 +80,11 @@ ConvexPartPtr box(Vec3d half, Vec3d at = {0, 0, 0}) {
   std::vector<Vec3d> v;
   for (int i = 0; i < 8; ++i)
     v.push_back(at + Vec3d{i & 1 ? half.x : -half.x, i & 2 ? half.y : -half.y, i & 4 ? half.z : -half.z});
-  return make_piece(std::move(v));
+  return make_convex_part(std::move(v));
 }
 
 ConvexParts clouds(Dice& d, int i) {
-  return {make_piece(d.points(4 + 3 * i, {0.5, 0.4, 0.3}))};
+  return {make_convex_part(d.points(4 + 3 * i, {0.5, 0.4, 0.3}))};
 }
 
 ConvexParts boxes(Dice& d, int) {
@@ -93,35 +93,35 @@ ConvexParts boxes(Dice& d, int) {
 
 ConvexParts rounded(Dice& d, int i) {
   const double radius = d.integer(1, 8) * 0.0625;
-  if (i % 3 == 0) return {make_piece({{0, 0, 0}}, radius)};
-  if (i % 3 == 1) return {make_piece({{0, 0, -0.375}, {0, 0, 0.375}}, radius)};
-  return {make_piece(d.points(9, {0.4, 0.4, 0.4}), radius)};
+  if (i % 3 == 0) return {make_convex_part({{0, 0, 0}}, radius)};
+  if (i % 3 == 1) return {make_convex_part({{0, 0, -0.375}, {0, 0, 0.375}}, radius)};
+  return {make_convex_part(d.points(9, {0.4, 0.4, 0.4}), radius)};
 }
 
 // Needles and plates, with a thickness down to 2^-30 of their length.
 ConvexParts slender(Dice& d, int i) {
   const double thin = std::ldexp(1.0, -d.integer(3, 30));
-  return {i % 2 ? make_piece(d.points(10, {0.8, thin, thin})) : make_piece(d.points(10, {0.8, 0.8, thin}))};
+  return {i % 2 ? make_convex_part(d.points(10, {0.8, thin, thin})) : make_convex_part(d.points(10, {0.8, 0.8, thin}))};
 }
 
 ConvexParts degenerate(Dice& d, int i) {
   const int kind = i % 4;
-  if (kind == 0) return {make_piece({d.vector(0.5)})};
-  if (kind == 1) return {make_piece({{-0.5, 0, 0}, {0.25, 0, 0}, {0.5, 0, 0}, {0.25, 0, 0}})};
-  if (kind == 2) return {make_piece(d.points(7, {0.6, 0.6, 0}))};
+  if (kind == 0) return {make_convex_part({d.vector(0.5)})};
+  if (kind == 1) return {make_convex_part({{-0.5, 0, 0}, {0.25, 0, 0}, {0.5, 0, 0}, {0.25, 0, 0}})};
+  if (kind == 2) return {make_convex_part(d.points(7, {0.6, 0.6, 0}))};
   std::vector<Vec3d> v = d.points(8, {0.4, 0.4, 0.4});
   v.insert(v.end(), v.begin(), v.begin() + 4);  // repeated
-  return {make_piece(std::move(v))};
+  return {make_convex_part(std::move(v))};
 }
 
 ConvexParts sizes(Dice& d, int i) {
   const double size = std::ldexp(1.0, -2 * i);
-  return {make_piece(d.points(12, {size, size, size}), i % 4 == 3 ? size / 8 : 0)};
+  return {make_convex_part(d.points(12, {size, size, size}), i % 4 == 3 ? size / 8 : 0)};
 }
 
 // Parts with more than 64 vertices have a direction table.
 ConvexParts large(Dice& d, int i) {
-  return {make_piece(d.shell(48 << i % 4, 0.5))};
+  return {make_convex_part(d.shell(48 << i % 4, 0.5))};
 }
 
 ConvexParts several(Dice& d, int i) {
@@ -133,7 +133,7 @@ ConvexParts several(Dice& d, int i) {
     } else {
       std::vector<Vec3d> v = d.points(8 + (p == 4 ? 70 : p), {0.2, 0.2, 0.2});
       for (Vec3d& x : v) x += at;
-      all.push_back(make_piece(std::move(v), p % 4 == 2 ? 0.03125 : 0));
+      all.push_back(make_convex_part(std::move(v), p % 4 == 2 ? 0.03125 : 0));
     }
   }
   return all;

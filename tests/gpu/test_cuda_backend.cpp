@@ -25,7 +25,8 @@ Scene grouped_scene(int count, double box, std::uint64_t seed) {
       Body body;
       body.name = name;
       body.pose = options.pose;
-      body.pieces = {make_piece(cloud_on_sphere(10, 0.3, 5)), make_piece(cloud_on_sphere(10, 0.3, 6), 0.05)};
+      body.pieces = {make_convex_part(cloud_on_sphere(10, 0.3, 5)),
+                     make_convex_part(cloud_on_sphere(10, 0.3, 6), 0.05)};
       scene.add_body(std::move(body));
     } else if (i % 4 == 0) {
       scene.add_capsule(name, 0.2, 0.5, options);

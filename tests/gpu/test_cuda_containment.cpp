@@ -39,12 +39,12 @@ Scene bodies_of_all_kinds() {
       default: {
         Body body;
         body.name = name;
-        body.pieces = {make_piece(random.cloud(6, {0.4, 0.4, 0.4}))};
+        body.pieces = {make_convex_part(random.cloud(6, {0.4, 0.4, 0.4}))};
         for (std::uint32_t p = 0; p < i / 6 % 4; ++p) {  // up to four convex parts
           std::vector<Vec3d> v = random.cloud(12, {0.2, 0.2, 0.2});
           const Vec3d at{random.uniform(-0.8, 0.8), random.uniform(-0.8, 0.8), 0};
           for (Vec3d& x : v) x += at;
-          body.pieces.push_back(make_piece(std::move(v), p == 1 ? 0.1 : 0.0));
+          body.pieces.push_back(make_convex_part(std::move(v), p == 1 ? 0.1 : 0.0));
         }
         scene.add_body(std::move(body));
       }

@@ -43,7 +43,7 @@ std::string both_boxes() {
 class DecomposedMeshes : public testing::Test {
  protected:
   std::string write(const std::string& name, const std::string& text) { return folder_.write(name, text); }
-  static const Decomposition* pieces_of(const Scene& scene, std::uint32_t body = 0) {
+  static const Decomposition* convex_parts_of(const Scene& scene, std::uint32_t body = 0) {
     const Surface* surface = surface_of(scene.bodies()[body]);
     return surface ? surface->decomposition() : nullptr;
   }
@@ -55,7 +55,7 @@ TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
   write("l.obj.pieces.obj", both_boxes());
   Scene scene;
   scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {});
-  const Decomposition* pieces = pieces_of(scene);
+  const Decomposition* pieces = convex_parts_of(scene);
   ASSERT_TRUE(pieces);
   ASSERT_EQ(pieces->pieces.size(), 2u);
   EXPECT_LE(pieces->inner, 1e-12);
@@ -64,16 +64,16 @@ TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
   EXPECT_TRUE(mesh_warnings(scene).empty());
   // Scaled, mirrored and grown, which does not change the parts.
   scene.add_mesh("grown", mesh, {-2, 1, 3}, MeshAs::kDecompose, {.radius = 0.5});
-  ASSERT_TRUE(pieces_of(scene, 1));
-  EXPECT_LE(pieces_of(scene, 1)->inner, 1e-12);
-  EXPECT_EQ(pieces_of(scene, 1)->pieces[0]->radius, 0);
+  ASSERT_TRUE(convex_parts_of(scene, 1));
+  EXPECT_LE(convex_parts_of(scene, 1)->inner, 1e-12);
+  EXPECT_EQ(convex_parts_of(scene, 1)->pieces[0]->radius, 0);
   EXPECT_EQ(scene.bodies()[1].pieces[0]->radius, 0.5);
 }
 
 TEST_F(DecomposedMeshes, WithoutPiecesAreSolidsAndSayWhatToRun) {
   Scene scene;
   scene.add_mesh("l", write("l.obj", kBracket), {1, 1, 1}, MeshAs::kDecompose, {});
-  EXPECT_FALSE(pieces_of(scene));
+  EXPECT_FALSE(convex_parts_of(scene));
   EXPECT_TRUE(surface_of(scene.bodies()[0])->is_solid());
   const std::vector<MeshWarning> warnings = mesh_warnings(scene);
   ASSERT_EQ(warnings.size(), 1u);
@@ -82,7 +82,7 @@ TEST_F(DecomposedMeshes, WithoutPiecesAreSolidsAndSayWhatToRun) {
   const std::string mesh = write("m.obj", kBracket);
   fs::create_symlink(write("elsewhere.obj", both_boxes()), mesh + ".pieces.obj");
   scene.add_mesh("m", mesh, {1, 1, 1}, MeshAs::kDecompose, {});
-  EXPECT_FALSE(pieces_of(scene, 1));
+  EXPECT_FALSE(convex_parts_of(scene, 1));
 }
 
 TEST_F(DecomposedMeshes, ThatLeaveAPartOutSaySo) {
@@ -90,9 +90,9 @@ TEST_F(DecomposedMeshes, ThatLeaveAPartOutSaySo) {
   write("l.obj.pieces.obj", box("lying", 1, 0.25, 0));
   Scene scene;
   scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {});
-  ASSERT_TRUE(pieces_of(scene));
-  EXPECT_GE(pieces_of(scene)->inner, 0.75);
-  EXPECT_LE(pieces_of(scene)->inner, 0.83);
+  ASSERT_TRUE(convex_parts_of(scene));
+  EXPECT_GE(convex_parts_of(scene)->inner, 0.75);
+  EXPECT_LE(convex_parts_of(scene)->inner, 0.83);
 }
 
 TEST_F(DecomposedMeshes, RefuseWhatEnclosesNothingOrIsNoPiece) {
@@ -130,8 +130,8 @@ TEST_F(DecomposedMeshes, AreKeptByTheCacheAndProvedAgainFromAFile) {
   less->inner = 0;
   less->outer = {0, 0};
   const Surface& truth = *made.pieces[0]->surface;
-  claims.pieces[0] = make_surface_piece({truth.vertices().begin(), truth.vertices().end()}, triangles_as_loaded(truth),
-                                        true, made.pieces[0]->radius, made.pieces[0]->loaded_vertices, less);
+  claims.pieces[0] = make_surface_part({truth.vertices().begin(), truth.vertices().end()}, triangles_as_loaded(truth),
+                                       true, made.pieces[0]->radius, made.pieces[0]->loaded_vertices, less);
   const std::string saved = write_geometry_file(folder_.path().string(), claims);
   EXPECT_TRUE(is_same(read_geometry_file(folder_ / saved)));
   // In a link's frame the parts deviate from the mesh by the rounding of both.

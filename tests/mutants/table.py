@@ -162,7 +162,7 @@ MUTANTS = [
         ),
         (
             "surface_radius", "mesh_distance/nearest_elements.cpp",
-            "radius + @b_->pieces[e.piece_b]->radius@ + error_",
+            "radius + @b_->pieces[e.part_b]->radius@ + error_",
             "0.0",
         ),
         (
@@ -242,7 +242,7 @@ MUTANTS = [
         ("model_radius", "scene/scene_by_parts.cpp", "with_radius(*core, piece->radius)", "core"),
         (
             "model_held", "evaluate/evaluate_containment.cpp",
-            "by_pieces ? @search.slack.true_lower(found.lower)@ : found.lower",
+            "by_parts ? @search.slack.true_lower(found.lower)@ : found.lower",
             "0.0",
         ),
         ("model_overlap", "evaluate/evaluate.cpp", "std::max(best.bounds.upper, 0.0)", "best.bounds.upper"),

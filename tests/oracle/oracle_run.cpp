@@ -13,14 +13,14 @@
 
 namespace clearance::exact {
 
-ConvexPartPtr piece_of(const Solid& s) {
-  if (s.is_half_space) return make_primitive_piece({Primitive::Kind::kHalfSpace}, s.radius);
-  if (!s.cloud.empty()) return make_cloud_piece(s.cloud, s.voxel, s.radius);
-  if (s.triangles.empty()) return make_hull_piece(s.vertices, {}, s.radius);
+ConvexPartPtr part_of(const Solid& s) {
+  if (s.is_half_space) return make_primitive_part({Primitive::Kind::kHalfSpace}, s.radius);
+  if (!s.cloud.empty()) return make_cloud_part(s.cloud, s.voxel, s.radius);
+  if (s.triangles.empty()) return make_hull_part(s.vertices, {}, s.radius);
   auto surface = std::make_shared<const Surface>(s.vertices, s.triangles, s.is_solid);
   const std::uint64_t digest = surface->digest();
-  return make_piece(reduce_to_hull(s.vertices).vertices, s.radius, s.vertices.size(), digest, nullptr,
-                    std::move(surface));
+  return make_convex_part(reduce_to_hull(s.vertices).vertices, s.radius, s.vertices.size(), digest, nullptr,
+                          std::move(surface));
 }
 
 Bench::Bench(std::span<const Case> cases, const std::string& backend, int threads, const Surgery& surgery)
@@ -29,7 +29,7 @@ Bench::Bench(std::span<const Case> cases, const std::string& backend, int thread
   std::map<const Solid*, ConvexPartPtr> pieces;  // shared shapes are made once
   const auto add = [&](std::size_t i, bool is_b, const SolidPtr& solid, const Pose& X) {
     ConvexPartPtr& piece = pieces[solid.get()];
-    if (!piece) piece = piece_of(*solid);
+    if (!piece) piece = part_of(*solid);
     Body body;
     body.name = (is_b ? "b" : "a") + std::to_string(i);
     body.pieces = {surgery ? surgery(piece, i, is_b) : piece};

@@ -18,7 +18,7 @@ class Engine;
 namespace clearance::exact {
 
 /// The convex part of a body in the engine.
-ConvexPartPtr piece_of(const Solid& s);
+ConvexPartPtr part_of(const Solid& s);
 
 /// Replaces a part that was loaded for body a or b of a case: damage unknown to the engine.
 using Surgery = std::function<ConvexPartPtr(const ConvexPartPtr& piece, std::size_t index, bool is_b)>;

@@ -70,7 +70,7 @@ SolidPtr cloud(Random& random, int count, double size, double radius = 0) {
 Body body_of(const std::string& name, const SolidPtr& solid, const Pose& X) {
   Body body;
   body.name = name;
-  body.pieces = {make_piece(solid->vertices, solid->radius)};
+  body.pieces = {make_convex_part(solid->vertices, solid->radius)};
   body.pose = X;
   return body;
 }
@@ -168,7 +168,7 @@ void try_shapes(Random& random, bool depth, Findings& findings) {
     body.name = name;
     std::vector<Vec3d> v = solid.vertices;
     for (Vec3d& x : v) x += random.direction() * (h * (1 - 1e-9) * random.uniform());
-    body.pieces = {make_piece(std::move(v), solid.radius)};
+    body.pieces = {make_convex_part(std::move(v), solid.radius)};
     body.model_error = body.model_inner = h;
     body.pose = X;
     scene.add_body(std::move(body));

@@ -166,7 +166,7 @@ __device__ __forceinline__ bool prove_depth(const PairLimits& q, const Enclosed&
   if (q.want_nonsmooth) answer.flags |= kFlagNonsmooth;
   if (!q.want_points) return true;
   const Vec3d n = rescaled(epa.direction()), normal = (R_wa * n) * (1 / norm(n));
-  answer.piece_a = answer.piece_b = 0;
+  answer.part_a = answer.part_b = 0;
   answer.point_a = point.core_a + normal * a.head->radius;
   answer.point_b = point.core_b - normal * b.head->radius;
   answer.normal = normal;

@@ -141,7 +141,7 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
   const GroupItem item(c, several, place < count ? place : count - 1);
   PairOutcome outcome = PairOutcome::kNone;
   PairAnswer answer;
-  if (place < count) outcome = solve_pieces<kBoth>(c, c.pair_limits, item.ref, item.k, item.at_a, item.at_b, answer);
+  if (place < count) outcome = solve_parts<kBoth>(c, c.pair_limits, item.ref, item.k, item.at_a, item.at_b, answer);
   if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged)
     write_answer(c, item.row, item.k, item.at_a, item.at_b, answer);
   report(c, outcome, item.row, {});

@@ -49,8 +49,8 @@ __device__ inline PairOutcome answer_lean_item(const ChunkView& c, const LeanIte
   const PairLimits& q = c.pair_limits;
   PairOutcome outcome = PairOutcome::kWithoutParts;
   const bool looks = (states & kStateStatus) != static_cast<std::uint8_t>(Status::kOk) || q.cull;
-  if (!looks || !answer_without_pieces(q, BodyPoseRef(c.bodies, c.configurations, ref.a, item.k),
-                                       BodyPoseRef(c.bodies, c.configurations, ref.b, item.k), answer)) {
+  if (!looks || !answer_without_parts(q, BodyPoseRef(c.bodies, c.configurations, ref.a, item.k),
+                                      BodyPoseRef(c.bodies, c.configurations, ref.b, item.k), answer)) {
     const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
       decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
       if (!kPoints || answer.status == Status::kBeyond) return;

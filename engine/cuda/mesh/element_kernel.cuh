@@ -52,7 +52,7 @@ __device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& 
   PairLimits q = c.pair_limits;
   if (kAny) q.max_distance = margin_of(r, item.p);
   is_mine = threadIdx.x % 32 == 0;
-  if (answer_without_pieces(q, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
+  if (answer_without_parts(q, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
   if (!q.prove_overlaps) return PairOutcome::kUnresolved;
   const Slack slack = slack_of_pair(c, item.ref, item.k);
   double most = q.max_distance, stop_below = -__builtin_inf();
@@ -138,7 +138,7 @@ __device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedVie
   const bool elements_first = r.elements.of_body[at_a.body] != kNone;
   const ElementSet& set = r.elements.sets[r.elements.of_body[elements_first ? at_a.body : at_b.body]];
   const HullHead* const head =
-      c.hulls.heads + c.hulls.piece_hull[c.hulls.piece_begin[elements_first ? at_b.body : at_a.body]];
+      c.hulls.heads + c.hulls.part_hull[c.hulls.part_begin[elements_first ? at_b.body : at_a.body]];
   const PartBefore before(set, elements_first ? at_a.frame() : at_b.frame(), *head,
                           elements_first ? at_b.frame() : at_a.frame());
   constexpr double kInf = __builtin_inf();
@@ -164,7 +164,7 @@ __device__ inline double ElementsAndHull<Elements>::upper_bound(const ReducedVie
     at = is_one ? at + 1 : node.right;
   }
   const ElementHull<Elements> hull(set, at);
-  const Part x = piece_part(c.hulls, head), e = hull.part();
+  const Part x = hull_part(c.hulls, head), e = hull.part();
   const Part& a = elements_first ? e : x;
   const Part& b = elements_first ? x : e;
   return upper_bound_of_parts(c, a, b, place_pair<double>(at_a, *a.head, at_b, *b.head));

@@ -34,8 +34,8 @@ class HullSearch : public WarpSearch {
         elements_first_(r.elements.of_body[at_a.body] != kNone),
         set_(r.elements.sets[r.elements.of_body[elements_first_ ? at_a.body : at_b.body]]) {
     const std::uint32_t body = elements_first_ ? at_b.body : at_a.body;
-    first_piece_ = c_.hulls.piece_begin[body];
-    pieces_ = c_.hulls.piece_begin[body + 1] - first_piece_;
+    first_part_ = c_.hulls.part_begin[body];
+    pieces_ = c_.hulls.part_begin[body + 1] - first_part_;
   }
 
   // If kConverged, the thread with has_answer() holds the answer.
@@ -55,7 +55,7 @@ class HullSearch : public WarpSearch {
 
  private:
   __device__ void search(std::uint32_t piece, PairAnswer& answer) {
-    const HullHead* const head = c_.hulls.heads + c_.hulls.piece_hull[first_piece_ + piece];
+    const HullHead* const head = c_.hulls.heads + c_.hulls.part_hull[first_part_ + piece];
     PartBefore before(set_, elements_first_ ? of_a_ : of_b_, *head, elements_first_ ? of_b_ : of_a_);
     stacked_ = waiting_ = 0;
     put_root(before);
@@ -70,7 +70,7 @@ class HullSearch : public WarpSearch {
     __syncwarp();
     if (is_over())  // the other convex parts are not searched
       for (std::uint32_t other = piece + 1 + lane(); other < pieces_; other += 32) {
-        const HullHead& of = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + other]];
+        const HullHead& of = c_.hulls.heads[c_.hulls.part_hull[first_part_ + other]];
         const PartBefore there(set_, elements_first_ ? of_a_ : of_b_, of, elements_first_ ? of_b_ : of_a_);
         leave_out(there.gap(LoadedNode<Elements>(set_, 0).bounds, __builtin_inf()));
       }
@@ -155,17 +155,17 @@ class HullSearch : public WarpSearch {
     __syncwarp();
     if (!__any_sync(~0u, there)) return;
     const ElementHull<Elements> hull(set_, element);
-    const Part x = piece_part(c_.hulls, &head), e = hull.part();
+    const Part x = hull_part(c_.hulls, &head), e = hull.part();
     Vec3d along;
     if (ask(there, limit, elements_first_ ? e : x, elements_first_ ? x : e, {piece, element}, answer, along))
       before.look_along(elements_first_ ? along : before.turned(-along), x);
-    if (overlaps_ && is_writer_) set_pieces(piece, answer);
+    if (overlaps_ && is_writer_) set_parts(piece, answer);
   }
 
-  __device__ void set_pieces(std::uint32_t piece, PairAnswer& answer) const {
+  __device__ void set_parts(std::uint32_t piece, PairAnswer& answer) const {
     if (!q_.want_points) return;
-    answer.piece_a = elements_first_ ? 0 : piece;
-    answer.piece_b = elements_first_ ? piece : 0;
+    answer.part_a = elements_first_ ? 0 : piece;
+    answer.part_b = elements_first_ ? piece : 0;
   }
 
   // Whether a convex part lies inside the solid, given that all triangles are farther than `apart` (docs/bounds.md,
@@ -174,30 +174,30 @@ class HullSearch : public WarpSearch {
     const PlacedFrame &outer = elements_first_ ? of_a_ : of_b_, &inner = elements_first_ ? of_b_ : of_a_;
     const Vec3d shift = inner.t_w - outer.t_w;
     for (std::uint32_t piece = 0; piece < pieces_; ++piece) {
-      const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + piece]];
+      const HullHead& head = c_.hulls.heads[c_.hulls.part_hull[first_part_ + piece]];
       if (PartBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bounds, 0) > 0) continue;
       if (!knows_side(apart, shift, set_.hull, head)) return PairOutcome::kUnresolved;
       // The whole part lies on one side, so if float64 is unsure of one of its points, another may decide.
       Winding winding{0, false};
       Vec3d turned{0, 0, 0};
       for (std::uint32_t i = 0; i < kWindingPoints && i < head.count && !winding.is_sure; ++i) {
-        turned = inner.R_wb * piece_part(c_.hulls, &head).vertex(i * (head.count / kWindingPoints));
+        turned = inner.R_wb * hull_part(c_.hulls, &head).vertex(i * (head.count / kWindingPoints));
         winding = count_winding(set_, outer.R_wb.transpose_times(turned + shift), room_.node, kStackEntries);
       }
       if (!winding.is_sure) return PairOutcome::kUnresolved;
       if (winding.number == 0) continue;
       add_held(elements_first_, turned + shift, turned, apart, answer);
-      set_pieces(piece, answer);
+      set_parts(piece, answer);
       return PairOutcome::kConverged;
     }
     return PairOutcome::kNone;
   }
   __device__ void add_points(bool overlap, PairAnswer& answer) const {
-    const HullHead& head = c_.hulls.heads[c_.hulls.piece_hull[first_piece_ + best_.one]];
+    const HullHead& head = c_.hulls.heads[c_.hulls.part_hull[first_part_ + best_.one]];
     const ElementHull<Elements> hull(set_, best_.other);
-    const Part x = piece_part(c_.hulls, &head), e = hull.part();
+    const Part x = hull_part(c_.hulls, &head), e = hull.part();
     add_points_of_best(elements_first_ ? e : x, elements_first_ ? x : e, overlap, answer);
-    set_pieces(best_.one, answer);
+    set_parts(best_.one, answer);
   }
 
   // Pointers into a SharedScratch. With these four the compiler spills fewer registers than with one reference.
@@ -208,7 +208,7 @@ class HullSearch : public WarpSearch {
   const Lists room_;
   const bool elements_first_;
   const ElementSet& set_;
-  std::uint32_t first_piece_, pieces_;
+  std::uint32_t first_part_, pieces_;
   std::uint32_t stacked_ = 0, waiting_ = 0;
 };
 

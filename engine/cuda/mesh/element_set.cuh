@@ -21,7 +21,7 @@ struct PartVertices {
 };
 using Part = Hull<PartVertices>;
 
-__device__ inline Part piece_part(const HullsView& hulls, const HullHead* head) {
+__device__ inline Part hull_part(const HullsView& hulls, const HullHead* head) {
   return {{hulls.x + head->first, hulls.y + head->first, hulls.z + head->first, {0, 0, 0}, 0},
           hulls.words + head->first_word,
           head};

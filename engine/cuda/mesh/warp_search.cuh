@@ -185,7 +185,7 @@ class WarpSearch {
     decide(limits_of(q_), -__builtin_inf(), -apart, [] { return 0.0; }, answer);
     if (q_.want_nonsmooth) answer.flags |= kFlagNonsmooth;
     if (!q_.want_points) return;
-    answer.piece_a = answer.piece_b = 0;
+    answer.part_a = answer.part_b = 0;
     answer.point_a = a_holds ? from_outer : from_inner;
     answer.point_b = a_holds ? from_inner : from_outer;
     answer.normal = has_best && witness_.separation_length > 0 ? witness_.separation * (1 / witness_.separation_length)

@@ -94,13 +94,13 @@ __device__ inline ChainMotion motion_of_chain(const MotionsView& m, std::uint32_
 }
 
 // Support value of a body's convex parts along a direction in world axes, from the body's origin.
-__device__ __noinline__ inline double reach_of_pieces(const HullsView& hulls, std::uint32_t body, const Mat3d& R_wb,
-                                                      const Vec3d& n) {
+__device__ __noinline__ inline double reach_of_parts(const HullsView& hulls, std::uint32_t body, const Mat3d& R_wb,
+                                                     const Vec3d& n) {
   const Vec3d n_b = R_wb.transpose_times(n);
   const double length = norm(n_b);
   double most = -__builtin_inf();
-  for (std::uint32_t i = hulls.piece_begin[body]; i < hulls.piece_begin[body + 1]; ++i) {
-    const HullHead* const head = hulls.heads + hulls.piece_hull[i];
+  for (std::uint32_t i = hulls.part_begin[body]; i < hulls.part_begin[body + 1]; ++i) {
+    const HullHead* const head = hulls.heads + hulls.part_hull[i];
     const double reach = support(scene_hull(hulls, head), n_b).value + head->radius * length;
     if (most < reach) most = reach;
   }
@@ -188,8 +188,8 @@ struct MovingPair {
       const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
       const HullsView& hulls = m.chunk.hulls;
       gaps = half_spans(
-          n, inner(), [&](const Vec3d& d) { return reach_of_pieces(hulls, at_a.body, R_wa, d); },
-          [&](const Vec3d& d) { return reach_of_pieces(hulls, at_b.body, R_wb, d); },
+          n, inner(), [&](const Vec3d& d) { return reach_of_parts(hulls, at_a.body, R_wa, d); },
+          [&](const Vec3d& d) { return reach_of_parts(hulls, at_b.body, R_wb, d); },
           m.tables.reach[at_a.body] + m.tables.reach[at_b.body]);
     }
     for (int h = 0; h < 2; ++h) {

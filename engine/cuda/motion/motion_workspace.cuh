@@ -192,8 +192,8 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       parts.take(bodies.moved, moved * bodies.components);
       parts.take(bodies.uncertainties.moved, moved);
       parts.take(bodies.moved_state, moved);
-      parts.take(bodies.moved_piece_box, S * moved_pieces_ * kBoxComponents);
-      if (moved_pieces_ == 0) bodies.moved_piece_box = nullptr;
+      parts.take(bodies.moved_part_box, S * moved_parts_ * kBoxComponents);
+      if (moved_parts_ == 0) bodies.moved_part_box = nullptr;
     });
   }
 

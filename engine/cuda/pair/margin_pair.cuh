@@ -20,14 +20,14 @@ __device__ inline PairOutcome narrow_to_margin(const ChunkView& c, const PairLim
   const auto take = [&](const Gjk<double>& g, const RunBounds<double>& bounds) {
     take_converged<false>(q, PairHulls<Hull<SceneVertices>>{a, b}, at_a, at_b, g, bounds, answer, slack);
   };
-  PairLimits of_pieces = q;
+  PairLimits of_parts = q;
   double near_enough = margin;
   if constexpr (kHasSlack<S>) {
-    of_pieces.max_distance = slack.cut_off(q.max_distance);
+    of_parts.max_distance = slack.cut_off(q.max_distance);
     near_enough = slack.near_enough(margin);
   }
   Enclosed enclosed;
-  const PairOutcome outcome = run_to_end<false>(of_pieces, a, b, at, enclosed, nullptr, take, near_enough);
+  const PairOutcome outcome = run_to_end<false>(of_parts, a, b, at, enclosed, nullptr, take, near_enough);
   if (outcome != PairOutcome::kEnclosed) return outcome;
   return proved(c, enclosed, at_a, at_b, slack_of_pair(c, ref, k).outer, answer);
 }
@@ -37,8 +37,8 @@ template <class S>
 __device__ inline PairOutcome look_at_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
                                              std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
                                              PairAnswer& answer) {
-  if (has_several(c.hulls, at_a.body, at_b.body)) return solve_pieces<false>(c, q, ref, k, at_a, at_b, answer, margin);
-  if (answer_without_pieces(q, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
+  if (has_several(c.hulls, at_a.body, at_b.body)) return solve_parts<false>(c, q, ref, k, at_a, at_b, answer, margin);
+  if (answer_without_parts(q, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
   return narrow_to_margin(c, q, margin, ref, k, at_a, at_b, answer, known_slack<S>(c, ref, k));
 }
 

@@ -40,9 +40,9 @@ __device__ __noinline__ inline void answer_open_pair(const ChunkView& c, const P
                                                      const Slack& slack, PairAnswer& answer) {
   const Hull<SceneVertices> a = scene_hull(c.hulls, heads.a), b = scene_hull(c.hulls, heads.b);
   const PairFrame<double> at = place_pair<double>(at_a, *heads.a, at_b, *heads.b);
-  PairLimits of_pieces = q;
-  of_pieces.max_distance = slack.cut_off(q.max_distance);
-  GjkRun<Hull<SceneVertices>> run(of_pieces, a, b, at);
+  PairLimits of_parts = q;
+  of_parts.max_distance = slack.cut_off(q.max_distance);
+  GjkRun<Hull<SceneVertices>> run(of_parts, a, b, at);
   run.run();
   const RunBounds<double> bounds = run.bounds();
   const Simplex<double> last = weighed(run.g.simplex);
@@ -61,7 +61,7 @@ __device__ __noinline__ inline void answer_open_pair(const ChunkView& c, const P
   }
   decide(
       {q.max_distance, q.abs_tol, q.rel_tol}, lower, upper, [&] { return rounding_width(run.scale); }, answer, slack);
-  answer.piece_a = answer.piece_b = whole ? 0 : kNone;
+  answer.part_a = answer.part_b = whole ? 0 : kNone;
   const double share = radius > 0 ? heads.a->radius / radius : 0.5;
   const bool apart = length > 0 && upper > 0;
   // For rounded cores the points lie on the rounded surfaces. If the convex parts overlap, both points are halfway.

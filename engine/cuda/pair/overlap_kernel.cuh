@@ -44,7 +44,7 @@ __device__ inline bool prove_overlap_of(const PairLimits& q, const HullExtents& 
   const double length = norm(point.w), radius = a.radius + b.radius;
   if (!(length <= 0.5 * rounding_error(double(RoundingUnits<double>::kUpper), scale))) return false;
   const double share = radius > 0 ? a.radius / radius : 0.5;
-  answer.piece_a = answer.piece_b = 0;
+  answer.part_a = answer.part_b = 0;
   answer.point_a = point.core_a + separation * share;
   answer.point_b = point.core_b - separation * (1 - share);
   answer.normal = length > 0 ? separation * (1 / length) : Vec3d{1, 0, 0};

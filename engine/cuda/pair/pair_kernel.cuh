@@ -31,7 +31,7 @@ template <class Hull>
 __device__ __noinline__ void add_points(const Hull& a, const BodyPoseRef& at_a, const Hull& b, const BodyPoseRef& at_b,
                                         const LaneWitness& witness, bool want_nonsmooth, PairAnswer& answer) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
-  answer.piece_a = answer.piece_b = 0;
+  answer.part_a = answer.part_b = 0;
   converged_points(a, R_wa, b, R_wb, witness, answer.point_a, answer.point_b);
   answer.normal = converged_normal(witness);
   if (answer.status == Status::kBeyond)
@@ -235,9 +235,9 @@ __device__ inline PairOutcome narrow(const PairLimits& q, const Hull& a, const H
     take_converged<kLean>(q, hulls, at_a, at_b, g, bounds, answer, slack);
   };
   if constexpr (kHasSlack<S>) {
-    PairLimits of_pieces = q;
-    of_pieces.max_distance = slack.cut_off(q.max_distance);
-    return run_to_end<kWarm>(of_pieces, a, b, at, enclosed, warm, take);
+    PairLimits of_parts = q;
+    of_parts.max_distance = slack.cut_off(q.max_distance);
+    return run_to_end<kWarm>(of_parts, a, b, at, enclosed, warm, take);
   } else {
     return run_to_end<kWarm>(q, a, b, at, enclosed, warm, take);
   }
@@ -324,9 +324,9 @@ struct GroupItem {
 };
 
 // Sets the flags of an item's bodies, and its answer if no hull is needed for it. Returns whether it is answered.
-__device__ inline bool answer_without_pieces(const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                                             PairAnswer& answer) {
-  return answer_without_pieces(
+__device__ inline bool answer_without_parts(const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
+                                            PairAnswer& answer) {
+  return answer_without_parts(
       at_a.status(), at_b.status(), flags_of(at_a, at_b), q.cull, q.max_distance,
       [&] { return certify_box_gap(at_a.box(), at_b.box()); }, answer);
 }
@@ -338,7 +338,7 @@ __device__ inline PairOutcome solve_item(const ChunkView& c, const Hull& a, cons
                                          const BodyPoseRef& at_b, const PairFrame<typename Hull::T>& at,
                                          PairAnswer& answer, Enclosed& enclosed, WarmRow* warm = nullptr,
                                          const S& slack = S()) {
-  if (answer_without_pieces(c.pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
+  if (answer_without_parts(c.pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
   return narrow<kLean, kWarm>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
 }
 

@@ -18,15 +18,15 @@ struct ConvexParts {
   std::uint32_t count;
 
   __device__ ConvexParts(const ChunkView& c, std::uint32_t ref, std::uint32_t k, std::uint32_t body) {
-    const std::uint32_t first = c.hulls.piece_begin[body];
-    hulls = c.hulls.piece_hull + first;
-    count = c.hulls.piece_begin[body + 1] - first;
+    const std::uint32_t first = c.hulls.part_begin[body];
+    hulls = c.hulls.part_hull + first;
+    count = c.hulls.part_begin[body + 1] - first;
     if (ref & kMovedBit) {
-      boxes = c.bodies.moved_piece_box +
-              std::size_t{c.bodies.moved_piece_begin[ref & ~kMovedBit]} * 6 * c.configurations + k;
+      boxes =
+          c.bodies.moved_part_box + std::size_t{c.bodies.moved_part_begin[ref & ~kMovedBit]} * 6 * c.configurations + k;
       stride = c.configurations;
     } else {
-      boxes = c.bodies.fixed_piece_box + std::size_t{first} * 6;
+      boxes = c.bodies.fixed_part_box + std::size_t{first} * 6;
       stride = 1;
     }
   }
@@ -53,10 +53,10 @@ __device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairR
 // \param margin optional: an upper bound this low is sufficient
 // \tparam kBoth float32 is tried first where requested and possible
 template <bool kBoth, class... Margin>
-__device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits& pair_limits, PairRef ref,
-                                           std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                                           PairAnswer& answer, const Margin&... margin) {
-  if (answer_without_pieces(pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
+__device__ inline PairOutcome solve_parts(const ChunkView& c, const PairLimits& pair_limits, PairRef ref,
+                                          std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
+                                          PairAnswer& answer, const Margin&... margin) {
+  if (answer_without_parts(pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
   const ConvexParts a(c, ref.a, k, at_a.body), b(c, ref.b, k, at_b.body);
   const auto head_a = [&](std::uint32_t i) { return c.hulls.heads + a.hulls[i]; };
   const auto head_b = [&](std::uint32_t i) { return c.hulls.heads + b.hulls[i]; };
@@ -92,7 +92,7 @@ __device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits&
     return PartEnd::kOverlap;
   };
   const double cut_off = slack_of_pair(c, ref, k).cut_off(pair_limits.max_distance);
-  const PartEnd end = search_pieces(search, cut_off, nearest, look, slack_of_pair(c, ref, k).near_enough(margin)...);
+  const PartEnd end = search_parts(search, cut_off, nearest, look, slack_of_pair(c, ref, k).near_enough(margin)...);
   if (end == PartEnd::kOpen || (end == PartEnd::kApart && !(search.upper < __builtin_inf())))
     return PairOutcome::kUnresolved;
   if (end == PartEnd::kApart) {
@@ -106,8 +106,8 @@ __device__ inline PairOutcome solve_pieces(const ChunkView& c, const PairLimits&
       add_points(scene_hull(c.hulls, of_a), at_a, scene_hull(c.hulls, of_b), at_b, witness, pair_limits.want_nonsmooth,
                  answer);
   }
-  answer.piece_a = best.a;
-  answer.piece_b = best.b;
+  answer.part_a = best.a;
+  answer.part_b = best.b;
   return PairOutcome::kConverged;
 }
 

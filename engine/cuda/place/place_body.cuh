@@ -27,7 +27,7 @@ __device__ inline Aabb box_of(const HullHead& h, const Mat3d& R_wb, const Vec3d&
 // Whether a body is on the device and has a convex part. Frames have no convex part, and their box would be written
 // into the next body's.
 __device__ inline bool has_box(const HullsView& hulls, std::uint32_t body) {
-  return hulls.of_body[body] != kNone && hulls.piece_begin[body] < hulls.piece_begin[body + 1];
+  return hulls.of_body[body] != kNone && hulls.part_begin[body] < hulls.part_begin[body + 1];
 }
 
 // The box of a placed body on the device, as by body_box().
@@ -36,11 +36,11 @@ __device__ inline bool has_box(const HullsView& hulls, std::uint32_t body) {
 template <class Put>
 __device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, const Mat3d& R_wb, const Vec3d& t_w,
                                    double inner, const Put& put) {
-  const std::uint32_t first = hulls.piece_begin[body], count = hulls.piece_begin[body + 1] - first;
-  Aabb all = box_of(hulls.heads[hulls.piece_hull[first]], R_wb, t_w);
+  const std::uint32_t first = hulls.part_begin[body], count = hulls.part_begin[body + 1] - first;
+  Aabb all = box_of(hulls.heads[hulls.part_hull[first]], R_wb, t_w);
   put(0, all);
   for (std::uint32_t i = 1; i < count; ++i) {
-    const Aabb box = box_of(hulls.heads[hulls.piece_hull[first + i]], R_wb, t_w);
+    const Aabb box = box_of(hulls.heads[hulls.part_hull[first + i]], R_wb, t_w);
     put(i, box);
     all = joined(all, box);
   }
@@ -124,21 +124,21 @@ __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const Bod
                                                                           uncertainty.beside + more, travel};
   }
   const bool want_box = bodies.components > kPoseComponents;
-  if (!want_box && !bodies.moved_piece_box) return uncertainty;
+  if (!want_box && !bodies.moved_part_box) return uncertainty;
   const std::uint32_t body = bodies.moved_body[slot];
   OuterBox* const outer = bodies.moved_box + std::size_t{k} * bodies.moved_count + slot;
   if (want_box) *outer = no_outer_box();
   if (!has_box(hulls, body) || !placed) return uncertainty;
-  const auto put_piece = [&](std::uint32_t i, const Aabb& of_piece) {
-    if (!bodies.moved_piece_box) return;
-    double* p = bodies.moved_piece_box + std::size_t{bodies.moved_piece_begin[slot] + i} * 6 * configurations + k;
+  const auto put_part = [&](std::uint32_t i, const Aabb& of_part) {
+    if (!bodies.moved_part_box) return;
+    double* p = bodies.moved_part_box + std::size_t{bodies.moved_part_begin[slot] + i} * 6 * configurations + k;
     for (int c = 0; c < 3; ++c) {
-      p[std::size_t(c) * configurations] = of_piece.low[c];
-      p[std::size_t(3 + c) * configurations] = of_piece.high[c];
+      p[std::size_t(c) * configurations] = of_part.low[c];
+      p[std::size_t(3 + c) * configurations] = of_part.high[c];
     }
   };
   const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w,
-                               kUncertain ? sum_above(uncertainty.slack.inner, beside) : 0, put_piece);
+                               kUncertain ? sum_above(uncertainty.slack.inner, beside) : 0, put_part);
   if (!want_box) return uncertainty;
   put(12, box.low);
   put(15, box.high);

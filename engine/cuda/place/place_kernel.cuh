@@ -19,12 +19,12 @@ __global__ void __launch_bounds__(128)
     return Vec3d{p[0], p[n], p[2 * std::size_t{n}]};
   };
   const double inner = bodies.uncertainties.fixed ? bodies.uncertainties.fixed[body].all.inner : 0;
-  const auto put = [&](std::uint32_t i, const Aabb& of_piece) {
-    if (!bodies.fixed_piece_box) return;
-    double* p = bodies.fixed_piece_box + std::size_t{hulls.piece_begin[body] + i} * 6;
+  const auto put = [&](std::uint32_t i, const Aabb& of_part) {
+    if (!bodies.fixed_part_box) return;
+    double* p = bodies.fixed_part_box + std::size_t{hulls.part_begin[body] + i} * 6;
     for (int k = 0; k < 3; ++k) {
-      p[k] = of_piece.low[k];
-      p[3 + k] = of_piece.high[k];
+      p[k] = of_part.low[k];
+      p[3 + k] = of_part.high[k];
     }
   };
   const Aabb box = box_of_body(hulls, body, {{at(0), at(3), at(6)}}, at(9), inner, put);

@@ -186,7 +186,7 @@ class Decision {
           a(scene_hull(c.hulls, head_a)),
           b(scene_hull(c.hulls, head_b)),
           place(place_pair<double>(at_a, *head_a, at_b, *head_b)),
-          runs(!answer_without_pieces(c.pair_limits, at_a, at_b, answer) && is_there),
+          runs(!answer_without_parts(c.pair_limits, at_a, at_b, answer) && is_there),
           apart(is_there && !runs) {}
   };
 

@@ -79,8 +79,8 @@ __device__ inline double cutoff_of_left(const ReducedView& r, const Item& item) 
     const std::uint32_t set = r.elements.of_body[body];
     if (set != kNone) return r.elements.sets[set].is_empty ? __builtin_inf() : r.elements.sets[set].hull.rho;
     double most = 0;
-    for (std::uint32_t i = c.hulls.piece_begin[body]; i < c.hulls.piece_begin[body + 1]; ++i)
-      most = fmax(most, c.hulls.heads[c.hulls.piece_hull[i]].rho);
+    for (std::uint32_t i = c.hulls.part_begin[body]; i < c.hulls.part_begin[body + 1]; ++i)
+      most = fmax(most, c.hulls.heads[c.hulls.part_hull[i]].rho);
     return most;
   };
   const double upper =
@@ -208,7 +208,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_const
       const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       PairAnswer answer;
-      outcome = solve_pieces<false>(c, c.pair_limits, item.ref, item.k, at_a, at_b, answer);
+      outcome = solve_parts<false>(c, c.pair_limits, item.ref, item.k, at_a, at_b, answer);
       if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);

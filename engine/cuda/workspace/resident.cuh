@@ -24,23 +24,19 @@ class ResidentHulls {
     const std::size_t at_heads = m.add<HullHead>(arrays.heads), at_x = m.add<double>(arrays.x),
                       at_y = m.add<double>(arrays.y), at_z = m.add<double>(arrays.z), at_f32 = m.add<float>(arrays.f32),
                       at_words = m.add<std::uint16_t>(arrays.words), at_of = m.add<std::uint32_t>(arrays.of_body),
-                      at_begin = m.add<std::uint32_t>(arrays.piece_begin),
-                      at_pieces = m.add<std::uint32_t>(arrays.piece_hull);
+                      at_begin = m.add<std::uint32_t>(arrays.part_begin),
+                      at_parts = m.add<std::uint32_t>(arrays.part_hull);
     m.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
     m.forget_host();
-    view_ = {m.at<HullHead>(at_heads),
-             m.at<double>(at_x),
-             m.at<double>(at_y),
-             m.at<double>(at_z),
-             m.at<float>(at_f32),
-             m.at<std::uint16_t>(at_words),
-             m.at<std::uint32_t>(at_of),
-             m.at<std::uint32_t>(at_begin),
-             m.at<std::uint32_t>(at_pieces)};
+    view_ = {m.at<HullHead>(at_heads),     m.at<double>(at_x),
+             m.at<double>(at_y),           m.at<double>(at_z),
+             m.at<float>(at_f32),          m.at<std::uint16_t>(at_words),
+             m.at<std::uint32_t>(at_of),   m.at<std::uint32_t>(at_begin),
+             m.at<std::uint32_t>(at_parts)};
     heads_ = std::move(arrays.heads);
     of_body_ = std::move(arrays.of_body);
-    piece_begin_ = std::move(arrays.piece_begin);
+    part_begin_ = std::move(arrays.part_begin);
     has_several_ = std::ranges::find(of_body_, kSeveral) != of_body_.end();
   }
   const HullsView& view() const { return view_; }
@@ -48,14 +44,14 @@ class ResidentHulls {
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
   const HullHead& head(std::uint32_t hull) const { return heads_[hull]; }
   bool is_shared(std::uint32_t hull) const { return heads_[hull].count <= kMostSharedVertices; }
-  bool has_several() const { return has_several_; }           ///< whether a body has several convex parts
-  std::size_t pieces() const { return piece_begin_.back(); }  ///< of all bodies on the device
-  std::uint32_t pieces_of(std::uint32_t body) const { return piece_begin_[body + 1] - piece_begin_[body]; }
+  bool has_several() const { return has_several_; }          ///< whether a body has several convex parts
+  std::size_t pieces() const { return part_begin_.back(); }  ///< of all bodies on the device
+  std::uint32_t convex_parts_of(std::uint32_t body) const { return part_begin_[body + 1] - part_begin_[body]; }
 
  private:
   int device_ = 0;
   Upload memory_;
-  std::vector<std::uint32_t> of_body_, piece_begin_;
+  std::vector<std::uint32_t> of_body_, part_begin_;
   std::vector<HullHead> heads_;
   bool has_several_ = false;
   HullsView view_;

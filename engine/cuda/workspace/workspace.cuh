@@ -90,9 +90,9 @@ class QuerySide : public Interface {
     joints_ = s.joints;
     given_count_ = s.given_count;
     setup_.clear();
-    find_moved_pieces(s.moved_body);
+    find_moved_parts(s.moved_body);
     const std::size_t moved_body = setup_.add(s.moved_body),
-                      pieces = setup_.add(std::span<const std::uint32_t>(moved_piece_begin_)),
+                      pieces = setup_.add(std::span<const std::uint32_t>(moved_part_begin_)),
                       source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
                       own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base),
                       slot_state = setup_.add(s.slot_state), margins = setup_.add(s.margins),
@@ -112,7 +112,7 @@ class QuerySide : public Interface {
     for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
       check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
     bodies_.moved_body = setup_.at<std::uint32_t>(moved_body);
-    bodies_.moved_piece_begin = setup_.at<std::uint32_t>(pieces);
+    bodies_.moved_part_begin = setup_.at<std::uint32_t>(pieces);
     bodies_.moved_count = static_cast<std::uint32_t>(s.moved_body.size());
     moves_ = {nullptr,
               s.given_count,
@@ -174,16 +174,15 @@ class QuerySide : public Interface {
   void send_bodies(const QuerySetup& s, const UncertaintyView& uncertainties, cudaStream_t stream) {
     const std::size_t n = fixed_count_, boxes = s.boxes ? n * kBoxComponents * sizeof(double) : 0;
     const std::size_t outer_at = (fixed_bytes() + boxes + 15) / 16 * 16;
-    const std::size_t pieces_at = outer_at + (s.boxes ? n * sizeof(OuterBox) : 0);
-    std::byte* memory =
-        device_bodies_.reserve(pieces_at + (hulls_.has_several() ? hulls_.pieces() * kPartBoxBytes : 0));
+    const std::size_t parts_at = outer_at + (s.boxes ? n * sizeof(OuterBox) : 0);
+    std::byte* memory = device_bodies_.reserve(parts_at + (hulls_.has_several() ? hulls_.pieces() * kPartBoxBytes : 0));
     auto* outer = s.boxes ? reinterpret_cast<OuterBox*>(memory + outer_at) : nullptr;
     bodies_ = {};
     bodies_.uncertainties = uncertainties;
     bodies_.fixed = reinterpret_cast<const double*>(memory + components_offset());
     bodies_.fixed_state = reinterpret_cast<const std::uint8_t*>(memory);
     bodies_.fixed_box = outer;
-    if (hulls_.has_several()) bodies_.fixed_piece_box = reinterpret_cast<double*>(memory + pieces_at);
+    if (hulls_.has_several()) bodies_.fixed_part_box = reinterpret_cast<double*>(memory + parts_at);
     bodies_.bodies = fixed_count_;
     bodies_.components = kPoseComponents + (s.boxes ? kBoxComponents : 0);
     if (n == 0) return;
@@ -194,13 +193,13 @@ class QuerySide : public Interface {
   }
 
   // Offsets of the moved bodies' convex parts, if any body of the scene has several.
-  void find_moved_pieces(std::span<const std::uint32_t> moved) {
-    moved_piece_begin_.clear();
-    moved_pieces_ = 0;
+  void find_moved_parts(std::span<const std::uint32_t> moved) {
+    moved_part_begin_.clear();
+    moved_parts_ = 0;
     if (!hulls_.has_several()) return;
     for (const std::uint32_t body : moved) {
-      moved_piece_begin_.push_back(moved_pieces_);
-      moved_pieces_ += hulls_.pieces_of(body);
+      moved_part_begin_.push_back(moved_parts_);
+      moved_parts_ += hulls_.convex_parts_of(body);
     }
   }
 
@@ -228,7 +227,7 @@ class QuerySide : public Interface {
   MovedRoom moved_room(std::uint32_t configurations) const {
     const std::size_t states = std::size_t{bodies_.moved_count} * configurations;
     return {states, bodies_.fixed_box ? states * sizeof(OuterBox) : 0,
-            std::size_t{moved_pieces_} * configurations * kPartBoxBytes, states * bodies_.components * sizeof(double),
+            std::size_t{moved_parts_} * configurations * kPartBoxBytes, states * bodies_.components * sizeof(double),
             bodies_.uncertainties.fixed ? states * sizeof(BodySlack) : 0};
   }
 
@@ -255,7 +254,7 @@ class QuerySide : public Interface {
     const auto [states, boxes, pieces, numbers, slacks] = room;
     std::byte* memory = slot.device_bodies.reserve(room.bytes());
     bodies.moved_box = bodies.fixed_box ? reinterpret_cast<OuterBox*>(memory) : nullptr;
-    bodies.moved_piece_box = pieces > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;
+    bodies.moved_part_box = pieces > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;
     bodies.moved = reinterpret_cast<double*>(memory + boxes + pieces);
     bodies.uncertainties.moved = reinterpret_cast<BodySlack*>(memory + boxes + pieces + numbers);
     bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + pieces + numbers + slacks);
@@ -274,8 +273,8 @@ class QuerySide : public Interface {
   PinnedBuffer host_bodies_, all_given_[2];
   DeviceBuffer device_bodies_;
   std::uint32_t fixed_count_ = 0;
-  std::vector<std::uint32_t> moved_piece_begin_;
-  std::uint32_t moved_pieces_ = 0, frames_ = 0;
+  std::vector<std::uint32_t> moved_part_begin_;
+  std::uint32_t moved_parts_ = 0, frames_ = 0;
   BodiesView bodies_;
   MovesView moves_;
   MoversView movers_{};

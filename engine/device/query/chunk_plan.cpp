@@ -71,7 +71,7 @@ class Dealer {
       if (a >= hull_.size() || b >= hull_.size() || hull_[a] == kNone || hull_[b] == kNone)
         part.on_cpu.push_back(i);
       else if (hull_[a] == kSeveral || hull_[b] == kSeveral)
-        several.push_back({std::uint64_t{pieces_of(a)} * pieces_of(b), i});
+        several.push_back({std::uint64_t{convex_parts_of(a)} * convex_parts_of(b), i});
       else
         order_.push_back({std::uint64_t{hull_[a]} << 32 | hull_[b], i});
     }
@@ -119,7 +119,7 @@ class Dealer {
     return group;
   }
 
-  std::size_t pieces_of(std::uint32_t body) const { return scene_.bodies()[body].pieces.size(); }
+  std::size_t convex_parts_of(std::uint32_t body) const { return scene_.bodies()[body].pieces.size(); }
 
   ChunkPlan::Part::Groups add_groups(std::span<const Group> groups, const Group& ungrouped, const Group& several,
                                      std::uint32_t configurations) {

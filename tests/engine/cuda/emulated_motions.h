@@ -166,7 +166,7 @@ class HostMotions {
     view.moved = room<double>(S * M * HostBodies::kComponents);
     view.moved_state = room<std::uint8_t>(S * M);
     view.moved_box = room<OuterBox>(S * M);
-    view.moved_piece_box = room<double>(S * pieces * kBoxComponents);
+    view.moved_part_box = room<double>(S * pieces * kBoxComponents);
     view.uncertainties.moved = room<BodySlack>(S * M);
   }
 

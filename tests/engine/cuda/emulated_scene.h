@@ -59,10 +59,10 @@ struct HostBodies {
   MovedChains chains;
   DeviceUncertainty uncertainties;
   bool uncertain;
-  std::vector<double> fixed, moved, fixed_piece_box, moved_piece_box;
+  std::vector<double> fixed, moved, fixed_part_box, moved_part_box;
   std::vector<std::uint8_t> fixed_state, moved_state;
   std::vector<OuterBox> fixed_box, moved_box;
-  std::vector<std::uint32_t> moved_piece_begin;
+  std::vector<std::uint32_t> moved_part_begin;
   std::vector<BodySlack> moved_slack;
   std::vector<double> frame_numbers, travels;
   std::vector<std::uint8_t> frame_facts;
@@ -132,11 +132,11 @@ struct HostBodies {
       }
     }
     fixed_box.resize(n);
-    fixed_piece_box.resize(std::size_t{hulls.piece_begin[n]} * kBoxComponents);
+    fixed_part_box.resize(std::size_t{hulls.part_begin[n]} * kBoxComponents);
     view.fixed = fixed.data();
     view.fixed_state = fixed_state.data();
     view.fixed_box = fixed_box.data();
-    view.fixed_piece_box = fixed_piece_box.data();
+    view.fixed_part_box = fixed_part_box.data();
     view.bodies = static_cast<std::uint32_t>(n);
     view.components = kComponents;
   }
@@ -154,21 +154,21 @@ struct HostBodies {
   void make_room_for_moved(const HullsView& hulls, std::size_t K, std::size_t M) {
     std::uint32_t pieces = 0;
     for (const std::uint32_t body : plan.moved) {
-      moved_piece_begin.push_back(pieces);
-      pieces += hulls.piece_begin[body + 1] - hulls.piece_begin[body];
+      moved_part_begin.push_back(pieces);
+      pieces += hulls.part_begin[body + 1] - hulls.part_begin[body];
     }
     moved.resize(K * M * kComponents);
     moved_state.resize(K * M);
     moved_box.resize(K * M);
-    moved_piece_box.resize(K * pieces * kBoxComponents);
+    moved_part_box.resize(K * pieces * kBoxComponents);
     moved_slack.resize(K * M);
     view.moved_box = moved_box.data();
     view.moved = moved.data();
     view.moved_state = moved_state.data();
     view.moved_body = plan.moved.data();
     view.moved_count = static_cast<std::uint32_t>(M);
-    view.moved_piece_box = moved_piece_box.data();
-    view.moved_piece_begin = moved_piece_begin.data();
+    view.moved_part_box = moved_part_box.data();
+    view.moved_part_begin = moved_part_begin.data();
     view.uncertainties.moved = moved_slack.data();
   }
 };

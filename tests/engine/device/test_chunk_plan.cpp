@@ -80,7 +80,7 @@ TEST(ChunkPlan, PutsPairsOfSeveralPiecesBehindTheOthers) {
     expect_same(ask(device, q), ask(cpu, q), std::to_string(configurations) + " configurations", true);
 
     const std::vector<BodyPair> pairs = device.pairs(q);
-    const auto piece_pairs = [&](std::uint32_t place) {
+    const auto part_pairs = [&](std::uint32_t place) {
       const BodyPair pair = pairs[dealt.position[place]];
       return device.scene().bodies()[pair.a].pieces.size() * device.scene().bodies()[pair.b].pieces.size();
     };
@@ -95,11 +95,11 @@ TEST(ChunkPlan, PutsPairsOfSeveralPiecesBehindTheOthers) {
       EXPECT_EQ(c.ungrouped.first + c.ungrouped.count, c.several.first);
       EXPECT_EQ(c.several.first + c.several.count, dealt.position.size());
       EXPECT_EQ(c.several_tiles, (c.several.count * c.configurations + cuda::kTile - 1) / cuda::kTile);
-      for (std::uint32_t i = 0; i < c.several.first; ++i) EXPECT_EQ(piece_pairs(i), 1u);
+      for (std::uint32_t i = 0; i < c.several.first; ++i) EXPECT_EQ(part_pairs(i), 1u);
       for (std::uint32_t i = c.several.first; i < dealt.position.size(); ++i) {
-        EXPECT_GT(piece_pairs(i), 1u);
+        EXPECT_GT(part_pairs(i), 1u);
         if (i > c.several.first) {
-          EXPECT_GE(piece_pairs(i), piece_pairs(i - 1)) << "side by side are as many piece pairs";
+          EXPECT_GE(part_pairs(i), part_pairs(i - 1)) << "side by side are as many piece pairs";
         }
       }
     }

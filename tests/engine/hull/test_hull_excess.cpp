@@ -40,7 +40,7 @@ struct Result {
 Result measure(const Source& mesh) {
   std::vector<Triangle> faces;
   Result out;
-  out.piece = make_hull_piece(mesh.vertices, mesh.triangles, 0, 0, false, &faces);
+  out.piece = make_hull_part(mesh.vertices, mesh.triangles, 0, 0, false, &faces);
   out.excess = hull_excess(mesh.vertices, mesh.triangles, *out.piece, faces);
   return out;
 }

@@ -23,21 +23,21 @@ long double brute_force(const ConvexPart& piece, const Vec3d& n) {
   return best;
 }
 
-std::vector<ConvexPartPtr> pieces_of_every_size() {
+std::vector<ConvexPartPtr> parts_of_every_size() {
   Random random(17);
   std::vector<ConvexPartPtr> pieces;
   for (const int count : {1, 2, 7, 8, 15, 16, 17, 64, 65, 100, 257, 1000, 20000})
-    pieces.push_back(make_piece(random.cloud(count, {1, 2, 0.5})));
-  pieces.push_back(make_piece(make_uv_sphere(2, 40).vertices));           // rings of equal heights: many ties
-  pieces.push_back(make_piece(random.cloud(3000, {1, 1, 0})));            // flat
-  pieces.push_back(make_piece(std::vector<Vec3d>(500, Vec3d{1, 2, 3})));  // all equal
+    pieces.push_back(make_convex_part(random.cloud(count, {1, 2, 0.5})));
+  pieces.push_back(make_convex_part(make_uv_sphere(2, 40).vertices));           // rings of equal heights: many ties
+  pieces.push_back(make_convex_part(random.cloud(3000, {1, 1, 0})));            // flat
+  pieces.push_back(make_convex_part(std::vector<Vec3d>(500, Vec3d{1, 2, 3})));  // all equal
   return pieces;
 }
 
 TEST(Support, IsTheMaximumOverAllVerticesWithinRounding) {
   Random random(5);
   int with_table = 0, without = 0;
-  for (const ConvexPartPtr& piece : pieces_of_every_size()) {
+  for (const ConvexPartPtr& piece : parts_of_every_size()) {
     ++(piece->table ? with_table : without);
     for (int i = 0; i < 300; ++i) {
       Vec3d n{random.normal(), random.normal(), random.normal()};
@@ -86,7 +86,7 @@ TEST(DirectionTable, FindsTheVertexThatAScanFinds) {
   for (int i = 0; i < 20; ++i)
     clouds.back().insert(clouds.back().end(), box.vertices.begin(), box.vertices.end());  // repeats
   for (const std::vector<Vec3d>& cloud : clouds) {
-    const ConvexPartPtr piece = make_piece(cloud);
+    const ConvexPartPtr piece = make_convex_part(cloud);
     ASSERT_TRUE(piece->table);
     const DirectionTable blurred = make_direction_table(cloud, piece->rho, {4, 1, float_blur(piece->spread)});
     int in_float = 0;
@@ -127,7 +127,7 @@ TEST(DirectionTable, ListsAreShortWhateverTheMesh) {
   for (const Mesh& m :
        {Mesh{"sphere", make_uv_sphere(1, 100).vertices, 7}, Mesh{"cloud", random.cloud(20000, {1, 1, 1}), 7},
         Mesh{"cylinder", make_cylinder(1, 2).vertices, 7}}) {
-    const ConvexPartPtr piece = make_piece(m.vertices);
+    const ConvexPartPtr piece = make_convex_part(m.vertices);
     double sum = 0;
     std::size_t longest = 0;
     for (int i = 0; i < 2000; ++i) {

@@ -92,7 +92,7 @@ TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
       PartPair best{};
       NarrowLimits limits;
       std::size_t looks = 0;
-      const PartEnd end = search_pieces(search, max_distance, nearest, [&](const PartPair& p, double cut_off) {
+      const PartEnd end = search_parts(search, max_distance, nearest, [&](const PartPair& p, double cut_off) {
         ++looks;
         limits.max_distance = cut_off;
         const NarrowAnswer n = narrow_phase(*scene.bodies()[a].pieces[p.a], placed[a].pose,

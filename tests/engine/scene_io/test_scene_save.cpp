@@ -27,7 +27,7 @@ Scene again(const Scene& scene, const TemporaryFolder& folder) {
   return Scene::load(to + "/scene.yaml");
 }
 
-void expect_same_pieces(const Scene& one, const Scene& other) {
+void expect_same_parts(const Scene& one, const Scene& other) {
   ASSERT_EQ(one.bodies().size(), other.bodies().size());
   for (std::uint32_t i = 0; i < one.bodies().size(); ++i) {
     const Body &a = one.bodies()[i], &b = other.bodies()[i];
@@ -56,7 +56,7 @@ void expect_same_pieces(const Scene& one, const Scene& other) {
 /// Also compares answers for all pairs at the initial poses and positions, or for many pairs only the nearest of each
 /// body.
 void expect_same(const Scene& one, const Scene& other) {
-  expect_same_pieces(one, other);
+  expect_same_parts(one, other);
   EXPECT_EQ(one.revision(), other.revision());
   ASSERT_EQ(one.groups().size(), other.groups().size());
   const Engine a(one, {.threads = 1}), b(other, {.threads = 1});
@@ -177,7 +177,7 @@ TEST(SavedScene, IgnoringEverythingSaysNothingOfFrames) {
   scene.ignore("ball", "*");  // includes the frame "arm", whose name is that of a group, too
   scene.add_sphere("other", 0.1, {.pose = Pose{{0.4, 0.3, 0.9}}});
   const Scene saved = again(scene, folder);
-  expect_same_pieces(scene, saved);
+  expect_same_parts(scene, saved);
   EXPECT_EQ(Engine(scene).pairs({}), Engine(saved).pairs({}));
 }
 

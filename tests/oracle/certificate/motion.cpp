@@ -40,7 +40,7 @@ Frame frame_of(const Value& id) {
   return id.is_null() ? Frame() : Frame(id.integer());
 }
 
-Body::Body(const Value& document, const std::vector<ConvexPart>& pieces_of_all)
+Body::Body(const Value& document, const std::vector<ConvexPart>& parts_of_all)
     : name(document["name"].text()),
       on(frame_of(document["on"])),
       has_joint(!document["joint"].is_null()),
@@ -55,7 +55,7 @@ Body::Body(const Value& document, const std::vector<ConvexPart>& pieces_of_all)
   require(!has_joint || !document["joint"].text().empty(), "a joint has no name");
   require(!has_joint || on, "a joint hangs on nothing");
   for (const Value& place : document["pieces"].list())
-    wholes.push_back(&pieces_of_all[place.index(pieces_of_all.size())]);
+    wholes.push_back(&parts_of_all[place.index(parts_of_all.size())]);
   for (const ConvexPart* whole : wholes) {
     if (!whole->has_elements()) pieces.push_back(whole);
     for (const ConvexPart& element : whole->elements()) pieces.push_back(&element);

@@ -56,8 +56,8 @@ TEST(AbsurdScales, AreNeverAnsweredWrongly) {
 
 TEST(AbsurdScales, BeyondTheLimitAreRefused) {
   for (const double x : {1e61, 1e200, 1e308}) {
-    EXPECT_THROW(make_piece({{x, 0, 0}}), std::invalid_argument);
-    EXPECT_THROW(make_piece({{0, 0, 0}}, x), std::invalid_argument);
+    EXPECT_THROW(make_convex_part({{x, 0, 0}}), std::invalid_argument);
+    EXPECT_THROW(make_convex_part({{0, 0, 0}}, x), std::invalid_argument);
     EXPECT_EQ(check({{0, x, 0}}), PoseQuality::kBad);
   }
 }

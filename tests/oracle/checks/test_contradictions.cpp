@@ -130,7 +130,7 @@ struct Batch {
   explicit Batch(std::span<const Case> cases) {
     poses.reserve(2 * cases.size());
     for (const Case& c : cases) {
-      for (const Solid* s : {c.a.get(), c.b.get()}) pieces.push_back(make_piece(s->vertices, s->radius));
+      for (const Solid* s : {c.a.get(), c.b.get()}) pieces.push_back(make_convex_part(s->vertices, s->radius));
       for (const Pose& X : {c.X_wa, c.X_wb}) poses.push_back({rotation_of(X), X.translation, X});
       const std::size_t i = pieces.size() - 2;
       tasks.push_back(

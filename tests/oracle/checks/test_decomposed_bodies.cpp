@@ -52,7 +52,7 @@ std::vector<Row> ask(const ConvexPartPtr& a, const Pose& X_wa, const ConvexPartP
 }
 
 struct Found {
-  int asked = 0, wrong = 0, by_pieces = 0, overlapping = 0, held = 0;
+  int asked = 0, wrong = 0, by_parts = 0, overlapping = 0, held = 0;
 };
 
 /// Whether a row contradicts the exact result.
@@ -76,27 +76,26 @@ void try_pair(Random& random, Kind kind, Found& found) {
   const int what = random.integer(0, 2);
   const SolidPtr b =
       what == 2 ? std::make_shared<const Solid>(Solid{other.vertices, radius_b}) : solid(other, true, radius_b);
-  const ConvexPartPtr with =
-                          make_decomposed_piece(mesh.vertices, mesh.triangles, propose(random, mesh, kind), radius_a),
-                      without = make_surface_piece(mesh.vertices, mesh.triangles, true, radius_a);
-  const ConvexPartPtr piece_b =
-      what == 2   ? make_piece(other.vertices, radius_b)
-      : what == 1 ? make_surface_piece(other.vertices, other.triangles, true, radius_b)
-                  : make_decomposed_piece(other.vertices, other.triangles, propose(random, other, kind), radius_b);
+  const ConvexPartPtr with = make_decomposed_part(mesh.vertices, mesh.triangles, propose(random, mesh, kind), radius_a),
+                      without = make_surface_part(mesh.vertices, mesh.triangles, true, radius_a);
+  const ConvexPartPtr part_b =
+      what == 2   ? make_convex_part(other.vertices, radius_b)
+      : what == 1 ? make_surface_part(other.vertices, other.triangles, true, radius_b)
+                  : make_decomposed_part(other.vertices, other.triangles, propose(random, other, kind), radius_b);
   for (int k = 0; k < 3; ++k) {
     Case c{a, b, random.rotation(), random.rotation(random.direction() * (size * random.uniform(0, 0.6)))};
     const Result truth = exact_answer(c, false);
     const bool apart = truth.distance.compare(0) > 0;
     const double near = apart ? truth.distance.upper() : 0.1;
     const std::array<double, 4> limits{0.0, 0.5 * near, 0.999 * near, 1.01 * near};
-    const std::vector<Row> rows = ask(with, c.X_wa, piece_b, c.X_wb, limits),
-                           plain = ask(without, c.X_wa, piece_b, c.X_wb, limits);
+    const std::vector<Row> rows = ask(with, c.X_wa, part_b, c.X_wb, limits),
+                           plain = ask(without, c.X_wa, part_b, c.X_wb, limits);
     for (std::size_t i = 0; i < rows.size(); ++i) {
       ++found.asked;
       found.wrong += is_wrong(rows[i], truth, limits[i]);
       // Triangles give the same answer, except for the proved lower bound.
       found.wrong += rows[i].status != plain[i].status;
-      found.by_pieces += rows[i].status == Status::kBeyond && rows[i].lower != plain[i].lower;
+      found.by_parts += rows[i].status == Status::kBeyond && rows[i].lower != plain[i].lower;
     }
     found.overlapping += !apart;
   }
@@ -110,8 +109,8 @@ void try_held(Random& random, Found& found) {
     skin.emplace_back();
     for (const std::uint32_t corner : t) skin.back().push_back(box.vertices[corner]);
   }
-  const ConvexPartPtr a = make_decomposed_piece(box.vertices, box.triangles, skin, 0),
-                      b = make_piece({random.direction() * 0.1, random.direction() * 0.1}, 0);
+  const ConvexPartPtr a = make_decomposed_part(box.vertices, box.triangles, skin, 0),
+                      b = make_convex_part({random.direction() * 0.1, random.direction() * 0.1}, 0);
   const std::array<double, 2> limits{0.0, 0.25};
   for (const Row& row : ask(a, {}, b, random.rotation(random.direction() * random.uniform(0, 0.3)), limits)) {
     ++found.held;
@@ -138,9 +137,9 @@ TEST(DecomposedBodies, AreNoFartherThanTheJudgeSays) {
     try_held(random, found);
   }
   std::printf("%d rows, %d wrong, %d by pieces; %d pairs overlap, %d rows of bodies that are held\n", found.asked,
-              found.wrong, found.by_pieces, found.overlapping, found.held);
+              found.wrong, found.by_parts, found.overlapping, found.held);
   EXPECT_EQ(found.wrong, 0);
-  EXPECT_GE(found.by_pieces, 10);
+  EXPECT_GE(found.by_parts, 10);
   EXPECT_GE(found.overlapping, 10);
 }
 #endif

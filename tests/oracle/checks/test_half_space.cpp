@@ -36,12 +36,12 @@ Vec3q turned(const Pose& X, const Vec3q& v) {
 }
 
 // The exact signed distance of a part from the grown half-space.
-mpq_class height(const ConvexPart& plane, const Pose& X_plane, const ConvexPart& piece, const Pose& X_piece) {
-  const Vec3q n = turned(X_plane, {0, 0, 1}), t_a = rational(X_plane.translation), t_b = rational(X_piece.translation);
+mpq_class height(const ConvexPart& plane, const Pose& X_plane, const ConvexPart& piece, const Pose& X_part) {
+  const Vec3q n = turned(X_plane, {0, 0, 1}), t_a = rational(X_plane.translation), t_b = rational(X_part.translation);
   mpq_class least;
   bool first = true;
   for (const Vec3d& v : piece.vertices) {
-    const Vec3q p = turned(X_piece, rational(v));
+    const Vec3q p = turned(X_part, rational(v));
     const mpq_class at = product(n, {p.x + t_b.x - t_a.x, p.y + t_b.y - t_a.y, p.z + t_b.z - t_a.z});
     if (first || at < least) least = at;
     first = false;
@@ -63,19 +63,19 @@ Pose plane_pose(Random& random, const Vec3d& at) {
   return random.rotation(at);
 }
 
-ConvexPartPtr any_piece(Random& random) {
+ConvexPartPtr any_part(Random& random) {
   const double size = random.log_uniform(1e-3, 10);
   std::vector<Vec3d> vertices;
   const int count = random.chance(0.2) ? random.integer(1, 3) : random.chance(0.2) ? 200 : random.integer(4, 40);
   for (int i = 0; i < count; ++i) vertices.push_back(random.direction() * (size * random.uniform(0.2, 1)));
   if (random.chance(0.3))  // an edge or a face parallel to the plane
     for (Vec3d& v : vertices) v.z = v.z > 0 ? size : -size;
-  return make_piece(std::move(vertices), random.chance(0.4) ? random.log_uniform(1e-4, 1) : 0);
+  return make_convex_part(std::move(vertices), random.chance(0.4) ? random.log_uniform(1e-4, 1) : 0);
 }
 
 struct PlaneCase {
   ConvexPartPtr plane, piece;
-  Pose X_plane, X_piece;
+  Pose X_plane, X_part;
 };
 
 // A part over a plane, at a chosen distance: far, near, touching, or deep.
@@ -83,16 +83,16 @@ PlaneCase any_case(Random& random, double& wanted) {
   PlaneCase c;
   const double far = random.chance(0.3) ? 1e4 : 3;
   c.X_plane = plane_pose(random, {random.uniform(-far, far), random.uniform(-far, far), random.uniform(-far, far)});
-  c.plane = make_primitive_piece({Primitive::Kind::kHalfSpace, {0, 0, 0}},
-                                 random.chance(0.3) ? random.log_uniform(1e-3, 1) : 0);
-  c.piece = any_piece(random);
-  c.X_piece = random.rotation({random.uniform(-far, far), random.uniform(-far, far), random.uniform(-far, far)});
-  if (random.chance(0.3)) c.X_piece = {c.X_piece.translation, 1, 0, 0, 0};
+  c.plane = make_primitive_part({Primitive::Kind::kHalfSpace, {0, 0, 0}},
+                                random.chance(0.3) ? random.log_uniform(1e-3, 1) : 0);
+  c.piece = any_part(random);
+  c.X_part = random.rotation({random.uniform(-far, far), random.uniform(-far, far), random.uniform(-far, far)});
+  if (random.chance(0.3)) c.X_part = {c.X_part.translation, 1, 0, 0, 0};
   const double choices[] = {random.uniform(0, 10), random.log_uniform(1e-12, 1e-3), 0, -random.log_uniform(1e-12, 10)};
   wanted = choices[random.integer(0, 3)];
   const Vec3d n = rotation_of(c.X_plane) * Vec3d{0, 0, 1};
-  const mpq_class is = height(*c.plane, c.X_plane, *c.piece, c.X_piece);
-  c.X_piece.translation += n * (wanted - is.get_d());
+  const mpq_class is = height(*c.plane, c.X_plane, *c.piece, c.X_part);
+  c.X_part.translation += n * (wanted - is.get_d());
   return c;
 }
 
@@ -112,8 +112,8 @@ TEST(HalfSpace, HoldsTheExactSignedDistance) {
   for (int i = 0; i < 2000; ++i) {
     double wanted;
     const PlaneCase c = any_case(random, wanted);
-    const PoseMatrix plane = placed(c.X_plane), piece = placed(c.X_piece);
-    const mpq_class exact = height(*c.plane, c.X_plane, *c.piece, c.X_piece);
+    const PoseMatrix plane = placed(c.X_plane), piece = placed(c.X_part);
+    const mpq_class exact = height(*c.plane, c.X_plane, *c.piece, c.X_part);
     NarrowLimits limits;
     limits.signed_distance = true;
     limits.rel_tol = 1e-9;
@@ -127,7 +127,7 @@ TEST(HalfSpace, HoldsTheExactSignedDistance) {
     ASSERT_EQ(first.bounds.lower, second.bounds.lower);
     ASSERT_EQ(first.bounds.upper, second.bounds.upper);
     // The witness points have the reported distance, and lie on the plane and on its far side.
-    const Vec3d D = c.X_piece.translation - c.X_plane.translation, n = first.normal;
+    const Vec3d D = c.X_part.translation - c.X_plane.translation, n = first.normal;
     const Vec3d across = first.point_b + D - first.point_a;
     const double scale = norm(D) + c.piece->rho + c.piece->radius + c.plane->radius;
     EXPECT_NEAR(dot(across, n), exact.get_d(), 1e-13 * scale);
@@ -157,8 +157,8 @@ TEST(HalfSpace, BoxesHoldIt) {
   for (int i = 0; i < 1500; ++i) {
     double wanted;
     const PlaneCase c = any_case(random, wanted);
-    const mpq_class exact = height(*c.plane, c.X_plane, *c.piece, c.X_piece);
-    const PoseMatrix plane = placed(c.X_plane), piece = placed(c.X_piece);
+    const mpq_class exact = height(*c.plane, c.X_plane, *c.piece, c.X_part);
+    const PoseMatrix plane = placed(c.X_plane), piece = placed(c.X_part);
     const double gap =
         certify_box_gap(certify_box(*c.plane, plane.R_wb, plane.t_w), certify_box(*c.piece, piece.R_wb, piece.t_w));
     if (gap > 0) {
@@ -184,7 +184,7 @@ Scene room_scene(Random& random, std::vector<Pose>& planes) {
     for (int p = i % 3 == 0 ? 4 : 1; p > 0; --p) {
       std::vector<Vec3d> vertices;
       for (int v = 0; v < 12; ++v) vertices.push_back(random.direction() * 0.3 + Vec3d{0.5 * p, 0, 0});
-      body.pieces.push_back(make_piece(std::move(vertices), i % 2 ? 0.0625 : 0));
+      body.pieces.push_back(make_convex_part(std::move(vertices), i % 2 ? 0.0625 : 0));
     }
     scene.add_body(std::move(body));
   }

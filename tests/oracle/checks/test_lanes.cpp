@@ -66,8 +66,8 @@ struct Asked {
       names.push_back(cls.name + " case " + std::to_string(i) + " pair " + std::to_string(names.size()));
       max_distances.push_back(max_distance);
     }
-    pieces.push_back(make_piece(c.a->vertices, c.a->radius));
-    pieces.push_back(make_piece(c.b->vertices, c.b->radius));
+    pieces.push_back(make_convex_part(c.a->vertices, c.a->radius));
+    pieces.push_back(make_convex_part(c.b->vertices, c.b->radius));
   }
 };
 
@@ -171,7 +171,8 @@ TEST_P(Lanes, WarmStartsEndSoonerAndProveTheSame) {
   for (const CaseClass& cls : case_classes())
     for (int i = 0; i < kCases; ++i) {
       const Case c = make_case(cls, 6, static_cast<std::uint64_t>(i));
-      const ConvexPartPtr a = make_piece(c.a->vertices, c.a->radius), b = make_piece(c.b->vertices, c.b->radius);
+      const ConvexPartPtr a = make_convex_part(c.a->vertices, c.a->radius),
+                          b = make_convex_part(c.b->vertices, c.b->radius);
       const LaneHull hull_a(*a), hull_b(*b);
       Random random(static_cast<std::uint64_t>(i));
       const std::vector<Placed> placed = placements(c, random);

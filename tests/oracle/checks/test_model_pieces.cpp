@@ -22,7 +22,7 @@ constexpr std::uint64_t kSeed = 57;
 constexpr std::uint32_t kOthers = 3, kPlaces = 3;  // bodies other than the first; configurations of it
 
 struct Found {
-  int rows = 0, wide = 0, apart = 0, overlapping = 0, held = 0, of_pieces = 0, free = 0, hit = 0, within = 0;
+  int rows = 0, wide = 0, apart = 0, overlapping = 0, held = 0, of_parts = 0, free = 0, hit = 0, within = 0;
   int wrong = 0;
   std::string first_wrong;
 
@@ -49,12 +49,12 @@ struct Trial {
       const double radius = random.chance(0.5) ? 0 : 0.125 * scale;
       if (i == 1) {
         solids[i] = std::make_shared<const Solid>(Solid{other.vertices, radius});
-        pieces[i] = make_piece(other.vertices, radius);
+        pieces[i] = make_convex_part(other.vertices, radius);
       } else if (i == 2) {
         make(i, random, other, kind, radius);
       } else {
         solids[i] = solid(other, true, radius);
-        pieces[i] = make_surface_piece(other.vertices, other.triangles, true, radius);
+        pieces[i] = make_surface_part(other.vertices, other.triangles, true, radius);
       }
       stands[i - 1] = random.rotation(random.direction() * (size_of(mesh) * random.uniform(0.2, 1.1)));
     }
@@ -72,7 +72,7 @@ struct Trial {
 
   void make(std::uint32_t at, Random& random, const Mesh& mesh, Kind kind, double radius) {
     solids[at] = solid(mesh, true, radius);
-    pieces[at] = make_decomposed_piece(mesh.vertices, mesh.triangles, propose(random, mesh, kind), radius);
+    pieces[at] = make_decomposed_part(mesh.vertices, mesh.triangles, propose(random, mesh, kind), radius);
   }
 
   Scene scene() const {
@@ -87,12 +87,12 @@ struct Trial {
     return scene;
   }
 
-  bool is_by_pieces(std::uint32_t i) const { return pieces[i]->surface && pieces[i]->surface->decomposition(); }
+  bool is_by_parts(std::uint32_t i) const { return pieces[i]->surface && pieces[i]->surface->decomposition(); }
   /// Bound on the difference between parts and meshes of a pair.
   double slack(std::uint32_t other) const {
     double sum = 0;
     for (const std::uint32_t i : {0u, other})
-      if (is_by_pieces(i)) {
+      if (is_by_parts(i)) {
         const Decomposition& of = *pieces[i]->surface->decomposition();
         sum += of.inner + of.most_outer();
       }
@@ -182,7 +182,7 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
   const Rows rows = ask(engine, trial, q);
   const auto solids_of = [&](std::uint32_t i) {
     std::vector<SolidPtr> all;
-    if (!trial.is_by_pieces(i)) return std::vector{trial.solids[i]};
+    if (!trial.is_by_parts(i)) return std::vector{trial.solids[i]};
     for (const ConvexPartPtr& piece : trial.pieces[i]->surface->decomposition()->pieces)
       all.push_back(std::make_shared<const Solid>(Solid{piece->vertices, trial.pieces[i]->radius}));
     return all;
@@ -207,7 +207,7 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
     found.expect(lower <= upper && (is_held || (below && above)), "a signed row holds the pieces' distance");
     found.expect(!(lower > 0) || (is_below(lower, truth) && is_above(upper, truth)), "a signed row holds the mesh's");
     found.expect(!(lower < 0) || (rows.flags[row] & kFlagPieces), "a depth says that it is the pieces'");
-    found.of_pieces += upper < 0;
+    found.of_parts += upper < 0;
   }
 }
 
@@ -277,8 +277,8 @@ void look_at_held(Random& random, Found& found) {
   Scene scene;
   Body first, second;
   first.name = "a", second.name = "b";
-  first.pieces = {make_decomposed_piece(box.vertices, box.triangles, skin, 0)};
-  second.pieces = {make_piece({random.direction() * 0.1, random.direction() * 0.1}, 0)};
+  first.pieces = {make_decomposed_part(box.vertices, box.triangles, skin, 0)};
+  second.pieces = {make_convex_part({random.direction() * 0.1, random.direction() * 0.1}, 0)};
   first.pose = Pose{}, second.pose = random.rotation(random.direction() * random.uniform(0, 0.3));
   scene.add_body(std::move(first));
   scene.add_body(std::move(second));
@@ -315,8 +315,8 @@ void look_at_tube(Found& found) {
   const Mesh mesh = on_lattice(revolved(kProfile, 8));
   Trial trial;
   trial.solids = {solid(mesh, true), std::make_shared<const Solid>(Solid{{{0, 0, 0}}, 0.125})};
-  trial.pieces = {make_decomposed_piece(mesh.vertices, mesh.triangles, std::array{mesh.vertices}, 0),
-                  make_piece({{0, 0, 0}}, 0.125)};
+  trial.pieces = {make_decomposed_part(mesh.vertices, mesh.triangles, std::array{mesh.vertices}, 0),
+                  make_convex_part({{0, 0, 0}}, 0.125)};
   for (std::uint32_t i = 2; i <= kOthers; ++i) trial.solids[i] = trial.solids[1], trial.pieces[i] = trial.pieces[1];
   trial.check_all();
   const Engine engine(trial.scene(), {.backend = "cpu", .threads = 1});
@@ -361,13 +361,13 @@ TEST(ModelParts, HoldWhatTheJudgeSays) {
   std::printf(
       "%d rows, %d wrong; %d as wide as the slack; %d apart, %d overlapping, %d held, %d depths of pieces; %d within; "
       "%d free, %d not\n",
-      found.rows, found.wrong, found.wide, found.apart, found.overlapping, found.held, found.of_pieces, found.within,
+      found.rows, found.wrong, found.wide, found.apart, found.overlapping, found.held, found.of_parts, found.within,
       found.free, found.hit);
   EXPECT_EQ(found.wrong, 0) << found.first_wrong;
   EXPECT_GE(found.wide, 50);
   EXPECT_GE(found.apart, 100);
   EXPECT_GE(found.overlapping, 30);
-  EXPECT_GE(found.of_pieces, 3);
+  EXPECT_GE(found.of_parts, 3);
   EXPECT_GE(found.free, 5);
   EXPECT_GE(found.hit, 5);
   EXPECT_GE(found.within, 20);

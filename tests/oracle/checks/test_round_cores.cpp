@@ -150,13 +150,13 @@ Vec3d sizes(Random& random, bool extreme) {
   return {one(), one(), one()};
 }
 
-ConvexPartPtr round_piece(Random& random, bool extreme) {
+ConvexPartPtr round_part(Random& random, bool extreme) {
   const Vec3d s = sizes(random, extreme);
   const double radius = random.chance(0.3) ? random.log_uniform(1e-4, 0.5) : 0;
   const auto kind = random.integer(0, 2);
-  if (kind == 0) return make_primitive_piece({Primitive::Kind::kEllipsoid, s}, radius);
+  if (kind == 0) return make_primitive_part({Primitive::Kind::kEllipsoid, s}, radius);
   const Primitive::Kind along_z = kind == 1 ? Primitive::Kind::kCone : Primitive::Kind::kCylinder;
-  return make_primitive_piece({along_z, {s.x, s.x, s.z}}, radius);
+  return make_primitive_part({along_z, {s.x, s.x, s.z}}, radius);
 }
 
 // Apart, touching or deep, near the origin or 10 km away, with simple rotations or any.
@@ -194,8 +194,8 @@ CheckedBalls check_balls(bool extreme, int count, std::uint64_t seed) {
   Random random(seed);
   CheckedBalls checked;
   for (int i = 0; i < count; ++i) {
-    const ConvexPartPtr piece = round_piece(random, extreme);
-    const ConvexPartPtr ball = make_piece({{0, 0, 0}}, random.chance(0.5) ? random.log_uniform(1e-3, 1) : 0);
+    const ConvexPartPtr piece = round_part(random, extreme);
+    const ConvexPartPtr ball = make_convex_part({{0, 0, 0}}, random.chance(0.5) ? random.log_uniform(1e-3, 1) : 0);
     const Pose X_wa = any_pose(random, random.chance(0.3) ? 1e4 : 1);
     // From a point of the surface, outwards or inwards.
     const FarthestPoint<double> on = farthest(*piece->primitive, random.direction());
@@ -250,11 +250,11 @@ TEST(RoundCores, HoldItWhateverTheirShape) {
   EXPECT_GE(checked.converged, checked.asked * 0.9);
 }
 
-ConvexPartPtr any_piece(Random& random) {
-  if (random.chance(0.5)) return round_piece(random, false);
+ConvexPartPtr any_part(Random& random) {
+  if (random.chance(0.5)) return round_part(random, false);
   std::vector<Vec3d> vertices;
   for (int i = random.integer(1, 30); i > 0; --i) vertices.push_back(random.direction() * random.uniform(0.2, 1));
-  return make_piece(std::move(vertices), random.chance(0.3) ? random.uniform(0, 0.3) : 0);
+  return make_convex_part(std::move(vertices), random.chance(0.3) ? random.uniform(0, 0.3) : 0);
 }
 
 // Whether a point, in body axes, lies in a part's core or no farther from it than the radius; all to 1e-12.
@@ -277,7 +277,7 @@ TEST(RoundCores, AreProvedByDirectionsAndPoints) {
   Random random(3);
   CheckedBalls checked;
   for (int i = 0; i < 2000; ++i) {
-    const ConvexPartPtr a = any_piece(random), b = any_piece(random);
+    const ConvexPartPtr a = any_part(random), b = any_part(random);
     if (!is_round(*a) && !is_round(*b)) continue;
     const Pose X_wa = any_pose(random, 1);
     Pose X_wb = any_pose(random, random.chance(0.5) ? 1 : 4);

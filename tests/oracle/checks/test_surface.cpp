@@ -34,8 +34,8 @@ struct Surfaced {
 
   explicit Surfaced(const Case& from)
       : c(from),
-        a(make_piece(c.a->vertices, c.a->radius)),
-        b(make_piece(c.b->vertices, c.b->radius)),
+        a(make_convex_part(c.a->vertices, c.a->radius)),
+        b(make_convex_part(c.b->vertices, c.b->radius)),
         pair(*a, rotation_of(c.X_wa), c.X_wa.translation, *b, rotation_of(c.X_wb), c.X_wb.translation) {
     EpaLimits limits;
     limits.noise = 8 * 0x1p-53 * pair.scale;
@@ -124,7 +124,7 @@ TEST(Surface, ThatIsClosedButElsewhereIsRefused) {
 // the origin then seems to contain it.
 TEST(Surface, OfTinyBodiesIsNotProvedByVolumesThatUnderflow) {
   Random random(kSeed);
-  const ConvexPartPtr origin = make_piece({{0, 0, 0}});
+  const ConvexPartPtr origin = make_convex_part({{0, 0, 0}});
   int tried = 0, looks_proved = 0;
   for (const int exponent : {-500, -400, -358, -357, -356, -340, -300, -200})
     for (int i = 0; i < 5000; ++i) {
@@ -142,7 +142,7 @@ TEST(Surface, OfTinyBodiesIsNotProvedByVolumesThatUnderflow) {
       for (CsoFace<double>& face : faces)
         if (dot(face.normal, s.vertex[face.vertex[0]].w) < 0) face.normal = -face.normal;
       for (std::uint32_t k = 0; k < 4; ++k) v[k] = s.vertex[k].w * size;
-      const ConvexPartPtr beside = make_piece(v);
+      const ConvexPartPtr beside = make_convex_part(v);
       const PlacedPair<double> pair(*beside, rotation_of(Pose{}), {0, 0, 0}, *origin, rotation_of(Pose{}), {0, 0, 0});
       const auto volume = [&](const CsoFace<double>& f) {
         return dot(v[f.vertex[0]], cross(v[f.vertex[1]], v[f.vertex[2]]));

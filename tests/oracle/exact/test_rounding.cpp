@@ -34,8 +34,8 @@ struct Placed {
   PlacedPair<DoubleDouble> fine;
 
   explicit Placed(const Case& c)
-      : a(make_piece(c.a->vertices, c.a->radius)),
-        b(make_piece(c.b->vertices, c.b->radius)),
+      : a(make_convex_part(c.a->vertices, c.a->radius)),
+        b(make_convex_part(c.b->vertices, c.b->radius)),
         pair(*a, rotation_of(c.X_wa), c.X_wa.translation, *b, rotation_of(c.X_wb), c.X_wb.translation),
         fine(*a, rotation_of_double_double(c.X_wa), c.X_wa.translation, *b, rotation_of_double_double(c.X_wb),
              c.X_wb.translation) {}

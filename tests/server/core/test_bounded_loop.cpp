@@ -40,7 +40,7 @@ Scene heaps(int pieces) {
       const Vec3d centre{3 * unit(random), 3 * unit(random), 3 * unit(random)};
       std::vector<Vec3d> vertices(30);
       for (Vec3d& v : vertices) v = centre + Vec3d{unit(random), unit(random), unit(random)};
-      body.pieces.push_back(make_piece(vertices));
+      body.pieces.push_back(make_convex_part(vertices));
     }
     scene.add_body(std::move(body));
   }
@@ -227,7 +227,7 @@ TEST_F(BoundedLoop, ThoseThatWaitForPosesAreLookedAtTogether) {
 
 TEST_F(BoundedLoop, TooManyPairsOfPiecesAreRefusedBeforeAnyIsLookedAt) {
   Loop::Options options;
-  options.max_piece_pairs = 3599;
+  options.max_part_pairs = 3599;
   start(heaps(60), options);
   const auto error = error_of(ask_within(small_query().frame(1)));
   EXPECT_EQ(

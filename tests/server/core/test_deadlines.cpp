@@ -135,27 +135,27 @@ TEST_F(Deadlines, ALoopThatSleepsWakesForThem) {
 TEST(Forecast, LearnsWhatLikeQueriesTook) {
   Forecast forecast;
   const QueryOptions options;
-  const auto work = Forecast::work_of(options, {.piece_pairs = 1'000'000});
+  const auto work = Forecast::work_of(options, {.part_pairs = 1'000'000});
   EXPECT_EQ(forecast.of(work), std::nullopt);
   EXPECT_NO_THROW(forecast.check(work, 1ns, 1ns)) << "of what was never seen nothing is said";
   forecast.note(work, 100ms, true);
   EXPECT_EQ(forecast.of(work), 100ms);
-  EXPECT_EQ(forecast.of(Forecast::work_of(options, {.piece_pairs = 800'000})), 80ms);
+  EXPECT_EQ(forecast.of(Forecast::work_of(options, {.part_pairs = 800'000})), 80ms);
   EXPECT_NO_THROW(forecast.check(work, 100ms, 1s));
   QueryOptions depths;
   depths.signed_distance = true;
-  EXPECT_EQ(forecast.of(Forecast::work_of(depths, {.piece_pairs = 1'000'000})), std::nullopt) << "another kind";
-  QueryOptions by_pieces;
-  by_pieces.model = Model::kPieces;
-  EXPECT_EQ(forecast.of(Forecast::work_of(by_pieces, {.piece_pairs = 1'000'000})), std::nullopt) << "another kind";
-  EXPECT_EQ(forecast.of(Forecast::work_of(options, {.piece_pairs = 10})), std::nullopt) << "another size";
+  EXPECT_EQ(forecast.of(Forecast::work_of(depths, {.part_pairs = 1'000'000})), std::nullopt) << "another kind";
+  QueryOptions by_parts;
+  by_parts.model = Model::kPieces;
+  EXPECT_EQ(forecast.of(Forecast::work_of(by_parts, {.part_pairs = 1'000'000})), std::nullopt) << "another kind";
+  EXPECT_EQ(forecast.of(Forecast::work_of(options, {.part_pairs = 10})), std::nullopt) << "another size";
   for (int i = 0; i < 50; ++i) forecast.note(work, 20ms, true);
   EXPECT_NEAR(static_cast<double>(forecast.of(work)->count()), 20e6, 1e4);
 }
 
 TEST(Forecast, OneThatLostItsCpuSpoilsNoOthers) {
   Forecast forecast;
-  const auto work = Forecast::work_of({}, {.piece_pairs = 1});
+  const auto work = Forecast::work_of({}, {.part_pairs = 1});
   for (int i = 0; i < 5; ++i) forecast.note(work, 3us, true);
   forecast.note(work, 100ms, true);
   forecast.note(work, 100ms, false);
@@ -166,7 +166,7 @@ TEST(Forecast, OneThatLostItsCpuSpoilsNoOthers) {
 
 TEST(Forecast, TriesAgainAfterSomeRefusals) {
   Forecast forecast;
-  const auto work = Forecast::work_of({}, {.piece_pairs = 1000});
+  const auto work = Forecast::work_of({}, {.part_pairs = 1000});
   forecast.note(work, 10ms, false);
   EXPECT_EQ(forecast.of(work), 20ms) << "it had 10 ms, and was not done";
   int refused = 0;
