@@ -23,7 +23,7 @@ struct DecomposeCommand {
 void print_decomposed(const DecomposedMesh& mesh, Output output) {
   Table table({"file", "pieces", "vertices", "triangles", "size_m", "inner_m", "outer_m", "median_outer_m", "propose_s",
                "prove_s"});
-  table.add({mesh.file, mesh.pieces, mesh.vertices, mesh.triangles, Cell(mesh.size, 4), Cell(mesh.inner, 3),
+  table.add({mesh.file, mesh.parts, mesh.vertices, mesh.triangles, Cell(mesh.size, 4), Cell(mesh.inner, 3),
              Cell(mesh.outer, 3), Cell(mesh.median_outer, 3), Cell(mesh.propose_s, 3), Cell(mesh.prove_s, 3)});
   table.print(std::cout, output);
   constexpr double kMuch = 0.01;  // share of the size above which many pairs need triangles

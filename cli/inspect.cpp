@@ -37,7 +37,7 @@ Table bodies_of(const Scene& scene, const SceneReport& report, Output output) {
                           r.form,
                           body.is_static ? "static" : "movable",
                           body.parent == kNone ? Cell() : Cell(scene.bodies()[body.parent].name),
-                          r.pieces,
+                          r.parts,
                           r.loaded,
                           r.inside ? Cell(*r.inside) : Cell(),
                           r.vertices,

@@ -84,8 +84,8 @@ Engine::Engine(Scene scene, const Options& options) {
       options.self_test ? &passed_lane_kernel(options.instruction_set) : &lane_kernel(options.instruction_set);
   impl_->near_by = near_by_name(options.broad_phase);
   const std::vector<Body>& bodies = impl_->scene.bodies();
-  impl_->light = !impl_->reference &&
-                 std::all_of(bodies.begin(), bodies.end(), [](const Body& b) { return b.pieces.size() <= 1; });
+  impl_->light =
+      !impl_->reference && std::all_of(bodies.begin(), bodies.end(), [](const Body& b) { return b.parts.size() <= 1; });
   check_devices(options);
   if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
   const bool both = options.backend == "auto" && !bodies.empty() && cuda::device_info().present;

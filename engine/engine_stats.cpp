@@ -13,7 +13,7 @@ void append_ages(Counters& counters, const PoseSnapshot& snapshot) {
   std::int64_t newest = 0, oldest = 0;
   for (std::size_t b = 0; b < snapshot.placed.size(); ++b) {
     const Body& body = snapshot.scene->bodies()[b];
-    if (!body.pieces.empty() || is_cloud(body)) {  // frames belong to no pair
+    if (!body.parts.empty() || is_cloud(body)) {  // frames belong to no pair
       missing += snapshot.placed[b].status == Status::kNoPose;
       bad += snapshot.placed[b].status == Status::kBadPose;
     }
@@ -36,16 +36,16 @@ void append_ages(Counters& counters, const PoseSnapshot& snapshot) {
 
 Counters Engine::stats() const {
   const auto snapshot = impl_->poses.snapshot();
-  std::uint64_t vertices = 0, pieces = 0, points = 0;
+  std::uint64_t vertices = 0, parts = 0, points = 0;
   for (const Body& body : snapshot->scene->bodies()) {
     points += point_count(body);
-    for (const ConvexPartPtr& piece : body.pieces) {
-      ++pieces;
-      vertices += piece->vertices.size();
+    for (const ConvexPartPtr& part : body.parts) {
+      ++parts;
+      vertices += part->vertices.size();
     }
   }
   Counters counters{{"engine.bodies", impl_->scene.bodies().size()},
-                    {"engine.pieces", pieces},
+                    {"engine.pieces", parts},
                     {"engine.warm_bytes", impl_->warm.bytes()},
                     {"engine.warm_without_room", impl_->warm.without_room()},
                     {"engine.box_trees", impl_->trees.builds()},

@@ -17,7 +17,7 @@ namespace {
 // Returns whether a body was made from one mesh. Its submeshes are no longer known.
 bool is_of_one_mesh(const Body& body) {
   constexpr std::array kOfOneMesh = {MeshAs::kHull, MeshAs::kSurface, MeshAs::kSolid, MeshAs::kDecompose};
-  return body.pieces.size() == 1 && body.display &&
+  return body.parts.size() == 1 && body.display &&
          (body.source.ends_with(kNoPiecesYet) || std::ranges::any_of(kOfOneMesh, [&](MeshAs what) {
             return body.source.ends_with("(" + std::string(word_of(what)) + ")");
           }));
@@ -33,7 +33,7 @@ MeshAs what_is(const Body& body) {
 // Rebuilds a body from its mesh in the same place.
 Body made(const Body& body, Geometry geometry, const Pose& X_wb) {
   Body other = body;
-  other.pieces = std::move(geometry.pieces);
+  other.parts = std::move(geometry.parts);
   other.parent = other.robot = other.link = kNone;
   other.is_static = false;
   other.requires_pose = false;
@@ -43,21 +43,21 @@ Body made(const Body& body, Geometry geometry, const Pose& X_wb) {
 }
 
 Choice choice_of(std::uint32_t id, MeshAs what, bool is_now, const Geometry& geometry) {
-  const ConvexPart& piece = *geometry.pieces[0];
+  const ConvexPart& part = *geometry.parts[0];
   Choice choice{.body = id,
                 .what = what,
                 .is_now = is_now,
-                .vertices = piece.vertices.size(),
-                .bytes = resident_bytes(piece),
+                .vertices = part.vertices.size(),
+                .bytes = resident_bytes(part),
                 .hull_excess = geometry.hull_excess,
                 .ns_per_pair = {}};
-  if (!piece.surface) return choice;
-  choice.triangles = piece.surface->triangles().size();
-  choice.bytes += piece.surface->resident_bytes();
-  if (const Decomposition* pieces = piece.surface->decomposition()) {
-    choice.stand_ins = pieces->pieces.size();
-    choice.inner = pieces->inner;
-    for (const ConvexPartPtr& stands : pieces->pieces) choice.bytes += resident_bytes(*stands);
+  if (!part.surface) return choice;
+  choice.triangles = part.surface->triangles().size();
+  choice.bytes += part.surface->resident_bytes();
+  if (const Decomposition* parts = part.surface->decomposition()) {
+    choice.stand_ins = parts->parts.size();
+    choice.inner = parts->inner;
+    for (const ConvexPartPtr& stands : parts->parts) choice.bytes += resident_bytes(*stands);
   }
   return choice;
 }
@@ -70,7 +70,7 @@ void measure(const Scene& scene, std::uint32_t id, const PairTimes& times, std::
   Scene among;
   for (const BodyPair& pair : pairs) {
     Geometry as_it_is;
-    as_it_is.pieces = scene.bodies()[pair.b].pieces;
+    as_it_is.parts = scene.bodies()[pair.b].parts;
     Body partner = made(scene.bodies()[pair.b], std::move(as_it_is), times.pose(pair.b));
     among.add_body(std::move(partner));
   }
@@ -96,7 +96,7 @@ std::vector<Choice> choices_of(const Scene& scene, const PairTimes* times) {
   for (std::uint32_t id = 0; id < scene.bodies().size(); ++id) {
     const Body& body = scene.bodies()[id];
     if (!is_of_one_mesh(body) || (!surface_of(body) && body.hull_excess == 0)) continue;
-    const double radius = body.pieces[0]->radius;
+    const double radius = body.parts[0]->radius;
     if (!seen.insert({body.display.get(), radius}).second) continue;
     const DisplayMesh& mesh = *body.display;
     std::vector<MeshAs> kinds{MeshAs::kHull, MeshAs::kSurface};
@@ -106,7 +106,7 @@ std::vector<Choice> choices_of(const Scene& scene, const PairTimes* times) {
     std::vector<Choice> choices;
     for (const MeshAs what : kinds) {
       if (what == MeshAs::kDecompose)
-        geometries.emplace_back().pieces = body.pieces;
+        geometries.emplace_back().parts = body.parts;
       else
         geometries.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, what, radius));
       choices.push_back(choice_of(id, what, what == what_is(body), geometries.back()));

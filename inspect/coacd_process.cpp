@@ -86,20 +86,20 @@ std::vector<ProposedPart> read_parts(const std::string& path) {
   std::uint64_t count = 0;
   read(&count, sizeof count);
   if (count > size / 16) throw damaged();
-  std::vector<ProposedPart> pieces(count);
-  for (ProposedPart& piece : pieces) {
+  std::vector<ProposedPart> parts(count);
+  for (ProposedPart& part : parts) {
     std::uint64_t counts[2];
     read(counts, sizeof counts);
     if (counts[0] > size / sizeof(Vec3d) || counts[1] > size / sizeof(Triangle)) throw damaged();
-    piece.vertices.resize(counts[0]);
-    piece.triangles.resize(counts[1]);
-    read(piece.vertices.data(), counts[0] * sizeof(Vec3d));
-    read(piece.triangles.data(), counts[1] * sizeof(Triangle));
-    for (const Triangle& t : piece.triangles)
+    part.vertices.resize(counts[0]);
+    part.triangles.resize(counts[1]);
+    read(part.vertices.data(), counts[0] * sizeof(Vec3d));
+    read(part.triangles.data(), counts[1] * sizeof(Triangle));
+    for (const Triangle& t : part.triangles)
       for (const std::uint32_t corner : t)
-        if (corner >= piece.vertices.size()) throw damaged();
+        if (corner >= part.vertices.size()) throw damaged();
   }
-  return pieces;
+  return parts;
 }
 
 // Waits for a process that leads its group. \returns its exit status; what ends it early is thrown once all of the
@@ -158,9 +158,9 @@ std::vector<ProposedPart> propose_parts(std::span<const Vec3d> vertices, std::sp
     throw std::runtime_error("CoACD failed with " + (WIFEXITED(status)
                                                          ? "exit code " + std::to_string(WEXITSTATUS(status))
                                                          : "signal " + std::to_string(WTERMSIG(status))));
-  std::vector<ProposedPart> pieces = read_parts(target);
-  if (pieces.empty()) throw std::runtime_error("CoACD proposed no piece");
-  return pieces;
+  std::vector<ProposedPart> parts = read_parts(target);
+  if (parts.empty()) throw std::runtime_error("CoACD proposed no piece");
+  return parts;
 }
 
 }  // namespace clearance

@@ -21,7 +21,7 @@ struct DecomposeOptions {
 /// Result of a decomposition, in metres.
 struct DecomposedMesh {
   std::string file;  ///< of the parts, in the mesh's folder
-  std::uint64_t pieces = 0, vertices = 0, triangles = 0;
+  std::uint64_t parts = 0, vertices = 0, triangles = 0;
   double inner = 0;         ///< bound on the mesh's distance from the parts
   double outer = 0;         ///< bound on the parts' distance from the solid
   double median_outer = 0;  ///< median of the parts' own bounds

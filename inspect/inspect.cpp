@@ -16,25 +16,25 @@ namespace clearance {
 
 namespace {
 
-bool is_box(const ConvexPart& piece) {
-  if (piece.vertices.size() != 8) return false;
-  for (const Vec3d& v : piece.vertices)
+bool is_box(const ConvexPart& part) {
+  if (part.vertices.size() != 8) return false;
+  for (const Vec3d& v : part.vertices)
     for (int k = 0; k < 3; ++k)
-      if (std::abs(v[k] - piece.centre[k]) < piece.half[k] * (1 - 1e-12)) return false;
-  return piece.half.x > 0 && piece.half.y > 0 && piece.half.z > 0;  // all eight corners are distinct
+      if (std::abs(v[k] - part.centre[k]) < part.half[k] * (1 - 1e-12)) return false;
+  return part.half.x > 0 && part.half.y > 0 && part.half.z > 0;  // all eight corners are distinct
 }
 
-std::string form_of(const ConvexPart& piece) {
-  const bool rounded = piece.radius > 0;
-  if (piece.surface) return std::string(rounded ? "rounded " : "") + (piece.surface->is_solid() ? "solid" : "surface");
-  if (piece.primitive) return std::string(rounded ? "rounded " : "") + name_of(piece.primitive->kind);
-  if (piece.vertices.size() == 1) return rounded ? "sphere" : "point";
-  if (piece.vertices.size() == 2) return rounded ? "capsule" : "segment";
-  return std::string(rounded ? "rounded " : "") + (is_box(piece) ? "box" : "hull");
+std::string form_of(const ConvexPart& part) {
+  const bool rounded = part.radius > 0;
+  if (part.surface) return std::string(rounded ? "rounded " : "") + (part.surface->is_solid() ? "solid" : "surface");
+  if (part.primitive) return std::string(rounded ? "rounded " : "") + name_of(part.primitive->kind);
+  if (part.vertices.size() == 1) return rounded ? "sphere" : "point";
+  if (part.vertices.size() == 2) return rounded ? "capsule" : "segment";
+  return std::string(rounded ? "rounded " : "") + (is_box(part) ? "box" : "hull");
 }
 
-std::uint64_t bytes_of(const ConvexPart& piece) {
-  return resident_bytes(piece) + (piece.surface ? piece.surface->resident_bytes() : 0);
+std::uint64_t bytes_of(const ConvexPart& part) {
+  return resident_bytes(part) + (part.surface ? part.surface->resident_bytes() : 0);
 }
 
 std::uint64_t display_bytes(const Body& body) {
@@ -45,18 +45,18 @@ std::uint64_t display_bytes(const Body& body) {
 
 BodyReport describe(const Body& body) {
   BodyReport r;
-  r.pieces = body.pieces.size();
+  r.parts = body.parts.size();
   r.model_error = body.model_error;
   r.hull_excess = body.hull_excess;
   if (!std::isnan(body.empty_share)) r.empty_share = body.empty_share;
   r.extent = extent_of(body);
-  r.form = body.pieces.empty() ? "frame" : form_of(*body.pieces[0]);
-  for (const ConvexPartPtr& piece : body.pieces) {
-    if (form_of(*piece) != r.form) r.form = "mixed";
-    r.loaded += piece->loaded_vertices;
-    r.vertices += piece->vertices.size();
-    r.radius = std::max(r.radius, piece->radius);
-    r.bytes += bytes_of(*piece);
+  r.form = body.parts.empty() ? "frame" : form_of(*body.parts[0]);
+  for (const ConvexPartPtr& part : body.parts) {
+    if (form_of(*part) != r.form) r.form = "mixed";
+    r.loaded += part->loaded_vertices;
+    r.vertices += part->vertices.size();
+    r.radius = std::max(r.radius, part->radius);
+    r.bytes += bytes_of(*part);
   }
   r.triangles = triangle_count(body);
   r.display_bytes = display_bytes(body);
@@ -76,16 +76,16 @@ void count_partners(const Scene& scene, SceneReport& report) {
   const auto& bodies = scene.bodies();
   std::uint64_t solid = 0, movable = 0;
   for (const Body& body : bodies) {
-    solid += !body.pieces.empty();
-    movable += !body.pieces.empty() && !body.is_static;
+    solid += !body.parts.empty();
+    movable += !body.parts.empty() && !body.is_static;
   }
   std::set<std::pair<std::uint32_t, std::uint32_t>> followers;
   for (std::uint32_t i = 0; i < bodies.size(); ++i) {
-    report.bodies[i].partners = bodies[i].pieces.empty() ? 0 : bodies[i].is_static ? movable : solid - 1;
+    report.bodies[i].partners = bodies[i].parts.empty() ? 0 : bodies[i].is_static ? movable : solid - 1;
     if (bodies[i].parent != kNone) followers.insert(std::minmax(i, bodies[i].parent));
   }
   const auto leave_out = [&](std::uint32_t a, std::uint32_t b) {
-    if ((bodies[a].is_static && bodies[b].is_static) || bodies[a].pieces.empty() || bodies[b].pieces.empty()) return;
+    if ((bodies[a].is_static && bodies[b].is_static) || bodies[a].parts.empty() || bodies[b].parts.empty()) return;
     --report.bodies[a].partners;
     --report.bodies[b].partners;
   };
@@ -102,14 +102,13 @@ void count_sharing(const Scene& scene, SceneReport& report) {
   std::set<const DisplayMesh*> displays;
   for (const Body& body : scene.bodies()) {
     std::set<const ConvexPart*> own;
-    for (const ConvexPartPtr& piece : body.pieces) own.insert(piece.get());
-    for (const ConvexPart* piece : own)
-      if (++holders[piece] == 1) report.bytes += bytes_of(*piece);
+    for (const ConvexPartPtr& part : body.parts) own.insert(part.get());
+    for (const ConvexPart* part : own)
+      if (++holders[part] == 1) report.bytes += bytes_of(*part);
     if (displays.insert(body.display.get()).second) report.display_bytes += display_bytes(body);
   }
   for (std::uint32_t i = 0; i < scene.bodies().size(); ++i)
-    if (const auto& pieces = scene.bodies()[i].pieces; !pieces.empty())
-      report.bodies[i].sharing = holders[pieces[0].get()];
+    if (const auto& parts = scene.bodies()[i].parts; !parts.empty()) report.bodies[i].sharing = holders[parts[0].get()];
 }
 
 /// Times some pairs of each body through the engine.

@@ -15,7 +15,7 @@ namespace clearance {
 struct BodyReport {
   std::string form;  ///< "point", "sphere", "segment", "capsule", "box", "hull", "surface", "solid", "cone",
                      ///< "ellipsoid", "half_space", "rounded box", ..., "mixed" or "frame"
-  std::size_t pieces = 0;
+  std::size_t parts = 0;
   std::uint64_t loaded = 0;             ///< vertices before duplicates and inner ones were dropped
   std::uint64_t vertices = 0;           ///< that bounds use
   std::optional<std::uint64_t> inside;  ///< dropped since proved to lie inside; unknown for some sources

@@ -34,7 +34,7 @@ struct Copies {
 
 Piecewise digests(const Body& body) {
   Piecewise all;
-  for (const ConvexPartPtr& piece : body.pieces) all.push_back(piece->digest);
+  for (const ConvexPartPtr& part : body.parts) all.push_back(part->digest);
   return all;
 }
 
@@ -50,24 +50,24 @@ class Search {
 
   std::vector<Finding> run(const std::vector<std::uint64_t>& partners) {
     for (const Body& body : scene_.bodies())
-      if (body.pieces.size() == 1) ++holders_[body.pieces[0].get()];
+      if (body.parts.size() == 1) ++holders_[body.parts[0].get()];
     for (std::uint32_t b = 0; b < scene_.bodies().size(); ++b) {
-      if (scene_.bodies()[b].pieces.empty()) continue;  // frames are parents only
+      if (scene_.bodies()[b].parts.empty()) continue;  // frames are parents only
       if (partners[b] == 0)
         add(Finding::Kind::kUnused, b,
             "no enabled pair touches it: it could be left out, unless it only carries others");
       look_for_copies(b);
       look_inside(b);
       const Body& body = scene_.bodies()[b];
-      if (body.pieces.size() == 1) look_at_part(b, body.pieces[0]);
+      if (body.parts.size() == 1) look_at_part(b, body.parts[0]);
     }
     return std::move(findings_);
   }
 
  private:
   // Bodies of several convex parts are not compared with primitives, and not counted.
-  std::string also_for(const ConvexPartPtr& piece) const {
-    const std::size_t others = holders_.at(piece.get()) - 1;
+  std::string also_for(const ConvexPartPtr& part) const {
+    const std::size_t others = holders_.at(part.get()) - 1;
     return others == 0 ? "" : text("; the same holds for %zu more that share its shape", others);
   }
 
@@ -91,8 +91,8 @@ class Search {
     }
     Copies& copies = copies_.try_emplace(shape, Copies{b, {}}).first->second;
     std::uint64_t bytes = 0;
-    for (const ConvexPartPtr& piece : body.pieces) bytes += resident_bytes(*piece);
-    if (copies.held.insert(body.pieces[0].get()).second && copies.held.size() > 1 && bytes >= kWorthSharing)
+    for (const ConvexPartPtr& part : body.parts) bytes += resident_bytes(*part);
+    if (copies.held.insert(body.parts[0].get()).second && copies.held.size() > 1 && bytes >= kWorthSharing)
       add(Finding::Kind::kUnshared, b,
           "its geometry is that of " + name(copies.first) + ", held once more: " +
               text("%.3g KiB that bodies of one mesh file and scale would share", static_cast<double>(bytes) / 1024))
@@ -115,43 +115,43 @@ class Search {
   }
 
   void look_inside(std::uint32_t b) {
-    const std::vector<ConvexPartPtr>& pieces = scene_.bodies()[b].pieces;
-    std::vector<char> gone(pieces.size(), 0);
-    for (std::size_t i = 0; i < pieces.size(); ++i)
-      for (std::size_t j = 0; j < pieces.size() && !gone[i]; ++j) {
-        if (i == j || gone[j] || !holds(*pieces[j], *pieces[i])) continue;
+    const std::vector<ConvexPartPtr>& parts = scene_.bodies()[b].parts;
+    std::vector<char> gone(parts.size(), 0);
+    for (std::size_t i = 0; i < parts.size(); ++i)
+      for (std::size_t j = 0; j < parts.size() && !gone[i]; ++j) {
+        if (i == j || gone[j] || !holds(*parts[j], *parts[i])) continue;
         gone[i] = 1;
         add(Finding::Kind::kInnerPart, b, text("piece %zu lies inside piece %zu: it never decides a distance", i, j));
       }
   }
 
-  void look_at_part(std::uint32_t b, const ConvexPartPtr& piece) {
+  void look_at_part(std::uint32_t b, const ConvexPartPtr& part) {
     // Findings of a part apply to every body that shares it and are reported once.
-    if (piece->surface || !seen_.insert(piece.get()).second || piece->vertices.size() <= kFewVertices) return;
-    const double allowed = within_ * (piece->spread + piece->radius);
-    if (look_for_sphere(b, piece, allowed)) return;
-    if (piece->vertices.size() > kMostVertices) return;
-    const std::vector<Triangle> faces = qhull_triangles(piece->vertices);
-    if (look_for_box(b, piece, faces, allowed)) return;
+    if (part->surface || !seen_.insert(part.get()).second || part->vertices.size() <= kFewVertices) return;
+    const double allowed = within_ * (part->spread + part->radius);
+    if (look_for_sphere(b, part, allowed)) return;
+    if (part->vertices.size() > kMostVertices) return;
+    const std::vector<Triangle> faces = qhull_triangles(part->vertices);
+    if (look_for_box(b, part, faces, allowed)) return;
     std::set<std::uint32_t> corners;
     for (const Triangle& t : faces) corners.insert(t.begin(), t.end());
-    if (const std::size_t flat = piece->vertices.size() - corners.size(); !faces.empty() && flat > 0)
+    if (const std::size_t flat = part->vertices.size() - corners.size(); !faces.empty() && flat > 0)
       add(Finding::Kind::kFlatVertices, b,
           text("%zu of its %zu vertices lie in the surface that the others span, to rounding", flat,
-               piece->vertices.size()) +
-              also_for(piece));
+               part->vertices.size()) +
+              also_for(part));
   }
 
   // Upper bounds on the (signed) distance between each point and the core of a convex part, in its body's frame.
-  static std::vector<double> upper_distances(const ConvexPartPtr& piece, const std::vector<Vec3d>& points, bool depth,
+  static std::vector<double> upper_distances(const ConvexPartPtr& part, const std::vector<Vec3d>& points, bool depth,
                                              double abs_tol) {
-    const ConvexPartPtr core = piece->radius > 0 ? make_convex_part(piece->vertices) : piece;
+    const ConvexPartPtr core = part->radius > 0 ? make_convex_part(part->vertices) : part;
     Scene scene;
     std::vector<BodyPair> pairs;
     for (std::size_t i = 0; i <= points.size(); ++i) {
       Body body;
       body.name = std::to_string(i);
-      body.pieces = {i == 0 ? core : make_convex_part({points[i - 1]})};
+      body.parts = {i == 0 ? core : make_convex_part({points[i - 1]})};
       body.pose = Pose{};
       scene.add_body(std::move(body));
       if (i > 0) pairs.push_back({0, static_cast<std::uint32_t>(i)});
@@ -176,18 +176,18 @@ class Search {
 
   // A small ball around the vertices: Badoiu and Clarkson, "Smaller core-sets for balls" (2003): steps towards the
   // farthest vertex that grow shorter, short ones from the start since the box's centre is a good one.
-  bool look_for_sphere(std::uint32_t b, const ConvexPartPtr& piece, double allowed) {
-    Vec3d centre = piece->centre;
+  bool look_for_sphere(std::uint32_t b, const ConvexPartPtr& part, double allowed) {
+    Vec3d centre = part->centre;
     const auto farthest = [&] {
       std::pair<double, const Vec3d*> far{-1, nullptr};
-      for (const Vec3d& v : piece->vertices)
+      for (const Vec3d& v : part->vertices)
         if (const double d = squared_norm(v - centre); d > far.first) far = {d, &v};
       return far;
     };
     // Cheap test first: along the axes a ball reaches as far as the part.
     for (int k = 0; k < 3; ++k)
-      if (piece->spread - piece->half[k] > 2 * allowed) return false;
-    const int steps = piece->vertices.size() > kMostVertices ? 4 : kBallSteps;
+      if (part->spread - part->half[k] > 2 * allowed) return false;
+    const int steps = part->vertices.size() > kMostVertices ? 4 : kBallSteps;
     Vec3d best = centre;
     double least = farthest().first;
     for (int i = 0; i < steps; ++i) {
@@ -200,14 +200,14 @@ class Search {
     centre = best;
     const double radius = std::sqrt(least) * (1 + 1e-15);
     // The inscribed ball of the same centre has the centre's depth as its radius.
-    const double depth = -upper_distances(piece, {centre}, true, 0.1 * allowed)[0];
+    const double depth = -upper_distances(part, {centre}, true, 0.1 * allowed)[0];
     const double error = radius - depth;
     if (!(error <= allowed)) return false;
     add(Finding::Kind::kSphere, b,
         text("a sphere of radius %.6g m at [%.6g, %.6g, %.6g] holds it and stands out by at most %.2g m: 1 vertex in "
              "place of %zu",
-             radius + piece->radius, centre.x, centre.y, centre.z, error, piece->vertices.size()) +
-            also_for(piece))
+             radius + part->radius, centre.x, centre.y, centre.z, error, part->vertices.size()) +
+            also_for(part))
         .error = error;
     return true;
   }
@@ -217,17 +217,17 @@ class Search {
   };
 
   // Candidate axes of a box around the part: the body's, the principal ones, and those of its largest faces.
-  static std::vector<Frame> frames(const ConvexPart& piece, const std::vector<Triangle>& faces) {
+  static std::vector<Frame> frames(const ConvexPart& part, const std::vector<Triangle>& faces) {
     std::vector<Frame> all{{Eigen::Matrix3d::Identity()}};
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
-    for (const Vec3d& v : piece.vertices) {
-      const Eigen::Vector3d d(v.x - piece.centre.x, v.y - piece.centre.y, v.z - piece.centre.z);
+    for (const Vec3d& v : part.vertices) {
+      const Eigen::Vector3d d(v.x - part.centre.x, v.y - part.centre.y, v.z - part.centre.z);
       spread += d * d.transpose();
     }
     all.push_back({Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors()});
     std::vector<std::pair<double, Eigen::Vector3d>> normals;
     for (const Triangle& t : faces) {
-      const Vec3d n = cross(piece.vertices[t[1]] - piece.vertices[t[0]], piece.vertices[t[2]] - piece.vertices[t[0]]);
+      const Vec3d n = cross(part.vertices[t[1]] - part.vertices[t[0]], part.vertices[t[2]] - part.vertices[t[0]]);
       if (norm(n) > 0) normals.push_back({norm(n), Eigen::Vector3d(n.x, n.y, n.z) / norm(n)});
     }
     std::sort(normals.begin(), normals.end(), [](const auto& p, const auto& q) { return p.first > q.first; });
@@ -244,13 +244,13 @@ class Search {
     return all;
   }
 
-  bool look_for_box(std::uint32_t b, const ConvexPartPtr& piece, const std::vector<Triangle>& faces, double allowed) {
+  bool look_for_box(std::uint32_t b, const ConvexPartPtr& part, const std::vector<Triangle>& faces, double allowed) {
     double least = std::numeric_limits<double>::infinity();
     Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
     Frame best{Eigen::Matrix3d::Identity()};
-    for (const Frame& f : frames(*piece, faces)) {
+    for (const Frame& f : frames(*part, faces)) {
       Eigen::Vector3d l = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()), h = -l;
-      for (const Vec3d& v : piece->vertices) {
+      for (const Vec3d& v : part->vertices) {
         const Eigen::Vector3d p = f.axes.transpose() * Eigen::Vector3d(v.x, v.y, v.z);
         l = l.cwiseMin(p);
         h = h.cwiseMax(p);
@@ -270,7 +270,7 @@ class Search {
       corners.push_back({c.x(), c.y(), c.z()});
     }
     // The box is the hull of its corners, so a corner is its farthest point from the part.
-    const std::vector<double> distances = upper_distances(piece, corners, false, 0.1 * allowed);
+    const std::vector<double> distances = upper_distances(part, corners, false, 0.1 * allowed);
     const double error = *std::max_element(distances.begin(), distances.end());
     if (!(error <= allowed)) return false;
     const Eigen::Vector3d size = high - low, centre = best.axes * (0.5 * (low + high));
@@ -281,8 +281,8 @@ class Search {
              "at most "
              "%.2g m%s: 8 vertices in place of %zu",
              size.x(), size.y(), size.z(), centre.x(), centre.y(), centre.z(), q.w(), q.x(), q.y(), q.z(), error,
-             piece->radius > 0 ? ", with the radius that it has" : "", piece->vertices.size()) +
-            also_for(piece))
+             part->radius > 0 ? ", with the radius that it has" : "", part->vertices.size()) +
+            also_for(part))
         .error = error;
     return true;
   }

@@ -95,7 +95,7 @@ std::vector<RobotPair> find_robot_pairs(const RobotOptions& robot, const Finding
   const auto body_of = [&](std::uint32_t link) -> const Body& { return asker.scene().bodies()[placed.bodies[link]]; };
   for (std::uint32_t a = 0; a < links; ++a)
     for (std::uint32_t b = a + 1; b < links; ++b) {
-      if (body_of(a).pieces.empty() || body_of(b).pieces.empty()) continue;
+      if (body_of(a).parts.empty() || body_of(b).parts.empty()) continue;
       const BodyPair bodies{std::min(placed.bodies[a], placed.bodies[b]), std::max(placed.bodies[a], placed.bodies[b])};
       const LinkBall ball_a = ball_around(body_of(a)), ball_b = ball_around(body_of(b));
       const PairDistances distances = [&](std::span<const double> positions, std::span<SignedBounds> bounds) {

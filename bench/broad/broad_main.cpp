@@ -61,7 +61,7 @@ class Motion {
   std::vector<Aabb> boxes() const {
     std::vector<Aabb> all;
     for (const BodyPose& p : poses)
-      all.push_back(certify_box(*scene.bodies()[p.body].pieces[0], rotation_of(p.pose), p.pose.translation));
+      all.push_back(certify_box(*scene.bodies()[p.body].parts[0], rotation_of(p.pose), p.pose.translation));
     return all;
   }
 

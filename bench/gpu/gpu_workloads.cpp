@@ -14,7 +14,7 @@ Scene spheres(int count, double box) {
   for (int i = 0; i < count; ++i) {
     Body body;
     body.name = "s" + std::to_string(i);
-    body.pieces = one.bodies()[0].pieces;
+    body.parts = one.bodies()[0].parts;
     body.pose = random.pose(box / 2);
     scene.add_body(std::move(body));
   }

@@ -10,17 +10,17 @@ Pose pose_of(const peers::Problem& p, std::uint64_t k, std::uint32_t body) {
 }
 
 Scene scene_of(const peers::Problem& p, std::uint64_t k) {
-  std::vector<ConvexPartPtr> pieces;
+  std::vector<ConvexPartPtr> parts;
   for (const peers::Shape& s : p.shapes) {
     std::vector<Vec3d> vertices;
     for (const peers::Point& v : s.vertices) vertices.push_back({v[0], v[1], v[2]});
-    pieces.push_back(make_hull_part(vertices, s.triangles, s.radius));
+    parts.push_back(make_hull_part(vertices, s.triangles, s.radius));
   }
   Scene scene;
   for (std::uint32_t b = 0; b < p.bodies.size(); ++b) {
     Body body;
     body.name = "body" + std::to_string(b);
-    for (const std::uint32_t s : p.bodies[b]) body.pieces.push_back(pieces[s]);
+    for (const std::uint32_t s : p.bodies[b]) body.parts.push_back(parts[s]);
     body.pose = pose_of(p, k, b);
     scene.add_body(std::move(body));
   }

@@ -222,8 +222,8 @@ class Runner {
       whole.add(box);
     }
   }
-  std::size_t slot(std::uint64_t k, std::uint32_t body, std::size_t piece) const {
-    return k * first_.back() + first_[body] + piece;
+  std::size_t slot(std::uint64_t k, std::uint32_t body, std::size_t part) const {
+    return k * first_.back() + first_[body] + part;
   }
 
   /// Distance of two bodies, or at least `limit` if it is proved to be no less. Parts with the nearest boxes come
@@ -237,13 +237,13 @@ class Runner {
                            at_[slot_b + j], cache);
     };
     if (convex_parts_a.size() == 1 && convex_parts_b.size() == 1) return one(0, 0);
-    pieces_.clear();
+    parts_.clear();
     for (std::uint32_t i = 0; i < convex_parts_a.size(); ++i)
       for (std::uint32_t j = 0; j < convex_parts_b.size(); ++j)
-        pieces_.push_back({Box::gap2(part_boxes_[slot_a + i], part_boxes_[slot_b + j]), i, j});
-    std::sort(pieces_.begin(), pieces_.end());
+        parts_.push_back({Box::gap2(part_boxes_[slot_a + i], part_boxes_[slot_b + j]), i, j});
+    std::sort(parts_.begin(), parts_.end());
     double least = limit;
-    for (const Candidate& c : pieces_) {
+    for (const Candidate& c : parts_) {
       if (least <= 0 || c.gap2 >= least * least) break;
       least = std::min(least, one(c.a, c.b));
     }
@@ -282,7 +282,7 @@ class Runner {
   std::vector<typename Peer::Transform> at_;  // (K, parts of all bodies)
   std::vector<Box> part_boxes_, body_boxes_;  // (K, parts of all bodies), (K, B)
   std::unique_ptr<typename Peer::Tree> tree_;
-  std::vector<Candidate> pieces_, bodies_;
+  std::vector<Candidate> parts_, bodies_;
   std::vector<Found> found_;
 };
 

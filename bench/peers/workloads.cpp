@@ -184,11 +184,11 @@ Problem make_cell(const std::string& scenes, const LinkPoses& links) {
   std::map<const ConvexPart*, std::uint32_t> shapes;
   for (const Body& body : scene.bodies()) {
     auto& mine = p.bodies.emplace_back();
-    for (const ConvexPartPtr& piece : body.pieces) {
-      const auto [at, fresh] = shapes.try_emplace(piece.get(), static_cast<std::uint32_t>(p.shapes.size()));
+    for (const ConvexPartPtr& part : body.parts) {
+      const auto [at, fresh] = shapes.try_emplace(part.get(), static_cast<std::uint32_t>(p.shapes.size()));
       if (fresh) {
         std::vector<Triangle> faces;
-        const ConvexPartPtr hull = with_prism(piece);
+        const ConvexPartPtr hull = with_prism(part);
         make_hull_part(hull->vertices, {}, hull->radius, 0, true, &faces);
         p.shapes.push_back(shape_of(hull->vertices, faces, hull->radius));
       }
@@ -317,12 +317,12 @@ Problem make_class_problem(const exact::CaseClass& c, std::uint64_t seed, int co
     const auto [at, fresh] = shapes.try_emplace(solid.get(), static_cast<std::uint32_t>(p.shapes.size()));
     if (fresh) {
       std::vector<Triangle> faces;
-      const ConvexPartPtr piece = make_hull_part(solid->vertices, {}, solid->radius, 0, false, &faces);
+      const ConvexPartPtr part = make_hull_part(solid->vertices, {}, solid->radius, 0, false, &faces);
       const auto same = [](const Vec3d& v, const Vec3d& w) { return v.x == w.x && v.y == w.y && v.z == w.z; };
       for (Triangle& face : faces)  // from indices of kept vertices to those of given ones
         for (std::uint32_t& i : face)
           i = static_cast<std::uint32_t>(std::find_if(solid->vertices.begin(), solid->vertices.end(),
-                                                      [&](const Vec3d& v) { return same(v, piece->vertices[i]); }) -
+                                                      [&](const Vec3d& v) { return same(v, part->vertices[i]); }) -
                                          solid->vertices.begin());
       p.shapes.push_back(shape_of(solid->vertices, faces, solid->radius));
     }

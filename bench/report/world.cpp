@@ -32,9 +32,9 @@ std::shared_ptr<const Connections> connect(const DisplayMesh& mesh) {
 }
 
 /// The hull's own faces, for a body whose mesh has more vertices.
-std::shared_ptr<const DisplayMesh> hull_of(const ConvexPart& piece) {
+std::shared_ptr<const DisplayMesh> hull_of(const ConvexPart& part) {
   auto mesh = std::make_shared<DisplayMesh>();
-  mesh->vertices = make_hull_part(piece.vertices, {}, 0, 0, true, &mesh->triangles)->vertices;
+  mesh->vertices = make_hull_part(part.vertices, {}, 0, 0, true, &mesh->triangles)->vertices;
   return mesh;
 }
 
@@ -52,12 +52,12 @@ World::World(const Scene& scene) {
     const auto refuse = [&](const char* why) {
       throw std::invalid_argument("body \"" + body.name + "\" " + why + ": the baselines take single convex meshes");
     };
-    if (body.pieces.size() != 1) refuse("has several pieces");
-    if (body.pieces[0]->radius > 0) refuse("has a radius");
-    Shared& shared = known[body.pieces[0].get()];
+    if (body.parts.size() != 1) refuse("has several pieces");
+    if (body.parts[0]->radius > 0) refuse("has a radius");
+    Shared& shared = known[body.parts[0].get()];
     if (!shared.mesh) {
-      const bool plain = body.display && body.display->vertices.size() == body.pieces[0]->vertices.size();
-      shared.mesh = plain ? body.display : hull_of(*body.pieces[0]);
+      const bool plain = body.display && body.display->vertices.size() == body.parts[0]->vertices.size();
+      shared.mesh = plain ? body.display : hull_of(*body.parts[0]);
       shared.connections = connect(*shared.mesh);
     }
     if (shared.mesh->triangles.empty()) refuse("has no triangles");

@@ -37,7 +37,7 @@ std::vector<Vec3d> egg(Random& random, int count, double size) {
 
 double size_of(const Body& body) {
   double size = 0;
-  for (const ConvexPartPtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
+  for (const ConvexPartPtr& part : body.parts) size = std::max(size, part->spread + part->radius);
   return size;
 }
 
@@ -169,7 +169,7 @@ Scene as_parts(const Scene& scene) {
   Scene exact;
   for (Body body : scene.bodies()) {
     body.model_error = body.model_inner = 0;
-    for (ConvexPartPtr& piece : body.pieces) piece = with_prism(piece);
+    for (ConvexPartPtr& part : body.parts) part = with_prism(part);
     exact.add_body(std::move(body));
   }
   return exact;

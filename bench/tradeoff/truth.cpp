@@ -21,15 +21,15 @@ std::optional<exact::Value> exact_answer(const MovingScene& scene, const Engine&
   const Body &a = scene.scene.bodies()[pair.a], &b = scene.scene.bodies()[pair.b];
   for (const Body* body : {&a, &b}) {
     std::size_t vertices = 0;
-    for (const ConvexPartPtr& piece : body->pieces) vertices += piece->vertices.size();
+    for (const ConvexPartPtr& part : body->parts) vertices += part->vertices.size();
     if (vertices > kOracleVertices || body->parent != kNone) return {};  // a child's pose is composed, with rounding
   }
-  if (a.pieces.size() * b.pieces.size() > kOraclePartPairs) return {};
+  if (a.parts.size() * b.parts.size() > kOraclePartPairs) return {};
   const BodyState at_a = engine.body_state(pair.a), at_b = engine.body_state(pair.b);
   if (at_a.status != Status::kOk || at_b.status != Status::kOk) return {};
   std::optional<exact::Value> least;
-  for (const ConvexPartPtr& p : a.pieces)
-    for (const ConvexPartPtr& q : b.pieces) {
+  for (const ConvexPartPtr& p : a.parts)
+    for (const ConvexPartPtr& q : b.parts) {
       const exact::Value v =
           exact::exact_distance({p->vertices, p->radius}, at_a.X_wb, {q->vertices, q->radius}, at_b.X_wb, false)
               .distance;

@@ -94,7 +94,9 @@ class Surface {
 
   /// Convex parts that serve as a proxy, with bounds on their deviation, or null. Set before the mesh is shared.
   const Decomposition* decomposition() const { return decomposition_.get(); }
-  void set_decomposition(std::shared_ptr<const Decomposition> pieces) { decomposition_ = std::move(pieces); }
+  void set_decomposition(std::shared_ptr<const Decomposition> convex_parts) {
+    decomposition_ = std::move(convex_parts);
+  }
 
   /// The root is the first; a child comes after its parent.
   std::span<const Node> nodes() const { return nodes_; }

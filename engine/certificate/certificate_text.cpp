@@ -150,9 +150,9 @@ const char* name_of_reduce(Reduce reduce) {
 }
 }  // namespace
 
-std::uint32_t part_place(const Body& body, std::uint32_t piece) {
+std::uint32_t part_place(const Body& body, std::uint32_t part) {
   std::uint32_t place = 0;
-  for (std::uint32_t i = 0; i < piece; ++i) place += body.pieces[i]->surface ? body.pieces[i]->surface->size() : 1;
+  for (std::uint32_t i = 0; i < part; ++i) place += body.parts[i]->surface ? body.parts[i]->surface->size() : 1;
   return place;
 }
 
@@ -281,13 +281,13 @@ bool CertificateText::end(WorkMeter& meter) {
   for (; next_body_ < bodies_.size(); ++next_body_) {
     if (meter.is_over()) return false;
     add_body(bodies_[next_body_]);
-    meter.count(kUnitsPerItem + scene_.bodies()[bodies_[next_body_]].pieces.size());
+    meter.count(kUnitsPerItem + scene_.bodies()[bodies_[next_body_]].parts.size());
   }
   if (part_ == Part::kBodies) {
     add("],\"pieces\":[");
     part_ = Part::kPieces;
   }
-  while (next_part_ < pieces_.size()) {
+  while (next_part_ < parts_.size()) {
     if (meter.is_over()) return false;
     add_convex_part(meter);
   }
@@ -324,12 +324,12 @@ void CertificateText::add_configuration(std::uint64_t k) {
 
 void CertificateText::add_body(std::uint32_t id) {
   const Body& body = scene_.bodies()[id];
-  Json pieces = Json::array();
-  for (const ConvexPartPtr& piece : body.pieces) {
+  Json convex_parts = Json::array();
+  for (const ConvexPartPtr& part : body.parts) {
     if (!in_pairs_.contains(id)) break;
-    const auto [found, is_new] = places_.insert({piece.get(), pieces_.size()});
-    if (is_new) pieces_.push_back(piece.get());
-    pieces.push_back(found->second);
+    const auto [found, is_new] = places_.insert({part.get(), parts_.size()});
+    if (is_new) parts_.push_back(part.get());
+    convex_parts.push_back(found->second);
   }
   const RobotJoint* const joint = joint_of(id);
   const Json moves =
@@ -339,7 +339,7 @@ void CertificateText::add_body(std::uint32_t id) {
   add_item(text_of({{"id", id},
                     {"name", body.name},
                     {"source", body.source},
-                    {"pieces", pieces},
+                    {"pieces", convex_parts},
                     {"centre", vector(ball_around(body).centre)},
                     {"on", id_json(carrier_of(id))},
                     {"joint", joint ? Json(joint->name) : Json(nullptr)},
@@ -366,23 +366,23 @@ bool CertificateText::lists_elements(const Surface& surface, WorkMeter& meter) {
 
 // Writes some vertices and elements of the current part.
 void CertificateText::add_convex_part(WorkMeter& meter) {
-  const ConvexPart& piece = *pieces_[next_part_];
-  if (piece.surface && lists_elements(*piece.surface, meter)) return;
-  const SurfaceRows* const rows = piece.surface ? &elements_->rows() : nullptr;
+  const ConvexPart& part = *parts_[next_part_];
+  if (part.surface && lists_elements(*part.surface, meter)) return;
+  const SurfaceRows* const rows = part.surface ? &elements_->rows() : nullptr;
   bool is_first = next_part_ == 0;
   if (next_vertex_ == 0) {
-    Json json{{"digest", text(piece.surface ? piece.surface->digest() : piece.digest)},
-              {"loaded_vertices", rows ? rows->loaded : piece.loaded_vertices},
-              {"radius", number(piece.radius)},
-              {"count", rows ? rows->vertices.size() : piece.count()}};
-    if (piece.primitive)
-      json["core"] = {{"kind", name_of(piece.primitive->kind)}, {"size", vector(piece.primitive->size)}};
-    if (piece.surface) json["solid"] = piece.surface->is_solid();
+    Json json{{"digest", text(part.surface ? part.surface->digest() : part.digest)},
+              {"loaded_vertices", rows ? rows->loaded : part.loaded_vertices},
+              {"radius", number(part.radius)},
+              {"count", rows ? rows->vertices.size() : part.count()}};
+    if (part.primitive)
+      json["core"] = {{"kind", name_of(part.primitive->kind)}, {"size", vector(part.primitive->size)}};
+    if (part.surface) json["solid"] = part.surface->is_solid();
     add_item(open_text(json), is_first);
     add(",\"vertices\":[");
   }
-  const std::vector<Vec3d>& vertices = rows ? rows->vertices : piece.vertices;
-  const std::size_t elements = piece.surface ? piece.surface->size() : 0;
+  const std::vector<Vec3d>& vertices = rows ? rows->vertices : part.vertices;
+  const std::size_t elements = part.surface ? part.surface->size() : 0;
   // Vertices precede elements.
   for (std::size_t n = 0; n < kVerticesAtOnce && next_vertex_ < vertices.size() + elements; ++n, ++next_vertex_) {
     bool is_first_row = next_vertex_ == 0 || next_vertex_ == vertices.size();

@@ -29,7 +29,7 @@ struct PartProof {
 };
 
 /// Index of a part, or of the first element of its surface, if elements count as parts.
-std::uint32_t part_place(const Body& body, std::uint32_t piece);
+std::uint32_t part_place(const Body& body, std::uint32_t part);
 
 /// A span of a motion, evaluated at one time, and the pair's uncertainty there. A row without motions has one span.
 struct SpanPlace {
@@ -110,7 +110,7 @@ class CertificateText {
   std::set<std::uint32_t> in_pairs_;       // bodies whose parts are written
   std::vector<std::uint32_t> bodies_;      // in the order in which rows name them
   std::map<const ConvexPart*, std::size_t> places_;
-  std::vector<const ConvexPart*> pieces_;
+  std::vector<const ConvexPart*> parts_;
   std::set<std::uint64_t> configurations_;
   std::size_t next_body_ = 0, next_part_ = 0, next_vertex_ = 0;
   std::optional<SurfaceLister> elements_;  // of the current part

@@ -50,7 +50,7 @@ std::vector<Vec3d> corners_around(const Surface& surface, std::uint32_t node) {
 }  // namespace
 
 const Surface* PairCover::Side::surface(const Part& part) const {
-  return part.piece == kAll ? nullptr : body_.pieces[part.piece]->surface.get();
+  return part.convex_part == kAll ? nullptr : body_.parts[part.convex_part]->surface.get();
 }
 
 // The hull of some elements, or an enclosure of it.
@@ -58,23 +58,23 @@ const ConvexPart& PairCover::Side::around(const Part& part, std::uint32_t begin,
   if (const auto found = large_.find(part); found != large_.end()) return found->second;
   if (part == of_small_) return small_;
   const Surface& surface = *this->surface(part);
-  ConvexPart piece;
-  piece.radius = body_.pieces[part.piece]->radius;
-  if (end - begin > kMostListed) piece.vertices = corners_around(surface, part.at);
+  ConvexPart convex_part;
+  convex_part.radius = body_.parts[part.convex_part]->radius;
+  if (end - begin > kMostListed) convex_part.vertices = corners_around(surface, part.at);
   for (std::uint32_t i = begin; i < end && end - begin <= kMostListed; ++i) {
     const ElementCorners element = surface.element(i);
-    piece.vertices.insert(piece.vertices.end(), element.span().begin(), element.span().end());
+    convex_part.vertices.insert(convex_part.vertices.end(), element.span().begin(), element.span().end());
   }
-  if (end - begin >= kKeptFrom) return large_.emplace(part, without_table(piece)).first->second;
+  if (end - begin >= kKeptFrom) return large_.emplace(part, without_table(convex_part)).first->second;
   of_small_ = part;
-  return small_ = without_table(piece);
+  return small_ = without_table(convex_part);
 }
 
 PairCover::PartHull PairCover::Side::hull(const Part& part) {
-  if (part.piece == kAll) return {nullptr, 0, 0};
+  if (part.convex_part == kAll) return {nullptr, 0, 0};
   const Surface* const surface = this->surface(part);
-  const std::uint32_t place = part_place(body_, part.piece);
-  if (part.at == kNone) return {body_.pieces[part.piece].get(), place, surface ? surface->size() : 1};
+  const std::uint32_t place = part_place(body_, part.convex_part);
+  if (part.at == kNone) return {body_.parts[part.convex_part].get(), place, surface ? surface->size() : 1};
   const bool is_element = (part.at & kElement) != 0;
   const std::uint32_t begin = is_element ? part.at & ~kElement : first_of(*surface, part.at),
                       end = is_element ? begin + 1 : end_of(*surface, part.at);
@@ -83,16 +83,16 @@ PairCover::PartHull PairCover::Side::hull(const Part& part) {
 
 std::vector<PairCover::Part> PairCover::Side::halves(const Part& part) const {
   std::vector<Part> halves;
-  if (part.piece == kAll) {
-    for (std::uint32_t i = 0; i < body_.pieces.size(); ++i) halves.push_back({i, kNone});
+  if (part.convex_part == kAll) {
+    for (std::uint32_t i = 0; i < body_.parts.size(); ++i) halves.push_back({i, kNone});
     return halves;
   }
   const Surface* const surface = this->surface(part);
   if (!surface || (part.at != kNone && (part.at & kElement) != 0)) return halves;
   const std::uint32_t at = part.at == kNone ? 0 : part.at;
   const Surface::Node& node = surface->nodes()[at];
-  if (!node.is_leaf()) return {{part.piece, at + 1}, {part.piece, node.right}};
-  for (std::uint32_t i = node.begin(); i < node.end(); ++i) halves.push_back({part.piece, i | kElement});
+  if (!node.is_leaf()) return {{part.convex_part, at + 1}, {part.convex_part, node.right}};
+  for (std::uint32_t i = node.begin(); i < node.end(); ++i) halves.push_back({part.convex_part, i | kElement});
   return halves;
 }
 
@@ -103,15 +103,16 @@ PairCover::Parts PairCover::parts() {
   claim.count_a = a.count;
   claim.count_b = b.count;
   if (of_a == sides_[0].whole() && of_b == sides_[1].whole()) claim.part_a = claim.part_b = kNone;
-  return {a.piece, b.piece, sides_[0].halves(of_a).empty() && sides_[1].halves(of_b).empty(), std::move(claim)};
+  return {a.convex_part, b.convex_part, sides_[0].halves(of_a).empty() && sides_[1].halves(of_b).empty(),
+          std::move(claim)};
 }
 
 void PairCover::halve() {
   const std::array<Part, 2> parts = open_.back();
   const std::array<std::vector<Part>, 2> halves{sides_[0].halves(parts[0]), sides_[1].halves(parts[1])};
   const auto spread = [&](std::size_t side) {
-    const ConvexPart* const piece = sides_[side].hull(parts[side]).piece;
-    return piece ? piece->spread : std::numeric_limits<double>::infinity();
+    const ConvexPart* const convex_part = sides_[side].hull(parts[side]).convex_part;
+    return convex_part ? convex_part->spread : std::numeric_limits<double>::infinity();
   };
   const std::size_t larger = halves[0].empty() ? 1 : halves[1].empty() || spread(0) > spread(1) ? 0 : 1;
   open_.pop_back();

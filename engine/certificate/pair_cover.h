@@ -39,19 +39,19 @@ class PairCover {
 
   // A body, one of its convex parts, or a node or element of the part's surface.
   struct Part {
-    std::uint32_t piece, at;
+    std::uint32_t convex_part, at;
     friend auto operator<=>(const Part&, const Part&) = default;
   };
   // A part's convex hull, and the range of the body's parts that it covers; elements count as parts.
   struct PartHull {
-    const ConvexPart* piece;  // null if the part has no convex hull
+    const ConvexPart* convex_part;  // null if the part has no convex hull
     std::uint32_t place, count;
   };
   // One of the two bodies.
   class Side {
    public:
     explicit Side(const Body& body) : body_(body) {}
-    Part whole() const { return {body_.pieces.size() == 1 ? 0 : kAll, kNone}; }
+    Part whole() const { return {body_.parts.size() == 1 ? 0 : kAll, kNone}; }
     /// Valid until the next call.
     PartHull hull(const Part& part);
     /// The components of a part; empty for an element, or a convex part that is exact geometry.

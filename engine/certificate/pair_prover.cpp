@@ -71,7 +71,7 @@ void PairProver::look() {
 bool PairProver::step(WorkMeter& meter) {
   if (!is_looked_at_) {
     look();
-    meter.count(kUnitsPerMoment * (1 + a_.pieces.size() * b_.pieces.size() / 16));
+    meter.count(kUnitsPerMoment * (1 + a_.parts.size() * b_.parts.size() / 16));
     if (try_boxes()) {
       end_span({});
       return true;
@@ -85,13 +85,13 @@ bool PairProver::step(WorkMeter& meter) {
     }
   }
   if (cover_) return step_cover(meter);
-  meter.count(kUnitsPerSpanProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
-  const Halves now = try_parts(*a_.pieces[i_], *b_.pieces[j_], {i_, j_, {}}, true);
+  meter.count(kUnitsPerSpanProof + WorkMeter::units_of(*a_.parts[i_], *b_.parts[j_]));
+  const Halves now = try_parts(*a_.parts[i_], *b_.parts[j_], {i_, j_, {}}, true);
   halves_.before &= now.before;
   halves_.after &= now.after;
   if (halves_.any()) {
-    if (++j_ == b_.pieces.size()) j_ = 0, ++i_;
-    if (i_ < a_.pieces.size()) return false;
+    if (++j_ == b_.parts.size()) j_ = 0, ++i_;
+    if (i_ < a_.parts.size()) return false;
   }
   const bool proved = halves_.any();
   end_span(halves_);
@@ -163,8 +163,8 @@ void PairProver::write(SpanPlace place) {
 Vec3d PairProver::towards_b() const {
   const BodyPoses& here = moment_.placed();
   const auto normal = [&](std::uint32_t body) { return here[body].pose.R_wb * Vec3d{0, 0, 1}; };
-  if (is_half_space(*a_.pieces[0])) return normal(pair_.a);
-  if (is_half_space(*b_.pieces[0])) return -normal(pair_.b);
+  if (is_half_space(*a_.parts[0])) return normal(pair_.a);
+  if (is_half_space(*b_.parts[0])) return -normal(pair_.b);
   return between(here.box(pair_.a), here.box(pair_.b));
 }
 
@@ -176,8 +176,8 @@ bool PairProver::try_boxes() {
   PartProof all{kNone, kNone, {}, 1, rates_.speed_seer};
   const PoseMatrix &pose_a = here[pair_.a].pose, &pose_b = here[pair_.b].pose;
   double least = std::numeric_limits<double>::infinity();
-  for (const ConvexPartPtr& p : a_.pieces)
-    for (const ConvexPartPtr& q : b_.pieces) least = std::min(least, lower_along(*p, pose_a, *q, pose_b, n, all.proof));
+  for (const ConvexPartPtr& p : a_.parts)
+    for (const ConvexPartPtr& q : b_.parts) least = std::min(least, lower_along(*p, pose_a, *q, pose_b, n, all.proof));
   if (!by_speed(least)) {
     const Halves along = by_direction(n, nullptr, nullptr);
     if (way_ == 0 || !along.before || !along.after) return false;
@@ -221,9 +221,9 @@ PairProver::Halves PairProver::try_parts(const ConvexPart& p, const ConvexPart& 
 PairProver::Halves PairProver::by_direction(const Vec3d& n, const ConvexPart* p, const ConvexPart* q) const {
   const BodyPoses& here = moment_.placed();
   const double half = left_.back().half();
-  const auto moving_body = [&](std::uint32_t body, const ConvexPart* piece) {
+  const auto moving_body = [&](std::uint32_t body, const ConvexPart* part) {
     return MovingBody{scene_.bodies()[body], here[body].pose,
-                      bounds_.twist_before(rates_.seer, body, moment_.twists(), here), nullptr, piece};
+                      bounds_.twist_before(rates_.seer, body, moment_.twists(), here), nullptr, part};
   };
   const HalfSpans gaps =
       gaps_along(n, moving_body(pair_.a, p), moving_body(pair_.b, q), half, bend_of_pair(rates_, half));

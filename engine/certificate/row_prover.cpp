@@ -69,7 +69,7 @@ RowProver::RowProver(const Scene& scene, const EvaluateOptions& options, const B
   limits_.min_penetration = slack_.outer;
   wants_lower_ = answer_.lower > (limits_.signed_distance ? -kInf : 0);
   wants_upper_ = answer_.upper < kInf;
-  has_plane_ = wants_lower_ && (is_half_space(*a_.pieces[0]) || is_half_space(*b_.pieces[0]));
+  has_plane_ = wants_lower_ && (is_half_space(*a_.parts[0]) || is_half_space(*b_.parts[0]));
 }
 
 bool RowProver::advance(WorkMeter& meter) {
@@ -89,13 +89,13 @@ void RowProver::end(bool proved) {
 }
 
 void RowProver::try_plane(WorkMeter& meter) {
-  const bool is_a = is_half_space(*a_.pieces[0]);
+  const bool is_a = is_half_space(*a_.parts[0]);
   const Body& other = is_a ? b_ : a_;
-  const ConvexPart &p = *a_.pieces[is_a ? 0 : above_], &q = *b_.pieces[is_a ? above_ : 0];
+  const ConvexPart &p = *a_.parts[is_a ? 0 : above_], &q = *b_.parts[is_a ? above_ : 0];
   meter.count(kUnitsPerDirection + WorkMeter::units_of(p, q));
   PartProof all{kNone, kNone, {}};
   has_plane_ = covers_lower(plane_proved(p, pose_a_, q, pose_b_, all.proof).lower);
-  if (!has_plane_ || ++above_ < other.pieces.size()) return;
+  if (!has_plane_ || ++above_ < other.parts.size()) return;
   text_.add_lower(all);
   has_plane_ = wants_lower_ = false;
 }
@@ -139,17 +139,17 @@ bool PartsProver::step(WorkMeter& meter) {
 
 // Advances to the next pair of parts. Returns false after the last.
 bool PartsProver::go_on() {
-  if (++j_ < b_.pieces.size()) return true;
+  if (++j_ < b_.parts.size()) return true;
   j_ = 0;
-  return ++i_ < a_.pieces.size();
+  return ++i_ < a_.parts.size();
 }
 
 // Tests whether the direction between the bodies' boxes, one for all parts, suffices for the current pair.
 void PartsProver::try_box(WorkMeter& meter) {
-  meter.count(kUnitsPerDirection + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
+  meter.count(kUnitsPerDirection + WorkMeter::units_of(*a_.parts[i_], *b_.parts[j_]));
   const Vec3d n = between(box_a_, box_b_);
   PartProof all{kNone, kNone, {}};
-  if (!covers_lower(lower_along(*a_.pieces[i_], pose_a_, *b_.pieces[j_], pose_b_, n, all.proof))) {
+  if (!covers_lower(lower_along(*a_.parts[i_], pose_a_, *b_.parts[j_], pose_b_, n, all.proof))) {
     by_box_ = false;
     i_ = j_ = 0;
   } else if (!go_on()) {
@@ -159,7 +159,7 @@ void PartsProver::try_box(WorkMeter& meter) {
 }
 
 void PartsProver::try_parts(WorkMeter& meter) {
-  meter.count(kUnitsPerProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
+  meter.count(kUnitsPerProof + WorkMeter::units_of(*a_.parts[i_], *b_.parts[j_]));
   const bool is_nearest = wants_upper_ && i_ == answer_.part_a && j_ == answer_.part_b;
   if ((wants_lower_ || is_nearest) && !prove_parts(i_, j_, wants_lower_, is_nearest))
     end(false);
@@ -168,7 +168,7 @@ void PartsProver::try_parts(WorkMeter& meter) {
 }
 
 bool PartsProver::prove_parts(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper) {
-  const ConvexPart &p = *a_.pieces[i], &q = *b_.pieces[j];
+  const ConvexPart &p = *a_.parts[i], &q = *b_.parts[j];
   PartProof found{i, j, {}};
   if (wants_lower && !wants_upper) {
     const Vec3d n = between(certify_box(p, pose_a_.R_wb, pose_a_.t_w), certify_box(q, pose_b_.R_wb, pose_b_.t_w));

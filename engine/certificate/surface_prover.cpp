@@ -21,8 +21,8 @@ std::array<std::uint32_t, 2> element_with(const Surface& surface, std::uint32_t 
 
 // Number of vertices that represent all components of a part: if none of them is inside a solid whose triangles do not
 // touch the part, no other vertex is.
-std::uint32_t candidates_of(const ConvexPart& piece) {
-  const Surface* const surface = piece.surface.get();
+std::uint32_t candidates_of(const ConvexPart& part) {
+  const Surface* const surface = part.surface.get();
   if (!surface) return 1;
   return surface->is_cloud() ? surface->size() : static_cast<std::uint32_t>(surface->parts().size());
 }
@@ -93,7 +93,7 @@ bool SurfaceProver::find_upper(WorkMeter& meter) {
       break;
   }
   const auto place = [](const Body& body, const Element& element) {
-    return part_place(body, element.piece) + (element.triangle == kNone ? 0 : element.triangle);
+    return part_place(body, element.part) + (element.triangle == kNone ? 0 : element.triangle);
   };
   ConvexPart room_a, room_b;
   const ConvexPart &p = part_of(a_, pair.a, room_a), &q = part_of(b_, pair.b, room_b);
@@ -106,13 +106,13 @@ bool SurfaceProver::find_upper(WorkMeter& meter) {
 void SurfaceProver::seek_held(WorkMeter& meter) {
   Candidates& c = candidates_;
   const Body &holder = c.outer == 0 ? a_ : b_, &held = c.outer == 0 ? b_ : a_;
-  const Surface* const solid = holder.pieces[c.solid]->surface.get();
+  const Surface* const solid = holder.parts[c.solid]->surface.get();
   const bool is_solid = solid && solid->is_solid();
-  if (const ConvexPart& piece = *held.pieces[c.piece]; is_solid && c.next < candidates_of(piece))
-    try_held(*solid, piece, c.next++, meter);
-  else if (is_solid && c.piece + 1 < held.pieces.size())
-    c = {c.outer, c.solid, c.piece + 1, 0};
-  else if (c.solid + 1 < holder.pieces.size())
+  if (const ConvexPart& part = *held.parts[c.part]; is_solid && c.next < candidates_of(part))
+    try_held(*solid, part, c.next++, meter);
+  else if (is_solid && c.part + 1 < held.parts.size())
+    c = {c.outer, c.solid, c.part + 1, 0};
+  else if (c.solid + 1 < holder.parts.size())
     c = {c.outer, c.solid + 1, 0, 0};
   else if (c.outer == 0)
     c = {1, 0, 0, 0};
@@ -120,32 +120,32 @@ void SurfaceProver::seek_held(WorkMeter& meter) {
     end(false);
 }
 
-void SurfaceProver::try_held(const Surface& solid, const ConvexPart& piece, std::uint32_t candidate, WorkMeter& meter) {
+void SurfaceProver::try_held(const Surface& solid, const ConvexPart& part, std::uint32_t candidate, WorkMeter& meter) {
   meter.count(1);
   const std::size_t outer = candidates_.outer;
   const PoseMatrix &X_wo = outer == 0 ? pose_a_ : pose_b_, &X_wi = outer == 0 ? pose_b_ : pose_a_;
-  const Surface* const surface = piece.surface.get();
+  const Surface* const surface = part.surface.get();
   const bool is_mesh = surface && !surface->is_cloud();
   const Vec3d vertex = is_mesh   ? surface->vertices()[surface->parts()[candidate]]
                        : surface ? surface->element(candidate).corner[0]
-                                 : piece.vertices[0];
+                                 : part.vertices[0];
   if (winding_number(solid, X_wo.R_wb.transpose_times(X_wi.R_wb * vertex + (X_wi.t_w - X_wo.t_w))) == 0) return;
   const auto [element, corner] =
       is_mesh ? element_with(*surface, surface->parts()[candidate]) : std::array<std::uint32_t, 2>{candidate, 0};
   PartProof proof{part_place(outer == 0 ? a_ : b_, candidates_.solid),
-                  part_place(outer == 0 ? b_ : a_, candidates_.piece) + element,
+                  part_place(outer == 0 ? b_ : a_, candidates_.part) + element,
                   {}};
   if (outer == 1) std::swap(proof.part_a, proof.part_b);
   proof.within = static_cast<std::uint32_t>(outer);
   proof.proof.vertices.push_back(outer == 0 ? ProofVertex{0, corner, {}} : ProofVertex{corner, 0, {}});
-  if (piece.primitive) (outer == 0 ? proof.proof.points_b : proof.proof.points_a).push_back(cast<DoubleDouble>(vertex));
+  if (part.primitive) (outer == 0 ? proof.proof.points_b : proof.proof.points_a).push_back(cast<DoubleDouble>(vertex));
   held_ = {std::move(proof), vertex};
 }
 
 // Finds a direction for the next triangle of the solid around the vertex; the vertex must be deep enough along each.
 void SurfaceProver::prove_held(WorkMeter& meter) {
   const std::size_t outer = candidates_.outer;
-  const Surface& around = *(outer == 0 ? a_ : b_).pieces[candidates_.solid]->surface;
+  const Surface& around = *(outer == 0 ? a_ : b_).parts[candidates_.solid]->surface;
   if (held_->next == around.size()) {
     held_->proof.proof.upper_in_double_double = true;
     upper_ = std::move(held_->proof);

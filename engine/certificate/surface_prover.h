@@ -25,13 +25,13 @@ class SurfaceProver final : public RowProver {
   bool covers(PairCover::Parts parts);
   bool find_upper(WorkMeter& meter);
   void seek_held(WorkMeter& meter);
-  void try_held(const Surface& solid, const ConvexPart& piece, std::uint32_t candidate, WorkMeter& meter);
+  void try_held(const Surface& solid, const ConvexPart& part, std::uint32_t candidate, WorkMeter& meter);
   void prove_held(WorkMeter& meter);
 
   // Vertices that may lie inside a solid of the other body.
   struct Candidates {
-    std::size_t outer = 0;                         // body of the solid: 0 is a, 1 is b
-    std::uint32_t solid = 0, piece = 0, next = 0;  // part of the solid; part of the other body, and its next vertex
+    std::size_t outer = 0;                        // body of the solid: 0 is a, 1 is b
+    std::uint32_t solid = 0, part = 0, next = 0;  // part of the solid; part of the other body, and its next vertex
   };
   // Such a vertex before it is proved.
   struct HeldVertex {

@@ -73,12 +73,12 @@ std::optional<Fan> fan_of(std::span<const Vec3d> vertices) {
   return fan;
 }
 
-Fan box_around(const ConvexPart& piece) {
+Fan box_around(const ConvexPart& part) {
   Fan fan;
   for (int corner = 0; corner < 8; ++corner) {
-    Vec3d v = piece.centre;
+    Vec3d v = part.centre;
     for (int k = 0; k < 3; ++k) {
-      const double half = piece.half[k] + 0x1p-50 * std::abs(v[k]);  // plus the rounding of the sum
+      const double half = part.half[k] + 0x1p-50 * std::abs(v[k]);  // plus the rounding of the sum
       v[k] += corner >> k & 1 ? half : -half;
     }
     fan.points.push_back(v);

@@ -22,6 +22,6 @@ struct Fan {
 std::optional<Fan> fan_of(std::span<const Vec3d> vertices);
 
 /// The box around a part's core, which is not contained in the part.
-Fan box_around(const ConvexPart& piece);
+Fan box_around(const ConvexPart& part);
 
 }  // namespace clearance

@@ -21,8 +21,11 @@ constexpr std::uint64_t kPartsPerQuestion = 4;  // box tests of this many subtri
 
 class InnerBound {
  public:
-  InnerBound(const Surface& truth, std::span<const ConvexPartPtr> pieces, const ProofEffort& effort)
-      : truth_(truth), pieces_(pieces), effort_(effort), points_(truth.vertices().begin(), truth.vertices().end()) {
+  InnerBound(const Surface& truth, std::span<const ConvexPartPtr> convex_parts, const ProofEffort& effort)
+      : truth_(truth),
+        convex_parts_(convex_parts),
+        effort_(effort),
+        points_(truth.vertices().begin(), truth.vertices().end()) {
     Vec3d low = points_[0], high = points_[0];
     for (const Vec3d& v : points_) {
       reach_ = std::max(reach_, norm(v));
@@ -52,7 +55,7 @@ class InnerBound {
     double off;      // bound on its distance from the triangle of its corners
     int generation;
     Triangle corners;                          // of points_
-    std::uint32_t piece;                       // the convex part nearest to all of it
+    std::uint32_t convex_part;                 // the convex part nearest to all of it
     bool operator<(const Part& other) const {  // the largest bound is on top; among equal ones the oldest
       return bound != other.bound ? bound < other.bound : corners > other.corners;
     }
@@ -60,14 +63,14 @@ class InnerBound {
 
   double enough() const { return std::max(met_ * (1 + effort_.share), met_ + effort_.inner_of_size * size_); }
 
-  const Measure::Bounds& distance(std::uint32_t point, std::uint32_t piece) {
-    const auto [at, is_new] = known_.try_emplace(std::uint64_t{point} << 32 | piece);
-    if (is_new) at->second = measure_.to(*pieces_[piece], points_[point]);
+  const Measure::Bounds& distance(std::uint32_t point, std::uint32_t convex_part) {
+    const auto [at, is_new] = known_.try_emplace(std::uint64_t{point} << 32 | convex_part);
+    if (is_new) at->second = measure_.to(*convex_parts_[convex_part], points_[point]);
     return at->second;
   }
   // Approximate lower bound on the distance of a point from a convex part.
-  double box_gap(std::uint32_t point, std::uint32_t piece) const {
-    const ConvexPart& p = *pieces_[piece];
+  double box_gap(std::uint32_t point, std::uint32_t convex_part) const {
+    const ConvexPart& p = *convex_parts_[convex_part];
     const Vec3d& v = points_[point];
     double sum = 0;
     for (int k = 0; k < 3; ++k) {
@@ -82,7 +85,7 @@ class InnerBound {
   template <class Gap, class Of>
   std::pair<double, std::uint32_t> nearest(const Gap& gap, const Of& of) {
     order_.clear();
-    for (std::uint32_t i = 0; i < pieces_.size(); ++i) order_.push_back({gap(i), i});
+    for (std::uint32_t i = 0; i < convex_parts_.size(); ++i) order_.push_back({gap(i), i});
     std::sort(order_.begin(), order_.end());
     std::pair<double, std::uint32_t> best{kInf, 0};
     for (const auto& [least, i] : order_) {
@@ -108,7 +111,7 @@ class InnerBound {
   void bound(Part& part) {
     for (const std::uint32_t corner : part.corners) meet(corner);
     const auto& c = part.corners;
-    const auto [whole, piece] =
+    const auto [whole, convex_part] =
         nearest([&](std::uint32_t i) { return std::max({box_gap(c[0], i), box_gap(c[1], i), box_gap(c[2], i)}); },
                 [&](std::uint32_t i, double best) {
                   double most = 0;
@@ -116,7 +119,7 @@ class InnerBound {
                     if (most < best) most = std::max(most, distance(corner, i).upper);
                   return most;
                 });
-    part.piece = piece;
+    part.convex_part = convex_part;
     part.bound = std::min(part.parents, (whole + part.off) * kUp);
   }
   void put(Part part) {
@@ -150,8 +153,8 @@ class InnerBound {
     const auto& c = part.corners;
     std::size_t far = 0;
     for (std::size_t k = 1; k < 3; ++k)
-      if (distance(c[k], part.piece).lower > distance(c[far], part.piece).lower) far = k;
-    const Measure::Bounds from = distance(c[far], part.piece);
+      if (distance(c[k], part.convex_part).lower > distance(c[far], part.convex_part).lower) far = k;
+    const Measure::Bounds from = distance(c[far], part.convex_part);
     if (!(from.lower > 0)) return;
     double deepest = 0;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -167,7 +170,7 @@ class InnerBound {
   }
 
   const Surface& truth_;
-  std::span<const ConvexPartPtr> pieces_;
+  std::span<const ConvexPartPtr> convex_parts_;
   const ProofEffort& effort_;
   std::vector<Vec3d> points_;
   std::vector<char> looked_;
@@ -180,9 +183,9 @@ class InnerBound {
 
 }  // namespace
 
-ProvedLength prove_inner(const Surface& truth, std::span<const ConvexPartPtr> pieces, const ProofEffort& effort) {
+ProvedLength prove_inner(const Surface& truth, std::span<const ConvexPartPtr> convex_parts, const ProofEffort& effort) {
   const FpEnvironment environment;
-  return InnerBound(truth, pieces, effort).run();
+  return InnerBound(truth, convex_parts, effort).run();
 }
 
 }  // namespace clearance

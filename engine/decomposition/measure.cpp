@@ -42,9 +42,9 @@ Measure::Bounds Measure::ask(const ConvexPart& a, const ConvexPart& b) {
   return {std::max(answer.bounds.lower, 0.0), std::max(answer.bounds.upper, 0.0), answer.normal};
 }
 
-Measure::Bounds Measure::to(const ConvexPart& piece, const Vec3d& p) {
+Measure::Bounds Measure::to(const ConvexPart& part, const Vec3d& p) {
   remake_part(rooms_[0], {&p, 1}, 0);
-  return ask(piece, rooms_[0]);
+  return ask(part, rooms_[0]);
 }
 
 Measure::Bounds Measure::to(std::span<const Vec3d> corners, const Vec3d& p) {
@@ -52,9 +52,9 @@ Measure::Bounds Measure::to(std::span<const Vec3d> corners, const Vec3d& p) {
   return to(rooms_[1], p);
 }
 
-double Measure::apart(std::span<const Vec3d> corners, const ConvexPart& piece) {
+double Measure::apart(std::span<const Vec3d> corners, const ConvexPart& part) {
   remake_part(rooms_[1], corners, 0);
-  return ask(piece, rooms_[1]).lower;
+  return ask(part, rooms_[1]).lower;
 }
 
 double Measure::gap(std::span<const Vec3d> a, std::span<const Vec3d> b) {

@@ -23,11 +23,11 @@ class Measure {
 
   /// Distance of a point from a convex set, both in the same frame.
   /// \param piece its radius counts, too
-  Bounds to(const ConvexPart& piece, const Vec3d& p);
+  Bounds to(const ConvexPart& part, const Vec3d& p);
   /// Distance of a point from the hull of a few points.
   Bounds to(std::span<const Vec3d> corners, const Vec3d& p);
   /// Lower bound on the distance of a part from the hull of a few points; not below 0.
-  double apart(std::span<const Vec3d> corners, const ConvexPart& piece);
+  double apart(std::span<const Vec3d> corners, const ConvexPart& part);
   /// Lower bound on the signed distance of two hulls of a few points, as far as it is proved.
   double gap(std::span<const Vec3d> a, std::span<const Vec3d> b);
   /// Number of distances computed.

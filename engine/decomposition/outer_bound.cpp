@@ -25,15 +25,15 @@ using Corners = std::array<std::uint32_t, 4>;
 
 class OuterBound {
  public:
-  OuterBound(const Surface& truth, const ConvexPart& piece, const ProofEffort& effort)
-      : truth_(truth), piece_(piece), effort_(effort) {
+  OuterBound(const Surface& truth, const ConvexPart& convex_part, const ProofEffort& effort)
+      : truth_(truth), part_(convex_part), effort_(effort) {
     for (const Vec3d& v : truth.vertices()) reach_ = std::max(reach_, norm(v));
     Vec3d low = truth.vertices()[0], high = low;
     for (const Vec3d& v : truth.vertices())
       for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], v[k]), high[k] = std::max(high[k], v[k]);
     size_ = norm(high - low);
-    reach_ = std::max(reach_, piece.rho);
-    fine_ = 0x1p-40 * (size_ + piece.spread);
+    reach_ = std::max(reach_, convex_part.rho);
+    fine_ = 0x1p-40 * (size_ + convex_part.spread);
     measure_ = Measure(fine_);
   }
 
@@ -70,9 +70,9 @@ class OuterBound {
   double enough() const { return std::max(met_ * (1 + effort_.share), met_ + effort_.outer_of_size * size_); }
 
   void begin() {
-    const std::optional<Fan> fan = fan_of(piece_.vertices);
+    const std::optional<Fan> fan = fan_of(part_.vertices);
     is_within_ = fan.has_value();
-    const Fan parts = fan ? *fan : box_around(piece_);
+    const Fan parts = fan ? *fan : box_around(part_);
     for (const Vec3d& v : parts.points) points_.push_back({v, kNoTriangle, kInf, false});
     for (const auto& corners : parts.parts) put({0, kInf, parts.off, corners, 0, kNoTriangle});
   }
@@ -85,7 +85,7 @@ class OuterBound {
     // A point that is proved apart from the nearest triangle lies on none.
     known.is_inside = truth_.is_solid() && d.lower > 0 && winding_number(truth_, known.at) != 0;
     known.distance = known.is_inside ? 0 : d.upper;
-    if (!known.is_inside && d.lower > met_ && (is_within_ || measure_.to(piece_, known.at).lower == 0)) met_ = d.lower;
+    if (!known.is_inside && d.lower > met_ && (is_within_ || measure_.to(part_, known.at).lower == 0)) met_ = d.lower;
     return known;
   }
   std::array<Vec3d, 4> places(const Corners& corners) const {
@@ -98,7 +98,7 @@ class OuterBound {
     const Vec3d middle = 0.25 * ((at[0] + at[1]) + (at[2] + at[3]));
     double radius = 0;
     for (const Vec3d& v : at) radius = std::max(radius, norm(v - middle) * kUp);
-    if (!is_within_ && measure_.apart(at, piece_) > part.off) return;  // it contains no point of the convex part
+    if (!is_within_ && measure_.apart(at, part_) > part.off) return;  // it contains no point of the convex part
     part.bound = std::min(part.parents, (by_corners(part.corners, radius) + part.off) * kUp);
     if (part.bound > enough()) look_closer(part, at, middle, radius);
     if (part.bound > 0) parts_.push(part);
@@ -210,7 +210,7 @@ class OuterBound {
   }
 
   const Surface& truth_;
-  const ConvexPart& piece_;
+  const ConvexPart& part_;
   const ProofEffort& effort_;
   double reach_ = 0, size_ = 0, fine_ = 0, met_ = 0;
   bool is_within_ = false;  // tetrahedra cover the convex part itself, not a box around it
@@ -222,9 +222,9 @@ class OuterBound {
 
 }  // namespace
 
-ProvedLength prove_outer(const Surface& truth, const ConvexPart& piece, const ProofEffort& effort) {
+ProvedLength prove_outer(const Surface& truth, const ConvexPart& convex_part, const ProofEffort& effort) {
   const FpEnvironment environment;
-  return OuterBound(truth, piece, effort).run();
+  return OuterBound(truth, convex_part, effort).run();
 }
 
 }  // namespace clearance

@@ -15,7 +15,7 @@ ProvedDecomposition prove_decomposition(const Surface& truth, std::span<const st
   if (proposed.empty()) throw std::invalid_argument("there is no piece");
   if (truth.is_cloud()) throw std::invalid_argument("points are not decomposed");
   ProvedDecomposition out;
-  std::vector<ConvexPartPtr>& cores = out.decomposition.pieces;
+  std::vector<ConvexPartPtr>& cores = out.decomposition.parts;
   for (std::size_t i = 0; i < proposed.size(); ++i) try {
       cores.push_back(make_hull_part(proposed[i], {}, 0));
     } catch (const std::invalid_argument& e) {

@@ -28,10 +28,10 @@ struct ProvedLength {
 
 /// Bound on the distance of the triangles from the union of the parts' cores.
 /// \param pieces at least one
-ProvedLength prove_inner(const Surface& truth, std::span<const ConvexPartPtr> pieces, const ProofEffort& effort = {});
+ProvedLength prove_inner(const Surface& truth, std::span<const ConvexPartPtr> parts, const ProofEffort& effort = {});
 
 /// Bound on the distance of the part's core from the surface, or from the volume of a solid.
-ProvedLength prove_outer(const Surface& truth, const ConvexPart& piece, const ProofEffort& effort = {});
+ProvedLength prove_outer(const Surface& truth, const ConvexPart& part, const ProofEffort& effort = {});
 
 /// A proved decomposition, and the distances found.
 struct ProvedDecomposition {

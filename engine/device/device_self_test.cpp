@@ -18,7 +18,7 @@ Scene scene_of(const std::vector<KnownPair>& pairs) {
   for (std::size_t i = 0; i < 2 * pairs.size(); ++i) {
     Body body;
     body.name = std::to_string(i);
-    body.pieces = {i % 2 == 0 ? pairs[i / 2].a : pairs[i / 2].b};
+    body.parts = {i % 2 == 0 ? pairs[i / 2].a : pairs[i / 2].b};
     body.pose = Pose{};
     scene.add_body(std::move(body));
   }

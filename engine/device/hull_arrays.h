@@ -36,13 +36,13 @@ class HullArrays {
     std::unordered_map<const ConvexPart*, std::uint32_t> index;
     for (const Body& body : scene.bodies()) {
       hulls.clear();
-      for (const ConvexPartPtr& piece : body.pieces) {
-        const auto [at, is_new] = index.try_emplace(piece.get(), kNone);
-        if (is_new) at->second = add_hull(*piece);
+      for (const ConvexPartPtr& part : body.parts) {
+        const auto [at, is_new] = index.try_emplace(part.get(), kNone);
+        if (is_new) at->second = add_hull(*part);
         if (at->second == kNone || is_cloud(body)) break;
         hulls.push_back(at->second);
       }
-      const bool is_held = hulls.size() == body.pieces.size();
+      const bool is_held = hulls.size() == body.parts.size();
       of_body.push_back(!is_held ? kNone : hulls.size() == 1 ? hulls[0] : kSeveral);
       if (is_held) part_hull.insert(part_hull.end(), hulls.begin(), hulls.end());
       part_begin.push_back(static_cast<std::uint32_t>(part_hull.size()));

@@ -208,7 +208,7 @@ std::span<const double> Answer::normal() const {
   return impl_->column<double>(impl_->view.normal, 3);
 }
 std::span<const std::uint32_t> Answer::pieces() const {
-  return impl_->column<std::uint32_t>(impl_->view.pieces, 2);
+  return impl_->column<std::uint32_t>(impl_->view.parts, 2);
 }
 std::span<const double> Answer::gradient() const {
   return impl_->column<double>(impl_->view.gradient, 12);

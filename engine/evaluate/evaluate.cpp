@@ -111,24 +111,24 @@ void Evaluator::finish(const PlacedBodies& bodies, const BodiesAnswer& found, Pa
 
   if (best.bounds.upper == kInf && lower == -kInf) return replace_answer(answer, unproved_answer());
   if (options_.want_points) {
-    answer.part_a = found.a.piece;
-    answer.part_b = found.b.piece;
+    answer.part_a = found.a.part;
+    answer.part_b = found.b.part;
     answer.point_a = best.point_a;
     answer.point_b = best.point_b;
     answer.normal = best.normal;
   }
   const auto rounding = [&] {
     if (found.best.rounding > 0) return found.best.rounding;
-    return rounding_of(*a.pieces[found.a.piece], pose_a, *b.pieces[found.b.piece], pose_b);
+    return rounding_of(*a.parts[found.a.part], pose_a, *b.parts[found.b.part], pose_b);
   };
   const Slack slack = overlap == Overlap::kContained ? Slack() : pair_slack(*bodies.placement, bodies.pair);
   // Overlapping proxies prove only that the bodies are no farther apart than the proxies' deviation.
   const bool has_no_depth = overlap == Overlap::kOfProxies && !limits.signed_distance;
   const double upper = has_no_depth ? std::max(best.bounds.upper, 0.0) : best.bounds.upper;
   assert(lower <= upper);
-  assert(found.a.piece < a.pieces.size() && found.b.piece < b.pieces.size());
+  assert(found.a.part < a.parts.size() && found.b.part < b.parts.size());
   decide(limits, lower, upper, rounding, answer, slack);
-  const bool of_several = a.pieces.size() > 1 || b.pieces.size() > 1;
+  const bool of_several = a.parts.size() > 1 || b.parts.size() > 1;
   const bool is_of_parts = overlap == Overlap::kOfProxies ? answer.lower < 0
                            : overlap == Overlap::kExact   ? of_several && upper <= 0
                                                           : false;
@@ -216,7 +216,7 @@ void Evaluator::take_in(WorkMeter& meter) {
     const BodyPair pair = pairs_[i].pair;
     const BodyPoses& placement = *pairs_[i].placement;
     if (answer_without_parts(scene_, pairs_[i], options_, answers_[i])) continue;
-    const std::vector<ConvexPartPtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
+    const std::vector<ConvexPartPtr>&a = scene_.bodies()[pair.a].parts, &b = scene_.bodies()[pair.b].parts;
     assert(!a.empty() && !b.empty());
     // A half-space's distance depends on the body's hull alone, which every body but a cloud has.
     const bool by_hulls = (is_half_space(*a[0]) && !is_cloud(scene_.bodies()[pair.b])) ||

@@ -28,7 +28,7 @@ double depth_of(const Aabb& a, const Aabb& b) {
 bool Evaluator::is_by_parts(BodyPair pair) const {
   if (!scene_.has_stand_ins()) return false;
   const Body &a = scene_.bodies()[pair.a], &b = scene_.bodies()[pair.b];
-  return (a.stands_for || b.stands_for) && !is_half_space(*a.pieces[0]) && !is_half_space(*b.pieces[0]);
+  return (a.stands_for || b.stands_for) && !is_half_space(*a.parts[0]) && !is_half_space(*b.parts[0]);
 }
 
 // Whether one body contains the other although all searched elements are apart. Proxies are tested as well, since their

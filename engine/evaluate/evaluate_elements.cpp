@@ -58,8 +58,8 @@ bool Evaluator::is_left_to_parts(PairSearch& search) {
       elements.go_on_by_parts(placement[bodies.pair.a].pose, placement[bodies.pair.b].pose,
                               search.slack.cut_off(bodies.max_distance)) != ElementSearch::ByParts::kGoesOn)
     return false;
-  if (elements.pieces().round().empty()) {
-    search.state.leave_out(elements.pieces().lower());
+  if (elements.parts().round().empty()) {
+    search.state.leave_out(elements.parts().lower());
     search.next = search.end;
   }
   return true;
@@ -69,7 +69,7 @@ bool Evaluator::add_element_tasks(PairSearch& search) {
   if (search.next == search.end) return false;
   const ElementSearch& elements = *search.elements;
   if (elements.is_by_parts()) {  // whether the proxies are beyond the cut-off is all that is needed
-    for (const DecomposedPair::Asked& p : search.elements->pieces().round())
+    for (const DecomposedPair::Asked& p : search.elements->parts().round())
       add_task(search, p.cut_off, p.cut_off, *p.a, *p.b);
     return search.task_count > 0;
   }
@@ -89,8 +89,8 @@ bool Evaluator::take_hulls_or_proxies(PairSearch& search, std::span<const Narrow
     return true;
   }
   if (!elements.is_by_parts()) return false;
-  for (std::size_t k = 0; k < answers.size(); ++k) elements.pieces().take(k, answers[k].bounds.lower);
-  elements.pieces().end_round();
+  for (std::size_t k = 0; k < answers.size(); ++k) elements.parts().take(k, answers[k].bounds.lower);
+  elements.parts().end_round();
   return true;
 }
 

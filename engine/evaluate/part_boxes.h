@@ -43,8 +43,8 @@ class PartBoxes {
     slot.used = ++count_;
     slot.boxes.clear();
     const PoseMatrix& pose = placement[body].pose;
-    for (const ConvexPartPtr& piece : scene_.bodies()[body].pieces)
-      slot.boxes.push_back(certify_box(*piece, pose.R_wb, pose.t_w));
+    for (const ConvexPartPtr& part : scene_.bodies()[body].parts)
+      slot.boxes.push_back(certify_box(*part, pose.R_wb, pose.t_w));
     return slot.boxes;
   }
 

@@ -25,7 +25,7 @@ enum class CloudState : std::uint8_t { kNoCloud, kPoints, kEmpty, kAwaited };
 
 /// Convex parts of a body, and how far they deviate from its shape.
 struct Geometry {
-  std::vector<ConvexPartPtr> pieces;           ///< convex parts; empty for a frame, which belongs to no pair
+  std::vector<ConvexPartPtr> parts;            ///< convex parts; empty for a frame, which belongs to no pair
   std::shared_ptr<const DisplayMesh> display;  ///< may be null
   /// Bound on the distance by which the parts exceed the requested shape, in metres. A mesh means the hulls of the
   /// file's scaled vertices, so that its bound covers rounding only.

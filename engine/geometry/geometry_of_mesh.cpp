@@ -83,8 +83,8 @@ enum class MeshKind : std::uint8_t { kHulls, kConvex, kExact };
 
 struct MeshClass {
   MeshKind kind;
-  ConvexPartPtr piece = {};  // that the classifier built to decide; may be null
-  double excess = 0;         // of kConvex, in metres
+  ConvexPartPtr convex_part = {};  // that the classifier built to decide; may be null
+  double excess = 0;               // of kConvex, in metres
 };
 
 // Only kAuto depends on the mesh: it is kConvex if its vertices alone keep it from being convex, by their rounding, and
@@ -110,8 +110,8 @@ void build_hulls(const MeshInput& mesh, Geometry& out) {
   double hull_volume = 0, solid_volume = 0;
   const auto add = [&](const DisplayMesh& part, std::uint64_t loaded, bool distinct) {
     std::vector<Triangle> faces;
-    out.pieces.push_back(make_hull_part(part.vertices, part.triangles, mesh.recipe.radius, loaded, distinct, &faces));
-    const HullExcess excess = hull_excess(part.vertices, part.triangles, *out.pieces.back(), faces);
+    out.parts.push_back(make_hull_part(part.vertices, part.triangles, mesh.recipe.radius, loaded, distinct, &faces));
+    const HullExcess excess = hull_excess(part.vertices, part.triangles, *out.parts.back(), faces);
     out.hull_excess = std::max(out.hull_excess, excess.distance);
     hull_volume += excess.hull_volume;
     solid_volume += excess.solid_volume;
@@ -126,7 +126,7 @@ void build_hulls(const MeshInput& mesh, Geometry& out) {
 
 // The hull of a mesh that is convex but for rounding is its proxy, and the excess is slack.
 void build_convex(const MeshClass& found, Geometry& out) {
-  out.pieces = {found.piece};
+  out.parts = {found.part};
   out.model_error = (out.model_error + found.excess) * (1 + 0x1p-52);
 }
 
@@ -136,11 +136,11 @@ ConvexPartPtr exact_part(const MeshInput& mesh) {
   const auto& [vertices, triangles] = mesh.whole;
   if (triangles.empty()) throw std::invalid_argument("the mesh has no triangles");
   const bool is_solid = recipe.mesh_as != MeshAs::kSurface;
-  ConvexPartPtr piece = make_surface_part(vertices, triangles, is_solid, recipe.radius, mesh.loaded_vertices);
-  if (!is_solid) return piece;
-  if (const std::string why = hollow_place(*piece->surface); !why.empty())
+  ConvexPartPtr convex_part = make_surface_part(vertices, triangles, is_solid, recipe.radius, mesh.loaded_vertices);
+  if (!is_solid) return convex_part;
+  if (const std::string why = hollow_place(*convex_part->surface); !why.empty())
     throw std::invalid_argument("the mesh does not enclose all that its faces go around: " + why);
-  if (!mesh.proxies) return piece;
+  if (!mesh.proxies) return convex_part;
   std::vector<std::vector<Vec3d>> proposed;
   for (const Submesh& proxy : mesh.proxies->submeshes) proposed.push_back(joined({proxy}, recipe).vertices);
   return make_decomposed_part(vertices, triangles, proposed, recipe.radius, mesh.loaded_vertices);
@@ -148,7 +148,7 @@ ConvexPartPtr exact_part(const MeshInput& mesh) {
 
 void build_exact(const MeshInput& mesh, const MeshClass& found, Geometry& out) {
   try {
-    out.pieces = {found.piece ? found.piece : exact_part(mesh)};
+    out.parts = {found.part ? found.part : exact_part(mesh)};
   } catch (const std::invalid_argument& e) {
     throw std::invalid_argument("mesh_as: " + std::string(word_of(mesh.recipe.mesh_as)) + ": " + e.what());
   }
@@ -156,7 +156,7 @@ void build_exact(const MeshInput& mesh, const MeshClass& found, Geometry& out) {
 
 }  // namespace
 
-Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source, const Mesh* pieces) {
+Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source, const Mesh* parts) {
   const Vec3d& scale = recipe.scale;
   for (int k = 0; k < 3; ++k)
     if (!(std::abs(scale[k]) > 0 && std::abs(scale[k]) <= kMaxCoordinate))
@@ -164,7 +164,7 @@ Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std:
   std::uint64_t loaded = 0;
   for (const Submesh& submesh : mesh.submeshes) loaded += submesh.loaded_vertices;
   const auto whole = std::make_shared<const DisplayMesh>(joined(mesh.submeshes, recipe));
-  const MeshInput input{mesh.submeshes, recipe, *whole, loaded, pieces};
+  const MeshInput input{mesh.submeshes, recipe, *whole, loaded, parts};
   const MeshClass found = classify(input);
   Geometry out;
   out.model_error = out.model_inner = rounding_of(mesh.submeshes, scale);
@@ -209,8 +209,8 @@ Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const 
 }
 
 std::string mesh_source(const std::string& file, MeshAs mesh_as, const Geometry& made) {
-  if (mesh_as == MeshAs::kAuto) mesh_as = made.pieces[0]->surface ? MeshAs::kSolid : MeshAs::kHull;
-  const Surface* surface = made.pieces[0]->surface.get();
+  if (mesh_as == MeshAs::kAuto) mesh_as = made.parts[0]->surface ? MeshAs::kSolid : MeshAs::kHull;
+  const Surface* surface = made.parts[0]->surface.get();
   if (mesh_as == MeshAs::kDecompose && surface && !surface->decomposition())
     return file + " " + std::string(kNoPiecesYet);
   return file + " (" + std::string(word_of(mesh_as)) + ")";

@@ -100,19 +100,19 @@ enum class ExactKind : std::uint64_t { kConvexPart, kSurface, kSolid, kPrimitive
 
 // The exact geometry of the part: vertices and triangles, from which the rest is computed again.
 void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display) {
-  const Decomposition* const pieces = surface ? surface->decomposition() : nullptr;
-  out.add(pieces                ? ExactKind::kDecomposed
+  const Decomposition* const parts = surface ? surface->decomposition() : nullptr;
+  out.add(parts                 ? ExactKind::kDecomposed
           : !surface            ? ExactKind::kConvexPart
           : surface->is_solid() ? ExactKind::kSolid
                                 : ExactKind::kSurface);
   if (!surface) return;
   add_list(out, {surface->vertices().begin(), surface->vertices().end()}, display ? &display->vertices : nullptr);
   add_list(out, triangles_as_loaded(*surface), display ? &display->triangles : nullptr);
-  if (!pieces) return;
-  out.add(std::uint64_t{pieces->pieces.size()});
-  for (const ConvexPartPtr& piece : pieces->pieces) out.add(piece->vertices);
-  out.add(pieces->inner);
-  out.add(pieces->outer);
+  if (!parts) return;
+  out.add(std::uint64_t{parts->parts.size()});
+  for (const ConvexPartPtr& part : parts->parts) out.add(part->vertices);
+  out.add(parts->inner);
+  out.add(parts->outer);
 }
 
 // Proxies of a solid. The cache is trusted with their proved deviation; elsewhere it is proved again.
@@ -129,7 +129,7 @@ ConvexPartPtr get_decomposed_part(Reader& in, std::vector<Vec3d> vertices, std::
   if (proposed.empty() || kept->outer.size() != proposed.size() || !is_length(kept->inner) ||
       !std::all_of(kept->outer.begin(), kept->outer.end(), is_length))
     throw Damaged();
-  for (std::vector<Vec3d>& piece : proposed) kept->pieces.push_back(make_convex_part(std::move(piece)));
+  for (std::vector<Vec3d>& part : proposed) kept->parts.push_back(make_convex_part(std::move(part)));
   return make_surface_part(std::move(vertices), std::move(triangles), true, radius, loaded, std::move(kept));
 }
 
@@ -142,29 +142,29 @@ ConvexPartPtr get_surface_part(Reader& in, ExactKind truth, double radius, std::
   return make_surface_part(std::move(vertices), std::move(triangles), truth == ExactKind::kSolid, radius, loaded);
 }
 
-void add_convex_part(Writer& out, const ConvexPart& piece, const DisplayMesh* display, Tables tables) {
-  out.add(piece.radius);
-  out.add(piece.loaded_vertices);
-  if (piece.primitive) {
+void add_convex_part(Writer& out, const ConvexPart& part, const DisplayMesh* display, Tables tables) {
+  out.add(part.radius);
+  out.add(part.loaded_vertices);
+  if (part.primitive) {
     out.add(ExactKind::kPrimitive);
-    out.add(static_cast<std::uint64_t>(piece.primitive->kind));
-    return out.add(piece.primitive->size);
+    out.add(static_cast<std::uint64_t>(part.primitive->kind));
+    return out.add(part.primitive->size);
   }
-  if (piece.surface && piece.surface->is_cloud()) {
+  if (part.surface && part.surface->is_cloud()) {
     out.add(ExactKind::kCloud);
-    out.add(piece.surface->edge());
-    return out.add(std::vector<CloudPoint>(piece.surface->points().begin(), piece.surface->points().end()));
+    out.add(part.surface->edge());
+    return out.add(std::vector<CloudPoint>(part.surface->points().begin(), part.surface->points().end()));
   }
-  add_surface(out, piece.surface.get(), display);
-  if (piece.surface) return;  // its hull is computed again, since nothing else proves that it encloses the surface
-  out.add(piece.digest);
-  add_list(out, piece.vertices, display ? &display->vertices : nullptr);
-  const bool has_table = piece.table && tables == Tables::kKept;
+  add_surface(out, part.surface.get(), display);
+  if (part.surface) return;  // its hull is computed again, since nothing else proves that it encloses the surface
+  out.add(part.digest);
+  add_list(out, part.vertices, display ? &display->vertices : nullptr);
+  const bool has_table = part.table && tables == Tables::kKept;
   out.add(std::uint64_t{has_table});
   if (!has_table) return;
-  out.add(piece.table->grid_bits);
-  out.add(piece.table->cells);
-  out.add(piece.table->lists);
+  out.add(part.table->grid_bits);
+  out.add(part.table->cells);
+  out.add(part.table->lists);
 }
 
 ConvexPartPtr get_primitive(Reader& in, double radius) {
@@ -205,7 +205,7 @@ ConvexPartPtr get_part(Reader& in, const DisplayMesh* display, Tables tables) {
 
 std::vector<std::byte> geometry_record(const Geometry& geometry, Tables tables) {
   // Bound by name and number: with another member this does not compile, so that none is forgotten.
-  const auto& [pieces, display, model_error, model_inner, hull_excess, empty_share, source, cloud, radius, voxel] =
+  const auto& [parts, display, model_error, model_inner, hull_excess, empty_share, source, cloud, radius, voxel] =
       geometry;
   static_cast<void>(source);  // names the file, and is no part of the geometry made from it
   static_cast<void>(cloud), static_cast<void>(radius), static_cast<void>(voxel);  // of clouds, which have no record
@@ -216,8 +216,8 @@ std::vector<std::byte> geometry_record(const Geometry& geometry, Tables tables) 
     out.add(display->vertices);
     out.add(display->triangles);
   }
-  out.add(std::uint64_t{pieces.size()});
-  for (const ConvexPartPtr& piece : pieces) add_convex_part(out, *piece, display.get(), tables);
+  out.add(std::uint64_t{parts.size()});
+  for (const ConvexPartPtr& part : parts) add_convex_part(out, *part, display.get(), tables);
   return out.take();
 }
 
@@ -240,10 +240,10 @@ std::optional<Geometry> geometry_of_record(std::span<const std::byte> record, Ta
         if (corner >= display->vertices.size()) return {};
     geometry.display = std::move(display);
   }
-  for (auto pieces = in.get<std::uint64_t>(); pieces > 0; --pieces)
-    geometry.pieces.push_back(get_part(in, geometry.display.get(), tables));
+  for (auto parts = in.get<std::uint64_t>(); parts > 0; --parts)
+    geometry.parts.push_back(get_part(in, geometry.display.get(), tables));
   in.expect_end();
-  if (geometry.pieces.empty()) return {};
+  if (geometry.parts.empty()) return {};
   return geometry;
 } catch (const Damaged&) {
   return {};

@@ -52,18 +52,19 @@ Geometry moved(const Geometry& geometry, const Origin& X) {
   const auto convex_parts_of = [&](const Surface& surface) -> std::shared_ptr<const Decomposition> {
     if (!surface.decomposition()) return nullptr;
     auto there = std::make_shared<Decomposition>(*surface.decomposition());
-    for (ConvexPartPtr& core : there->pieces) core = make_convex_part(all_of(core->vertices));
+    for (ConvexPartPtr& core : there->parts) core = make_convex_part(all_of(core->vertices));
     for (const Vec3d& v : surface.vertices()) mover(v);
     there->inner = sum_above(there->inner, 2 * mover.worst());
     for (double& outer : there->outer) outer = sum_above(outer, 2 * mover.worst());
     return there;
   };
-  for (ConvexPartPtr& piece : out.pieces)
-    if (const Surface* surface = piece->surface.get())  // a new hull: rounding may have moved inner vertices out
-      piece = make_surface_part(all_of(surface->vertices()), triangles_as_loaded(*surface), surface->is_solid(),
-                                piece->radius, piece->loaded_vertices, convex_parts_of(*surface));
+  for (ConvexPartPtr& convex_part : out.parts)
+    if (const Surface* surface = convex_part->surface.get())  // a new hull: rounding may have moved inner vertices out
+      convex_part = make_surface_part(all_of(surface->vertices()), triangles_as_loaded(*surface), surface->is_solid(),
+                                      convex_part->radius, convex_part->loaded_vertices, convex_parts_of(*surface));
     else
-      piece = make_hull_part(all_of(piece->vertices), {}, piece->radius, piece->loaded_vertices);
+      convex_part =
+          make_hull_part(all_of(convex_part->vertices), {}, convex_part->radius, convex_part->loaded_vertices);
   out.model_error += mover.worst();
   out.model_inner += mover.worst();
   if (out.display) {
@@ -79,7 +80,7 @@ Geometry joined(std::vector<Geometry> parts) {
   Geometry out;
   auto display = std::make_shared<DisplayMesh>();
   for (const Geometry& part : parts) {
-    out.pieces.insert(out.pieces.end(), part.pieces.begin(), part.pieces.end());
+    out.parts.insert(out.parts.end(), part.parts.begin(), part.parts.end());
     out.model_error = std::max(out.model_error, part.model_error);
     out.model_inner = std::max(out.model_inner, part.model_inner);
     out.source += (out.source.empty() ? "" : " + ") + part.source;

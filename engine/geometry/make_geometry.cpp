@@ -46,9 +46,9 @@ std::uint64_t digest_of(const Surface& surface, double radius) {
   Digest digest;
   digest.add(surface.digest());
   digest.add(radius);
-  if (const Decomposition* pieces = surface.decomposition()) {
-    digest.add(pieces->inner);
-    for (const ConvexPartPtr& piece : pieces->pieces) digest.add(piece->digest);
+  if (const Decomposition* parts = surface.decomposition()) {
+    digest.add(parts->inner);
+    for (const ConvexPartPtr& part : parts->parts) digest.add(part->digest);
   }
   return digest.value();
 }
@@ -81,10 +81,10 @@ ConvexPartPtr make_decomposed_part(std::vector<Vec3d> vertices, std::vector<Tria
   return part_around(*hull, surface);
 }
 
-ConvexPartPtr with_radius(const ConvexPart& piece, double radius) {
-  if (piece.primitive) return make_primitive_part(*piece.primitive, radius);
-  const std::uint64_t digest = piece.surface ? digest_of(*piece.surface, radius) : 0;
-  return make_convex_part(piece.vertices, radius, piece.loaded_vertices, digest, piece.table, piece.surface);
+ConvexPartPtr with_radius(const ConvexPart& part, double radius) {
+  if (part.primitive) return make_primitive_part(*part.primitive, radius);
+  const std::uint64_t digest = part.surface ? digest_of(*part.surface, radius) : 0;
+  return make_convex_part(part.vertices, radius, part.loaded_vertices, digest, part.table, part.surface);
 }
 
 std::vector<Triangle> triangles_as_loaded(const Surface& surface) {
@@ -97,7 +97,7 @@ Geometry geometry_of_shape(const Shape& shape, double radius, const std::string&
   Shape grown = shape;
   grown.radius += radius;
   Geometry out;
-  out.pieces = {make_hull_part(shape.vertices, shape.triangles, grown.radius)};
+  out.parts = {make_hull_part(shape.vertices, shape.triangles, grown.radius)};
   out.display = display_of(shape.radius > 0 ? grown : shape);  // boxes and prisms are shown without their rounding
   out.model_error = shape.model_error;
   out.source = source;
@@ -106,7 +106,7 @@ Geometry geometry_of_shape(const Shape& shape, double radius, const std::string&
 
 Geometry geometry_of_primitive(const Primitive& primitive, double radius, const std::string& source) {
   Geometry out;
-  out.pieces = {make_primitive_part(primitive, radius)};
+  out.parts = {make_primitive_part(primitive, radius)};
   if (primitive.kind != Primitive::Kind::kHalfSpace) out.display = display_of(picture_of(primitive));
   out.source = source;
   return out;
@@ -120,17 +120,17 @@ Primitive cylinder_of(double radius, double length) {
   return {Primitive::Kind::kCylinder, {radius, radius, 0.5 * length}};
 }
 
-ConvexPartPtr with_prism(const ConvexPartPtr& piece) {
-  if (!piece->primitive || piece->primitive->kind != Primitive::Kind::kCylinder) return piece;
-  const Vec3d& size = piece->primitive->size;
-  return geometry_of_shape(make_cylinder(size.x, 2 * size.z), piece->radius, "cylinder").pieces[0];
+ConvexPartPtr with_prism(const ConvexPartPtr& part) {
+  if (!part->primitive || part->primitive->kind != Primitive::Kind::kCylinder) return part;
+  const Vec3d& size = part->primitive->size;
+  return geometry_of_shape(make_cylinder(size.x, 2 * size.z), part->radius, "cylinder").parts[0];
 }
 
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
   Geometry out;
   auto display = std::make_shared<DisplayMesh>();
-  out.pieces = {make_hull_part(points, {}, radius, 0, false, &display->triangles)};
-  display->vertices = out.pieces[0]->vertices;
+  out.parts = {make_hull_part(points, {}, radius, 0, false, &display->triangles)};
+  display->vertices = out.parts[0]->vertices;
   if (!display->triangles.empty()) out.display = std::move(display);
   out.source = "points";
   return out;

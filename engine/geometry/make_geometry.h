@@ -27,7 +27,7 @@ Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
 Primitive cone_of(double radius, double length);
 Primitive cylinder_of(double radius, double length);
 /// Replaces a cylinder by the prism around it, for code that supports hulls only. Returns any other part unchanged.
-ConvexPartPtr with_prism(const ConvexPartPtr& piece);
+ConvexPartPtr with_prism(const ConvexPartPtr& part);
 
 /// Makes a part of a surface or solid mesh, enclosed by the hull of its vertices.
 /// Throws std::invalid_argument as Surface and make_convex_part() do.
@@ -41,7 +41,7 @@ ConvexPartPtr make_decomposed_part(std::vector<Vec3d> vertices, std::vector<Tria
                                    std::span<const std::vector<Vec3d>> proposed, double radius,
                                    std::uint64_t loaded_vertices = 0);
 /// Returns the same part, with its exact geometry, grown by another radius.
-ConvexPartPtr with_radius(const ConvexPart& piece, double radius);
+ConvexPartPtr with_radius(const ConvexPart& part, double radius);
 /// A surface's triangles in the order of its mesh.
 std::vector<Triangle> triangles_as_loaded(const Surface& surface);
 
@@ -56,7 +56,7 @@ struct MeshRecipe {
 /// \param source the file's name
 /// \param pieces proposed for kDecompose, one submesh for each, in the file's frame; null for a solid without proxies
 Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source,
-                          const Mesh* pieces = nullptr);
+                          const Mesh* parts = nullptr);
 /// Geometry of a mesh given in the body's frame.
 Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, MeshAs mesh_as,
                                double radius);

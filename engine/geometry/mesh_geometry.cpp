@@ -11,11 +11,11 @@ namespace {
 
 // Reads a file of convex parts, whose name is added to errors.
 template <class Ask>
-decltype(auto) of_parts(MeshFile& pieces, const Ask& ask) {
+decltype(auto) of_parts(MeshFile& parts, const Ask& ask) {
   try {
-    return ask(pieces);
+    return ask(parts);
   } catch (const MeshError& error) {
-    throw MeshError("its pieces, " + std::filesystem::path(pieces.path()).filename().string() + ": " + error.what());
+    throw MeshError("its pieces, " + std::filesystem::path(parts.path()).filename().string() + ": " + error.what());
   }
 }
 
@@ -38,15 +38,15 @@ const Mesh& MeshFile::mesh() {
   return *mesh_;
 }
 
-MeshFile* MeshFile::pieces() {
+MeshFile* MeshFile::parts() {
   const std::lock_guard lock(mutex_);
-  if (pieces_) return pieces_.get();
+  if (parts_) return parts_.get();
   const std::string path = path_ + std::string(kPiecesExtension);
   std::error_code ignored;
   if (std::filesystem::symlink_status(path, ignored).type() ==
       std::filesystem::file_type::regular)  // follows no symbolic link
-    pieces_ = std::make_unique<MeshFile>(path);
-  return pieces_.get();
+    parts_ = std::make_unique<MeshFile>(path);
+  return parts_.get();
 }
 
 // Key of all inputs of a geometry: the engine's code, the mesh loader, the files and the recipe.
@@ -59,7 +59,7 @@ std::string MeshGeometries::name_of(MeshFile& file, const MeshRecipe& recipe) {
   }
   key.add(file.digest()).add(std::filesystem::path(file.path()).extension().string());
   if (recipe.mesh_as == MeshAs::kDecompose)
-    if (MeshFile* pieces = file.pieces()) key.add(of_parts(*pieces, [](MeshFile& f) { return f.digest(); }));
+    if (MeshFile* parts = file.parts()) key.add(of_parts(*parts, [](MeshFile& f) { return f.digest(); }));
   for (int k = 0; k < 3; ++k) key.add(recipe.scale[k]);
   key.add(static_cast<std::uint64_t>(recipe.up));
   return key.add(static_cast<std::uint64_t>(recipe.mesh_as)).add(recipe.radius).name();
@@ -96,11 +96,11 @@ Geometry MeshGeometries::made(MeshFile& file, const MeshRecipe& recipe, const st
       return std::move(*kept);
     }
   const Mesh& mesh = file.mesh();
-  MeshFile* const pieces = recipe.mesh_as == MeshAs::kDecompose ? file.pieces() : nullptr;
+  MeshFile* const parts = recipe.mesh_as == MeshAs::kDecompose ? file.parts() : nullptr;
   const auto is_as_named = [](MeshFile& f) { return f.mesh().alone && f.mesh().digest == f.digest(); };
   Geometry geometry = geometry_of_mesh(
-      mesh, recipe, "", pieces ? &of_parts(*pieces, [](MeshFile& f) -> const Mesh& { return f.mesh(); }) : nullptr);
-  *shared = is_as_named(file) && (!pieces || is_as_named(*pieces));
+      mesh, recipe, "", parts ? &of_parts(*parts, [](MeshFile& f) -> const Mesh& { return f.mesh(); }) : nullptr);
+  *shared = is_as_named(file) && (!parts || is_as_named(*parts));
   if (*shared && cache_.is_on()) cache_.write(name, geometry_record(geometry));
   return geometry;
 }

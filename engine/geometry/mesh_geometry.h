@@ -27,7 +27,7 @@ class MeshFile {
   /// Its mesh. Throws the same MeshError each time.
   const Mesh& mesh();
   /// The file of its proposed convex parts, which `clearance decompose` writes, or null.
-  MeshFile* pieces();
+  MeshFile* parts();
 
  private:
   const std::string path_;
@@ -35,7 +35,7 @@ class MeshFile {
   std::optional<Sha256Digest> digest_;
   std::optional<Mesh> mesh_;
   std::string error_;
-  std::unique_ptr<MeshFile> pieces_;
+  std::unique_ptr<MeshFile> parts_;
 };
 
 /// Extension of the file of proposed convex parts, after the path of the mesh.

@@ -56,9 +56,9 @@ inline Aabb certify_half_space_box(double radius, const Mat3d& R_wb, const Vec3d
   }
   return box;
 }
-inline Aabb certify_box(const ConvexPart& piece, const Mat3d& R_wb, const Vec3d& t_w) {
-  if (is_half_space(piece)) return certify_half_space_box(piece.radius, R_wb, t_w);
-  return certify_box(piece.centre, piece.half, piece.spread, piece.rho, piece.radius, R_wb, t_w);
+inline Aabb certify_box(const ConvexPart& part, const Mat3d& R_wb, const Vec3d& t_w) {
+  if (is_half_space(part)) return certify_half_space_box(part.radius, R_wb, t_w);
+  return certify_box(part.centre, part.half, part.spread, part.rho, part.radius, R_wb, t_w);
 }
 /// Lower bound on the distance of the contents of two boxes; 0 if they touch.
 CLEARANCE_HD inline double certify_box_gap(const Aabb& a, const Aabb& b) {

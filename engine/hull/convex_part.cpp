@@ -24,24 +24,24 @@ constexpr std::size_t kFew = 6, kFewOfMany = 16, kMany = 200000;
 
 constexpr std::size_t kWidestRegister = 64;  // bytes
 
-void fill_rows(ConvexPart& piece, const std::vector<Vec3d>& vertices) {
+void fill_rows(ConvexPart& part, const std::vector<Vec3d>& vertices) {
   const auto padded_to = [&](std::size_t lanes) { return (vertices.size() + lanes - 1) / lanes * lanes; };
   const std::size_t f64 = padded_to(kWidestRegister / sizeof(double)), f32 = padded_to(kWidestRegister / sizeof(float));
   for (std::size_t i = 0; i < f32; ++i) {
     const Vec3d& v = vertices[i < vertices.size() ? i : 0];
-    piece.x_f32.push_back(static_cast<float>(v.x - piece.centre.x));
-    piece.y_f32.push_back(static_cast<float>(v.y - piece.centre.y));
-    piece.z_f32.push_back(static_cast<float>(v.z - piece.centre.z));
+    part.x_f32.push_back(static_cast<float>(v.x - part.centre.x));
+    part.y_f32.push_back(static_cast<float>(v.y - part.centre.y));
+    part.z_f32.push_back(static_cast<float>(v.z - part.centre.z));
     if (i >= f64) continue;
-    piece.x.push_back(v.x);
-    piece.y.push_back(v.y);
-    piece.z.push_back(v.z);
+    part.x.push_back(v.x);
+    part.y.push_back(v.y);
+    part.z.push_back(v.z);
   }
 }
 
-void measure(ConvexPart& piece, const std::vector<Vec3d>& vertices) {
+void measure(ConvexPart& part, const std::vector<Vec3d>& vertices) {
   measure_hull(
-      static_cast<std::uint32_t>(vertices.size()), [&](std::uint32_t i) -> const Vec3d& { return vertices[i]; }, piece);
+      static_cast<std::uint32_t>(vertices.size()), [&](std::uint32_t i) -> const Vec3d& { return vertices[i]; }, part);
 }
 
 }  // namespace
@@ -59,56 +59,56 @@ ConvexPartPtr make_convex_part(std::vector<Vec3d> vertices, double radius, std::
         throw std::invalid_argument("vertex " + std::to_string(i) + " has the coordinate " +
                                     std::to_string(vertices[i][k]) + "; expected a finite number up to 1e60 m");
 
-  auto piece = std::make_shared<ConvexPart>();
-  piece->radius = radius;
-  piece->loaded_vertices = loaded_vertices ? loaded_vertices : vertices.size();
+  auto part = std::make_shared<ConvexPart>();
+  part->radius = radius;
+  part->loaded_vertices = loaded_vertices ? loaded_vertices : vertices.size();
   if (digest == 0) {
     Digest d;
     d.add(vertices);
     d.add(radius);
     digest = d.value();
   }
-  piece->digest = digest;
+  part->digest = digest;
 
-  measure(*piece, vertices);
+  measure(*part, vertices);
   if (vertices.size() > kTableFromVertices)
-    piece->table = table ? std::move(table)
-                         : std::make_shared<const DirectionTable>(
-                               make_direction_table(vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
+    part->table = table ? std::move(table)
+                        : std::make_shared<const DirectionTable>(
+                              make_direction_table(vertices, part->rho, vertices.size() > kMany ? kFewOfMany : kFew));
   else
-    fill_rows(*piece, vertices);
-  piece->vertices = std::move(vertices);
-  piece->surface = std::move(surface);
-  return piece;
+    fill_rows(*part, vertices);
+  part->vertices = std::move(vertices);
+  part->surface = std::move(surface);
+  return part;
 }
 
-void remake_part(ConvexPart& piece, std::span<const Vec3d> vertices, double radius) {
-  assert(!vertices.empty() && vertices.size() <= kTableFromVertices && !piece.table);
-  piece.vertices.assign(vertices.begin(), vertices.end());
-  piece.radius = radius;
-  for (std::vector<double>* row : {&piece.x, &piece.y, &piece.z}) row->clear();
-  for (std::vector<float>* row : {&piece.x_f32, &piece.y_f32, &piece.z_f32}) row->clear();
-  measure(piece, piece.vertices);
-  fill_rows(piece, piece.vertices);
+void remake_part(ConvexPart& part, std::span<const Vec3d> vertices, double radius) {
+  assert(!vertices.empty() && vertices.size() <= kTableFromVertices && !part.table);
+  part.vertices.assign(vertices.begin(), vertices.end());
+  part.radius = radius;
+  for (std::vector<double>* row : {&part.x, &part.y, &part.z}) row->clear();
+  for (std::vector<float>* row : {&part.x_f32, &part.y_f32, &part.z_f32}) row->clear();
+  measure(part, part.vertices);
+  fill_rows(part, part.vertices);
 }
 
-ConvexPart without_table(const ConvexPart& piece) {
-  if (piece.primitive) return piece;  // does not depend on vertices
+ConvexPart without_table(const ConvexPart& part) {
+  if (part.primitive) return part;  // does not depend on vertices
   ConvexPart plain;
-  plain.vertices = piece.vertices;
-  plain.radius = piece.radius;
-  plain.loaded_vertices = piece.loaded_vertices;
-  plain.digest = piece.digest;
+  plain.vertices = part.vertices;
+  plain.radius = part.radius;
+  plain.loaded_vertices = part.loaded_vertices;
+  plain.digest = part.digest;
   measure(plain, plain.vertices);
   fill_rows(plain, plain.vertices);
   return plain;
 }
 
-std::uint64_t resident_bytes(const ConvexPart& piece) {
+std::uint64_t resident_bytes(const ConvexPart& part) {
   const auto held = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
-  std::uint64_t bytes = sizeof(ConvexPart) + held(piece.vertices) + held(piece.x) + held(piece.y) + held(piece.z) +
-                        held(piece.x_f32) + held(piece.y_f32) + held(piece.z_f32);
-  if (piece.table) bytes += sizeof(DirectionTable) + piece.table->bytes();
+  std::uint64_t bytes = sizeof(ConvexPart) + held(part.vertices) + held(part.x) + held(part.y) + held(part.z) +
+                        held(part.x_f32) + held(part.y_f32) + held(part.z_f32);
+  if (part.table) bytes += sizeof(DirectionTable) + part.table->bytes();
   return bytes;
 }
 

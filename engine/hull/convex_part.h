@@ -63,13 +63,13 @@ ConvexPartPtr make_convex_part(std::vector<Vec3d> vertices, double radius = 0.0,
 
 /// Replaces a temporary small part in place, reusing its memory. It has no digest.
 /// \param vertices as for make_convex_part(), at most kTableFromVertices
-void remake_part(ConvexPart& piece, std::span<const Vec3d> vertices, double radius);
+void remake_part(ConvexPart& part, std::span<const Vec3d> vertices, double radius);
 
 /// A copy with all derived data computed again from its vertices, and without a table. It allows a check of a part
 /// whose table or other data may be damaged. Takes time linear in the number of vertices.
-ConvexPart without_table(const ConvexPart& piece);
+ConvexPart without_table(const ConvexPart& part);
 
 /// Memory of a part, its copies and its tree included.
-std::uint64_t resident_bytes(const ConvexPart& piece);
+std::uint64_t resident_bytes(const ConvexPart& part);
 
 }  // namespace clearance

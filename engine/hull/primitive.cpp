@@ -38,12 +38,12 @@ ConvexPartPtr make_primitive_part(const Primitive& primitive, double radius) {
   for (int k = 0; k < 3 && is_bounded; ++k)
     if (!(primitive.size[k] > 0 && primitive.size[k] <= kMaxCoordinate))
       throw std::invalid_argument("expected sizes above 0 and up to 1e60 m, got " + std::to_string(primitive.size[k]));
-  auto piece = std::make_shared<ConvexPart>(*make_convex_part({{0, 0, 0}}, radius, 0, digest.value()));
-  piece->primitive = std::make_shared<const Primitive>(primitive);
-  const auto& [x, y, z] = piece->half = primitive.size;
+  auto part = std::make_shared<ConvexPart>(*make_convex_part({{0, 0, 0}}, radius, 0, digest.value()));
+  part->primitive = std::make_shared<const Primitive>(primitive);
+  const auto& [x, y, z] = part->half = primitive.size;
   const double far = primitive.kind == Primitive::Kind::kEllipsoid ? std::max({x, y, z}) : std::hypot(x, z);
-  piece->rho = piece->spread = far * (1 + 0x1p-48);
-  return piece;
+  part->rho = part->spread = far * (1 + 0x1p-48);
+  return part;
 }
 
 namespace {

@@ -36,12 +36,12 @@ const char* name_of(Primitive::Kind kind);
 /// radius, and for sizes that are not above 0 and at most 1e60 m.
 ConvexPartPtr make_primitive_part(const Primitive& primitive, double radius = 0);
 
-inline bool is_half_space(const ConvexPart& piece) {
-  return piece.primitive && piece.primitive->kind == Primitive::Kind::kHalfSpace;
+inline bool is_half_space(const ConvexPart& part) {
+  return part.primitive && part.primitive->kind == Primitive::Kind::kHalfSpace;
 }
 /// Whether a core is bounded, with a curved surface.
-inline bool is_round(const ConvexPart& piece) {
-  return piece.primitive && piece.primitive->kind != Primitive::Kind::kHalfSpace;
+inline bool is_round(const ConvexPart& part) {
+  return part.primitive && part.primitive->kind != Primitive::Kind::kHalfSpace;
 }
 /// Whether two parts' cores are the same primitive, or both hulls.
 inline bool same_primitive(const ConvexPart& a, const ConvexPart& b) {

@@ -31,10 +31,10 @@ Scan best_scan() {
   return scan_baseline;
 }
 
-SupportPoint<double> scan(const ConvexPart& piece, const Vec3d& n) {
+SupportPoint<double> scan(const ConvexPart& part, const Vec3d& n) {
   static const Scan run = best_scan();
-  const std::size_t count = piece.x.size();
-  return run({piece.x.data(), piece.y.data(), piece.z.data(), count}, n);
+  const std::size_t count = part.x.size();
+  return run({part.x.data(), part.y.data(), part.z.data(), count}, n);
 }
 
 double upper_length(const Vec3d& n) {
@@ -51,36 +51,36 @@ T reach_of(const Primitive& primitive, const Vec3<T>& n) {
 
 }  // namespace
 
-SupportPoint<double> support(const ConvexPart& piece, const Vec3d& n) {
-  if (piece.primitive) return {0, reach_of(*piece.primitive, n)};
-  assert(!piece.vertices.empty() && piece.x.size() % kScanBlock == 0);
-  if (!piece.table) return scan(piece, n);
-  const std::span<const std::uint32_t> candidates = piece.table->candidates(n);
+SupportPoint<double> support(const ConvexPart& part, const Vec3d& n) {
+  if (part.primitive) return {0, reach_of(*part.primitive, n)};
+  assert(!part.vertices.empty() && part.x.size() % kScanBlock == 0);
+  if (!part.table) return scan(part, n);
+  const std::span<const std::uint32_t> candidates = part.table->candidates(n);
   assert(!candidates.empty());
-  SupportPoint<double> best{candidates[0], dot(n, piece.vertices[candidates[0]])};
+  SupportPoint<double> best{candidates[0], dot(n, part.vertices[candidates[0]])};
   for (const std::uint32_t i : candidates.subspan(1))
-    if (const double s = dot(n, piece.vertices[i]); s > best.value) best = {i, s};
+    if (const double s = dot(n, part.vertices[i]); s > best.value) best = {i, s};
   return best;
 }
 
 // Only vertices whose double value is within rounding of the best double value can be the exact maximum: |computed -
 // exact| <= 4 u |n| rho for each (n itself is rounded to double first), so twice that separates two of them.
-SupportPoint<DoubleDouble> support(const ConvexPart& piece, const Vec3<DoubleDouble>& n) {
-  if (piece.primitive) return {0, reach_of(*piece.primitive, n)};
+SupportPoint<DoubleDouble> support(const ConvexPart& part, const Vec3<DoubleDouble>& n) {
+  if (part.primitive) return {0, reach_of(*part.primitive, n)};
   const Vec3d n_hi{n.x.hi, n.y.hi, n.z.hi};
-  const SupportPoint<double> guess = support(piece, n_hi);
-  const double threshold = guess.value - 10 * kUnitRoundoff * upper_length(n_hi) * piece.rho;
-  SupportPoint<DoubleDouble> best{guess.index, dot(n, cast<DoubleDouble>(piece.vertices[guess.index]))};
+  const SupportPoint<double> guess = support(part, n_hi);
+  const double threshold = guess.value - 10 * kUnitRoundoff * upper_length(n_hi) * part.rho;
+  SupportPoint<DoubleDouble> best{guess.index, dot(n, cast<DoubleDouble>(part.vertices[guess.index]))};
   const auto consider = [&](std::uint32_t index) {
-    const Vec3d& v = piece.vertices[index];
+    const Vec3d& v = part.vertices[index];
     if (dot(n_hi, v) < threshold) return;
     const DoubleDouble s = dot(n, cast<DoubleDouble>(v));
     if (s > best.value || (s == best.value && index < best.index)) best = {index, s};
   };
-  if (piece.table)
-    for (const std::uint32_t i : piece.table->candidates(n_hi)) consider(i);
+  if (part.table)
+    for (const std::uint32_t i : part.table->candidates(n_hi)) consider(i);
   else
-    for (std::uint32_t i = 0; i < piece.vertices.size(); ++i) consider(i);
+    for (std::uint32_t i = 0; i < part.vertices.size(); ++i) consider(i);
   return best;
 }
 

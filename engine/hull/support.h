@@ -23,8 +23,8 @@ struct SupportPoint {
 /// For a core in closed form (primitive.h) the index is 0, since its one vertex is a point of it, not the farthest. A
 /// half-space reaches to 0 along its own normal, (0, 0, z), and to +inf along any other direction; for a round core 3
 /// becomes 5.
-SupportPoint<double> support(const ConvexPart& piece, const Vec3d& n);
-SupportPoint<DoubleDouble> support(const ConvexPart& piece, const Vec3<DoubleDouble>& n);
+SupportPoint<double> support(const ConvexPart& part, const Vec3d& n);
+SupportPoint<DoubleDouble> support(const ConvexPart& part, const Vec3<DoubleDouble>& n);
 
 /// Parts of more vertices than this carry a DirectionTable.
 inline constexpr std::size_t kTableFromVertices = 64;

@@ -16,13 +16,13 @@ namespace {
 class PartsOf {
  public:
   /// \param R,t convert coordinates of the part to those of the solid, with an error of at most `wrong`, metres
-  PartsOf(const ConvexPart& piece, const Surface& solid, const Mat3d& R, const Vec3d& t, double wrong, WorkMeter& meter)
-      : piece_(piece), solid_(solid), R_(R), t_(t), wrong_(wrong), meter_(meter) {}
+  PartsOf(const ConvexPart& part, const Surface& solid, const Mat3d& R, const Vec3d& t, double wrong, WorkMeter& meter)
+      : part_(part), solid_(solid), R_(R), t_(t), wrong_(wrong), meter_(meter) {}
 
   template <class Found>
   bool any(const Found& found) const {
-    const Surface* const surface = piece_.surface.get();
-    if (!surface) return found(piece_.vertices[0]);
+    const Surface* const surface = part_.surface.get();
+    if (!surface) return found(part_.vertices[0]);
     if (surface->is_cloud()) return any_below(*surface, 0, found);
     return std::ranges::any_of(surface->parts(), [&](std::uint32_t v) { return found(surface->vertices()[v]); });
   }
@@ -55,7 +55,7 @@ class PartsOf {
     return cloud.nodes()[at].begin();
   }
 
-  const ConvexPart& piece_;
+  const ConvexPart& part_;
   const Surface& solid_;
   Mat3d R_;
   Vec3d t_;
@@ -71,10 +71,10 @@ Containment holds(const Body& outer, const PoseMatrix& outer_pose, const Body& i
   const double wrong =
       rounding_error(double(RoundingUnits<double>::kLower), pair_scale(shift, outer.reach, inner.reach, 0.0));
   Containment held = Containment::kNo;
-  for (const ConvexPartPtr& o : outer.pieces) {
+  for (const ConvexPartPtr& o : outer.parts) {
     if (!o->surface || !o->surface->is_solid()) continue;
     const Aabb box = certify_box(*o, outer_pose.R_wb, outer_pose.t_w);
-    for (const ConvexPartPtr& i : inner.pieces) {
+    for (const ConvexPartPtr& i : inner.parts) {
       if (certify_box_gap(box, certify_box(*i, inner_pose.R_wb, inner_pose.t_w)) > 0) continue;
       // The computed point must be on the same side of every triangle as the exact one, so none may be that near.
       if (!(apart + o->radius + i->radius > wrong)) {

@@ -15,39 +15,38 @@ namespace {
 
 constexpr std::size_t kMostAsked = 4096;  // beyond which triangles are as fast
 
-const Decomposition* decomposition_of(const ConvexPart& piece) {
-  return piece.surface ? piece.surface->decomposition() : nullptr;
+const Decomposition* decomposition_of(const ConvexPart& part) {
+  return part.surface ? part.surface->decomposition() : nullptr;
 }
 
 }  // namespace
 
 bool has_decomposition(const Body& body) {
-  return std::ranges::any_of(body.pieces,
-                             [](const ConvexPartPtr& piece) { return decomposition_of(*piece) != nullptr; });
+  return std::ranges::any_of(body.parts, [](const ConvexPartPtr& part) { return decomposition_of(*part) != nullptr; });
 }
 
 void DecomposedPair::hold(const Body& body, const PoseMatrix& pose, std::vector<Holder>& holders, Aabb& around) {
   holders.clear();
   around = kEmptyBox;
-  const auto add = [&](const ConvexPart& piece, double inner) {
-    holders.push_back({&piece, inner, certify_box(piece, pose.R_wb, pose.t_w)});
+  const auto add = [&](const ConvexPart& part, double inner) {
+    holders.push_back({&part, inner, certify_box(part, pose.R_wb, pose.t_w)});
     around = joined(around, grown(holders.back().box, inner));
   };
-  for (const ConvexPartPtr& piece : body.pieces) {
-    const Decomposition* decomposition = decomposition_of(*piece);
+  for (const ConvexPartPtr& part : body.parts) {
+    const Decomposition* decomposition = decomposition_of(*part);
     if (!decomposition) {
-      add(*piece, 0);  // it contains the mesh whose hull it is
+      add(*part, 0);  // it contains the mesh whose hull it is
       continue;
     }
-    const double inner = sum_above(decomposition->inner, piece->radius);  // the decomposition's parts are cores
-    for (const ConvexPartPtr& core : decomposition->pieces) add(*core, inner);
+    const double inner = sum_above(decomposition->inner, part->radius);  // the decomposition's parts are cores
+    for (const ConvexPartPtr& core : decomposition->parts) add(*core, inner);
   }
 }
 
 bool DecomposedPair::begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b,
                            double cut_off) {
-  if (!(cut_off < std::numeric_limits<double>::infinity()) || is_half_space(*a.pieces[0]) ||
-      is_half_space(*b.pieces[0]) || !(has_decomposition(a) || has_decomposition(b)))
+  if (!(cut_off < std::numeric_limits<double>::infinity()) || is_half_space(*a.parts[0]) ||
+      is_half_space(*b.parts[0]) || !(has_decomposition(a) || has_decomposition(b)))
     return false;
   asked_.clear();
   next_ = 0;
@@ -74,7 +73,7 @@ bool DecomposedPair::begin(const Body& a, const PoseMatrix& pose_a, const Body& 
         continue;
       }
       if (asked_.size() == kMostAsked) return false;
-      asked_.push_back({h.piece, other.piece, gap, inner, Slack{inner, 0}.cut_off(cut_off_)});
+      asked_.push_back({h.part, other.part, gap, inner, Slack{inner, 0}.cut_off(cut_off_)});
     }
   std::stable_sort(asked_.begin(), asked_.end(), [](const Asked& p, const Asked& q) { return p.gap < q.gap; });
   return true;

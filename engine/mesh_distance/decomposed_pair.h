@@ -45,7 +45,7 @@ class DecomposedPair {
  private:
   // A convex set that contains elements, grown by `inner`.
   struct Holder {
-    const ConvexPart* piece;
+    const ConvexPart* part;
     double inner;
     Aabb box;
   };

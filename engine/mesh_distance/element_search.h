@@ -40,7 +40,7 @@ class ElementSearch {
   /// Begins a round with the hulls of the nearest two parts, which are not exact.
   /// \param all with all pairs whose boxes may overlap
   void begin_hulls(bool all) {
-    round_.assign(1, nearest_.pieces());
+    round_.assign(1, nearest_.parts());
     if (all) nearest_.touching_parts(round_);
     known_.in_hulls = true;
   }
@@ -71,12 +71,12 @@ class ElementSearch {
   enum class ByParts : std::uint8_t { kNotYet, kGoesOn, kOver };
   ByParts go_on_by_parts(const PoseMatrix& pose_a, const PoseMatrix& pose_b, double cut_off) {
     if (known_.by_parts == ByParts::kNotYet)
-      known_.by_parts = pieces_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByParts::kGoesOn : ByParts::kOver;
-    if (pieces_.has_failed()) known_.by_parts = ByParts::kOver;
+      known_.by_parts = parts_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByParts::kGoesOn : ByParts::kOver;
+    if (parts_.has_failed()) known_.by_parts = ByParts::kOver;
     return known_.by_parts;
   }
   bool is_by_parts() const { return known_.by_parts == ByParts::kGoesOn; }
-  DecomposedPair& pieces() { return pieces_; }
+  DecomposedPair& parts() { return parts_; }
   /// Begins a round with one near pair. Returns false if all pairs tried for it are beyond the cut-off.
   bool begin_near(double cut_off) {
     if (!round_.empty()) return true;  // from before the end of a slice
@@ -103,7 +103,7 @@ class ElementSearch {
   const Body *a_ = nullptr, *b_ = nullptr;
   NearestElements nearest_;
   std::vector<ElementPair> round_;
-  DecomposedPair pieces_;
+  DecomposedPair parts_;
   // Progress for these bodies. A search is reused for many pairs: begin() resets all of it at once, so that an answer
   // depends on its bodies alone.
   struct Known {

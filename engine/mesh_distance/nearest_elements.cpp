@@ -26,9 +26,9 @@ Vec3d absolute(const Vec3d& v) {
   return {std::abs(v.x), std::abs(v.y), std::abs(v.z)};
 }
 // Slab of a node; null for anything else.
-const Surface::Slab* slab_of(const Body& body, std::uint32_t piece, std::uint32_t at) {
+const Surface::Slab* slab_of(const Body& body, std::uint32_t convex_part, std::uint32_t at) {
   if (at >> 31) return nullptr;
-  const Surface& surface = *body.pieces[piece]->surface;
+  const Surface& surface = *body.parts[convex_part]->surface;
   return surface.is_cloud() ? nullptr : &surface.slabs()[at];
 }
 // Reach of a slab along a multiple of its normal.
@@ -48,9 +48,9 @@ double above_zero(double x) {
 }  // namespace
 
 const ConvexPart& part_of(const Body& body, const Element& element, ConvexPart& room) {
-  const ConvexPart& piece = *body.pieces[element.piece];
-  if (element.triangle == kNone) return piece;
-  remake_part(room, piece.surface->element(element.triangle).span(), piece.radius);
+  const ConvexPart& convex_part = *body.parts[element.part];
+  if (element.triangle == kNone) return convex_part;
+  remake_part(room, convex_part.surface->element(element.triangle).span(), convex_part.radius);
   return room;
 }
 
@@ -63,23 +63,23 @@ void NearestElements::begin(const Body& a, const PoseMatrix& pose_a, const Body&
   for (int k = 0; k < 3; ++k) R_ba_.row[k] = {R_.row[0][k], R_.row[1][k], R_.row[2][k]};
   D_ba_ = -(R_ba_ * D_);
   error_ = kGapUnits * (norm(D_) + a.reach + b.reach) + Arithmetic<double>::kUnderflowLength;
-  plane_ = is_half_space(*a.pieces[0]) ? Plane::kA : is_half_space(*b.pieces[0]) ? Plane::kB : Plane::kNeither;
+  plane_ = is_half_space(*a.parts[0]) ? Plane::kA : is_half_space(*b.parts[0]) ? Plane::kB : Plane::kNeither;
   looks_ = 0;
   looks_deep_ = false;
   reached_ = 0;
   left_out_ = kInf;
   open_.clear();
-  const auto first = [](const ConvexPartPtr& piece) { return piece->surface ? 0 : kNone; };
-  for (std::uint32_t i = 0; i < a.pieces.size(); ++i)
-    for (std::uint32_t j = 0; j < b.pieces.size(); ++j) {
-      Entry e{0, i, first(a.pieces[i]), j, first(b.pieces[j]), 0};
+  const auto first = [](const ConvexPartPtr& convex_part) { return convex_part->surface ? 0 : kNone; };
+  for (std::uint32_t i = 0; i < a.parts.size(); ++i)
+    for (std::uint32_t j = 0; j < b.parts.size(); ++j) {
+      Entry e{0, i, first(a.parts[i]), j, first(b.parts[j]), 0};
       e.gap = gap_of(e, bounds_a(e), bounds_b(e));
       put(e, kInf);
     }
 }
 
-NearestElements::NodeBounds NearestElements::bounds(const Body& body, std::uint32_t piece, std::uint32_t at) {
-  const ConvexPart& p = *body.pieces[piece];
+NearestElements::NodeBounds NearestElements::bounds(const Body& body, std::uint32_t convex_part, std::uint32_t at) {
+  const ConvexPart& p = *body.parts[convex_part];
   if (at == kNone) return {p.centre, p.half};
   const Surface& surface = *p.surface;
   if (is_element(at)) {
@@ -107,9 +107,9 @@ NearestElements::NodeBounds NearestElements::bounds(const Body& body, std::uint3
 }
 
 // \param room for the corners of a triangle
-PartBounds NearestElements::part_bounds(const Body& body, std::uint32_t piece, std::uint32_t at,
+PartBounds NearestElements::part_bounds(const Body& body, std::uint32_t convex_part, std::uint32_t at,
                                         const NodeBounds& bounds, std::array<Vec3d, 3>& room) {
-  const ConvexPart& whole = *body.pieces[piece];
+  const ConvexPart& whole = *body.parts[convex_part];
   PartBounds part{bounds.centre, bounds.half};
   if (at == kNone) {
     if (!whole.primitive && whole.count() <= kMostCorners) part.corners = whole.vertices;
@@ -123,9 +123,9 @@ PartBounds NearestElements::part_bounds(const Body& body, std::uint32_t piece, s
       part.low = std::min({at_corner[0], at_corner[1], at_corner[2]});
       part.high = std::max({at_corner[0], at_corner[1], at_corner[2]});
     }
-  } else if (const Surface::Slab* const slab = slab_of(body, piece, at)) {
+  } else if (const Surface::Slab* const slab = slab_of(body, convex_part, at)) {
     part.normal = slab->normal();
-    const double centre = dot(part.normal, body.pieces[piece]->surface->centre());
+    const double centre = dot(part.normal, body.parts[convex_part]->surface->centre());
     part.low = centre + double{slab->low};
     part.high = centre + double{slab->high};
   }
@@ -140,7 +140,7 @@ NearestElements::NodeBounds NearestElements::before_a(const NodeBounds& of_b) co
 
 // Difference of a gap between cores and the one between grown elements, as computed.
 double NearestElements::margin(const Entry& e) const {
-  return a_->pieces[e.part_a]->radius + b_->pieces[e.part_b]->radius + error_;
+  return a_->parts[e.part_a]->radius + b_->parts[e.part_b]->radius + error_;
 }
 
 // Gap of two parts, or of anything and a half-space: from boxes in the axes of a, and along the line of their centres.
@@ -162,9 +162,9 @@ double NearestElements::gap_of(const Entry& e, const NodeBounds& a, const NodeBo
 }
 
 // Reach of a subtree along a direction, in the axes of its body: of the triangles in a leaf, and of the box otherwise.
-double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32_t at, const NodeBounds& box,
+double NearestElements::reach(const Body& body, std::uint32_t convex_part, std::uint32_t at, const NodeBounds& box,
                               const Vec3d& n) {
-  const Surface* const surface = body.pieces[piece]->surface.get();
+  const Surface* const surface = body.parts[convex_part]->surface.get();
   const auto of_elements = [&](std::uint32_t begin, std::uint32_t end) {
     double most = -kInf;
     if (surface->is_cloud()) {
@@ -202,18 +202,18 @@ double NearestElements::gap_along(const Entry& e, const NodeBounds& a, const Nod
 // reach() of a subtree along the known direction, tighter than that of its box, since it descends some levels. Most
 // subtrees are skipped, since their boxes reach less far than the result so far.
 // \param by_bounds reach() by its own box
-double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bounds,
+double NearestElements::known_reach(bool of_a, std::uint32_t convex_part, std::uint32_t at, double by_bounds,
                                     int levels) const {
   if (is_element(at) || levels <= 0) return by_bounds;
-  Reach& known = reaches_[(at * 2654435761u + piece * 40503u + of_a) % kReaches];
-  if (known.direction == directions_ && known.at == at && known.piece == piece && known.of_a == of_a)
+  Reach& known = reaches_[(at * 2654435761u + convex_part * 40503u + of_a) % kReaches];
+  if (known.direction == directions_ && known.at == at && known.part == convex_part && known.of_a == of_a)
     return known.reach;
   const Body& body = of_a ? *a_ : *b_;
-  const Surface& surface = *body.pieces[piece]->surface;
+  const Surface& surface = *body.parts[convex_part]->surface;
   const Vec3d n = of_a ? n_a_ : -n_b_;
   double most = -kInf;
   if (surface.nodes()[at].is_leaf()) {
-    most = reach(body, piece, at, {}, n);
+    most = reach(body, convex_part, at, {}, n);
   } else {
     ++reached_;
     const NodesBelow below(surface, at);
@@ -224,28 +224,30 @@ double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_
       for (std::uint32_t k = 1; k < below.count; ++k)
         if (far[k] > far[farthest]) farthest = k;
       if (!(far[farthest] > most)) break;
-      most = std::max(most, known_reach(of_a, piece, below.at[farthest], far[farthest], levels - 2));
+      most = std::max(most, known_reach(of_a, convex_part, below.at[farthest], far[farthest], levels - 2));
       far[farthest] = -kInf;
     }
   }
-  known = {directions_, piece, at, of_a, most};
+  known = {directions_, convex_part, at, of_a, most};
   return most;
 }
 
-double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const NodeBounds& box) const {
+double NearestElements::known_reach(bool of_a, std::uint32_t convex_part, std::uint32_t at,
+                                    const NodeBounds& box) const {
   const Body& body = of_a ? *a_ : *b_;
   if (at == kNone) {
-    Reach& known = reaches_[(piece * 2 + of_a) % kReaches];
-    if (known.direction != directions_ || known.at != at || known.piece != piece || known.of_a != of_a)
-      known = {directions_, piece, at, of_a, support(*body.pieces[piece], of_a ? n_a_ : -n_b_).value};
+    Reach& known = reaches_[(convex_part * 2 + of_a) % kReaches];
+    if (known.direction != directions_ || known.at != at || known.part != convex_part || known.of_a != of_a)
+      known = {directions_, convex_part, at, of_a, support(*body.parts[convex_part], of_a ? n_a_ : -n_b_).value};
     return known.reach;
   }
-  return known_reach(of_a, piece, at, reach(body, piece, at, box, of_a ? n_a_ : -n_b_), levels(body, piece));
+  return known_reach(of_a, convex_part, at, reach(body, convex_part, at, box, of_a ? n_a_ : -n_b_),
+                     levels(body, convex_part));
 }
 
 // Levels to descend.
-int NearestElements::levels(const Body& body, std::uint32_t piece) const {
-  const Surface* const surface = body.pieces[piece]->surface.get();
+int NearestElements::levels(const Body& body, std::uint32_t convex_part) const {
+  const Surface* const surface = body.parts[convex_part]->surface.get();
   return !looks_deep_ ? 0 : surface && surface->is_cloud() ? kLevelsOfCloud : kLevels;
 }
 
@@ -277,11 +279,11 @@ void NearestElements::put(const Entry& entry, double cut_off) {
 // \param each receives the children, each with its gap, exact as long as it is no greater than the cut-off
 template <class Each>
 void NearestElements::open(const Entry& e, double cut_off, const Each& each) const {
-  const auto node_of = [](const Body& body, std::uint32_t piece, std::uint32_t at) {
-    return is_element(at) ? nullptr : &body.pieces[piece]->surface->nodes()[at];
+  const auto node_of = [](const Body& body, std::uint32_t convex_part, std::uint32_t at) {
+    return is_element(at) ? nullptr : &body.parts[convex_part]->surface->nodes()[at];
   };
-  const auto is_of_mesh = [](const Body& body, std::uint32_t piece, std::uint32_t at) {
-    return at != kNone && !body.pieces[piece]->surface->is_cloud();
+  const auto is_of_mesh = [](const Body& body, std::uint32_t convex_part, std::uint32_t at) {
+    return at != kNone && !body.parts[convex_part]->surface->is_cloud();
   };
   const Surface::Node *const a = node_of(*a_, e.part_a, e.at_a), *const b = node_of(*b_, e.part_b, e.at_b);
   const bool divides_a = a && !a->is_leaf(), divides_b = b && !b->is_leaf();
@@ -330,9 +332,9 @@ NearestElements::ElementsBelow::ElementsBelow(const Surface& surface, std::uint3
 template <class Below, class Each>
 void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const Each& each) const {
   const Body &body = opens_a ? *a_ : *b_, &other = opens_a ? *b_ : *a_;
-  const std::uint32_t piece = opens_a ? e.part_a : e.part_b, at = opens_a ? e.at_a : e.at_b,
+  const std::uint32_t convex_part = opens_a ? e.part_a : e.part_b, at = opens_a ? e.at_a : e.at_b,
                       other_part = opens_a ? e.part_b : e.part_a, other_at = opens_a ? e.at_b : e.at_a;
-  const Surface& surface = *body.pieces[piece]->surface;
+  const Surface& surface = *body.parts[convex_part]->surface;
   const Below below(surface, at);
   PartColumn far;
   if (looks_) part_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
@@ -349,14 +351,14 @@ void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const
       (opens_a ? part.at_b : part.at_a) = before_at;
       part.gap = std::max(e.gap, above_zero(gaps[k] - margin(e)));
       if (looks_ && part.gap <= cut_off) {
-        const double own = known_reach(opens_a, piece, below.at[k], far[k], levels(body, piece));
+        const double own = known_reach(opens_a, convex_part, below.at[k], far[k], levels(body, convex_part));
         part.gap = std::max(part.gap, opens_a ? gap_known(part, own, other_far) : gap_known(part, other_far, own));
       }
       each(part);
     }
   };
   if (is_element(other_at)) return before(other_at);
-  const Surface& others = *other.pieces[other_part]->surface;
+  const Surface& others = *other.parts[other_part]->surface;
   const Surface::Node& node = others.nodes()[other_at];
   if (!node.is_leaf() || others.is_cloud() || squared_size(node) < squared_size(surface.nodes()[at]))
     return before(other_at);
@@ -374,7 +376,7 @@ void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a
   const auto range_of = [](const Surface::Node* leaf, std::uint32_t at) {
     return leaf ? Range{leaf->begin(), leaf->end()} : Range{at & ~kTriangle, (at & ~kTriangle) + 1};
   };
-  const Surface &of_a = *a_->pieces[e.part_a]->surface, &of_b = *b_->pieces[e.part_b]->surface;
+  const Surface &of_a = *a_->parts[e.part_a]->surface, &of_b = *b_->parts[e.part_b]->surface;
   const Range range_a = range_of(leaf_a, e.at_a), range_b = range_of(leaf_b, e.at_b);
   const Vec3d d = before_a(bounds_b(e)).centre - bounds_a(e).centre;
   const double length = norm(d);
@@ -394,7 +396,7 @@ void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a
     }
 }
 
-ElementPair NearestElements::pieces() const {
+ElementPair NearestElements::parts() const {
   const Entry& e = open_.front();
   return {e.gap, {e.part_a, kNone}, {e.part_b, kNone}};
 }

@@ -21,7 +21,7 @@ namespace clearance {
 
 /// A convex part with exact geometry, or a triangle of a part's mesh.
 struct Element {
-  std::uint32_t piece = kNone;
+  std::uint32_t part = kNone;
   std::uint32_t triangle = kNone;  ///< of the mesh; kNone for the part itself
 };
 /// The element as a part that can be evaluated: the part itself, or `room`, which becomes its triangle.
@@ -40,7 +40,7 @@ class NearestElements {
   void begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b);
   /// The nearest two parts by their boxes. For hulls that enclose meshes, a lower bound on their distance, with its
   /// direction, also holds for the meshes.
-  ElementPair pieces() const;
+  ElementPair parts() const;
   /// Whether the box of one of these parts contains that of the other, so that their hulls are unlikely to be apart.
   bool is_one_within() const;
   /// All other parts whose boxes may overlap. Call before any pair is taken.
@@ -93,10 +93,8 @@ class NearestElements {
     ElementsBelow(const Surface& surface, std::uint32_t leaf);
   };
   static bool is_element(std::uint32_t at) { return (at & kTriangle) != 0; }  // kNone, too
-  static Element element(std::uint32_t piece, std::uint32_t at) {
-    return {piece, at == kNone ? kNone : at & ~kTriangle};
-  }
-  static NodeBounds bounds(const Body& body, std::uint32_t piece, std::uint32_t at);
+  static Element element(std::uint32_t part, std::uint32_t at) { return {part, at == kNone ? kNone : at & ~kTriangle}; }
+  static NodeBounds bounds(const Body& body, std::uint32_t part, std::uint32_t at);
   NodeBounds bounds_a(const Entry& e) const { return bounds(*a_, e.part_a, e.at_a); }
   NodeBounds bounds_b(const Entry& e) const { return bounds(*b_, e.part_b, e.at_b); }
   NodeBounds before_a(const NodeBounds& of_b) const;
@@ -106,10 +104,10 @@ class NearestElements {
   double gap_known(const Entry& e, const NodeBounds& a, const NodeBounds& b) const;
   double margin(const Entry& e) const;
 
-  static double reach(const Body& body, std::uint32_t piece, std::uint32_t at, const NodeBounds& box, const Vec3d& n);
-  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, double by_bounds, int levels) const;
-  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const NodeBounds& box) const;
-  int levels(const Body& body, std::uint32_t piece) const;
+  static double reach(const Body& body, std::uint32_t part, std::uint32_t at, const NodeBounds& box, const Vec3d& n);
+  double known_reach(bool of_a, std::uint32_t part, std::uint32_t at, double by_bounds, int levels) const;
+  double known_reach(bool of_a, std::uint32_t part, std::uint32_t at, const NodeBounds& box) const;
+  int levels(const Body& body, std::uint32_t part) const;
   void put(const Entry& entry, double cut_off);
   template <class Each>
   void open(const Entry& entry, double cut_off, const Each& each) const;
@@ -118,7 +116,7 @@ class NearestElements {
   template <class Each>
   void pair_triangles(const Entry& entry, const Surface::Node* leaf_a, const Surface::Node* leaf_b,
                       const Each& each) const;
-  static PartBounds part_bounds(const Body& body, std::uint32_t piece, std::uint32_t at, const NodeBounds& bounds,
+  static PartBounds part_bounds(const Body& body, std::uint32_t part, std::uint32_t at, const NodeBounds& bounds,
                                 std::array<Vec3d, 3>& room);
 
   const Body *a_ = nullptr, *b_ = nullptr;
@@ -134,7 +132,7 @@ class NearestElements {
   // Cache of the reach of subtrees along the known direction, since each is needed for many partners.
   struct Reach {
     std::uint64_t direction = 0;  // of directions_
-    std::uint32_t piece = 0, at = 0;
+    std::uint32_t part = 0, at = 0;
     bool of_a = false;
     double reach = 0;
   };

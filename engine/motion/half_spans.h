@@ -14,9 +14,9 @@ namespace clearance {
 struct MovingBody {
   const Body& body;
   const PoseMatrix& pose;
-  Twist twist;                        ///< world axes
-  const Aabb* box = nullptr;          ///< replaces the parts that it encloses; world axes
-  const ConvexPart* piece = nullptr;  ///< replaces all parts of the body
+  Twist twist;                       ///< world axes
+  const Aabb* box = nullptr;         ///< replaces the parts that it encloses; world axes
+  const ConvexPart* part = nullptr;  ///< replaces all parts of the body
 };
 
 /// Bounds along one direction that is fixed to the reference body.

@@ -53,8 +53,8 @@ DoubleDouble sum(double a, double b, DoubleDouble) {
 
 template <class T>
 SupportPoint<T> CorePoints<T>::farthest(const Vec3<T>& n) {
-  if (found_.empty()) return support(*piece_, n);
-  const FarthestPoint<T> far = clearance::farthest(*piece_->primitive, n);
+  if (found_.empty()) return support(*part_, n);
+  const FarthestPoint<T> far = clearance::farthest(*part_->primitive, n);
   const auto same = [&](const Vec3<T>& p) { return p.x == far.point.x && p.y == far.point.y && p.z == far.point.z; };
   const auto known = std::find_if(found_.begin(), found_.end(), same);
   const auto index = static_cast<std::uint32_t>(known - found_.begin());

@@ -149,16 +149,16 @@ struct RunBounds {
 template <class T>
 class CorePoints {
  public:
-  explicit CorePoints(const ConvexPart& piece) : piece_(&piece) {
-    if (is_round(piece)) found_.push_back({T(0), T(0), T(0)});
+  explicit CorePoints(const ConvexPart& part) : part_(&part) {
+    if (is_round(part)) found_.push_back({T(0), T(0), T(0)});
   }
-  Vec3<T> operator[](std::uint32_t i) const { return found_.empty() ? cast<T>(piece_->vertices[i]) : found_[i]; }
-  std::size_t size() const { return found_.empty() ? piece_->vertices.size() : found_.size(); }
+  Vec3<T> operator[](std::uint32_t i) const { return found_.empty() ? cast<T>(part_->vertices[i]) : found_[i]; }
+  std::size_t size() const { return found_.empty() ? part_->vertices.size() : found_.size(); }
   /// support(), whose index names the point. A new point of a round core is added.
   SupportPoint<T> farthest(const Vec3<T>& n);
 
  private:
-  const ConvexPart* piece_;
+  const ConvexPart* part_;
   std::vector<Vec3<T>> found_;  // of a round core
 };
 

@@ -29,7 +29,7 @@ struct LaneHull : HullExtents {
   std::uint32_t grid_bits;
   bool has_table;
 
-  explicit LaneHull(const ConvexPart& piece);
+  explicit LaneHull(const ConvexPart& part);
 };
 
 /// Two placed parts, and their own limits.

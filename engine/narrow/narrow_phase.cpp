@@ -169,8 +169,8 @@ class Answer {
   }
   template <class T>
   void add_to_proof(const PlacedPair<T>& pair, std::uint32_t a, std::uint32_t b, const DoubleDouble& share) {
-    const auto named = [](const ConvexPart& piece, const CorePoints<T>& points, std::uint32_t i, auto& known) {
-      if (!is_round(piece)) return i;
+    const auto named = [](const ConvexPart& convex_part, const CorePoints<T>& points, std::uint32_t i, auto& known) {
+      if (!is_round(convex_part)) return i;
       known.push_back(cast<DoubleDouble>(points[i]));
       return static_cast<std::uint32_t>(known.size() - 1);
     };

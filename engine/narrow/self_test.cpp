@@ -64,12 +64,12 @@ class Maker {
                   double radius_b, double exact, double far) {
     const Turn turn_a = turn(), turn_b = turn();
     const Vec3d at_a = point(5) * kGrid, at_b = point(5) * kGrid;
-    const auto piece = [](const std::vector<Vec3d>& world, const Turn& turn, const Vec3d& at, double radius) {
+    const auto part = [](const std::vector<Vec3d>& world, const Turn& turn, const Vec3d& at, double radius) {
       std::vector<Vec3d> v;
       for (const Vec3d& p : world) v.push_back(turn.turned_back(p * kGrid - at) * kStep);
       return make_convex_part(std::move(v), radius * kGrid * kStep);
     };
-    KnownPair pair{kind, piece(a, turn_a, at_a, radius_a), piece(b, turn_b, at_b, radius_b), exact * kGrid * kStep, {}};
+    KnownPair pair{kind, part(a, turn_a, at_a, radius_a), part(b, turn_b, at_b, radius_b), exact * kGrid * kStep, {}};
     for (int i = 0; i < kPlaces; ++i) {
       const Turn whole = turn();  // of both bodies together
       const Vec3d moved = point(9) * (kGrid * far);

@@ -99,9 +99,9 @@ CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, cons
 }
 /// Contact of a part. A core in closed form needs no vertices. A template, so that device compilers skip it.
 template <std::same_as<ConvexPart> P>
-inline Contact contact_along(const P& piece, const Mat3d& R, const Vec3d& n_w, double angle) {
-  if (piece.primitive) return contact_of_primitive(*piece.primitive, R, n_w, angle);
-  return contact_of_vertices(piece, R, n_w, angle);
+inline Contact contact_along(const P& part, const Mat3d& R, const Vec3d& n_w, double angle) {
+  if (part.primitive) return contact_of_primitive(*part.primitive, R, n_w, angle);
+  return contact_of_vertices(part, R, n_w, angle);
 }
 
 /// Bound on the error of a converged normal, in radians. Vertices determine it up to rounding. For a curved core the

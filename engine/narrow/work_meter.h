@@ -87,8 +87,8 @@ class WorkMeter {
   std::uint64_t spent() const { return spent_; }
 
   /// Units of a support of one part, and of both parts.
-  static std::uint64_t units_of(const ConvexPart& piece) {
-    return piece.table ? kUnitsOfATable : (piece.vertices.size() + kVerticesPerUnit - 1) / kVerticesPerUnit;
+  static std::uint64_t units_of(const ConvexPart& part) {
+    return part.table ? kUnitsOfATable : (part.vertices.size() + kVerticesPerUnit - 1) / kVerticesPerUnit;
   }
   static std::uint64_t units_of(const ConvexPart& a, const ConvexPart& b) { return units_of(a) + units_of(b); }
 

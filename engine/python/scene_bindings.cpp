@@ -65,18 +65,18 @@ nb::list bodies(const Scene& scene) {
   nb::list list;
   for (const Body& b : scene.bodies()) {
     std::uint64_t vertices = 0;
-    for (const ConvexPartPtr& piece : b.pieces) vertices += piece->vertices.size();
-    list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.pieces.size(), vertices, b.model_error, extent_of(b),
+    for (const ConvexPartPtr& part : b.parts) vertices += part->vertices.size();
+    list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.parts.size(), vertices, b.model_error, extent_of(b),
                                b.hull_excess, b.empty_share, triangle_count(b), is_solid(b), is_cloud(b), b.model_inner,
                                b.uncertainty.position, b.uncertainty.angle, b.padding, b.max_speed));
   }
   return list;
 }
 
-nb::list pieces(const Scene& scene, std::uint32_t id) {
+nb::list parts(const Scene& scene, std::uint32_t id) {
   nb::list list;
-  for (const ConvexPartPtr& piece : body_at(scene, id).pieces) {
-    list.append(nb::make_tuple(array_of<double>(piece->vertices), piece->radius));
+  for (const ConvexPartPtr& part : body_at(scene, id).parts) {
+    list.append(nb::make_tuple(array_of<double>(part->vertices), part->radius));
   }
   return list;
 }
@@ -261,7 +261,7 @@ void bind_scene(nb::module_& m) {
              return tuple_of(*X);
            })
       .def("source", [](const Scene& s, std::uint32_t id) { return body_at(s, id).source; })
-      .def("pieces", &pieces)
+      .def("pieces", &parts)
       .def("display", &display)
       .def("mesh_warnings",
            [](const Scene& s, std::uint32_t first) {

@@ -32,15 +32,15 @@ std::uint64_t units_of(const Body& body, const Surface* surface) {
 
 void SceneCost::SelectorCost::add(const SelectorCost& other) {
   bodies += other.bodies;
-  pieces += other.pieces;
+  parts += other.parts;
   units += other.units;
 }
 
 SceneCost::SceneCost(const Scene& scene) : scene_(&scene) {
   for (const Body& body : scene.bodies()) {
-    SelectorCost& side = bodies_.emplace_back(SelectorCost{1, body.pieces.size(), 0});
-    for (const ConvexPartPtr& piece : body.pieces)
-      side.units += WorkMeter::units_of(*piece) + units_of(body, piece->surface.get());
+    SelectorCost& side = bodies_.emplace_back(SelectorCost{1, body.parts.size(), 0});
+    for (const ConvexPartPtr& part : body.parts)
+      side.units += WorkMeter::units_of(*part) + units_of(body, part->surface.get());
     all_.add(side);
   }
   for (const Group& group : scene.groups()) {
@@ -61,8 +61,8 @@ SceneCost::SelectorCost SceneCost::side(std::uint32_t selector) const {
 void SceneCost::add_pairs(QueryCost& extent, const SelectorCost& a, const SelectorCost& b, bool are_same) {
   const std::uint64_t ordered = times(a.bodies, b.bodies);
   extent.pairs = plus(extent.pairs, are_same ? (ordered - a.bodies) / 2 : ordered);
-  extent.part_pairs = plus(extent.part_pairs, times(a.pieces, b.pieces));
-  extent.units = plus(extent.units, plus(times(a.units, b.pieces), times(b.units, a.pieces)));
+  extent.part_pairs = plus(extent.part_pairs, times(a.parts, b.parts));
+  extent.units = plus(extent.units, plus(times(a.units, b.parts), times(b.units, a.parts)));
 }
 
 QueryCost SceneCost::of(const QueryView& query, const PoseSnapshot& snapshot) const {

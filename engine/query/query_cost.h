@@ -30,7 +30,7 @@ class SceneCost {
 
  private:
   struct SelectorCost {  // sums over bodies
-    std::uint64_t bodies = 0, pieces = 0, units = 0;
+    std::uint64_t bodies = 0, parts = 0, units = 0;
     void add(const SelectorCost& other);
   };
   SelectorCost side(std::uint32_t selector) const;

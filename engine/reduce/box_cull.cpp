@@ -119,7 +119,7 @@ void write_beyond_rows(const ReplyView& reply, std::uint64_t first, std::span<co
   if (!flags) fill(reply.flags, first, count, row.flags);
   for (double* const column : {reply.point_a, reply.point_b, reply.normal})
     fill(column, 3 * first, 3 * count, row.normal.x);
-  fill(reply.pieces, 2 * first, 2 * count, row.part_a);
+  fill(reply.parts, 2 * first, 2 * count, row.part_a);
   if (reply.gradient) {
     double gradient[12];
     detail::write_gradient(gradient, row);

@@ -83,13 +83,13 @@ void check_uncertainty(const Body& body) {
 }
 
 bool is_plane(const Body& body) {
-  return std::any_of(body.pieces.begin(), body.pieces.end(), [](const ConvexPartPtr& p) { return is_half_space(*p); });
+  return std::any_of(body.parts.begin(), body.parts.end(), [](const ConvexPartPtr& p) { return is_half_space(*p); });
 }
 
 void fix_half_space(Body& body) {
   if (!is_plane(body)) return;
   const std::string who = "body " + in_quotes(body.name) + ": ";
-  if (body.pieces.size() > 1) throw SceneError(who + "a half_space must be the only part of its body");
+  if (body.parts.size() > 1) throw SceneError(who + "a half_space must be the only part of its body");
   if (body.parent != kNone) throw SceneError(who + "parent: " + kPlaneStands);
   if (body.uncertainty.angle > 0)
     throw SceneError(who +
@@ -98,11 +98,11 @@ void fix_half_space(Body& body) {
 }
 
 void adopt_cloud(Body& body) {
-  const Surface* const cloud = body.pieces.size() == 1 ? body.pieces[0]->surface.get() : nullptr;
+  const Surface* const cloud = body.parts.size() == 1 ? body.parts[0]->surface.get() : nullptr;
   if (is_cloud(body) || !cloud || !cloud->is_cloud()) return;
   body.cloud = CloudState::kPoints;
   const double grown_by = body.is_grown ? body.padding + body.uncertainty.position : 0;
-  body.cloud_radius = std::max(0.0, body.pieces[0]->radius - grown_by);
+  body.cloud_radius = std::max(0.0, body.parts[0]->radius - grown_by);
   body.voxel = cloud->edge();
   body.model_error = std::max(body.model_error, cloud->rounding());
   body.model_inner = std::max(body.model_inner, cloud->rounding());

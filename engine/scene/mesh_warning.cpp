@@ -28,8 +28,8 @@ double width(const Body& body) {
   double widest = 0;
   for (int k = 0; k < 3; ++k) {
     double low = std::numeric_limits<double>::infinity(), high = -low;
-    for (const ConvexPartPtr& piece : body.pieces)
-      for (const Vec3d& v : piece->vertices) {
+    for (const ConvexPartPtr& part : body.parts)
+      for (const Vec3d& v : part->vertices) {
         low = std::min(low, v[k]);
         high = std::max(high, v[k]);
       }
@@ -44,7 +44,7 @@ bool is_large(const Body& body) {
 
 bool stands_out(const Body& body) {
   double size = 0;
-  for (const ConvexPartPtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
+  for (const ConvexPartPtr& part : body.parts) size = std::max(size, part->spread + part->radius);
   return body.hull_excess > kHullExcessShare * size;
 }
 
@@ -64,7 +64,7 @@ std::string hull_warning(const Body& body) {
            "makes some";
   if (!stands_out(body)) return "";
   char text[200];
-  const char* what = body.pieces.size() == 1 ? "its hull stands" : "its convex parts stand";
+  const char* what = body.parts.size() == 1 ? "its hull stands" : "its convex parts stand";
   int n = std::snprintf(text, sizeof text, "%s up to %.3g m out of its mesh", what, body.hull_excess);
   if (body.empty_share > 0)
     n += std::snprintf(text + n, sizeof text - static_cast<std::size_t>(n), ", %.3g %% of it is empty",
@@ -96,7 +96,7 @@ std::vector<MeshWarning> mesh_warnings(const Scene& scene, std::uint32_t first) 
   for (std::uint32_t id = first; id < scene.bodies().size(); ++id) {
     const Body& body = scene.bodies()[id];
     if (!stands_out(body) && !lacks_parts(body) && !is_large(body)) continue;
-    const auto [at, fresh] = known.try_emplace({body.display.get(), body.pieces[0].get()});
+    const auto [at, fresh] = known.try_emplace({body.display.get(), body.parts[0].get()});
     if (fresh) at->second = mesh_warning(body);
     warnings.push_back({id, at->second});
   }

@@ -27,15 +27,15 @@ void Scene::check_free(const std::string& name, const char* what) const {
 std::uint32_t Scene::add_body(Body body) {
   const FpEnvironment environment;
   check_free(body.name, "body");
-  if (body.pieces.empty()) throw SceneError("body " + in_quotes(body.name) + ": expected at least one piece");
+  if (body.parts.empty()) throw SceneError("body " + in_quotes(body.name) + ": expected at least one piece");
   return insert_body(std::move(body));
 }
 
 // Inserts a body with a free name; one without parts is a frame.
 std::uint32_t Scene::insert_body(Body body) {
   const std::string who = "body " + in_quotes(body.name) + ": ";
-  for (const ConvexPartPtr& piece : body.pieces)
-    if (!piece) throw SceneError(who + "a piece is null");
+  for (const ConvexPartPtr& part : body.parts)
+    if (!part) throw SceneError(who + "a piece is null");
   if (bodies_.size() >= kGroupBit) throw SceneError(who + "too many bodies");
   if (body.pose && check(*body.pose) == PoseQuality::kBad)
     throw SceneError(who + "pose: expected finite numbers and a quaternion of norm 1e-6 to 1e6");
@@ -176,8 +176,8 @@ std::uint64_t Scene::revision() const {
       digest.add(static_cast<std::uint64_t>(body.cloud));
       digest.add(double{body.voxel});
     }
-    digest.add(std::uint64_t{body.pieces.size()});
-    for (const ConvexPartPtr& piece : body.pieces) digest.add(piece->digest);
+    digest.add(std::uint64_t{body.parts.size()});
+    for (const ConvexPartPtr& part : body.parts) digest.add(part->digest);
   }
   digest.add(std::uint64_t{groups_.size()});
   for (const Group& group : groups_) {

@@ -178,7 +178,7 @@ class Scene {
   std::uint32_t add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of);
   std::uint32_t add_shape(const std::string& name, const Shape& shape, const char* source, const BodyOptions& options);
   Body body_from(const std::string& name, const BodyOptions& options) const;
-  ConvexPartPtr shared_part(const ConvexPartPtr& piece);
+  ConvexPartPtr shared_part(const ConvexPartPtr& part);
   void check_free(const std::string& name, const char* what) const;
   const Geometry& mesh_geometry(const std::string& path, const MeshRecipe& recipe);
   void insert_group(Group group);
@@ -200,7 +200,7 @@ class Scene {
   std::unordered_map<std::string, std::uint32_t> joint_ids_;
   std::unordered_map<std::string, std::uint32_t> body_ids_;
   std::unordered_map<std::string, std::uint32_t> group_ids_;
-  std::unordered_multimap<std::uint64_t, ConvexPartPtr> pieces_;  ///< by digest
+  std::unordered_multimap<std::uint64_t, ConvexPartPtr> parts_;  ///< by digest
   /// Geometries made before: meshes by file and options, shapes by their vertices.
   std::unordered_map<std::string, std::shared_ptr<const Geometry>> geometries_;
   std::shared_ptr<MeshGeometries> meshes_;  ///< null until there is a mesh

@@ -12,30 +12,30 @@ namespace clearance {
 
 namespace {
 
-const Decomposition* stand_ins_of(const ConvexPart& piece) {
-  return piece.surface ? piece.surface->decomposition() : nullptr;
+const Decomposition* stand_ins_of(const ConvexPart& part) {
+  return part.surface ? part.surface->decomposition() : nullptr;
 }
 
 bool has_stand_ins_of_its_own(const Body& body) {
-  return std::ranges::any_of(body.pieces, [](const ConvexPartPtr& piece) { return stand_ins_of(*piece) != nullptr; });
+  return std::ranges::any_of(body.parts, [](const ConvexPartPtr& part) { return stand_ins_of(*part) != nullptr; });
 }
 
 // The deviation of convex proxies from their mesh is slack of the shape, and proxies are grown as the mesh is. Parts
 // without proxies are unchanged.
 Body body_by_parts(const Body& body) {
   Body made = body;
-  made.pieces.clear();
+  made.parts.clear();
   double inner = 0, outer = 0;
-  for (const ConvexPartPtr& piece : body.pieces) {
-    const Decomposition* const of = stand_ins_of(*piece);
+  for (const ConvexPartPtr& part : body.parts) {
+    const Decomposition* const of = stand_ins_of(*part);
     if (!of) {
-      made.pieces.push_back(piece);
+      made.parts.push_back(part);
       continue;
     }
     inner = std::max(inner, of->inner);
     outer = std::max(outer, of->most_outer());
-    for (const ConvexPartPtr& core : of->pieces)
-      made.pieces.push_back(piece->radius > 0 ? with_radius(*core, piece->radius) : core);
+    for (const ConvexPartPtr& core : of->parts)
+      made.parts.push_back(part->radius > 0 ? with_radius(*core, part->radius) : core);
   }
   made.model_inner = sum_above(body.model_inner, inner);
   made.model_error = sum_above(body.model_error, outer);

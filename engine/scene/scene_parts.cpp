@@ -20,20 +20,20 @@ bool has_uncertainty(const Body& body) {
 }
 
 const Surface* surface_of(const Body& body) {
-  for (const ConvexPartPtr& piece : body.pieces)
-    if (piece->surface) return piece->surface.get();
+  for (const ConvexPartPtr& part : body.parts)
+    if (part->surface) return part->surface.get();
   return nullptr;
 }
 
 std::uint64_t triangle_count(const Body& body) {
   std::uint64_t count = 0;
-  for (const ConvexPartPtr& piece : body.pieces)
-    if (piece->surface) count += piece->surface->triangles().size();  // a cloud has none
+  for (const ConvexPartPtr& part : body.parts)
+    if (part->surface) count += part->surface->triangles().size();  // a cloud has none
   return count;
 }
 
 std::uint64_t point_count(const Body& body) {
-  return body.cloud == CloudState::kPoints ? body.pieces[0]->surface->size() : 0;
+  return body.cloud == CloudState::kPoints ? body.parts[0]->surface->size() : 0;
 }
 
 std::string no_convex_truth(const Scene& scene, BodyPair pair) {
@@ -57,7 +57,7 @@ bool same_decomposition(const Decomposition* a, const Decomposition* b) {
   if (!a || !b) return a == b;
   return a->inner == b->inner && a->outer == b->outer &&
          std::ranges::equal(
-             a->pieces, b->pieces, {}, [](const ConvexPartPtr& p) { return p->digest; },
+             a->parts, b->parts, {}, [](const ConvexPartPtr& p) { return p->digest; },
              [](const ConvexPartPtr& p) { return p->digest; });
 }
 
@@ -75,19 +75,18 @@ bool same_truth(const ConvexPart& a, const ConvexPart& b) {
 }  // namespace
 
 // Shares one part among bodies of the same shape: this saves memory, and their pairs can share lanes.
-ConvexPartPtr Scene::shared_part(const ConvexPartPtr& piece) {
+ConvexPartPtr Scene::shared_part(const ConvexPartPtr& part) {
   const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
-  const auto [begin, end] = pieces_.equal_range(piece->digest);
+  const auto [begin, end] = parts_.equal_range(part->digest);
   for (auto it = begin; it != end; ++it) {
     const ConvexPart& known = *it->second;
-    if (known.radius == piece->radius && known.loaded_vertices == piece->loaded_vertices &&
-        std::equal(known.vertices.begin(), known.vertices.end(), piece->vertices.begin(), piece->vertices.end(),
-                   same) &&
-        same_truth(known, *piece) && same_primitive(known, *piece))
+    if (known.radius == part->radius && known.loaded_vertices == part->loaded_vertices &&
+        std::equal(known.vertices.begin(), known.vertices.end(), part->vertices.begin(), part->vertices.end(), same) &&
+        same_truth(known, *part) && same_primitive(known, *part))
       return it->second;
   }
-  pieces_.emplace(piece->digest, piece);
-  return piece;
+  parts_.emplace(part->digest, part);
+  return part;
 }
 
 // Adds padding and the uncertainty of position to the radius of the parts, which is exact but for the rounding of the
@@ -95,15 +94,15 @@ ConvexPartPtr Scene::shared_part(const ConvexPartPtr& piece) {
 void Scene::grow(Body& body, bool shares_parts) {
   const double by = body.is_grown ? 0 : sum_above(body.padding, body.uncertainty.position);
   double rounding = 0;
-  for (ConvexPartPtr& piece : body.pieces) {
+  for (ConvexPartPtr& part : body.parts) {
     if (by > 0) {
-      const double radius = sum_above(by, piece->radius);
-      const bool is_exact = (piece->radius == 0) + (body.padding == 0) + (body.uncertainty.position == 0) >= 2;
+      const double radius = sum_above(by, part->radius);
+      const bool is_exact = (part->radius == 0) + (body.padding == 0) + (body.uncertainty.position == 0) >= 2;
       if (!is_exact) rounding = std::max(rounding, radius * 0x1p-50);
-      piece = with_radius(*piece, radius);
-      if (shares_parts) piece = shared_part(piece);
+      part = with_radius(*part, radius);
+      if (shares_parts) part = shared_part(part);
     }
-    body.reach = std::max(body.reach, (piece->rho + piece->radius) * (1 + 0x1p-50));
+    body.reach = std::max(body.reach, (part->rho + part->radius) * (1 + 0x1p-50));
   }
   body.model_error = sum_above(body.model_error, rounding);
   body.model_inner = sum_above(body.model_inner, rounding);

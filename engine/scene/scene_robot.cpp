@@ -124,7 +124,7 @@ class RobotAdder {
       read_geometry(of.name, body);
     else if (const std::vector<RobotShape>& shapes = options_.visual ? of.visual : of.collision; !shapes.empty())
       make_geometry(shapes, mesh_as_of_link(of.name), body);
-    if (!body.pieces.empty()) add_uncertainty(of.name, body);
+    if (!body.parts.empty()) add_uncertainty(of.name, body);
     if (robot_->places(link)) {
       body.robot = index;
       body.link = link;
@@ -174,7 +174,7 @@ class RobotAdder {
   }
 
   void take(Geometry geometry, Body& body) {
-    for (ConvexPartPtr& piece : geometry.pieces) piece = scene_.shared_part(piece);
+    for (ConvexPartPtr& part : geometry.parts) part = scene_.shared_part(part);
     static_cast<Geometry&>(body) = std::move(geometry);
   }
 
@@ -236,12 +236,12 @@ class RobotAdder {
     std::vector<double> radii;
     for (const std::uint32_t b : robot_->bodies) {
       const Body& body = scene_.bodies_[b];
-      radii.push_back(body.pieces.empty() ? -1 : (body.reach + body.model_inner) * kUp);
+      radii.push_back(body.parts.empty() ? -1 : (body.reach + body.model_inner) * kUp);
     }
     return radii;
   }
 
-  bool has_shape(std::uint32_t link) const { return !scene_.bodies_[robot_->bodies[link]].pieces.empty(); }
+  bool has_shape(std::uint32_t link) const { return !scene_.bodies_[robot_->bodies[link]].parts.empty(); }
 
   // The nearest link with a shape on the way to the base, or kNone.
   std::uint32_t shape_above(std::uint32_t link) const {

@@ -27,7 +27,7 @@ std::string file_key(const std::string& path) {
 
 // Replaces the points of a body, not yet grown by its uncertainty.
 void put_points(Body& body, const ConvexPartPtr& cloud) {
-  body.pieces = {cloud ? cloud : part_of_no_points()};
+  body.parts = {cloud ? cloud : part_of_no_points()};
   body.cloud = cloud ? CloudState::kPoints : CloudState::kEmpty;
   body.model_error = body.model_inner = cloud ? cloud->surface->rounding() : 0;
   body.reach = 0;
@@ -60,7 +60,7 @@ std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& op
   Body body = body_from(name, options);
   try {
     static_cast<Geometry&>(body) = geometry_of();
-    for (ConvexPartPtr& piece : body.pieces) piece = shared_part(piece);
+    for (ConvexPartPtr& part : body.parts) part = shared_part(part);
   } catch (const std::invalid_argument& e) {
     throw SceneError("body " + in_quotes(name) + ": " + e.what());
   } catch (const MeshError& e) {

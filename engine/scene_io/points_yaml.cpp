@@ -47,16 +47,16 @@ Geometry voxels_of(const Octomap& map, double radius, const std::string& named) 
   }
   Geometry cloud;
   if (rounded.empty()) {
-    cloud.pieces = {part_of_no_points()};
+    cloud.parts = {part_of_no_points()};
     cloud.cloud = CloudState::kEmpty;
     cloud.cloud_radius = radius;
     cloud.voxel = edge;
     cloud.source = named + " (octomap)";
     return cloud;
   }
-  cloud.pieces = {make_cloud_part(rounded, edge, radius)};
+  cloud.parts = {make_cloud_part(rounded, edge, radius)};
   const double of_corner = std::sqrt(3.0) * (off + 0.5 * (double{edge} - map.edge)) * kUp;
-  cloud.model_error = cloud.model_inner = (cloud.pieces[0]->surface->rounding() + of_corner) * kUp;
+  cloud.model_error = cloud.model_inner = (cloud.parts[0]->surface->rounding() + of_corner) * kUp;
   cloud.source = named + " (octomap)";
   return cloud;
 }
@@ -116,7 +116,7 @@ MakeGeometry read_cloud(const YamlValue& body, const YamlValue& points, double r
   if (!points.is_text()) {
     const auto requires_pose = body.find("requires_pose");
     Geometry empty;
-    empty.pieces = {part_of_no_points()};
+    empty.parts = {part_of_no_points()};
     empty.source = voxel > 0 ? "voxels" : "cloud";
     empty.cloud = requires_pose && requires_pose->boolean() ? CloudState::kAwaited : CloudState::kEmpty;
     empty.cloud_radius = radius;
@@ -130,8 +130,8 @@ MakeGeometry read_cloud(const YamlValue& body, const YamlValue& points, double r
       for (const Vec3d& p : load_points(path))
         rounded.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
       Geometry cloud;
-      cloud.pieces = {make_cloud_part(rounded, voxel, radius)};
-      cloud.model_error = cloud.model_inner = cloud.pieces[0]->surface->rounding();
+      cloud.parts = {make_cloud_part(rounded, voxel, radius)};
+      cloud.model_error = cloud.model_inner = cloud.parts[0]->surface->rounding();
       cloud.source = named + (voxel > 0 ? " (voxels)" : " (cloud)");
       return cloud;
     });

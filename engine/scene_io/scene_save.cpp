@@ -161,7 +161,7 @@ class SceneWriter {
     for (std::uint32_t link = 0; link < robot.bodies.size(); ++link) {
       const Body& body = scene_.bodies()[robot.bodies[link]];
       const std::string name = quoted(robot.model.links[link].name);
-      if (!body.pieces.empty()) add(files, name, geometry_of(body), ",\n       ");
+      if (!body.parts.empty()) add(files, name, geometry_of(body), ",\n       ");
       if (body.padding > 0) add(padding, name, exact(body.padding), ", ");
       if (is_uncertain(body)) add(uncertainty, name, exact(body.uncertainty), ", ");
     }
@@ -190,7 +190,7 @@ class SceneWriter {
   void add_ignored() {
     const char* title = "ignore:\n";
     for (const auto& [a, b] : scene_.ignored()) {
-      if (scene_.bodies()[a].pieces.empty() || scene_.bodies()[b].pieces.empty()) continue;  // frames are in no pair
+      if (scene_.bodies()[a].parts.empty() || scene_.bodies()[b].parts.empty()) continue;  // frames are in no pair
       text_ += title + ("  - [" + names_[a] + ", " + names_[b] + "]\n");
       title = "";
     }
@@ -198,7 +198,7 @@ class SceneWriter {
 
   // Path of a body's geometry file in the scene's folder.
   std::string geometry_of(const Body& body) {
-    std::string& file = files_[{body.pieces, body.display, body.source, body.model_error, body.model_inner}];
+    std::string& file = files_[{body.parts, body.display, body.source, body.model_error, body.model_inner}];
     if (file.empty()) file = "geometry/" + write_geometry_file((folder_ / "geometry").string(), body);
     return file;
   }

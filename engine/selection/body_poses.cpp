@@ -19,10 +19,10 @@ template <class Each>
 Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack, const Each& each) {
   Aabb box = kEmptyBox;
   if (placement.status != Status::kOk || body.cloud == CloudState::kEmpty) return box;
-  for (std::size_t i = 0; i < body.pieces.size(); ++i) {
-    const Aabb piece = certify_box(*body.pieces[i], placement.pose.R_wb, placement.pose.t_w);
-    box = joined(box, piece);
-    each(i, piece);
+  for (std::size_t i = 0; i < body.parts.size(); ++i) {
+    const Aabb part = certify_box(*body.parts[i], placement.pose.R_wb, placement.pose.t_w);
+    box = joined(box, part);
+    each(i, part);
   }
   return grown(box, slack.inner);
 }
@@ -49,23 +49,23 @@ Slack pair_slack(const BodyPoses& placement, BodyPair pair) {
 }
 
 std::uint64_t BodyPoses::most(const Scene& scene, const Plan& plan) {
-  std::uint64_t pieces = 1;
-  for (const std::uint32_t b : plan.moved) pieces += scene.bodies()[b].pieces.size();
-  return std::max<std::uint64_t>(kMostConvexParts / pieces, 1);
+  std::uint64_t parts = 1;
+  for (const std::uint32_t b : plan.moved) parts += scene.bodies()[b].parts.size();
+  return std::max<std::uint64_t>(kMostConvexParts / parts, 1);
 }
 
 BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
     : scene_(scene), plan_(plan), boxes_(boxes) {
   if (plan.query.configuration_count == 0) return;
   moved_slot_.assign(scene.bodies().size(), kNone);
-  std::size_t pieces = 0;
+  std::size_t parts = 0;
   for (const std::uint32_t b : plan.moved) {
     moved_slot_[b] = static_cast<std::uint32_t>(local_.size());
     local_.push_back(plan.snapshot->local[b]);
     facts_.push_back((plan.snapshot->given[b] ? 0 : kLinkUnplaced) |
                      (plan.snapshot->beyond_limits[b] ? kLinkBeyondLimits : 0));
-    first_part_.push_back(static_cast<std::uint32_t>(pieces));
-    pieces += scene.bodies()[b].pieces.size();
+    first_part_.push_back(static_cast<std::uint32_t>(parts));
+    parts += scene.bodies()[b].parts.size();
   }
   for (const std::uint32_t b : plan.moved)
     travels_.push_back(plan.uncertainties.empty() ? 0 : plan.uncertainties[b].link.travel);
@@ -73,7 +73,7 @@ BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb>
   rotation_of_.resize(local_.size(), nullptr);
   moved_boxes_.resize(local_.size());
   if (!plan.uncertainties.empty()) moved_uncertainties_.resize(local_.size());
-  if (!boxes.empty()) part_boxes_.resize(pieces);
+  if (!boxes.empty()) part_boxes_.resize(parts);
 }
 
 void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
@@ -111,9 +111,9 @@ void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& 
                          parent == kNone ? nullptr : &uncertainty(parent), on && is_composed(*on), link);
     }
     if (boxes_.empty()) continue;
-    Aabb* const pieces = part_boxes_.data() + first_part_[i];
+    Aabb* const parts = part_boxes_.data() + first_part_[i];
     moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i], slack(body),
-                               [&](std::size_t p, const Aabb& box) { pieces[p] = box; });
+                               [&](std::size_t p, const Aabb& box) { parts[p] = box; });
   }
 }
 

@@ -59,7 +59,7 @@ class BodyPoses {
   /// Boxes of the parts of a moved body with a usable pose, if they exist already, otherwise empty.
   std::span<const Aabb> known_part_boxes(std::uint32_t body) const {
     if (part_boxes_.empty() || moved_slot_[body] == kNone) return {};
-    return std::span(part_boxes_).subspan(first_part_[moved_slot_[body]], scene_.bodies()[body].pieces.size());
+    return std::span(part_boxes_).subspan(first_part_[moved_slot_[body]], scene_.bodies()[body].parts.size());
   }
 
  private:

@@ -102,9 +102,9 @@ CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, 
   if (reply.point_a) detail::write(reply.point_a, index, origin_a + a.point_a);
   if (reply.point_b) detail::write(reply.point_b, index, origin_b + a.point_b);
   if (reply.normal) detail::write(reply.normal, index, a.normal);
-  if (reply.pieces) {
-    reply.pieces[2 * index] = a.part_a;
-    reply.pieces[2 * index + 1] = a.part_b;
+  if (reply.parts) {
+    reply.parts[2 * index] = a.part_a;
+    reply.parts[2 * index + 1] = a.part_b;
   }
   if (reply.gradient) detail::write_gradient(reply.gradient + 12 * index, a);
   if (reply.pair) reply.pair[index] = pair;

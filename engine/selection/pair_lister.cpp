@@ -125,7 +125,7 @@ std::uint64_t PairLister::list_some() {
     }
     if (p.a == p.b) refuse(next_, "body " + std::to_string(p.a) + " with itself");
     for (const std::uint32_t body : {p.a, p.b})
-      if (body < scene_.bodies().size() && scene_.bodies()[body].pieces.empty())
+      if (body < scene_.bodies().size() && scene_.bodies()[body].parts.empty())
         refuse(next_, "'" + scene_.bodies()[body].name + "' is a frame without geometry");
     pairs_.push_back(p);
     ++next_;

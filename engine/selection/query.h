@@ -85,7 +85,7 @@ struct ReplyView {
   double* point_a = nullptr;               ///< (rows, 3)
   double* point_b = nullptr;               ///< (rows, 3)
   double* normal = nullptr;                ///< (rows, 3)
-  std::uint32_t* pieces = nullptr;         ///< (rows, 2)
+  std::uint32_t* parts = nullptr;          ///< (rows, 2)
   double* gradient = nullptr;              ///< (rows, 2, 6); order and frame: kFieldGradient
   BodyPair* pair = nullptr;                ///< (rows,)
   std::uint32_t* configuration = nullptr;  ///< (rows,)
@@ -114,7 +114,7 @@ void for_each_column(F&& f, View&... view) {
   f(view.point_a..., 3);
   f(view.point_b..., 3);
   f(view.normal..., 3);
-  f(view.pieces..., 2);
+  f(view.parts..., 2);
   f(view.gradient..., 12);
   f(view.pair..., 1);
   f(view.configuration..., 1);

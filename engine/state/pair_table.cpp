@@ -18,7 +18,7 @@ PairTable::PairTable(const Scene& scene, std::span<const std::uint32_t> parents,
   for (std::uint32_t i = 0; i < bodies_; ++i)
     if (parents[i] != kNone) exclude(i, parents[i]);
   for (std::uint32_t i = 0; i < bodies_; ++i)
-    if (scene.bodies()[i].pieces.empty())  // a frame
+    if (scene.bodies()[i].parts.empty())  // a frame
       for (std::uint32_t j = 0; j < bodies_; ++j)
         if (j != i) exclude(i, j);
   std::sort(excluded.begin(), excluded.end());

@@ -30,7 +30,7 @@ bool same_joints(const Scene& old_scene, const Scene& scene, std::uint32_t id) {
 bool same_body(const Scene& old_scene, const Scene& scene, std::uint32_t id) {
   const std::vector<Body>&was = old_scene.bodies(), &is = scene.bodies();
   if (id >= was.size() || id >= is.size()) return id >= was.size() && id >= is.size();
-  return was[id].name == is[id].name && was[id].pieces == is[id].pieces && was[id].is_static == is[id].is_static &&
+  return was[id].name == is[id].name && was[id].parts == is[id].parts && was[id].is_static == is[id].is_static &&
          same_joints(old_scene, scene, id);
 }
 

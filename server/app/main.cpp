@@ -103,14 +103,14 @@ Scene load_scene(const DaemonOptions& options) {
 }
 
 void log_scene(const DaemonOptions& options, const Engine& engine, double load_seconds) {
-  std::size_t pieces = 0, vertices = 0;
+  std::size_t parts = 0, vertices = 0;
   for (const Body& body : engine.scene().bodies()) {
-    pieces += body.pieces.size();
-    for (const ConvexPartPtr& piece : body.pieces) vertices += piece->vertices.size();
+    parts += body.parts.size();
+    for (const ConvexPartPtr& part : body.parts) vertices += part->vertices.size();
   }
   log::info(
       "event=scene_loaded scene=\"{}\" bodies={} pieces={} vertices={} revision={:016x} backend={} seconds={:.3f}",
-      log_text(options.scene), engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(),
+      log_text(options.scene), engine.scene().bodies().size(), parts, vertices, engine.scene_revision(),
       engine.backend(), load_seconds);
   log_mesh_warnings(engine.scene(), mesh_warnings(engine.scene()));
   log_file_warnings(engine.scene());

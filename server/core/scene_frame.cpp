@@ -18,7 +18,7 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
   wire::set_name(record.name, body.name);
   record.parent = state.parent;
   record.is_static = body.is_static;
-  record.convex_part_count = static_cast<std::uint32_t>(body.pieces.size());
+  record.convex_part_count = static_cast<std::uint32_t>(body.parts.size());
   record.model_error = body.model_error;
   record.hull_excess = body.hull_excess;
   record.empty_share = body.empty_share;
@@ -27,7 +27,7 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
   record.is_cloud = is_cloud(body);
   record.triangle_count = triangle_count(body);
   record.extent = extent_of(body);
-  for (const ConvexPartPtr& piece : body.pieces) record.vertex_count += piece->vertices.size();
+  for (const ConvexPartPtr& part : body.parts) record.vertex_count += part->vertices.size();
   return record;
 }
 

@@ -19,7 +19,7 @@ void log_mesh_warnings(const Scene& scene, std::span<const MeshWarning> warnings
   std::unordered_map<const ConvexPart*, std::size_t> place;
   for (const MeshWarning& warning : warnings) {
     const Body& body = scene.bodies()[warning.body];
-    const auto [at, fresh] = place.try_emplace(body.pieces[0].get(), meshes.size());
+    const auto [at, fresh] = place.try_emplace(body.parts[0].get(), meshes.size());
     if (fresh) meshes.push_back({&body, &warning.text});
     ++meshes[at->second].bodies;
   }

@@ -172,7 +172,7 @@ void expect_same_rows(const Answer& a, const Answer& b, const std::string& what)
   same("status", v.status, w.status, 1), same("flags", v.flags, w.flags, 1), same("pair", v.pair, w.pair, 1);
   same("point_a", v.point_a, w.point_a, 3), same("point_b", v.point_b, w.point_b, 3),
       same("normal", v.normal, w.normal, 3);
-  same("configuration", v.configuration, w.configuration, 1), same("pieces", v.pieces, w.pieces, 2);
+  same("configuration", v.configuration, w.configuration, 1), same("pieces", v.parts, w.parts, 2);
 }
 
 struct Engines {
@@ -324,15 +324,15 @@ TEST(Boxes, HoldEveryVertexAtAnyPose) {
   Random random(4);
   for (int round = 0; round < 500; ++round) {
     const double size = std::pow(10, random.uniform(-9, 9)), place = std::pow(10, random.uniform(-9, 9));
-    const ConvexPartPtr piece = make_convex_part(random.cloud(10, {size, size, size}), random.below(2) ? size : 0.0);
+    const ConvexPartPtr part = make_convex_part(random.cloud(10, {size, size, size}), random.below(2) ? size : 0.0);
     const Pose X = random.pose(place);
     const Mat3<DoubleDouble> R = rotation_of_double_double(X);
-    const Aabb box = certify_box(*piece, rotation_of(X), X.translation);
-    for (const Vec3d& v : piece->vertices) {
+    const Aabb box = certify_box(*part, rotation_of(X), X.translation);
+    for (const Vec3d& v : part->vertices) {
       const Vec3<DoubleDouble> p = R * cast<DoubleDouble>(v) + cast<DoubleDouble>(X.translation);
       for (int k = 0; k < 3; ++k) {
-        EXPECT_TRUE(DoubleDouble(box.low[k]) <= p[k] - DoubleDouble(piece->radius));
-        EXPECT_TRUE(DoubleDouble(box.high[k]) >= p[k] + DoubleDouble(piece->radius));
+        EXPECT_TRUE(DoubleDouble(box.low[k]) <= p[k] - DoubleDouble(part->radius));
+        EXPECT_TRUE(DoubleDouble(box.high[k]) >= p[k] + DoubleDouble(part->radius));
       }
     }
   }

@@ -219,7 +219,7 @@ TEST(Worlds, TakeTheHullOfAMesh) {
   const Scene scene = Scene::load(source_file("scenes/benchmark_lite/scene.yaml"));
   const World world(scene);
   for (std::uint32_t b = 0; b < world.size(); ++b)
-    EXPECT_EQ(world.mesh(b).vertices.size(), scene.bodies()[b].pieces[0]->vertices.size());
+    EXPECT_EQ(world.mesh(b).vertices.size(), scene.bodies()[b].parts[0]->vertices.size());
   EXPECT_EQ(world.mesh(0).connections->triangles.size(), 2400u);
   EXPECT_LT(world.mesh(1).vertices.size(), scene.bodies()[1].display->vertices.size());
   const double by_scan = ask(*make_narrow("gjk"), world).distance;
@@ -233,7 +233,7 @@ TEST(Worlds, RefuseWhatTheReportDoesNotKnow) {
   EXPECT_THROW(World{round}, std::invalid_argument);
   Body body;
   body.name = "two";
-  body.pieces = {make_convex_part({{0, 0, 0}}), make_convex_part({{1, 0, 0}})};
+  body.parts = {make_convex_part({{0, 0, 0}}), make_convex_part({{1, 0, 0}})};
   many.add_body(body);
   EXPECT_THROW(World{many}, std::invalid_argument);
 }

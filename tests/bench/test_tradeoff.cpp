@@ -16,7 +16,7 @@ const std::string kScenes = source_file("scenes");
 double largest_extent(const MovingScene& s) {
   double size = 0;
   for (const Body& body : s.scene.bodies())
-    for (const ConvexPartPtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
+    for (const ConvexPartPtr& part : body.parts) size = std::max(size, part->spread + part->radius);
   return size;
 }
 

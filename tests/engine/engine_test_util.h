@@ -56,7 +56,7 @@ inline Scene mixed_scene(int count, double box, std::uint64_t seed) {
         body.is_static = options.is_static;
         std::vector<Vec3d> far = random.cloud(12, {0.2, 0.2, 0.2});
         for (Vec3d& v : far) v.x += 1.5;
-        body.pieces = {make_convex_part(random.cloud(12, {0.2, 0.2, 0.2})), make_convex_part(std::move(far), 0.05)};
+        body.parts = {make_convex_part(random.cloud(12, {0.2, 0.2, 0.2})), make_convex_part(std::move(far), 0.05)};
         scene.add_body(std::move(body));
       }
     }
@@ -73,7 +73,7 @@ inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
   boxes.add_box("one", {0.2, 0.2, 0.2}, {});
   std::vector<ConvexPartPtr> grid;
   for (int i = 0; i < 27; ++i) {
-    std::vector<Vec3d> corners = boxes.bodies()[0].pieces[0]->vertices;
+    std::vector<Vec3d> corners = boxes.bodies()[0].parts[0]->vertices;
     for (Vec3d& v : corners) v += Vec3d{0.25 * (i % 3), 0.25 * (i / 3 % 3), 0.25 * (i / 9)};
     grid.push_back(make_convex_part(std::move(corners)));
   }
@@ -83,11 +83,11 @@ inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
     body.pose = random.pose(box);
     body.is_static = i % 7 == 4;
     if (i % 10 == 3) {
-      body.pieces = grid;
+      body.parts = grid;
       if (i % 20 == 3)
         body.pose = Pose{{std::round(body.pose->translation.x), std::round(body.pose->translation.y), 0}};
     } else if (i >= 20 && i % 3 == 0) {
-      body.pieces = scene.bodies()[static_cast<std::size_t>(i % 10)].pieces;
+      body.parts = scene.bodies()[static_cast<std::size_t>(i % 10)].parts;
     } else {
       Vec3d at{0, 0, 0};
       for (int p = 0; p < kPieces[i % 10]; ++p) {
@@ -95,7 +95,7 @@ inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
             random.cloud(p % 6 == 5 ? 90 : 6 + static_cast<int>(random.below(30)), {0.06, 0.06, 0.06});
         for (Vec3d& x : v) x += at;
         at += Vec3d{random.uniform(-0.2, 0.25), random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2)};
-        body.pieces.push_back(make_convex_part(std::move(v), p % 4 == 2 ? 0.03 : 0.0));
+        body.parts.push_back(make_convex_part(std::move(v), p % 4 == 2 ? 0.03 : 0.0));
       }
     }
     scene.add_body(std::move(body));

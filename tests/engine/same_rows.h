@@ -38,7 +38,7 @@ inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uin
   expect_same_column("point_a", v.point_a, at, w.point_a, count, 3);
   expect_same_column("point_b", v.point_b, at, w.point_b, count, 3);
   expect_same_column("normal", v.normal, at, w.normal, count, 3);
-  expect_same_column("pieces", v.pieces, at, w.pieces, count, 2);
+  expect_same_column("pieces", v.parts, at, w.parts, count, 2);
   expect_same_column("gradient", v.gradient, at, w.gradient, count, 12);
   expect_same_column("pair", v.pair, at, w.pair, count, 1);
   expect_same_column("configuration", v.configuration, at, w.configuration, count, 1);

@@ -21,15 +21,15 @@ Scene parts_scene(Random& random, int count) {
   for (int i = 0; i < count; ++i) {
     Body body;
     body.name = "body" + std::to_string(i);
-    const int pieces = i % 3 == 0 ? 1 : 1 + static_cast<int>(random.below(5));
-    for (int p = 0; p < pieces; ++p) {
+    const int parts = i % 3 == 0 ? 1 : 1 + static_cast<int>(random.below(5));
+    for (int p = 0; p < parts; ++p) {
       const int sizes[] = {1, 2, 8, 30, 64, 150};
       std::vector<Vec3d> cloud = random.cloud(sizes[random.below(6)], {0.2, 0.2, 0.2});
       for (Vec3d& v : cloud) v += Vec3d{0.7 * p, random.uniform(-0.3, 0.3), 0};
-      body.pieces.push_back(make_convex_part(std::move(cloud), random.below(3) == 0 ? 0.05 : 0));
+      body.parts.push_back(make_convex_part(std::move(cloud), random.below(3) == 0 ? 0.05 : 0));
     }
-    if (i == 0) shared = body.pieces;
-    if (i == 1) body.pieces = shared;
+    if (i == 0) shared = body.parts;
+    if (i == 1) body.parts = shared;
     scene.add_body(std::move(body));
   }
   return scene;

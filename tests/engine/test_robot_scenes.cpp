@@ -24,16 +24,16 @@ TEST(RobotInAScene, LinksAreBodiesAndTheBaseIsAFrame) {
                       fore = scene.find_body("arm/fore");
   ASSERT_NE(base, kNone);
   ASSERT_NE(shoulder, kNone);
-  EXPECT_TRUE(scene.bodies()[base].pieces.empty());
-  EXPECT_TRUE(scene.bodies()[shoulder].pieces.empty()) << "a link without shapes";
-  EXPECT_EQ(scene.bodies()[fore].pieces.size(), 1u);
+  EXPECT_TRUE(scene.bodies()[base].parts.empty());
+  EXPECT_TRUE(scene.bodies()[shoulder].parts.empty()) << "a link without shapes";
+  EXPECT_EQ(scene.bodies()[fore].parts.size(), 1u);
   EXPECT_EQ(scene.bodies()[fore].parent, base);
   EXPECT_EQ(scene.joints().size(), 8u) << "the finger that mimics takes none";
   EXPECT_EQ(scene.joints()[scene.find_joint("arm/joint4")].upper, -0.07);
   EXPECT_EQ(joints_of(scene, "arm").size(), 8u);
   const Engine engine(scene);
   for (const BodyPair pair : engine.pairs({}))
-    for (const std::uint32_t body : {pair.a, pair.b}) EXPECT_FALSE(scene.bodies()[body].pieces.empty());
+    for (const std::uint32_t body : {pair.a, pair.b}) EXPECT_FALSE(scene.bodies()[body].parts.empty());
 }
 
 TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
@@ -77,15 +77,15 @@ TEST(RobotInAScene, SeveralShapesAreOneBodyEachWhereItsOriginSays) {
   Scene scene;
   scene.add_robot("r", {.urdf = urdf, .padding = 0.125});
   const Body& body = scene.bodies()[scene.find_body("r/only")];
-  ASSERT_EQ(body.pieces.size(), 2u);
+  ASSERT_EQ(body.parts.size(), 2u);
   double x = 0, y = 0;
-  for (const Vec3d& v : body.pieces[0]->vertices) x = std::max(x, v.x), y = std::max(y, v.y);
+  for (const Vec3d& v : body.parts[0]->vertices) x = std::max(x, v.x), y = std::max(y, v.y);
   EXPECT_NEAR(x, 1.2, 1e-15);
   EXPECT_NEAR(y, 0.1, 1e-15);
-  EXPECT_EQ(body.pieces[0]->radius, 0.125);
-  EXPECT_EQ(body.pieces[1]->vertices[0].z, -2);
-  EXPECT_NEAR(body.pieces[1]->radius, 0.625, 1e-15);
-  EXPECT_GE(body.pieces[1]->radius, 0.625) << "rounded up";
+  EXPECT_EQ(body.parts[0]->radius, 0.125);
+  EXPECT_EQ(body.parts[1]->vertices[0].z, -2);
+  EXPECT_NEAR(body.parts[1]->radius, 0.625, 1e-15);
+  EXPECT_GE(body.parts[1]->radius, 0.625) << "rounded up";
   EXPECT_EQ(body.padding, 0.125);
   EXPECT_GT(body.model_error, 0) << "a turned vertex is rounded";
   EXPECT_LT(body.model_error, 1e-15);
@@ -103,13 +103,13 @@ TEST(RobotInAScene, MeshesOfLinksAreWhatIsSaidOfThem) {
   scene.add_robot("all", {.urdf = urdf, .mesh_as = MeshAs::kSolid, .padding = 0.25});
   scene.add_robot("one", {.urdf = urdf, .link_mesh_as = {{"b", MeshAs::kSurface}}});
   const auto link = [&](const char* name) -> const Body& { return scene.bodies()[scene.find_body(name)]; };
-  ASSERT_EQ(link("all/a").pieces.size(), 2u);
-  const ConvexPart& moved = *link("all/a").pieces[0];
+  ASSERT_EQ(link("all/a").parts.size(), 2u);
+  const ConvexPart& moved = *link("all/a").parts[0];
   ASSERT_TRUE(moved.surface);
   EXPECT_TRUE(moved.surface->is_solid());
   EXPECT_EQ(moved.radius, 0.25);
   EXPECT_EQ(moved.surface->vertices()[0].x, 1);
-  EXPECT_FALSE(link("all/a").pieces[1]->surface);
+  EXPECT_FALSE(link("all/a").parts[1]->surface);
   EXPECT_TRUE(surface_of(link("all/b"))->is_solid());
   EXPECT_FALSE(surface_of(link("one/a")));
   EXPECT_FALSE(surface_of(link("one/b"))->is_solid());

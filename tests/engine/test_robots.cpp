@@ -255,7 +255,7 @@ TEST(JointQuery, WhereItsJointsStandDoesNotCount) {
   std::vector<BodyPair> pairs;
   for (std::uint32_t b = 1; b < scene.bodies().size(); ++b)
     for (std::uint32_t a = 0; a < b; ++a)
-      if (!scene.bodies()[a].pieces.empty() && !scene.bodies()[b].pieces.empty()) pairs.push_back({a, b});
+      if (!scene.bodies()[a].parts.empty() && !scene.bodies()[b].parts.empty()) pairs.push_back({a, b});
   const auto stand = [](Engine& engine, const std::vector<std::uint32_t>& joints, const std::vector<double>& at) {
     std::vector<JointPosition> update;
     for (std::size_t i = 0; i < joints.size(); ++i) update.push_back({joints[i], at[i]});

@@ -13,18 +13,18 @@ namespace {
 constexpr std::uint64_t kSlice = 16;  // units
 
 /// Bodies of many convex parts, each a cloud of 20 vertices, all overlapping.
-Scene heaps(int bodies, int pieces) {
+Scene heaps(int bodies, int parts) {
   Random random(5);
   Scene scene;
   for (int b = 0; b < bodies; ++b) {
     Body body;
     body.name = "heap" + std::to_string(b);
     body.pose = Pose{};
-    for (int p = 0; p < pieces; ++p) {
+    for (int p = 0; p < parts; ++p) {
       const Vec3d centre{random.uniform(-3, 3), random.uniform(-3, 3), random.uniform(-3, 3)};
       std::vector<Vec3d> vertices = random.cloud(20, {0.3, 0.3, 0.3});
       for (Vec3d& v : vertices) v = v + centre;
-      body.pieces.push_back(make_convex_part(std::move(vertices)));
+      body.parts.push_back(make_convex_part(std::move(vertices)));
     }
     scene.add_body(std::move(body));
   }
@@ -63,8 +63,8 @@ TEST(Slices, EndWithinAPairOfBodiesOfManyPieces) {
   EXPECT_LT(longest, 5000u);
   EXPECT_EQ(whole.view.lower[0], sliced.view.lower[0]);
   EXPECT_EQ(whole.view.upper[0], sliced.view.upper[0]);
-  EXPECT_EQ(whole.view.pieces[0], sliced.view.pieces[0]);
-  EXPECT_EQ(whole.view.pieces[1], sliced.view.pieces[1]);
+  EXPECT_EQ(whole.view.parts[0], sliced.view.parts[0]);
+  EXPECT_EQ(whole.view.parts[1], sliced.view.parts[1]);
 }
 
 TEST(Slices, GiveEveryReductionTheSameBits) {

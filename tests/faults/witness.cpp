@@ -40,7 +40,7 @@ std::pair<const void*, std::size_t> got(std::span<const T> column, int field_pos
 std::vector<std::byte> bytes_of(const Reply& r) {
   return bytes_of(r.rows(), r.total(), r.pairs(), r.configurations(), got(r.distance(), 0), got(r.lower(), 1),
                   got(r.upper(), 2), got(r.status(), 3), got(r.flags(), 4), got(r.point_a(), 5), got(r.point_b(), 6),
-                  got(r.normal(), 7), got(r.pieces(), 8), got(r.gradient(), 9), got(r.pair(), 10),
+                  got(r.normal(), 7), got(r.parts(), 8), got(r.gradient(), 9), got(r.pair(), 10),
                   got(r.configuration(), 11), got(r.compact(), 12));
 }
 
@@ -62,7 +62,7 @@ std::vector<std::byte> answer_of(const Engine& engine, const KnownQuery& questio
   const ReplyView& v = mine.view;
   return bytes_of(mine.info.rows, mine.info.total, mine.size.pairs, mine.size.configurations, own(v.distance, 0),
                   own(v.lower, 1), own(v.upper, 2), own(v.status, 3), own(v.flags, 4), own(v.point_a, 5),
-                  own(v.point_b, 6), own(v.normal, 7), own(v.pieces, 8), own(v.gradient, 9), own(v.pair, 10),
+                  own(v.point_b, 6), own(v.normal, 7), own(v.parts, 8), own(v.gradient, 9), own(v.pair, 10),
                   own(v.configuration, 11), own(v.compact, 12));
 }
 

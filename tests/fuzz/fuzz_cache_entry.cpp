@@ -35,13 +35,13 @@ void check_surface(const Surface& surface) {
 
 bool is_usable(const std::optional<Geometry>& geometry) {
   if (!geometry) return false;
-  require(!geometry->pieces.empty() && geometry->model_error >= 0, "a body has pieces and an error");
-  for (const ConvexPartPtr& piece : geometry->pieces) {
-    require(!piece->vertices.empty() && piece->radius >= 0, "a piece has vertices and a radius");
-    for (const Vec3d& v : piece->vertices)
+  require(!geometry->parts.empty() && geometry->model_error >= 0, "a body has pieces and an error");
+  for (const ConvexPartPtr& part : geometry->parts) {
+    require(!part->vertices.empty() && part->radius >= 0, "a piece has vertices and a radius");
+    for (const Vec3d& v : part->vertices)
       require(std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z), "vertices are finite");
-    if (piece->surface) check_surface(*piece->surface);
-    if (piece->table) check_table(*piece->table, piece->vertices.size());
+    if (part->surface) check_surface(*part->surface);
+    if (part->table) check_table(*part->table, part->vertices.size());
   }
   if (geometry->display)
     for (const Triangle& t : geometry->display->triangles)

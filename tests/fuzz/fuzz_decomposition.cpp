@@ -21,10 +21,10 @@ bool is_length(double x) {
 }
 
 void check_decomposition(const Decomposition& of) {
-  require(!of.pieces.empty() && of.pieces.size() == of.outer.size(), "each piece has an outer bound");
+  require(!of.parts.empty() && of.parts.size() == of.outer.size(), "each piece has an outer bound");
   require(is_length(of.inner) && std::ranges::all_of(of.outer, is_length), "bounds are lengths");
-  for (const ConvexPartPtr& piece : of.pieces)
-    require(piece && !piece->vertices.empty() && piece->radius == 0 && std::ranges::all_of(piece->vertices, is_finite),
+  for (const ConvexPartPtr& part : of.parts)
+    require(part && !part->vertices.empty() && part->radius == 0 && std::ranges::all_of(part->vertices, is_finite),
             "pieces are cores of finite vertices");
 }
 
@@ -38,16 +38,16 @@ struct Cube {
   }
 };
 
-std::vector<std::byte> record_of(std::shared_ptr<const Decomposition> pieces, Tables tables) {
+std::vector<std::byte> record_of(std::shared_ptr<const Decomposition> parts, Tables tables) {
   const Cube cube;
   Geometry geometry;
-  geometry.pieces = {make_surface_part(cube.vertices, cube.triangles, true, 0, 0, std::move(pieces))};
+  geometry.parts = {make_surface_part(cube.vertices, cube.triangles, true, 0, 0, std::move(parts))};
   return geometry_record(geometry, tables);
 }
 
 const Decomposition* read_back(const std::optional<Geometry>& geometry) {
-  if (!geometry || geometry->pieces.size() != 1 || !geometry->pieces[0]->surface) return nullptr;
-  return geometry->pieces[0]->surface->decomposition();
+  if (!geometry || geometry->parts.size() != 1 || !geometry->parts[0]->surface) return nullptr;
+  return geometry->parts[0]->surface->decomposition();
 }
 
 /// Reads arbitrary bytes as a record of the cache.
@@ -55,9 +55,9 @@ bool reads(Bytes record) {
   const std::optional<Geometry> geometry = geometry_of_record(record);
   if (!geometry) return false;
   bool any = false;
-  for (const ConvexPartPtr& piece : geometry->pieces) {
-    if (!piece->surface) continue;
-    const Surface& surface = *piece->surface;
+  for (const ConvexPartPtr& part : geometry->parts) {
+    if (!part->surface) continue;
+    const Surface& surface = *part->surface;
     require(!surface.is_solid() || open_edge(surface.vertices(), surface.triangles()).empty(), "a solid is closed");
     if (!surface.decomposition()) continue;
     check_decomposition(*surface.decomposition());
@@ -72,7 +72,7 @@ bool is_proved_anew(Input in) {
   auto claimed = std::make_shared<Decomposition>();
   std::vector<Vec3d> half;
   for (const Vec3d& v : Cube().vertices) half.push_back({std::min(v.x, 0.0), v.y, v.z});
-  claimed->pieces = {make_convex_part(half)};
+  claimed->parts = {make_convex_part(half)};
   claimed->inner = in.number<double>();
   claimed->outer = {in.number<double>()};
   const bool are_lengths = is_length(claimed->inner) && is_length(claimed->outer[0]);
@@ -96,13 +96,13 @@ bool is_proved(Input in) {
   const Cube cube;
   const Surface truth(cube.vertices, cube.triangles, true);
   Proposal proposal(in.number<std::uint8_t>() % 5);
-  for (std::vector<Vec3d>& piece : proposal) {
+  for (std::vector<Vec3d>& part : proposal) {
     const int corners = in.number<std::uint8_t>() % 10;
     const double scale = std::ldexp(1.0, in.number<std::int8_t>() / 2);
     for (int i = 0; i < corners; ++i) {
       Vec3d v;
       for (int k = 0; k < 3; ++k) v[k] = scale * in.number<std::int8_t>();
-      piece.push_back(v);
+      part.push_back(v);
     }
   }
   Decomposition proved;
@@ -116,11 +116,11 @@ bool is_proved(Input in) {
     return false;
   }
   check_decomposition(proved);
-  require(proved.pieces.size() == proposal.size(), "none is left out");
+  require(proved.parts.size() == proposal.size(), "none is left out");
   Measure measure(0);
   for (const Vec3d& v : cube.vertices) {
     double nearest = HUGE_VAL;
-    for (const ConvexPartPtr& piece : proved.pieces) nearest = std::min(nearest, measure.to(*piece, v).lower);
+    for (const ConvexPartPtr& part : proved.parts) nearest = std::min(nearest, measure.to(*part, v).lower);
     require(nearest <= proved.inner, "no corner of the mesh is farther from the pieces than the inner bound");
   }
   for (std::size_t i = 0; i < proposal.size(); ++i)

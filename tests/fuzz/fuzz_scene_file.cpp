@@ -12,7 +12,7 @@ CLEARANCE_FUZZ_TARGET(scene_file) {
     require(!scene.bodies().empty(), "a scene has a body");
     for (const Body& body : scene.bodies()) {
       require(!body.name.empty() && body.name.size() <= kMaxNameBytes, "names fit the wire");
-      require(!body.pieces.empty() || !scene.robots().empty(), "a body has a piece, unless it is a robot's frame");
+      require(!body.parts.empty() || !scene.robots().empty(), "a body has a piece, unless it is a robot's frame");
     }
     return true;
   } catch (const SceneError& error) {

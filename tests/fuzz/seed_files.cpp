@@ -112,11 +112,11 @@ void save_cache_entries() {
     save("cache_entry", name, input);
   };
   Geometry round;
-  round.pieces = {make_hull_part(ball.vertices, ball.triangles, 0.1)};
+  round.parts = {make_hull_part(ball.vertices, ball.triangles, 0.1)};
   save_record("good_ball", round);
   save_record("good_two_pieces", [] {
     Geometry two = geometry_of_shape(make_box({1, 2, 3}), 0, "box");
-    two.pieces.push_back(make_convex_part({{0, 0, 5}}, 1));
+    two.parts.push_back(make_convex_part({{0, 0, 5}}, 1));
     two.model_error = 0.25;
     return two;
   }());
@@ -131,7 +131,7 @@ void save_cache_entries() {
 void save_decompositions() {
   const Shape box = make_box({1, 2, 3});
   Geometry solid;
-  solid.pieces = {make_decomposed_part(box.vertices, box.triangles, std::array{box.vertices}, 0.25)};
+  solid.parts = {make_decomposed_part(box.vertices, box.triangles, std::array{box.vertices}, 0.25)};
   const Data record = geometry_record(solid);
   Data input;
   add(input, std::uint8_t{0});

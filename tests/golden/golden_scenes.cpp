@@ -51,7 +51,7 @@ using ConvexParts = std::vector<ConvexPartPtr>;
 
 // Bodies at random poses, in configurations that move two thirds of them; every seventh is static.
 template <class MakeParts>
-GoldenScene scene_of(const std::string& name, int count, double room, double cut_off, const MakeParts& pieces,
+GoldenScene scene_of(const std::string& name, int count, double room, double cut_off, const MakeParts& parts,
                      std::uint64_t seed) {
   GoldenScene g;
   g.name = name;
@@ -60,7 +60,7 @@ GoldenScene scene_of(const std::string& name, int count, double room, double cut
   for (int i = 0; i < count; ++i) {
     Body body;
     body.name = "b" + std::to_string(i);
-    body.pieces = pieces(dice, i);
+    body.parts = parts(dice, i);
     body.pose = dice.pose(room);
     body.is_static = i % 7 == 6;
     if (!body.is_static && i % 3 != 0) g.moved.push_back(static_cast<std::uint32_t>(i));
@@ -163,7 +163,7 @@ GoldenScene family() {
   for (int i = 0; i < 14; ++i) {
     Body body;
     body.name = "b" + std::to_string(i);
-    body.pieces = clouds(dice, i);
+    body.parts = clouds(dice, i);
     body.pose = dice.pose(i >= 8 ? 0.5 : 1.5);
     if (i >= 8) body.parent = static_cast<std::uint32_t>(i - 7);
     if (i == 6) body.pose.reset();

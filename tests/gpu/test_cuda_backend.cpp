@@ -25,8 +25,7 @@ Scene grouped_scene(int count, double box, std::uint64_t seed) {
       Body body;
       body.name = name;
       body.pose = options.pose;
-      body.pieces = {make_convex_part(cloud_on_sphere(10, 0.3, 5)),
-                     make_convex_part(cloud_on_sphere(10, 0.3, 6), 0.05)};
+      body.parts = {make_convex_part(cloud_on_sphere(10, 0.3, 5)), make_convex_part(cloud_on_sphere(10, 0.3, 6), 0.05)};
       scene.add_body(std::move(body));
     } else if (i % 4 == 0) {
       scene.add_capsule(name, 0.2, 0.5, options);
@@ -153,7 +152,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
       const Answer a = ask(device, warm);
       EXPECT_EQ(a.info.backend, "cuda");
       for (std::size_t row = 0; row < pairs.size(); ++row) {
-        if (scene.bodies()[pairs[row].a].pieces.size() * scene.bodies()[pairs[row].b].pieces.size() == 1) continue;
+        if (scene.bodies()[pairs[row].a].parts.size() * scene.bodies()[pairs[row].b].parts.size() == 1) continue;
         ++several;
         EXPECT_TRUE(same_bits(a.view.lower[row], expected.view.lower[row]) &&
                     same_bits(a.view.upper[row], expected.view.upper[row]));
@@ -171,7 +170,7 @@ TEST_F(CudaBackend, LeavesBodiesWithAPieceThatTheDeviceCannotHoldToTheCpu) {
     Body body;
     body.name = "both";
     body.pose = Pose{{0.1, 0.2, 0.3}};
-    body.pieces = {scene.bodies()[0].pieces[0], large.bodies()[0].pieces[0]};
+    body.parts = {scene.bodies()[0].parts[0], large.bodies()[0].parts[0]};
     scene.add_body(std::move(body));
     return scene;
   };
@@ -198,7 +197,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
     for (int i = 0; i < 60; ++i) {
       Body body;
       body.name = "b" + std::to_string(i);
-      body.pieces = shapes.bodies()[static_cast<std::size_t>(i) % shapes.bodies().size()].pieces;
+      body.parts = shapes.bodies()[static_cast<std::size_t>(i) % shapes.bodies().size()].parts;
       body.pose = random.pose(4);
       scene.add_body(std::move(body));
     }

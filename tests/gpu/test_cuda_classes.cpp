@@ -48,7 +48,7 @@ TEST_P(CudaClasses, HaveTheBitsOfTheCpuInConfigurations) {
         Body body;
         const Solid& solid = is_b ? *cases[i].b : *cases[i].a;
         body.name = (is_b ? "b" : "a") + std::to_string(i);
-        body.pieces = {make_convex_part(solid.vertices, solid.radius)};
+        body.parts = {make_convex_part(solid.vertices, solid.radius)};
         body.pose = is_b ? cases[i].X_wb : cases[i].X_wa;
         scene.add_body(std::move(body));
       }

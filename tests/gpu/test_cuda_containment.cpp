@@ -39,12 +39,12 @@ Scene bodies_of_all_kinds() {
       default: {
         Body body;
         body.name = name;
-        body.pieces = {make_convex_part(random.cloud(6, {0.4, 0.4, 0.4}))};
+        body.parts = {make_convex_part(random.cloud(6, {0.4, 0.4, 0.4}))};
         for (std::uint32_t p = 0; p < i / 6 % 4; ++p) {  // up to four convex parts
           std::vector<Vec3d> v = random.cloud(12, {0.2, 0.2, 0.2});
           const Vec3d at{random.uniform(-0.8, 0.8), random.uniform(-0.8, 0.8), 0};
           for (Vec3d& x : v) x += at;
-          body.pieces.push_back(make_convex_part(std::move(v), p == 1 ? 0.1 : 0.0));
+          body.parts.push_back(make_convex_part(std::move(v), p == 1 ? 0.1 : 0.0));
         }
         scene.add_body(std::move(body));
       }
@@ -84,12 +84,10 @@ std::vector<Exact> exact_answer(const Scene& scene, const std::vector<BodyPair>&
     for (std::size_t i; (i = next++) < rows.size();) {
       const BodyPair pair = pairs[i % pairs.size()];
       const Pose* X = poses.data() + i / pairs.size() * kBodies;
-      const auto view = [](const ConvexPartPtr& piece) {
-        return exact::ConvexPartView{piece->vertices, piece->radius};
-      };
+      const auto view = [](const ConvexPartPtr& part) { return exact::ConvexPartView{part->vertices, part->radius}; };
       rows[i] = {kInf, kInf};
-      for (const ConvexPartPtr& a : scene.bodies()[pair.a].pieces)
-        for (const ConvexPartPtr& b : scene.bodies()[pair.b].pieces) {
+      for (const ConvexPartPtr& a : scene.bodies()[pair.a].parts)
+        for (const ConvexPartPtr& b : scene.bodies()[pair.b].parts) {
           const exact::Value d = exact::exact_distance(view(a), X[pair.a], view(b), X[pair.b], false).distance;
           const Exact one = d.compare(0) > 0 ? Exact{d.lower(), d.upper()} : Exact{};
           rows[i] = {std::min(rows[i].below, one.below), std::min(rows[i].above, one.above)};

@@ -75,7 +75,7 @@ TEST_F(CudaReductions, FindNearPairsOfLargeScenes) {
       for (int i = 0; i < count; ++i) {
         Body body;
         body.name = "b" + std::to_string(i);
-        body.pieces = shapes.bodies()[static_cast<std::size_t>(i % 4)].pieces;
+        body.parts = shapes.bodies()[static_cast<std::size_t>(i % 4)].parts;
         body.is_static = i % 9 == 4;
         if (i % 500 != 33) body.pose = random.pose(side);
         scene.add_body(std::move(body));

@@ -20,8 +20,8 @@ Scene scene_of_all_kinds(int count, double box) {
       body.name = name;
       body.is_static = options.is_static;
       body.pose = options.pose;
-      body.pieces = {make_convex_part(cloud_on_sphere(10, 0.3, 5)),
-                     make_convex_part(random.cloud(10, {0.4, 0.1, 0.3}), 0.05)};
+      body.parts = {make_convex_part(cloud_on_sphere(10, 0.3, 5)),
+                    make_convex_part(random.cloud(10, {0.4, 0.1, 0.3}), 0.05)};
       scene.add_body(std::move(body));
     } else if (i % 4 == 0) {
       scene.add_capsule(name, 0.2, 0.5, options);
@@ -296,7 +296,7 @@ struct Soundness {
   static bool says_the_same(ReplyView a, ReplyView b, std::uint64_t row) {
     for (ReplyView* view : {&a, &b}) {
       view->point_a = view->point_b = view->normal = view->gradient = view->gradient_joints = nullptr;
-      view->pieces = nullptr;
+      view->parts = nullptr;
       view->flags = nullptr;
     }
     return same_row(a, b, row);

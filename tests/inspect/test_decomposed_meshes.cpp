@@ -55,19 +55,19 @@ TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
   write("l.obj.pieces.obj", both_boxes());
   Scene scene;
   scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {});
-  const Decomposition* pieces = convex_parts_of(scene);
-  ASSERT_TRUE(pieces);
-  ASSERT_EQ(pieces->pieces.size(), 2u);
-  EXPECT_LE(pieces->inner, 1e-12);
-  EXPECT_LE(pieces->most_outer(), 1e-3);
+  const Decomposition* parts = convex_parts_of(scene);
+  ASSERT_TRUE(parts);
+  ASSERT_EQ(parts->parts.size(), 2u);
+  EXPECT_LE(parts->inner, 1e-12);
+  EXPECT_LE(parts->most_outer(), 1e-3);
   EXPECT_TRUE(scene.bodies()[0].source.ends_with("(decompose)")) << scene.bodies()[0].source;
   EXPECT_TRUE(mesh_warnings(scene).empty());
   // Scaled, mirrored and grown, which does not change the parts.
   scene.add_mesh("grown", mesh, {-2, 1, 3}, MeshAs::kDecompose, {.radius = 0.5});
   ASSERT_TRUE(convex_parts_of(scene, 1));
   EXPECT_LE(convex_parts_of(scene, 1)->inner, 1e-12);
-  EXPECT_EQ(convex_parts_of(scene, 1)->pieces[0]->radius, 0);
-  EXPECT_EQ(scene.bodies()[1].pieces[0]->radius, 0.5);
+  EXPECT_EQ(convex_parts_of(scene, 1)->parts[0]->radius, 0);
+  EXPECT_EQ(scene.bodies()[1].parts[0]->radius, 0.5);
 }
 
 TEST_F(DecomposedMeshes, WithoutPiecesAreSolidsAndSayWhatToRun) {
@@ -115,31 +115,31 @@ TEST_F(DecomposedMeshes, AreKeptByTheCacheAndProvedAgainFromAFile) {
   write("l.obj.pieces.obj", both_boxes());
   MeshFile file(mesh);
   const Geometry made = MeshGeometries().make(file, {{1, 1, 1}, MeshAs::kDecompose, 0.25}, "l.obj");
-  const Decomposition& pieces = *made.pieces[0]->surface->decomposition();
+  const Decomposition& parts = *made.parts[0]->surface->decomposition();
   const auto is_same = [&](const Geometry& other) {
-    const Decomposition* d = other.pieces[0]->surface->decomposition();
-    return d && d->inner == pieces.inner && d->outer == pieces.outer && d->pieces.size() == pieces.pieces.size() &&
-           other.pieces[0]->digest == made.pieces[0]->digest;
+    const Decomposition* d = other.parts[0]->surface->decomposition();
+    return d && d->inner == parts.inner && d->outer == parts.outer && d->parts.size() == parts.parts.size() &&
+           other.parts[0]->digest == made.parts[0]->digest;
   };
   const std::optional<Geometry> kept = geometry_of_record(geometry_record(made));
   ASSERT_TRUE(kept);
   EXPECT_TRUE(is_same(*kept));
   // A file may come from anywhere: the lengths that it claims are ignored.
   Geometry claims = made;
-  auto less = std::make_shared<Decomposition>(pieces);
+  auto less = std::make_shared<Decomposition>(parts);
   less->inner = 0;
   less->outer = {0, 0};
-  const Surface& truth = *made.pieces[0]->surface;
-  claims.pieces[0] = make_surface_part({truth.vertices().begin(), truth.vertices().end()}, triangles_as_loaded(truth),
-                                       true, made.pieces[0]->radius, made.pieces[0]->loaded_vertices, less);
+  const Surface& truth = *made.parts[0]->surface;
+  claims.parts[0] = make_surface_part({truth.vertices().begin(), truth.vertices().end()}, triangles_as_loaded(truth),
+                                      true, made.parts[0]->radius, made.parts[0]->loaded_vertices, less);
   const std::string saved = write_geometry_file(folder_.path().string(), claims);
   EXPECT_TRUE(is_same(read_geometry_file(folder_ / saved)));
   // In a link's frame the parts deviate from the mesh by the rounding of both.
   const Geometry turned = moved(made, {{1, 2, 3}, {0.1, 0.2, 0.3}});
-  const Decomposition* there = turned.pieces[0]->surface->decomposition();
+  const Decomposition* there = turned.parts[0]->surface->decomposition();
   ASSERT_TRUE(there);
-  EXPECT_GT(there->inner, pieces.inner);
-  EXPECT_LE(there->inner, pieces.inner + 1e-14);
+  EXPECT_GT(there->inner, parts.inner);
+  EXPECT_LE(there->inner, parts.inner + 1e-14);
 }
 
 TEST_F(DecomposedMeshes, TheCommandProvesWhatIsThere) {
@@ -151,7 +151,7 @@ TEST_F(DecomposedMeshes, TheCommandProvesWhatIsThere) {
             std::string::npos);
   write("l.obj.pieces.obj", both_boxes());
   const DecomposedMesh done = decompose(options, stop);
-  EXPECT_EQ(done.pieces, 2u);
+  EXPECT_EQ(done.parts, 2u);
   EXPECT_EQ(done.triangles, 20u);
   EXPECT_LE(done.inner, 1e-12);
 }

@@ -50,7 +50,7 @@ TEST(Inspect, NineteenBodiesOfEveryForm) {
   EXPECT_EQ(of(scene, report, "brick").radius, 0.04);
   EXPECT_EQ(of(scene, report, "egg").form, "hull");
   EXPECT_EQ(of(scene, report, "chair").form, "mixed");
-  EXPECT_EQ(of(scene, report, "mug").pieces, 18u);
+  EXPECT_EQ(of(scene, report, "mug").parts, 18u);
   EXPECT_EQ(of(scene, report, "can").form, "cylinder");
   EXPECT_EQ(of(scene, report, "can").model_error, 0);
   EXPECT_EQ(of(scene, report, "egg").model_error, 0);
@@ -253,7 +253,7 @@ TEST(Inspect, GeometryHeldTwiceIsNamedAndCounted) {
   Body second = scene.bodies()[0];
   second.name = "two";
   second.pose = there.pose;
-  second.pieces = {std::make_shared<const ConvexPart>(*second.pieces[0])};
+  second.parts = {std::make_shared<const ConvexPart>(*second.parts[0])};
   scene.add_body(second);
   Body third = scene.bodies()[0];
   third.name = "three";

@@ -43,7 +43,7 @@ MUTANTS = [
     # Support functions and direction tables.
     *mutants_of(
         "mutants",
-        ("scan", "hull/support.cpp", "count = @piece.x.size()@", "(piece.x.size() + 8) / 16 * 8"),
+        ("scan", "hull/support.cpp", "count = @part.x.size()@", "(part.x.size() + 8) / 16 * 8"),
         ("lookup", "hull/direction_table.cpp", "table.cells[@v * grid + u@] = at", "u * grid + v"),
         (
             "corners", "hull/direction_table.cpp",
@@ -162,7 +162,7 @@ MUTANTS = [
         ),
         (
             "surface_radius", "mesh_distance/nearest_elements.cpp",
-            "radius + @b_->pieces[e.part_b]->radius@ + error_",
+            "radius + @b_->parts[e.part_b]->radius@ + error_",
             "0.0",
         ),
         (
@@ -215,8 +215,8 @@ MUTANTS = [
         ),
         (
             "outer_part", "decomposition/outer_bound.cpp",
-            "measure_.apart(at, piece_) > part.off",
-            "measure_.apart(at, piece_) >= 0",
+            "measure_.apart(at, part_) > part.off",
+            "measure_.apart(at, part_) >= 0",
         ),
     ),
     # Decomposed meshes: distances from convex parts.
@@ -224,12 +224,12 @@ MUTANTS = [
         "decomposed_bodies",
         (
             "pieces_inner", "mesh_distance/decomposed_pair.cpp",
-            "sum_above(decomposition->inner, piece->radius)",
-            "piece->radius",
+            "sum_above(decomposition->inner, part->radius)",
+            "part->radius",
         ),
         (
             "pieces_radius", "mesh_distance/decomposed_pair.cpp",
-            "sum_above(decomposition->inner, piece->radius)",
+            "sum_above(decomposition->inner, part->radius)",
             "decomposition->inner",
         ),
         ("pieces_failed", "mesh_distance/decomposed_pair.cpp", "has_failed_ = @true@", "false"),
@@ -239,7 +239,7 @@ MUTANTS = [
         "model",
         ("model_inner", "scene/scene_by_parts.cpp", "sum_above(body.model_inner, inner)", "body.model_inner"),
         ("model_outer", "scene/scene_by_parts.cpp", "sum_above(body.model_error, outer)", "body.model_error"),
-        ("model_radius", "scene/scene_by_parts.cpp", "with_radius(*core, piece->radius)", "core"),
+        ("model_radius", "scene/scene_by_parts.cpp", "with_radius(*core, part->radius)", "core"),
         (
             "model_held", "evaluate/evaluate_containment.cpp",
             "by_parts ? @search.slack.true_lower(found.lower)@ : found.lower",
@@ -310,8 +310,8 @@ MUTANTS = [
             "- @(x.half[k] + box_.half[k])@",
             "0.5 * (x.half[k] + box_.half[k])",
         ),
-        ("element_radius", "cuda/mesh/element_parts.cuh", "radii = @set.hull.radius + piece.radius@", "piece.radius"),
-        ("element_direction", "cuda/mesh/element_parts.cuh", "support(piece, R_.transpose_times(@-n_@))", "n_"),
+        ("element_radius", "cuda/mesh/element_parts.cuh", "radii = @set.hull.radius + part.radius@", "part.radius"),
+        ("element_direction", "cuda/mesh/element_parts.cuh", "support(part, R_.transpose_times(@-n_@))", "n_"),
         ("element_planes", "cuda/mesh/element_parts.cuh", "is_ahead ? x.high : -x.low", "is_ahead ? x.low : -x.high"),
         ("element_slabs", "cuda/mesh/element_set.cuh", "along * (@along > 0 ? high : low@)", "along > 0 ? low : high"),
         (

@@ -22,11 +22,11 @@ inline bool holds(const std::vector<Vec3d>& list, const Vec3d& v) {
 }
 
 /// The part without `vertices` in the lists of its direction table, although they are still vertices.
-inline ConvexPartPtr without_table_entries_of(const ConvexPart& piece, const std::vector<Vec3d>& vertices) {
-  ConvexPart cut = piece;
+inline ConvexPartPtr without_table_entries_of(const ConvexPart& part, const std::vector<Vec3d>& vertices) {
+  ConvexPart cut = part;
   if (!cut.table) return std::make_shared<const ConvexPart>(cut);
   DirectionTable table = *cut.table;
-  const auto gone = [&](std::uint32_t i) { return holds(vertices, piece.vertices[i]); };
+  const auto gone = [&](std::uint32_t i) { return holds(vertices, part.vertices[i]); };
   std::uint32_t other = 0;
   while (gone(other)) ++other;
   for (std::size_t at = 0; at < table.lists.size(); at += 1 + table.lists[at]) {

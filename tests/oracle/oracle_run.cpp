@@ -26,13 +26,13 @@ ConvexPartPtr part_of(const Solid& s) {
 Bench::Bench(std::span<const Case> cases, const std::string& backend, int threads, const Surgery& surgery)
     : count_(cases.size()) {
   Scene scene;
-  std::map<const Solid*, ConvexPartPtr> pieces;  // shared shapes are made once
+  std::map<const Solid*, ConvexPartPtr> parts;  // shared shapes are made once
   const auto add = [&](std::size_t i, bool is_b, const SolidPtr& solid, const Pose& X) {
-    ConvexPartPtr& piece = pieces[solid.get()];
-    if (!piece) piece = part_of(*solid);
+    ConvexPartPtr& part = parts[solid.get()];
+    if (!part) part = part_of(*solid);
     Body body;
     body.name = (is_b ? "b" : "a") + std::to_string(i);
-    body.pieces = {surgery ? surgery(piece, i, is_b) : piece};
+    body.parts = {surgery ? surgery(part, i, is_b) : part};
     body.pose = X;
     scene.add_body(std::move(body));
   };

@@ -21,7 +21,7 @@ namespace clearance::exact {
 ConvexPartPtr part_of(const Solid& s);
 
 /// Replaces a part that was loaded for body a or b of a case: damage unknown to the engine.
-using Surgery = std::function<ConvexPartPtr(const ConvexPartPtr& piece, std::size_t index, bool is_b)>;
+using Surgery = std::function<ConvexPartPtr(const ConvexPartPtr& part, std::size_t index, bool is_b)>;
 
 /// Some cases as one scene, two bodies per case, loaded into one engine.
 class Bench {

@@ -70,7 +70,7 @@ SolidPtr cloud(Random& random, int count, double size, double radius = 0) {
 Body body_of(const std::string& name, const SolidPtr& solid, const Pose& X) {
   Body body;
   body.name = name;
-  body.pieces = {make_convex_part(solid->vertices, solid->radius)};
+  body.parts = {make_convex_part(solid->vertices, solid->radius)};
   body.pose = X;
   return body;
 }
@@ -168,7 +168,7 @@ void try_shapes(Random& random, bool depth, Findings& findings) {
     body.name = name;
     std::vector<Vec3d> v = solid.vertices;
     for (Vec3d& x : v) x += random.direction() * (h * (1 - 1e-9) * random.uniform());
-    body.pieces = {make_convex_part(std::move(v), solid.radius)};
+    body.parts = {make_convex_part(std::move(v), solid.radius)};
     body.model_error = body.model_inner = h;
     body.pose = X;
     scene.add_body(std::move(body));
@@ -218,7 +218,7 @@ std::uint32_t add_cylinder(Scene& scene, CylinderAs as, const std::string& name,
   const Geometry prism = geometry_of_shape(make_cylinder(r, length), 0, "cylinder");
   Body body;
   body.name = name;
-  body.pieces = prism.pieces;
+  body.parts = prism.parts;
   body.model_error = prism.model_error;
   body.source = prism.source;
   body.pose = pose;

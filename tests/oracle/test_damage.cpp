@@ -76,9 +76,9 @@ TEST(Damage, AMissingTableEntryIsFound) {
   std::vector<Result> truth;
   for (const Case& c : cases) truth.push_back(exact_answer(c));
   int found = 0;
-  const Bench bench(cases, "cpu", 1, [&](const ConvexPartPtr& piece, std::size_t i, bool is_b) {
-    EXPECT_TRUE(piece->table);
-    return is_b ? piece : without_table_entries_of(*piece, decisive(cases[i], truth[i], false));
+  const Bench bench(cases, "cpu", 1, [&](const ConvexPartPtr& part, std::size_t i, bool is_b) {
+    EXPECT_TRUE(part->table);
+    return is_b ? part : without_table_entries_of(*part, decisive(cases[i], truth[i], false));
   });
   const std::vector<Answer> answers = bench.ask(with_depth("cpu"));
   for (std::size_t i = 0; i < cases.size(); ++i)

@@ -58,7 +58,7 @@ class Bodies : public LoopTest {
 
 TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
   start_editable(small_scene());
-  const ConvexPartPtr cup = bodies()[1].pieces[0];
+  const ConvexPartPtr cup = bodies()[1].parts[0];
   const std::uint64_t before = loop_->engine().scene_revision();
   const BodyPose moved{1, Pose{{0, 0, 0.7}}};
   loop_->on_poses(std::span(&moved, 1), 5);
@@ -67,7 +67,7 @@ TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
   EXPECT_EQ(added.body_count, 5u);
   EXPECT_NE(added.scene_revision, before);
   EXPECT_EQ(added.scene_revision, loop_->engine().scene_revision());
-  EXPECT_EQ(bodies()[1].pieces[0], cup) << "the others' geometry is shared, not made again";
+  EXPECT_EQ(bodies()[1].parts[0], cup) << "the others' geometry is shared, not made again";
   EXPECT_EQ(loop_->engine().body_state(1).X_wb.translation.z, 0.7) << "poses stay";
   EXPECT_EQ(loop_->engine().body_state(4).parent, 2u);
   TestQuery every;
@@ -176,7 +176,7 @@ TEST_F(Bodies, WhatIsNotKnownOfAnAddedOneCountsOnce) {
   const Body& crate = bodies()[4];
   EXPECT_EQ(crate.uncertainty.angle, 0.02);
   EXPECT_EQ(crate.max_speed, 0.5);
-  EXPECT_NEAR(crate.pieces[0]->radius, 0.4, 1e-15) << "grown once: by the padding, and by the ball of its place";
+  EXPECT_NEAR(crate.parts[0]->radius, 0.4, 1e-15) << "grown once: by the padding, and by the ball of its place";
   TestQuery query;
   query.pairs = {{0, 4}};
   const Reply answer = ask(b_, query);
@@ -194,7 +194,7 @@ TEST_F(Bodies, WhatIsNotKnownOfAnAddedOneCountsOnce) {
   EXPECT_LT(answer.lower()[0], known);
   EXPECT_GT(answer.upper()[0], answer.lower()[0]) << "its turn, and the age of its pose";
   change(simple_frame(FrameType::kReload, 3));
-  EXPECT_NEAR(bodies()[4].pieces[0]->radius, 0.4, 1e-15) << "also after a reload";
+  EXPECT_NEAR(bodies()[4].parts[0]->radius, 0.4, 1e-15) << "also after a reload";
 }
 
 TEST_F(Bodies, AnAddedMeshIsWhatItsClientSays) {

@@ -17,16 +17,15 @@ __device__ inline double above_zero(double x) {
 // Metres, the set's axes.
 class PartBefore {
  public:
-  __device__ PartBefore(const ElementSet& set, const PlacedFrame& elements, const HullHead& piece,
+  __device__ PartBefore(const ElementSet& set, const PlacedFrame& elements, const HullHead& part,
                         const PlacedFrame& other)
       : R_(elements.R_wb.transpose_times(other.R_wb)),
         D_(elements.R_wb.transpose_times(other.t_w - elements.t_w)),
-        own_{piece.centre, piece.half},
-        box_{R_ * piece.centre + D_, {0, 0, 0}} {
-    for (int k = 0; k < 3; ++k) box_.half[k] = dot(absolute(R_.row[k]), piece.half);
-    const double radii = set.hull.radius + piece.radius;
-    margin_ =
-        radii + (kGapUnits * (norm(D_) + set.hull.rho + piece.rho + radii) + Arithmetic<double>::kUnderflowLength);
+        own_{part.centre, part.half},
+        box_{R_ * part.centre + D_, {0, 0, 0}} {
+    for (int k = 0; k < 3; ++k) box_.half[k] = dot(absolute(R_.row[k]), part.half);
+    const double radii = set.hull.radius + part.radius;
+    margin_ = radii + (kGapUnits * (norm(D_) + set.hull.rho + part.rho + radii) + Arithmetic<double>::kUnderflowLength);
   }
 
   // Lower bound, at least 0.
@@ -50,11 +49,11 @@ class PartBefore {
 
   // Adds a direction along which later gaps are measured.
   // \param n_c from the set towards the convex part, of any length
-  __device__ void look_along(const Vec3d& n_c, const Part& piece) {
+  __device__ void look_along(const Vec3d& n_c, const Part& part) {
     const double length = norm(n_c);
     if (!(length > 1e-140 && length < __builtin_inf())) return;
     n_ = n_c * (1 / length);
-    from_ = dot(n_, D_) - support(piece, R_.transpose_times(-n_)).value;
+    from_ = dot(n_, D_) - support(part, R_.transpose_times(-n_)).value;
     looks_ = true;
   }
   // Rotates a direction from the convex part's axes to the set's.

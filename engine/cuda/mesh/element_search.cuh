@@ -35,13 +35,13 @@ class HullSearch : public WarpSearch {
         set_(r.elements.sets[r.elements.of_body[elements_first_ ? at_a.body : at_b.body]]) {
     const std::uint32_t body = elements_first_ ? at_b.body : at_a.body;
     first_part_ = c_.hulls.part_begin[body];
-    pieces_ = c_.hulls.part_begin[body + 1] - first_part_;
+    parts_ = c_.hulls.part_begin[body + 1] - first_part_;
   }
 
   // If kConverged, the thread with has_answer() holds the answer.
   // \param answer has the pair's flags
   __device__ PairOutcome run(PairAnswer& answer) {
-    for (std::uint32_t piece = 0; piece < pieces_ && !is_over(); ++piece) search(piece, answer);
+    for (std::uint32_t convex_part = 0; convex_part < parts_ && !is_over(); ++convex_part) search(convex_part, answer);
     if (is_open_) return PairOutcome::kUnresolved;
     if (overlaps_) return PairOutcome::kConverged;
     const double lower = least_of_warp(lower_);
@@ -54,8 +54,8 @@ class HullSearch : public WarpSearch {
   }
 
  private:
-  __device__ void search(std::uint32_t piece, PairAnswer& answer) {
-    const HullHead* const head = c_.hulls.heads + c_.hulls.part_hull[first_part_ + piece];
+  __device__ void search(std::uint32_t convex_part, PairAnswer& answer) {
+    const HullHead* const head = c_.hulls.heads + c_.hulls.part_hull[first_part_ + convex_part];
     PartBefore before(set_, elements_first_ ? of_a_ : of_b_, *head, elements_first_ ? of_b_ : of_a_);
     stacked_ = waiting_ = 0;
     put_root(before);
@@ -63,13 +63,13 @@ class HullSearch : public WarpSearch {
       if (stacked_ > 0 && waiting_ < 32)
         open(before);
       else
-        look(piece, *head, before, answer);
+        look(convex_part, *head, before, answer);
     }
     leave_out_all(room_.node_gap, stacked_);
     leave_out_all(room_.element_gap, waiting_);
     __syncwarp();
     if (is_over())  // the other convex parts are not searched
-      for (std::uint32_t other = piece + 1 + lane(); other < pieces_; other += 32) {
+      for (std::uint32_t other = convex_part + 1 + lane(); other < parts_; other += 32) {
         const HullHead& of = c_.hulls.heads[c_.hulls.part_hull[first_part_ + other]];
         const PartBefore there(set_, elements_first_ ? of_a_ : of_b_, of, elements_first_ ? of_b_ : of_a_);
         leave_out(there.gap(LoadedNode<Elements>(set_, 0).bounds, __builtin_inf()));
@@ -136,7 +136,7 @@ class HullSearch : public WarpSearch {
   }
 
   // Evaluates waiting elements, one per thread.
-  __device__ void look(std::uint32_t piece, const HullHead& head, PartBefore& before, PairAnswer& answer) {
+  __device__ void look(std::uint32_t convex_part, const HullHead& head, PartBefore& before, PairAnswer& answer) {
     __syncwarp();
     const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
     waiting_ -= count;
@@ -157,15 +157,15 @@ class HullSearch : public WarpSearch {
     const ElementHull<Elements> hull(set_, element);
     const Part x = hull_part(c_.hulls, &head), e = hull.part();
     Vec3d along;
-    if (ask(there, limit, elements_first_ ? e : x, elements_first_ ? x : e, {piece, element}, answer, along))
+    if (ask(there, limit, elements_first_ ? e : x, elements_first_ ? x : e, {convex_part, element}, answer, along))
       before.look_along(elements_first_ ? along : before.turned(-along), x);
-    if (overlaps_ && is_writer_) set_parts(piece, answer);
+    if (overlaps_ && is_writer_) set_parts(convex_part, answer);
   }
 
-  __device__ void set_parts(std::uint32_t piece, PairAnswer& answer) const {
+  __device__ void set_parts(std::uint32_t convex_part, PairAnswer& answer) const {
     if (!q_.want_points) return;
-    answer.part_a = elements_first_ ? 0 : piece;
-    answer.part_b = elements_first_ ? piece : 0;
+    answer.part_a = elements_first_ ? 0 : convex_part;
+    answer.part_b = elements_first_ ? convex_part : 0;
   }
 
   // Whether a convex part lies inside the solid, given that all triangles are farther than `apart` (docs/bounds.md,
@@ -173,8 +173,8 @@ class HullSearch : public WarpSearch {
   __device__ PairOutcome look_within(double apart, PairAnswer& answer) {
     const PlacedFrame &outer = elements_first_ ? of_a_ : of_b_, &inner = elements_first_ ? of_b_ : of_a_;
     const Vec3d shift = inner.t_w - outer.t_w;
-    for (std::uint32_t piece = 0; piece < pieces_; ++piece) {
-      const HullHead& head = c_.hulls.heads[c_.hulls.part_hull[first_part_ + piece]];
+    for (std::uint32_t convex_part = 0; convex_part < parts_; ++convex_part) {
+      const HullHead& head = c_.hulls.heads[c_.hulls.part_hull[first_part_ + convex_part]];
       if (PartBefore(set_, outer, head, inner).gap(LoadedNode<Elements>(set_, 0).bounds, 0) > 0) continue;
       if (!knows_side(apart, shift, set_.hull, head)) return PairOutcome::kUnresolved;
       // The whole part lies on one side, so if float64 is unsure of one of its points, another may decide.
@@ -187,7 +187,7 @@ class HullSearch : public WarpSearch {
       if (!winding.is_sure) return PairOutcome::kUnresolved;
       if (winding.number == 0) continue;
       add_held(elements_first_, turned + shift, turned, apart, answer);
-      set_parts(piece, answer);
+      set_parts(convex_part, answer);
       return PairOutcome::kConverged;
     }
     return PairOutcome::kNone;
@@ -208,7 +208,7 @@ class HullSearch : public WarpSearch {
   const Lists room_;
   const bool elements_first_;
   const ElementSet& set_;
-  std::uint32_t first_part_, pieces_;
+  std::uint32_t first_part_, parts_;
   std::uint32_t stacked_ = 0, waiting_ = 0;
 };
 

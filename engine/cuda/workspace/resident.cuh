@@ -44,8 +44,8 @@ class ResidentHulls {
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
   const HullHead& head(std::uint32_t hull) const { return heads_[hull]; }
   bool is_shared(std::uint32_t hull) const { return heads_[hull].count <= kMostSharedVertices; }
-  bool has_several() const { return has_several_; }          ///< whether a body has several convex parts
-  std::size_t pieces() const { return part_begin_.back(); }  ///< of all bodies on the device
+  bool has_several() const { return has_several_; }         ///< whether a body has several convex parts
+  std::size_t parts() const { return part_begin_.back(); }  ///< of all bodies on the device
   std::uint32_t convex_parts_of(std::uint32_t body) const { return part_begin_[body + 1] - part_begin_[body]; }
 
  private:

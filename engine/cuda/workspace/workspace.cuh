@@ -92,7 +92,7 @@ class QuerySide : public Interface {
     setup_.clear();
     find_moved_parts(s.moved_body);
     const std::size_t moved_body = setup_.add(s.moved_body),
-                      pieces = setup_.add(std::span<const std::uint32_t>(moved_part_begin_)),
+                      parts = setup_.add(std::span<const std::uint32_t>(moved_part_begin_)),
                       source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
                       own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base),
                       slot_state = setup_.add(s.slot_state), margins = setup_.add(s.margins),
@@ -112,7 +112,7 @@ class QuerySide : public Interface {
     for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
       check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
     bodies_.moved_body = setup_.at<std::uint32_t>(moved_body);
-    bodies_.moved_part_begin = setup_.at<std::uint32_t>(pieces);
+    bodies_.moved_part_begin = setup_.at<std::uint32_t>(parts);
     bodies_.moved_count = static_cast<std::uint32_t>(s.moved_body.size());
     moves_ = {nullptr,
               s.given_count,
@@ -175,7 +175,7 @@ class QuerySide : public Interface {
     const std::size_t n = fixed_count_, boxes = s.boxes ? n * kBoxComponents * sizeof(double) : 0;
     const std::size_t outer_at = (fixed_bytes() + boxes + 15) / 16 * 16;
     const std::size_t parts_at = outer_at + (s.boxes ? n * sizeof(OuterBox) : 0);
-    std::byte* memory = device_bodies_.reserve(parts_at + (hulls_.has_several() ? hulls_.pieces() * kPartBoxBytes : 0));
+    std::byte* memory = device_bodies_.reserve(parts_at + (hulls_.has_several() ? hulls_.parts() * kPartBoxBytes : 0));
     auto* outer = s.boxes ? reinterpret_cast<OuterBox*>(memory + outer_at) : nullptr;
     bodies_ = {};
     bodies_.uncertainties = uncertainties;
@@ -221,8 +221,8 @@ class QuerySide : public Interface {
 
   // Memory for a chunk's moved bodies: outer boxes, boxes of convex parts, components, slacks, states.
   struct MovedRoom {
-    std::size_t states, boxes, pieces, numbers, slacks;
-    std::size_t bytes() const { return boxes + pieces + numbers + slacks + states; }
+    std::size_t states, boxes, parts, numbers, slacks;
+    std::size_t bytes() const { return boxes + parts + numbers + slacks + states; }
   };
   MovedRoom moved_room(std::uint32_t configurations) const {
     const std::size_t states = std::size_t{bodies_.moved_count} * configurations;
@@ -251,13 +251,13 @@ class QuerySide : public Interface {
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
     const Pose* given = send_given(slot, chunk, Given::kPoses, chunk.poses, given_count_);
     const MovedRoom room = moved_room(chunk.configurations);
-    const auto [states, boxes, pieces, numbers, slacks] = room;
+    const auto [states, boxes, parts, numbers, slacks] = room;
     std::byte* memory = slot.device_bodies.reserve(room.bytes());
     bodies.moved_box = bodies.fixed_box ? reinterpret_cast<OuterBox*>(memory) : nullptr;
-    bodies.moved_part_box = pieces > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;
-    bodies.moved = reinterpret_cast<double*>(memory + boxes + pieces);
-    bodies.uncertainties.moved = reinterpret_cast<BodySlack*>(memory + boxes + pieces + numbers);
-    bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + pieces + numbers + slacks);
+    bodies.moved_part_box = parts > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;
+    bodies.moved = reinterpret_cast<double*>(memory + boxes + parts);
+    bodies.uncertainties.moved = reinterpret_cast<BodySlack*>(memory + boxes + parts + numbers);
+    bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + parts + numbers + slacks);
     MovesView moves = moves_;
     moves.given = given;
     moves.frames = place_frames(slot, chunk);

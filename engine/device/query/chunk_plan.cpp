@@ -119,7 +119,7 @@ class Dealer {
     return group;
   }
 
-  std::size_t convex_parts_of(std::uint32_t body) const { return scene_.bodies()[body].pieces.size(); }
+  std::size_t convex_parts_of(std::uint32_t body) const { return scene_.bodies()[body].parts.size(); }
 
   ChunkPlan::Part::Groups add_groups(std::span<const Group> groups, const Group& ungrouped, const Group& several,
                                      std::uint32_t configurations) {
@@ -158,7 +158,7 @@ BodyKind kind_of(const Scene& scene, const Device& device, std::uint32_t body) {
   const Body& of = scene.bodies()[body];
   if (is_cloud(of)) return BodyKind::kPoints;
   if (!has_surface(of)) return BodyKind::kUnknown;
-  return of.pieces.size() == 1 ? BodyKind::kMesh : BodyKind::kLeft;
+  return of.parts.size() == 1 ? BodyKind::kMesh : BodyKind::kLeft;
 }
 
 // The kernel for pairs of two such bodies, one of which is not a hull. Null if the CPU answers them.
@@ -267,16 +267,16 @@ std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const Scene& sce
     const Body& of = scene.bodies()[body];
     const bool is_empty = is_cloud(of) && of.cloud != CloudState::kPoints;
     all->bodies.push_back({body, extents_around(of), is_empty, nullptr});
-    if (is_empty || of.pieces.size() != 1) continue;
+    if (is_empty || of.parts.size() != 1) continue;
     KnownElements& known = elements_[body];
-    if (known.surface != of.pieces[0]->surface) {
+    if (known.surface != of.parts[0]->surface) {
       // A query still in flight keeps the previous points in place.
       std::shared_ptr<ResidentElements> room = std::exchange(known.resident, nullptr);
       known.surface = nullptr;
       if (room.use_count() > 1) room = nullptr;
-      known.resident = device_->upload(*of.pieces[0]->surface, std::move(room));
+      known.resident = device_->upload(*of.parts[0]->surface, std::move(room));
       if (!known.resident) return nullptr;
-      known.surface = of.pieces[0]->surface;
+      known.surface = of.parts[0]->surface;
     }
     all->bodies.back().resident = known.resident.get();
     all->resident.push_back(known.resident);

@@ -11,7 +11,7 @@ namespace clearance {
 
 /// Extents around the whole body.
 inline HullExtents extents_around(const Body& body) {
-  if (body.pieces.size() == 1) return body.pieces[0]->extents();
+  if (body.parts.size() == 1) return body.parts[0]->extents();
   constexpr double kMore = 1 + 0x1p-48;
   HullExtents around;
   Vec3d low, high;
@@ -19,12 +19,12 @@ inline HullExtents extents_around(const Body& body) {
     low[k] = std::numeric_limits<double>::infinity();
     high[k] = -low[k];
   }
-  for (const ConvexPartPtr& piece : body.pieces) {
-    around.rho = std::max(around.rho, piece->rho);
-    around.radius = std::max(around.radius, piece->radius);
+  for (const ConvexPartPtr& part : body.parts) {
+    around.rho = std::max(around.rho, part->rho);
+    around.radius = std::max(around.radius, part->radius);
     for (int k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], difference_below(piece->centre[k], piece->half[k]));
-      high[k] = std::max(high[k], sum_above(piece->centre[k], piece->half[k]));
+      low[k] = std::min(low[k], difference_below(part->centre[k], part->half[k]));
+      high[k] = std::max(high[k], sum_above(part->centre[k], part->half[k]));
     }
   }
   around.centre = 0.5 * low + 0.5 * high;

@@ -24,7 +24,7 @@ inline void add_ellipsoids(Scene& scene, const std::string& name, const std::vec
       x = x * (1 / norm(x));
       x = Vec3d{x.x * sizes[p].x, x.y * sizes[p].y, x.z * sizes[p].z} + middles[p];
     }
-    body.pieces.push_back(make_convex_part(std::move(v)));
+    body.parts.push_back(make_convex_part(std::move(v)));
   }
   scene.add_body(std::move(body));
 }
@@ -42,7 +42,7 @@ inline void add_boxes(Scene& scene, const std::string& name, const std::vector<V
                         corner & 2 ? 0.5 * sizes[p].y : -0.5 * sizes[p].y,
                         corner & 4 ? 0.5 * sizes[p].z : -0.5 * sizes[p].z} +
                   middles[p]);
-    body.pieces.push_back(make_convex_part(std::move(v)));
+    body.parts.push_back(make_convex_part(std::move(v)));
   }
   scene.add_body(std::move(body));
 }

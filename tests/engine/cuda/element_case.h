@@ -75,8 +75,8 @@ struct ElementCase {
     scene.add_capsule("capsule", 0.1, 0.4, {});
     Body two;
     two.name = "two";
-    two.pieces = {make_convex_part({{0, 0, 0}, {0.2, 0, 0}, {0, 0.2, 0}, {0, 0, 0.2}}),
-                  make_convex_part({{0.3, 0, 0}, {0.5, 0, 0}, {0.4, 0.2, 0}, {0.4, 0, 0.3}, {0.45, 0.3, 0.3}}, 0.02)};
+    two.parts = {make_convex_part({{0, 0, 0}, {0.2, 0, 0}, {0, 0.2, 0}, {0, 0, 0.2}}),
+                 make_convex_part({{0.3, 0, 0}, {0.5, 0, 0}, {0.4, 0.2, 0}, {0.4, 0, 0.3}, {0.45, 0.3, 0.3}}, 0.02)};
     scene.add_body(std::move(two));
     if (!elements_first) add_elements();
     scene.add_box("wall", {0.1, 2, 2}, {.is_static = true, .pose = Pose{{1.5, 0, 0}}});

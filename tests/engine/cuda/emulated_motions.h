@@ -161,12 +161,12 @@ class HostMotions {
   }
   void place_rooms(std::size_t S, std::size_t M) {
     BodiesView& view = m_.chunk.bodies;
-    std::size_t pieces = 0;
-    for (const std::uint32_t body : bodies_.plan.moved) pieces += scene_.bodies()[body].pieces.size();
+    std::size_t parts = 0;
+    for (const std::uint32_t body : bodies_.plan.moved) parts += scene_.bodies()[body].parts.size();
     view.moved = room<double>(S * M * HostBodies::kComponents);
     view.moved_state = room<std::uint8_t>(S * M);
     view.moved_box = room<OuterBox>(S * M);
-    view.moved_part_box = room<double>(S * pieces * kBoxComponents);
+    view.moved_part_box = room<double>(S * parts * kBoxComponents);
     view.uncertainties.moved = room<BodySlack>(S * M);
   }
 

@@ -37,8 +37,8 @@ class HostElements {
       set.hull = extents_around(body);
       set.body = b;
       set.is_empty = is_cloud(body) && body.cloud != CloudState::kPoints;
-      if (set.is_empty || body.pieces.size() != 1) continue;
-      const ElementArrays& of = arrays_.emplace_back(*body.pieces[0]->surface);
+      if (set.is_empty || body.parts.size() != 1) continue;
+      const ElementArrays& of = arrays_.emplace_back(*body.parts[0]->surface);
       set.centre = of.set.centre;
       set.half = of.set.half;
       set.reach = of.set.reach;

@@ -152,15 +152,15 @@ struct HostBodies {
     return frames;
   }
   void make_room_for_moved(const HullsView& hulls, std::size_t K, std::size_t M) {
-    std::uint32_t pieces = 0;
+    std::uint32_t parts = 0;
     for (const std::uint32_t body : plan.moved) {
-      moved_part_begin.push_back(pieces);
-      pieces += hulls.part_begin[body + 1] - hulls.part_begin[body];
+      moved_part_begin.push_back(parts);
+      parts += hulls.part_begin[body + 1] - hulls.part_begin[body];
     }
     moved.resize(K * M * kComponents);
     moved_state.resize(K * M);
     moved_box.resize(K * M);
-    moved_part_box.resize(K * pieces * kBoxComponents);
+    moved_part_box.resize(K * parts * kBoxComponents);
     moved_slack.resize(K * M);
     view.moved_box = moved_box.data();
     view.moved = moved.data();

@@ -37,8 +37,8 @@ struct MeshCase {
     nothing = cloud + 1;
     Body both;
     both.name = "several";
-    both.pieces = {scene.bodies()[links[0]].pieces[0],
-                   make_convex_part({{0.3, 0, 0}, {0.5, 0, 0}, {0.4, 0.2, 0}, {0.4, 0, 0.3}})};
+    both.parts = {scene.bodies()[links[0]].parts[0],
+                  make_convex_part({{0.3, 0, 0}, {0.5, 0, 0}, {0.4, 0.2, 0}, {0.4, 0, 0.3}})};
     both.is_static = true;
     both.pose = random.pose(0.5);
     scene.add_body(std::move(both));

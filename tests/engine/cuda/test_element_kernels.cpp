@@ -110,7 +110,7 @@ TEST(ElementKernels, CountHowOftenTrianglesWind) {
   const ElementCase c(ElementKind::kSolid, 4, 1, 1, 7, true);
   const HostElements elements(c.scene);
   const ElementSet& set = elements.view().sets[0];
-  const Surface& surface = *c.scene.bodies()[0].pieces[0]->surface;
+  const Surface& surface = *c.scene.bodies()[0].parts[0]->surface;
   Random random(17);
   std::uint64_t within[2] = {};
   std::vector<std::uint32_t> stack(320);
@@ -169,14 +169,14 @@ struct CheckedElements {
 };
 Exact exact_answer(const Body& a, const Pose& at_a, const Body& b, const Pose& at_b) {
   Exact least;
-  for (const ConvexPartPtr& of_a : a.pieces)
-    for (const ConvexPartPtr& of_b : b.pieces) {
+  for (const ConvexPartPtr& of_a : a.parts)
+    for (const ConvexPartPtr& of_b : b.parts) {
       std::vector<CheckedElements> elements;
       elements.reserve(2);
-      const auto view = [&](const ConvexPart& piece) {
-        if (!piece.surface) return exact::BodyView{piece.vertices, {}, false, piece.radius};
-        const CheckedElements& of = elements.emplace_back(*piece.surface);
-        return exact::BodyView{of.vertices, of.triangles, of.is_solid, piece.radius};
+      const auto view = [&](const ConvexPart& part) {
+        if (!part.surface) return exact::BodyView{part.vertices, {}, false, part.radius};
+        const CheckedElements& of = elements.emplace_back(*part.surface);
+        return exact::BodyView{of.vertices, of.triangles, of.is_solid, part.radius};
       };
       const exact::BodyView view_a = view(*of_a), view_b = view(*of_b);
       const exact::Value d = exact::exact_distance(view_a, at_a, view_b, at_b).distance;

@@ -80,7 +80,7 @@ TEST(MeshKernels, HoldTheExactDistance) {
     for (const bool is_b : {false, true}) {
       Body body;
       body.name = (is_b ? "b" : "a") + std::to_string(i);
-      body.pieces = {exact::part_of(is_b ? *one.b : *one.a)};
+      body.parts = {exact::part_of(is_b ? *one.b : *one.a)};
       body.pose = is_b ? one.X_wb : one.X_wa;
       scene.add_body(std::move(body));
     }

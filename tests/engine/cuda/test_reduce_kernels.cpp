@@ -187,14 +187,14 @@ TEST(ReduceKernels, LeaveOutNothingThatSlackMayLetWin) {
   rough.name = "rough";
   rough.is_static = true;
   rough.pose = Pose();
-  rough.pieces = {make_convex_part({{0.5, 0.5, 0.5},
-                                    {-0.5, 0.5, 0.5},
-                                    {0.5, -0.5, 0.5},
-                                    {-0.5, -0.5, 0.5},
-                                    {0.5, 0.5, -0.5},
-                                    {-0.5, 0.5, -0.5},
-                                    {0.5, -0.5, -0.5},
-                                    {-0.5, -0.5, -0.5}})};
+  rough.parts = {make_convex_part({{0.5, 0.5, 0.5},
+                                   {-0.5, 0.5, 0.5},
+                                   {0.5, -0.5, 0.5},
+                                   {-0.5, -0.5, 0.5},
+                                   {0.5, 0.5, -0.5},
+                                   {-0.5, 0.5, -0.5},
+                                   {0.5, -0.5, -0.5},
+                                   {-0.5, -0.5, -0.5}})};
   rough.model_error = 0.01;
   scene.add_body(std::move(rough));
   scene.add_sphere("at its corner", 0.1, {});

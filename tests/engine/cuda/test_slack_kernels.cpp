@@ -62,7 +62,7 @@ struct Comparison {
     EXPECT_TRUE(same_slack(device.all, cpu.slack)) << what;
     EXPECT_TRUE(same_slack(device.beside, cpu.beside)) << what;
     EXPECT_TRUE(same_bits(device.travel, cpu.link.travel)) << what;
-    if (view.hulls.of_body[body] == kNone || scene.bodies()[body].pieces.empty()) return;
+    if (view.hulls.of_body[body] == kNone || scene.bodies()[body].parts.empty()) return;
     const Aabb expected = placement.box(body), box = at.box();
     for (int i = 0; i < 3; ++i)
       EXPECT_TRUE(same_bits(box.low[i], expected.low[i]) && same_bits(box.high[i], expected.high[i])) << what;

@@ -116,8 +116,8 @@ class TableReduction : private HostReduction {
     for (std::uint32_t b = 0; b < tiles_.bodies; ++b) {
       if (b == kNowhere) continue;
       const PoseMatrix& X = bodies_.plan.snapshot->placed[b].pose;
-      for (const ConvexPartPtr& piece : cpu_.scene().bodies()[b].pieces)
-        boxes[b] = joined(boxes[b], certify_box(*piece, X.R_wb, X.t_w));
+      for (const ConvexPartPtr& part : cpu_.scene().bodies()[b].parts)
+        boxes[b] = joined(boxes[b], certify_box(*part, X.R_wb, X.t_w));
     }
     return boxes;
   }

@@ -16,7 +16,7 @@ inline void add_prism(Scene& scene, const std::string& name, double radius, doub
   const Shape prism = make_cylinder(radius, length);
   Body body;
   body.name = name;
-  body.pieces.push_back(make_convex_part(prism.vertices));
+  body.parts.push_back(make_convex_part(prism.vertices));
   body.model_error = prism.model_error;
   body.is_static = options.is_static;
   body.pose = options.pose;
@@ -46,7 +46,7 @@ inline Scene uncertain_robot_scene(bool with_age) {
     for (int i = 0; i < 3; ++i) {
       std::vector<Vec3d> corners = random.cloud(14, {0.1, 0.1, 0.1});
       for (Vec3d& p : corners) p.x += 0.2 * i;
-      body.pieces.push_back(make_convex_part(std::move(corners), i == 1 ? 0.02 : 0));
+      body.parts.push_back(make_convex_part(std::move(corners), i == 1 ? 0.02 : 0));
     }
     scene.add_body(std::move(body));
   }
@@ -71,7 +71,7 @@ struct UncertainCase {
       bodies.push_back(scene.find_body(name));
     for (std::uint32_t j = 0; j < scene.joints().size(); ++j)
       if (scene.joints()[j].name != "arm/joint2") joints.push_back(j);
-    const auto is_shaped = [&](std::uint32_t b) { return !scene.bodies()[b].pieces.empty(); };
+    const auto is_shaped = [&](std::uint32_t b) { return !scene.bodies()[b].parts.empty(); };
     for (std::uint32_t a = 0; a < scene.bodies().size(); ++a)
       for (std::uint32_t b = a + 1; b < scene.bodies().size(); ++b)
         if (is_shaped(a) && is_shaped(b)) pairs.push_back(a % 2 ? BodyPair{a, b} : BodyPair{b, a});

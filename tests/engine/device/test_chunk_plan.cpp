@@ -41,7 +41,7 @@ class NotingDevice final : public IdleDevice {
   NotingDevice(const Scene& scene, Fault& fault, Dealt& dealt)
       : IdleDevice(fault), scene_(scene), fault_(fault), dealt_(dealt) {}
   std::uint32_t hull_of(std::uint32_t body) const override {
-    return body == kUnheld ? kNone : scene_.bodies()[body].pieces.size() > 1 ? cuda::kSeveral : body % 3;
+    return body == kUnheld ? kNone : scene_.bodies()[body].parts.size() > 1 ? cuda::kSeveral : body % 3;
   }
   using IdleDevice::upload;
   std::shared_ptr<const cuda::ResidentPairs> upload(std::span<const cuda::PairRef> pairs,
@@ -82,7 +82,7 @@ TEST(ChunkPlan, PutsPairsOfSeveralPiecesBehindTheOthers) {
     const std::vector<BodyPair> pairs = device.pairs(q);
     const auto part_pairs = [&](std::uint32_t place) {
       const BodyPair pair = pairs[dealt.position[place]];
-      return device.scene().bodies()[pair.a].pieces.size() * device.scene().bodies()[pair.b].pieces.size();
+      return device.scene().bodies()[pair.a].parts.size() * device.scene().bodies()[pair.b].parts.size();
     };
     const auto unheld = static_cast<std::size_t>(
         std::count_if(pairs.begin(), pairs.end(), [](BodyPair p) { return p.a == kUnheld || p.b == kUnheld; }));

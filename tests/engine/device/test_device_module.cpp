@@ -96,9 +96,9 @@ TEST_F(DeviceModuleDeathTest, WithoutItNothingIsPinned) {
 
 [[noreturn]] void share_some_sizes() {
   setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_FAKE_MODULE, 1);
-  constexpr std::size_t piece = cuda::SharedMemory::kConvexPart;
+  constexpr std::size_t part = cuda::SharedMemory::kConvexPart;
   bool good = true;
-  for (const std::size_t bytes : {std::size_t{1}, piece, piece + 1}) {
+  for (const std::size_t bytes : {std::size_t{1}, part, part + 1}) {
     cuda::SharedMemory memory(3, bytes);
     good = good && memory.size() >= bytes && memory.handle().ipc[63] == std::byte{42};
     good = good && memory.data()[bytes - 1] == std::byte{0};

@@ -34,14 +34,14 @@ Source shelf() {
 
 struct Result {
   HullExcess excess;
-  ConvexPartPtr piece;
+  ConvexPartPtr part;
 };
 
 Result measure(const Source& mesh) {
   std::vector<Triangle> faces;
   Result out;
-  out.piece = make_hull_part(mesh.vertices, mesh.triangles, 0, 0, false, &faces);
-  out.excess = hull_excess(mesh.vertices, mesh.triangles, *out.piece, faces);
+  out.part = make_hull_part(mesh.vertices, mesh.triangles, 0, 0, false, &faces);
+  out.excess = hull_excess(mesh.vertices, mesh.triangles, *out.part, faces);
   return out;
 }
 
@@ -134,11 +134,11 @@ TEST(HullExcess, TheBoundHoldsAndIsNotFar) {
     SCOPED_TRACE(name);
     const Result r = measure(mesh);
     const double met = farthest_met(mesh, true, 1500);
-    ASSERT_GT(met, 0.05 * r.piece->spread) << "the mesh is not concave enough for the test";
+    ASSERT_GT(met, 0.05 * r.part->spread) << "the mesh is not concave enough for the test";
     EXPECT_GE(r.excess.distance, met);
     // Samples miss the farthest point by a little, and the dents need more visits than a mesh gets.
     const double too_much = std::string(name) == "dented" ? 2 : 1.25;
-    EXPECT_LE(r.excess.distance, too_much * 1.15 * met + 0.01 * r.piece->spread);
+    EXPECT_LE(r.excess.distance, too_much * 1.15 * met + 0.01 * r.part->spread);
     EXPECT_FALSE(std::isnan(r.excess.solid_volume) && std::string(name) != "a cavity");
   }
 }
@@ -211,7 +211,7 @@ bodies:
   EXPECT_NE(mesh_warning(b[0]).find(" % of it is empty"), std::string::npos) << mesh_warning(b[0]);
   EXPECT_GT(b[1].hull_excess, 0.24);
   EXPECT_NEAR(b[1].empty_share, 0.87, 0.01);
-  EXPECT_EQ(b[2].pieces.size(), 8u);
+  EXPECT_EQ(b[2].parts.size(), 8u);
   EXPECT_LT(b[2].hull_excess, 1e-9);
   EXPECT_NEAR(b[2].empty_share, 0, 1e-9);
   for (std::size_t i = 2; i < b.size(); ++i) EXPECT_EQ(mesh_warning(b[i]), "") << b[i].name;

@@ -13,9 +13,9 @@ namespace clearance::test {
 namespace {
 
 // The exact maximum, to the precision of 64-bit long doubles.
-long double brute_force(const ConvexPart& piece, const Vec3d& n) {
+long double brute_force(const ConvexPart& part, const Vec3d& n) {
   long double best = -INFINITY;
-  for (const Vec3d& v : piece.vertices) {
+  for (const Vec3d& v : part.vertices) {
     const long double s =
         static_cast<long double>(n.x) * v.x + static_cast<long double>(n.y) * v.y + static_cast<long double>(n.z) * v.z;
     best = std::max(best, s);
@@ -25,32 +25,32 @@ long double brute_force(const ConvexPart& piece, const Vec3d& n) {
 
 std::vector<ConvexPartPtr> parts_of_every_size() {
   Random random(17);
-  std::vector<ConvexPartPtr> pieces;
+  std::vector<ConvexPartPtr> parts;
   for (const int count : {1, 2, 7, 8, 15, 16, 17, 64, 65, 100, 257, 1000, 20000})
-    pieces.push_back(make_convex_part(random.cloud(count, {1, 2, 0.5})));
-  pieces.push_back(make_convex_part(make_uv_sphere(2, 40).vertices));           // rings of equal heights: many ties
-  pieces.push_back(make_convex_part(random.cloud(3000, {1, 1, 0})));            // flat
-  pieces.push_back(make_convex_part(std::vector<Vec3d>(500, Vec3d{1, 2, 3})));  // all equal
-  return pieces;
+    parts.push_back(make_convex_part(random.cloud(count, {1, 2, 0.5})));
+  parts.push_back(make_convex_part(make_uv_sphere(2, 40).vertices));           // rings of equal heights: many ties
+  parts.push_back(make_convex_part(random.cloud(3000, {1, 1, 0})));            // flat
+  parts.push_back(make_convex_part(std::vector<Vec3d>(500, Vec3d{1, 2, 3})));  // all equal
+  return parts;
 }
 
 TEST(Support, IsTheMaximumOverAllVerticesWithinRounding) {
   Random random(5);
   int with_table = 0, without = 0;
-  for (const ConvexPartPtr& piece : parts_of_every_size()) {
-    ++(piece->table ? with_table : without);
+  for (const ConvexPartPtr& part : parts_of_every_size()) {
+    ++(part->table ? with_table : without);
     for (int i = 0; i < 300; ++i) {
       Vec3d n{random.normal(), random.normal(), random.normal()};
       if (i % 10 == 0) n = {0, 0, i % 20 ? 1.0 : -1.0};
-      const long double exact = brute_force(*piece, n);
-      const double slack = 3 * 0x1p-53 * norm(n) * piece->rho;
-      const SupportPoint<double> s = support(*piece, n);
-      EXPECT_EQ(s.value, dot(n, piece->vertices[s.index]));
+      const long double exact = brute_force(*part, n);
+      const double slack = 3 * 0x1p-53 * norm(n) * part->rho;
+      const SupportPoint<double> s = support(*part, n);
+      EXPECT_EQ(s.value, dot(n, part->vertices[s.index]));
       EXPECT_LE(std::abs(static_cast<double>(s.value - exact)), slack);
-      const SupportPoint<DoubleDouble> fine = support(*piece, cast<DoubleDouble>(n));
+      const SupportPoint<DoubleDouble> fine = support(*part, cast<DoubleDouble>(n));
       const double error =
           std::abs(static_cast<double>(static_cast<long double>(fine.value.hi) + fine.value.lo - exact));
-      EXPECT_LE(error, 1e-18 * norm(n) * piece->rho);
+      EXPECT_LE(error, 1e-18 * norm(n) * part->rho);
     }
   }
   EXPECT_GT(with_table, 3);
@@ -86,19 +86,19 @@ TEST(DirectionTable, FindsTheVertexThatAScanFinds) {
   for (int i = 0; i < 20; ++i)
     clouds.back().insert(clouds.back().end(), box.vertices.begin(), box.vertices.end());  // repeats
   for (const std::vector<Vec3d>& cloud : clouds) {
-    const ConvexPartPtr piece = make_convex_part(cloud);
-    ASSERT_TRUE(piece->table);
-    const DirectionTable blurred = make_direction_table(cloud, piece->rho, {4, 1, float_blur(piece->spread)});
+    const ConvexPartPtr part = make_convex_part(cloud);
+    ASSERT_TRUE(part->table);
+    const DirectionTable blurred = make_direction_table(cloud, part->rho, {4, 1, float_blur(part->spread)});
     int in_float = 0;
     for (const Vec3d& n : directions(random)) {
       std::uint32_t best = 0;
       for (std::uint32_t k = 1; k < cloud.size(); ++k)
         if (dot(n, cloud[k]) > dot(n, cloud[best])) best = k;
-      ASSERT_EQ(support(*piece, n).index, best) << cloud.size() << " vertices, " << n.x << ' ' << n.y << ' ' << n.z;
+      ASSERT_EQ(support(*part, n).index, best) << cloud.size() << " vertices, " << n.x << ' ' << n.y << ' ' << n.z;
       // The list also contains every vertex that rounding might make the farthest.
-      const auto list = piece->table->candidates(n);
+      const auto list = part->table->candidates(n);
       for (std::uint32_t k = 0; k < cloud.size(); ++k) {
-        const bool may_be_farthest = dot(n, cloud[k]) >= dot(n, cloud[best]) - 32 * 0x1p-53 * norm(n) * piece->rho;
+        const bool may_be_farthest = dot(n, cloud[k]) >= dot(n, cloud[best]) - 32 * 0x1p-53 * norm(n) * part->rho;
         ASSERT_TRUE(!may_be_farthest || std::binary_search(list.begin(), list.end(), k));
       }
       // The same for a direction that is looked up in float32.
@@ -127,17 +127,17 @@ TEST(DirectionTable, ListsAreShortWhateverTheMesh) {
   for (const Mesh& m :
        {Mesh{"sphere", make_uv_sphere(1, 100).vertices, 7}, Mesh{"cloud", random.cloud(20000, {1, 1, 1}), 7},
         Mesh{"cylinder", make_cylinder(1, 2).vertices, 7}}) {
-    const ConvexPartPtr piece = make_convex_part(m.vertices);
+    const ConvexPartPtr part = make_convex_part(m.vertices);
     double sum = 0;
     std::size_t longest = 0;
     for (int i = 0; i < 2000; ++i) {
-      const std::size_t size = piece->table->candidates({random.normal(), random.normal(), random.normal()}).size();
+      const std::size_t size = part->table->candidates({random.normal(), random.normal(), random.normal()}).size();
       sum += static_cast<double>(size);
       longest = std::max(longest, size);
     }
     std::printf("%s: %zu vertices, %.2f looked at on average, %zu at most, %.1f bytes each\n", m.what,
                 m.vertices.size(), sum / 2000, longest,
-                static_cast<double>(piece->table->bytes()) / static_cast<double>(m.vertices.size()));
+                static_cast<double>(part->table->bytes()) / static_cast<double>(m.vertices.size()));
     EXPECT_LT(sum / 2000, m.most) << m.what;
     EXPECT_LT(longest, 64u) << m.what;
   }

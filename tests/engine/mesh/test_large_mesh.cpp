@@ -31,18 +31,18 @@ void load_and_check(const std::string& path) {
   std::printf("%s: %.2f s, %ld MiB\n", path.c_str() + path.rfind('.'), seconds, mebibytes);
   ::testing::Test::RecordProperty("seconds", std::to_string(seconds));
   EXPECT_LT(mebibytes, 2048);
-  const ConvexPart& piece = *scene.bodies()[0].pieces.at(0);
-  EXPECT_EQ(piece.vertices.size(), 1998002u);
-  ASSERT_TRUE(piece.table);
+  const ConvexPart& part = *scene.bodies()[0].parts.at(0);
+  EXPECT_EQ(part.vertices.size(), 1998002u);
+  ASSERT_TRUE(part.table);
   // also at the poles, where 2000 faces meet
   for (const Vec3d& n : {Vec3d{0, 0, 1}, Vec3d{0, 0, -1}, Vec3d{1e-4, 1e-4, 1}, Vec3d{1, 2, 3}, Vec3d{0, 1, 0}}) {
     double most = 0;
-    for (const Vec3d& v : piece.vertices) most = std::max(most, dot(n, v));
-    EXPECT_EQ(support(piece, n).value, most);
-    EXPECT_LE(piece.table->candidates(n).size(), 64u);
+    for (const Vec3d& v : part.vertices) most = std::max(most, dot(n, v));
+    EXPECT_EQ(support(part, n).value, most);
+    EXPECT_LE(part.table->candidates(n).size(), 64u);
   }
   double farthest = 0, nearest = 3;
-  for (const Vec3d& v : piece.vertices) {
+  for (const Vec3d& v : part.vertices) {
     farthest = std::max(farthest, norm(v));
     nearest = std::min(nearest, norm(v));
   }

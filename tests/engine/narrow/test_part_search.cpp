@@ -69,8 +69,8 @@ TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
   for (const Body& body : scene.bodies()) {
     placed.push_back(place(&*body.pose, nullptr));
     boxes.emplace_back();
-    for (const ConvexPartPtr& piece : body.pieces)
-      boxes.back().push_back(certify_box(*piece, placed.back().pose.R_wb, placed.back().pose.t_w));
+    for (const ConvexPartPtr& part : body.parts)
+      boxes.back().push_back(certify_box(*part, placed.back().pose.R_wb, placed.back().pose.t_w));
   }
   const Engine engine(test::decomposed_scene(60, 1.2, 2), {"cpu"});
   std::set<std::uint8_t> statuses;
@@ -83,7 +83,7 @@ TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
     const std::vector<BodyPair> pairs = engine.pairs(q);
     for (std::size_t row = 0; row < pairs.size(); ++row) {
       const auto [a, b] = pairs[row];
-      if (answer.view.pieces[2 * row] == kNone) continue;  // body boxes are beyond max_distance
+      if (answer.view.parts[2 * row] == kNone) continue;  // body boxes are beyond max_distance
       const auto of_a = [&](std::uint32_t i) { return boxes[a][i]; };
       const auto of_b = [&](std::uint32_t i) { return boxes[b][i]; };
       NearestConvexParts<8, decltype(of_a), decltype(of_b)> nearest(of_a, static_cast<std::uint32_t>(boxes[a].size()),
@@ -95,8 +95,8 @@ TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
       const PartEnd end = search_parts(search, max_distance, nearest, [&](const PartPair& p, double cut_off) {
         ++looks;
         limits.max_distance = cut_off;
-        const NarrowAnswer n = narrow_phase(*scene.bodies()[a].pieces[p.a], placed[a].pose,
-                                            *scene.bodies()[b].pieces[p.b], placed[b].pose, limits);
+        const NarrowAnswer n = narrow_phase(*scene.bodies()[a].parts[p.a], placed[a].pose,
+                                            *scene.bodies()[b].parts[p.b], placed[b].pose, limits);
         if (search.take(p.gap, n.bounds.lower, n.bounds.upper)) best = p;
         return n.bounds.upper <= 0 ? PartEnd::kOverlap : PartEnd::kApart;
       });
@@ -105,8 +105,8 @@ TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
       statuses.insert(answer.view.status[row]);
       EXPECT_EQ(answer.view.lower[row], std::max(search.lower, 0.0)) << row;
       EXPECT_EQ(answer.view.upper[row], std::max(search.upper, 0.0)) << row;
-      EXPECT_EQ(answer.view.pieces[2 * row], best.a) << row;
-      EXPECT_EQ(answer.view.pieces[2 * row + 1], best.b) << row;
+      EXPECT_EQ(answer.view.parts[2 * row], best.a) << row;
+      EXPECT_EQ(answer.view.parts[2 * row + 1], best.b) << row;
       EXPECT_EQ(end == PartEnd::kOverlap, answer.view.status[row] == static_cast<std::uint8_t>(Status::kOverlap))
           << row;
     }

@@ -67,7 +67,7 @@ void expect_rows_of_few(const Engine& engine, const QueryView& query, const std:
       };
       ReplyView& v = row_k.view;
       ahead(v.distance, 1), ahead(v.lower, 1), ahead(v.upper, 1), ahead(v.status, 1), ahead(v.flags, 1);
-      ahead(v.point_a, 3), ahead(v.point_b, 3), ahead(v.normal, 3), ahead(v.pieces, 2), ahead(v.gradient, 12);
+      ahead(v.point_a, 3), ahead(v.point_b, 3), ahead(v.normal, 3), ahead(v.parts, 2), ahead(v.gradient, 12);
       ahead(v.pair, 1), ahead(v.configuration, 1), ahead(v.compact, 1);
       const auto part_seen = expect_same_rows(all, k * pairs.size() + begin, row_k, count);
       for (std::size_t s = 0; s < seen.size(); ++s) seen[s] += part_seen[s];

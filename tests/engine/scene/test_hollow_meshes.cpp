@@ -56,7 +56,7 @@ std::string hollow(const Source& m) {
   return hollow_place(Surface(m.vertices, m.triangles, true));
 }
 bool is_solid(const Geometry& geometry) {
-  return geometry.pieces[0]->surface && geometry.pieces[0]->surface->is_solid();
+  return geometry.parts[0]->surface && geometry.parts[0]->surface->is_solid();
 }
 
 struct Named {

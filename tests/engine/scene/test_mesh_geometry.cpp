@@ -84,9 +84,9 @@ void expect_same(const Body& a, const Body& b) {
   EXPECT_EQ(a.model_error, b.model_error);
   EXPECT_TRUE(equal(a.display->vertices, b.display->vertices));
   EXPECT_EQ(a.display->triangles, b.display->triangles);
-  ASSERT_EQ(a.pieces.size(), b.pieces.size());
-  for (std::size_t i = 0; i < a.pieces.size(); ++i) {
-    const ConvexPart &p = *a.pieces[i], &q = *b.pieces[i];
+  ASSERT_EQ(a.parts.size(), b.parts.size());
+  for (std::size_t i = 0; i < a.parts.size(); ++i) {
+    const ConvexPart &p = *a.parts[i], &q = *b.parts[i];
     EXPECT_TRUE(equal(p.vertices, q.vertices));
     EXPECT_EQ(p.radius, q.radius);
     EXPECT_EQ(p.loaded_vertices, q.loaded_vertices);
@@ -117,8 +117,8 @@ TEST_F(MeshGeometryTest, IsTheSameFromTheCacheAndNoLoaderStartsForIt) {
   const std::vector<Body> cold = all();
   EXPECT_EQ(starts(), 4u);
   EXPECT_EQ(entries().size(), 4u);
-  ASSERT_TRUE(cold[0].pieces[0]->table);
-  ASSERT_EQ(cold[3].pieces.size(), 2u);
+  ASSERT_TRUE(cold[0].parts[0]->table);
+  ASSERT_EQ(cold[3].parts.size(), 2u);
   const std::vector<Body> warm = all();
   EXPECT_EQ(starts(), 4u) << "all came from the cache";
   ::setenv("CLEARANCE_CACHE", "off", 1);
@@ -161,15 +161,15 @@ TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
   const std::string mesh = write("ball.off", sphere);
   Scene first;
   first.add_mesh("ball", mesh, {1, 1, 1}, MeshAs::kHull, {.is_static = true});
-  const ConvexPart& piece = *first.bodies()[0].pieces[0];
-  ASSERT_GE(piece.vertices.size(), 10'000u);
+  const ConvexPart& part = *first.bodies()[0].parts[0];
+  ASSERT_GE(part.vertices.size(), 10'000u);
   std::uint32_t pole = 0, opposite = 0;
-  for (std::uint32_t i = 0; i < piece.vertices.size(); ++i) {
-    if (piece.vertices[i].z > piece.vertices[pole].z) pole = i;
-    if (piece.vertices[i].z < piece.vertices[opposite].z) opposite = i;
+  for (std::uint32_t i = 0; i < part.vertices.size(); ++i) {
+    if (part.vertices[i].z > part.vertices[pole].z) pole = i;
+    if (part.vertices[i].z < part.vertices[opposite].z) opposite = i;
   }
 
-  DirectionTable table = *piece.table;
+  DirectionTable table = *part.table;
   std::size_t changed = 0;
   for (std::size_t i = 0; i < table.lists.size(); i += table.lists[i] + 1)
     for (std::size_t k = 1; k <= table.lists[i]; ++k)
@@ -177,17 +177,16 @@ TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
   ASSERT_GT(changed, 10u);
   Digest key, checksum;
   key.add(std::uint64_t{1});
-  key.add(std::span<const Vec3d>(piece.vertices));
-  key.add(piece.rho);
+  key.add(std::span<const Vec3d>(part.vertices));
+  key.add(part.rho);
   key.add(std::uint64_t{6});
   checksum.add(std::uint64_t{table.grid_bits});
   for (const auto* words : {&table.cells, &table.lists})
     for (std::size_t i = 0; i < words->size(); i += 2)
       checksum.add(std::uint64_t{(*words)[i]} << 32 | (i + 1 < words->size() ? (*words)[i + 1] : 0));
-  const std::uint64_t header[] = {0x315458444e494c43, 1,
-                                  key.value(),        piece.vertices.size(),
-                                  table.grid_bits,    table.cells.size(),
-                                  table.lists.size(), checksum.value()};
+  const std::uint64_t header[] = {
+      0x315458444e494c43, 1, key.value(), part.vertices.size(), table.grid_bits, table.cells.size(), table.lists.size(),
+      checksum.value()};
   const std::string beside = mesh + print(".%016llx.table", static_cast<unsigned long long>(key.value()));
   std::ofstream file(beside, std::ios::binary);
   file.write(reinterpret_cast<const char*>(header), sizeof header);
@@ -200,7 +199,7 @@ TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
     ::setenv("CLEARANCE_CACHE", cache, 1);
     Scene scene;
     scene.add_mesh("ball", mesh, {1, 1, 1}, MeshAs::kHull, {.is_static = true});
-    EXPECT_EQ(scene.bodies()[0].pieces[0]->table->lists, piece.table->lists);
+    EXPECT_EQ(scene.bodies()[0].parts[0]->table->lists, part.table->lists);
     scene.add_sphere("probe", 0.25, {.pose = Pose{{0, 0, 2.39}, 1, 0, 0, 0}});
     const Engine engine(scene);
     const test::Answer answer = test::ask(engine, {});
@@ -285,16 +284,16 @@ TEST_F(MeshGeometryTest, OfFilesThatNameOthersNothingIsKept) {
   const std::string mesh = folder_.write("a.gltf", text), other = folder_.write("elsewhere/a.gltf", text);
   folder_.write("vertices.bin", buffer(1));
   folder_.write("elsewhere/vertices.bin", buffer(5));
-  EXPECT_EQ(body(mesh).pieces[0]->half.x, body(mesh).pieces[0]->half.x);
+  EXPECT_EQ(body(mesh).parts[0]->half.x, body(mesh).parts[0]->half.x);
   EXPECT_EQ(starts(), 2u);
   EXPECT_TRUE(entries().empty());
-  EXPECT_NEAR(body(mesh).pieces[0]->half.x, 0.5, 1e-9);
+  EXPECT_NEAR(body(mesh).parts[0]->half.x, 0.5, 1e-9);
   folder_.write("vertices.bin", buffer(3));
-  EXPECT_NEAR(body(mesh).pieces[0]->half.x, 1.5, 1e-9);
+  EXPECT_NEAR(body(mesh).parts[0]->half.x, 1.5, 1e-9);
   const Scene scene = Scene::load(
       folder_.write("scene.yaml", "bodies:\n  - {name: a, mesh: a.gltf}\n  - {name: b, mesh: elsewhere/a.gltf}\n"));
-  EXPECT_NEAR(scene.bodies()[0].pieces[0]->half.x, 1.5, 1e-9);
-  EXPECT_NEAR(scene.bodies()[1].pieces[0]->half.x, 2.5, 1e-9) << "the same bytes, and another shape";
+  EXPECT_NEAR(scene.bodies()[0].parts[0]->half.x, 1.5, 1e-9);
+  EXPECT_NEAR(scene.bodies()[1].parts[0]->half.x, 2.5, 1e-9) << "the same bytes, and another shape";
 }
 
 TEST_F(MeshGeometryTest, EqualFilesOfASceneAreMadeOnceAndShared) {
@@ -306,8 +305,8 @@ TEST_F(MeshGeometryTest, EqualFilesOfASceneAreMadeOnceAndShared) {
   const std::string file = folder_.write("scene.yaml", text);
   const Scene scene = Scene::load(file);
   EXPECT_EQ(starts(), 2u);
-  EXPECT_EQ(scene.bodies()[0].pieces[0], scene.bodies()[3].pieces[0]);
-  EXPECT_NE(scene.bodies()[0].pieces[0], scene.bodies()[4].pieces[0]);
+  EXPECT_EQ(scene.bodies()[0].parts[0], scene.bodies()[3].parts[0]);
+  EXPECT_NE(scene.bodies()[0].parts[0], scene.bodies()[4].parts[0]);
   EXPECT_EQ(scene.bodies()[3].source, "m3.off (hull)");
   EXPECT_EQ(Scene::load(file).revision(), scene.revision());
   EXPECT_EQ(starts(), 2u);

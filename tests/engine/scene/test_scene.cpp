@@ -35,15 +35,15 @@ TEST(Scene, BodiesHaveIdsInOrderOfArrival) {
   EXPECT_EQ(scene.find_body("cylinder"), 3u);
   EXPECT_EQ(scene.find_body("none"), kNone);
   const auto& bodies = scene.bodies();
-  EXPECT_EQ(bodies[0].pieces[0]->vertices.size(), 8u);
-  EXPECT_EQ(bodies[1].pieces[0]->vertices.size(), 1u);
-  EXPECT_EQ(bodies[1].pieces[0]->radius, 0.5);
-  EXPECT_EQ(bodies[2].pieces[0]->vertices.size(), 2u);
+  EXPECT_EQ(bodies[0].parts[0]->vertices.size(), 8u);
+  EXPECT_EQ(bodies[1].parts[0]->vertices.size(), 1u);
+  EXPECT_EQ(bodies[1].parts[0]->radius, 0.5);
+  EXPECT_EQ(bodies[2].parts[0]->vertices.size(), 2u);
   EXPECT_EQ(bodies[3].model_error, 0);
-  EXPECT_TRUE(is_round(*bodies[3].pieces[0]));
-  EXPECT_EQ(bodies[4].pieces[0]->vertices.size(), 42u);
-  EXPECT_EQ(bodies[5].pieces[0]->vertices.size(), 4u);  // exact duplicates merged, also -0
-  EXPECT_EQ(bodies[5].pieces[0]->loaded_vertices, 6u);
+  EXPECT_TRUE(is_round(*bodies[3].parts[0]));
+  EXPECT_EQ(bodies[4].parts[0]->vertices.size(), 42u);
+  EXPECT_EQ(bodies[5].parts[0]->vertices.size(), 4u);  // exact duplicates merged, also -0
+  EXPECT_EQ(bodies[5].parts[0]->loaded_vertices, 6u);
   EXPECT_FALSE(bodies[0].pose.has_value());
 }
 
@@ -56,15 +56,15 @@ TEST(Scene, PrimitivesArePiecesOfTheirOwn) {
   scene.add_cone("padded", 0.5, 2, {.padding = 0.5});
   scene.add_cylinder("post", 0.5, 2, {.radius = 0.25});
   const auto& bodies = scene.bodies();
-  EXPECT_EQ(bodies[1].pieces[0], bodies[2].pieces[0]);
-  EXPECT_NE(bodies[1].pieces[0], bodies[3].pieces[0]);
-  EXPECT_NE(bodies[1].pieces[0]->digest, bodies[3].pieces[0]->digest);
-  EXPECT_NE(bodies[0].pieces[0]->digest, bodies[4].pieces[0]->digest);
-  EXPECT_TRUE(same_primitive(*bodies[0].pieces[0], *bodies[4].pieces[0]));
-  EXPECT_EQ(bodies[4].pieces[0]->radius, 0.5);
-  EXPECT_EQ(bodies[1].pieces[0]->half.z, 3);
-  EXPECT_EQ(bodies[5].pieces[0]->radius, 0.25);
-  EXPECT_FALSE(same_primitive(*bodies[0].pieces[0], *bodies[5].pieces[0])) << "of the same sizes";
+  EXPECT_EQ(bodies[1].parts[0], bodies[2].parts[0]);
+  EXPECT_NE(bodies[1].parts[0], bodies[3].parts[0]);
+  EXPECT_NE(bodies[1].parts[0]->digest, bodies[3].parts[0]->digest);
+  EXPECT_NE(bodies[0].parts[0]->digest, bodies[4].parts[0]->digest);
+  EXPECT_TRUE(same_primitive(*bodies[0].parts[0], *bodies[4].parts[0]));
+  EXPECT_EQ(bodies[4].parts[0]->radius, 0.5);
+  EXPECT_EQ(bodies[1].parts[0]->half.z, 3);
+  EXPECT_EQ(bodies[5].parts[0]->radius, 0.25);
+  EXPECT_FALSE(same_primitive(*bodies[0].parts[0], *bodies[5].parts[0])) << "of the same sizes";
   for (const Body& body : bodies) {
     EXPECT_EQ(body.model_error, 0);
     EXPECT_TRUE(body.display && !body.display->triangles.empty()) << body.name;
@@ -92,7 +92,7 @@ TEST(Scene, HalfSpacesStandStill) {
             std::string::npos);
   Body both;
   both.name = "both";
-  both.pieces = {scene.bodies()[0].pieces[0], scene.bodies()[1].pieces[0]};
+  both.parts = {scene.bodies()[0].parts[0], scene.bodies()[1].parts[0]};
   EXPECT_NE(error_text<SceneError>([&] { scene.add_body(both); }).find("the only part of its body"), std::string::npos);
 }
 
@@ -102,8 +102,8 @@ TEST(Scene, RadiusGrowsThePieces) {
   grown.radius = 0.25;
   scene.add_sphere("ball", 0.5, grown);
   scene.add_box("box", {1, 1, 1}, grown);
-  EXPECT_EQ(scene.bodies()[0].pieces[0]->radius, 0.75);
-  EXPECT_EQ(scene.bodies()[1].pieces[0]->radius, 0.25);
+  EXPECT_EQ(scene.bodies()[0].parts[0]->radius, 0.75);
+  EXPECT_EQ(scene.bodies()[1].parts[0]->radius, 0.25);
 }
 
 TEST(Scene, ChildrenAndStaticBodiesStayAtTheIdentityWithoutAPose) {

@@ -27,20 +27,20 @@ TEST(Scenes, RandomOnesHaveAsManySpheresAsTheirNameSays) {
     const Scene scene = load("random_" + std::to_string(count));
     ASSERT_EQ(scene.bodies().size(), count);
     for (const Body& b : scene.bodies()) {
-      ASSERT_EQ(b.pieces.at(0), scene.bodies()[0].pieces.at(0));
+      ASSERT_EQ(b.parts.at(0), scene.bodies()[0].parts.at(0));
       ASSERT_TRUE(b.pose && !b.is_static);
     }
-    EXPECT_EQ(scene.bodies()[0].pieces[0]->vertices.size(), 42u);
-    EXPECT_NEAR(scene.bodies()[0].pieces[0]->rho, 2, 1e-12);
+    EXPECT_EQ(scene.bodies()[0].parts[0]->vertices.size(), 42u);
+    EXPECT_NEAR(scene.bodies()[0].parts[0]->rho, 2, 1e-12);
   }
 }
 
 TEST(Scenes, TwoSpheresShareTheirTwoMillionVertices) {
   const Scene scene = load("two_spheres");
   ASSERT_EQ(scene.bodies().size(), 2u);
-  EXPECT_EQ(scene.bodies()[0].pieces[0], scene.bodies()[1].pieces[0]);
-  EXPECT_EQ(scene.bodies()[0].pieces[0]->vertices.size(), 1998002u);
-  EXPECT_TRUE(scene.bodies()[0].pieces[0]->table);
+  EXPECT_EQ(scene.bodies()[0].parts[0], scene.bodies()[1].parts[0]);
+  EXPECT_EQ(scene.bodies()[0].parts[0]->vertices.size(), 1998002u);
+  EXPECT_TRUE(scene.bodies()[0].parts[0]->table);
 }
 
 TEST(Scenes, BenchmarkLiteHas2400TrianglesABody) {
@@ -61,8 +61,8 @@ TEST(Scenes, NineteenHasEveryFormatAndEveryPrimitive) {
   for (const char* wanted : {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb", "box", "sphere", "capsule",
                              "cylinder", "points", "uv_sphere"})
     EXPECT_EQ(sources.count(wanted), 1u) << wanted;
-  EXPECT_EQ(body(scene, "mug").pieces.size(), 18u);
-  EXPECT_EQ(body(scene, "chair").pieces.size(), 6u);
+  EXPECT_EQ(body(scene, "mug").parts.size(), 18u);
+  EXPECT_EQ(body(scene, "chair").parts.size(), 6u);
 }
 
 TEST(Scenes, PrimitivesHasEveryClosedForm) {
@@ -83,19 +83,19 @@ TEST(Scenes, CellHasAnArmThatHoldsACup) {
   EXPECT_NE(scene.find_group("clutter"), kNone);
   const std::pair adjacent{scene.find_body("upper_arm"), scene.find_body("forearm")};  // in the file's order
   EXPECT_TRUE(std::binary_search(scene.ignored().begin(), scene.ignored().end(), adjacent));
-  EXPECT_GE(body(scene, "gripper").pieces.size(), 6u);
+  EXPECT_GE(body(scene, "gripper").parts.size(), 6u);
   EXPECT_TRUE(body(scene, "table").is_static);
 }
 
 TEST(Scenes, ExtremesKeepTheirExtremes) {
   const Scene scene = load("extremes");
-  EXPECT_LT(body(scene, "tiny").pieces[0]->rho, 1.1e-9);
-  EXPECT_GT(body(scene, "huge").pieces[0]->rho, 8e8);
-  EXPECT_EQ(body(scene, "flat").pieces[0]->half.z, 0);
-  EXPECT_EQ(body(scene, "point").pieces[0]->vertices.size(), 1u);
-  EXPECT_EQ(body(scene, "straight").pieces[0]->vertices.size(), 5u);
-  EXPECT_EQ(body(scene, "repeated").pieces[0]->vertices.size(), 4u);
-  const ConvexPart& far = *body(scene, "far_from_its_frame").pieces[0];
+  EXPECT_LT(body(scene, "tiny").parts[0]->rho, 1.1e-9);
+  EXPECT_GT(body(scene, "huge").parts[0]->rho, 8e8);
+  EXPECT_EQ(body(scene, "flat").parts[0]->half.z, 0);
+  EXPECT_EQ(body(scene, "point").parts[0]->vertices.size(), 1u);
+  EXPECT_EQ(body(scene, "straight").parts[0]->vertices.size(), 5u);
+  EXPECT_EQ(body(scene, "repeated").parts[0]->vertices.size(), 4u);
+  const ConvexPart& far = *body(scene, "far_from_its_frame").parts[0];
   EXPECT_GT(far.rho, 4600);
   EXPECT_NEAR(far.spread, 1, 0.01);
 }

@@ -78,8 +78,8 @@ TEST(TrueMesh, IsOnePieceThatStandsForItsTriangles) {
     add(scene, std::string(word_of(how)), cup(), how);
   const auto& bodies = scene.bodies();
   for (const Body& body : bodies) {
-    ASSERT_EQ(body.pieces.size(), 1u);
-    EXPECT_EQ(body.pieces[0]->vertices.size(), 8u) << "what lies within the hull is not one of its vertices";
+    ASSERT_EQ(body.parts.size(), 1u);
+    EXPECT_EQ(body.parts[0]->vertices.size(), 8u) << "what lies within the hull is not one of its vertices";
     EXPECT_EQ(body.source, "mesh (" + body.name + ")");
     ASSERT_TRUE(body.display);
     EXPECT_EQ(body.display->triangles.size(), 28u);
@@ -145,9 +145,9 @@ TEST(TrueMesh, TheDefaultIsTheTruth) {
     EXPECT_TRUE(surface_of(b[i])->is_solid());
     EXPECT_EQ(b[i].source, "mesh (solid)");
   }
-  EXPECT_EQ(b[2].pieces[0], [&] {
+  EXPECT_EQ(b[2].parts[0], [&] {
     add(scene, "said", cup(), MeshAs::kSolid);
-    return scene.bodies().back().pieces[0];
+    return scene.bodies().back().parts[0];
   }()) << "what was found out is what may be said";
 }
 
@@ -188,7 +188,7 @@ TEST(TrueMesh, AConvexMeshOfRoundedVerticesIsItsHullWithSlack) {
   add(scene, "hull", rounded, MeshAs::kHull);
   add(scene, "dented", dented, MeshAs::kAuto);
   const auto& b = scene.bodies();
-  EXPECT_EQ(b[0].pieces[0], b[1].pieces[0]) << "the same hull";
+  EXPECT_EQ(b[0].parts[0], b[1].parts[0]) << "the same hull";
   EXPECT_EQ(b[0].hull_excess, 0);
   EXPECT_GT(b[0].model_error, 1e-9);
   EXPECT_LT(b[0].model_error, 1e-6);
@@ -232,10 +232,10 @@ TEST(TrueMesh, PiecesOfEqualVerticesAreSharedWhereTheirTrianglesAreEqual) {
     box.triangles.push_back(corners);
   }
   add(scene, "box", box, MeshAs::kSolid);
-  const auto piece = [&](std::size_t i) { return scene.bodies()[i].pieces[0]; };
-  EXPECT_EQ(piece(0), piece(1));
+  const auto part = [&](std::size_t i) { return scene.bodies()[i].parts[0]; };
+  EXPECT_EQ(part(0), part(1));
   for (std::size_t i = 0; i < 5; ++i)
-    for (std::size_t j = 2; j < 5; ++j) EXPECT_EQ(piece(i) == piece(j), i == j) << i << " and " << j;
+    for (std::size_t j = 2; j < 5; ++j) EXPECT_EQ(part(i) == part(j), i == j) << i << " and " << j;
 }
 
 TEST(TrueMesh, TheRevisionKnowsWhatABodyIs) {
@@ -260,10 +260,10 @@ TEST(TrueMesh, PaddingGrowsItAndKeepsItsTriangles) {
   options.padding = 0.5;
   add(scene, "cup", cup(), MeshAs::kSolid, options);
   add(scene, "plain", cup(), MeshAs::kSolid);
-  EXPECT_NEAR(scene.bodies()[0].pieces[0]->radius, 0.75, 1e-15);
+  EXPECT_NEAR(scene.bodies()[0].parts[0]->radius, 0.75, 1e-15);
   ASSERT_NE(surface_of(scene.bodies()[0]), nullptr);
   expect_same_surfaces(*surface_of(scene.bodies()[0]), *surface_of(scene.bodies()[1]));
-  EXPECT_NE(scene.bodies()[0].pieces[0]->digest, scene.bodies()[1].pieces[0]->digest);
+  EXPECT_NE(scene.bodies()[0].parts[0]->digest, scene.bodies()[1].parts[0]->digest);
 }
 
 TEST(TrueMesh, MovesWithItsHullAroundIt) {
@@ -280,17 +280,17 @@ TEST(TrueMesh, MovesWithItsHullAroundIt) {
   for (int i = 0; i < 20; ++i) {
     const Origin X{{number(random), number(random), number(random)}, {number(random), number(random), number(random)}};
     const Geometry there = moved(still, X);
-    const ConvexPart& piece = *there.pieces[0];
-    ASSERT_TRUE(piece.surface);
-    EXPECT_EQ(piece.radius, 0.125);
-    EXPECT_FALSE(piece.surface->is_solid());
-    EXPECT_EQ(triangles_as_loaded(*piece.surface), mesh.triangles);
+    const ConvexPart& part = *there.parts[0];
+    ASSERT_TRUE(part.surface);
+    EXPECT_EQ(part.radius, 0.125);
+    EXPECT_FALSE(part.surface->is_solid());
+    EXPECT_EQ(triangles_as_loaded(*part.surface), mesh.triangles);
     EXPECT_GT(there.model_error, 0);
     EXPECT_LT(there.model_error, 1e-14);
     EXPECT_EQ(there.model_error, there.model_inner);
-    EXPECT_EQ(reduce_to_hull(piece.surface->vertices()).vertices.size(), piece.vertices.size());
-    outside += piece.vertices.size() > still.pieces[0]->vertices.size();
-    EXPECT_TRUE(std::ranges::equal(there.display->vertices, piece.surface->vertices(),
+    EXPECT_EQ(reduce_to_hull(part.surface->vertices()).vertices.size(), part.vertices.size());
+    outside += part.vertices.size() > still.parts[0]->vertices.size();
+    EXPECT_TRUE(std::ranges::equal(there.display->vertices, part.surface->vertices(),
                                    [](const Vec3d& a, const Vec3d& b) { return squared_norm(a - b) == 0; }));
   }
   EXPECT_GT(outside, 0) << "no rounding moved a vertex out of the hull of the others: the case is not met";
@@ -302,9 +302,9 @@ TEST(TrueMesh, JoinsOtherShapesAsOnePieceOfThem) {
   parts.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, MeshAs::kSolid, 0));
   parts.push_back(geometry_of_shape(make_box({1, 1, 1}), 0, "box"));
   const Geometry both = joined(std::move(parts));
-  ASSERT_EQ(both.pieces.size(), 2u);
-  EXPECT_TRUE(both.pieces[0]->surface);
-  EXPECT_FALSE(both.pieces[1]->surface);
+  ASSERT_EQ(both.parts.size(), 2u);
+  EXPECT_TRUE(both.parts[0]->surface);
+  EXPECT_FALSE(both.parts[1]->surface);
 }
 
 TEST(TrueMesh, IsTheSameFromARecord) {
@@ -319,8 +319,8 @@ TEST(TrueMesh, IsTheSameFromARecord) {
           const std::vector<std::byte> record = geometry_record(geometry, tables);
           const std::optional<Geometry> again = geometry_of_record(record, tables);
           ASSERT_TRUE(again);
-          ASSERT_EQ(again->pieces.size(), 1u);
-          const ConvexPart &was = *geometry.pieces[0], &is = *again->pieces[0];
+          ASSERT_EQ(again->parts.size(), 1u);
+          const ConvexPart &was = *geometry.parts[0], &is = *again->parts[0];
           ASSERT_TRUE(is.surface);
           expect_same_surfaces(*was.surface, *is.surface);
           EXPECT_EQ(was.digest, is.digest);
@@ -346,7 +346,7 @@ TEST(TrueMesh, ADamagedRecordIsNone) {
     damaged[at] ^= std::byte{0xFF};
     const auto geometry = geometry_of_record(damaged);  // whatever it is, it can be computed with
     refused += !geometry;
-    const Surface* const surface = geometry ? geometry->pieces[0]->surface.get() : nullptr;
+    const Surface* const surface = geometry ? geometry->parts[0]->surface.get() : nullptr;
     if (!surface) continue;
     for (const Triangle& t : surface->triangles()) EXPECT_LT(std::max({t[0], t[1], t[2]}), surface->vertices().size());
   }
@@ -400,10 +400,10 @@ TEST(TrueMesh, VerticesOfEqualPlacesCloseIt) {
   }
   Scene scene;
   add(scene, "soup", soup, MeshAs::kSolid);
-  const ConvexPart& piece = *scene.bodies()[0].pieces[0];
-  EXPECT_EQ(piece.surface->vertices().size(), 16u);
-  EXPECT_EQ(piece.surface->parts().size(), 1u);
-  EXPECT_EQ(piece.loaded_vertices, 84u);
+  const ConvexPart& part = *scene.bodies()[0].parts[0];
+  EXPECT_EQ(part.surface->vertices().size(), 16u);
+  EXPECT_EQ(part.surface->parts().size(), 1u);
+  EXPECT_EQ(part.loaded_vertices, 84u);
 }
 
 TEST(TrueMesh, OfAFileIsScaledMirroredAndNamed) {

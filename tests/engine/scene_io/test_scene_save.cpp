@@ -37,16 +37,16 @@ void expect_same_parts(const Scene& one, const Scene& other) {
     EXPECT_EQ(a.model_inner, b.model_inner) << a.name;
     EXPECT_EQ(a.hull_excess, b.hull_excess) << a.name;
     EXPECT_EQ(a.display != nullptr, b.display != nullptr) << a.name;
-    ASSERT_EQ(a.pieces.size(), b.pieces.size()) << a.name;
-    for (std::size_t p = 0; p < a.pieces.size(); ++p) {
-      EXPECT_EQ(a.pieces[p]->radius, b.pieces[p]->radius) << a.name;
-      ASSERT_EQ(a.pieces[p]->surface != nullptr, b.pieces[p]->surface != nullptr) << a.name;
-      if (a.pieces[p]->surface) {
-        EXPECT_EQ(a.pieces[p]->surface->digest(), b.pieces[p]->surface->digest()) << a.name;
+    ASSERT_EQ(a.parts.size(), b.parts.size()) << a.name;
+    for (std::size_t p = 0; p < a.parts.size(); ++p) {
+      EXPECT_EQ(a.parts[p]->radius, b.parts[p]->radius) << a.name;
+      ASSERT_EQ(a.parts[p]->surface != nullptr, b.parts[p]->surface != nullptr) << a.name;
+      if (a.parts[p]->surface) {
+        EXPECT_EQ(a.parts[p]->surface->digest(), b.parts[p]->surface->digest()) << a.name;
       }
-      ASSERT_EQ(a.pieces[p]->vertices.size(), b.pieces[p]->vertices.size()) << a.name;
-      EXPECT_EQ(std::memcmp(a.pieces[p]->vertices.data(), b.pieces[p]->vertices.data(),
-                            a.pieces[p]->vertices.size() * sizeof(Vec3d)),
+      ASSERT_EQ(a.parts[p]->vertices.size(), b.parts[p]->vertices.size()) << a.name;
+      EXPECT_EQ(std::memcmp(a.parts[p]->vertices.data(), b.parts[p]->vertices.data(),
+                            a.parts[p]->vertices.size() * sizeof(Vec3d)),
                 0)
           << a.name;
     }

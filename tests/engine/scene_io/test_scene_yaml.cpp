@@ -58,15 +58,15 @@ ignore: [[base, cup], [arm, arm], [things, base]]
   EXPECT_TRUE(bodies[1].is_static);
   EXPECT_EQ(bodies[1].pose->qz, 0.5);
   EXPECT_EQ(bodies[1].source, "meshes/t.obj (hull)");
-  ASSERT_EQ(bodies[1].pieces.size(), 1u);
+  ASSERT_EQ(bodies[1].parts.size(), 1u);
   double farthest = 0;
-  for (const Vec3d& v : bodies[1].pieces[0]->vertices) farthest = std::max(farthest, v.x);
+  for (const Vec3d& v : bodies[1].parts[0]->vertices) farthest = std::max(farthest, v.x);
   EXPECT_EQ(farthest, 2);
-  ASSERT_EQ(bodies[2].pieces.size(), 2u);
-  EXPECT_EQ(bodies[2].pieces[0]->radius, 0.25);
-  EXPECT_EQ(bodies[2].pieces[1]->vertices.size(), 4u);
+  ASSERT_EQ(bodies[2].parts.size(), 2u);
+  EXPECT_EQ(bodies[2].parts[0]->radius, 0.25);
+  EXPECT_EQ(bodies[2].parts[1]->vertices.size(), 4u);
   double lowest = 0;
-  for (const Vec3d& v : bodies[2].pieces[1]->vertices) lowest = std::min(lowest, v.y);
+  for (const Vec3d& v : bodies[2].parts[1]->vertices) lowest = std::min(lowest, v.y);
   EXPECT_EQ(lowest, -1);
   ASSERT_TRUE(bodies[2].display);
   double volume = 0;  // mirrored, and its faces reversed accordingly
@@ -75,22 +75,22 @@ ignore: [[base, cup], [arm, arm], [things, base]]
     volume += dot(v[t[0]], cross(v[t[1]], v[t[2]])) / 6;
   }
   EXPECT_NEAR(volume, 2 * 0.5 / 6, 1e-12);
-  EXPECT_EQ(bodies[3].pieces[0]->radius, 0.5);
-  EXPECT_EQ(bodies[4].pieces[0]->vertices.size(), 2u);
+  EXPECT_EQ(bodies[3].parts[0]->radius, 0.5);
+  EXPECT_EQ(bodies[4].parts[0]->vertices.size(), 2u);
   EXPECT_EQ(bodies[5].model_error, 0);
-  EXPECT_TRUE(is_round(*bodies[5].pieces[0]));
-  EXPECT_EQ(bodies[6].pieces[0]->loaded_vertices, 5u);
-  EXPECT_EQ(bodies[7].pieces[0]->vertices.size(), 42u);
-  EXPECT_EQ(bodies[8].pieces[0]->half.x, bodies[8].pieces[0]->half.z);
+  EXPECT_TRUE(is_round(*bodies[5].parts[0]));
+  EXPECT_EQ(bodies[6].parts[0]->loaded_vertices, 5u);
+  EXPECT_EQ(bodies[7].parts[0]->vertices.size(), 42u);
+  EXPECT_EQ(bodies[8].parts[0]->half.x, bodies[8].parts[0]->half.z);
   EXPECT_EQ(bodies[9].name, "123");
   EXPECT_FALSE(surface_of(bodies[10]));
   ASSERT_TRUE(surface_of(bodies[11]) && surface_of(bodies[12]));
   EXPECT_TRUE(surface_of(bodies[11])->is_solid());
   EXPECT_EQ(surface_of(bodies[11])->parts().size(), 2u);
   EXPECT_FALSE(surface_of(bodies[12])->is_solid());
-  EXPECT_NEAR(bodies[12].pieces[0]->half.x, 6, 1e-13) << "both objects of the file, scaled";
+  EXPECT_NEAR(bodies[12].parts[0]->half.x, 6, 1e-13) << "both objects of the file, scaled";
   EXPECT_EQ(bodies[12].source, "meshes/two.obj (surface)");
-  EXPECT_EQ(bodies[10].pieces.size(), 1u);
+  EXPECT_EQ(bodies[10].parts.size(), 1u);
   EXPECT_EQ(scene.groups()[scene.find_group("arm")].bodies, (std::vector<std::uint32_t>{0, 2}));
   using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
   EXPECT_EQ(scene.ignored(), (Pairs{{0, 1}, {0, 2}, {1, 3}, {1, 4}, {1, 5}}));
@@ -108,11 +108,11 @@ bodies:
   - {name: e, uv_sphere: {radius: 2, resolution: 5}}
   - {name: f, uv_sphere: {radius: 2, resolution: 5}}
 )");
-  const auto piece = [&](const char* name) { return scene.bodies()[scene.find_body(name)].pieces[0]; };
-  EXPECT_EQ(piece("a"), piece("b"));
-  EXPECT_NE(piece("a"), piece("c"));
-  EXPECT_NE(piece("a"), piece("d"));
-  EXPECT_EQ(piece("e"), piece("f"));
+  const auto part = [&](const char* name) { return scene.bodies()[scene.find_body(name)].parts[0]; };
+  EXPECT_EQ(part("a"), part("b"));
+  EXPECT_NE(part("a"), part("c"));
+  EXPECT_NE(part("a"), part("d"));
+  EXPECT_EQ(part("e"), part("f"));
 }
 
 TEST(SceneFile, WhatIsNotKnownOfABodyIsRead) {
@@ -128,12 +128,12 @@ TEST(SceneFile, WhatIsNotKnownOfABodyIsRead) {
   EXPECT_EQ(b.uncertainty.position, 0.5);
   EXPECT_EQ(b.uncertainty.angle, 0.01);
   EXPECT_EQ(b.max_speed, 2);
-  EXPECT_NEAR(b.pieces[0]->radius, 0.875, 1e-14);
+  EXPECT_NEAR(b.parts[0]->radius, 0.875, 1e-14);
   EXPECT_GT(b.model_inner, 0) << "the rounding of that sum";
   EXPECT_LT(b.model_inner, 1e-14);
   EXPECT_NEAR(b.reach, std::sqrt(0.75) + 0.875, 1e-12);
   EXPECT_NE(scene.revision(), known.revision());
-  EXPECT_EQ(known.bodies()[0].pieces[0], known.bodies()[1].pieces[0]);
+  EXPECT_EQ(known.bodies()[0].parts[0], known.bodies()[1].parts[0]);
 }
 
 TEST(SceneFile, QuaternionsThatLookLikeXyzwAreWarnedOf) {
@@ -180,7 +180,7 @@ TEST(SceneFile, UpYTurnsAMeshExactly) {
                                  "  - {name: none, mesh: w.obj, scale: [0.5, 1, -0.125], mesh_as: " +
                                  how + "}\n");
     const auto& b = scene.bodies();
-    EXPECT_EQ(b[1].pieces[0].get(), b[2].pieces[0].get()) << "z is the default";
+    EXPECT_EQ(b[1].parts[0].get(), b[2].parts[0].get()) << "z is the default";
     std::vector<Vec3d> expected;
     for (const Vec3d& v : b[1].display->vertices) expected.push_back({v.x, 0 - v.z, v.y});
     const auto same = [](const Vec3d& a, const Vec3d& c) { return a.x == c.x && a.y == c.y && a.z == c.z; };
@@ -189,9 +189,9 @@ TEST(SceneFile, UpYTurnsAMeshExactly) {
         << how;
     EXPECT_EQ(b[0].display->triangles, b[1].display->triangles) << "a turn keeps the orientation of faces";
     EXPECT_EQ(b[0].model_error, b[1].model_error);
-    ASSERT_EQ(b[0].pieces.size(), 1u);
-    ASSERT_EQ(b[0].pieces[0]->vertices.size(), 4u);
-    for (const Vec3d& v : b[0].pieces[0]->vertices)
+    ASSERT_EQ(b[0].parts.size(), 1u);
+    ASSERT_EQ(b[0].parts[0]->vertices.size(), 4u);
+    for (const Vec3d& v : b[0].parts[0]->vertices)
       EXPECT_TRUE(std::any_of(expected.begin(), expected.end(), [&](const Vec3d& e) { return same(e, v); })) << how;
   }
   EXPECT_EQ(error_text<SceneError>([&] { load(folder, "bodies: [{name: a, mesh: w.obj, up: x}]"); }),
@@ -209,7 +209,7 @@ TEST(SceneFile, RandomBodiesRepeatBySeed) {
   const Scene c = of("{count: 100, " + shape + ", box: 60, seed: 8}");
   ASSERT_EQ(a.bodies().size(), 100u);
   EXPECT_EQ(a.bodies()[99].name, "random_99");
-  EXPECT_EQ(a.bodies()[0].pieces[0], a.bodies()[99].pieces[0]);
+  EXPECT_EQ(a.bodies()[0].parts[0], a.bodies()[99].parts[0]);
   EXPECT_EQ(a.revision(), b.revision());
   EXPECT_NE(a.revision(), c.revision());
   EXPECT_EQ(a.revision(), 4296826941829119171u) << "the same scene gives the same number on any machine";

@@ -33,15 +33,15 @@ inline ConvexParts clusters(Random& random, const Mesh& mesh, int count) {
     const int at = random.integer(0, static_cast<int>(mesh.triangles.size()) - 1);
     seeds.push_back(middle(mesh.triangles[static_cast<std::size_t>(at)]));
   }
-  ConvexParts pieces(seeds.size());
+  ConvexParts parts(seeds.size());
   for (const Triangle& t : mesh.triangles) {
     std::size_t best = 0;
     for (std::size_t i = 1; i < seeds.size(); ++i)
       if (squared_norm(seeds[i] - middle(t)) < squared_norm(seeds[best] - middle(t))) best = i;
-    for (const std::uint32_t corner : t) pieces[best].push_back(mesh.vertices[corner]);
+    for (const std::uint32_t corner : t) parts[best].push_back(mesh.vertices[corner]);
   }
-  std::erase_if(pieces, [](const std::vector<Vec3d>& piece) { return piece.empty(); });
-  return pieces;
+  std::erase_if(parts, [](const std::vector<Vec3d>& part) { return part.empty(); });
+  return parts;
 }
 
 enum class Kind { kFlat, kWhole, kClusters, kShrunk, kLeftOut, kShaken };
@@ -49,20 +49,20 @@ inline constexpr std::array<Kind, 6> kKinds = {Kind::kFlat,   Kind::kWhole,   Ki
                                                Kind::kShrunk, Kind::kLeftOut, Kind::kShaken};
 
 inline ConvexParts propose(Random& random, const Mesh& mesh, Kind kind) {
-  ConvexParts pieces = clusters(random, mesh, kind == Kind::kWhole ? 1 : random.integer(3, 8));
-  if (kind == Kind::kLeftOut && pieces.size() > 1) pieces.erase(pieces.begin());
+  ConvexParts parts = clusters(random, mesh, kind == Kind::kWhole ? 1 : random.integer(3, 8));
+  if (kind == Kind::kLeftOut && parts.size() > 1) parts.erase(parts.begin());
   const double by = random.uniform(0.8, 0.99), length = random.log_uniform(1e-4, 0.1);
-  for (std::vector<Vec3d>& piece : pieces) {
+  for (std::vector<Vec3d>& part : parts) {
     Vec3d centre{0, 0, 0};
-    for (const Vec3d& v : piece) centre += v * (1.0 / static_cast<double>(piece.size()));
-    for (Vec3d& v : piece) {
+    for (const Vec3d& v : part) centre += v * (1.0 / static_cast<double>(part.size()));
+    for (Vec3d& v : part) {
       if (kind == Kind::kShrunk) v = centre + (v - centre) * by;
       if (kind == Kind::kFlat) v.z = centre.z;
       if (kind == Kind::kShaken) v += random.direction() * (length * random.uniform());
       v = on_lattice(v);
     }
   }
-  return pieces;
+  return parts;
 }
 
 inline double size_of(const Mesh& mesh) {

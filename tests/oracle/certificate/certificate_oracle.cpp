@@ -157,11 +157,11 @@ void check_row(const Value& document, const Query& query, const std::map<Id, Mot
 std::vector<std::string> check_rows(const Value& document) {
   require(document["format"].text() == "clearance certificate" && document["version"].integer() == 3,
           "another format or version");
-  std::vector<ConvexPart> pieces;
-  for (const Value& piece : document["pieces"].list()) pieces.emplace_back(piece);
+  std::vector<ConvexPart> parts;
+  for (const Value& part : document["pieces"].list()) parts.emplace_back(part);
   Bodies bodies;
   for (const Value& body : document["bodies"].list())
-    require(bodies.try_emplace(body["id"].integer(), body, pieces).second, "two bodies have one id");
+    require(bodies.try_emplace(body["id"].integer(), body, parts).second, "two bodies have one id");
   const Query query = read_query(document["query"]);
   const std::size_t ends = document["query"]["motions"].truth() ? 2 : 1;
   std::map<Id, Motion> motions;

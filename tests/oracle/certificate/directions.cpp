@@ -62,8 +62,8 @@ Run run_of(const Value& named, std::size_t count) {
 // Upper bound on n·p over the points of the parts, times the divisor of their body's pose.
 Dyadic support(const Body& body, const Pose& pose, const Vector& n, const Run& run) {
   const Vector in_body = turned_back(pose.rows, n);
-  Dyadic most = body.pieces[run.begin]->support(in_body);
-  for (std::size_t i = run.begin + 1; i < run.end; ++i) most = std::max(most, body.pieces[i]->support(in_body));
+  Dyadic most = body.parts[run.begin]->support(in_body);
+  for (std::size_t i = run.begin + 1; i < run.end; ++i) most = std::max(most, body.parts[i]->support(in_body));
   return most;
 }
 
@@ -102,11 +102,11 @@ void check_direction(const Look& look, const Value& claim, const Rates& rates, c
 }
 
 RunPair named_runs(const Look& look, const Value& claim) {
-  const Value& pieces = claim["pieces"];
-  const std::size_t of_a = look.a.pieces.size(), of_b = look.b.pieces.size();
-  if (pieces.is_null()) return {{0, of_a}, {0, of_b}};
-  require(pieces.list().size() == 2, "a direction is not of two pieces");
-  return {run_of(pieces.at(0), of_a), run_of(pieces.at(1), of_b)};
+  const Value& parts = claim["pieces"];
+  const std::size_t of_a = look.a.parts.size(), of_b = look.b.parts.size();
+  if (parts.is_null()) return {{0, of_a}, {0, of_b}};
+  require(parts.list().size() == 2, "a direction is not of two pieces");
+  return {run_of(parts.at(0), of_a), run_of(parts.at(1), of_b)};
 }
 
 // Checks that every two parts are in one of them. The covered parts of b change only where one begins or ends in a.
@@ -188,7 +188,7 @@ Span check_span(const Motion& motion, const IdPair& ids, const Value& span, cons
   const double begin = span["begin"].finite(), at = span["at"].finite(), end = span["end"].finite();
   const Body &a = motion.body(ids[0]), &b = motion.body(ids[1]);
   require(begin <= at && at <= end, "a span is looked at beyond its ends");
-  require(!a.pieces.empty() && !b.pieces.empty(), "a body has no pieces");
+  require(!a.parts.empty() && !b.parts.empty(), "a body has no pieces");
   const Pose &X_wa = motion.at(ids[0], at).pose, &X_wb = motion.at(ids[1], at).pose;
   const Dyadic half = std::max(Dyadic(end) - at, Dyadic(at) - begin);
   const Dyadic inner = checked_slack(motion, ids, span["slack"], at, half);
@@ -201,7 +201,7 @@ Span check_span(const Motion& motion, const IdPair& ids, const Value& span, cons
     if (!rates.contains(seer)) rates.emplace(seer, look.rates(seer));
     check_direction(look, claim, rates.at(seer), covered.back());
   }
-  check_cover(covered, a.pieces.size(), b.pieces.size());
+  check_cover(covered, a.parts.size(), b.parts.size());
   if (bound.sign() > 0) {
     check_outside(a, X_wa, b, X_wb, bound);
     check_outside(b, X_wb, a, X_wa, bound);

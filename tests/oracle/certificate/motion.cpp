@@ -57,18 +57,17 @@ Body::Body(const Value& document, const std::vector<ConvexPart>& parts_of_all)
   for (const Value& place : document["pieces"].list())
     wholes.push_back(&parts_of_all[place.index(parts_of_all.size())]);
   for (const ConvexPart* whole : wholes) {
-    if (!whole->has_elements()) pieces.push_back(whole);
-    for (const ConvexPart& element : whole->elements()) pieces.push_back(&element);
-    whole_of.resize(pieces.size(), whole);
+    if (!whole->has_elements()) parts.push_back(whole);
+    for (const ConvexPart& element : whole->elements()) parts.push_back(&element);
+    whole_of.resize(parts.size(), whole);
   }
   const Dyadic grown = Dyadic(document["padding"].length()) + position;
-  for (const ConvexPart* piece : wholes)
-    require(piece->radius() + inner >= grown, "a body lacks padding or uncertainty");
+  for (const ConvexPart* part : wholes) require(part->radius() + inner >= grown, "a body lacks padding or uncertainty");
 }
 
 Dyadic Body::farthest_from(const Vector& point) const {
   Dyadic farthest;
-  for (const ConvexPart* piece : wholes) farthest = std::max(farthest, piece->reach(point));
+  for (const ConvexPart* part : wholes) farthest = std::max(farthest, part->reach(point));
   return farthest + inner;
 }
 

@@ -21,7 +21,7 @@ Frame frame_of(const Value& id);
 /// without a usable pose are not numbers.
 class Body {
  public:
-  Body(const Value& document, const std::vector<ConvexPart>& pieces);
+  Body(const Value& document, const std::vector<ConvexPart>& parts);
 
   /// Bound on the distance of the true body's points from its origin, or from `centre`.
   const Dyadic& reach() const;
@@ -30,7 +30,7 @@ class Body {
   std::string name;
   Frame on;
   bool has_joint;
-  std::vector<const ConvexPart*> pieces;    ///< elements of surfaces and clouds count as parts
+  std::vector<const ConvexPart*> parts;     ///< elements of surfaces and clouds count as parts
   std::vector<const ConvexPart*> whole_of;  ///< for each, the part that it is an element of, or itself
   std::vector<const ConvexPart*> wholes;    ///< each once
   const Value *pose, *moves;

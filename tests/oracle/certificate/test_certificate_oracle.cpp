@@ -115,12 +115,12 @@ void expect_just_above(const Dyadic& x, const Dyadic& y) {
 }
 
 TEST(CertificateOracle, RoundCoresReachAsFarAsTheyAreSaidTo) {
-  const auto piece = [](const std::string& kind) {
+  const auto part = [](const std::string& kind) {
     const Document document(R"({"radius":0.5,"core":{"kind":")" + kind +
                             R"(","size":[3,4,4]},"count":1,"vertices":[[0,0,0]]})");
     return ConvexPart(document.root());
   };
-  const ConvexPart cylinder = piece("cylinder"), cone = piece("cone"), egg = piece("ellipsoid");
+  const ConvexPart cylinder = part("cylinder"), cone = part("cone"), egg = part("ellipsoid");
   // Along (3, 4, 12), of length 13: the radius adds 6.5.
   expect_just_above(cylinder.support({3.0, 4.0, 12.0}), 3.0 * 5 + 4 * 12 + 6.5);
   expect_just_above(cone.support({3.0, 4.0, 12.0}), 4.0 * 12 + 6.5);       // the apex
@@ -135,20 +135,20 @@ TEST(CertificateOracle, RoundCoresReachAsFarAsTheyAreSaidTo) {
   EXPECT_LT(egg.off({0.0, 2.0, 0.0}).sign(), 0);
   for (const double z : {4.0000000000000009, -4.0000000000000009})
     for (const ConvexPart* ended : {&cylinder, &cone}) EXPECT_THROW(ended->off({0.0, 0.0, z}), Refusal);
-  EXPECT_THROW(piece("torus"), Refusal);
+  EXPECT_THROW(part("torus"), Refusal);
 }
 
 // Two boxes that are 1 m apart along x (of which all but a bit can be proved, since roots are rounded up). Optionally b
 // moves, and may be a single point at x = 1 in its own axes.
 struct Boxes {
   std::string lower = "0.9999999999999999", upper = "1", status = "ok", order = "1", slack = "0", inner = "0";
-  int direction = 1, piece = 0;
+  int direction = 1, part = 0;
   std::string ends;  // of b, if it moves
   std::string margin = "0", free = "null", contact = "null";
 
-  static std::string body(int id, int x, const std::string& inner, int piece) {
+  static std::string body(int id, int x, const std::string& inner, int part) {
     std::ostringstream text;
-    text << R"({"id":)" << id << R"(,"name":"b","pieces":[)" << piece
+    text << R"({"id":)" << id << R"(,"name":"b","pieces":[)" << part
          << R"(],"centre":[0,0,0],"on":null,"joint":null,"pose":[)" << x
          << R"(,0,0,1,0,0,0],"moves":[],"shape":{"inner":)" << inner
          << R"(,"outer":0},"uncertainty":{"position":0,"angle":0},"padding":0,"max_speed":0,"age_s":0})";
@@ -161,7 +161,7 @@ struct Boxes {
       "pieces":[{"radius":0,"count":8,"vertices":[[0,0,0],[1,0,0],[0,1,0],[1,1,0],[0,0,1],[1,0,1],[0,1,1],[1,1,1]]},
       {"radius":0,"count":1,"vertices":[[1,0,0]]}],
       "bodies":[)"
-         << body(0, 0, inner, 0) << "," << body(1, 2, inner, piece)
+         << body(0, 0, inner, 0) << "," << body(1, 2, inner, part)
          << R"(],"configurations":[{"configuration":0,"poses":)" << (ends.empty() ? "{}" : R"({"1":)" + ends + "}")
          << R"(,"positions":{}}],
       "rows":[{"configuration":0,"bodies":[0,1],"status":")"
@@ -363,7 +363,7 @@ TEST(CertificateOracle, WhatIsProvedAllAlongIsFreeUntilTheEnd) {
 
 TEST(CertificateOracle, TurnsBendWays) {
   Boxes boxes;
-  boxes.piece = 1;
+  boxes.part = 1;
   boxes.ends = "[[3,0,0,1,0,0,0],[3,0,0,0.8775825618903728,0,0,0.479425538604203]]";  // a rotation by 1 about z
   boxes.upper = "\"inf\"";
   const auto proved = [&](const char* order, const char* lower) {

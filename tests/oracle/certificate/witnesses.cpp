@@ -11,24 +11,24 @@ constexpr const char* kTooFar = "a point of a witness is too far away";
 
 // The points of a part in a witness: its vertices, or for a core that is no hull points given by the witness.
 struct Named {
-  const ConvexPart *piece = nullptr, *whole = nullptr;
+  const ConvexPart *part = nullptr, *whole = nullptr;
   std::vector<Vector> points;  // of such a core
   Dyadic off;                  // bound on their distance from the core
 
-  std::size_t count() const { return piece->is_hull() ? piece->count() : points.size(); }
-  Vector at(std::size_t k) const { return piece->is_hull() ? piece->vertex(k) : points[k]; }
+  std::size_t count() const { return part->is_hull() ? part->count() : points.size(); }
+  Vector at(std::size_t k) const { return part->is_hull() ? part->vertex(k) : points[k]; }
 };
 
 Named named(const Body& body, const Value& witness, std::size_t side) {
   Named named;
-  const std::size_t place = witness["pieces"].at(side).index(body.pieces.size());
-  named.piece = body.pieces[place];
+  const std::size_t place = witness["pieces"].at(side).index(body.parts.size());
+  named.part = body.parts[place];
   named.whole = body.whole_of[place];
   if (const Value* points = witness.find("points")) require(points->list().size() == 2, "points are not of two pieces");
-  if (named.piece->is_hull()) return named;
+  if (named.part->is_hull()) return named;
   for (const Value& p : witness["points"].at(side).list()) {
     named.points.push_back(p.vector_of_sums());
-    named.off = std::max(named.off, named.piece->off(named.points.back()));
+    named.off = std::max(named.off, named.part->off(named.points.back()));
   }
   return named;
 }
@@ -84,8 +84,8 @@ struct Normal {
 };
 std::vector<Normal> normals(const Named& a, const Named& b, const Pose& X_wa, const Pose& X_wb) {
   std::vector<Normal> normals;
-  if (a.piece->is_half_space()) normals.push_back({{0.0, 0.0, -1.0}, 1.0});
-  if (b.piece->is_half_space())
+  if (a.part->is_half_space()) normals.push_back({{0.0, 0.0, -1.0}, 1.0});
+  if (b.part->is_half_space())
     normals.push_back({turned_back(X_wa.rows, turned(X_wb.rows, {0.0, 0.0, 1.0})), X_wa.divisor * X_wb.divisor});
   return normals;
 }
@@ -121,7 +121,7 @@ void check_witness(const Motion& motion, const IdPair& ids, const Value& witness
   for (const Pose* pose : {&X_wa, &X_wb})
     if (pose->is_rounded) reach -= blur();
   const bool is_rounded = X_wa.is_rounded || X_wb.is_rounded;
-  for (const Named* side : {&of_a, &of_b}) reach += side->piece->radius() - side->off;
+  for (const Named* side : {&of_a, &of_b}) reach += side->part->radius() - side->off;
   if (const Value* within = witness.find("within")) {
     const std::size_t around = within->index(2);
     const ConvexPart& solid = *(around == 0 ? of_a : of_b).whole;

@@ -39,9 +39,9 @@ struct Spheres {
 /// Body a's table is wrong along the direction of b's nearest point, provided that GJK does not begin with it. If it
 /// did, it would never see another vertex, and nothing would contradict.
 Bench misled(const Spheres& spheres, const std::string& backend) {
-  return Bench(spheres.cases, backend, 1, [&](const ConvexPartPtr& piece, std::size_t i, bool is_b) {
-    EXPECT_TRUE(piece->table);
-    if (is_b) return piece;
+  return Bench(spheres.cases, backend, 1, [&](const ConvexPartPtr& part, std::size_t i, bool is_b) {
+    EXPECT_TRUE(part->table);
+    if (is_b) return part;
     const Case& c = spheres.cases[i];
     const Vec3z& exact = spheres.truth[i].direction;
     Vec3d towards_b;
@@ -49,9 +49,9 @@ Bench misled(const Spheres& spheres, const std::string& backend) {
     const Mat3d R_wa = rotation_of(c.X_wa);
     const Vec3d found = R_wa.transpose_times(towards_b);
     const Vec3d first = R_wa.transpose_times(c.X_wb.translation - c.X_wa.translation);
-    return piece->table->candidates(found).data() == piece->table->candidates(first).data()
-               ? piece
-               : with_misleading_table(*piece, found);
+    return part->table->candidates(found).data() == part->table->candidates(first).data()
+               ? part
+               : with_misleading_table(*part, found);
   });
 }
 
@@ -123,18 +123,18 @@ void run_broken_f32_lanes(const LaneBatch& batch) {
 }
 
 struct Batch {
-  std::vector<ConvexPartPtr> pieces;
+  std::vector<ConvexPartPtr> parts;
   std::vector<PoseMatrix> poses;
   std::vector<PartTask> tasks;
 
   explicit Batch(std::span<const Case> cases) {
     poses.reserve(2 * cases.size());
     for (const Case& c : cases) {
-      for (const Solid* s : {c.a.get(), c.b.get()}) pieces.push_back(make_convex_part(s->vertices, s->radius));
+      for (const Solid* s : {c.a.get(), c.b.get()}) parts.push_back(make_convex_part(s->vertices, s->radius));
       for (const Pose& X : {c.X_wa, c.X_wb}) poses.push_back({rotation_of(X), X.translation, X});
-      const std::size_t i = pieces.size() - 2;
+      const std::size_t i = parts.size() - 2;
       tasks.push_back(
-          {pieces[i].get(), pieces[i + 1].get(), &poses[i], &poses[i + 1], kInf, static_cast<std::uint32_t>(i / 2)});
+          {parts[i].get(), parts[i + 1].get(), &poses[i], &poses[i + 1], kInf, static_cast<std::uint32_t>(i / 2)});
     }
   }
   std::vector<Interval> ask(const NarrowOptions& options) const {

@@ -28,7 +28,7 @@ std::vector<Row> ask(const ConvexPartPtr& a, const Pose& X_wa, const ConvexPartP
   Scene scene;
   Body first, second;
   first.name = "a", second.name = "b";
-  first.pieces = {a}, second.pieces = {b};
+  first.parts = {a}, second.parts = {b};
   first.pose = X_wa, second.pose = X_wb;
   scene.add_body(std::move(first));
   scene.add_body(std::move(second));

@@ -65,9 +65,9 @@ void check_inner(Random& random, const Mesh& mesh, const Decomposition& d, doubl
   for (const Vec3d& p : points) {
     double nearest = kInf;
     bool exceeds = true;
-    for (const ConvexPartPtr& piece : d.pieces) {
+    for (const ConvexPartPtr& part : d.parts) {
       if (!exceeds && nearest <= farthest) break;
-      const Distance r = against(exact_distance({{&p, 1}, 0}, {}, {piece->vertices, 0}, {}, false), d.inner);
+      const Distance r = against(exact_distance({{&p, 1}, 0}, {}, {part->vertices, 0}, {}, false), d.inner);
       nearest = std::min(nearest, r.about);
       exceeds = exceeds && r.exceeds;
     }
@@ -80,8 +80,8 @@ void check_inner(Random& random, const Mesh& mesh, const Decomposition& d, doubl
 
 void check_outer(Random& random, const Mesh& mesh, const Decomposition& d, double size, Tally& tally) {
   const BodyView truth{mesh.vertices, mesh.triangles, true, 0};
-  for (std::size_t i = 0; i < d.pieces.size(); ++i) {
-    const std::vector<Vec3d>& corners = d.pieces[i]->vertices;
+  for (std::size_t i = 0; i < d.parts.size(); ++i) {
+    const std::vector<Vec3d>& corners = d.parts[i]->vertices;
     double farthest = 0;
     for (int k = 0; k < 30; ++k) {
       std::vector<Vec3d> some;
@@ -169,9 +169,9 @@ TEST(Decomposition, ABareSurfaceHasNothingWithin) {
 TEST(Decomposition, SaysWhichPieceIsNone) {
   const Mesh box = box_mesh({1, 1, 1});
   const Surface truth(box.vertices, box.triangles, true);
-  const auto refusal = [&](const ConvexParts& pieces) -> std::string {
+  const auto refusal = [&](const ConvexParts& parts) -> std::string {
     try {
-      prove_decomposition(truth, pieces);
+      prove_decomposition(truth, parts);
       return "";
     } catch (const std::invalid_argument& e) {
       return e.what();

@@ -36,17 +36,17 @@ Vec3q turned(const Pose& X, const Vec3q& v) {
 }
 
 // The exact signed distance of a part from the grown half-space.
-mpq_class height(const ConvexPart& plane, const Pose& X_plane, const ConvexPart& piece, const Pose& X_part) {
+mpq_class height(const ConvexPart& plane, const Pose& X_plane, const ConvexPart& part, const Pose& X_part) {
   const Vec3q n = turned(X_plane, {0, 0, 1}), t_a = rational(X_plane.translation), t_b = rational(X_part.translation);
   mpq_class least;
   bool first = true;
-  for (const Vec3d& v : piece.vertices) {
+  for (const Vec3d& v : part.vertices) {
     const Vec3q p = turned(X_part, rational(v));
     const mpq_class at = product(n, {p.x + t_b.x - t_a.x, p.y + t_b.y - t_a.y, p.z + t_b.z - t_a.z});
     if (first || at < least) least = at;
     first = false;
   }
-  return least - mpq_class(plane.radius) - mpq_class(piece.radius);
+  return least - mpq_class(plane.radius) - mpq_class(part.radius);
 }
 
 // A plane along the world's axes, with a quaternion of any length, or nearly so, or in any orientation.
@@ -74,7 +74,7 @@ ConvexPartPtr any_part(Random& random) {
 }
 
 struct PlaneCase {
-  ConvexPartPtr plane, piece;
+  ConvexPartPtr plane, part;
   Pose X_plane, X_part;
 };
 
@@ -85,13 +85,13 @@ PlaneCase any_case(Random& random, double& wanted) {
   c.X_plane = plane_pose(random, {random.uniform(-far, far), random.uniform(-far, far), random.uniform(-far, far)});
   c.plane = make_primitive_part({Primitive::Kind::kHalfSpace, {0, 0, 0}},
                                 random.chance(0.3) ? random.log_uniform(1e-3, 1) : 0);
-  c.piece = any_part(random);
+  c.part = any_part(random);
   c.X_part = random.rotation({random.uniform(-far, far), random.uniform(-far, far), random.uniform(-far, far)});
   if (random.chance(0.3)) c.X_part = {c.X_part.translation, 1, 0, 0, 0};
   const double choices[] = {random.uniform(0, 10), random.log_uniform(1e-12, 1e-3), 0, -random.log_uniform(1e-12, 10)};
   wanted = choices[random.integer(0, 3)];
   const Vec3d n = rotation_of(c.X_plane) * Vec3d{0, 0, 1};
-  const mpq_class is = height(*c.plane, c.X_plane, *c.piece, c.X_part);
+  const mpq_class is = height(*c.plane, c.X_plane, *c.part, c.X_part);
   c.X_part.translation += n * (wanted - is.get_d());
   return c;
 }
@@ -112,14 +112,14 @@ TEST(HalfSpace, HoldsTheExactSignedDistance) {
   for (int i = 0; i < 2000; ++i) {
     double wanted;
     const PlaneCase c = any_case(random, wanted);
-    const PoseMatrix plane = placed(c.X_plane), piece = placed(c.X_part);
-    const mpq_class exact = height(*c.plane, c.X_plane, *c.piece, c.X_part);
+    const PoseMatrix plane = placed(c.X_plane), part = placed(c.X_part);
+    const mpq_class exact = height(*c.plane, c.X_plane, *c.part, c.X_part);
     NarrowLimits limits;
     limits.signed_distance = true;
     limits.rel_tol = 1e-9;
-    const NarrowAnswer first = narrow_phase(*c.plane, plane, *c.piece, piece, limits);
-    const NarrowAnswer second = narrow_phase(*c.piece, piece, *c.plane, plane, limits);
-    const NarrowAnswer reference = narrow_phase_reference(*c.plane, plane, *c.piece, piece, limits);
+    const NarrowAnswer first = narrow_phase(*c.plane, plane, *c.part, part, limits);
+    const NarrowAnswer second = narrow_phase(*c.part, part, *c.plane, plane, limits);
+    const NarrowAnswer reference = narrow_phase_reference(*c.plane, plane, *c.part, part, limits);
     for (const NarrowAnswer* answer : {&first, &second, &reference}) {
       ASSERT_TRUE(holds(answer->bounds, exact)) << i << ": " << answer->bounds.lower << ' ' << answer->bounds.upper;
       ASSERT_LE(answer->bounds.upper - answer->bounds.lower, 4 * answer->rounding);
@@ -129,7 +129,7 @@ TEST(HalfSpace, HoldsTheExactSignedDistance) {
     // The witness points have the reported distance, and lie on the plane and on its far side.
     const Vec3d D = c.X_part.translation - c.X_plane.translation, n = first.normal;
     const Vec3d across = first.point_b + D - first.point_a;
-    const double scale = norm(D) + c.piece->rho + c.piece->radius + c.plane->radius;
+    const double scale = norm(D) + c.part->rho + c.part->radius + c.plane->radius;
     EXPECT_NEAR(dot(across, n), exact.get_d(), 1e-13 * scale);
     EXPECT_NEAR(norm(across), std::abs(exact.get_d()), 1e-13 * scale);
     EXPECT_NEAR(dot(first.point_a, n), c.plane->radius, 1e-13 * scale);
@@ -157,10 +157,10 @@ TEST(HalfSpace, BoxesHoldIt) {
   for (int i = 0; i < 1500; ++i) {
     double wanted;
     const PlaneCase c = any_case(random, wanted);
-    const mpq_class exact = height(*c.plane, c.X_plane, *c.piece, c.X_part);
-    const PoseMatrix plane = placed(c.X_plane), piece = placed(c.X_part);
+    const mpq_class exact = height(*c.plane, c.X_plane, *c.part, c.X_part);
+    const PoseMatrix plane = placed(c.X_plane), part = placed(c.X_part);
     const double gap =
-        certify_box_gap(certify_box(*c.plane, plane.R_wb, plane.t_w), certify_box(*c.piece, piece.R_wb, piece.t_w));
+        certify_box_gap(certify_box(*c.plane, plane.R_wb, plane.t_w), certify_box(*c.part, part.R_wb, part.t_w));
     if (gap > 0) {
       ASSERT_LE(mpq_class(gap), exact) << i;
     }
@@ -184,7 +184,7 @@ Scene room_scene(Random& random, std::vector<Pose>& planes) {
     for (int p = i % 3 == 0 ? 4 : 1; p > 0; --p) {
       std::vector<Vec3d> vertices;
       for (int v = 0; v < 12; ++v) vertices.push_back(random.direction() * 0.3 + Vec3d{0.5 * p, 0, 0});
-      body.pieces.push_back(make_convex_part(std::move(vertices), i % 2 ? 0.0625 : 0));
+      body.parts.push_back(make_convex_part(std::move(vertices), i % 2 ? 0.0625 : 0));
     }
     scene.add_body(std::move(body));
   }
@@ -194,8 +194,8 @@ Scene room_scene(Random& random, std::vector<Pose>& planes) {
 mpq_class exact_of(const Scene& scene, const std::vector<Pose>& planes, BodyPair pair) {
   const Body &plane = scene.bodies()[pair.a], &body = scene.bodies()[pair.b];
   mpq_class least;
-  for (std::size_t p = 0; p < body.pieces.size(); ++p) {
-    const mpq_class at = height(*plane.pieces[0], planes[pair.a], *body.pieces[p], *body.pose);
+  for (std::size_t p = 0; p < body.parts.size(); ++p) {
+    const mpq_class at = height(*plane.parts[0], planes[pair.a], *body.parts[p], *body.pose);
     if (p == 0 || at < least) least = at;
   }
   return least;

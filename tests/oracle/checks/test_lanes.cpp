@@ -52,7 +52,7 @@ class Lanes : public testing::TestWithParam<std::string_view> {};
 
 // Pairs for one batch, and each of them alone.
 struct Asked {
-  std::vector<ConvexPartPtr> pieces;  // two for each hull pair
+  std::vector<ConvexPartPtr> parts;  // two for each hull pair
   std::vector<Placed> placed;
   std::vector<std::size_t> hulls;  // of each pair: index into `pieces` of the first one
   std::vector<std::string> names;
@@ -62,12 +62,12 @@ struct Asked {
     Random random(static_cast<std::uint64_t>(i));
     for (const Placed& p : placements(c, random)) {
       placed.push_back(p);
-      hulls.push_back(pieces.size());
+      hulls.push_back(parts.size());
       names.push_back(cls.name + " case " + std::to_string(i) + " pair " + std::to_string(names.size()));
       max_distances.push_back(max_distance);
     }
-    pieces.push_back(make_convex_part(c.a->vertices, c.a->radius));
-    pieces.push_back(make_convex_part(c.b->vertices, c.b->radius));
+    parts.push_back(make_convex_part(c.a->vertices, c.a->radius));
+    parts.push_back(make_convex_part(c.b->vertices, c.b->radius));
   }
 };
 
@@ -79,7 +79,7 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool
                               Seen& seen) {
   const std::size_t count = asked.placed.size();
   std::vector<LaneHull> hulls;
-  for (const ConvexPartPtr& piece : asked.pieces) hulls.emplace_back(*piece);
+  for (const ConvexPartPtr& part : asked.parts) hulls.emplace_back(*part);
   std::vector<LanePair> pairs;
   for (std::size_t k = 0; k < count; ++k) {
     const auto& [at_a, at_b] = asked.placed[k];
@@ -93,7 +93,7 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool
               witnesses.data(), rest.data()});
   for (std::size_t k = 0; k < count; ++k) {
     const auto& [at_a, at_b] = asked.placed[k];
-    const ConvexPart &a = *asked.pieces[asked.hulls[k]], &b = *asked.pieces[asked.hulls[k] + 1];
+    const ConvexPart &a = *asked.parts[asked.hulls[k]], &b = *asked.parts[asked.hulls[k] + 1];
     limits.max_distance = asked.max_distances[k];
     const NarrowAnswer alone = narrow_phase(a, at_a, b, at_b, limits);
     const std::string& where = asked.names[k];
@@ -153,7 +153,7 @@ TEST_P(Lanes, HoldDifferentHullsSideBySide) {
     Asked asked;
     for (const CaseClass& cls : case_classes()) {
       const Case c = make_case(cls, 7, static_cast<std::uint64_t>(i));
-      const bool bounded = asked.pieces.size() % 6 == 0;
+      const bool bounded = asked.parts.size() % 6 == 0;
       asked.add(cls, c, i, bounded ? 0.5 * centre_distance(c) : std::numeric_limits<double>::infinity());
     }
     expect_bits_of_one_alone(kernel, asked, false, limits_of_kind(i % 2, 1.0), seen);

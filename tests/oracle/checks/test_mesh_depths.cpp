@@ -26,9 +26,9 @@ Depth ask(const Case& c, const SolidPtr& beside = nullptr) {
   Scene scene;
   Body a, b;
   a.name = "a", b.name = "b";
-  a.pieces = {part_of(*c.a)};
-  if (beside) a.pieces.push_back(part_of(*beside));
-  b.pieces = {part_of(*c.b)};
+  a.parts = {part_of(*c.a)};
+  if (beside) a.parts.push_back(part_of(*beside));
+  b.parts = {part_of(*c.b)};
   a.pose = c.X_wa, b.pose = c.X_wb;
   scene.add_body(std::move(a));
   scene.add_body(std::move(b));

@@ -34,7 +34,7 @@ struct Found {
 /// A decomposed body among a hull, another decomposed one and a solid without decomposition.
 struct Trial {
   std::array<SolidPtr, 1 + kOthers> solids;
-  std::array<ConvexPartPtr, 1 + kOthers> pieces;
+  std::array<ConvexPartPtr, 1 + kOthers> parts;
   std::array<Pose, kOthers> stands;
   std::array<Pose, kPlaces> places;
   std::array<std::array<Result, kOthers>, kPlaces> truth;
@@ -49,12 +49,12 @@ struct Trial {
       const double radius = random.chance(0.5) ? 0 : 0.125 * scale;
       if (i == 1) {
         solids[i] = std::make_shared<const Solid>(Solid{other.vertices, radius});
-        pieces[i] = make_convex_part(other.vertices, radius);
+        parts[i] = make_convex_part(other.vertices, radius);
       } else if (i == 2) {
         make(i, random, other, kind, radius);
       } else {
         solids[i] = solid(other, true, radius);
-        pieces[i] = make_surface_part(other.vertices, other.triangles, true, radius);
+        parts[i] = make_surface_part(other.vertices, other.triangles, true, radius);
       }
       stands[i - 1] = random.rotation(random.direction() * (size_of(mesh) * random.uniform(0.2, 1.1)));
     }
@@ -72,7 +72,7 @@ struct Trial {
 
   void make(std::uint32_t at, Random& random, const Mesh& mesh, Kind kind, double radius) {
     solids[at] = solid(mesh, true, radius);
-    pieces[at] = make_decomposed_part(mesh.vertices, mesh.triangles, propose(random, mesh, kind), radius);
+    parts[at] = make_decomposed_part(mesh.vertices, mesh.triangles, propose(random, mesh, kind), radius);
   }
 
   Scene scene() const {
@@ -80,20 +80,20 @@ struct Trial {
     for (std::uint32_t i = 0; i <= kOthers; ++i) {
       Body body;
       body.name = "body " + std::to_string(i);
-      body.pieces = {pieces[i]};
+      body.parts = {parts[i]};
       body.pose = i == 0 ? places[0] : stands[i - 1];
       scene.add_body(std::move(body));
     }
     return scene;
   }
 
-  bool is_by_parts(std::uint32_t i) const { return pieces[i]->surface && pieces[i]->surface->decomposition(); }
+  bool is_by_parts(std::uint32_t i) const { return parts[i]->surface && parts[i]->surface->decomposition(); }
   /// Bound on the difference between parts and meshes of a pair.
   double slack(std::uint32_t other) const {
     double sum = 0;
     for (const std::uint32_t i : {0u, other})
       if (is_by_parts(i)) {
-        const Decomposition& of = *pieces[i]->surface->decomposition();
+        const Decomposition& of = *parts[i]->surface->decomposition();
         sum += of.inner + of.most_outer();
       }
     return sum;
@@ -183,8 +183,8 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
   const auto solids_of = [&](std::uint32_t i) {
     std::vector<SolidPtr> all;
     if (!trial.is_by_parts(i)) return std::vector{trial.solids[i]};
-    for (const ConvexPartPtr& piece : trial.pieces[i]->surface->decomposition()->pieces)
-      all.push_back(std::make_shared<const Solid>(Solid{piece->vertices, trial.pieces[i]->radius}));
+    for (const ConvexPartPtr& part : trial.parts[i]->surface->decomposition()->parts)
+      all.push_back(std::make_shared<const Solid>(Solid{part->vertices, trial.parts[i]->radius}));
     return all;
   };
   for (std::uint32_t row = 0; row < 2; ++row) {  // of the hull, and of the other decomposed body
@@ -193,10 +193,10 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
     bool below = true, above = false, apart = true;
     for (const SolidPtr& a : solids_of(0))
       for (const SolidPtr& b : solids_of(1 + row)) {
-        const Result pieces = exact_answer({a, b, trial.places[0], trial.stands[row]});
-        below &= pieces.distance.compare(lower) >= 0;
-        above |= pieces.distance.compare(upper) <= 0;
-        apart &= pieces.distance.compare(0) > 0;
+        const Result parts = exact_answer({a, b, trial.places[0], trial.stands[row]});
+        below &= parts.distance.compare(lower) >= 0;
+        above |= parts.distance.compare(upper) <= 0;
+        apart &= parts.distance.compare(0) > 0;
       }
     ++found.rows;
     const bool is_held = apart && truth.distance.compare(0) <= 0;
@@ -277,8 +277,8 @@ void look_at_held(Random& random, Found& found) {
   Scene scene;
   Body first, second;
   first.name = "a", second.name = "b";
-  first.pieces = {make_decomposed_part(box.vertices, box.triangles, skin, 0)};
-  second.pieces = {make_convex_part({random.direction() * 0.1, random.direction() * 0.1}, 0)};
+  first.parts = {make_decomposed_part(box.vertices, box.triangles, skin, 0)};
+  second.parts = {make_convex_part({random.direction() * 0.1, random.direction() * 0.1}, 0)};
   first.pose = Pose{}, second.pose = random.rotation(random.direction() * random.uniform(0, 0.3));
   scene.add_body(std::move(first));
   scene.add_body(std::move(second));
@@ -315,9 +315,9 @@ void look_at_tube(Found& found) {
   const Mesh mesh = on_lattice(revolved(kProfile, 8));
   Trial trial;
   trial.solids = {solid(mesh, true), std::make_shared<const Solid>(Solid{{{0, 0, 0}}, 0.125})};
-  trial.pieces = {make_decomposed_part(mesh.vertices, mesh.triangles, std::array{mesh.vertices}, 0),
-                  make_convex_part({{0, 0, 0}}, 0.125)};
-  for (std::uint32_t i = 2; i <= kOthers; ++i) trial.solids[i] = trial.solids[1], trial.pieces[i] = trial.pieces[1];
+  trial.parts = {make_decomposed_part(mesh.vertices, mesh.triangles, std::array{mesh.vertices}, 0),
+                 make_convex_part({{0, 0, 0}}, 0.125)};
+  for (std::uint32_t i = 2; i <= kOthers; ++i) trial.solids[i] = trial.solids[1], trial.parts[i] = trial.parts[1];
   trial.check_all();
   const Engine engine(trial.scene(), {.backend = "cpu", .threads = 1});
   const int apart = found.apart;

@@ -114,23 +114,23 @@ Real from_round(const Primitive& core, const Vec3r& p) {
 }
 
 // Reach of a part along n, in its own axes.
-Real reach(const ConvexPart& piece, const Vec3r& n) {
+Real reach(const ConvexPart& convex_part, const Vec3r& n) {
   Real far;
-  if (!piece.primitive) {
-    for (std::size_t i = 0; i < piece.vertices.size(); ++i) {
-      const Real at = product(n, real(piece.vertices[i]));
+  if (!convex_part.primitive) {
+    for (std::size_t i = 0; i < convex_part.vertices.size(); ++i) {
+      const Real at = product(n, real(convex_part.vertices[i]));
       if (i == 0 || at > far) far = at;
     }
   } else {
-    const Vec3r size = real(piece.primitive->size);
-    if (piece.primitive->kind == Primitive::Kind::kEllipsoid)
+    const Vec3r size = real(convex_part.primitive->size);
+    if (convex_part.primitive->kind == Primitive::Kind::kEllipsoid)
       far = length({size.x * n.x, size.y * n.y, size.z * n.z});
-    else if (piece.primitive->kind == Primitive::Kind::kCone)
+    else if (convex_part.primitive->kind == Primitive::Kind::kCone)
       far = larger(size.z * n.z, size.x * sqrt(Real(n.x * n.x + n.y * n.y)) - size.z * n.z);
     else
       far = size.x * sqrt(Real(n.x * n.x + n.y * n.y)) + size.z * abs(n.z);
   }
-  return far + real(piece.radius) * length(n);
+  return far + real(convex_part.radius) * length(n);
 }
 
 // The gap of the planes normal to n, axes of a: at most the signed distance.
@@ -194,13 +194,13 @@ CheckedBalls check_balls(bool extreme, int count, std::uint64_t seed) {
   Random random(seed);
   CheckedBalls checked;
   for (int i = 0; i < count; ++i) {
-    const ConvexPartPtr piece = round_part(random, extreme);
+    const ConvexPartPtr convex_part = round_part(random, extreme);
     const ConvexPartPtr ball = make_convex_part({{0, 0, 0}}, random.chance(0.5) ? random.log_uniform(1e-3, 1) : 0);
     const Pose X_wa = any_pose(random, random.chance(0.3) ? 1e4 : 1);
     // From a point of the surface, outwards or inwards.
-    const FarthestPoint<double> on = farthest(*piece->primitive, random.direction());
+    const FarthestPoint<double> on = farthest(*convex_part->primitive, random.direction());
     const double step[] = {random.log_uniform(1e-12, 1e-3), random.uniform(0, 2), -random.log_uniform(1e-9, 0.1), 0};
-    const double grown = piece->radius + ball->radius;
+    const double grown = convex_part->radius + ball->radius;
     const Vec3d direction = random.direction();
     const double outward = dot(direction, on.point) < 0 ? -1 : 1;
     Pose X_wb = any_pose(random, 1);
@@ -209,7 +209,7 @@ CheckedBalls check_balls(bool extreme, int count, std::uint64_t seed) {
     if (random.chance(0.2)) X_wb.translation = X_wa.translation + rotation_of(X_wa) * (on.point * random.uniform(0, 1));
     const Vec3r p = turned(X_wa, difference(real(X_wb.translation), real(X_wa.translation)), true);
     if (p.x == 0 || p.y == 0 || p.z == 0) continue;  // there the closed form divides by zero
-    const Real exact = from_round(*piece->primitive, p) - real(piece->radius) - real(ball->radius);
+    const Real exact = from_round(*convex_part->primitive, p) - real(convex_part->radius) - real(ball->radius);
     const double tiny = 1e-60;  // of the oracle's own bits
     for (const bool depth : {true, false})
       for (const bool swapped : {false, true}) {
@@ -217,7 +217,7 @@ CheckedBalls check_balls(bool extreme, int count, std::uint64_t seed) {
         limits.signed_distance = depth;
         const PoseMatrix a = placed(X_wa), b = placed(X_wb);
         const NarrowAnswer answer =
-            swapped ? narrow_phase(*ball, b, *piece, a, limits) : narrow_phase(*piece, a, *ball, b, limits);
+            swapped ? narrow_phase(*ball, b, *convex_part, a, limits) : narrow_phase(*convex_part, a, *ball, b, limits);
         const auto [lower, upper] = answer.bounds;
         EXPECT_TRUE(lower == -kInf || real(lower) <= exact + tiny) << i << ": " << lower << " > " << exact.get_d();
         EXPECT_TRUE(upper == kInf || real(upper) >= exact - tiny) << i << ": " << upper << " < " << exact.get_d();
@@ -225,7 +225,7 @@ CheckedBalls check_balls(bool extreme, int count, std::uint64_t seed) {
       }
     checked.near += abs(exact) < 1e-6;
     checked.deep += exact < -1e-3;
-    ++checked.of_kind[static_cast<int>(piece->primitive->kind)];
+    ++checked.of_kind[static_cast<int>(convex_part->primitive->kind)];
   }
   checked.print(extreme ? "balls, extreme" : "balls");
   return checked;
@@ -258,16 +258,16 @@ ConvexPartPtr any_part(Random& random) {
 }
 
 // Whether a point, in body axes, lies in a part's core or no farther from it than the radius; all to 1e-12.
-bool holds_point(const ConvexPart& piece, const Vec3d& p) {
-  if (!piece.primitive) {  // no farther along any of many directions
+bool holds_point(const ConvexPart& convex_part, const Vec3d& p) {
+  if (!convex_part.primitive) {  // no farther along any of many directions
     Random random(5);
     for (int i = 0; i < 100; ++i) {
       const Vec3d n = random.direction();
-      if (real(dot(n, p)) > reach(piece, real(n)) + 1e-12) return false;
+      if (real(dot(n, p)) > reach(convex_part, real(n)) + 1e-12) return false;
     }
     return true;
   }
-  return from_round(*piece.primitive, real(p)) <= piece.radius + 1e-12;
+  return from_round(*convex_part.primitive, real(p)) <= convex_part.radius + 1e-12;
 }
 
 // Pairs of all kinds: the direction proves the lower bound in 450 bits, and the witness points lie in their parts with

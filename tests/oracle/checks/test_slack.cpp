@@ -119,7 +119,7 @@ TEST(Slack, HoldsTheRoundingOfChains) {
       const Pose& X = snapshot->placed[i].pose.X_wb;
       const D q_published[4] = {X.qw, X.qx, X.qy, X.qz},
               t_published[3] = {X.translation.x, X.translation.y, X.translation.z};
-      for (const Vec3d& v : scene.bodies()[i].pieces[0]->vertices) {
+      for (const Vec3d& v : scene.bodies()[i].parts[0]->vertices) {
         const D p[3] = {v.x, v.y, v.z};
         D there[3], here[3];
         rotated(exact.q, p, there);

@@ -125,7 +125,7 @@ struct Crowd {
     for (std::size_t i = 0; i < bodies.size(); ++i) {
       Body body;
       body.name = "b" + std::to_string(i);
-      body.pieces = {part_of(*bodies[i])};
+      body.parts = {part_of(*bodies[i])};
       body.pose = poses[i];
       scene.add_body(std::move(body));
     }
@@ -299,8 +299,8 @@ TEST(MeshCrowds, PiecesOfAllKindsMakeABody) {
       if (c.a->radius != 0 || other.b->radius != 0) continue;  // padding adds to radii, rounded
       Body a, b;
       a.name = "a", b.name = "b";
-      a.pieces = {part_of(*c.a), part_of(*other.b)};
-      b.pieces = {part_of(*c.b)};
+      a.parts = {part_of(*c.a), part_of(*other.b)};
+      b.parts = {part_of(*c.b)};
       a.pose = c.X_wa, b.pose = c.X_wb;
       a.padding = kPadding;
       Scene scene;

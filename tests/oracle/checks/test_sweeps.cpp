@@ -26,7 +26,7 @@ struct Sample {
 Body body_of(const std::string& name, const std::vector<SolidPtr>& solids, const Pose& X) {
   Body body;
   body.name = name;
-  for (const SolidPtr& s : solids) body.pieces.push_back(make_hull_part(s->vertices, {}, s->radius));
+  for (const SolidPtr& s : solids) body.parts.push_back(make_hull_part(s->vertices, {}, s->radius));
   body.pose = X;
   return body;
 }

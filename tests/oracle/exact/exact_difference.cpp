@@ -65,7 +65,7 @@ mpq_class rational(double v) {
   return mpq_class(v);
 }
 
-PosedPart::PosedPart(const ConvexPartView& piece, const Pose& X) : vertices_(piece.vertices) {
+PosedPart::PosedPart(const ConvexPartView& part, const Pose& X) : vertices_(part.vertices) {
   if (vertices_.empty()) throw std::invalid_argument("exact_distance: a piece has no vertices");
   for (const Vec3d& v : vertices_) {
     exponent_.include(v);

@@ -29,7 +29,7 @@ mpq_class rational(double v);
 /// A part with its rotation M / n in integers.
 class PosedPart {
  public:
-  PosedPart(const ConvexPartView& piece, const Pose& X);
+  PosedPart(const ConvexPartView& part, const Pose& X);
 
   const LeastExponent& exponent() const { return exponent_; }
   /// M v, as integers of the unit 2^unit.

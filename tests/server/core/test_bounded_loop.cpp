@@ -28,7 +28,7 @@ Scene crowd() {
 }
 
 /// Two bodies of many convex parts that overlap in many places.
-Scene heaps(int pieces) {
+Scene heaps(int parts) {
   Scene scene;
   std::mt19937 random(3);
   std::uniform_real_distribution<double> unit(-1, 1);
@@ -36,11 +36,11 @@ Scene heaps(int pieces) {
     Body body;
     body.name = "heap" + std::to_string(b);
     body.pose = Pose{};
-    for (int p = 0; p < pieces; ++p) {
+    for (int p = 0; p < parts; ++p) {
       const Vec3d centre{3 * unit(random), 3 * unit(random), 3 * unit(random)};
       std::vector<Vec3d> vertices(30);
       for (Vec3d& v : vertices) v = centre + Vec3d{unit(random), unit(random), unit(random)};
-      body.pieces.push_back(make_convex_part(vertices));
+      body.parts.push_back(make_convex_part(vertices));
     }
     scene.add_body(std::move(body));
   }

@@ -19,7 +19,7 @@ Scene misled_scene() {
   for (int i = 0; i < 100; ++i) {
     Body body;
     body.name = "ball" + std::to_string(i);
-    body.pieces = {i == 0 ? exact::with_misleading_table(*ball, {0.6, 0.64, 0.48}) : ball};
+    body.parts = {i == 0 ? exact::with_misleading_table(*ball, {0.6, 0.64, 0.48}) : ball};
     body.pose = random.pose({0, 0, 0});
     const Vec3d towards{0.6 + random.uniform(-0.3, 0.3), 0.64 + random.uniform(-0.3, 0.3),
                         0.48 + random.uniform(-0.3, 0.3)};

@@ -30,7 +30,7 @@ Scene combs(int count, int teeth) {
     body.source = "test";
     body.pose = Pose{{0, 0.5 * b, 0}, 1, 0, 0, 0};
     for (int p = 0; p < teeth; ++p)
-      body.pieces.push_back(make_convex_part({{1.0 * p, 0, 0}, {p + 0.6, 0, 0}, {p + 0.3, 0, 0.4}}));
+      body.parts.push_back(make_convex_part({{1.0 * p, 0, 0}, {p + 0.6, 0, 0}, {p + 0.3, 0, 0.4}}));
     scene.add_body(std::move(body));
   }
   return scene;
