@@ -25,7 +25,7 @@ Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, const Scene& of, bo
   if (missing.empty() && of.has_stand_ins()) missing = "the model pieces";
   if (!missing.empty() && device && !router && !options.device_fallback)
     throw QueryError(QueryErrorCode::kNotSupported, missing + ": backend cuda does not answer it, and the CPU may not");
-  const bool is_kept = plan.question && KeptJobs::keeps(plan.size);
+  const bool is_kept = plan.question && JobCache::keeps(plan.size);
   if (keep_on_cpu || is_kept || !missing.empty()) return route;
   route.router = router.get();
   route.to_device = device && (!router || router->to_device(route.kind, route.pairs));
@@ -210,9 +210,9 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
                                                       " rows and there is room for " + std::to_string(reply.rows) +
                                                       ": query its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
-  if (query.again_) {
-    query.again_->begin_again(reply);
-    return Job(std::move(query.again_));
+  if (query.cached_) {
+    query.cached_->reset(reply);
+    return Job(std::move(query.cached_));
   }
   Plan plan = std::move(query.planner_->plan());
   const JobContext context = impl_->context(Impl::scene_of(*plan.snapshot, plan.query.model));

@@ -130,7 +130,7 @@ class Engine {
   /// \param weights (J,) >= 0
   std::vector<double> free_scale(const QueryView& query, std::span<const double> weights) const;
   /// Begins a query on the newest snapshot, and copies its data as needed. Throws QueryError. A small query that
-  /// repeats an earlier one on the same snapshot reuses its job (query/kept_jobs.h).
+  /// repeats an earlier one on the same snapshot reuses its job (query/job_cache.h).
   Job start(const QueryView& query, const ReplyView& reply) const;
   /// Prepares a query, so that the size of its answer is known before start(), until when the data of `query` must
   /// stay. Both throw QueryError.

@@ -13,8 +13,8 @@
 #include "engine/device/device_job.h"
 #include "engine/device/router.h"
 #include "engine/engine.h"
+#include "engine/query/job_cache.h"
 #include "engine/query/job_state.h"
-#include "engine/query/kept_jobs.h"
 #include "engine/query/query_cost.h"
 #include "engine/state/pose_store.h"
 
@@ -38,7 +38,7 @@ struct Engine::Impl {
   PoseStore poses;
   SceneCost bulk{scene};
   SceneCost bulk_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
-  mutable KeptJobs kept{scene};  // after `trees`, to which its jobs return theirs
+  mutable JobCache kept{scene};  // after `trees`, to which its jobs return theirs
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};

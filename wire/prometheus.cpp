@@ -122,7 +122,7 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"engine.box_trees", kCounterMetric, "Trees of boxes built."},
     {"engine.box_tree_bytes", kGaugeMetric, "Memory of these trees, in bytes."},
     {"engine.queries", kCounterMetric, "Queries that the engine began."},
-    {"engine.queries_asked_again", kCounterMetric, "Queries whose plan was cached."},
+    {"engine.queries_from_cache", kCounterMetric, "Queries whose plan was cached."},
     {"engine.pairs_evaluated", kCounterMetric, "Pairs evaluated."},
     {"engine.contradictions", kCounterMetric,
      "Pairs whose bounds contradicted each other; answered again, or unconverged."},

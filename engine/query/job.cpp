@@ -3,14 +3,14 @@
 #include <utility>
 
 #include "engine/base/fp_environment.h"
+#include "engine/query/job_cache.h"
 #include "engine/query/job_state.h"
-#include "engine/query/kept_jobs.h"
 
 namespace clearance {
 
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   plan.keep_configurations();
-  const bool may_be_kept = plan.question && KeptJobs::keeps(plan.size);
+  const bool may_be_kept = plan.question && JobCache::keeps(plan.size);
   const auto make = plan.query.reduce == Reduce::kNone ? make_dense_job : make_reduced_job;
   std::unique_ptr<Job::State> job = make(context, std::move(plan), reply);
   if (may_be_kept) job->keeper = context.kept;
@@ -18,15 +18,15 @@ std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, c
 }
 
 PreparedQuery::PreparedQuery(std::unique_ptr<Planner> planner) : planner_(std::move(planner)) {}
-PreparedQuery::PreparedQuery(Job::StatePtr again) : again_(std::move(again)) {}
+PreparedQuery::PreparedQuery(Job::StatePtr again) : cached_(std::move(again)) {}
 PreparedQuery::PreparedQuery(PreparedQuery&&) noexcept = default;
 PreparedQuery& PreparedQuery::operator=(PreparedQuery&&) noexcept = default;
 PreparedQuery::~PreparedQuery() = default;
 const Plan& PreparedQuery::plan() const {
-  return again_ ? *again_->plan_to_ask_again() : planner_->plan();
+  return cached_ ? *cached_->cached_plan() : planner_->plan();
 }
 bool PreparedQuery::advance(const WorkBudget& budget) {
-  if (again_) return true;
+  if (cached_) return true;
   const FpEnvironment environment;
   WorkMeter slice(budget);
   const bool is_ready = planner_->advance(slice);

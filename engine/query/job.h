@@ -37,9 +37,9 @@ class Job {
 
  private:
   friend class Engine;
-  friend class KeptJobs;
+  friend class JobCache;
   friend class PreparedQuery;
-  // Puts a reusable state back (kept_jobs.h).
+  // Puts a reusable state back (job_cache.h).
   struct LetGo {
     void operator()(State* state) const;
   };
@@ -73,7 +73,7 @@ class PreparedQuery {
   explicit PreparedQuery(Job::StatePtr again);
   const Plan& plan() const;
   std::unique_ptr<Planner> planner_;
-  Job::StatePtr again_;  // instead of a planner, a job of the same query
+  Job::StatePtr cached_;  // instead of a planner, a job of the same query
   bool keep_on_cpu_ = false;
 };
 

@@ -20,7 +20,7 @@ namespace cuda {
 class DeviceBackend;  // engine/device/device_job.h
 }  // namespace cuda
 
-class KeptJobs;
+class JobCache;
 
 /// Resources of the engine that a job uses.
 struct JobContext {
@@ -35,7 +35,7 @@ struct JobContext {
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;
   cuda::DeviceBackend* device = nullptr;        ///< null to use the CPU alone
-  KeptJobs* kept = nullptr;                     ///< keeps jobs that may be reused
+  JobCache* kept = nullptr;                     ///< keeps jobs that may be reused
   std::atomic<std::uint64_t>* teams = nullptr;  ///< counts the teams of threads that were started; may be null
 };
 
@@ -49,11 +49,11 @@ struct Job::State {
   std::function<void(const ReplyInfo&, std::chrono::nanoseconds)> when_done;
   std::chrono::nanoseconds took{0};
 
-  /// The plan of a job that may be reused (kept_jobs.h), otherwise null.
-  virtual Plan* plan_to_ask_again() { return nullptr; }
+  /// The plan of a job that may be reused (job_cache.h), otherwise null.
+  virtual Plan* cached_plan() { return nullptr; }
   /// Restarts with the plan's present configurations on the same snapshot.
-  virtual void begin_again(const ReplyView& /*reply*/) {}
-  KeptJobs* keeper = nullptr;  ///< takes the job back; may be null
+  virtual void reset(const ReplyView& /*reply*/) {}
+  JobCache* keeper = nullptr;  ///< takes the job back; may be null
   bool is_whole = false;       ///< whether the answer is complete
 };
 

@@ -37,7 +37,7 @@ bool ParallelJob::advance(const WorkBudget& budget) {
   return is_whole;
 }
 
-void ParallelJob::begin_again(const ReplyView& reply) {
+void ParallelJob::reset(const ReplyView& reply) {
   assert(is_whole);
   is_whole = false;
   ++plan_.round;

@@ -35,8 +35,8 @@ class ParallelJob : public Job::State {
 
   const QuerySize& size() const override { return plan_.size; }
   bool advance(const WorkBudget& budget) final;
-  Plan* plan_to_ask_again() override { return plan_.question ? &plan_ : nullptr; }
-  void begin_again(const ReplyView& reply) override;
+  Plan* cached_plan() override { return plan_.question ? &plan_ : nullptr; }
+  void reset(const ReplyView& reply) override;
 
  protected:
   /// Works until the slice is over. Returns true once the answer is complete.

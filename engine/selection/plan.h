@@ -52,7 +52,7 @@ class Planner {
   /// \param query its data must stay valid, its configurations longer than this
   /// \param scene must outlive this
   /// \param with_configurations false for sizes and pairs only
-  /// \param with_question whether the job may be reused (kept_jobs.h)
+  /// \param with_question whether the job may be reused (job_cache.h)
   Planner(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
           std::uint64_t max_rows, bool with_configurations, bool with_question = false);
   /// Lists pairs until the slice is over. Returns true once the plan is complete. Throws QueryError.

@@ -3,7 +3,7 @@
 // A motion planner queries one configuration per call, thousands of times, with the same pairs, margins and surrounding
 // bodies. Preparation takes longer than the answer: checking the query, listing its pairs, and making boxes of all
 // bodies. A kept job has done all that, and answers other configurations on the same snapshot bit for bit as a new one
-// would: no answer depends on earlier ones (tests/engine/query/test_kept_jobs.cpp).
+// would: no answer depends on earlier ones (tests/engine/query/test_job_cache.cpp).
 #pragma once
 
 #include <cstdint>
@@ -16,12 +16,12 @@
 namespace clearance {
 
 /// Jobs of the last queries. Thread-safe; a job has one user at a time.
-class KeptJobs {
+class JobCache {
  public:
   static constexpr std::size_t kJobs = 8;  ///< for as many alternating queries or threads
 
   /// \param scene must outlive this
-  explicit KeptJobs(const Scene& scene);
+  explicit JobCache(const Scene& scene);
 
   /// Whether the job of a query may be kept: it is small, and its answer depends only on its key, its configurations
   /// and the snapshot, but not on the clock or warm state.
@@ -35,7 +35,7 @@ class KeptJobs {
   /// Puts back a job whose answer is complete.
   void put_back(std::unique_ptr<Job::State> job);
 
-  std::uint64_t asked_again() const;  ///< number of jobs taken
+  std::uint64_t cache_hits() const;  ///< number of jobs taken
 
  private:
   struct Kept {

@@ -1,4 +1,4 @@
-#include "engine/query/kept_jobs.h"
+#include "engine/query/job_cache.h"
 
 #include <algorithm>
 #include <utility>
@@ -18,50 +18,50 @@ void Job::LetGo::operator()(State* state) const {
   if (own->keeper && own->is_whole) own->keeper->put_back(std::move(own));
 }
 
-KeptJobs::KeptJobs(const Scene& scene)
+JobCache::JobCache(const Scene& scene)
     : keeps_any_(scene.bodies().size() <= kMostBodies &&
                  std::none_of(scene.bodies().begin(), scene.bodies().end(),
                               [](const Body& body) { return body.max_speed > 0; })) {
   jobs_.reserve(kJobs);  // so that put_back() allocates nothing
 }
 
-bool KeptJobs::keeps(const QueryView& query) const {
+bool JobCache::keeps(const QueryView& query) const {
   return keeps_any_ && query.max_pose_age_ns == 0 && query.warm_slot == 0 && query.max_evaluations == 0 &&
          query.weights.empty() &&
          std::max({query.pairs.size(), query.margins.size(), query.pair_margins.size()}) <= kMostPairs;
 }
 
-bool KeptJobs::keeps(const QuerySize& size) {
+bool JobCache::keeps(const QuerySize& size) {
   return size.pairs <= kMostPairs && size.configurations * size.pairs <= kMostPairs;
 }
 
-Job::StatePtr KeptJobs::take(const QueryView& query, const std::shared_ptr<const PoseSnapshot>& snapshot) {
+Job::StatePtr JobCache::take(const QueryView& query, const std::shared_ptr<const PoseSnapshot>& snapshot) {
   Job::StatePtr job;
   {
     const std::lock_guard lock(mutex_);
     const auto found = std::find_if(jobs_.rbegin(), jobs_.rend(), [&](const Kept& kept) {
-      return kept.job->plan_to_ask_again()->question->is_of(query) && kept.snapshot.lock() == snapshot;
+      return kept.job->cached_plan()->question->is_of(query) && kept.snapshot.lock() == snapshot;
     });
     if (found == jobs_.rend()) return job;
     job.reset(found->job.release());
     jobs_.erase(std::next(found).base());
     ++asked_again_;
   }
-  Plan& plan = *job->plan_to_ask_again();
+  Plan& plan = *job->cached_plan();
   plan.snapshot = snapshot;
   plan.take_configurations(query);
   return job;
 }
 
-void KeptJobs::put_back(std::unique_ptr<Job::State> job) {
-  const std::shared_ptr<const PoseSnapshot> snapshot = std::move(job->plan_to_ask_again()->snapshot);
+void JobCache::put_back(std::unique_ptr<Job::State> job) {
+  const std::shared_ptr<const PoseSnapshot> snapshot = std::move(job->cached_plan()->snapshot);
   const std::lock_guard lock(mutex_);
   std::erase_if(jobs_, [](const Kept& kept) { return kept.snapshot.expired(); });
   if (jobs_.size() == kJobs) jobs_.erase(jobs_.begin());
   jobs_.push_back({std::move(job), snapshot});
 }
 
-std::uint64_t KeptJobs::asked_again() const {
+std::uint64_t JobCache::cache_hits() const {
   const std::lock_guard lock(mutex_);
   return asked_again_;
 }

@@ -15,9 +15,9 @@
 namespace clearance::test {
 namespace {
 
-std::uint64_t asked_again(const Engine& engine) {
+std::uint64_t cache_hits(const Engine& engine) {
   for (const auto& [name, value] : engine.stats())
-    if (name == "engine.queries_asked_again") return value;
+    if (name == "engine.queries_from_cache") return value;
   ADD_FAILURE() << "no such counter";
   return 0;
 }
@@ -81,7 +81,7 @@ std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const Scene& scene, std::ui
   for (const Precision precision : {Precision::kF64, Precision::kF32})
     for (const Named& reduction : reductions()) {
       SCOPED_TRACE(reduction.name + (precision == Precision::kF32 ? ", f32" : ""));
-      const std::uint64_t before = asked_again(kept);
+      const std::uint64_t before = cache_hits(kept);
       for (int k = 0; k < count; ++k) {
         QueryView q = query(k);
         q.precision = precision;
@@ -91,9 +91,9 @@ std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const Scene& scene, std::ui
         if (::testing::Test::HasFatalFailure()) return seen;
         for (std::uint64_t i = 0; i < answer.info.rows; ++i) ++seen[answer.view.status[i]];
       }
-      EXPECT_EQ(asked_again(kept) - before, static_cast<std::uint64_t>(count - 1));
+      EXPECT_EQ(cache_hits(kept) - before, static_cast<std::uint64_t>(count - 1));
     }
-  EXPECT_EQ(asked_again(anew), 0u);
+  EXPECT_EQ(cache_hits(anew), 0u);
   return seen;
 }
 
@@ -110,7 +110,7 @@ Scene uncertain(const Scene& known) {
   return scene;
 }
 
-TEST(KeptJobs, PosesAreAnsweredWithTheBitsOfNewJobs) {
+TEST(JobCache, PosesAreAnsweredWithTheBitsOfNewJobs) {
   const std::vector<std::uint32_t> bodies{0, 3, 7, 13};
   Random random(1);
   std::vector<Pose> poses;
@@ -130,7 +130,7 @@ TEST(KeptJobs, PosesAreAnsweredWithTheBitsOfNewJobs) {
   expect_bits_of_new_jobs(mixed_scene(80, 6, 3), 1, 4, [&](int k) { return query(k, 1); });  // by a tree
 }
 
-TEST(KeptJobs, TheCurrentPosesAreAnsweredWithTheBitsOfNewJobs) {
+TEST(JobCache, TheCurrentPosesAreAnsweredWithTheBitsOfNewJobs) {
   expect_bits_of_new_jobs(decomposed_scene(20, 1.5, 5), 1, 2, [](int) {
     QueryView q;
     q.fields = kAllFields;
@@ -161,7 +161,7 @@ struct Arm {
   }
 };
 
-TEST(KeptJobs, JointsAreAnsweredWithTheBitsOfNewJobs) {
+TEST(JobCache, JointsAreAnsweredWithTheBitsOfNewJobs) {
   for (const bool strange : {false, true}) {
     const Arm arm(12, strange);
     const std::uint32_t ball = arm.scene.find_body("ball");
@@ -174,7 +174,7 @@ TEST(KeptJobs, JointsAreAnsweredWithTheBitsOfNewJobs) {
 }
 
 // A job's results about a scene and its poses are valid for these alone.
-TEST(KeptJobs, NoneAnswersForASnapshotThatIsGone) {
+TEST(JobCache, NoneAnswersForASnapshotThatIsGone) {
   const Arm arm(1);
   Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
   const std::uint32_t ball = arm.scene.find_body("ball"), table = arm.scene.find_body("table"),
@@ -210,9 +210,9 @@ TEST(KeptJobs, NoneAnswersForASnapshotThatIsGone) {
     for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny, Reduce::kNearest}) {
       SCOPED_TRACE("change " + std::to_string(done) + ", reduce " + std::to_string(static_cast<int>(reduce)));
       q.reduce = reduce;
-      const std::uint64_t before = asked_again(engine);
+      const std::uint64_t before = cache_hits(engine);
       const Answer now = ask(engine, q), again = ask(engine, q);
-      EXPECT_EQ(asked_again(engine), before + 1);
+      EXPECT_EQ(cache_hits(engine), before + 1);
       EXPECT_EQ(now.info.snapshot_revision, engine.pose_revision());
       EXPECT_EQ(again.info.snapshot_revision, engine.pose_revision());
       const Answer wanted = ask(other, q);
@@ -223,7 +223,7 @@ TEST(KeptJobs, NoneAnswersForASnapshotThatIsGone) {
 }
 
 // Each of these queries differs from the first, for the same scene.
-TEST(KeptJobs, AnotherQuestionIsAnsweredByAnotherJob) {
+TEST(JobCache, AnotherQuestionIsAnsweredByAnotherJob) {
   const Arm arm(1);
   const std::vector<BodyPair> pairs{{0, 5}, {1, 5}};
   const std::vector<std::uint32_t> turned{arm.joints.rbegin(), arm.joints.rend()};
@@ -267,13 +267,13 @@ TEST(KeptJobs, AnotherQuestionIsAnsweredByAnotherJob) {
     ask(engine, q);
     other.set(q);
     const Answer first = ask(engine, q);
-    EXPECT_EQ(asked_again(engine), 0u);
+    EXPECT_EQ(cache_hits(engine), 0u);
     expect_same(ask(engine, q), first);
-    EXPECT_EQ(asked_again(engine), 1u);
+    EXPECT_EQ(cache_hits(engine), 1u);
   }
 }
 
-TEST(KeptJobs, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
+TEST(JobCache, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
   const Arm arm(1);
   const std::vector<Named> questions{{"age", [](QueryView& q) { q.max_pose_age_ns = 1'000'000'000; }},
                                      {"warm", [](QueryView& q) { q.warm_slot = 1; }},
@@ -290,7 +290,7 @@ TEST(KeptJobs, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
     question.set(q);
     q.positions = std::span(two.positions).first(q.configuration_count * two.joints.size());
     for (int i = 0; i < 3; ++i) ask(engine, q);
-    EXPECT_EQ(asked_again(engine), 0u);
+    EXPECT_EQ(cache_hits(engine), 0u);
   }
   Scene moving = arm.scene;
   Body fast = moving.bodies()[moving.find_body("ball")];
@@ -299,11 +299,11 @@ TEST(KeptJobs, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
   moving.add_body(std::move(fast));
   const Engine engine(moving, {.backend = "cpu", .threads = 1});
   for (int i = 0; i < 3; ++i) ask(engine, arm.query());
-  EXPECT_EQ(asked_again(engine), 0u);
+  EXPECT_EQ(cache_hits(engine), 0u);
 }
 
 // A job abandoned in the middle is not reused, and a query that never started loses nothing.
-TEST(KeptJobs, OnlyWholeJobsComeBack) {
+TEST(JobCache, OnlyWholeJobsComeBack) {
   const Arm arm(64);  // more than the fewest lanes answer at once
   const Engine engine(arm.scene, {.backend = "cpu", .threads = 1, .instruction_set = "baseline"});
   const QueryView q = arm.query();
@@ -312,23 +312,23 @@ TEST(KeptJobs, OnlyWholeJobsComeBack) {
     Answer room = room_for(engine, q);
     Job job = engine.start(q, room.view);
     EXPECT_FALSE(job.advance(WorkBudget{.units = 0}));
-    EXPECT_EQ(asked_again(engine), 1u);  // the second time there was none
+    EXPECT_EQ(cache_hits(engine), 1u);  // the second time there was none
   }
   expect_same(ask(engine, q), wanted);
-  EXPECT_EQ(asked_again(engine), 1u);
+  EXPECT_EQ(cache_hits(engine), 1u);
   for (int i = 0; i < 3; ++i) {
     const PreparedQuery prepared = engine.prepare(q);
     EXPECT_EQ(prepared.size().rows, wanted.size.rows);
   }
-  EXPECT_EQ(asked_again(engine), 4u);
+  EXPECT_EQ(cache_hits(engine), 4u);
   QueryView few = q;
   few.positions = few.positions.first(1);
   EXPECT_THROW(engine.prepare(few), QueryError);
   expect_same(ask(engine, q), wanted);
-  EXPECT_EQ(asked_again(engine), 6u);
+  EXPECT_EQ(cache_hits(engine), 6u);
 }
 
-TEST(KeptJobs, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
+TEST(JobCache, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
   constexpr int kThreads = 4, kRounds = 50;
   const Arm arm(kRounds);
   const Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
@@ -350,7 +350,7 @@ TEST(KeptJobs, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
   for (std::thread& thread : threads) thread.join();
   for (const auto& answers : found)
     for (std::size_t k = 0; k < kRounds; ++k) expect_same(answers[k], wanted[k]);
-  EXPECT_GE(asked_again(engine), std::uint64_t{kThreads * (kRounds - 1)});
+  EXPECT_GE(cache_hits(engine), std::uint64_t{kThreads * (kRounds - 1)});
 }
 
 }  // namespace
