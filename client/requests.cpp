@@ -127,11 +127,12 @@ std::vector<std::byte> payload_of(const NewBody& body) {
 }
 
 std::vector<std::byte> records_of(const NewBody& body) {
-  const wire::BodyDoubts uncertainties{body.uncertainty_position, body.uncertainty_angle, body.padding, body.max_speed};
+  const wire::BodyUncertaintyRecord uncertainties{body.uncertainty_position, body.uncertainty_angle, body.padding,
+                                                  body.max_speed};
   std::vector<std::byte> records;
   if (uncertainties.uncertainty_position != 0 || uncertainties.uncertainty_angle != 0 || uncertainties.padding != 0 ||
       uncertainties.max_speed != 0)
-    wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kDoubts), wire::kRecordRequired,
+    wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kUncertainty), wire::kRecordRequired,
                         std::as_bytes(std::span(&uncertainties, 1)));
   if (body.points)
     wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kPoints), wire::kRecordRequired,

@@ -80,7 +80,7 @@ void for_each_struct(Begin begin, Member member) {
   CLEARANCE_STRUCT(PlanResult, plan, snapshot_revision, took_ns, reserved)
   CLEARANCE_STRUCT(NewBodyRecord, name, parent, shape, is_static, has_pose, padding, size, radius, pose, vertex_count,
                    reserved)
-  CLEARANCE_STRUCT(BodyDoubts, uncertainty_position, uncertainty_angle, padding, max_speed)
+  CLEARANCE_STRUCT(BodyUncertaintyRecord, uncertainty_position, uncertainty_angle, padding, max_speed)
   CLEARANCE_STRUCT(VertexRecord, xyz)
   CLEARANCE_STRUCT(TriangleRecord, vertices)
   CLEARANCE_STRUCT(RemoveBodyRecord, name)

@@ -205,7 +205,7 @@ namespace {
 bool read_new_body_record(const RecordView& record, NewBodyParts& parts) {
   const auto size = record.bytes.size();
   switch (static_cast<NewBodyTag>(record.tag)) {
-    case NewBodyTag::kDoubts:
+    case NewBodyTag::kUncertainty:
       if (size != sizeof parts.uncertainties)
         bad_frame("new body: uncertainty (record 20) has " + str(size) + " bytes, expected " +
                   str(sizeof parts.uncertainties));

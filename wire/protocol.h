@@ -120,10 +120,10 @@ enum class AttachTag : std::uint16_t {
 
 /// Records of a kAddBody.
 enum class NewBodyTag : std::uint16_t {
-  kDoubts = 20,     ///< BodyDoubts
-  kTriangles = 21,  ///< TriangleRecord array; makes the vertices of a kHull those of a mesh
-  kMeshAs = 22,     ///< uint8 MeshAs of that mesh, by default kHull
-  kPoints = 23,     ///< points of a cloud: three float32 each, metres, in the body's frame; by default none
+  kUncertainty = 20,  ///< BodyUncertaintyRecord
+  kTriangles = 21,    ///< TriangleRecord array; makes the vertices of a kHull those of a mesh
+  kMeshAs = 22,       ///< uint8 MeshAs of that mesh, by default kHull
+  kPoints = 23,       ///< points of a cloud: three float32 each, metres, in the body's frame; by default none
 };
 
 /// Records of a kReply.
@@ -378,7 +378,7 @@ struct NewBodyRecord {
   std::uint64_t reserved[2] = {};
 };
 
-struct BodyDoubts {
+struct BodyUncertaintyRecord {
   double uncertainty_position = 0;  ///< metres: radius of a ball around its position that contains its origin
   double uncertainty_angle = 0;     ///< radians: bound on its rotation error about its origin
   double padding = 0;               ///< metres: growth
@@ -460,7 +460,7 @@ CLEARANCE_WIRE(PlanColumnRecord, 16);
 CLEARANCE_WIRE(PlanRecord, 16);
 CLEARANCE_WIRE(PlanResult, 32);
 CLEARANCE_WIRE(NewBodyRecord, 184);
-CLEARANCE_WIRE(BodyDoubts, 32);
+CLEARANCE_WIRE(BodyUncertaintyRecord, 32);
 CLEARANCE_WIRE(VertexRecord, 24);
 CLEARANCE_WIRE(TriangleRecord, 12);
 CLEARANCE_WIRE(RemoveBodyRecord, 64);

@@ -267,7 +267,7 @@ struct NewBodyParts {
   Records<TriangleRecord> triangles;  ///< empty for the vertices of a hull
   MeshAs mesh_as = MeshAs::kHull;
   Records<std::array<float, 3>> points;  ///< points of a cloud
-  BodyDoubts uncertainties;
+  BodyUncertaintyRecord uncertainties;
   PassedOver passed_over;
   std::uint64_t epoch = 0;  ///< as QueryParts::epoch
 };

@@ -36,7 +36,8 @@ struct NewGeometry {
 
 /// Body as a client describes it. Throws SceneError.
 /// @param geometry vertices and triangles of a hull or mesh, or points of a cloud
-Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& uncertainties, const NewGeometry& geometry) {
+Body body_of(const wire::NewBodyRecord& record, const wire::BodyUncertaintyRecord& uncertainties,
+             const NewGeometry& geometry) {
   const std::string name = wire::name_of(record.name);
   Scene::BodyOptions options;
   options.uncertainty = {uncertainties.uncertainty_position, uncertainties.uncertainty_angle};

@@ -171,7 +171,7 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
 
 TEST_F(Bodies, WhatIsNotKnownOfAnAddedOneCountsOnce) {
   start_editable(small_scene());
-  const wire::BodyDoubts uncertainties{0.1, 0.02, 0.3, 0.5};
+  const wire::BodyUncertaintyRecord uncertainties{0.1, 0.02, 0.3, 0.5};
   EXPECT_EQ(change(uncertain_frame("crate", uncertainties)).body, 4u);
   const Body& crate = bodies()[4];
   EXPECT_EQ(crate.uncertainty.angle, 0.02);
@@ -287,7 +287,7 @@ TEST_F(Bodies, ACloudThatMakesNoSenseIsRefused) {
 
 TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {
   start_editable(small_scene());
-  const auto refused = [&](const wire::BodyDoubts& uncertainties, const std::string& text) {
+  const auto refused = [&](const wire::BodyUncertaintyRecord& uncertainties, const std::string& text) {
     EXPECT_NE(refusal(uncertain_frame("crate", uncertainties)).find(text), std::string::npos) << text;
   };
   refused({-1, 0, 0, 0}, "body \"crate\": uncertainty.position: expected a number of metres >= 0, got -1");
@@ -297,9 +297,9 @@ TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {
   refused({0, 0, 0, -0.5}, "max_speed: expected a number of metres a second >= 0, got -0.5");
   EXPECT_EQ(refusal(uncertain_frame("crate", 1.0), ErrorCode::kBadFrame),
             "new body: uncertainty (record 20) has 8 bytes, expected 32");
-  EXPECT_EQ(refusal(uncertain_frame("crate", wire::BodyDoubts{}, 19), ErrorCode::kNotSupported),
+  EXPECT_EQ(refusal(uncertain_frame("crate", wire::BodyUncertaintyRecord{}, 19), ErrorCode::kNotSupported),
             "new body: record 19 is required but unknown to this side");
-  EXPECT_EQ(change(uncertain_frame("crate", wire::BodyDoubts{})).body, 4u);
+  EXPECT_EQ(change(uncertain_frame("crate", wire::BodyUncertaintyRecord{})).body, 4u);
 }
 
 TEST_F(Bodies, StayThroughAReloadIfTheyFit) {
