@@ -83,7 +83,7 @@ Table choices_of(const Scene& scene, const SceneReport& report) {
       {"body", "mesh_as", "now", "vertices", "triangles", "KiB", "hull_excess_m", "pieces", "inner_m", "ns_per_pair"});
   for (const Choice& c : report.choices)
     table.add({scene.bodies()[c.body].name, std::string(word_of(c.what)), c.is_now, c.vertices, c.triangles,
-               Cell(static_cast<double>(c.bytes) / 1024, 3), Cell(c.hull_excess, 3), c.stand_ins, Cell(c.inner, 3),
+               Cell(static_cast<double>(c.bytes) / 1024, 3), Cell(c.hull_excess, 3), c.proxies, Cell(c.inner, 3),
                c.ns_per_pair ? Cell(*c.ns_per_pair, 3) : Cell()});
   return table;
 }

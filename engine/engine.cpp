@@ -22,7 +22,7 @@ namespace clearance {
 Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, const Scene& of, bool keep_on_cpu) const {
   Route route{cuda::kind_of(plan.query), plan.size.configurations * plan.size.pairs, false, nullptr};
   std::string missing = cuda::beyond_the_device(plan);
-  if (missing.empty() && of.has_stand_ins()) missing = "the model pieces";
+  if (missing.empty() && of.has_proxies()) missing = "the model pieces";
   if (!missing.empty() && device && !router && !options.device_fallback)
     throw QueryError(QueryErrorCode::kNotSupported, missing + ": backend cuda does not answer it, and the CPU may not");
   const bool is_kept = plan.question && JobCache::keeps(plan.size);

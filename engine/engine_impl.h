@@ -22,7 +22,7 @@ namespace clearance {
 
 struct Engine::Impl {
   Impl(Scene&& s, const Options& o)
-      : scene(with_stand_ins(std::move(s))), options(o), warm(o.warm_memory), poses(scene, o.max_stamp_lead) {}
+      : scene(with_proxies(std::move(s))), options(o), warm(o.warm_memory), poses(scene, o.max_stamp_lead) {}
 
   Scene scene;
   Options options;
@@ -43,8 +43,8 @@ struct Engine::Impl {
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
 
-  static Scene with_stand_ins(Scene scene) {
-    scene.find_stand_ins();
+  static Scene with_proxies(Scene scene) {
+    scene.find_proxies();
     return scene;
   }
 
@@ -55,7 +55,7 @@ struct Engine::Impl {
   }
 
   JobContext context(const Scene& of) const {
-    const bool is_light = light && !of.has_stand_ins();
+    const bool is_light = light && !of.has_proxies();
     return {&of,    options.threads, reference,    lanes, is_light, &pairs_evaluated, &contradictions, &warm,
             &trees, near_by,         device.get(), &kept, &teams};
   }

@@ -55,7 +55,7 @@ Choice choice_of(std::uint32_t id, MeshAs what, bool is_now, const Geometry& geo
   choice.triangles = part.surface->triangles().size();
   choice.bytes += part.surface->resident_bytes();
   if (const Decomposition* parts = part.surface->decomposition()) {
-    choice.stand_ins = parts->parts.size();
+    choice.proxies = parts->parts.size();
     choice.inner = parts->inner;
     for (const ConvexPartPtr& stands : parts->parts) choice.bytes += resident_bytes(*stands);
   }

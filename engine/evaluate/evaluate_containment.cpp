@@ -26,7 +26,7 @@ double depth_of(const Aabb& a, const Aabb& b) {
 }  // namespace
 
 bool Evaluator::is_by_parts(BodyPair pair) const {
-  if (!scene_.has_stand_ins()) return false;
+  if (!scene_.has_proxies()) return false;
   const Body &a = scene_.bodies()[pair.a], &b = scene_.bodies()[pair.b];
   return (a.stands_for || b.stands_for) && !is_half_space(*a.parts[0]) && !is_half_space(*b.parts[0]);
 }

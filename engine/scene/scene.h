@@ -155,12 +155,12 @@ class Scene {
   bool has_surfaces() const { return has_surfaces_; }
 
   /// The same scene with convex proxies in place of meshes that have them (Decomposition), for queries of the model
-  /// `pieces`. Null before find_stand_ins(), or if no body has proxies.
+  /// `pieces`. Null before find_proxies(), or if no body has proxies.
   const Scene* by_parts() const { return by_parts_.get(); }
   /// Makes by_parts(). Call it again after adding bodies.
-  void find_stand_ins();
+  void find_proxies();
   /// Whether a body of this scene consists of proxies.
-  bool has_stand_ins() const { return has_stand_ins_; }
+  bool has_proxies() const { return has_proxies_; }
 
   /// Id of a body, or kNone.
   std::uint32_t find_body(std::string_view name) const;
@@ -190,7 +190,7 @@ class Scene {
   Scene without_memory() const;
 
   std::vector<Body> bodies_;
-  bool has_uncertainties_ = false, has_surfaces_ = false, has_stand_ins_ = false;
+  bool has_uncertainties_ = false, has_surfaces_ = false, has_proxies_ = false;
   std::vector<Group> groups_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
   std::vector<std::shared_ptr<const SceneRobot>> robots_;

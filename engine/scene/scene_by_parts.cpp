@@ -12,12 +12,12 @@ namespace clearance {
 
 namespace {
 
-const Decomposition* stand_ins_of(const ConvexPart& part) {
+const Decomposition* proxies_of(const ConvexPart& part) {
   return part.surface ? part.surface->decomposition() : nullptr;
 }
 
-bool has_stand_ins_of_its_own(const Body& body) {
-  return std::ranges::any_of(body.parts, [](const ConvexPartPtr& part) { return stand_ins_of(*part) != nullptr; });
+bool has_proxies_of_its_own(const Body& body) {
+  return std::ranges::any_of(body.parts, [](const ConvexPartPtr& part) { return proxies_of(*part) != nullptr; });
 }
 
 // The deviation of convex proxies from their mesh is slack of the shape, and proxies are grown as the mesh is. Parts
@@ -27,7 +27,7 @@ Body body_by_parts(const Body& body) {
   made.parts.clear();
   double inner = 0, outer = 0;
   for (const ConvexPartPtr& part : body.parts) {
-    const Decomposition* const of = stand_ins_of(*part);
+    const Decomposition* const of = proxies_of(*part);
     if (!of) {
       made.parts.push_back(part);
       continue;
@@ -59,21 +59,21 @@ Scene Scene::without_memory() const {
   next.group_ids_ = group_ids_;
   next.has_uncertainties_ = has_uncertainties_;
   next.has_surfaces_ = has_surfaces_;
-  next.has_stand_ins_ = has_stand_ins_;
+  next.has_proxies_ = has_proxies_;
   return next;
 }
 
-void Scene::find_stand_ins() {
+void Scene::find_proxies() {
   by_parts_ = nullptr;
-  if (std::ranges::none_of(bodies_, has_stand_ins_of_its_own)) return;
+  if (std::ranges::none_of(bodies_, has_proxies_of_its_own)) return;
   const FpEnvironment environment;
   auto made = std::make_shared<Scene>(without_memory());
   for (Body& body : made->bodies_) {
-    if (!has_stand_ins_of_its_own(body)) continue;
+    if (!has_proxies_of_its_own(body)) continue;
     body = body_by_parts(body);
     made->grow(body, false);
   }
-  made->has_stand_ins_ = true;
+  made->has_proxies_ = true;
   made->has_surfaces_ = std::ranges::any_of(made->bodies_, has_surface);
   made->has_uncertainties_ = std::ranges::any_of(made->bodies_, has_uncertainty);
   by_parts_ = std::move(made);

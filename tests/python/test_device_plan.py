@@ -26,7 +26,7 @@ ARM_PAIRS = [
 MASK = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.COMPACT)
 
 
-class StandIn:
+class FakeDevice:
     """Replaces the extension module's plan."""
 
     shape = (3, 2, MASK)
@@ -52,12 +52,12 @@ class OnDevice:
 
 
 @pytest.fixture()
-def run() -> StandIn:
-    return StandIn()
+def run() -> FakeDevice:
+    return FakeDevice()
 
 
 @pytest.fixture()
-def plan(run: StandIn) -> DevicePlan:
+def plan(run: FakeDevice) -> DevicePlan:
     bodies = np.array([1, 2, 4, 7], dtype=np.uint32)
     return DevicePlan(_engine, run, bodies, np.array([[1, 2], [4, 9]]))
 
@@ -65,7 +65,7 @@ def plan(run: StandIn) -> DevicePlan:
 POSES = OnDevice(64, (3, 4, 7), "<f8")
 
 
-def test_memory_of_the_caller_goes_to_its_column(plan: DevicePlan, run: StandIn) -> None:
+def test_memory_of_the_caller_goes_to_its_column(plan: DevicePlan, run: FakeDevice) -> None:
     lower, compact = OnDevice(4096, (3, 2), "<f8"), OnDevice(8192, (3, 2, 8), "<f4")
     rows = plan(POSES, out={"lower": lower, "compact": compact}, stream=77)
     assert rows.lower is lower and rows.compact is compact
@@ -77,7 +77,7 @@ def test_memory_of_the_caller_goes_to_its_column(plan: DevicePlan, run: StandIn)
         _ = rows.upper
 
 
-def test_memory_of_the_plan_is_shown_as_arrays(plan: DevicePlan, run: StandIn) -> None:
+def test_memory_of_the_plan_is_shown_as_arrays(plan: DevicePlan, run: FakeDevice) -> None:
     rows = plan(POSES)
     assert plan.fields == ("lower", "upper", "status", "compact")
     assert isinstance(rows.status, DeviceArray) and rows.status.dtype == np.uint8
@@ -92,7 +92,7 @@ class Stream:
 
 
 @pytest.mark.parametrize(("stream", "address"), [(None, 0), (5, 5), (Stream(), 99)])
-def test_streams(plan: DevicePlan, run: StandIn, stream: object, address: int) -> None:
+def test_streams(plan: DevicePlan, run: FakeDevice, stream: object, address: int) -> None:
     plan(POSES, stream=stream)
     assert run.runs[0][3] == address
 
@@ -131,7 +131,7 @@ def test_a_stream_that_is_none(plan: DevicePlan) -> None:
         plan(POSES, stream="0")
 
 
-def test_a_plan_of_the_current_poses_takes_none(run: StandIn) -> None:
+def test_a_plan_of_the_current_poses_takes_none(run: FakeDevice) -> None:
     plan = DevicePlan(_engine, run, None, np.array([[1, 2], [4, 9]]))
     plan()
     assert run.runs[0][:2] == (0, 0)
@@ -140,7 +140,7 @@ def test_a_plan_of_the_current_poses_takes_none(run: StandIn) -> None:
 
 
 @pytest.mark.parametrize("reduced", [False, True])
-def test_positions_of_joints(run: StandIn, reduced: bool) -> None:
+def test_positions_of_joints(run: FakeDevice, reduced: bool) -> None:
     run.shape = (3, 2, MASK | int(Field.GRADIENT_JOINTS))
     joints = np.arange(7, dtype=np.uint32)
     plan = DevicePlan(_engine, run, None, np.array([[1, 2], [4, 9]]), joints, reduced=reduced)

@@ -45,7 +45,7 @@ def answer(engine: clearance.Engine, pairs: np.ndarray, numbers: np.ndarray, nam
     return getattr(rows, name)
 
 
-class StandIn:
+class FakeDevice:
     """Replaces the extension module's plan: an engine on the CPU answers with the data at the addresses."""
 
     device = 0
@@ -82,7 +82,7 @@ def engine() -> clearance.Engine:
 @pytest.fixture()
 def plan(engine: clearance.Engine) -> DevicePlan:
     pairs = np.array([[1, 0], [1, 4], [2, 4], [3, 5]], dtype=np.uint32)
-    return DevicePlan(_engine, StandIn(engine, pairs), np.array([1, 4], dtype=np.uint32), pairs)
+    return DevicePlan(_engine, FakeDevice(engine, pairs), np.array([1, 4], dtype=np.uint32), pairs)
 
 
 def poses() -> np.ndarray:
@@ -141,7 +141,7 @@ def test_what_the_plan_says_no_to_is_raised(engine: clearance.Engine, plan: Devi
 
 
 def test_a_plan_that_is_gone_is_named(engine: clearance.Engine, plan: DevicePlan) -> None:
-    other = DevicePlan(_engine, StandIn(engine, plan.pairs), plan.bodies, plan.pairs)
+    other = DevicePlan(_engine, FakeDevice(engine, plan.pairs), plan.bodies, plan.pairs)
     rows = clearance.jax.Rows(other, platform="cpu")
     del _xla_ffi._plans[rows._number]
     with pytest.raises(Exception, match="the plan was deleted"):
@@ -163,18 +163,18 @@ def test_poses_that_are_refused(plan: DevicePlan, given: np.ndarray, text: str) 
 def test_columns_that_are_refused(engine: clearance.Engine, plan: DevicePlan) -> None:
     with pytest.raises(ValueError, match="fields: the plan has no column 'uper'"):
         clearance.jax.Rows(plan, ["uper"], platform="cpu")
-    bare = StandIn(engine, plan.pairs)
+    bare = FakeDevice(engine, plan.pairs)
     bare.shape = (K, len(plan.pairs), int(Field.LOWER))
     with pytest.raises(ValueError, match="plan: expected the column 'distance' among its fields"):
         clearance.jax.Distances(engine, DevicePlan(_engine, bare, plan.bodies, plan.pairs), platform="cpu")
-    of_joints = DevicePlan(_engine, StandIn(engine, plan.pairs), None, plan.pairs, np.arange(3, dtype=np.uint32))
+    of_joints = DevicePlan(_engine, FakeDevice(engine, plan.pairs), None, plan.pairs, np.arange(3, dtype=np.uint32))
     with pytest.raises(ValueError, match="plan: expected bodies alone"):
         clearance.jax.Distances(engine, of_joints, platform="cpu")
     with pytest.raises(ValueError, match="plan: expected the column 'gradient_joints' among its fields"):
         clearance.jax.JointDistances(of_joints, platform="cpu")
 
 
-class ArmStandIn:
+class FakeArmDevice:
     """The same for joint positions, of every pair or the nearest."""
 
     device = 0
@@ -214,8 +214,8 @@ def test_the_gradient_by_joints_is_the_slope(root: Path, reduce: str) -> None:
     numbers = rows_of(engine.joints("arm"), K)
     rows = arm_rows(engine, numbers, reduce)
     pairs = np.zeros((rows.distance.shape[-1], 2), np.uint32)
-    stand_in = ArmStandIn(engine, reduce, len(pairs))
-    plan = DevicePlan(_engine, stand_in, None, pairs, np.arange(JOINTS, dtype=np.uint32), reduce == "min")
+    fake = FakeArmDevice(engine, reduce, len(pairs))
+    plan = DevicePlan(_engine, fake, None, pairs, np.arange(JOINTS, dtype=np.uint32), reduce == "min")
     distances = clearance.jax.JointDistances(plan, platform="cpu")
     cost = jax.jit(jax.value_and_grad(lambda x: (0.4 - distances(x)).clip(min=0).sum()))
     value, got = cost(jnp.asarray(numbers))
@@ -274,7 +274,7 @@ def test_poses_on_a_gpu(engine: clearance.Engine) -> None:
     assert (expected > 0).all()  # so that the rows have the CPU's bits
     np.testing.assert_array_equal(np.asarray(lower), expected)
     assert value == pytest.approx(answer(engine, plan.pairs, poses(), "distance").sum(), rel=1e-12)
-    of_cpu = DevicePlan(_engine, StandIn(engine, plan.pairs), plan.bodies, plan.pairs)
+    of_cpu = DevicePlan(_engine, FakeDevice(engine, plan.pairs), plan.bodies, plan.pairs)
     there = clearance.jax.Distances(engine, of_cpu, platform="cpu")
     np.testing.assert_allclose(
         np.asarray(got), jax.grad(lambda x: there(x).sum())(jnp.asarray(poses())), rtol=0, atol=1e-12

@@ -26,7 +26,7 @@ POSES_AT, POSITIONS_AT, LOWER_AT, STATUS_AT = 0, 1024, 2048, 2560
 LOWER, STATUS = (1 << COLUMNS[name].bit for name in ("lower", "status"))
 
 
-class StandInDriver:
+class FakeDriver:
     """Host memory in place of a GPU's."""
 
     number = 2
@@ -37,7 +37,7 @@ class StandInDriver:
         self.copies: list[tuple[int, int, int, bool]] = []
         self.said: list[Any] = []  # with the plan, in order
 
-    def __call__(self, uuid: bytes) -> StandInDriver:
+    def __call__(self, uuid: bytes) -> FakeDriver:
         assert uuid == b"u" * 16
         return self
 
@@ -58,10 +58,10 @@ class StandInDriver:
         self.waits.append(stream)
 
 
-class StandInPlan:
+class FakePlan:
     """Replaces the extension module's plan: computes rows from the contents of the memory when it is run."""
 
-    def __init__(self, driver: StandInDriver, joints: int = 0):
+    def __init__(self, driver: FakeDriver, joints: int = 0):
         self.driver, self.joints = driver, joints
         self.runs: list[tuple[Any, bool]] = []
         columns = [(LOWER, 8, LOWER_AT), (STATUS, 1, STATUS_AT)]
@@ -80,17 +80,17 @@ class StandInPlan:
 
 
 @pytest.fixture()
-def driver() -> StandInDriver:
-    return StandInDriver()
+def driver() -> FakeDriver:
+    return FakeDriver()
 
 
 @pytest.fixture()
-def run(driver: StandInDriver) -> StandInPlan:
-    return StandInPlan(driver)
+def run(driver: FakeDriver) -> FakePlan:
+    return FakePlan(driver)
 
 
 @pytest.fixture()
-def plan(driver: StandInDriver, run: StandInPlan) -> RemotePlan:
+def plan(driver: FakeDriver, run: FakePlan) -> RemotePlan:
     return RemotePlan(run, np.arange(M, dtype=np.uint32), np.array([[1, 2], [4, 9]]), None, False, driver)
 
 
@@ -106,7 +106,7 @@ def seen(array: Any) -> np.ndarray:
     return np.frombuffer(raw, interface["typestr"]).reshape(interface["shape"]).copy()
 
 
-def test_poses_of_numpy_are_copied_and_rows_are_the_plans(plan: RemotePlan, run: StandInPlan) -> None:
+def test_poses_of_numpy_are_copied_and_rows_are_the_plans(plan: RemotePlan, run: FakePlan) -> None:
     assert plan.shape == (K, P) and plan.fields == ("lower", "status") and plan.device == 2
     assert (plan.scene_revision, plan.snapshot_revision) == (7, 8)
     for seed in (1, 2):
@@ -119,7 +119,7 @@ def test_poses_of_numpy_are_copied_and_rows_are_the_plans(plan: RemotePlan, run:
         _ = rows.lowr
 
 
-def test_poses_on_the_gpu_are_copied_there_unless_they_are_the_plans(plan: RemotePlan, driver: StandInDriver) -> None:
+def test_poses_on_the_gpu_are_copied_there_unless_they_are_the_plans(plan: RemotePlan, driver: FakeDriver) -> None:
     poses = some_poses(3)
     on_device = OnDevice(poses.ctypes.data, poses.shape, "<f8")
     rows = plan(on_device, stream=77)
@@ -132,7 +132,7 @@ def test_poses_on_the_gpu_are_copied_there_unless_they_are_the_plans(plan: Remot
     assert driver.copies == [] and driver.waits[1:] == [None, None]
 
 
-def test_rows_go_to_arrays_of_the_callers(plan: RemotePlan, driver: StandInDriver) -> None:
+def test_rows_go_to_arrays_of_the_callers(plan: RemotePlan, driver: FakeDriver) -> None:
     lower = np.zeros((K, P))
     out = {"lower": OnDevice(lower.ctypes.data, lower.shape, "<f8")}
     poses = some_poses(4)
@@ -141,8 +141,8 @@ def test_rows_go_to_arrays_of_the_callers(plan: RemotePlan, driver: StandInDrive
     np.testing.assert_array_equal(lower, poses[:, :P, 0])
 
 
-def test_positions_and_options_of_a_run(driver: StandInDriver) -> None:
-    run = StandInPlan(driver, joints=5)
+def test_positions_and_options_of_a_run(driver: FakeDriver) -> None:
+    run = FakePlan(driver, joints=5)
     plan = RemotePlan(run, None, np.array([[1, 2], [4, 9]]), np.arange(5, dtype=np.uint32), True, driver)
     assert plan.shape == (K,) and plan.poses is None and plan.positions is not None
     positions = np.random.default_rng(1).random((K, 5))
@@ -169,8 +169,8 @@ def test_positions_and_options_of_a_run(driver: StandInDriver) -> None:
 )
 def test_what_is_refused(
     plan: RemotePlan,
-    run: StandInPlan,
-    driver: StandInDriver,
+    run: FakePlan,
+    driver: FakeDriver,
     arguments: dict[str, Any],
     error: type[Exception],
     text: str,
@@ -182,7 +182,7 @@ def test_what_is_refused(
         plan.run_at(1, 0, {}, 0)
 
 
-def test_a_closed_plan_is_unmapped_first(plan: RemotePlan, driver: StandInDriver) -> None:
+def test_a_closed_plan_is_unmapped_first(plan: RemotePlan, driver: FakeDriver) -> None:
     with plan:
         plan(some_poses(1))
     assert driver.said == ["open", "unmap", "close"]
@@ -192,8 +192,8 @@ def test_a_closed_plan_is_unmapped_first(plan: RemotePlan, driver: StandInDriver
         plan()
 
 
-def test_rows_keep_the_memory_mapped(driver: StandInDriver) -> None:
-    plan = RemotePlan(StandInPlan(driver), np.arange(M), np.array([[1, 2], [4, 9]]), None, False, driver)
+def test_rows_keep_the_memory_mapped(driver: FakeDriver) -> None:
+    plan = RemotePlan(FakePlan(driver), np.arange(M), np.array([[1, 2], [4, 9]]), None, False, driver)
     rows = plan(some_poses(1))
     lower = rows.lower
     del plan, rows
