@@ -27,7 +27,7 @@ struct ConvexPart;
 namespace clearance::cuda {
 
 struct MotionHitRow;                      // motion_layout.h
-enum class MotionVerdict : std::uint8_t;  // motion_layout.h
+enum class MotionOutcome : std::uint8_t;  // motion_layout.h
 
 /// The devices available to the backend.
 struct DeviceInfo {
@@ -247,7 +247,7 @@ class ReducedWorkspace : public QueryWorkspace {
 
 /// Result of a chunk of motions. The views are valid until the slot's next launch.
 struct MotionResult {
-  std::span<const MotionVerdict> verdicts;  ///< per motion
+  std::span<const MotionOutcome> outcomes;  ///< per motion
   std::span<const std::uint32_t> steps;     ///< configurations evaluated, per motion
   std::span<const double> free_until;       ///< per motion, as in MotionRow; empty if first contact was not requested
   std::span<const MotionHitRow> hits;       ///< one per motion that hits, in no order

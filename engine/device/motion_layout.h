@@ -58,7 +58,7 @@ struct MotionHitRow {
   double contact;  ///< if first contact is requested: time of a pair within its margin; inf if there is none
 };
 /// Result of a motion.
-enum class MotionVerdict : std::uint8_t {
+enum class MotionOutcome : std::uint8_t {
   kFree,  ///< no pair is within its margin
   kHit,   ///< a pair is, or the least distance is found; a MotionHitRow exists
   kOpen,  ///< left to the CPU
@@ -117,7 +117,7 @@ struct MotionsView {
   std::uint32_t* steps;
   std::uint8_t *open, *to_cpu;  ///< a pair is unproved; the motion is left to the CPU regardless of other findings
   std::uint8_t* unresolved;     ///< if first contact is requested: the narrow phase left a pair unresolved at some time
-  MotionVerdict* verdicts;
+  MotionOutcome* outcomes;
   std::uint64_t* low;   ///< if the least distance is requested: lower bound on skipped pairs, as the bits of a double
   std::uint64_t* seed;  ///< if the least distance is requested: (motions, 2) the pair with the nearest boxes
   std::uint32_t* lock;  ///< if the least distance is requested: guards `best`

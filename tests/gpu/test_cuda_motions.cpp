@@ -6,8 +6,8 @@
 
 #include "tests/engine/cuda/arm_edges.h"
 #include "tests/engine/cuda/box_mesh.h"
+#include "tests/engine/cuda/motion_comparison.h"
 #include "tests/engine/cuda/same_answer.h"
-#include "tests/engine/cuda/verdicts.h"
 #include "tests/gpu/skip_without_device.h"
 
 namespace clearance::test {
@@ -20,7 +20,7 @@ void ask_both(double margin, double size, bool when) {
   const QueryView q = edges.query(margin, when);
   const Answer found = ask(device, q), wanted = ask(cpu, q);
   ASSERT_EQ(found.info.backend, "cuda");
-  const Verdicts v = compare_verdicts(found, wanted, q);
+  const MotionComparison v = compare_motions(found, wanted, q);
   EXPECT_GT(v.free, 500);
   EXPECT_GT(v.hits, 500);
   const auto on_cpu = counter(device, "cuda.motions_finished_on_cpu");
@@ -117,7 +117,7 @@ TEST(CudaMotions, TellOfEndsBeyondLimits) {
   const QueryView q = edges.query(0, true);
   const Answer found = ask(device, q), wanted = ask(cpu, q);
   ASSERT_EQ(found.info.backend, "cuda");
-  EXPECT_GT(compare_verdicts(found, wanted, q).beyond_limits, 100);
+  EXPECT_GT(compare_motions(found, wanted, q).beyond_limits, 100);
   EXPECT_LT(counter(device, "cuda.motions_finished_on_cpu"), 400u);
   const QueryView least = edges.least(0, true);
   const Answer nearest = ask(device, least);
@@ -135,7 +135,7 @@ TEST(CudaMotions, LeaveMeshesToTheCpu) {
   edges.motions.pairs = {{edges.scene.find_body("tool"), edges.scene.find_body("board")}};
   const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
   const QueryView q = edges.query(0, true);
-  const Verdicts v = compare_verdicts(ask(device, q), ask(cpu, q), q);
+  const MotionComparison v = compare_motions(ask(device, q), ask(cpu, q), q);
   EXPECT_GT(v.free, 20);
   EXPECT_GT(v.hits, 5);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);

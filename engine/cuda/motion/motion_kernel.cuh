@@ -378,7 +378,7 @@ __global__ void __launch_bounds__(kMotionThreads) conclude_motions(const __grid_
     const bool is_open = m.to_cpu[i] != 0 || (matters && m.open[i] != 0) || m.steps[i] > m.max_evaluations ||
                          (m.finds_least && !has_least(m, i));
     has_row = (is_hit || m.finds_least) && !is_open;
-    m.verdicts[i] = is_open ? MotionVerdict::kOpen : has_row ? MotionVerdict::kHit : MotionVerdict::kFree;
+    m.outcomes[i] = is_open ? MotionOutcome::kOpen : has_row ? MotionOutcome::kHit : MotionOutcome::kFree;
     if (m.seeks_contact && is_hit) free_no_longer(m, i, time_of_hit(m, i));
   }
   const std::uint32_t at = take_place(m.counts + kHitRowCount, has_row);

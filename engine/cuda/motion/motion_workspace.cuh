@@ -83,8 +83,8 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     const auto* const free_until = reinterpret_cast<const double*>(host + counts_bytes());
     const std::size_t times = seeks_contact() ? m.motions : 0;
     const auto* const steps = reinterpret_cast<const std::uint32_t*>(free_until + times);
-    const auto* const verdicts = reinterpret_cast<const MotionVerdict*>(steps + m.motions);
-    return {{verdicts, m.motions},
+    const auto* const outcomes = reinterpret_cast<const MotionOutcome*>(steps + m.motions);
+    return {{outcomes, m.motions},
             {steps, m.motions},
             {free_until, times},
             {reinterpret_cast<const MotionHitRow*>(hits), rows},
@@ -101,7 +101,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
   static std::size_t counts_bytes() { return rounded(kMotionCounts * sizeof(std::uint32_t)); }
   std::size_t motions_bytes(std::size_t motions) const {
     const std::size_t time = seeks_contact() ? sizeof(double) : 0;
-    return counts_bytes() + motions * (time + sizeof(std::uint32_t) + sizeof(MotionVerdict));
+    return counts_bytes() + motions * (time + sizeof(std::uint32_t) + sizeof(MotionOutcome));
   }
 
   // Consecutive parts of a buffer. If `memory` is null, only counts their bytes.
@@ -151,7 +151,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       m.counts = reinterpret_cast<std::uint32_t*>(begin);
       m.free_until = reinterpret_cast<double*>(begin + counts_bytes());
       m.steps = reinterpret_cast<std::uint32_t*>(m.free_until + (m.seeks_contact ? m.motions : 0));
-      m.verdicts = reinterpret_cast<MotionVerdict*>(m.steps + m.motions);
+      m.outcomes = reinterpret_cast<MotionOutcome*>(m.steps + m.motions);
       parts.take(m.hit, m.motions);
       parts.take(m.travels, std::size_t{m.motions} * m.moves.frames.robot_count);
       parts.take(m.open, m.motions);

@@ -79,8 +79,8 @@ class MotionDeviceQuery final : public DeviceQuery {
     const MotionResult r = workspace_->finish(static_cast<int>(index % slots_));
     const std::uint64_t first = index * motions_;
     open_.clear();
-    for (std::uint64_t i = 0; i < r.verdicts.size(); ++i)
-      if (r.verdicts[i] == MotionVerdict::kOpen) open_.push_back(first + i);
+    for (std::uint64_t i = 0; i < r.outcomes.size(); ++i)
+      if (r.outcomes[i] == MotionOutcome::kOpen) open_.push_back(first + i);
     write_decided(first, r);
     finish_open();
     evaluated_ += r.converged;
@@ -89,15 +89,15 @@ class MotionDeviceQuery final : public DeviceQuery {
 
   // Writes motions that are free and motions that hit.
   void write_decided(std::uint64_t first, const MotionResult& r) {
-    const std::uint64_t free_units = (r.verdicts.size() + kRowsOfThread - 1) / kRowsOfThread,
+    const std::uint64_t free_units = (r.outcomes.size() + kRowsOfThread - 1) / kRowsOfThread,
                         hit_units = (r.hits.size() + kRowsOfThread - 1) / kRowsOfThread;
     std::uint64_t next = 0;
     WorkMeter unlimited;
     run_units(next, free_units + hit_units, unlimited, [&](std::uint64_t unit, int, WorkMeter&) {
       if (unit < free_units) {
-        const std::uint64_t begin = unit * kRowsOfThread, end = std::min(begin + kRowsOfThread, r.verdicts.size());
+        const std::uint64_t begin = unit * kRowsOfThread, end = std::min(begin + kRowsOfThread, r.outcomes.size());
         for (std::uint64_t i = begin; i < end; ++i)
-          if (r.verdicts[i] == MotionVerdict::kFree) write_free(first + i, r.steps[i]);
+          if (r.outcomes[i] == MotionOutcome::kFree) write_free(first + i, r.steps[i]);
       } else {
         const std::uint64_t begin = (unit - free_units) * kRowsOfThread,
                             end = std::min(begin + kRowsOfThread, r.hits.size());

@@ -69,7 +69,7 @@ class HostMotions {
     m_.open = room<std::uint8_t>(motions);
     m_.to_cpu = room<std::uint8_t>(motions);
     m_.unresolved = room<std::uint8_t>(motions);
-    m_.verdicts = room<MotionVerdict>(motions);
+    m_.outcomes = room<MotionOutcome>(motions);
     m_.free_until = room<double>(motions);
     m_.low = room<std::uint64_t>(motions);
     m_.seed = room<std::uint64_t>(2 * motions);
@@ -118,7 +118,7 @@ class HostMotions {
     for (std::uint32_t i = 0; i < m_.counts[kHitRowCount]; ++i) hit_row_[m_.hit_rows[i].motion] = i;
   }
 
-  MotionVerdict verdict(std::uint32_t motion) const { return m_.verdicts[motion]; }
+  MotionOutcome outcome(std::uint32_t motion) const { return m_.outcomes[motion]; }
   /// The row of a motion that hits, or null.
   const MotionHitRow* hit(std::uint32_t motion) const {
     return hit_row_[motion] == kNone ? nullptr : m_.hit_rows + hit_row_[motion];

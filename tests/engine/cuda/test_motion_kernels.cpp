@@ -7,7 +7,7 @@
 
 #include "engine/motion/motion_search.h"
 #include "tests/engine/cuda/arm_edges.h"
-#include "tests/engine/cuda/verdicts.h"
+#include "tests/engine/cuda/motion_comparison.h"
 #include "tests/engine/device/fake_device.h"
 #include "tests/engine/motion/motion_oracle.h"
 #include "tests/engine/motion/motion_test.h"
@@ -52,15 +52,15 @@ Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
     const auto status = static_cast<Status>(wanted.view.status[i]);
     const bool is_free = status == Status::kBeyond, is_undecided = status == Status::kUnconverged;
     found.undecided += is_undecided;
-    switch (host.verdict(i)) {
-      case MotionVerdict::kOpen:
+    switch (host.outcome(i)) {
+      case MotionOutcome::kOpen:
         ++found.open;
         break;
-      case MotionVerdict::kFree:
+      case MotionOutcome::kFree:
         ++found.free;
         EXPECT_TRUE(is_free || is_undecided) << i;
         break;
-      case MotionVerdict::kHit: {
+      case MotionOutcome::kHit: {
         ++found.hits;
         EXPECT_FALSE(is_free) << i;
         const MotionHitRow* const hit = host.hit(i);
@@ -112,8 +112,8 @@ Least compare_nearest(const ArmEdges& edges, const QueryView& q, HostMotions& ho
   host.run();
   Least found;
   for (std::uint32_t i = 0; i < edges.motions.count(); ++i) {
-    EXPECT_NE(host.verdict(i), MotionVerdict::kFree) << i;
-    if (host.verdict(i) == MotionVerdict::kOpen) {
+    EXPECT_NE(host.outcome(i), MotionOutcome::kFree) << i;
+    if (host.outcome(i) == MotionOutcome::kOpen) {
       ++found.open;
       continue;
     }
@@ -241,10 +241,10 @@ TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
   const QueryView q = edges.query(0, false);
   HostMotions host(edges.scene, q);
   host.run();
-  EXPECT_EQ(host.verdict(0), MotionVerdict::kOpen);
-  EXPECT_EQ(host.verdict(2), MotionVerdict::kOpen);
+  EXPECT_EQ(host.outcome(0), MotionOutcome::kOpen);
+  EXPECT_EQ(host.outcome(2), MotionOutcome::kOpen);
   int decided = 0;
-  for (const std::uint32_t i : {1u, 3u, 4u, 5u}) decided += host.verdict(i) != MotionVerdict::kOpen;
+  for (const std::uint32_t i : {1u, 3u, 4u, 5u}) decided += host.outcome(i) != MotionOutcome::kOpen;
   EXPECT_GT(decided, 2);
   // A body without a pose, paired with the moving tool.
   edges.scene.add_sphere("lost", 0.1, {});
@@ -252,7 +252,7 @@ TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
   const QueryView with_lost = edges.query(0, false);
   HostMotions lost(edges.scene, with_lost);
   lost.run();
-  for (std::uint32_t i = 0; i < 6; ++i) EXPECT_EQ(lost.verdict(i), MotionVerdict::kOpen) << i;
+  for (std::uint32_t i = 0; i < 6; ++i) EXPECT_EQ(lost.outcome(i), MotionOutcome::kOpen) << i;
 }
 
 // The kernels' result for a single motion.
@@ -261,8 +261,8 @@ MotionDecision decision_of(const Scene& scene, const QueryView& q) {
   MotionDecision found;
   if (!host.fits()) return found;
   host.run();
-  if (host.verdict(0) == MotionVerdict::kFree) found.kind = MotionDecision::kFree;
-  if (host.verdict(0) != MotionVerdict::kHit) return found;
+  if (host.outcome(0) == MotionOutcome::kFree) found.kind = MotionDecision::kFree;
+  if (host.outcome(0) != MotionOutcome::kHit) return found;
   const MotionHitRow& hit = *host.hit(0);
   if (q.reduce == Reduce::kMin) {
     PairAnswer answer = hit.answer;
@@ -315,23 +315,23 @@ class EmulatedWorkspace final : public IdleSide<cuda::MotionWorkspace> {
     q.configuration_count = 2 * chunk.configurations;
     HostMotions host(*work_.scene, q);
     host.run();
-    at.verdicts.clear(), at.steps.clear(), at.hits.clear(), at.free_until.clear();
+    at.outcomes.clear(), at.steps.clear(), at.hits.clear(), at.free_until.clear();
     for (std::uint32_t i = 0; i < chunk.configurations; ++i) {
-      at.verdicts.push_back(host.verdict(i));
+      at.outcomes.push_back(host.outcome(i));
       at.steps.push_back(host.steps(i));
       if (q.fields & kFieldFirstContact) at.free_until.push_back(host.free_until(i));
-      if (at.verdicts[i] == MotionVerdict::kHit) at.hits.push_back(*host.hit(i));
+      if (at.outcomes[i] == MotionOutcome::kHit) at.hits.push_back(*host.hit(i));
     }
   }
   cuda::MotionResult finish(int slot) override {
     const Slot& at = slots_[slot];
-    return {at.verdicts, at.steps, at.free_until, at.hits, 0};
+    return {at.outcomes, at.steps, at.free_until, at.hits, 0};
   }
 
  private:
   struct Slot {
     std::vector<double> positions;
-    std::vector<MotionVerdict> verdicts;
+    std::vector<MotionOutcome> outcomes;
     std::vector<std::uint32_t> steps;
     std::vector<double> free_until;
     std::vector<MotionHitRow> hits;
@@ -385,7 +385,7 @@ TEST(MotionKernels, AnswerAnEnginesMotions) {
                   static_cast<unsigned long long>(answer.on_cpu));
       EXPECT_GT(answer.on_cpu, 0u);
       EXPECT_LT(answer.on_cpu, 150u);
-      const Verdicts v = compare_verdicts(answer.found, answer.wanted, q);
+      const MotionComparison v = compare_motions(answer.found, answer.wanted, q);
       EXPECT_GT(v.free, 300);
       EXPECT_GT(v.hits, 300);
     }
@@ -430,7 +430,7 @@ TEST(MotionKernels, TellOfEndsBeyondLimits) {
   const EmulatedAnswer answer(edges, q);
   EXPECT_EQ(answer.found.info.backend, "cuda");
   EXPECT_LT(answer.on_cpu, 40u);
-  EXPECT_GT(compare_verdicts(answer.found, answer.wanted, q).beyond_limits, 30);
+  EXPECT_GT(compare_motions(answer.found, answer.wanted, q).beyond_limits, 30);
 }
 
 }  // namespace

@@ -53,7 +53,7 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpuForWhatIsDoubted) {
 }
 
 // Counts of the results in rows of Reduce::kAny.
-struct Verdicts {
+struct MarginCounts {
   std::uint64_t near = 0, overlap = 0, touching = 0, open = 0, beyond = 0, unusable = 0, incomplete = 0, left = 0;
 
   void add(const HostReduction& reduction) {
@@ -71,11 +71,11 @@ struct Verdicts {
 };
 
 // Compares with one margin for all pairs, and with a margin per pair.
-void compare_margins(const Engine& cpu, QueryView q, const std::string& what, Verdicts& verdicts) {
+void compare_margins(const Engine& cpu, QueryView q, const std::string& what, MarginCounts& outcomes) {
   const auto compare = [&](const std::string& with) {
     HostReduction reduction(cpu, q);
-    verdicts.left += reduction.compare(what + with);
-    verdicts.add(reduction);
+    outcomes.left += reduction.compare(what + with);
+    outcomes.add(reduction);
   };
   q.reduce = Reduce::kAny;
   for (const double margin : {0.0, 1e-6, 0.02, 0.3}) {
@@ -93,7 +93,7 @@ void compare_margins(const Engine& cpu, QueryView q, const std::string& what, Ve
 
 TEST(ReduceKernels, DecideAsTheCpuDoes) {
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
-    Verdicts verdicts;
+    MarginCounts outcomes;
     for (const double room : {1.0, 4.0, 12.0}) {
       EmulatedCase c(20, 29, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
         to.add_capsule(name, 0.2, 0.5, options);
@@ -103,14 +103,14 @@ TEST(ReduceKernels, DecideAsTheCpuDoes) {
       c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
       for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[5 * c.bodies.size() + i].qw = kInf;
       const Engine cpu(std::move(c.scene), {"cpu"});
-      compare_margins(cpu, c.q, "room " + std::to_string(room), verdicts);
+      compare_margins(cpu, c.q, "room " + std::to_string(room), outcomes);
     }
-    EXPECT_GT(verdicts.near, 20u);
-    EXPECT_GT(verdicts.overlap, 100u);
-    EXPECT_GT(verdicts.beyond, 50u);
-    EXPECT_GT(verdicts.unusable, 5u);
-    EXPECT_GT(verdicts.incomplete, verdicts.unusable) << "some are decided all the same";
-    EXPECT_GT(verdicts.left, 20u) << "capsules that overlap by less than their radii";
+    EXPECT_GT(outcomes.near, 20u);
+    EXPECT_GT(outcomes.overlap, 100u);
+    EXPECT_GT(outcomes.beyond, 50u);
+    EXPECT_GT(outcomes.unusable, 5u);
+    EXPECT_GT(outcomes.incomplete, outcomes.unusable) << "some are decided all the same";
+    EXPECT_GT(outcomes.left, 20u) << "capsules that overlap by less than their radii";
   }
 }
 
@@ -123,19 +123,19 @@ TEST(ReduceKernels, DecideAsTheCpuDoesWhatIsDoubted) {
     // Few of the pairs at a time, since otherwise every configuration has an overlap.
     const std::vector<BodyPair> all = c.pairs;
     const Engine cpu(std::move(c.scene), {"cpu"});
-    Verdicts verdicts;
+    MarginCounts outcomes;
     for (std::size_t first = 0; first < 12; ++first) {
       std::vector<BodyPair> some;
       for (std::size_t i = first; i < all.size(); i += 12) some.push_back(all[i]);
       c.q.pairs = some;
-      compare_margins(cpu, c.q, "pairs from " + std::to_string(first), verdicts);
+      compare_margins(cpu, c.q, "pairs from " + std::to_string(first), outcomes);
     }
-    EXPECT_GT(verdicts.near, 100u);
-    EXPECT_GT(verdicts.overlap, 100u);
-    EXPECT_GT(verdicts.touching, 20u);
-    EXPECT_GT(verdicts.open, 5u) << "slack keeps them from being known";
-    EXPECT_GT(verdicts.beyond, 20u);
-    EXPECT_GT(verdicts.incomplete, 5u);
+    EXPECT_GT(outcomes.near, 100u);
+    EXPECT_GT(outcomes.overlap, 100u);
+    EXPECT_GT(outcomes.touching, 20u);
+    EXPECT_GT(outcomes.open, 5u) << "slack keeps them from being known";
+    EXPECT_GT(outcomes.beyond, 20u);
+    EXPECT_GT(outcomes.incomplete, 5u);
   }
 }
 

@@ -11,7 +11,7 @@
 
 namespace clearance::test {
 
-struct Verdicts {
+struct MotionComparison {
   int free = 0, hits = 0, undecided = 0;
   int beyond_limits = 0;  ///< rows that report it for the same pair
 };
@@ -24,8 +24,8 @@ inline void expect_same_contact(const double* ours, const double* theirs, std::u
 }
 
 /// Rows of reduce any for the same query.
-inline Verdicts compare_verdicts(const Answer& found, const Answer& wanted, const QueryView& q) {
-  Verdicts v;
+inline MotionComparison compare_motions(const Answer& found, const Answer& wanted, const QueryView& q) {
+  MotionComparison v;
   const ReplyView &ours = found.view, &theirs = wanted.view;
   for (std::uint32_t i = 0; i < found.info.rows; ++i) {
     const auto status = static_cast<Status>(ours.status[i]), wanted_status = static_cast<Status>(theirs.status[i]);
