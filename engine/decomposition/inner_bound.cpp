@@ -38,7 +38,7 @@ class InnerBound {
   ProvedLength run() {
     for (const Triangle& t : truth_.triangles()) put({0, kInf, 0, 0, t, 0});
     std::uint64_t parts = 0;
-    while (!parts_.empty() && parts_.top().bound > enough() &&
+    while (!parts_.empty() && parts_.top().bound > stop_below() &&
            measure_.count() + parts / kPartsPerQuestion < effort_.inner_questions) {
       const Part part = parts_.top();
       parts_.pop();
@@ -61,7 +61,7 @@ class InnerBound {
     }
   };
 
-  double enough() const { return std::max(met_ * (1 + effort_.share), met_ + effort_.inner_of_size * size_); }
+  double stop_below() const { return std::max(met_ * (1 + effort_.share), met_ + effort_.inner_of_size * size_); }
 
   const Measure::Bounds& distance(std::uint32_t point, std::uint32_t convex_part) {
     const auto [at, is_new] = known_.try_emplace(std::uint64_t{point} << 32 | convex_part);

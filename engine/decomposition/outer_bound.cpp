@@ -39,7 +39,7 @@ class OuterBound {
 
   ProvedLength run() {
     begin();
-    while (!parts_.empty() && parts_.top().bound > enough() && measure_.count() < effort_.outer_questions) {
+    while (!parts_.empty() && parts_.top().bound > stop_below() && measure_.count() < effort_.outer_questions) {
       const Part part = parts_.top();
       parts_.pop();
       divide(part);
@@ -67,7 +67,7 @@ class OuterBound {
     bool is_inside = false;
   };
 
-  double enough() const { return std::max(met_ * (1 + effort_.share), met_ + effort_.outer_of_size * size_); }
+  double stop_below() const { return std::max(met_ * (1 + effort_.share), met_ + effort_.outer_of_size * size_); }
 
   void begin() {
     const std::optional<Fan> fan = fan_of(part_.vertices);
@@ -100,7 +100,7 @@ class OuterBound {
     for (const Vec3d& v : at) radius = std::max(radius, norm(v - middle) * kUp);
     if (!is_within_ && measure_.apart(at, part_) > part.off) return;  // it contains no point of the convex part
     part.bound = std::min(part.parents, (by_corners(part.corners, radius) + part.off) * kUp);
-    if (part.bound > enough()) look_closer(part, at, middle, radius);
+    if (part.bound > stop_below()) look_closer(part, at, middle, radius);
     if (part.bound > 0) parts_.push(part);
   }
 
@@ -135,7 +135,7 @@ class OuterBound {
     const Known centre = look_at(static_cast<std::uint32_t>(points_.size() - 1));
     points_.pop_back();
     take(centre.distance + radius);
-    if (!centre.is_inside || part.bound <= enough()) return;
+    if (!centre.is_inside || part.bound <= stop_below()) return;
     Vec3d low = at[0], high = at[0];
     for (const Vec3d& v : at)
       for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], v[k]), high[k] = std::max(high[k], v[k]);

@@ -25,7 +25,8 @@ struct MotionSpan {
   std::uint32_t motion;
   std::uint32_t late;  ///< nonzero if a pair within its margin here cannot be the first
   double begin, end;   ///< within the motion, 0 to 1
-  double enough;       ///< metres: required distance of pairs over the whole span, by enough_for(); -inf if irrelevant
+  double
+      stop_below;  ///< metres: required distance of pairs over the whole span, by stop_below_for(); -inf if irrelevant
 
   CLEARANCE_HD double middle() const { return 0.5 * begin + 0.5 * end; }
   CLEARANCE_HD double half() const { return 0.5 * (end - begin); }

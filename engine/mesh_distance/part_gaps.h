@@ -54,10 +54,10 @@ void part_reaches(const ElementColumns& elements, const Vec3d& n, PartColumn& re
 /// docs/bounds.md, "Surfaces". Not below 0.
 /// \param R,D convert the other body's coordinates to those of the parts' body
 /// \param enough the search for tighter bounds stops once all exceed this
-void part_gaps(const NodeColumns& nodes, const PartBounds& other, const Mat3d& R, const Vec3d& D, double enough,
+void part_gaps(const NodeColumns& nodes, const PartBounds& other, const Mat3d& R, const Vec3d& D, double stop_below,
                PartColumn& gaps);
-void part_gaps(const ElementColumns& elements, const PartBounds& other, const Mat3d& R, const Vec3d& D, double enough,
-               PartColumn& gaps);
+void part_gaps(const ElementColumns& elements, const PartBounds& other, const Mat3d& R, const Vec3d& D,
+               double stop_below, PartColumn& gaps);
 
 /// Lower bound on the distance of each triangle of a (lanes) from each of b: along `n` and the normals of all. Not
 /// below 0.

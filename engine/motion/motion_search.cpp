@@ -71,8 +71,8 @@ double MotionSearch::target_of(std::uint64_t position, const Goal& goal, double 
   if (decides()) return motion_query_.plan.margins.of(position);
   const QueryView& query = motion_query_.plan.query;
   if (goal.pair == kNowhere) return query.max_distance;
-  const double enough = enough_for(goal.best.upper, query.abs_tol, query.rel_tol, goal.slack, slack);
-  return std::min(query.max_distance, std::max(enough, 0.0));
+  const double stop_below = stop_below_for(goal.best.upper, query.abs_tol, query.rel_tol, goal.slack, slack);
+  return std::min(query.max_distance, std::max(stop_below, 0.0));
 }
 
 void MotionSearch::leave(Goal& goal, std::uint64_t position, double low, double begin) {

@@ -23,7 +23,7 @@ namespace clearance {
 struct EpaLimits {
   double rel_tol = 1e-6;  ///< stop once the nearest face is within this of the CSO's surface, relatively
   double abs_tol = 0;     ///< ... or absolutely
-  double enough = 0;      ///< if positive, stop once the whole surface is farther than this from the origin
+  double stop_below = 0;  ///< if positive, stop once the whole surface is farther than this from the origin
   double noise = 0;       ///< lengths below this are rounding
   std::size_t max_vertices = 4000;
 };
@@ -42,7 +42,7 @@ CLEARANCE_HD inline EpaLimits epa_limits(double abs_tol, double rel_tol, bool ex
 
 enum class EpaEnd : std::uint8_t {
   kConverged,
-  kEnough,
+  kStopped,
   kOutside,  ///< there is a direction along which the CSO does not reach the origin
   kFlat,     ///< the CSO has no volume above rounding
   kLimit,    ///< too many vertices, or rounding broke the surface
@@ -266,7 +266,7 @@ class Epa {
       if (pause(p_.vertices.size())) return EpaEnd::kPaused;
       const std::uint32_t nearest = nearest_face();
       const T offset = p_.offsets[nearest];
-      if (limits_.enough > 0 && offset > T(limits_.enough)) return EpaEnd::kEnough;
+      if (limits_.stop_below > 0 && offset > T(limits_.stop_below)) return EpaEnd::kStopped;
       if (probed_ && is_close(offset, reach_)) return EpaEnd::kConverged;
       T reach;
       const CsoVertex<T> v = probe(cso, p_.faces[nearest].normal, reach);

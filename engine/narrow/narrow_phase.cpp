@@ -294,7 +294,7 @@ void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const Narr
                      Answer& answer, std::unique_ptr<PausedEpa<T>> resumed, PausedPairPtr* paused) {
   EpaLimits e = epa_limits<T>(limits.abs_tol, limits.rel_tol, pair.radius > T(0) && !pair.is_round(), pair.scale);
   if (!limits.signed_distance)
-    e.enough = 2 * pair.ball_error() + std::max(0.0, limits.min_penetration - static_cast<double>(pair.radius));
+    e.stop_below = 2 * pair.ball_error() + std::max(0.0, limits.min_penetration - static_cast<double>(pair.radius));
   if (pair.is_round()) e.max_vertices = kMostRoundVertices;
   static thread_local Epa<T> epa;
   std::size_t steps = 0;  // one at least, however short the slice is

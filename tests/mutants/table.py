@@ -387,7 +387,7 @@ MUTANTS = [
         ("motion_kernel_least_halves", "cuda/motion/motion_rates.cuh", "leave_out(m, span, low)", "void(0)"),
         (
             "motion_kernel_least_enough", "cuda/motion/motion_least.cuh",
-            "enough_for(upper, @m.abs_tol@",
+            "stop_below_for(upper, @m.abs_tol@",
             "8 * m.abs_tol",
         ),
         (
