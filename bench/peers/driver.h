@@ -58,7 +58,7 @@ inline double seconds(clockid_t clock) {
 inline int serve(const Problem& p, const std::vector<std::string>& settings,
                  const std::function<void(const std::string& setting, double* answers)>& pass,
                  const std::function<void(double* answers)>& finish) {
-  std::vector<double> answers(p.truth.size());
+  std::vector<double> answers(p.exact_value.size());
   std::cout << "settings";
   for (const std::string& s : settings) std::cout << '\t' << s;
   std::cout << std::endl;

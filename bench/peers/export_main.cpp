@@ -46,7 +46,7 @@ int main(int argc, char** argv) {
       p = make_class_problem(*found, seed, count);
     }
     peers::write_problem(p, file);
-    std::printf("%zu\n", p.truth.size());
+    std::printf("%zu\n", p.exact_value.size());
   } catch (const std::exception& e) {
     std::cerr << "clearance-peers-export: " << e.what() << '\n';
     return 2;

@@ -75,7 +75,7 @@ class Ours {
   }
   /// Returns whether there are enough pairs for a row with a second thread.
   static bool is_large(const peers::Problem& p) {
-    return p.kind == peers::Kind::kDistance && p.truth.size() >= 100'000;
+    return p.kind == peers::Kind::kDistance && p.exact_value.size() >= 100'000;
   }
 
   void ask(const Engine& engine, const QueryView& query, double* distance) {

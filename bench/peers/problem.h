@@ -37,7 +37,8 @@ struct Problem {
   std::uint64_t configurations = 1;
   std::vector<std::array<double, 7>> poses;  ///< (K, B): x, y, z [m], qw, qx, qy, qz of any norm
   std::vector<std::array<std::uint32_t, 2>> pairs;
-  std::vector<double> truth;  ///< exact signed distance in metres: (K, P), or (K,) for kLeast; NaN if not computed
+  std::vector<double>
+      exact_value;            ///< exact signed distance in metres: (K, P), or (K,) for kLeast; NaN if not computed
   std::vector<double> scale;  ///< likewise: S = |D| + rho_a + rho_b + r_a + r_b, in metres, a scale for errors
 
   std::uint64_t answers() const { return configurations * (kind == Kind::kLeast ? 1 : pairs.size()); }
@@ -81,7 +82,7 @@ inline Problem read_problem(const std::string& path) {
   std::uint64_t count = 0;
   get(in, &p.kind, 1);
   get(in, &p.max_distance, 1);
-  get(in, p.truth), get(in, p.scale);
+  get(in, p.exact_value), get(in, p.scale);
   get(in, &count, 1);
   p.shapes.resize(count);
   for (Shape& s : p.shapes) get(in, &s.radius, 1), get(in, s.vertices), get(in, s.triangles);
@@ -90,7 +91,7 @@ inline Problem read_problem(const std::string& path) {
   for (auto& body : p.bodies) get(in, body);
   get(in, &p.configurations, 1);
   get(in, p.poses), get(in, p.pairs);
-  if (!in || p.poses.size() != p.configurations * p.bodies.size() || p.truth.size() != p.answers())
+  if (!in || p.poses.size() != p.configurations * p.bodies.size() || p.exact_value.size() != p.answers())
     throw std::runtime_error(path + " is cut short");
   return p;
 }
@@ -101,7 +102,7 @@ inline void write_problem(const Problem& p, const std::string& path) {
   put(out, detail::kMagic, 8);
   put(out, &p.kind, 1);
   put(out, &p.max_distance, 1);
-  put(out, p.truth), put(out, p.scale);
+  put(out, p.exact_value), put(out, p.scale);
   std::uint64_t count = p.shapes.size();
   put(out, &count, 1);
   for (const Shape& s : p.shapes) put(out, &s.radius, 1), put(out, s.vertices), put(out, s.triangles);

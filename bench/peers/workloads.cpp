@@ -22,7 +22,7 @@ using Random = PortableRandom;
 
 constexpr double kRadius = 2;                        // of the spheres, in metres
 constexpr double kNearest = 4.05, kFarthest = 8.05;  // distances between centres of separated pairs
-constexpr std::uint64_t kTruths = 20'000;            // approximate number of exact distances per workload
+constexpr std::uint64_t kExactValues = 20'000;       // approximate number of exact distances per workload
 const double kNan = std::numeric_limits<double>::quiet_NaN();
 
 std::array<double, 7> row(const Pose& X) {
@@ -127,8 +127,8 @@ void add_exact_distances(Problem& p) {
   options.backend = "reference";
   Engine engine(scene_of(p, 0), options);
   const std::vector<BodyPair> all = pairs_of(p);
-  p.truth.assign(p.configurations * all.size(), kNan);
-  const std::uint64_t stride = 1 + p.truth.size() / kTruths;
+  p.exact_value.assign(p.configurations * all.size(), kNan);
+  const std::uint64_t stride = 1 + p.exact_value.size() / kExactValues;
   const std::uint64_t every_k = p.configurations > 1 ? std::min(stride, (p.configurations + 3) / 4) : 1;
   const std::uint64_t every_pair = p.configurations > 1 ? 1 : stride;
   std::vector<BodyPair> pairs;
@@ -149,28 +149,29 @@ void add_exact_distances(Problem& p) {
     Job job = engine.start(query, reply);
     while (!job.advance()) {
     }
-    for (std::size_t i = 0; i < pairs.size(); ++i) p.truth[k * all.size() + i * every_pair] = (lower[i] + upper[i]) / 2;
+    for (std::size_t i = 0; i < pairs.size(); ++i)
+      p.exact_value[k * all.size() + i * every_pair] = (lower[i] + upper[i]) / 2;
   }
 }
 
 /// Replaces the distances of each configuration by the least one.
 void keep_least(Problem& p) {
   const std::size_t pairs = p.pairs.size();
-  std::vector<double> truth, scale;
+  std::vector<double> exact_value, scale;
   for (std::uint64_t k = 0; k < p.configurations; ++k) {
-    const auto begin = p.truth.begin() + static_cast<std::ptrdiff_t>(k * pairs);
+    const auto begin = p.exact_value.begin() + static_cast<std::ptrdiff_t>(k * pairs);
     const auto least = std::min_element(begin, begin + static_cast<std::ptrdiff_t>(pairs));  // all NaN, or none
-    truth.push_back(*least);
-    scale.push_back(p.scale[static_cast<std::size_t>(least - p.truth.begin())]);
+    exact_value.push_back(*least);
+    scale.push_back(p.scale[static_cast<std::size_t>(least - p.exact_value.begin())]);
   }
-  p.truth = std::move(truth), p.scale = std::move(scale);
+  p.exact_value = std::move(exact_value), p.scale = std::move(scale);
   p.kind = Kind::kLeast;
 }
 
 /// A distance within which about a twentieth of the pairs lie.
 double near_share(const Problem& p) {
   std::vector<double> known;
-  for (const double t : p.truth)
+  for (const double t : p.exact_value)
     if (!std::isnan(t)) known.push_back(t);
   const auto twentieth = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 20);
   std::nth_element(known.begin(), twentieth, known.end());
@@ -335,7 +336,7 @@ Problem make_class_problem(const exact::CaseClass& c, std::uint64_t seed, int co
     kept.push_back(exact::make_case(c, seed, static_cast<std::uint64_t>(i)));
     const std::uint32_t a = add(kept.back().a, kept.back().X_wa), b = add(kept.back().b, kept.back().X_wb);
     p.pairs.push_back({a, b});
-    p.truth.push_back(exact::exact_answer(kept.back()).distance.lower());
+    p.exact_value.push_back(exact::exact_answer(kept.back()).distance.lower());
   }
   add_scales(p);
   return p;

@@ -23,19 +23,19 @@ struct Interval {
 };
 
 /// The reference backend's interval over all these pairs.
-Interval truth_of(const Engine& engine, const std::vector<BodyPair>& pairs) {
-  Interval truth{std::vector<double>(pairs.size()), std::vector<double>(pairs.size())};
+Interval exact_value_of(const Engine& engine, const std::vector<BodyPair>& pairs) {
+  Interval exact_value{std::vector<double>(pairs.size()), std::vector<double>(pairs.size())};
   QueryView query;
   query.all_pairs = false;
   query.pairs = pairs;
   query.rel_tol = 1e-12;
   query.fields = kFieldLower | kFieldUpper;
   ReplyView reply;
-  reply.lower = truth.lower.data(), reply.upper = truth.upper.data();
+  reply.lower = exact_value.lower.data(), reply.upper = exact_value.upper.data();
   Job job = engine.start(query, reply);
   while (!job.advance()) {
   }
-  return truth;
+  return exact_value;
 }
 
 /// Output of Coal's program for some lines of input.
@@ -70,7 +70,7 @@ peers::Problem problem_of(const Scene& scene, const baselines::World& world, con
     p.poses.push_back({X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz});
   }
   for (const BodyPair& pair : pairs) p.pairs.push_back({pair.a, pair.b});
-  p.truth.assign(pairs.size(), std::numeric_limits<double>::quiet_NaN());
+  p.exact_value.assign(pairs.size(), std::numeric_limits<double>::quiet_NaN());
   p.scale.assign(pairs.size(), 0);
   return p;
 }
@@ -104,11 +104,11 @@ double Contest::worst_error(const std::vector<BodyPair>& pairs, const std::vecto
     checked.push_back(pairs[i]);
     answers.push_back(distances[i]);
   }
-  const Interval truth = truth_of(Engine(scene_), checked);
+  const Interval exact_value = exact_value_of(Engine(scene_), checked);
   double worst = 0;
   for (std::size_t i = 0; i < checked.size(); ++i) {
     if (std::isnan(answers[i])) return answers[i];
-    worst = std::max({worst, truth.lower[i] - answers[i], answers[i] - truth.upper[i]});
+    worst = std::max({worst, exact_value.lower[i] - answers[i], answers[i] - exact_value.upper[i]});
   }
   return worst;
 }

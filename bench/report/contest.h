@@ -40,7 +40,7 @@ class Contest {
 
  private:
   std::vector<BodyPair> sample(std::uint64_t most) const;
-  void learn_truth();
+  void learn_exact_value();
   double worst_error(const std::vector<BodyPair>& pairs, const std::vector<double>& distances);
   Row row(const std::string& method, std::uint64_t measured, double us) const;
 

@@ -38,13 +38,13 @@ class Quality {
     if (!(lower <= exact.upper && upper >= exact.lower)) ++violations_;
     ++count_[static_cast<std::size_t>(status)];
     if (status == Status::kBeyond) return;
-    const double truth = 0.5 * exact.lower + 0.5 * exact.upper;
-    const double error = std::abs(distance - truth), width = upper - lower;
+    const double exact_value = 0.5 * exact.lower + 0.5 * exact.upper;
+    const double error = std::abs(distance - exact_value), width = upper - lower;
     error_.push_back(error);
     width_.push_back(width);
     if (exact.lower > 0) {
-      rel_error_.push_back(error / truth);
-      rel_width_.push_back(width / truth);
+      rel_error_.push_back(error / exact_value);
+      rel_width_.push_back(width / exact_value);
     }
   }
 
@@ -72,9 +72,9 @@ class Quality {
 /// The scene in one backend, ready for queries in any setting.
 class Bench {
  public:
-  Bench(const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options)
+  Bench(const MovingScene& scene, const ExactDistances& exact_value, const SweepOptions& options)
       : scene_(scene),
-        truth_(truth),
+        exact_value_(exact_value),
         engine_(scene.scene, {options.backend, 1}),
         answers_(scene.pairs.size() * scene.steps.size()),
         by_thread_(options.backend == "cpu" || options.backend == "reference") {
@@ -93,12 +93,12 @@ class Bench {
     query.precision = s.precision;
     query.rel_tol = s.rel_tol;
     query.abs_tol = s.abs_tol;
-    query.max_distance = s.reach < kInf ? s.reach * truth_.median : kInf;
+    query.max_distance = s.reach < kInf ? s.reach * exact_value_.median : kInf;
     query.warm_slot = s.asked == Asked::kWarm ? kWarmSlot : 0;
     const std::size_t pairs = scene_.pairs.size(), steps = scene_.steps.size();
     const auto check = [&](std::size_t step, std::size_t first) {
       for (std::size_t i = 0; quality && i < pairs; ++i)
-        quality->add(truth_.exact[step][i], answers_.distance[first + i], answers_.lower[first + i],
+        quality->add(exact_value_.exact[step][i], answers_.distance[first + i], answers_.lower[first + i],
                      answers_.upper[first + i], static_cast<Status>(answers_.status[first + i]));
     };
     double total = 0;
@@ -134,7 +134,7 @@ class Bench {
 
  private:
   const MovingScene& scene_;
-  const ExactDistances& truth_;
+  const ExactDistances& exact_value_;
   Engine engine_;
   Answers answers_;
   std::vector<std::uint32_t> bodies_;  // that move
@@ -185,8 +185,8 @@ Spread spread_of(std::vector<double> values) {
   return {at(0.5), at(0.99), values.back()};
 }
 
-std::vector<Point> sweep(const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options) {
-  Bench bench(scene, truth, options);
+std::vector<Point> sweep(const MovingScene& scene, const ExactDistances& exact_value, const SweepOptions& options) {
+  Bench bench(scene, exact_value, options);
   const std::vector<Setting> settings = all_settings(options.brief);
   std::vector<Point> points(settings.size());
   std::vector<std::vector<double>> times(settings.size()), ratios(settings.size());
@@ -228,8 +228,8 @@ void write_header(std::ostream& out) {
   out << ",ok,overlap,contact,beyond,unconverged,violations\n";
 }
 
-void write_rows(std::ostream& out, const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options,
-                const std::vector<Point>& points) {
+void write_rows(std::ostream& out, const MovingScene& scene, const ExactDistances& exact_value,
+                const SweepOptions& options, const std::vector<Point>& points) {
   const auto number = [&](double x) {
     char text[32];
     std::snprintf(text, sizeof text, ",%.4g", x);
@@ -239,7 +239,8 @@ void write_rows(std::ostream& out, const MovingScene& scene, const ExactDistance
     const Setting& s = p.setting;
     out << scene.name << ',' << options.backend << ",full," << (s.precision == Precision::kF32 ? "f32" : "f64") << ','
         << name_of(s.asked);
-    for (const double x : {s.rel_tol, s.abs_tol, s.reach, s.reach < kInf ? s.reach * truth.median : kInf}) number(x);
+    for (const double x : {s.rel_tol, s.abs_tol, s.reach, s.reach < kInf ? s.reach * exact_value.median : kInf})
+      number(x);
     out << ',' << scene.pairs.size() << ',' << scene.steps.size();
     for (const double x : {p.ns_per_pair, p.ns_quartiles, p.ratio, p.evaluated}) number(x);
     for (const Spread* spread : {&p.error, &p.width, &p.rel_error, &p.rel_width})

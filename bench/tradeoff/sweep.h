@@ -60,11 +60,11 @@ struct SweepOptions {
 };
 
 /// Times all settings alternately, round by round, with one thread, and compares every answer with the exact distance.
-std::vector<Point> sweep(const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options);
+std::vector<Point> sweep(const MovingScene& scene, const ExactDistances& exact_value, const SweepOptions& options);
 
 /// The column names, and one row for each point.
 void write_header(std::ostream& out);
-void write_rows(std::ostream& out, const MovingScene& scene, const ExactDistances& truth, const SweepOptions& options,
-                const std::vector<Point>& points);
+void write_rows(std::ostream& out, const MovingScene& scene, const ExactDistances& exact_value,
+                const SweepOptions& options, const std::vector<Point>& points);
 
 }  // namespace clearance::tradeoff

@@ -38,11 +38,11 @@ int run(Options o) {
   std::size_t violations = 0;
   for (const std::string& name : o.only) {
     const MovingScene scene = make_moving_scene(name, o.scenes, o.seed, o.steps);
-    const ExactDistances truth = find_exact_distances(scene, o.checked);
+    const ExactDistances exact_value = find_exact_distances(scene, o.checked);
     for (const std::string& backend : o.backends) {
       o.sweep.backend = backend;
-      const std::vector<Point> points = sweep(scene, truth, o.sweep);
-      write_rows(out, scene, truth, o.sweep, points);
+      const std::vector<Point> points = sweep(scene, exact_value, o.sweep);
+      write_rows(out, scene, exact_value, o.sweep, points);
       std::size_t misses = 0;
       double usual = 0, fastest = points[0].ns_per_pair;
       for (const Point& p : points) {
@@ -51,7 +51,8 @@ int run(Options o) {
         fastest = std::min(fastest, p.ns_per_pair);
       }
       std::printf("%-9s %-9s %6zu %6zu %12.4g %12.0f %12.0f %11zu  %s\n", name.c_str(), backend.c_str(),
-                  scene.pairs.size(), truth.checked, truth.median, usual, fastest, misses, scene.what.c_str());
+                  scene.pairs.size(), exact_value.checked, exact_value.median, usual, fastest, misses,
+                  scene.what.c_str());
       std::fflush(stdout);
       violations += misses;
     }

@@ -60,23 +60,23 @@ ExactDistances find_exact_distances(const MovingScene& scene, std::size_t checke
   query.rel_tol = 0;
   query.fields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
 
-  ExactDistances truth;
+  ExactDistances exact_value;
   std::vector<double> distances;
   for (const std::vector<BodyPose>& poses : scene.steps) {
     engine.set_poses(poses);
     Answers answers(scene.pairs.size());
     Job job = engine.start(query, answers.view());
     job.advance();
-    std::vector<Interval>& exact = truth.exact.emplace_back();
+    std::vector<Interval>& exact = exact_value.exact.emplace_back();
     for (std::size_t i = 0; i < scene.pairs.size(); ++i) {
       exact.push_back({answers.lower[i], answers.upper[i]});
       distances.push_back(answers.upper[i]);
     }
-    if (truth.exact.size() > 1) continue;
+    if (exact_value.exact.size() > 1) continue;
     const std::size_t stride = std::max<std::size_t>(1, scene.pairs.size() / std::max<std::size_t>(1, checked));
-    for (std::size_t i = 0; i < scene.pairs.size() && truth.checked < checked; i += stride)
+    for (std::size_t i = 0; i < scene.pairs.size() && exact_value.checked < checked; i += stride)
       if (const auto value = exact_answer(scene, engine, scene.pairs[i])) {
-        ++truth.checked;
+        ++exact_value.checked;
         // Clipped at 0, like the answers.
         if (std::max(value->upper(), 0.0) < exact[i].lower || std::max(value->lower(), 0.0) > exact[i].upper) {
           char text[200];
@@ -87,8 +87,8 @@ ExactDistances find_exact_distances(const MovingScene& scene, std::size_t checke
         }
       }
   }
-  truth.median = bench::median(std::move(distances));
-  return truth;
+  exact_value.median = bench::median(std::move(distances));
+  return exact_value;
 }
 
 }  // namespace clearance::tradeoff

@@ -8,7 +8,7 @@ from collections import Counter
 import moving_balls
 import numpy as np
 import own_daemon
-from arm_truth import ArmTruth
+from exact_arm import ExactArm
 
 CHUNK = 20000  # samples evaluated at a time
 LINKS = {"forearm", "wrist_1", "wrist_2", "flange", "gripper", "left_finger", "right_finger"}
@@ -62,7 +62,7 @@ class RunLog:
         """
         base = np.eye(4)
         base[2, 3] = self.floor = floor
-        self.arm = ArmTruth(own_daemon.ARM, self.joints, base)
+        self.arm = ExactArm(own_daemon.ARM, self.joints, base)
         samples, self.keep = self.samples.array, keep
         self.t, self.truth = samples[:, 0] - samples[0, 0], self.distances(samples, began)
         answered = self.ticks.array[:, 0]

@@ -10,7 +10,7 @@ their slopes by joint; a small QP finds the joint speeds nearest to the wanted o
     slope . dq  >=  ball's speed - ALPHA (lower - margin)         for each pair
 
 `margin()` explains why it holds, and the source of each number. The drives are simulated realistically: a command is
-valid for HOLD, then they stop within STOP, even if this program fails. At the end ArmTruth, which does not use
+valid for HOLD, then they stop within STOP, even if this program fails. At the end ExactArm, which does not use
 Clearance, checks the arm at every millisecond, with the actual positions of the balls.
 Needs numpy, lcm and proxsuite, and matplotlib for --plot.
 """

@@ -40,7 +40,7 @@ const EvaluateOptions& CertificateJob::with_parts() {
 // Concerns `model=pieces` only.
 void CertificateJob::refuse_proxies(BodyPair pair) const {
   if (plan_.query.model != Model::kPieces) return;
-  if (const std::string why = no_convex_truth(scene(), pair); !why.empty())
+  if (const std::string why = no_exact_convex_part(scene(), pair); !why.empty())
     refuse_kind(why + ", whose rows have no certificate with model: pieces; use model: truth");
 }
 

@@ -21,11 +21,11 @@ constexpr std::uint64_t kPartsPerQuestion = 4;  // box tests of this many subtri
 
 class InnerBound {
  public:
-  InnerBound(const Surface& truth, std::span<const ConvexPartPtr> convex_parts, const ProofEffort& effort)
-      : truth_(truth),
+  InnerBound(const Surface& exact_value, std::span<const ConvexPartPtr> convex_parts, const ProofEffort& effort)
+      : exact_value_(exact_value),
         convex_parts_(convex_parts),
         effort_(effort),
-        points_(truth.vertices().begin(), truth.vertices().end()) {
+        points_(exact_value.vertices().begin(), exact_value.vertices().end()) {
     Vec3d low = points_[0], high = points_[0];
     for (const Vec3d& v : points_) {
       reach_ = std::max(reach_, norm(v));
@@ -36,7 +36,7 @@ class InnerBound {
   }
 
   ProvedLength run() {
-    for (const Triangle& t : truth_.triangles()) put({0, kInf, 0, 0, t, 0});
+    for (const Triangle& t : exact_value_.triangles()) put({0, kInf, 0, 0, t, 0});
     std::uint64_t parts = 0;
     while (!parts_.empty() && parts_.top().bound > stop_below() &&
            measure_.count() + parts / kPartsPerQuestion < effort_.inner_questions) {
@@ -169,7 +169,7 @@ class InnerBound {
     }
   }
 
-  const Surface& truth_;
+  const Surface& exact_value_;
   std::span<const ConvexPartPtr> convex_parts_;
   const ProofEffort& effort_;
   std::vector<Vec3d> points_;
@@ -183,9 +183,10 @@ class InnerBound {
 
 }  // namespace
 
-ProvedLength prove_inner(const Surface& truth, std::span<const ConvexPartPtr> convex_parts, const ProofEffort& effort) {
+ProvedLength prove_inner(const Surface& exact_value, std::span<const ConvexPartPtr> convex_parts,
+                         const ProofEffort& effort) {
   const FpEnvironment environment;
-  return InnerBound(truth, convex_parts, effort).run();
+  return InnerBound(exact_value, convex_parts, effort).run();
 }
 
 }  // namespace clearance

@@ -25,11 +25,11 @@ using Corners = std::array<std::uint32_t, 4>;
 
 class OuterBound {
  public:
-  OuterBound(const Surface& truth, const ConvexPart& convex_part, const ProofEffort& effort)
-      : truth_(truth), part_(convex_part), effort_(effort) {
-    for (const Vec3d& v : truth.vertices()) reach_ = std::max(reach_, norm(v));
-    Vec3d low = truth.vertices()[0], high = low;
-    for (const Vec3d& v : truth.vertices())
+  OuterBound(const Surface& exact_value, const ConvexPart& convex_part, const ProofEffort& effort)
+      : exact_value_(exact_value), part_(convex_part), effort_(effort) {
+    for (const Vec3d& v : exact_value.vertices()) reach_ = std::max(reach_, norm(v));
+    Vec3d low = exact_value.vertices()[0], high = low;
+    for (const Vec3d& v : exact_value.vertices())
       for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], v[k]), high[k] = std::max(high[k], v[k]);
     size_ = norm(high - low);
     reach_ = std::max(reach_, convex_part.rho);
@@ -80,10 +80,10 @@ class OuterBound {
   const Known& look_at(std::uint32_t point) {
     Known& known = points_[point];
     if (known.triangle != kNoTriangle) return known;
-    known.triangle = nearest_triangle(truth_, known.at);
-    const Measure::Bounds d = measure_.to(truth_.corners(known.triangle), known.at);
+    known.triangle = nearest_triangle(exact_value_, known.at);
+    const Measure::Bounds d = measure_.to(exact_value_.corners(known.triangle), known.at);
     // A point that is proved apart from the nearest triangle lies on none.
-    known.is_inside = truth_.is_solid() && d.lower > 0 && winding_number(truth_, known.at) != 0;
+    known.is_inside = exact_value_.is_solid() && d.lower > 0 && winding_number(exact_value_, known.at) != 0;
     known.distance = known.is_inside ? 0 : d.upper;
     if (!known.is_inside && d.lower > met_ && (is_within_ || measure_.to(part_, known.at).lower == 0)) met_ = d.lower;
     return known;
@@ -119,7 +119,7 @@ class OuterBound {
     std::sort(triangles.begin(), triangles.end());
     for (std::size_t k = 0; k < 4; ++k) {
       if (k > 0 && triangles[k] == triangles[k - 1]) continue;
-      const auto triangle = truth_.corners(triangles[k]);
+      const auto triangle = exact_value_.corners(triangles[k]);
       double most = 0;
       for (const std::uint32_t corner : corners)
         if (most < least) most = std::max(most, measure_.to(triangle, points_[corner].at).upper);
@@ -139,12 +139,12 @@ class OuterBound {
     Vec3d low = at[0], high = at[0];
     for (const Vec3d& v : at)
       for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], v[k]), high[k] = std::max(high[k], v[k]);
-    if (!triangles_that_meet(truth_, low, high, kMostTriangles, near_)) return;
+    if (!triangles_that_meet(exact_value_, low, high, kMostTriangles, near_)) return;
     if (near_.empty()) return take(0);
     // The greatest depth of a triangle along its shortest way out of the tetrahedron.
     double deepest = fine_;
     for (const std::uint32_t t : near_) {
-      const double depth = -measure_.gap(at, truth_.corners(t));
+      const double depth = -measure_.gap(at, exact_value_.corners(t));
       if (!(depth > deepest)) continue;
       deepest = depth;
       part.cut = t;
@@ -192,7 +192,7 @@ class OuterBound {
     }
   }
   void at_plane(const Part& part, std::size_t& from, std::size_t& to, double& along) const {
-    const auto [a, b, c] = truth_.corners(part.cut);
+    const auto [a, b, c] = exact_value_.corners(part.cut);
     const Vec3d n = cross(b - a, c - a);
     std::array<double, 4> height;
     for (std::size_t k = 0; k < 4; ++k) height[k] = dot(n, points_[part.corners[k]].at - a);
@@ -209,7 +209,7 @@ class OuterBound {
       }
   }
 
-  const Surface& truth_;
+  const Surface& exact_value_;
   const ConvexPart& part_;
   const ProofEffort& effort_;
   double reach_ = 0, size_ = 0, fine_ = 0, met_ = 0;
@@ -222,9 +222,9 @@ class OuterBound {
 
 }  // namespace
 
-ProvedLength prove_outer(const Surface& truth, const ConvexPart& convex_part, const ProofEffort& effort) {
+ProvedLength prove_outer(const Surface& exact_value, const ConvexPart& convex_part, const ProofEffort& effort) {
   const FpEnvironment environment;
-  return OuterBound(truth, convex_part, effort).run();
+  return OuterBound(exact_value, convex_part, effort).run();
 }
 
 }  // namespace clearance

@@ -28,10 +28,11 @@ struct ProvedLength {
 
 /// Bound on the distance of the triangles from the union of the parts' cores.
 /// \param pieces at least one
-ProvedLength prove_inner(const Surface& truth, std::span<const ConvexPartPtr> parts, const ProofEffort& effort = {});
+ProvedLength prove_inner(const Surface& exact_value, std::span<const ConvexPartPtr> parts,
+                         const ProofEffort& effort = {});
 
 /// Bound on the distance of the part's core from the surface, or from the volume of a solid.
-ProvedLength prove_outer(const Surface& truth, const ConvexPart& part, const ProofEffort& effort = {});
+ProvedLength prove_outer(const Surface& exact_value, const ConvexPart& part, const ProofEffort& effort = {});
 
 /// A proved decomposition, and the distances found.
 struct ProvedDecomposition {
@@ -43,7 +44,7 @@ struct ProvedDecomposition {
 /// with the part's index, if there is no part, or one without vertices or with a coordinate that is not finite or too
 /// large.
 /// \param proposed the vertices of each
-ProvedDecomposition prove_decomposition(const Surface& truth, std::span<const std::vector<Vec3d>> proposed,
+ProvedDecomposition prove_decomposition(const Surface& exact_value, std::span<const std::vector<Vec3d>> proposed,
                                         const ProofEffort& effort = {});
 
 }  // namespace clearance

@@ -133,13 +133,13 @@ ConvexPartPtr get_decomposed_part(Reader& in, std::vector<Vec3d> vertices, std::
   return make_surface_part(std::move(vertices), std::move(triangles), true, radius, loaded, std::move(kept));
 }
 
-ConvexPartPtr get_surface_part(Reader& in, ExactKind truth, double radius, std::uint64_t loaded,
+ConvexPartPtr get_surface_part(Reader& in, ExactKind exact_value, double radius, std::uint64_t loaded,
                                const DisplayMesh* display, Tables tables) {
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::vector<Triangle> triangles = get_list(in, display ? &display->triangles : nullptr);
-  if (truth == ExactKind::kDecomposed)
+  if (exact_value == ExactKind::kDecomposed)
     return get_decomposed_part(in, std::move(vertices), std::move(triangles), radius, loaded, tables);
-  return make_surface_part(std::move(vertices), std::move(triangles), truth == ExactKind::kSolid, radius, loaded);
+  return make_surface_part(std::move(vertices), std::move(triangles), exact_value == ExactKind::kSolid, radius, loaded);
 }
 
 void add_convex_part(Writer& out, const ConvexPart& part, const DisplayMesh* display, Tables tables) {
@@ -179,14 +179,14 @@ ConvexPartPtr get_primitive(Reader& in, double radius) {
 ConvexPartPtr get_part(Reader& in, const DisplayMesh* display, Tables tables) {
   const auto radius = in.get<double>();
   const auto loaded = in.get<std::uint64_t>();
-  const auto truth = in.get<ExactKind>();
-  if (truth > ExactKind::kDecomposed) throw Damaged();
-  if (truth == ExactKind::kPrimitive) return get_primitive(in, radius);
-  if (truth == ExactKind::kCloud) {
+  const auto exact_value = in.get<ExactKind>();
+  if (exact_value > ExactKind::kDecomposed) throw Damaged();
+  if (exact_value == ExactKind::kPrimitive) return get_primitive(in, radius);
+  if (exact_value == ExactKind::kCloud) {
     const auto edge = in.get<float>();
     return make_cloud_part(in.list<CloudPoint>(), edge, radius);
   }
-  if (truth != ExactKind::kConvexPart) return get_surface_part(in, truth, radius, loaded, display, tables);
+  if (exact_value != ExactKind::kConvexPart) return get_surface_part(in, exact_value, radius, loaded, display, tables);
   const auto digest = in.get<std::uint64_t>();
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::shared_ptr<DirectionTable> table;

@@ -208,6 +208,6 @@ class Scene {
 };
 
 /// Names the body of a pair that is a cloud, surface or solid, as in "'shelf' is a solid". Empty if neither is.
-std::string no_convex_truth(const Scene& scene, BodyPair pair);
+std::string no_exact_convex_part(const Scene& scene, BodyPair pair);
 
 }  // namespace clearance

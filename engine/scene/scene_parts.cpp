@@ -36,7 +36,7 @@ std::uint64_t point_count(const Body& body) {
   return body.cloud == CloudState::kPoints ? body.parts[0]->surface->size() : 0;
 }
 
-std::string no_convex_truth(const Scene& scene, BodyPair pair) {
+std::string no_exact_convex_part(const Scene& scene, BodyPair pair) {
   for (const std::uint32_t id : {pair.a, pair.b}) {
     if (id >= scene.bodies().size()) continue;
     if (is_cloud(scene.bodies()[id])) return "'" + scene.bodies()[id].name + "' is a cloud of points";
@@ -62,7 +62,7 @@ bool same_decomposition(const Decomposition* a, const Decomposition* b) {
 }
 
 // Whether two parts have the same exact geometry: themselves, or equal surfaces.
-bool same_truth(const ConvexPart& a, const ConvexPart& b) {
+bool same_exact_value(const ConvexPart& a, const ConvexPart& b) {
   if (!a.surface || !b.surface) return a.surface == b.surface;
   const auto same_vertex = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
   const Surface &s = *a.surface, &t = *b.surface;
@@ -82,7 +82,7 @@ ConvexPartPtr Scene::shared_part(const ConvexPartPtr& part) {
     const ConvexPart& known = *it->second;
     if (known.radius == part->radius && known.loaded_vertices == part->loaded_vertices &&
         std::equal(known.vertices.begin(), known.vertices.end(), part->vertices.begin(), part->vertices.end(), same) &&
-        same_truth(known, *part) && same_primitive(known, *part))
+        same_exact_value(known, *part) && same_primitive(known, *part))
       return it->second;
   }
   parts_.emplace(part->digest, part);

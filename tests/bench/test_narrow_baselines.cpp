@@ -97,8 +97,8 @@ TEST_P(NarrowBaselines, AreRightOnWellConditionedClasses) {
       ASSERT_TRUE(world) << name;
       if (hill && knows_no_neighbours(*world)) continue;  // see HillClimbing below
       const std::string where = name + " case " + std::to_string(i);
-      const exact::Result truth = exact::exact_answer(c, true);
-      const double distance = truth.distance.lower(), tolerance = kRight * exact::scale_of(c);
+      const exact::Result exact_value = exact::exact_answer(c, true);
+      const double distance = exact_value.distance.lower(), tolerance = kRight * exact::scale_of(c);
       const PairAnswer answer = ask(*baseline_, *world);
       EXPECT_FALSE(answer.limit) << where;
       EXPECT_NEAR(answer.distance, std::max(0.0, distance), tolerance) << where;

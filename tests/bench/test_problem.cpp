@@ -42,7 +42,7 @@ TEST(Problem, SurvivesItsFile) {
   EXPECT_EQ(q.bodies, p.bodies);
   EXPECT_EQ(q.poses, p.poses);
   EXPECT_EQ(q.pairs, p.pairs);
-  EXPECT_EQ(q.truth, p.truth);
+  EXPECT_EQ(q.exact_value, p.exact_value);
   EXPECT_EQ(q.scale, p.scale);
   ASSERT_EQ(q.shapes.size(), p.shapes.size());
   for (std::size_t s = 0; s < q.shapes.size(); ++s) {
@@ -58,7 +58,8 @@ TEST(Problem, HasTheTruthOfEveryClass) {
     const peers::Problem p = make_class_problem(c, 3, 10);
     const std::vector<double> d = distances(p);
     for (std::size_t i = 0; i < d.size(); ++i)
-      EXPECT_NEAR(d[i], p.truth[i], 1e-6 * std::abs(p.truth[i]) + 16 * 0x1p-52 * p.scale[i]) << c.name << ' ' << i;
+      EXPECT_NEAR(d[i], p.exact_value[i], 1e-6 * std::abs(p.exact_value[i]) + 16 * 0x1p-52 * p.scale[i])
+          << c.name << ' ' << i;
   }
 }
 
@@ -87,17 +88,17 @@ TEST(Problem, HasFacesOfTheHull) {
 
 TEST(Workload, OfOneMillimetreIsThat) {
   const peers::Problem p = make_workload("gap_1mm_1202", "", {});
-  ASSERT_EQ(p.truth.size(), 2000u);
-  for (const double t : p.truth) ASSERT_NEAR(t, 1e-3, 1e-9);
+  ASSERT_EQ(p.exact_value.size(), 2000u);
+  for (const double t : p.exact_value) ASSERT_NEAR(t, 1e-3, 1e-9);
 }
 
 // The check of a list of near pairs is by membership: no checked pair may be at the limit.
 TEST(Workload, WithinHasNobodyOnItsEdge) {
   const peers::Problem p = through_a_file(make_workload("within", "", {}));
   ASSERT_EQ(p.kind, peers::Kind::kWithin);
-  ASSERT_EQ(p.truth.size(), p.answers());
+  ASSERT_EQ(p.exact_value.size(), p.answers());
   std::size_t known = 0, near = 0;
-  for (const double t : p.truth) {
+  for (const double t : p.exact_value) {
     if (std::isnan(t)) continue;
     ++known, near += t < p.max_distance;
     ASSERT_GT(std::abs(t - p.max_distance), 1e-9);

@@ -28,26 +28,26 @@ TEST(Tradeoff, ScenesAreNearFarTouchingAndMoving) {
     EXPECT_FALSE(s.what.empty());
     ASSERT_EQ(s.steps.size(), 12u);
     EXPECT_NE(s.steps[0].back().pose.translation.x, s.steps[11].back().pose.translation.x);
-    const ExactDistances truth = find_exact_distances(s, 10);
-    EXPECT_GE(truth.checked, 4u);
-    ASSERT_EQ(truth.exact.size(), 12u);
+    const ExactDistances exact_value = find_exact_distances(s, 10);
+    EXPECT_GE(exact_value.checked, 4u);
+    ASSERT_EQ(exact_value.exact.size(), 12u);
     double widest = 0;
     std::size_t overlapping = 0;
-    for (const std::size_t step : {std::size_t{0}, truth.exact.size() - 1})
-      for (const Interval& exact : truth.exact[step]) {
+    for (const std::size_t step : {std::size_t{0}, exact_value.exact.size() - 1})
+      for (const Interval& exact : exact_value.exact[step]) {
         widest = std::max(widest, (exact.upper - exact.lower) / std::max(exact.upper, 1e-3 * largest_extent(s)));
         overlapping += exact.upper == 0;
       }
     EXPECT_LT(widest, 1e-11);
     const double size = largest_extent(s);
     if (name == "near") {
-      EXPECT_LT(truth.median, 0.3 * size);
-      EXPECT_GT(truth.median, 0.01 * size);
+      EXPECT_LT(exact_value.median, 0.3 * size);
+      EXPECT_GT(exact_value.median, 0.01 * size);
       EXPECT_EQ(overlapping, 0u);
     } else if (name == "far") {
-      EXPECT_GT(truth.median, 5 * size);
+      EXPECT_GT(exact_value.median, 5 * size);
     } else if (name == "touching") {
-      EXPECT_LT(truth.median, 1e-8);
+      EXPECT_LT(exact_value.median, 1e-8);
       EXPECT_GT(overlapping, 3u);
     } else if (name == "dense") {
       EXPECT_GT(overlapping, s.pairs.size() / 20);
@@ -86,11 +86,11 @@ TEST(Tradeoff, EverySettingOnceAndTheDefaultAmongThem) {
 
 TEST(Tradeoff, AnswersKeepWhatTheirSettingAsks) {
   const MovingScene s = make_moving_scene("near", kScenes, 1, 2);
-  const ExactDistances truth = find_exact_distances(s, 5);
+  const ExactDistances exact_value = find_exact_distances(s, 5);
   SweepOptions options;
   options.rounds = 1;
   options.brief = true;
-  const std::vector<Point> points = sweep(s, truth, options);
+  const std::vector<Point> points = sweep(s, exact_value, options);
   ASSERT_EQ(points.size(), all_settings(true).size());
   bool saw_beyond = false, saw_width = false;
   for (const Point& p : points) {
@@ -117,7 +117,7 @@ TEST(Tradeoff, AnswersKeepWhatTheirSettingAsks) {
 
   std::ostringstream csv;
   write_header(csv);
-  write_rows(csv, s, truth, options, points);
+  write_rows(csv, s, exact_value, options, points);
   std::istringstream lines(csv.str());
   std::string line, header;
   std::getline(lines, header);

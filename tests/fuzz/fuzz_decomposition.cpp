@@ -94,7 +94,7 @@ bool is_proved_anew(Input in) {
 /// Parts with arbitrary corners for a cube.
 bool is_proved(Input in) {
   const Cube cube;
-  const Surface truth(cube.vertices, cube.triangles, true);
+  const Surface exact_value(cube.vertices, cube.triangles, true);
   Proposal proposal(in.number<std::uint8_t>() % 5);
   for (std::vector<Vec3d>& part : proposal) {
     const int corners = in.number<std::uint8_t>() % 10;
@@ -110,7 +110,7 @@ bool is_proved(Input in) {
     ProofEffort little;
     little.inner_questions = 400;
     little.outer_questions = 200;
-    proved = prove_decomposition(truth, proposal, little).decomposition;
+    proved = prove_decomposition(exact_value, proposal, little).decomposition;
   } catch (const std::invalid_argument& e) {
     require(*e.what() != 0, "an error says what it is");
     return false;

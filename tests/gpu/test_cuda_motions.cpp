@@ -75,7 +75,7 @@ TEST(CudaMotions, OutOfStepsIsNeverFree) {
   SKIP_WITHOUT_DEVICE();
   const ArmEdges edges(17, 3000, 1.0);
   const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
-  const Answer truth = ask(cpu, edges.query(0, true));
+  const Answer exact_value = ask(cpu, edges.query(0, true));
   int free = 0, hits = 0, unconverged = 0, narrow = 0;
   for (std::uint32_t steps = 1; steps <= 256; steps = steps < 8 ? steps + 1 : 2 * steps)
     for (const double abs_tol : {0.0, 1e-3}) {
@@ -91,7 +91,7 @@ TEST(CudaMotions, OutOfStepsIsNeverFree) {
         const auto status = static_cast<Status>(any.view.status[i]);
         ASSERT_EQ(status == Status::kBeyond, any.view.first_contact[2 * i] == kInf) << i << " " << steps;
         if (status == Status::kBeyond) {
-          ASSERT_GT(static_cast<Status>(truth.view.status[i]), Status::kContact) << i << " " << steps;
+          ASSERT_GT(static_cast<Status>(exact_value.view.status[i]), Status::kContact) << i << " " << steps;
         }
         free += status == Status::kBeyond;
         hits += status <= Status::kContact;

@@ -129,9 +129,10 @@ TEST_F(DecomposedMeshes, AreKeptByTheCacheAndProvedAgainFromAFile) {
   auto less = std::make_shared<Decomposition>(parts);
   less->inner = 0;
   less->outer = {0, 0};
-  const Surface& truth = *made.parts[0]->surface;
-  claims.parts[0] = make_surface_part({truth.vertices().begin(), truth.vertices().end()}, triangles_as_loaded(truth),
-                                      true, made.parts[0]->radius, made.parts[0]->loaded_vertices, less);
+  const Surface& exact_value = *made.parts[0]->surface;
+  claims.parts[0] = make_surface_part({exact_value.vertices().begin(), exact_value.vertices().end()},
+                                      triangles_as_loaded(exact_value), true, made.parts[0]->radius,
+                                      made.parts[0]->loaded_vertices, less);
   const std::string saved = write_geometry_file(folder_.path().string(), claims);
   EXPECT_TRUE(is_same(read_geometry_file(folder_ / saved)));
   // In a link's frame the parts deviate from the mesh by the rounding of both.

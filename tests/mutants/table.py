@@ -205,8 +205,8 @@ MUTANTS = [
         ("outer_radius", "decomposition/outer_bound.cpp", "take(@centre.distance + radius@)", "centre.distance"),
         (
             "outer_winding", "decomposition/outer_bound.cpp",
-            "winding_number(truth_, known.at) != 0",
-            "winding_number(truth_, known.at) < 1000",
+            "winding_number(exact_value_, known.at) != 0",
+            "winding_number(exact_value_, known.at) < 1000",
         ),
         (
             "outer_within", "decomposition/outer_bound.cpp",

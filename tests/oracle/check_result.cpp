@@ -31,11 +31,11 @@ double outside(const Solid& s, const Pose& X, const Vec3d& p) {
 
 class ResultChecker {
  public:
-  ResultChecker(const Case& c, const Result& truth, const Setting& setting, const Answer& answer)
-      : c_(c), setting_(setting), answer_(answer), truth_(truth), scale_(scale_of(c)) {
+  ResultChecker(const Case& c, const Result& exact_value, const Setting& setting, const Answer& answer)
+      : c_(c), setting_(setting), answer_(answer), exact_value_(exact_value), scale_(scale_of(c)) {
     // Without signed distance the exact value is clipped at 0, like the answer.
-    clipped_ = !setting.signed_distance && truth.distance.compare(0) < 0;
-    exact_ = clipped_ ? 0 : truth.distance.lower();
+    clipped_ = !setting.signed_distance && exact_value.distance.compare(0) < 0;
+    exact_ = clipped_ ? 0 : exact_value.distance.lower();
   }
 
   CheckResult all(bool columns) {
@@ -51,7 +51,7 @@ class ResultChecker {
   }
 
  private:
-  int exact_against(double x) const { return clipped_ ? (x < 0) - (x > 0) : truth_.distance.compare(x); }
+  int exact_against(double x) const { return clipped_ ? (x < 0) - (x > 0) : exact_value_.distance.compare(x); }
   bool compact() const { return setting_.format == Format::kCompact; }
   void violation(const std::string& what) {
     if (v_.violation.empty()) v_.violation = what;
@@ -81,12 +81,12 @@ class ResultChecker {
       case Status::kOk:
         // Compact bounds are rounded outward, perhaps to 0.
         if (!(lower > 0) && !(compact() && lower >= 0)) violation("ok, but lower is not above 0");
-        if (truth_.distance.compare(0) <= 0) violation("ok, but the bodies touch or overlap");
+        if (exact_value_.distance.compare(0) <= 0) violation("ok, but the bodies touch or overlap");
         if (!narrow) violation(text("ok, but wider than asked: %.3g > %.3g", upper - lower, asked));
         break;
       case Status::kOverlap:
         if (!(upper <= 0)) violation("overlap, but upper is above 0");
-        if (truth_.distance.compare(0) > 0) violation("overlap, but the bodies are apart");
+        if (exact_value_.distance.compare(0) > 0) violation("overlap, but the bodies are apart");
         if (!setting_.signed_distance && (lower != 0 || upper != 0)) violation("overlap without depth, but not 0, 0");
         if (!narrow) violation(text("overlap, but wider than asked: %.3g > %.3g", upper - lower, asked));
         break;
@@ -95,7 +95,8 @@ class ResultChecker {
         break;
       case Status::kBeyond:
         if (!(lower > setting_.max_distance) && !compact()) violation("beyond, but lower is not");
-        if (truth_.distance.compare(setting_.max_distance) <= 0) violation("beyond, but nearer than max_distance");
+        if (exact_value_.distance.compare(setting_.max_distance) <= 0)
+          violation("beyond, but nearer than max_distance");
         break;
       case Status::kUnconverged:
         break;
@@ -166,7 +167,7 @@ class ResultChecker {
   const Case& c_;
   const Setting& setting_;
   const Answer& answer_;
-  const Result& truth_;
+  const Result& exact_value_;
   double scale_, exact_;
   bool clipped_;
   CheckResult v_;
@@ -184,9 +185,9 @@ std::string Setting::name() const {
   return s;
 }
 
-CheckResult hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer,
+CheckResult hold_against(const Case& c, const Result& exact_value, const Setting& setting, const Answer& answer,
                          bool columns) {
-  return ResultChecker(c, truth, setting, answer).all(columns);
+  return ResultChecker(c, exact_value, setting, answer).all(columns);
 }
 
 std::string as_initialiser(const Case& c) {

@@ -42,7 +42,7 @@ struct CheckResult {
 
 /// Compares an answer with the exact result.
 /// \param columns also prove witness points and normal, which costs three more exact solutions
-CheckResult hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer,
+CheckResult hold_against(const Case& c, const Result& exact_value, const Setting& setting, const Answer& answer,
                          bool columns = true);
 
 /// The case and its exact signed distance (rounded down) as a C++ initialiser in hexadecimal floats, as in

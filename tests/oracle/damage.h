@@ -11,9 +11,9 @@
 namespace clearance::exact {
 
 /// The vertices of a body that an exact answer depends on.
-inline std::vector<Vec3d> decisive(const Case& c, const Result& truth, bool of_b) {
+inline std::vector<Vec3d> decisive(const Case& c, const Result& exact_value, bool of_b) {
   std::vector<Vec3d> v;
-  for (const auto& s : truth.simplex) v.push_back(of_b ? c.b->vertices[s.b] : c.a->vertices[s.a]);
+  for (const auto& s : exact_value.simplex) v.push_back(of_b ? c.b->vertices[s.b] : c.a->vertices[s.a]);
   return v;
 }
 

@@ -105,13 +105,13 @@ struct Found {
 /// stops there and leaves no slope to climb; far more if an answer under any setting is wrong.
 std::vector<Found> score(const std::vector<Case>& cases, const std::vector<Setting>& settings) {
   std::vector<Found> found(cases.size());
-  std::vector<Result> truth;
-  for (const Case& c : cases) truth.push_back(exact_answer(c));
+  std::vector<Result> exact_value;
+  for (const Case& c : cases) exact_value.push_back(exact_answer(c));
   const Bench cpu(cases, "cpu"), reference(cases, "reference");
   for (const Setting& s : settings) {
     const std::vector<Answer> answers = (s.backend == "cpu" ? cpu : reference).ask(s);
     for (std::size_t i = 0; i < cases.size(); ++i) {
-      const CheckResult v = hold_against(cases[i], truth[i], s, answers[i]);
+      const CheckResult v = hold_against(cases[i], exact_value[i], s, answers[i]);
       double x = s.rel_tol == 0 ? std::min(v.width, 1e6) : 0;
       if (!v.inaccuracy.empty()) x += 1e6;
       if (!v.violation.empty()) x += 1e9;

@@ -121,11 +121,11 @@ std::vector<Answer> Bench::ask(const Setting& setting) const {
   return answers;
 }
 
-void Tally::add(const Result& truth, const Answer& answer, const CheckResult& verdict) {
+void Tally::add(const Result& exact_value, const Answer& answer, const CheckResult& verdict) {
   ++cases;
   violations += !verdict.violation.empty();
   inaccurate += !verdict.inaccuracy.empty();
-  const int side = truth.distance.compare(0);
+  const int side = exact_value.distance.compare(0);
   (side > 0 ? apart : side == 0 ? touching : overlapping)++;
   contact += answer.status == Status::kContact;
   const bool limited = answer.flags & kFlagRoundingLimited;
@@ -188,8 +188,8 @@ std::string csv_key(const Setting& s) {
 std::vector<Tally> try_cases(
     std::span<const Case> cases, std::span<const Setting> settings, int threads, bool columns,
     const std::function<void(std::size_t, const Setting&, const CheckResult&, const std::string&)>& report) {
-  std::vector<Result> truth;
-  for (const Case& c : cases) truth.push_back(exact_answer(c));
+  std::vector<Result> exact_value;
+  for (const Case& c : cases) exact_value.push_back(exact_answer(c));
   std::map<std::string, Bench> benches;
   std::vector<Tally> tallies;
   for (const Setting& s : settings) {
@@ -198,8 +198,8 @@ std::vector<Tally> try_cases(
     const std::vector<Answer> answers = bench->second.ask(s);
     Tally& tally = tallies.emplace_back();
     for (std::size_t i = 0; i < cases.size(); ++i) {
-      const CheckResult v = hold_against(cases[i], truth[i], s, answers[i], columns);
-      tally.add(truth[i], answers[i], v);
+      const CheckResult v = hold_against(cases[i], exact_value[i], s, answers[i], columns);
+      tally.add(exact_value[i], answers[i], v);
       if (!v.good() && report) report(i, s, v, in_words(answers[i]));
     }
   }

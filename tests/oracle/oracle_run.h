@@ -57,7 +57,7 @@ struct Tally {
   std::int64_t rounding_limited = 0;                      ///< wider than the tolerance, from rounding alone
   double worst_error = 0;                                 ///< relative to the allowed error
   double worst_width = 0;
-  void add(const Result& truth, const Answer& answer, const CheckResult& verdict);
+  void add(const Result& exact_value, const Answer& answer, const CheckResult& verdict);
   void add(const Tally& other);
 };
 

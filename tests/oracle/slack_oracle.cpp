@@ -50,14 +50,14 @@ Row ask_one(const Engine& engine, double max_distance = kInf, bool depth = false
 }
 
 // \param truth the exact distance, or the least of samples, in which case `exact` is false and `upper` is not tested
-void hold(const Row& row, const Value& truth, bool exact, Findings& findings, double max_distance = kInf) {
+void hold(const Row& row, const Value& exact_value, bool exact, Findings& findings, double max_distance = kInf) {
   ++findings.asked;
-  const bool clipped = truth.compare(0.0) < 0;  // bounds are those of an unsigned distance
-  const double least = clipped ? 0 : truth.upper();
-  findings.misses += row.lower > least || (exact && !clipped && row.upper < truth.lower());
-  findings.untrue += (row.status == Status::kBeyond && truth.compare(max_distance) <= 0) ||
-                     (row.status == Status::kOk && truth.compare(0.0) <= 0) ||
-                     (exact && row.status == Status::kOverlap && truth.compare(0.0) > 0);
+  const bool clipped = exact_value.compare(0.0) < 0;  // bounds are those of an unsigned distance
+  const double least = clipped ? 0 : exact_value.upper();
+  findings.misses += row.lower > least || (exact && !clipped && row.upper < exact_value.lower());
+  findings.untrue += (row.status == Status::kBeyond && exact_value.compare(max_distance) <= 0) ||
+                     (row.status == Status::kOk && exact_value.compare(0.0) <= 0) ||
+                     (exact && row.status == Status::kOverlap && exact_value.compare(0.0) > 0);
 }
 
 SolidPtr cloud(Random& random, int count, double size, double radius = 0) {
@@ -141,9 +141,9 @@ void try_uncertain(Random& random, Findings& findings) {
     auto padded = std::make_shared<Solid>(*c.a);
     padded->radius = padding;
     sample.a = padded;
-    const Value truth = exact_answer(sample).distance;
-    hold(rows[0], truth, false, findings);
-    for (std::size_t i = 1; i < rows.size(); ++i) hold(rows[i], truth, false, findings, bounds[1]);
+    const Value exact_value = exact_answer(sample).distance;
+    hold(rows[0], exact_value, false, findings);
+    for (std::size_t i = 1; i < rows.size(); ++i) hold(rows[i], exact_value, false, findings, bounds[1]);
   }
   // The width is that of its slack and the tolerance, and no more. Rounding is far below.
   const double turn = 2 * std::sin(0.5 * of_a.angle) * (reach(*c.a) + of_a.position + padding) +
@@ -158,10 +158,10 @@ void try_uncertain(Random& random, Findings& findings) {
 
 void try_shapes(Random& random, bool depth, Findings& findings) {
   const double h = random.log_uniform(1e-9, 1e-2);
-  Case truth{cloud(random, 10, 0.5), cloud(random, 16, 0.4), random.rotation({0, 0, 0}), {}};
-  truth.X_wb = random.rotation({0, 0, 0});
-  truth.X_wb.translation = random.direction();
-  set_gap(truth, h * random.uniform(-4, 6));
+  Case exact_value{cloud(random, 10, 0.5), cloud(random, 16, 0.4), random.rotation({0, 0, 0}), {}};
+  exact_value.X_wb = random.rotation({0, 0, 0});
+  exact_value.X_wb.translation = random.direction();
+  set_gap(exact_value, h * random.uniform(-4, 6));
   Scene scene;
   const auto add = [&](const char* name, const Solid& solid, const Pose& X) {
     Body body;
@@ -173,10 +173,10 @@ void try_shapes(Random& random, bool depth, Findings& findings) {
     body.pose = X;
     scene.add_body(std::move(body));
   };
-  add("a", *truth.a, truth.X_wa);
-  add("b", *truth.b, truth.X_wb);
+  add("a", *exact_value.a, exact_value.X_wa);
+  add("b", *exact_value.b, exact_value.X_wb);
   const Engine engine(std::move(scene), kFewLanes);
-  const Value exact = exact_answer(truth).distance;
+  const Value exact = exact_answer(exact_value).distance;
   for (const double max_distance : {kInf, 2 * h}) {
     const Row row = ask_one(engine, max_distance, depth);
     if (depth) {
@@ -242,16 +242,16 @@ bool try_cylinder(Random& random, CylinderAs as, Findings& findings) {
   const Vec3l p = into(X, Y.translation);
   const Real side = std::sqrt(p.x * p.x + p.y * p.y) - Real(r), end = std::abs(p.z) - Real(half);
   const Real apart = side > 0 && end > 0 ? std::sqrt(side * side + end * end) : std::max(side, end);
-  const Real truth = apart - Real(ball), error = 1e-17L * (8 + 4 * Real(r + half));
+  const Real exact_value = apart - Real(ball), error = 1e-17L * (8 + 4 * Real(r + half));
   const Row plain = ask_one(engine), deep = ask_one(engine, kInf, true);
   ++findings.asked;
-  if (truth > 0) findings.misses += plain.lower > truth + error || plain.upper < truth - error;
-  findings.misses += deep.lower > truth + error || deep.upper < truth - error;
-  findings.untrue +=
-      (plain.status == Status::kOk && truth < -error) || (plain.status == Status::kOverlap && truth > error);
-  if (truth < -3 * Real(outer) - error) findings.unresolved += plain.status != Status::kOverlap;
-  if (outer == 0 && truth > 0.01L * Real(r)) findings.wide += plain.upper - plain.lower > 1e-6 * plain.upper;
-  return truth > 0 && plain.upper - Real(outer) < truth - error;
+  if (exact_value > 0) findings.misses += plain.lower > exact_value + error || plain.upper < exact_value - error;
+  findings.misses += deep.lower > exact_value + error || deep.upper < exact_value - error;
+  findings.untrue += (plain.status == Status::kOk && exact_value < -error) ||
+                     (plain.status == Status::kOverlap && exact_value > error);
+  if (exact_value < -3 * Real(outer) - error) findings.unresolved += plain.status != Status::kOverlap;
+  if (outer == 0 && exact_value > 0.01L * Real(r)) findings.wide += plain.upper - plain.lower > 1e-6 * plain.upper;
+  return exact_value > 0 && plain.upper - Real(outer) < exact_value - error;
 }
 
 void try_crossed_cylinders(Random& random, CylinderAs as, Findings& findings) {

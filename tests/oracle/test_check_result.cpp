@@ -14,7 +14,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 // Two unit boxes 1/3 apart (rounded), and the best possible answer for them.
 struct Apart {
   Case c;
-  Result truth;
+  Result exact_value;
   Setting setting;
   Answer answer;
 
@@ -23,8 +23,8 @@ struct Apart {
     for (int i = 0; i < 8; ++i) box.push_back({i & 1 ? 0.5 : -0.5, i & 2 ? 0.5 : -0.5, i & 4 ? 0.5 : -0.5});
     c.a = c.b = std::make_shared<const Solid>(Solid{box, 0});
     c.X_wb.translation = {1 + gap, 0, 0};
-    truth = exact_answer(c);
-    const double exact = truth.distance.lower();
+    exact_value = exact_answer(c);
+    const double exact = exact_value.distance.lower();
     setting.signed_distance = true;
     answer.distance = answer.lower = answer.upper = exact;
     answer.status = exact > 0 ? Status::kOk : exact < 0 ? Status::kOverlap : Status::kContact;
@@ -32,7 +32,7 @@ struct Apart {
     answer.point_b = {0.5 + exact, 0, 0};
     answer.normal = {1, 0, 0};
   }
-  CheckResult verdict() const { return hold_against(c, truth, setting, answer); }
+  CheckResult verdict() const { return hold_against(c, exact_value, setting, answer); }
 };
 
 TEST(CheckResult, AcceptsTheExactAnswer) {
@@ -104,18 +104,18 @@ TEST(CheckResult, SeesALastBitOnEveryClass) {
     int seen = 0;
     for (int i = 0; i < 10; ++i) {
       const Case c = make_case(cls, 9, static_cast<std::uint64_t>(i));
-      const Result truth = exact_answer(c);
+      const Result exact_value = exact_answer(c);
       Setting s;
       s.signed_distance = true;
       Answer a;
       a.status = Status::kUnconverged;
-      a.lower = truth.distance.lower(), a.upper = truth.distance.upper(), a.distance = a.upper;
-      ASSERT_TRUE(hold_against(c, truth, s, a, false).violation.empty()) << cls.name;
+      a.lower = exact_value.distance.lower(), a.upper = exact_value.distance.upper(), a.distance = a.upper;
+      ASSERT_TRUE(hold_against(c, exact_value, s, a, false).violation.empty()) << cls.name;
       Answer high = a, low = a;
       high.lower = high.upper = std::nextafter(a.upper, kInf);
       low.lower = low.upper = std::nextafter(a.lower, -kInf);
-      seen += !hold_against(c, truth, s, high, false).violation.empty() &&
-              !hold_against(c, truth, s, low, false).violation.empty();
+      seen += !hold_against(c, exact_value, s, high, false).violation.empty() &&
+              !hold_against(c, exact_value, s, low, false).violation.empty();
     }
     EXPECT_EQ(seen, 10) << cls.name;
   }

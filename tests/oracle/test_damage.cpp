@@ -27,7 +27,7 @@ TEST(Damage, ARemovedVertexIsFound) {
   int found = 0;
   for (const CaseClass& cls : case_classes()) {
     std::vector<Case> whole, cut;
-    std::vector<Result> truth;
+    std::vector<Result> exact_value;
     for (int i = 0; i < (cls.cost > 3 ? 5 : 40); ++i) {
       const Case c = make_case(cls, kSeed, static_cast<std::uint64_t>(i));
       const Result exact = exact_answer(c);
@@ -41,7 +41,7 @@ TEST(Damage, ARemovedVertexIsFound) {
         Case damaged = c;
         (of_b ? damaged.b : damaged.a) = std::make_shared<const Solid>(less);
         if (!differs(c, exact, exact_answer(damaged))) continue;
-        whole.push_back(c), cut.push_back(damaged), truth.push_back(exact);
+        whole.push_back(c), cut.push_back(damaged), exact_value.push_back(exact);
       }
     }
     if (cut.empty()) continue;
@@ -49,8 +49,9 @@ TEST(Damage, ARemovedVertexIsFound) {
       const std::vector<Answer> answers = Bench(cut, backend).ask(with_depth(backend));
       for (std::size_t i = 0; i < cut.size(); ++i) {
         ++found;
-        EXPECT_FALSE(hold_against(whole[i], truth[i], with_depth(backend), answers[i], false).violation.empty())
-            << cls.name << ", " << backend << ": " << in_words(answers[i]) << " exact " << truth[i].distance.lower();
+        EXPECT_FALSE(hold_against(whole[i], exact_value[i], with_depth(backend), answers[i], false).violation.empty())
+            << cls.name << ", " << backend << ": " << in_words(answers[i]) << " exact "
+            << exact_value[i].distance.lower();
       }
     }
   }
@@ -73,16 +74,16 @@ std::vector<Case> separated_spheres() {
 
 TEST(Damage, AMissingTableEntryIsFound) {
   const std::vector<Case> cases = separated_spheres();
-  std::vector<Result> truth;
-  for (const Case& c : cases) truth.push_back(exact_answer(c));
+  std::vector<Result> exact_value;
+  for (const Case& c : cases) exact_value.push_back(exact_answer(c));
   int found = 0;
   const Bench bench(cases, "cpu", 1, [&](const ConvexPartPtr& part, std::size_t i, bool is_b) {
     EXPECT_TRUE(part->table);
-    return is_b ? part : without_table_entries_of(*part, decisive(cases[i], truth[i], false));
+    return is_b ? part : without_table_entries_of(*part, decisive(cases[i], exact_value[i], false));
   });
   const std::vector<Answer> answers = bench.ask(with_depth("cpu"));
   for (std::size_t i = 0; i < cases.size(); ++i)
-    found += !hold_against(cases[i], truth[i], with_depth("cpu"), answers[i], false).violation.empty();
+    found += !hold_against(cases[i], exact_value[i], with_depth("cpu"), answers[i], false).violation.empty();
   EXPECT_GT(found, 10) << "of " << cases.size();
 }
 

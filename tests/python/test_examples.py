@@ -11,8 +11,8 @@ import clearance
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/examples"))
 
-from arm_truth import ArmTruth  # noqa: E402
 from drive import HOLD, STOP, Drive  # noqa: E402
+from exact_arm import ExactArm  # noqa: E402
 
 ARM = ROOT / "scenes/cell/arm.urdf"
 HEIGHT = 0.75
@@ -28,10 +28,10 @@ def engine():
 
 
 @pytest.fixture(scope="module")
-def truth(engine):
+def exact_value(engine):
     base = np.eye(4)
     base[2, 3] = HEIGHT
-    return ArmTruth(ARM, [name.split("/")[1] for name in engine.joints("arm").names], base)
+    return ExactArm(ARM, [name.split("/")[1] for name in engine.joints("arm").names], base)
 
 
 @pytest.fixture(scope="module")
@@ -42,27 +42,27 @@ def positions(engine):
     return rows
 
 
-def test_the_judge_of_balls_lies_in_every_interval(engine, truth, positions):
+def test_the_judge_of_balls_lies_in_every_interval(engine, exact_value, positions):
     places = np.random.default_rng(2).uniform([-1, -1, 0], [1, 1, 2], (300, 3))
     poses = np.zeros((300, 1, 7))
     poses[:, 0, :3], poses[:, 0, 3] = places, 1.0
     r = engine.distances(
         pairs=("arm", "ball"), configurations=poses, bodies=["ball"], joints="arm", positions=positions, reduce="min"
     )
-    true = truth.to_points(positions, places[:, None])[:, 0] - 0.06
+    true = exact_value.to_points(positions, places[:, None])[:, 0] - 0.06
     apart = true > 1e-9
     assert 200 < apart.sum() < 300, "some overlap, most do not"
     assert (r.lower - 1e-12 <= true)[apart].all() and (true <= r.upper + 1e-12)[apart].all()
     assert (r.lower[~apart] <= 1e-9).all()
 
 
-def test_the_judge_of_the_floor_lies_in_every_interval(engine, truth, positions):
+def test_the_judge_of_the_floor_lies_in_every_interval(engine, exact_value, positions):
     r = engine.distances(pairs=("arm", "floor"), joints="arm", positions=positions)
     floor = engine.body_id("floor")
     links = [engine.bodies[a if b == floor else b].name.split("/")[1] for a, b in r.pairs]
     assert {"forearm", "gripper", "wrist_2"} <= set(links)
     for k, link in enumerate(links):
-        true = truth.lowest(positions, [link]) - HEIGHT
+        true = exact_value.lowest(positions, [link]) - HEIGHT
         apart = true > 1e-9
         assert apart.any() and (r.lower[:, k] - 1e-12 <= true)[apart].all(), link
         assert (true <= r.upper[:, k] + 1e-12)[apart].all(), link

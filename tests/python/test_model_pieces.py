@@ -64,22 +64,22 @@ def ask(front, **more):
 
 
 def test_the_interval_holds_the_mesh_s_distance_and_is_as_wide_as_the_pieces_miss_it(front):
-    truth, pieces = ask(front), ask(front, model="pieces")
-    assert truth.status.tolist() == [Status.OK, Status.OK, Status.OVERLAP, Status.OK]
+    exact_value, pieces = ask(front), ask(front, model="pieces")
+    assert exact_value.status.tolist() == [Status.OK, Status.OK, Status.OVERLAP, Status.OK]
     assert pieces.status.tolist() == [Status.OK, Status.CONTACT, Status.CONTACT, Status.OK]
     width = pieces.upper - pieces.lower
     slack = 3**0.5 * SHRUNK  # of a corner, as far as it is proved
     for row, exact in enumerate(TRUE):
-        assert truth.lower[row] - 1e-6 <= exact <= truth.upper[row] + 1e-6
+        assert exact_value.lower[row] - 1e-6 <= exact <= exact_value.upper[row] + 1e-6
         assert pieces.lower[row] <= exact <= pieces.upper[row] + 1e-12
-    assert (pieces.lower <= truth.upper).all() and (truth.lower <= pieces.upper).all()
-    assert (truth.upper - truth.lower < 1e-4).all() and slack <= width[0] <= 1.2 * slack + 0.002
-    assert pieces.flags[0] & Flag.UNCERTAINTY_LIMITED and not truth.flags[0] & Flag.UNCERTAINTY_LIMITED
+    assert (pieces.lower <= exact_value.upper).all() and (exact_value.lower <= pieces.upper).all()
+    assert (exact_value.upper - exact_value.lower < 1e-4).all() and slack <= width[0] <= 1.2 * slack + 0.002
+    assert pieces.flags[0] & Flag.UNCERTAINTY_LIMITED and not exact_value.flags[0] & Flag.UNCERTAINTY_LIMITED
     same = front.distances([("ball", "plate"), ("plate", "floor")], model="pieces")
     known = front.distances([("ball", "plate"), ("plate", "floor")])
     assert same.lower.tolist() == known.lower.tolist() and same.upper.tolist() == known.upper.tolist()
     again = ask(front, model="truth", warm=True), ask(front, model="pieces", warm=True)
-    assert np.allclose(again[0].upper, truth.upper, 1e-5) and np.allclose(again[1].upper, pieces.upper, 1e-5)
+    assert np.allclose(again[0].upper, exact_value.upper, 1e-5) and np.allclose(again[1].upper, pieces.upper, 1e-5)
 
 
 def test_signed_values_below_0_are_the_pieces(front):
@@ -99,12 +99,13 @@ def test_reductions_and_decisions(front):
     assert within.lower.size == 2 and within.configuration.tolist() == [1, 2]
     nearest = front.distances(reduce="nearest", **asked)
     assert nearest.lower.size == len(PLACES) * 4
-    truth = {"pairs": [("bracket", "ball")], "bodies": ["ball"]}  # results cached for one are not used for the other
-    assert front.check(PLACES, **truth).free.tolist() == [True, True, False, True]
+    exact_value = {"pairs": [("bracket", "ball")],
+        "bodies": ["ball"]}  # results cached for one are not used for the other
+    assert front.check(PLACES, **exact_value).free.tolist() == [True, True, False, True]
     check = front.check(PLACES, pairs=[("bracket", "ball")], bodies=["ball"], model="pieces")
     assert check.free.tolist() == [True, False, False, True]
     assert check.status.tolist() == [Status.BEYOND, Status.UNCONVERGED, Status.UNCONVERGED, Status.BEYOND]
-    assert front.check(PLACES, **truth).free.tolist() == [True, True, False, True]
+    assert front.check(PLACES, **exact_value).free.tolist() == [True, True, False, True]
     near = front.check(PLACES, 0.2, pairs=[("bracket", "ball")], bodies=["ball"], model="pieces")
     assert near.hit.tolist() == [False, True, True, False]
 
@@ -165,11 +166,12 @@ def test_links_of_robots(scene):
     engine = clearance.Engine(clearance.Scene.load(path), threads=1)
     turns = np.linspace(-3, 3, 61)[:, None]
     asked = {"pairs": [("arm/hand", "ball")], "joints": "arm", "positions": turns}
-    truth, pieces = engine.distances(**asked), engine.distances(model="pieces", **asked)
-    assert (pieces.lower <= truth.lower + 1e-9).all() and (truth.upper <= pieces.upper + 1e-9).all()
-    apart = truth.lower > 0.05
-    assert apart.sum() > 20 and (truth.status == Status.OVERLAP).sum() > 3
-    assert (pieces.upper - pieces.lower)[apart].min() > 0.5 * SHRUNK and (truth.upper - truth.lower).max() < 1e-5
+    exact_value, pieces = engine.distances(**asked), engine.distances(model="pieces", **asked)
+    assert (pieces.lower <= exact_value.lower + 1e-9).all() and (exact_value.upper <= pieces.upper + 1e-9).all()
+    apart = exact_value.lower > 0.05
+    assert apart.sum() > 20 and (exact_value.status == Status.OVERLAP).sum() > 3
+    assert (pieces.upper - pieces.lower)[apart].min() > 0.5 * SHRUNK
+    assert (exact_value.upper - exact_value.lower).max() < 1e-5
     free, wider = (engine.check(turns, joints="arm", pairs=asked["pairs"], model=m).free for m in ("truth", "pieces"))
     assert (wider <= free).all() and wider.sum() > 20
     at_truth, at_pieces = (engine.free_scale(turns, "arm", pairs=asked["pairs"], model=m) for m in ("truth", "pieces"))
@@ -177,7 +179,7 @@ def test_links_of_robots(scene):
     for start, end in ((0, 8), (20, 30)):
         ends = {"joints": "arm", "start": turns[[start]], "end": turns[[end]], "pairs": asked["pairs"]}
         least = engine.motions(model="pieces", **ends)
-        assert least.lower[0] <= truth.upper[start : end + 1].min() and least.lower[0] <= least.upper[0]
+        assert least.lower[0] <= exact_value.upper[start : end + 1].min() and least.lower[0] <= least.upper[0]
 
 
 def test_beside_clouds_whose_points_are_replaced(scene):

@@ -42,12 +42,12 @@ def test_an_octomap_is_its_occupied_voxels(tmp_path, name, leaves, edge):
     engine = clearance.Engine(scene, backend="cpu")
     poses = np.concatenate([points, np.tile([1.0, 0, 0, 0], (400, 1))], axis=1)[:, None]
     r = engine.distances(pairs=[("map", "probe")], bodies=["probe"], configurations=poses)
-    truth = from_voxels(points, centres, edge) - np.longdouble(1e-3)
-    assert (truth < 0).sum() > 5 and (truth > 0.01).sum() > 200
-    assert (r.lower[:, 0] <= np.maximum(truth, 0)).all() and (r.upper[:, 0] >= truth).all()
-    apart = truth > 0.01
-    assert ((r.upper - r.lower)[apart, 0] <= 1e-6 * truth[apart] + 4 * scene.bodies[0].model_error).all()
-    assert (r.status[truth < -1e-4] == clearance.Status.OVERLAP).all()
+    exact_value = from_voxels(points, centres, edge) - np.longdouble(1e-3)
+    assert (exact_value < 0).sum() > 5 and (exact_value > 0.01).sum() > 200
+    assert (r.lower[:, 0] <= np.maximum(exact_value, 0)).all() and (r.upper[:, 0] >= exact_value).all()
+    apart = exact_value > 0.01
+    assert ((r.upper - r.lower)[apart, 0] <= 1e-6 * exact_value[apart] + 4 * scene.bodies[0].model_error).all()
+    assert (r.status[exact_value < -1e-4] == clearance.Status.OVERLAP).all()
 
 
 def test_a_map_is_grown_and_replaced_and_saved(tmp_path):
@@ -58,8 +58,8 @@ def test_a_map_is_grown_and_replaced_and_saved(tmp_path):
     a, b = (clearance.Engine(s, backend="cpu") for s in (scene, again))
     assert a.distances().lower == b.distances().lower and a.distances().upper == b.distances().upper
     assert scene.bodies[0].model_error == again.bodies[0].model_error > 0
-    truth = from_voxels(np.array([[5.0, 0, 0]]), np.loadtxt(FILES / "map.txt"), 0.1)[0] - np.longdouble(0.12)
-    assert a.distances().lower[0, 0] <= truth <= a.distances().upper[0, 0]
+    exact_value = from_voxels(np.array([[5.0, 0, 0]]), np.loadtxt(FILES / "map.txt"), 0.1)[0] - np.longdouble(0.12)
+    assert a.distances().lower[0, 0] <= exact_value <= a.distances().upper[0, 0]
     a.set_points("map", [[0, 0, 0]])
     assert a.distances().lower[0, 0] == pytest.approx(5 - 0.05 - 0.12)
 

@@ -56,8 +56,8 @@ def check_updates(who):
         done = who.set_points("cloud", points, radius)
         assert done.applied == n
         low, high = gap(who)
-        truth = float(exact(points, 0.01 if radius is None else radius))
-        assert low - 1e-12 <= truth <= high + 1e-12
+        exact_value = float(exact(points, 0.01 if radius is None else radius))
+        assert low - 1e-12 <= exact_value <= high + 1e-12
     who.set_points("cloud", [])
     assert who.distances(pairs=[("cloud", "ball")]).status[0, 0] == clearance.Status.BEYOND
     who.set_points("live", np.array([[1.0, 0, 0]]))

@@ -120,7 +120,7 @@ class LinkScene {
   }
 
   /// The exact distance of each pair at these positions.
-  std::vector<Real> truths(std::span<const BodyPair> pairs, std::span<const double> row) const {
+  std::vector<Real> exact_values(std::span<const BodyPair> pairs, std::span<const double> row) const {
     const std::vector<Pose> roots = {base_};
     const auto links = test::real_links(robot_->model, row.data(), robot_->kinematics.roots(), roots);
     std::vector<RealVec> centres(engine_->scene().bodies().size());
@@ -133,10 +133,11 @@ class LinkScene {
     }
     centres[body("cup")] = at(links.back() * test::real_frame(cup_), {0, 0, 0});
     radii[body("cup")] = 0x1p-6;
-    std::vector<Real> truths;
+    std::vector<Real> exact_values;
     for (const auto [a, b] : pairs)
-      truths.push_back(a == 0 ? to_box(centres[b]) - radii[b] : between(centres[a], centres[b]) - radii[a] - radii[b]);
-    return truths;
+      exact_values.push_back(a == 0 ? to_box(centres[b]) - radii[b]
+                                    : between(centres[a], centres[b]) - radii[a] - radii[b]);
+    return exact_values;
   }
   /// Exceeds the sum of all claimed errors of rounding, metres.
   double claim() const {

@@ -33,7 +33,7 @@ struct Row {
 Query read_query(const Value& document) {
   const std::string_view reduce = document["reduce"].text();
   require(reduce == "none" || reduce == "min" || reduce == "any", "a reduction is not known");
-  return {document["signed_distance"].truth(), document["motions"].truth() && reduce != "none", reduce == "any",
+  return {document["signed_distance"].boolean(), document["motions"].boolean() && reduce != "none", reduce == "any",
           document["max_distance"].real()};
 }
 
@@ -135,7 +135,7 @@ void check_hit(const Row& row, const Value& claim, const Motion& motion) {
 void check_row(const Value& document, const Query& query, const std::map<Id, Motion>& motions) {
   const Row row{document["status"].text(), document["lower"].real(), document["upper"].real(), document["pairs"].list(),
                 read_contact(document["first_contact"])};
-  require(document["proved"].truth(), "the engine found no proof");
+  require(document["proved"].boolean(), "the engine found no proof");
   if (row.is("bad_pose") || row.is("no_pose") || row.is("stale_pose") || row.is("unknown_body")) {
     require(row.lower == -kInf && row.upper == kInf && row.pairs.empty(), "this status says nothing of a distance");
     require(row.contact.free_until == 0 && row.contact.hit_at == kInf, "this status says nothing of contact");
@@ -163,7 +163,7 @@ std::vector<std::string> check_rows(const Value& document) {
   for (const Value& body : document["bodies"].list())
     require(bodies.try_emplace(body["id"].integer(), body, parts).second, "two bodies have one id");
   const Query query = read_query(document["query"]);
-  const std::size_t ends = document["query"]["motions"].truth() ? 2 : 1;
+  const std::size_t ends = document["query"]["motions"].boolean() ? 2 : 1;
   std::map<Id, Motion> motions;
   for (const Value& place : document["configurations"].list())
     require(motions.try_emplace(place["configuration"].integer(), bodies, place, ends).second,

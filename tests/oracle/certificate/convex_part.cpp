@@ -73,7 +73,7 @@ void ConvexPart::add_vertex(double x, double y, double z) {
 
 void ConvexPart::read_elements(const Value& document) {
   const Value *const elements = document.find("elements"), *const solid = document.find("solid");
-  is_solid_ = solid && solid->truth();
+  is_solid_ = solid && solid->boolean();
   has_elements_ = elements != nullptr;
   require(has_elements_ || !is_solid_, "a solid has no triangles");
   if (!has_elements_) return;

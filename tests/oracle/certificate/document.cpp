@@ -96,9 +96,9 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
 
 }  // namespace
 
-bool Value::truth() const {
+bool Value::boolean() const {
   require(kind_ == Kind::kTruth, "expected true or false");
-  return truth_;
+  return exact_value_;
 }
 
 std::int64_t Value::integer() const {

@@ -26,7 +26,7 @@ inline void require(bool condition, const char* why) {
 class Value {
  public:
   Value() : real_(0) {}  // JSON null
-  explicit Value(bool x) : kind_(Kind::kTruth), truth_(x) {}
+  explicit Value(bool x) : kind_(Kind::kTruth), exact_value_(x) {}
   explicit Value(std::int64_t x) : kind_(Kind::kInteger), integer_(x) {}
   explicit Value(double x) : kind_(Kind::kReal), real_(x) {}
   explicit Value(std::string_view text) : kind_(Kind::kText), size_(text.size()), text_(text.data()) {}
@@ -37,7 +37,7 @@ class Value {
 
   bool is_null() const { return kind_ == Kind::kNull; }
   bool is_list() const { return kind_ == Kind::kList; }
-  bool truth() const;
+  bool boolean() const;
   std::int64_t integer() const;
   std::string_view text() const;
   std::span<const Value> list() const;
@@ -69,7 +69,7 @@ class Value {
   Kind kind_ = Kind::kNull;
   std::size_t size_ = 0;  // of a text, a list or an object
   union {
-    bool truth_;
+    bool exact_value_;
     std::int64_t integer_;
     double real_;
     const char* text_;

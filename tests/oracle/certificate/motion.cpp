@@ -128,7 +128,7 @@ Motion::Step Motion::step_of_joint(const Value& move, double time) const {
   const Vector axis = unit(along);
   const Dyadic multiplier = move["multiplier"].finite(), way = multiplier * (Dyadic(last) - first);
   const Dyadic now = multiplier * first + move["offset"].finite() + Dyadic(time) * way;
-  Step step{{}, way * axis, move["turns"].truth()};
+  Step step{{}, way * axis, move["turns"].boolean()};
   if (step.turns) {
     step.pose = turn_about(axis, now);
   } else {

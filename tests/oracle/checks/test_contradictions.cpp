@@ -21,7 +21,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 /// Pairs of spheres large enough for tables, some distance apart, and the directions of their exact distances.
 struct Spheres {
   std::vector<Case> cases;
-  std::vector<Result> truth;
+  std::vector<Result> exact_value;
 
   Spheres() {
     const auto& spheres = *std::find_if(case_classes().begin(), case_classes().end(),
@@ -31,7 +31,7 @@ struct Spheres {
       Case c = make_case(spheres, kSeed, i);
       set_gap(c, random.log_uniform(1e-2, 1) * scale_of(c));
       cases.push_back(c);
-      truth.push_back(exact_answer(c));
+      exact_value.push_back(exact_answer(c));
     }
   }
 };
@@ -43,7 +43,7 @@ Bench misled(const Spheres& spheres, const std::string& backend) {
     EXPECT_TRUE(part->table);
     if (is_b) return part;
     const Case& c = spheres.cases[i];
-    const Vec3z& exact = spheres.truth[i].direction;
+    const Vec3z& exact = spheres.exact_value[i].direction;
     Vec3d towards_b;
     for (int k = 0; k < 3; ++k) towards_b[k] = mpq_class(exact[k], abs(exact.x) + abs(exact.y) + abs(exact.z)).get_d();
     const Mat3d R_wa = rotation_of(c.X_wa);
@@ -63,7 +63,7 @@ TEST(Contradictions, OfAMisleadingTableAreAnsweredAnewAndCounted) {
     for (const Setting& s : standard_settings({backend})) {
       const std::vector<Answer> answers = bench.ask(s);
       for (std::size_t i = 0; i < answers.size(); ++i) {
-        const CheckResult v = hold_against(spheres.cases[i], spheres.truth[i], s, answers[i], false);
+        const CheckResult v = hold_against(spheres.cases[i], spheres.exact_value[i], s, answers[i], false);
         EXPECT_TRUE(v.violation.empty()) << s.name() << ", case " << i << ": " << v.violation << in_words(answers[i]);
       }
       if (s.max_distance > 1) {
@@ -169,12 +169,12 @@ TEST(Contradictions, OfABrokenLaneAreAnsweredAnewAndCounted) {
     EXPECT_GT(count, 15u) << "float32 " << f32;
     std::size_t apart = 0;
     for (std::size_t i = 0; i < found.size(); ++i) {
-      const Result truth = exact_answer(cases[i], false);
+      const Result exact_value = exact_answer(cases[i], false);
       const Interval& b = found[i];
       EXPECT_TRUE(b.is_possible());
-      if (truth.cores_overlap) continue;
+      if (exact_value.cores_overlap) continue;
       ++apart;
-      EXPECT_TRUE(truth.distance.compare(b.lower) >= 0 && truth.distance.compare(b.upper) <= 0) << i;
+      EXPECT_TRUE(exact_value.distance.compare(b.lower) >= 0 && exact_value.distance.compare(b.upper) <= 0) << i;
     }
     EXPECT_GT(apart, found.size() / 4);
   }

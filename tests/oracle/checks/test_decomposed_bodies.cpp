@@ -56,12 +56,12 @@ struct Found {
 };
 
 /// Whether a row contradicts the exact result.
-bool is_wrong(const Row& row, const Result& truth, double limit) {
+bool is_wrong(const Row& row, const Result& exact_value, double limit) {
   if (std::isnan(row.lower) || row.lower > row.upper) return true;
-  if (truth.distance.compare(0) <= 0) return row.lower > 0 || row.status == Status::kBeyond;
-  if (std::isfinite(row.lower) && truth.distance.compare(row.lower) < 0) return true;
-  if (std::isfinite(row.upper) && truth.distance.compare(row.upper) > 0) return true;
-  return row.status == Status::kBeyond && truth.distance.compare(limit) <= 0;
+  if (exact_value.distance.compare(0) <= 0) return row.lower > 0 || row.status == Status::kBeyond;
+  if (std::isfinite(row.lower) && exact_value.distance.compare(row.lower) < 0) return true;
+  if (std::isfinite(row.upper) && exact_value.distance.compare(row.upper) > 0) return true;
+  return row.status == Status::kBeyond && exact_value.distance.compare(limit) <= 0;
 }
 
 /// A decomposed body and another one: also decomposed, a solid without decomposition, or a hull.
@@ -84,15 +84,15 @@ void try_pair(Random& random, Kind kind, Found& found) {
                   : make_decomposed_part(other.vertices, other.triangles, propose(random, other, kind), radius_b);
   for (int k = 0; k < 3; ++k) {
     Case c{a, b, random.rotation(), random.rotation(random.direction() * (size * random.uniform(0, 0.6)))};
-    const Result truth = exact_answer(c, false);
-    const bool apart = truth.distance.compare(0) > 0;
-    const double near = apart ? truth.distance.upper() : 0.1;
+    const Result exact_value = exact_answer(c, false);
+    const bool apart = exact_value.distance.compare(0) > 0;
+    const double near = apart ? exact_value.distance.upper() : 0.1;
     const std::array<double, 4> limits{0.0, 0.5 * near, 0.999 * near, 1.01 * near};
     const std::vector<Row> rows = ask(with, c.X_wa, part_b, c.X_wb, limits),
                            plain = ask(without, c.X_wa, part_b, c.X_wb, limits);
     for (std::size_t i = 0; i < rows.size(); ++i) {
       ++found.asked;
-      found.wrong += is_wrong(rows[i], truth, limits[i]);
+      found.wrong += is_wrong(rows[i], exact_value, limits[i]);
       // Triangles give the same answer, except for the proved lower bound.
       found.wrong += rows[i].status != plain[i].status;
       found.by_parts += rows[i].status == Status::kBeyond && rows[i].lower != plain[i].lower;

@@ -79,7 +79,7 @@ void check_inner(Random& random, const Mesh& mesh, const Decomposition& d, doubl
 }
 
 void check_outer(Random& random, const Mesh& mesh, const Decomposition& d, double size, Tally& tally) {
-  const BodyView truth{mesh.vertices, mesh.triangles, true, 0};
+  const BodyView exact_value{mesh.vertices, mesh.triangles, true, 0};
   for (std::size_t i = 0; i < d.parts.size(); ++i) {
     const std::vector<Vec3d>& corners = d.parts[i]->vertices;
     double farthest = 0;
@@ -88,7 +88,7 @@ void check_outer(Random& random, const Mesh& mesh, const Decomposition& d, doubl
       for (int c = random.integer(2, 4); c > 0; --c)
         some.push_back(corners[static_cast<std::size_t>(random.integer(0, int(corners.size()) - 1))]);
       const Vec3d p = sample(random, some);
-      const Distance r = against(exact_distance(BodyView{{&p, 1}, {}, false, 0}, {}, truth, {}), d.outer[i]);
+      const Distance r = against(exact_distance(BodyView{{&p, 1}, {}, false, 0}, {}, exact_value, {}), d.outer[i]);
       ++tally.samples;
       tally.wrong += r.exceeds;
       farthest = std::max(farthest, r.about);
@@ -105,8 +105,8 @@ void try_meshes(int count, bool ends, Tally& inner, Tally& outer) {
       if (ends && inner.wrong + outer.wrong > 0) return;
       const Mesh mesh = concave_mesh(random, 400);
       const double size = size_of(mesh);
-      const Surface truth(mesh.vertices, mesh.triangles, true);
-      const ProvedDecomposition proved = prove_decomposition(truth, propose(random, mesh, kind));
+      const Surface exact_value(mesh.vertices, mesh.triangles, true);
+      const ProvedDecomposition proved = prove_decomposition(exact_value, propose(random, mesh, kind));
       check_inner(random, mesh, proved.decomposition, size, inner);
       check_outer(random, mesh, proved.decomposition, size, outer);
     }
@@ -168,10 +168,10 @@ TEST(Decomposition, ABareSurfaceHasNothingWithin) {
 
 TEST(Decomposition, SaysWhichPieceIsNone) {
   const Mesh box = box_mesh({1, 1, 1});
-  const Surface truth(box.vertices, box.triangles, true);
+  const Surface exact_value(box.vertices, box.triangles, true);
   const auto refusal = [&](const ConvexParts& parts) -> std::string {
     try {
-      prove_decomposition(truth, parts);
+      prove_decomposition(exact_value, parts);
       return "";
     } catch (const std::invalid_argument& e) {
       return e.what();
@@ -182,7 +182,7 @@ TEST(Decomposition, SaysWhichPieceIsNone) {
   EXPECT_NE(refusal({{{std::nan(""), 0, 0}}}).find("piece 0: vertex 0"), std::string::npos);
   EXPECT_NE(refusal({box.vertices, {{kInf, 0, 0}}}).find("piece 1: vertex 0"), std::string::npos);
   // A distant point is a valid part, with a large error.
-  const Decomposition far = prove_decomposition(truth, ConvexParts{{{10, 0, 0}}}).decomposition;
+  const Decomposition far = prove_decomposition(exact_value, ConvexParts{{{10, 0, 0}}}).decomposition;
   EXPECT_GE(far.inner, 11);
   EXPECT_LE(far.inner, 13);
   EXPECT_GE(far.outer[0], 9);

@@ -42,7 +42,7 @@ void sample(test::RobotRandom& random, const LinkScene& scene, Findings& finding
       const double most = scale * weights[j] * (1 - 1e-12);
       moved[j] += i % 2 ? (random.below(2) ? most : -most) : random.uniform(-most, most);
     }
-    for (const Real& truth : scene.truths(pairs, moved)) findings.misses += truth <= margin;
+    for (const Real& exact_value : scene.exact_values(pairs, moved)) findings.misses += exact_value <= margin;
     ++findings.sampled;
   }
 }

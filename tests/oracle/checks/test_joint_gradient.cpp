@@ -42,7 +42,7 @@ std::vector<double> differences(const LinkScene& scene, std::span<const BodyPair
     std::vector<double> less(row.begin(), row.end()), more = less;
     less[j] -= kStep;
     more[j] += kStep;
-    const std::vector<Real> below = scene.truths(pairs, less), above = scene.truths(pairs, more);
+    const std::vector<Real> below = scene.exact_values(pairs, less), above = scene.exact_values(pairs, more);
     for (std::size_t p = 0; p < pairs.size(); ++p)
       slopes[p * row.size() + j] = static_cast<double>((above[p] - below[p]) / (Real(more[j]) - Real(less[j])));
   }

@@ -23,9 +23,9 @@ struct Findings {
   int all() const { return misses + wide; }
 };
 
-void hold(double lower, double upper, const Real& truth, Findings& findings) {
+void hold(double lower, double upper, const Real& exact_value, Findings& findings) {
   ++findings.asked;
-  const Real distance = std::max(truth, Real(0));
+  const Real distance = std::max(exact_value, Real(0));
   findings.misses += Real(lower) > distance || Real(upper) < distance;
 }
 
@@ -48,26 +48,26 @@ void check_robot(LinkScene& scene, bool by_joints, Findings& findings) {
     scene.set(rows);
   }
   const std::vector<BodyPair> pairs = scene.engine().pairs(query);
-  std::vector<std::vector<Real>> truths;
+  std::vector<std::vector<Real>> exact_values;
   for (std::size_t k = 0; k * width < rows.size(); ++k)
-    truths.push_back(scene.truths(pairs, std::span(rows).subspan(k * width, width)));
+    exact_values.push_back(scene.exact_values(pairs, std::span(rows).subspan(k * width, width)));
   const test::Answer dense = test::ask(scene.engine(), query);
-  for (std::size_t k = 0; k < truths.size(); ++k)
+  for (std::size_t k = 0; k < exact_values.size(); ++k)
     for (std::size_t p = 0; p < pairs.size(); ++p) {
       const double lower = dense.view.lower[k * pairs.size() + p], upper = dense.view.upper[k * pairs.size() + p];
-      hold(lower, upper, truths[k][p], findings);
+      hold(lower, upper, exact_values[k][p], findings);
       findings.wide += upper - lower > scene.claim();
     }
   for (const double max_distance : {kInf, 0.5}) {
     query.reduce = Reduce::kMin;
     query.max_distance = max_distance;
     const test::Answer least = test::ask(scene.engine(), query);
-    for (std::size_t k = 0; k < truths.size(); ++k) {
-      const Real truth = *std::min_element(truths[k].begin(), truths[k].end());
+    for (std::size_t k = 0; k < exact_values.size(); ++k) {
+      const Real exact_value = *std::min_element(exact_values[k].begin(), exact_values[k].end());
       if (least.view.status[k] != static_cast<std::uint8_t>(Status::kBeyond))
-        hold(least.view.lower[k], least.view.upper[k], truth, findings);
+        hold(least.view.lower[k], least.view.upper[k], exact_value, findings);
       else
-        findings.misses += truth <= max_distance;
+        findings.misses += exact_value <= max_distance;
     }
   }
 }

@@ -48,24 +48,24 @@ bool is_within(Status s) {
   return s == Status::kOk || s == Status::kContact || s == Status::kOverlap;
 }
 // Whether bodies 2i and 2i+1 are farther apart than a margin, in real arithmetic.
-bool is_farther(const Result& truth, double margin) {
-  return truth.distance.compare(margin) > 0;
+bool is_farther(const Result& exact_value, double margin) {
+  return exact_value.distance.compare(margin) > 0;
 }
 
-void hold(const Row& row, std::span<const Result> truth, std::span<const BodyPair> pairs,
+void hold(const Row& row, std::span<const Result> exact_value, std::span<const BodyPair> pairs,
           std::span<const double> margins, Tried& tried) {
   ++tried.answers;
   bool all = true;
-  for (std::size_t i = 0; i < pairs.size(); ++i) all = all && is_farther(truth[pairs[i].a / 2], margins[i]);
+  for (std::size_t i = 0; i < pairs.size(); ++i) all = all && is_farther(exact_value[pairs[i].a / 2], margins[i]);
   if (row.status == Status::kBeyond) {
     ++tried.beyond;
     tried.violations += !all || !(row.lower > *std::min_element(margins.begin(), margins.end()));
   } else if (is_within(row.status)) {
     ++tried.within;
     const auto named = static_cast<std::size_t>(std::find(pairs.begin(), pairs.end(), row.pair) - pairs.begin());
-    if (named == pairs.size() || is_farther(truth[row.pair.a / 2], margins[named]) || !(row.upper <= margins[named]) ||
-        truth[row.pair.a / 2].distance.compare(row.upper) > 0 ||
-        (row.lower > 0 && truth[row.pair.a / 2].distance.compare(row.lower) < 0))
+    if (named == pairs.size() || is_farther(exact_value[row.pair.a / 2], margins[named]) ||
+        !(row.upper <= margins[named]) || exact_value[row.pair.a / 2].distance.compare(row.upper) > 0 ||
+        (row.lower > 0 && exact_value[row.pair.a / 2].distance.compare(row.lower) < 0))
       ++tried.violations;
   } else {
     ++tried.open;
@@ -73,26 +73,27 @@ void hold(const Row& row, std::span<const Result> truth, std::span<const BodyPai
   }
 }
 
-std::vector<double> margins_around(const Result& truth) {
-  const double low = std::max(truth.distance.lower(), 0.0), high = std::max(truth.distance.upper(), 0.0);
+std::vector<double> margins_around(const Result& exact_value) {
+  const double low = std::max(exact_value.distance.lower(), 0.0), high = std::max(exact_value.distance.upper(), 0.0);
   return {0,        std::nextafter(low, 0),     low,
           high,     std::nextafter(high, kInf), 0.5 * low,
           2 * high, low * (1 - 1e-9),           high * (1 + 1e-9)};
 }
 
 // Each pair alone, at margins around its exact distance. If the interval of a whole answer decides, so must this.
-void try_alone(const Engine& engine, std::span<const Result> truth, Precision precision, double rel_tol, Tried& tried) {
-  for (std::uint32_t i = 0; i < truth.size(); ++i) {
+void try_alone(const Engine& engine, std::span<const Result> exact_value, Precision precision, double rel_tol,
+               Tried& tried) {
+  for (std::uint32_t i = 0; i < exact_value.size(); ++i) {
     const BodyPair pair[] = {{2 * i, 2 * i + 1}};
     QueryView q;
     q.pairs = pair;
     q.precision = precision;
     q.rel_tol = rel_tol;
-    for (const double margin : margins_around(truth[i])) {
+    for (const double margin : margins_around(exact_value[i])) {
       if (std::isinf(margin)) continue;
       q.margin = margin;
       const Row row = decide(engine, q);
-      hold(row, truth.subspan(0), pair, std::span(&margin, 1), tried);
+      hold(row, exact_value.subspan(0), pair, std::span(&margin, 1), tried);
       QueryView whole = q;
       whole.all_pairs = false;
       whole.margin = 0;
@@ -111,11 +112,11 @@ void try_alone(const Engine& engine, std::span<const Result> truth, Precision pr
 
 // All separated pairs together, each with its own margin just below its distance; then one of them with a larger one,
 // which has to be found. Margins as entries and as a list.
-void try_together(const Engine& engine, std::span<const Result> truth, Precision precision, Tried& tried) {
+void try_together(const Engine& engine, std::span<const Result> exact_value, Precision precision, Tried& tried) {
   std::vector<BodyPair> pairs;
   std::vector<double> margins;
-  for (std::uint32_t i = 0; i < truth.size(); ++i) {
-    const double low = truth[i].distance.lower();
+  for (std::uint32_t i = 0; i < exact_value.size(); ++i) {
+    const double low = exact_value[i].distance.lower();
     if (!(low > 1e-6) || low > 1e9) continue;
     pairs.push_back({2 * i, 2 * i + 1});
     margins.push_back(low * (1 - 1e-3));
@@ -130,10 +131,10 @@ void try_together(const Engine& engine, std::span<const Result> truth, Precision
     for (std::size_t i = 0; i < pairs.size(); ++i) entries.push_back({pairs[i].b, pairs[i].a, own[i]});
     q.margins = entries;
     q.pair_margins = {};
-    if (!pairs.empty()) hold(decide(engine, q), truth, pairs, own, tried);
+    if (!pairs.empty()) hold(decide(engine, q), exact_value, pairs, own, tried);
     q.margins = {};
     q.pair_margins = own;
-    if (!pairs.empty()) hold(decide(engine, q), truth, pairs, own, tried);
+    if (!pairs.empty()) hold(decide(engine, q), exact_value, pairs, own, tried);
   }
 }
 
@@ -141,16 +142,16 @@ TEST(Margins, DecisionsAreProofs) {
   Tried tried;
   for (const CaseClass& cls : case_classes()) {
     std::vector<Case> cases;
-    std::vector<Result> truth;
+    std::vector<Result> exact_value;
     for (int i = 0; i < (cls.cost > 3 ? 1 : 3); ++i) {
       cases.push_back(make_case(cls, kSeed, static_cast<std::uint64_t>(i)));
-      truth.push_back(exact_answer(cases.back()));
+      exact_value.push_back(exact_answer(cases.back()));
     }
     for (const char* backend : {"cpu", "reference"}) {
       const Bench bench(cases, backend);
       for (const Precision precision : {Precision::kF64, Precision::kF32}) {
-        for (const double rel_tol : {-1.0, 0.0}) try_alone(bench.engine(), truth, precision, rel_tol, tried);
-        try_together(bench.engine(), truth, precision, tried);
+        for (const double rel_tol : {-1.0, 0.0}) try_alone(bench.engine(), exact_value, precision, rel_tol, tried);
+        try_together(bench.engine(), exact_value, precision, tried);
       }
     }
   }

@@ -49,12 +49,12 @@ TEST(MeshDefault, TheHullOfAConvexMeshHoldsWhatItEncloses) {
     // A point just before a face or edge of the ball.
     const Pose X = random.rotation(random.direction() * (1 + 0.01 * random.uniform()));
     const BodyView solid{ball.vertices, ball.triangles, true, 0}, other{point, {}, false, 0};
-    const Result truth = exact_distance(solid, Pose{}, other, X);
+    const Result exact_value = exact_distance(solid, Pose{}, other, X);
     const Bounds bounds = ask(ball, MeshAs::kAuto, point, X), hull = ask(ball, MeshAs::kHull, point, X);
-    EXPECT_GE(truth.distance.compare(bounds.lower), 0) << i;
-    EXPECT_LE(truth.distance.compare(bounds.upper), 0) << i;
+    EXPECT_GE(exact_value.distance.compare(bounds.lower), 0) << i;
+    EXPECT_LE(exact_value.distance.compare(bounds.upper), 0) << i;
     EXPECT_LT(bounds.upper - bounds.lower, 1e-6) << i;
-    missed_by_hull += truth.distance.compare(hull.upper) > 0;
+    missed_by_hull += exact_value.distance.compare(hull.upper) > 0;
   }
   std::printf("%d of %d are not within the bounds of the hull alone\n", missed_by_hull, kPoses);
   EXPECT_GT(missed_by_hull, 0);

@@ -68,16 +68,16 @@ TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
     for (std::uint64_t i = kFirst; i < kFirst + kCases; ++i) {
       const Case c = make_case(cls, kSeed, i);
       if (has_points(c)) continue;
-      const Result truth = exact_answer(c, false);
+      const Result exact_value = exact_answer(c, false);
       const Depth d = ask(c);
       const std::string where = std::string(cls.name) + " " + std::to_string(i);
       ASSERT_LE(d.lower, d.upper) << where;
       converged += d.status != Status::kUnconverged;
-      if (truth.distance.compare(0) > 0) {
+      if (exact_value.distance.compare(0) > 0) {
         ++apart;
-        EXPECT_LE(truth.distance.compare(d.upper), 0) << where;
+        EXPECT_LE(exact_value.distance.compare(d.upper), 0) << where;
         if (d.lower > 0) {
-          EXPECT_GE(truth.distance.compare(d.lower), 0) << where;
+          EXPECT_GE(exact_value.distance.compare(d.lower), 0) << where;
         }
         continue;
       }

@@ -37,7 +37,7 @@ struct Trial {
   std::array<ConvexPartPtr, 1 + kOthers> parts;
   std::array<Pose, kOthers> stands;
   std::array<Pose, kPlaces> places;
-  std::array<std::array<Result, kOthers>, kPlaces> truth;
+  std::array<std::array<Result, kOthers>, kPlaces> exact_value;
 
   Trial(Random& random, Kind kind) {
     const Mesh mesh = concave_mesh(random, 50);
@@ -67,7 +67,7 @@ struct Trial {
   void check_all() {
     for (std::uint32_t k = 0; k < kPlaces; ++k)
       for (std::uint32_t i = 0; i < kOthers; ++i)
-        truth[k][i] = exact_answer({solids[0], solids[1 + i], places[k], stands[i]}, false);
+        exact_value[k][i] = exact_answer({solids[0], solids[1 + i], places[k], stands[i]}, false);
   }
 
   void make(std::uint32_t at, Random& random, const Mesh& mesh, Kind kind, double radius) {
@@ -138,16 +138,17 @@ Rows ask(const Engine& engine, const Trial& trial, QueryView q) {
 }
 
 /// Whether a lower bound holds for a distance that is 0 if the bodies overlap.
-bool is_below(double lower, const Result& truth) {
-  return truth.distance.compare(0) <= 0 ? lower <= 0
-         : std::isinf(lower)            ? lower < 0
-                                        : truth.distance.compare(lower) >= 0;
+bool is_below(double lower, const Result& exact_value) {
+  return exact_value.distance.compare(0) <= 0 ? lower <= 0
+         : std::isinf(lower)                  ? lower < 0
+                                              : exact_value.distance.compare(lower) >= 0;
 }
-bool is_above(double upper, const Result& truth) {
-  return truth.distance.compare(0) <= 0 ? upper >= 0 : std::isinf(upper) || truth.distance.compare(upper) <= 0;
+bool is_above(double upper, const Result& exact_value) {
+  return exact_value.distance.compare(0) <= 0 ? upper >= 0
+                                              : std::isinf(upper) || exact_value.distance.compare(upper) <= 0;
 }
-bool is_farther(const Result& truth, double than) {
-  return truth.distance.compare(0) > 0 && truth.distance.compare(than) > 0;
+bool is_farther(const Result& exact_value, double than) {
+  return exact_value.distance.compare(0) > 0 && exact_value.distance.compare(than) > 0;
 }
 
 /// Checks each row alone.
@@ -157,14 +158,15 @@ void look_at_rows(const Engine& engine, const Trial& trial, double limit, Precis
   q.precision = precision;
   const Rows rows = ask(engine, trial, q);
   for (std::uint32_t row = 0; row < kPlaces * kOthers; ++row) {
-    const Result& truth = trial.truth[row / kOthers][row % kOthers];
+    const Result& exact_value = trial.exact_value[row / kOthers][row % kOthers];
     const double lower = rows.lower[row], upper = rows.upper[row];
     const Status status = rows.status_of(row);
     ++found.rows;
-    found.expect(lower <= upper && is_below(lower, truth) && is_above(upper, truth), "a row holds the mesh's distance");
-    found.expect(status != Status::kBeyond || is_farther(truth, limit), "what is beyond is farther");
-    found.expect(status != Status::kOverlap || truth.distance.compare(0) <= 0, "meshes overlap");
-    (truth.distance.compare(0) > 0 ? found.apart : found.overlapping) += 1;
+    found.expect(lower <= upper && is_below(lower, exact_value) && is_above(upper, exact_value),
+                 "a row holds the mesh's distance");
+    found.expect(status != Status::kBeyond || is_farther(exact_value, limit), "what is beyond is farther");
+    found.expect(status != Status::kOverlap || exact_value.distance.compare(0) <= 0, "meshes overlap");
+    (exact_value.distance.compare(0) > 0 ? found.apart : found.overlapping) += 1;
     // Without triangles the interval has the width of the slack, and with them a smaller one.
     const double slack = trial.slack(1 + row % kOthers);
     if (status == Status::kOk && slack > 1e-3) {
@@ -189,7 +191,7 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
   };
   for (std::uint32_t row = 0; row < 2; ++row) {  // of the hull, and of the other decomposed body
     const double lower = rows.lower[row], upper = rows.upper[row];
-    const Result& truth = trial.truth[0][row];
+    const Result& exact_value = trial.exact_value[0][row];
     bool below = true, above = false, apart = true;
     for (const SolidPtr& a : solids_of(0))
       for (const SolidPtr& b : solids_of(1 + row)) {
@@ -199,22 +201,23 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
         apart &= parts.distance.compare(0) > 0;
       }
     ++found.rows;
-    const bool is_held = apart && truth.distance.compare(0) <= 0;
+    const bool is_held = apart && exact_value.distance.compare(0) <= 0;
     if (is_held && upper < 0) {  // from the mesh
       found.expect(!(rows.flags[row] & kFlagPieces), "what one mesh holds is no depth of pieces");
       continue;
     }
     found.expect(lower <= upper && (is_held || (below && above)), "a signed row holds the pieces' distance");
-    found.expect(!(lower > 0) || (is_below(lower, truth) && is_above(upper, truth)), "a signed row holds the mesh's");
+    found.expect(!(lower > 0) || (is_below(lower, exact_value) && is_above(upper, exact_value)),
+                 "a signed row holds the mesh's");
     found.expect(!(lower < 0) || (rows.flags[row] & kFlagPieces), "a depth says that it is the pieces'");
     found.of_parts += upper < 0;
   }
 }
 
 /// Whether the interval contains the least distance of some pairs of a configuration.
-bool holds_least(double lower, double upper, std::span<const Result> truth) {
+bool holds_least(double lower, double upper, std::span<const Result> exact_value) {
   bool above = std::isinf(upper);
-  for (const Result& t : truth) {
+  for (const Result& t : exact_value) {
     if (!is_below(lower, t)) return false;
     above |= is_above(upper, t);
   }
@@ -229,10 +232,10 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
   q.reduce = Reduce::kNearest;
   const Rows nearest = ask(engine, trial, q);
   for (std::uint32_t k = 0; k < kPlaces; ++k) {
-    found.expect(holds_least(least.lower[k], least.upper[k], trial.truth[k]), "min");
+    found.expect(holds_least(least.lower[k], least.upper[k], trial.exact_value[k]), "min");
     for (std::uint32_t body = 0; body <= kOthers; ++body) {
       const std::size_t row = k * (1 + kOthers) + body;
-      const auto all = std::span(trial.truth[k]);
+      const auto all = std::span(trial.exact_value[k]);
       found.expect(holds_least(nearest.lower[row], nearest.upper[row], body == 0 ? all : all.subspan(body - 1, 1)),
                    "nearest");
     }
@@ -246,7 +249,7 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
       bool there = false;
       for (std::size_t row = 0; row < within.count; ++row)
         there |= within.configuration[row] == k && within.pair[row].b == 1 + i;
-      found.expect(there || is_farther(trial.truth[k][i], limit), "within");
+      found.expect(there || is_farther(trial.exact_value[k][i], limit), "within");
       found.within += there;
     }
   q.reduce = Reduce::kAny;
@@ -257,9 +260,9 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
     const Status status = any.status_of(k);
     const bool beyond = status == Status::kBeyond, open = status == Status::kUnconverged;
     for (std::uint32_t i = 0; i < kOthers; ++i) {
-      if (beyond) found.expect(is_farther(trial.truth[k][i], limit), "what is free");
+      if (beyond) found.expect(is_farther(trial.exact_value[k][i], limit), "what is free");
       if (!beyond && !open && any.pair[k].b == 1 + i)
-        found.expect(!is_farther(trial.truth[k][i], limit), "what is not free");
+        found.expect(!is_farther(trial.exact_value[k][i], limit), "what is not free");
     }
     found.free += beyond;
     found.hit += !beyond && !open;
@@ -330,8 +333,8 @@ void try_all(Random& random, Kind kind, Found& found) {
   const Trial trial(random, kind);
   const Engine engine(trial.scene(), {.backend = "cpu", .threads = 1});
   double near = 0.1;
-  for (const Result& truth : trial.truth[0])
-    if (truth.distance.compare(0) > 0) near = truth.distance.upper();
+  for (const Result& exact_value : trial.exact_value[0])
+    if (exact_value.distance.compare(0) > 0) near = exact_value.distance.upper();
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
     look_at_rows(engine, trial, std::numeric_limits<double>::infinity(), precision, found);
     look_at_rows(engine, trial, 0.999 * near, precision, found);

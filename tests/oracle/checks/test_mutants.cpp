@@ -20,10 +20,10 @@ struct Tried {
 /// Some cases of a class with and without depth on both backends, with tolerance 0 so that rounding decides.
 void try_class(const CaseClass& cls, Tried& tried) {
   std::vector<Case> cases;
-  std::vector<Result> truth;
+  std::vector<Result> exact_value;
   for (int i = 0; i < (cls.cost > 3 ? 10 : 40); ++i) {
     cases.push_back(make_case(cls, kSeed, static_cast<std::uint64_t>(i)));
-    truth.push_back(exact_answer(cases.back()));
+    exact_value.push_back(exact_answer(cases.back()));
   }
   for (const char* backend : {"cpu", "reference"}) {
     const Bench bench(cases, backend);
@@ -35,7 +35,7 @@ void try_class(const CaseClass& cls, Tried& tried) {
       const std::vector<Answer> answers = bench.ask(s);
       for (std::size_t i = 0; i < cases.size(); ++i) {
         ++tried.answers;
-        tried.violations += !hold_against(cases[i], truth[i], s, answers[i], false).violation.empty();
+        tried.violations += !hold_against(cases[i], exact_value[i], s, answers[i], false).violation.empty();
       }
     }
     tried.contradictions += bench.engine().contradictions();

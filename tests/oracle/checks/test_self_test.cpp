@@ -16,9 +16,9 @@ TEST(SelfTest, KnowsExactDistances) {
   for (const KnownPair& pair : known_pairs())
     for (const auto& [X_wa, X_wb] : pair.poses) {
       const ConvexPartView a{pair.a->vertices, pair.a->radius}, b{pair.b->vertices, pair.b->radius};
-      const Result truth = exact_distance(a, X_wa, b, X_wb, true);
-      EXPECT_EQ(truth.distance.compare(pair.exact), 0)
-          << pair.kind << ": " << pair.exact << ", exact " << truth.distance.lower();
+      const Result exact_value = exact_distance(a, X_wa, b, X_wb, true);
+      EXPECT_EQ(exact_value.distance.compare(pair.exact), 0)
+          << pair.kind << ": " << pair.exact << ", exact " << exact_value.distance.lower();
       ++(pair.exact > 0 ? apart : pair.exact == 0 ? touching : overlapping);
     }
   EXPECT_GT(apart, 100);

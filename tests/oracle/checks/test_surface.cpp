@@ -58,11 +58,11 @@ TEST(Surface, IsProvedAndNeverDeeperThanExact) {
   int proved = 0, deep = 0;
   for_cases([&](const Surfaced& s, const std::string& where) {
     const double ball = s.ball();
-    const Result truth = exact_answer(s.c);
-    deep += truth.cores_overlap && truth.distance.compare(-(s.pair.radius + 1e-9 * s.pair.scale)) < 0;
+    const Result exact_value = exact_answer(s.c);
+    deep += exact_value.cores_overlap && exact_value.distance.compare(-(s.pair.radius + 1e-9 * s.pair.scale)) < 0;
     if (!(ball > 0)) return;
     ++proved;
-    ASSERT_LE(truth.distance.compare(certify_overlap(*s.a, *s.b, ball)), 0) << where;
+    ASSERT_LE(exact_value.distance.compare(certify_overlap(*s.a, *s.b, ball)), 0) << where;
   });
   std::printf("%d surfaces proved, of %d clear overlaps\n", proved, deep);
   EXPECT_GT(deep, 300);

@@ -88,9 +88,9 @@ struct Crowd {
   std::vector<SolidPtr> bodies;
   std::vector<Pose> poses;
   std::vector<std::uint32_t> moved;
-  std::vector<Pose> configurations;         // (K, moved)
-  std::vector<std::vector<Result> > truth;  // (K, pairs)
-  std::vector<BodyPair> pairs;              // with a body that moves
+  std::vector<Pose> configurations;               // (K, moved)
+  std::vector<std::vector<Result> > exact_value;  // (K, pairs)
+  std::vector<BodyPair> pairs;                    // with a body that moves
 
   Crowd(const CaseClass& cls, std::uint64_t first) {
     for (std::uint64_t i = first; i < first + 3; ++i) {
@@ -113,12 +113,12 @@ struct Crowd {
     for (std::size_t k = 0; k < kConfigurations; ++k) {
       std::vector<Pose> at = poses;
       for (std::size_t i = 0; i < moved.size(); ++i) at[moved[i]] = configurations[k * moved.size() + i];
-      std::vector<Result>& row = truth.emplace_back();
+      std::vector<Result>& row = exact_value.emplace_back();
       for (const BodyPair& p : pairs) row.push_back(exact_answer({bodies[p.a], bodies[p.b], at[p.a], at[p.b]}));
     }
   }
   const Result& of(std::size_t k, BodyPair pair) const {
-    return truth[k][static_cast<std::size_t>(std::find(pairs.begin(), pairs.end(), pair) - pairs.begin())];
+    return exact_value[k][static_cast<std::size_t>(std::find(pairs.begin(), pairs.end(), pair) - pairs.begin())];
   }
   Scene scene() const {
     Scene scene;
@@ -159,14 +159,14 @@ Rows ask(const Engine& engine, QueryView query, const WorkBudget& slice = {}) {
 }
 
 /// Whether an exact distance, clipped at 0, is above a bound.
-bool is_above(const Result& truth, double bound) {
-  return truth.distance.compare(bound) > 0 && bound >= 0;
+bool is_above(const Result& exact_value, double bound) {
+  return exact_value.distance.compare(bound) > 0 && bound >= 0;
 }
-bool is_below(const Result& truth, double bound) {
-  return bound > 0 && truth.distance.compare(bound) < 0;
+bool is_below(const Result& exact_value, double bound) {
+  return bound > 0 && exact_value.distance.compare(bound) < 0;
 }
-bool contains(const Rows& rows, std::size_t i, const Result& truth) {
-  return !is_below(truth, rows.view.lower[i]) && !is_above(truth, std::min(rows.view.upper[i], 1e300));
+bool contains(const Rows& rows, std::size_t i, const Result& exact_value) {
+  return !is_below(exact_value, rows.view.lower[i]) && !is_above(exact_value, std::min(rows.view.upper[i], 1e300));
 }
 
 class Asked {
@@ -175,7 +175,8 @@ class Asked {
 
   void dense(const Crowd& crowd, const Rows& rows) {
     for (std::size_t k = 0; k < Crowd::kConfigurations; ++k)
-      for (std::size_t p = 0; p < crowd.pairs.size(); ++p) row(rows, k * crowd.pairs.size() + p, crowd.truth[k][p]);
+      for (std::size_t p = 0; p < crowd.pairs.size(); ++p)
+        row(rows, k * crowd.pairs.size() + p, crowd.exact_value[k][p]);
   }
   void least(const Crowd& crowd, const Rows& rows) {
     for (std::size_t k = 0; k < Crowd::kConfigurations; ++k) row(rows, k, *least_of(crowd, k, kNone));
@@ -221,17 +222,17 @@ class Asked {
     const Result* least = nullptr;
     for (std::size_t p = 0; p < crowd.pairs.size(); ++p) {
       if (body != kNone && crowd.pairs[p].a != body && crowd.pairs[p].b != body) continue;
-      const Result& r = crowd.truth[k][p];
+      const Result& r = crowd.exact_value[k][p];
       // Radii differ between pairs, so doubles decide except for the last bit.
       if (!least || r.distance.lower() < least->distance.lower()) least = &r;
     }
     return least;
   }
-  void row(const Rows& rows, std::size_t i, const Result& truth) {
+  void row(const Rows& rows, std::size_t i, const Result& exact_value) {
     ++answers;
-    wrong += !contains(rows, i, truth);
+    wrong += !contains(rows, i, exact_value);
     const auto status = static_cast<Status>(rows.view.status[i]);
-    const bool is_apart = truth.distance.compare(0) > 0;
+    const bool is_apart = exact_value.distance.compare(0) > 0;
     wrong += (status == Status::kOverlap && is_apart) || (status == Status::kOk && !is_apart);
     overlaps += status == Status::kOverlap;
     wide += status == Status::kUnconverged && !(rows.view.flags[i] & kFlagRoundingLimited);
@@ -247,7 +248,7 @@ TEST(MeshCrowds, EveryReductionIsTrue) {
     options.threads = 1 + static_cast<int>(&cls - mesh_classes().data()) % 2;
     const Engine engine(crowd.scene(), options);
     std::vector<double> distances;
-    for (const auto& row : crowd.truth)
+    for (const auto& row : crowd.exact_value)
       for (const Result& r : row) distances.push_back(std::max(0.0, r.distance.lower()));
     std::sort(distances.begin(), distances.end());
     const double middle = distances[distances.size() / 2];
@@ -273,7 +274,7 @@ TEST(MeshCrowds, EveryReductionIsTrue) {
       }
       q.max_distance = kInf;
       q.reduce = Reduce::kAny;
-      for (const Result& r : crowd.truth[0])
+      for (const Result& r : crowd.exact_value[0])
         for (const double by : {0.5, 1.0, 2.0}) {
           q.margin = by * std::max(0.0, r.distance.lower());
           asked.decided(crowd, ask(engine, q), q.margin);
@@ -311,12 +312,13 @@ TEST(MeshCrowds, PiecesOfAllKindsMakeABody) {
       const Rows rows = ask(Engine(std::move(scene), options), {});
       Solid grown = *c.a, grown_other = *other.b;
       grown.radius = grown_other.radius = kPadding;
-      const Result truth[] = {exact_answer({std::make_shared<const Solid>(grown), c.b, c.X_wa, c.X_wb}, false),
-                              exact_answer({std::make_shared<const Solid>(grown_other), c.b, c.X_wa, c.X_wb}, false)};
-      const int nearer = truth[0].distance.compare(truth[1].distance) <= 0 ? 0 : 1;
-      const bool is_apart = truth[nearer].distance.compare(0) > 0;
+      const Result exact_value[] = {
+          exact_answer({std::make_shared<const Solid>(grown), c.b, c.X_wa, c.X_wb}, false),
+          exact_answer({std::make_shared<const Solid>(grown_other), c.b, c.X_wa, c.X_wb}, false)};
+      const int nearer = exact_value[0].distance.compare(exact_value[1].distance) <= 0 ? 0 : 1;
+      const bool is_apart = exact_value[nearer].distance.compare(0) > 0;
       (is_apart ? nearer == 0 ? first_is_nearer : second_is_nearer : overlapping)++;
-      EXPECT_TRUE(contains(rows, 0, truth[nearer])) << cls.name << ' ' << i;
+      EXPECT_TRUE(contains(rows, 0, exact_value[nearer])) << cls.name << ' ' << i;
       const auto status = static_cast<Status>(rows.view.status[0]);
       EXPECT_TRUE(status == Status::kContact || status == (is_apart ? Status::kOk : Status::kOverlap))
           << cls.name << ' ' << i << ' ' << static_cast<int>(status);

@@ -55,8 +55,8 @@ TEST(Rounding, TheLowerTermCoversEveryErrorAndIsOfItsSize) {
     for (int i = 0; i < kCases; ++i) {
       const Case c = make_case(cls, kSeed, static_cast<std::uint64_t>(i));
       const Placed p(c);
-      const Result truth = exact_answer(c);
-      std::vector<Vec3d> directions = {to_doubles(truth.direction), random.direction(), {1, 0, 0}, {0, -1, 1}};
+      const Result exact_value = exact_answer(c);
+      std::vector<Vec3d> directions = {to_doubles(exact_value.direction), random.direction(), {1, 0, 0}, {0, -1, 1}};
       directions.push_back(directions[0] * random.log_uniform(1e-9, 1e9));
       for (const Vec3d& n : directions) {
         const Value gap = exact_support_gap(view(*c.a), c.X_wa, view(*c.b), c.X_wb, n);
@@ -84,26 +84,26 @@ TEST(Rounding, TheUpperTermCoversEveryErrorAndIsOfItsSize) {
   for (const CaseClass& cls : case_classes())
     for (int i = 0; i < kCases; ++i) {
       const Case c = make_case(cls, kSeed, static_cast<std::uint64_t>(i));
-      const Result truth = exact_answer(c, false);
-      if (truth.cores_overlap) continue;
+      const Result exact_value = exact_answer(c, false);
+      if (exact_value.cores_overlap) continue;
       ++solved;
       const Placed p(c);
       // The exact witness, its weights rounded: to first order the error of the computed distance is rounding alone.
       Simplex<double> s;
       mpz_class sum = 0;
-      for (const mpz_class& w : truth.weights) sum += w;
-      for (std::size_t k = 0; k < truth.simplex.size(); ++k) {
-        s.vertex[s.size].a = truth.simplex[k].a;
-        s.vertex[s.size].b = truth.simplex[k].b;
-        s.weight[s.size++] = mpf_class(mpf_class(truth.weights[k], 128) / mpf_class(sum, 128)).get_d();
+      for (const mpz_class& w : exact_value.weights) sum += w;
+      for (std::size_t k = 0; k < exact_value.simplex.size(); ++k) {
+        s.vertex[s.size].a = exact_value.simplex[k].a;
+        s.vertex[s.size].b = exact_value.simplex[k].b;
+        s.weight[s.size++] = mpf_class(mpf_class(exact_value.weights[k], 128) / mpf_class(sum, 128)).get_d();
       }
       const double upper = certify_upper(p.pair, s).upper;
-      ASSERT_LE(truth.distance.compare(upper), 0) << cls.name << ' ' << i;
-      const double error = std::abs(units(upper - p.pair.upper_error(), truth.distance, p.pair.scale));
+      ASSERT_LE(exact_value.distance.compare(upper), 0) << cls.name << ' ' << i;
+      const double error = std::abs(units(upper - p.pair.upper_error(), exact_value.distance, p.pair.scale));
       if (error > worst) worst = error, where = cls.name;
       // Poor witnesses must give valid bounds, too.
       for (int k = 0; k < s.size; ++k) s.weight[k] = 1.0 / (k + 1);
-      ASSERT_LE(truth.distance.compare(certify_upper(p.pair, s).upper), 0) << cls.name << ' ' << i;
+      ASSERT_LE(exact_value.distance.compare(certify_upper(p.pair, s).upper), 0) << cls.name << ' ' << i;
     }
   std::printf("upper: worst error %.3g x 2^-53 S (%s), allowed %g\n", worst, where.c_str(),
               RoundingUnits<double>::kUpper);

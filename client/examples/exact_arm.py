@@ -28,7 +28,7 @@ class Joint(NamedTuple):
     kind: str
 
 
-class ArmTruth:
+class ExactArm:
     """The arm at (K, J) positions of some of its joints, in radians and metres; the others are at 0."""
 
     def __init__(self, urdf, joints, X_world_base=None):
