@@ -5,7 +5,7 @@
 
 int main(int argc, char** argv) {
   using namespace clearance;
-  constexpr int kRefused = 1, kCommandLine = 2, kNoConnection = 3;
+  constexpr int kRejected = 1, kCommandLine = 2, kNoConnection = 3;
 
   CLI::App app("Queries a running clearanced, and inspects scenes, robots and meshes.", "clearance");
   app.set_version_flag("--version", std::string("clearance ") + CLEARANCE_VERSION);
@@ -56,7 +56,7 @@ Exit codes
   };
   try {
     app.parse(argc, argv);
-    return std::cout.flush() ? 0 : kRefused;
+    return std::cout.flush() ? 0 : kRejected;
   } catch (const CLI::Success& help_or_version) {
     return app.exit(help_or_version);
   } catch (const CLI::ParseError& error) {
@@ -70,6 +70,6 @@ Exit codes
   } catch (const ConnectionError& error) {
     return fail(kNoConnection, error.what());
   } catch (const std::exception& error) {
-    return fail(kRefused, error.what());
+    return fail(kRejected, error.what());
   }
 }

@@ -79,10 +79,10 @@ class LcmChannel final : public Channel {
     if (greeted_.contains(server_id_)) return;
     if (greeted_.size() > 1) throw ConnectionError(url_ + several_answer());
     server_id_ = *greeted_.begin();
-    for (auto& [request_id, refusal] : refusals_) {
-      if (outstanding_.erase(request_id)) kept_[request_id] = std::move(refusal);
+    for (auto& [request_id, rejection] : rejections_) {
+      if (outstanding_.erase(request_id)) kept_[request_id] = std::move(rejection);
     }
-    refusals_.clear();
+    rejections_.clear();
     silent_since_.reset();
   }
 
@@ -125,11 +125,11 @@ class LcmChannel final : public Channel {
       }
       if (probe_due_) sign_of_life();
       if (auto frame = take_out(kept_, request_id)) return frame;
-      const bool is_refused = refusals_.contains(request_id);
-      const Deadline silent = is_refused ? *silent_since_ + kSilence : Deadline::max();
+      const bool is_rejected = rejections_.contains(request_id);
+      const Deadline silent = is_rejected ? *silent_since_ + kSilence : Deadline::max();
       if (Deadline::clock::now() >= silent) {
         outstanding_.erase(request_id);
-        return take_out(refusals_, request_id);
+        return take_out(rejections_, request_id);
       }
       if (!bus_.wait(std::min(deadline, silent)) && Deadline::clock::now() >= deadline) return nullptr;
     }
@@ -138,7 +138,7 @@ class LcmChannel final : public Channel {
   void forget(std::uint64_t request_id) override {
     outstanding_.erase(request_id);
     kept_.erase(request_id);
-    refusals_.erase(request_id);
+    rejections_.erase(request_id);
   }
 
   std::string url() const override { return url_; }
@@ -200,7 +200,7 @@ class LcmChannel final : public Channel {
     if (is_bound) {
       ++arrived_;
       silent_since_.reset();
-      refusals_.clear();
+      rejections_.clear();
     }
     const auto request_id = static_cast<std::uint64_t>(part.request_id);
     if (request_id >= first_greeting_ && request_id < next_greeting_) greeted_.insert(part.server_id);
@@ -211,7 +211,7 @@ class LcmChannel final : public Channel {
     try {
       auto frame = std::make_unique<LcmFrame>(std::move(whole->frame));
       if (frame->header().request_id != request_id) return;
-      if (!is_bound) return hold_refusal(request_id, std::move(frame));
+      if (!is_bound) return hold_rejection(request_id, std::move(frame));
       outstanding_.erase(request_id);
       kept_[request_id] = std::move(frame);
     } catch (const wire::WireError&) {
@@ -221,7 +221,7 @@ class LcmChannel final : public Channel {
 
   /// Keeps the kNewEpoch of another daemon, and pings the bound one. If that is lost, perhaps restarted with another
   /// server id, the kNewEpoch is the answer.
-  void hold_refusal(std::uint64_t request_id, std::unique_ptr<Frame> frame) {
+  void hold_rejection(std::uint64_t request_id, std::unique_ptr<Frame> frame) {
     if (frame->header().type != static_cast<std::uint16_t>(wire::FrameType::kError)) return;
     const auto error = wire::parse_error(wire::split_payload(frame->header(), frame->payload()).body);
     if (error.header.code != static_cast<std::uint16_t>(wire::ErrorCode::kNewEpoch)) return;
@@ -229,7 +229,7 @@ class LcmChannel final : public Channel {
       silent_since_ = Deadline::clock::now();
       probe_due_ = true;
     }
-    refusals_[request_id] = std::move(frame);
+    rejections_[request_id] = std::move(frame);
   }
 
   LcmBus bus_;
@@ -247,7 +247,7 @@ class LcmChannel final : public Channel {
   FrameAssembler assembler_{{.frame_bytes = kMaxReplyBytes, .total_bytes = 4 * kMaxReplyBytes, .frames = 1024}};
   std::unordered_set<std::uint64_t> outstanding_;
   Frames kept_;
-  Frames refusals_;  // kNewEpoch of other daemons, by outstanding request
+  Frames rejections_;  // kNewEpoch of other daemons, by outstanding request
 };
 
 }  // namespace

@@ -96,9 +96,9 @@ class ShmChannel final : public Channel {
       if (!grow(frame_bytes, reply_bytes, deadline, why) && !grow(frame_bytes, 0, deadline, why))
         throw RequestError(static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge),
                            url() + ": a request of " + std::to_string(frame_bytes) + " bytes does not fit: " + why);
-    } else if (reply_bytes > current_->reply_capacity() && reply_bytes < refused_reply_) {
+    } else if (reply_bytes > current_->reply_capacity() && reply_bytes < rejected_reply_) {
       std::string why;  // the size is an estimate; after a rejection, the reply reports the required size
-      if (!grow(frame_bytes, reply_bytes, Clock::now() + kBeginTimeout, why)) refused_reply_ = reply_bytes;
+      if (!grow(frame_bytes, reply_bytes, Clock::now() + kBeginTimeout, why)) rejected_reply_ = reply_bytes;
     }
     room_.slot = take_slot();
     room_.segment = current_;
@@ -215,14 +215,14 @@ class ShmChannel final : public Channel {
     shm::send_message(socket_.get(), hello);  // on failure, the daemon has rejected us, and its reason follows
     std::array<UniqueFd, shm::kMaxPassedFds> fds;
     const Message answer = await_answer(deadline, fds);
-    if (static_cast<MessageKind>(answer.kind) == MessageKind::kRefused)
+    if (static_cast<MessageKind>(answer.kind) == MessageKind::kRejected)
       throw ConnectionError(url() + ": rejected: " + answer.text);
     if (!fds[0] || !fds[1]) throw ConnectionError(url() + ": the daemon's greeting lacks the segment");
     current_ = std::make_shared<ClientSegment>(fds[0], url());
     wake_ = std::move(fds[1]);
   }
 
-  /// Returns the daemon's next message, kSegment or kRefused. Throws ConnectionError, TimeoutError, DaemonHung.
+  /// Returns the daemon's next message, kSegment or kRejected. Throws ConnectionError, TimeoutError, DaemonHung.
   Message await_answer(Deadline deadline, std::array<UniqueFd, shm::kMaxPassedFds>& fds) {
     for (bool reset = false;;) {
       Message message;
@@ -242,7 +242,7 @@ class ShmChannel final : public Channel {
       if (static_cast<std::size_t>(received) < shm::kMessagePrefixBytes || message.magic != shm::kMagic)
         die("what listens there is not clearanced");
       const auto kind = static_cast<MessageKind>(message.kind);
-      if (kind == MessageKind::kRefused) return message;
+      if (kind == MessageKind::kRejected) return message;
       if (message.layout_version != shm::kLayoutVersion || message.wire_version != wire::kVersion)
         die("the daemon speaks another version of the shared-memory layout");
       if (kind == MessageKind::kSegment) return message;
@@ -261,7 +261,7 @@ class ShmChannel final : public Channel {
     const ssize_t received = shm::receive_message(socket_.get(), message);
     if (received < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
     message.text[sizeof message.text - 1] = '\0';
-    if (received > 0 && static_cast<MessageKind>(message.kind) == MessageKind::kRefused)
+    if (received > 0 && static_cast<MessageKind>(message.kind) == MessageKind::kRejected)
       dead_ = url() + ": " + message.text;
     else
       dead_ = url() + ": the daemon is gone";
@@ -299,7 +299,7 @@ class ShmChannel final : public Channel {
       if (dead_.empty()) dead_ = error.what();  // a late answer would be assigned to another request
       throw;
     }
-    if (static_cast<MessageKind>(answer.kind) == MessageKind::kRefused) {
+    if (static_cast<MessageKind>(answer.kind) == MessageKind::kRejected) {
       why = answer.text;
       return false;
     }
@@ -446,9 +446,9 @@ class ShmChannel final : public Channel {
   UniqueFd wake_;  ///< eventfd that wakes the daemon
   SegmentPtr current_;
   std::vector<SegmentPtr> outgrown_;
-  TakenSlot room_;                                   ///< memory given by begin(), until send()
-  std::string dead_;                                 ///< reason that the connection is unusable, or empty
-  std::uint64_t refused_reply_ = ~std::uint64_t{0};  ///< a reply capacity that the daemon has rejected
+  TakenSlot room_;                                    ///< memory given by begin(), until send()
+  std::string dead_;                                  ///< reason that the connection is unusable, or empty
+  std::uint64_t rejected_reply_ = ~std::uint64_t{0};  ///< a reply capacity that the daemon has rejected
   SpinGate spins_;
 };
 

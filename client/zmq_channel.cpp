@@ -78,7 +78,7 @@ class ZmqChannel final : public Channel {
       fail(error.what());
     }
     while (!connected_) {
-      if (gone_) fail(why_refused());
+      if (gone_) fail(why_rejected());
       if (!wait(monitor_only_, deadline)) fail("no daemon answered in time");
       read_events();
     }
@@ -159,7 +159,7 @@ class ZmqChannel final : public Channel {
     if (zmq_setsockopt(socket_.handle(), option, key.data(), key.size()) != 0) fail(zmq_strerror(zmq_errno()));
   }
 
-  std::string why_refused() const {
+  std::string why_rejected() const {
     // The first failure, after which the connection is closed in any case.
     switch (failure_) {
       case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:

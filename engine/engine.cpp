@@ -92,9 +92,9 @@ Engine::Engine(Scene scene, const Options& options) {
   const bool wanted = options.backend == "cuda" || both;
   if (const SelfTest* test = wanted && options.self_test ? &cuda::device_self_test(options.devices) : nullptr;
       test && !test->passed())
-    impl_->refused_device = "backend 'cuda' fails the self-test on this machine (" + test->first_wrong + ")";
-  if (options.backend == "cuda" && !impl_->refused_device.empty()) throw std::runtime_error(impl_->refused_device);
-  if (wanted && impl_->refused_device.empty()) {
+    impl_->rejected_device = "backend 'cuda' fails the self-test on this machine (" + test->first_wrong + ")";
+  if (options.backend == "cuda" && !impl_->rejected_device.empty()) throw std::runtime_error(impl_->rejected_device);
+  if (wanted && impl_->rejected_device.empty()) {
     cuda::DeviceBackend::Options device;
     if (options.device_memory > 0) device.memory_limit = options.device_memory;
     device.fallback = options.device_fallback;
@@ -119,7 +119,7 @@ std::string_view Engine::backend() const {
                                                       : "cuda";
 }
 std::string Engine::device_error() const {
-  return impl_->device ? impl_->device->error() : impl_->refused_device;
+  return impl_->device ? impl_->device->error() : impl_->rejected_device;
 }
 std::string_view Engine::instruction_set() const {
   return impl_->lanes->name;

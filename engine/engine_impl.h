@@ -33,7 +33,7 @@ struct Engine::Impl {
   mutable WarmStore warm;
   mutable BoxTreeStore trees;
   std::unique_ptr<cuda::DeviceBackend> device;
-  std::string refused_device;  // reason that the device is not used, or empty
+  std::string rejected_device;  // reason that the device is not used, or empty
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
   SceneCost bulk{scene};

@@ -11,7 +11,7 @@ Wide query_bytes(std::uint64_t pairs, std::uint64_t bodies, std::uint64_t config
 
 /// Describes the error of an option's value (a word as its number).
 template <class T>
-[[noreturn]] void refuse_option(const QueryOption& option, T value) {
+[[noreturn]] void reject_option(const QueryOption& option, T value) {
   const std::string name = std::string("query: ") + option.name;
   const Legal& legal = option.legal;
   if (legal.kind == Legal::Kind::kWord) bad_query(name + " " + str(value) + " is not one of 0 to " + str(legal.most));
@@ -29,7 +29,7 @@ void check_option(const QueryOption& option, T value) {
   if (legal.kind == Legal::Kind::kWord) is_legal = double(value) <= legal.most;
   if (legal.kind == Legal::Kind::kBits) is_legal = (static_cast<std::uint64_t>(value) & ~legal.mask) == 0;
   if (legal.kind == Legal::Kind::kRange) is_legal = double(value) >= legal.least && double(value) <= legal.most;
-  if (!is_legal) refuse_option(option, value);
+  if (!is_legal) reject_option(option, value);
 }
 
 void check_query_header(const QueryHeader& q) {

@@ -30,8 +30,8 @@
 // progress wakes it. A daemon that does not count them leaves 0.
 //
 // A Unix socket (SOCK_SEQPACKET) carries Message structs in both directions and reports a peer's death.
-//   client  kHello                      daemon  kSegment + memfd + eventfd, or kRefused and the end
-//   client  kGrow (capacities wanted)   daemon  kSegment + memfd, or kRefused (the connection stays open)
+//   client  kHello                      daemon  kSegment + memfd + eventfd, or kRejected and the end
+//   client  kGrow (capacities wanted)   daemon  kSegment + memfd, or kRejected (the connection stays open)
 //   client  kRetire (segment_id)        -       an outgrown segment without requests or replies
 #pragma once
 
@@ -116,7 +116,7 @@ enum class MessageKind : std::uint32_t {
   kRetire = 3,
   // daemon to client
   kSegment = 0x81,
-  kRefused = 0x82,
+  kRejected = 0x82,
 };
 
 /// One message on the socket. The first sixteen bytes and the offset of `text` are the same in every version.
@@ -129,7 +129,7 @@ struct Message {
   std::uint64_t request_capacity = 0;  ///< requested in kHello, kGrow (0 for the daemon's choice); granted in kSegment
   std::uint64_t reply_capacity = 0;
   std::uint64_t reserved[4] = {};
-  char text[192] = {};  ///< reason of kRefused; NUL-terminated UTF-8
+  char text[192] = {};  ///< reason of kRejected; NUL-terminated UTF-8
 };
 static_assert(sizeof(Message) == 256 && std::is_trivially_copyable_v<Message> && offsetof(Message, text) == 64);
 inline constexpr std::size_t kMessagePrefixBytes = 16;

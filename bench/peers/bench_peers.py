@@ -112,7 +112,7 @@ class Contender:
         self.settings = line[1:]  # empty if it rejected the problem
         if not self.settings:
             self.log.seek(0)
-            self.refusal = self.log.read().strip().split(": ", 1)[-1]
+            self.rejection = self.log.read().strip().split(": ", 1)[-1]
 
     def _ask(self, line):
         self.process.stdin.write(line + "\n")

@@ -233,14 +233,14 @@ void Contest::coal(std::uint64_t most) {
                     answers_file = options_.scratch + "/report_answers.bin";
   peers::write_problem(problem_of(scene_, world_, pairs), problem);
   Row best;
-  std::string refusal = "no answer";
+  std::string rejection = "no answer";
   for (const std::string setting : {"default", "bounding volume", "default 1e-12", "bounding volume 1e-12"}) {
     const auto lines =
         talk(options_.coal, problem,
              "time 0.1 " + setting + "\\ntime 0.5 " + setting + "\\nwrite " + answers_file + " " + setting + "\\n");
     if (lines.empty() || !lines[0].starts_with("settings")) {
       if (!lines.empty())
-        refusal = lines[0].substr(lines[0].find(": ") == std::string::npos ? 0 : lines[0].find(": ") + 2);
+        rejection = lines[0].substr(lines[0].find(": ") == std::string::npos ? 0 : lines[0].find(": ") + 2);
       break;
     }
     if (lines.size() < 4) throw std::runtime_error("Coal ended on the setting \"" + setting + "\"");
@@ -257,7 +257,7 @@ void Contest::coal(std::uint64_t most) {
   std::remove(answers_file.c_str());
   if (best.method.empty()) {
     best = row("coal", pairs.size(), std::numeric_limits<double>::quiet_NaN());
-    best.note = "refused: " + refusal;
+    best.note = "refused: " + rejection;
     std::replace(best.note.begin(), best.note.end(), ',', ';');
   }
   sheet_.add(best);

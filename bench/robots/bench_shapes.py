@@ -60,7 +60,7 @@ class Sums:
 
     def __init__(self):
         self.valid_s = self.least_s = 0.0
-        self.states = self.free = self.refused = self.undecided = self.missed = 0
+        self.states = self.free = self.rejected = self.undecided = self.missed = 0
         self.short, self.widths = [], []
 
     def add(self, valid_s, valid, least_s, least, truth, nearest):
@@ -69,7 +69,7 @@ class Sums:
         is_free, free = truth.free, valid.free
         self.states += len(free)
         self.free += int(is_free.sum())
-        self.refused += int((is_free & ~free).sum())
+        self.rejected += int((is_free & ~free).sum())
         self.undecided += int((valid.status == Status.UNCONVERGED).sum())
         self.missed += int((free & ~is_free & (truth.status != Status.UNCONVERGED)).sum())
         self.short += list((nearest.lower - least.upper)[is_free].ravel())
@@ -115,7 +115,7 @@ def row_of(name, choice, triangles, s):
         "short_mm": f"{1e3 * np.median(short):.3g}",
         "short_most_mm": f"{1e3 * short.max():.3g}",
         "width_nm": f"{1e9 * np.median(s.widths):.2g}",
-        "false_refusals": s.refused,
+        "false_refusals": s.rejected,
         "undecided": s.undecided,
         "missed": s.missed,
     }

@@ -18,11 +18,11 @@
 namespace clearance {
 namespace {
 
-void (*refusal)(int call) = nullptr;
+void (*rejection)(int call) = nullptr;
 
 // Runs on the thread that made the call, which the kernel has not executed.
 void on_forbidden_call(int, siginfo_t* info, void*) {
-  refusal(info->si_syscall);
+  rejection(info->si_syscall);
 }
 
 }  // namespace
@@ -75,7 +75,7 @@ std::string CallFilter::enforce(void (*refuse)(int call)) {
   const std::uint32_t wanted = SECCOMP_RET_TRAP;
   if (::syscall(SYS_seccomp, SECCOMP_GET_ACTION_AVAIL, 0, &wanted) != 0)
     return "the kernel does not permit filters of system calls (" + std::generic_category().message(errno) + ")";
-  refusal = refuse;
+  rejection = refuse;
   struct sigaction action{};
   action.sa_sigaction = on_forbidden_call;
   action.sa_flags = SA_SIGINFO;

@@ -6,7 +6,7 @@ namespace {
 
 constexpr std::uint64_t kUnitsPerRow = 64;
 
-[[noreturn]] void refuse_kind(const std::string& what) {
+[[noreturn]] void reject_kind(const std::string& what) {
   throw QueryError(QueryErrorCode::kNotSupported, "certificate: " + what);
 }
 
@@ -38,10 +38,10 @@ const EvaluateOptions& CertificateJob::with_parts() {
 }
 
 // Concerns `model=pieces` only.
-void CertificateJob::refuse_proxies(BodyPair pair) const {
+void CertificateJob::reject_proxies(BodyPair pair) const {
   if (plan_.query.model != Model::kPieces) return;
   if (const std::string why = no_exact_convex_part(scene(), pair); !why.empty())
-    refuse_kind(why + ", whose rows have no certificate with model: pieces; use model: truth");
+    reject_kind(why + ", whose rows have no certificate with model: pieces; use model: truth");
 }
 
 SpanPlace CertificateJob::span_at(const BodyPoses& here, BodyPair pair) const {

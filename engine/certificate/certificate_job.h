@@ -28,7 +28,7 @@ class CertificateJob : public ParallelJob {
 
   const EvaluateOptions& with_parts();
   /// Throws QueryError for pairs that cannot be certified.
-  void refuse_proxies(BodyPair pair) const;
+  void reject_proxies(BodyPair pair) const;
   /// Describes bodies with usable poses over a whole motion; the caller may then set begin, end and time.
   SpanPlace span_at(const BodyPoses& here, BodyPair pair) const;
   WitnessProof witness_at(const BodyPoses& here, BodyPair pair, double time, PartProof proof) const;

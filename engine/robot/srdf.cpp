@@ -37,7 +37,7 @@ class SrdfReader {
   }
 
   void read() {
-    root_.refuse_macros(XmlElement::Macros::kInside, "robot.srdf");
+    root_.reject_macros(XmlElement::Macros::kInside, "robot.srdf");
     warn_of_unknown(root_,
                     {"group", "group_state", "disable_collisions", "enable_collisions", "disable_default_collisions",
                      "virtual_joint", "passive_joint", "end_effector", "link_sphere_approximation", "joint_property"});

@@ -39,10 +39,10 @@ class UrdfReader {
   // macros.
   void check_expanded() const {
     using Macros = XmlElement::Macros;
-    root_.refuse_macros(Macros::kAttributes, "robot.urdf");
+    root_.reject_macros(Macros::kAttributes, "robot.urdf");
     for (const XmlElement& element : root_.children()) {
       const bool is_read = element.name() == "link" || element.name() == "joint";
-      element.refuse_macros(is_read ? Macros::kInside : Macros::kName, "robot.urdf");
+      element.reject_macros(is_read ? Macros::kInside : Macros::kName, "robot.urdf");
     }
   }
 

@@ -157,7 +157,7 @@ void XmlElement::fail_attribute(const char* attribute, const std::string& messag
   fail(std::string(attribute).substr(0, 60) + ": " + message);
 }
 
-void XmlElement::refuse_macros(Macros where, const char* example) const {
+void XmlElement::reject_macros(Macros where, const char* example) const {
   const std::string hint = std::string("; expand the file first: xacro FILE > ") + example;
   int depth = 0;
   for (xml_node at = node_of(node_); at; at = next_in_text(at, &depth)) {

@@ -40,7 +40,7 @@ class XmlElement {
   /// Throws RobotError for input of the program xacro: elements of its namespace, ${...} and $(find ...).
   /// \param where whether to check the element's name, its attributes as well, or the elements inside as well
   /// \param example name of a file without them, for the error
-  void refuse_macros(Macros where, const char* example) const;
+  void reject_macros(Macros where, const char* example) const;
 
   /// Returns the child elements, in the file's order.
   /// \param name only those of this name; null for all

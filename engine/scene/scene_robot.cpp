@@ -186,7 +186,7 @@ class RobotAdder {
     }
     const std::string path = mesh_path(shape, folder_, packages_);
     if (!options_.allow_outside && !is_inside(path, options_.folder))
-      throw SceneError("mesh " + in_quotes(shape.mesh) + " lies outside the scene's folder; " + kOutsideIsRefused);
+      throw SceneError("mesh " + in_quotes(shape.mesh) + " lies outside the scene's folder; " + kOutsideIsRejected);
     return scene_.mesh_geometry(path, {.scale = shape.mesh_scale, .mesh_as = mesh_as});
   }
 

@@ -60,7 +60,7 @@ struct SceneRobot {
 };
 
 /// End of the error about a file outside the scene's folder.
-inline constexpr const char* kOutsideIsRefused =
+inline constexpr const char* kOutsideIsRejected =
     "mesh files must lie inside it unless others are allowed (--allow-outside; in Python allow_outside=True)";
 
 /// A robot to be added to a scene.

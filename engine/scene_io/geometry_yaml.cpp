@@ -217,7 +217,7 @@ std::string GeometryReader::resolve(const YamlValue& value, const std::string& n
   if (named.empty() || named.find('\0') != std::string::npos) value.fail_expected("the path of a mesh file");
   const fs::path path = folder_ / named;  // an absolute path replaces the folder
   const auto outside = [&](const std::string& how) {
-    value.fail("\"" + named + "\" " + how + "; " + kOutsideIsRefused);
+    value.fail("\"" + named + "\" " + how + "; " + kOutsideIsRejected);
   };
   if (!allow_outside_) {
     if (fs::path(named).is_absolute()) outside("is an absolute path, not one inside the scene's folder");

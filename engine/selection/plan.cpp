@@ -70,7 +70,7 @@ void check_numbers(const QueryView& q) {
 }
 
 // A depth is the length of a shift that separates bodies, and points have no inside.
-void refuse_depths_of_clouds(const PairList& pairs, const Scene& scene) {
+void reject_depths_of_clouds(const PairList& pairs, const Scene& scene) {
   constexpr std::uint64_t kAtATime = 1024;
   std::vector<BodyPair> room;
   for (std::uint64_t begin = 0; begin < pairs.size(); begin += kAtATime)
@@ -101,7 +101,7 @@ bool ids_valid_since(const QueryView& query, std::span<const std::uint32_t> bodi
                                                                snapshot.scene_changes, scene);
 }
 
-[[noreturn]] void refuse_scene(const QueryView& query, const PoseSnapshot& snapshot) {
+[[noreturn]] void reject_scene(const QueryView& query, const PoseSnapshot& snapshot) {
   throw QueryError(QueryErrorCode::kWrongScene, "the scene is revision " + std::to_string(snapshot.scene_revision) +
                                                     ", the query is for " + std::to_string(query.scene_revision));
 }
@@ -165,7 +165,7 @@ Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<con
     : scene_(scene), max_rows_(max_rows) {
   check_numbers(query);
   const bool is_older = query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision;
-  if (is_older && !ids_valid_since(query, query.bodies, *snapshot, scene)) refuse_scene(query, *snapshot);
+  if (is_older && !ids_valid_since(query, query.bodies, *snapshot, scene)) reject_scene(query, *snapshot);
   Plan& plan = plan_;
   plan.query = query;
   if (plan.query.rel_tol < 0) plan.query.rel_tol = default_rel_tol(query.precision);
@@ -173,9 +173,9 @@ Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<con
   take_bodies(query, scene, plan);
   if (is_older && std::any_of(query.joints.begin(), query.joints.end(),
                               [&](std::uint32_t j) { return j >= scene.joints().size(); }))
-    refuse_scene(query, *plan.snapshot);
+    reject_scene(query, *plan.snapshot);
   take_joints(query, scene, plan);
-  if (is_older && !ids_valid_since(query, plan.bodies, *plan.snapshot, scene)) refuse_scene(query, *plan.snapshot);
+  if (is_older && !ids_valid_since(query, plan.bodies, *plan.snapshot, scene)) reject_scene(query, *plan.snapshot);
   if (query.configuration_count > 0 && query.bodies.empty() && query.joints.empty())
     refuse("configurations without bodies or joints that they move");
   plan.query.bodies = plan.bodies;
@@ -198,7 +198,7 @@ bool Planner::advance(WorkMeter& meter) {
   if (!lister_->advance(meter)) return false;
   plan_.pairs = lister_->take();
   lister_.reset();
-  if (plan_.query.signed_distance && scene_.has_surfaces()) refuse_depths_of_clouds(plan_.pairs, scene_);
+  if (plan_.query.signed_distance && scene_.has_surfaces()) reject_depths_of_clouds(plan_.pairs, scene_);
   if (plan_.query.reduce == Reduce::kAny || plan_.query.max_evaluations > 0)
     plan_.margins = Margins(plan_.query, scene_, plan_.pairs);
   plan_.query.margins = {};

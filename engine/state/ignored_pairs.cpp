@@ -39,7 +39,7 @@ std::vector<std::uint8_t> named(std::uint32_t selector, const Scene& scene) {
   return is_named;
 }
 
-[[noreturn]] void refuse_number(std::size_t pairs) {
+[[noreturn]] void reject_number(std::size_t pairs) {
   throw QueryError(QueryErrorCode::kTooLarge, "allow: " + std::to_string(pairs) + " pairs, more than the " +
                                                   std::to_string(IgnoredPairs::kMostAdded) +
                                                   " that a scene may be given at run time");
@@ -51,7 +51,7 @@ std::vector<BodyPair> pairs_named(std::uint32_t a, std::uint32_t b, const Scene&
   const auto count = [](const auto& is_named) {
     return static_cast<std::size_t>(std::count(is_named.begin(), is_named.end(), 1));
   };
-  if (count(of_a) * count(of_b) > 2 * IgnoredPairs::kMostAdded) refuse_number(count(of_a) * count(of_b));
+  if (count(of_a) * count(of_b) > 2 * IgnoredPairs::kMostAdded) reject_number(count(of_a) * count(of_b));
   std::vector<std::uint32_t> members;
   for (std::uint32_t j = 0; j < of_b.size(); ++j)
     if (of_b[j]) members.push_back(j);
@@ -97,7 +97,7 @@ void IgnoredPairs::merge() {
 
 void IgnoredPairs::allow(std::uint32_t a, std::uint32_t b, const Scene& scene) {
   std::vector<BodyPair> more = united(always_, pairs_named(a, b, scene));
-  if (more.size() + held_.size() > of_scene_ + kMostAdded) refuse_number(more.size() + held_.size() - of_scene_);
+  if (more.size() + held_.size() > of_scene_ + kMostAdded) reject_number(more.size() + held_.size() - of_scene_);
   always_ = std::move(more);
   merge();
 }
@@ -115,7 +115,7 @@ void IgnoredPairs::allow_attached(std::uint32_t child, std::span<const std::uint
   for (const std::uint32_t other : others) {
     for (const BodyPair pair : pairs_named(child, other, scene)) fresh.push_back({pair, child});
     if (const std::size_t all = always_.size() + held_.size() + fresh.size(); all > of_scene_ + kMostAdded)
-      refuse_number(all - of_scene_);
+      reject_number(all - of_scene_);
   }
   held_.insert(held_.end(), fresh.begin(), fresh.end());
   merge();

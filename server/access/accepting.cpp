@@ -60,7 +60,7 @@ Taken take(int listener, sockaddr* address, socklen_t* length, int flags) {
 
 }  // namespace
 
-int accept_or_refuse(int listener, const std::function<void(int)>& refuse) {
+int accept_or_reject(int listener, const std::function<void(int)>& refuse) {
   Taken taken = take(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
   if (taken.unwanted) {
     refuse(taken.unwanted.get());

@@ -212,23 +212,23 @@ void* see_out(void*) {
 
 }  // namespace
 
-bool kernel_refuses_descriptors() {
-  static const bool refuses = [] {
+bool kernel_rejects_descriptors() {
+  static const bool rejects = [] {
     const char* proxy = std::getenv("CLEARANCE_FD_FILTER_PROXY");
     if (proxy && std::string(proxy) == "on") return false;
     const UniqueFd probe(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     return probe && set_passrights(probe.get(), 0);
   }();
-  return refuses;
+  return rejects;
 }
 
-void refuse_descriptors(int listener) {
-  if (kernel_refuses_descriptors() && !set_passrights(listener, 0))
+void reject_descriptors(int listener) {
+  if (kernel_rejects_descriptors() && !set_passrights(listener, 0))
     throw std::runtime_error(std::string("SO_PASSRIGHTS: ") + std::strerror(errno));
 }
 
 UniqueFd let_in(UniqueFd stranger) {
-  if (!stranger || kernel_refuses_descriptors()) return stranger;
+  if (!stranger || kernel_rejects_descriptors()) return stranger;
   ucred who{};
   int domain = 0, type = 0, ends[2];
   socklen_t who_bytes = sizeof who, domain_bytes = sizeof domain, type_bytes = sizeof type;
@@ -261,7 +261,7 @@ UniqueFd let_in(UniqueFd stranger) {
 }
 
 void turn_away(UniqueFd stranger, void (*close)(UniqueFd)) {
-  if (kernel_refuses_descriptors()) {
+  if (kernel_rejects_descriptors()) {
     close(std::move(stranger));
     return;
   }
@@ -273,7 +273,7 @@ void turn_away(UniqueFd stranger, void (*close)(UniqueFd)) {
 }
 
 bool credentials_behind(int socket, ucred& who) {
-  if (kernel_refuses_descriptors()) return false;
+  if (kernel_rejects_descriptors()) return false;
   House& h = house();
   const ino_t inode = inode_of(socket);
   const std::lock_guard lock(h.mutex);

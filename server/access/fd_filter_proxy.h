@@ -13,11 +13,11 @@ namespace clearance {
 
 /// Whether the kernel rejects descriptors (SO_PASSRIGHTS, Linux 6.16), so that no proxy is needed. False with
 /// CLEARANCE_FD_FILTER_PROXY=on in the environment, for tests.
-bool kernel_refuses_descriptors();
+bool kernel_rejects_descriptors();
 
 /// Makes a Unix socket that does not listen yet reject descriptors, and each connection that it accepts. Does nothing
 /// if the kernel cannot. Throws std::runtime_error.
-void refuse_descriptors(int listener);
+void reject_descriptors(int listener);
 
 /// Returns a socket of the same type that replaces a connection at a Unix socket. A thread forwards the peer's data
 /// without descriptors, and the daemon's with them, and closes the peer's socket. Returns the connection itself for

@@ -81,7 +81,7 @@ LcmPoses lcm_poses_of(const DaemonOptions& options, const Scene& scene) {
 
 void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, const LcmPoses& lcm_poses) {
   reserve_descriptor();
-  log::info("event=descriptor_filter rejected_by={}", kernel_refuses_descriptors() ? "kernel" : "proxy");
+  log::info("event=descriptor_filter rejected_by={}", kernel_rejects_descriptors() ? "kernel" : "proxy");
   add_default_endpoint(options);
   for (const std::string& path : options.shm) loop.add(open_shm(path, access, std::uint64_t{options.pinned_mib} << 20));
   for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint, access));

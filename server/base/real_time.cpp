@@ -40,11 +40,11 @@ void touch(volatile std::byte* begin, std::size_t bytes) {
   touch(room, sizeof room);
 }
 
-void say(const char* step, const std::string& what, const std::string& refused) {
-  if (refused.empty())
+void say(const char* step, const std::string& what, const std::string& rejected) {
+  if (rejected.empty())
     log::info("event=real_time step={} text=\"{}\"", step, what);
   else
-    log::warn("event=real_time_rejected step={} cause=\"{}\"", step, log_text(refused));
+    log::warn("event=real_time_rejected step={} cause=\"{}\"", step, log_text(rejected));
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ int run(const std::string& what, std::uint64_t memory_bytes, int connections) {
   ::signal(SIGPIPE, SIG_IGN);
   const int descriptors = kOwnDescriptors + connections;
   limit_gateway(memory_bytes, static_cast<std::uint64_t>(descriptors) + 8);
-  refuse_connections_from(descriptors);
+  reject_connections_from(descriptors);
   Link link(shm::UniqueFd(kLinkFd),
             {.message_bytes = memory_bytes, .coming_bytes = memory_bytes, .waiting_bytes = memory_bytes});
   try {

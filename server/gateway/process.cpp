@@ -66,7 +66,7 @@ void Process::start() {
     throw std::runtime_error(std::string("cannot create a socket pair: ") + std::strerror(errno));
   shm::UniqueFd ours(ends[0]), theirs(ends[1]);
   for (const int fd : ends) ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof kSendBuffer);
-  refuse_descriptors(ours.get());
+  reject_descriptors(ours.get());
   std::vector<int> descriptors{theirs.get()};
   if (plan_.listener) descriptors.push_back(plan_.listener.get());
   const std::string program =

@@ -16,7 +16,7 @@ namespace {
 // Sized before libzmq's I/O thread begins, the only one that accepts and reads connections.
 std::vector<std::optional<ZmtpGate>> gates;  // by descriptor, if guarded
 bool guarded = false;
-int first_refused = INT_MAX;
+int first_rejected = INT_MAX;
 
 }  // namespace
 
@@ -62,8 +62,8 @@ void guard_connections() {
   guarded = true;
 }
 
-void refuse_connections_from(int descriptor) {
-  first_refused = descriptor;
+void reject_connections_from(int descriptor) {
+  first_rejected = descriptor;
   gates.resize(static_cast<std::size_t>(descriptor));
 }
 
@@ -76,7 +76,7 @@ extern "C" __attribute__((visibility("default"))) int accept4(int listener, sock
   using namespace clearance::gateway;
   const int socket = static_cast<int>(::syscall(SYS_accept4, listener, address, length, flags));
   if (socket < 0) return socket;
-  if (socket >= first_refused) {
+  if (socket >= first_rejected) {
     ::close(socket);
     errno = ECONNABORTED;
     return -1;
@@ -94,7 +94,7 @@ extern "C" __attribute__((visibility("default"))) int accept(int listener, socka
 extern "C" __attribute__((visibility("default"))) ssize_t recv(int socket, void* buffer, std::size_t bytes, int flags) {
   using namespace clearance::gateway;
   const ssize_t got = ::syscall(SYS_recvfrom, socket, buffer, bytes, flags, nullptr, nullptr);
-  if (got <= 0 || !guarded || socket >= first_refused) return got;
+  if (got <= 0 || !guarded || socket >= first_rejected) return got;
   std::optional<ZmtpGate>& gate = gates[static_cast<std::size_t>(socket)];
   if (!gate) return got;
   if (!gate->pass({static_cast<const std::byte*>(buffer), static_cast<std::size_t>(got)})) return 0;

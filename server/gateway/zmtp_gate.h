@@ -35,6 +35,6 @@ class ZmtpGate {
 /// Guards the connections of this process that accept4() returns from here on.
 void guard_connections();
 /// Closes connections with descriptors from this one on.
-void refuse_connections_from(int descriptor);
+void reject_connections_from(int descriptor);
 
 }  // namespace clearance::gateway

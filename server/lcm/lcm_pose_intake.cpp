@@ -28,7 +28,7 @@ bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
   const std::span ids(reinterpret_cast<const std::uint32_t*>(update.bodies.data()), update.bodies.size());
   if (update.scene_revision != 0 &&
       !engine.ids_valid_since(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
-    refuse_scene(update.scene_revision);
+    reject_scene(update.scene_revision);
     return false;
   }
   poses_.clear();
@@ -43,7 +43,7 @@ bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
   for (std::int32_t i = 0; i < update.count; ++i) {
     const std::uint32_t body = scene.find_body(update.names[i]);
     if (body == kNone)
-      refuse_name(update.names[i], "a pose for '%', which is not a body of this scene");
+      reject_name(update.names[i], "a pose for '%', which is not a body of this scene");
     else
       add_pose(body, update.poses[i]);
   }
@@ -55,7 +55,7 @@ bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
   static_assert(sizeof update.joints[0] == sizeof(std::uint32_t));
   const std::span ids(reinterpret_cast<const std::uint32_t*>(update.joints.data()), update.joints.size());
   if (update.scene_revision != 0 && !engine.joints_still_mean(static_cast<std::uint64_t>(update.scene_revision), ids)) {
-    refuse_scene(update.scene_revision);
+    reject_scene(update.scene_revision);
     return false;
   }
   positions_.clear();
@@ -70,7 +70,7 @@ bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
   for (std::int32_t i = 0; i < update.count; ++i) {
     const std::uint32_t joint = scene.find_joint(update.names[i]);
     if (joint == kNone)
-      refuse_name(update.names[i], "a position of '%', which is not a joint of this scene");
+      reject_name(update.names[i], "a position of '%', which is not a joint of this scene");
     else
       add_position(joint, update.positions[i]);
   }
@@ -82,42 +82,42 @@ std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_
   if (points.publisher_id == 0) {
     metrics_.accept("CLEARANCE_POINTS: publisher_id is 0; draw one at random");
   } else if (body == kNone) {
-    refuse_name(points.body, "points of '%', which is not a body of this scene");
+    reject_name(points.body, "points of '%', which is not a body of this scene");
   } else if (!allowed_[body]) {
-    refuse_right(points.body, "points of '%', which are not accepted from LCM (--lcm-poses)");
+    reject_right(points.body, "points of '%', which are not accepted from LCM (--lcm-poses)");
   } else if (with_good_stamp(message_of(points), [&] { handler_.engine().check_stamp(points.stamp_ns); })) {
     return body;
   }
   return std::nullopt;
 }
 
-void LcmPoseIntake::refuse_scene(std::int64_t revision) {
+void LcmPoseIntake::reject_scene(std::int64_t revision) {
   ++metrics_.wrong_scene;
   metrics_.log_rate_limited("scene", "poses for scene " + std::to_string(revision) + " rejected, this is " +
                                          std::to_string(static_cast<std::int64_t>(handler_.engine().scene_revision())));
 }
 
 /// @param what with '%' for the name
-void LcmPoseIntake::refuse_name(const std::string& name, const char* what) {
+void LcmPoseIntake::reject_name(const std::string& name, const char* what) {
   ++metrics_.unknown;
   metrics_.log_rate_limited("name", std::string(what).replace(std::string_view(what).find('%'), 1, name));
 }
 
-void LcmPoseIntake::refuse_right(const std::string& name, const char* what) {
+void LcmPoseIntake::reject_right(const std::string& name, const char* what) {
   ++metrics_.not_allowed;
   metrics_.log_rate_limited("not_allowed", std::string(what).replace(std::string_view(what).find('%'), 1, name));
 }
 
 void LcmPoseIntake::add_pose(std::uint32_t body, const std::vector<double>& pose) {
   if (body < allowed_.size() && !allowed_[body])
-    return refuse_right(handler_.engine().scene().bodies()[body].name,
+    return reject_right(handler_.engine().scene().bodies()[body].name,
                         "a pose for '%', whose poses are not accepted from LCM (--lcm-poses)");
   poses_.push_back({body, {{pose[0], pose[1], pose[2]}, pose[3], pose[4], pose[5], pose[6]}});
 }
 
 void LcmPoseIntake::add_position(std::uint32_t joint, double position) {
   if (joint < allowed_joints_.size() && !allowed_joints_[joint])
-    return refuse_right(handler_.engine().scene().joints()[joint].name,
+    return reject_right(handler_.engine().scene().joints()[joint].name,
                         "a position of '%', which is not accepted from LCM (--lcm-poses)");
   positions_.push_back({joint, position});
 }

@@ -47,9 +47,9 @@ class LcmPoseIntake {
   static Message message_of(const clearance_lcm::points_t& points) {
     return {"CLEARANCE_POINTS", 4, points.publisher_id, points.sequence, points.stamp_ns};
   }
-  void refuse_scene(std::int64_t revision);
-  void refuse_name(const std::string& name, const char* what);
-  void refuse_right(const std::string& name, const char* what);
+  void reject_scene(std::int64_t revision);
+  void reject_name(const std::string& name, const char* what);
+  void reject_right(const std::string& name, const char* what);
   void add_pose(std::uint32_t body, const std::vector<double>& pose);
   void add_position(std::uint32_t joint, double position);
   template <class Apply>

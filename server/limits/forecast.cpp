@@ -18,7 +18,7 @@ constexpr double kGivenUp = 2;
 /// for others.
 constexpr double kMostRise = 2;
 /// Factor on an estimate after a rejection.
-constexpr double kAfterRefusal = 0.95;
+constexpr double kAfterRejection = 0.95;
 
 std::string ms(std::chrono::nanoseconds time) {
   char text[32];
@@ -70,7 +70,7 @@ std::optional<std::chrono::nanoseconds> Forecast::of(const Work& work) const {
 void Forecast::check(const Work& work, std::chrono::nanoseconds left, std::chrono::nanoseconds deadline) {
   const auto takes = of(work);
   if (!takes || *takes <= left) return;
-  ns_per_part_pair_[index(work)] *= kAfterRefusal;
+  ns_per_part_pair_[index(work)] *= kAfterRejection;
   throw late(deadline, "it would take about " + ms(*takes) + ", based on similar queries");
 }
 

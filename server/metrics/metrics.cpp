@@ -39,7 +39,7 @@ shm::UniqueFd listen_at(const std::string& endpoint, int family, const sockaddr*
       (family != AF_UNIX && ::setsockopt(listener.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0) ||
       ::bind(listener.get(), address, bytes) != 0)
     fail(endpoint, std::string("cannot listen there: ") + std::strerror(errno));
-  if (family == AF_UNIX) refuse_descriptors(listener.get());
+  if (family == AF_UNIX) reject_descriptors(listener.get());
   return listener;
 }
 
@@ -132,7 +132,7 @@ void MetricsServer::run() {
     pollfd waiting[] = {{stop_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}};
     if (::poll(waiting, 2, -1) < 0) continue;
     if (waiting[0].revents) return;
-    const shm::UniqueFd connection = let_in(shm::UniqueFd(accept_or_refuse(listener_.get(), [](int) {})));
+    const shm::UniqueFd connection = let_in(shm::UniqueFd(accept_or_reject(listener_.get(), [](int) {})));
     if (connection) serve(connection.get());
   }
 }

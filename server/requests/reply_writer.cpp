@@ -94,25 +94,25 @@ void ReplyWriter::count_query(std::uint64_t server_ns, std::uint64_t rows) {
   stats_.rows += rows;
 }
 
-void ReplyWriter::refuse(ReplySink& sink, const FrameHeader& request, const RejectedRequest& refusal) {
-  stats_.count_error(std::string(wire::error_name(refusal.code)), refusal.text);
+void ReplyWriter::refuse(ReplySink& sink, const FrameHeader& request, const RejectedRequest& rejection) {
+  stats_.count_error(std::string(wire::error_name(rejection.code)), rejection.text);
   log::debug("event=rejected client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
-             log_text(refusal.text));
+             log_text(rejection.text));
   try {
-    if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes,
+    if (!send_error(sink, request, engine_->scene_revision(), rejection.code, rejection.text, rejection.needed_bytes,
                     epoch_record_))
       ++stats_["errors.unsent"];
   } catch (const std::exception& failure) {
     ++stats_["errors.unsent"];
-    log::warn("event=error_unsent error=\"{}\" cause=\"{}\"", log_text(refusal.text), log_text(failure.what()));
+    log::warn("event=error_unsent error=\"{}\" cause=\"{}\"", log_text(rejection.text), log_text(failure.what()));
   }
 }
 
 RejectedRequest ReplyWriter::rejection_of_caught(const FrameHeader& request) {
   try {
     throw;
-  } catch (const RejectedRequest& refusal) {
-    return refusal;
+  } catch (const RejectedRequest& rejection) {
+    return rejection;
   } catch (const wire::WireError& error) {
     return {error.code, error.what()};
   } catch (const QueryError& error) {

@@ -35,7 +35,7 @@ SegmentPinner::Ticket* SegmentPinner::pin(std::shared_ptr<Mapping> mapping) noex
     if (!thread_.joinable()) thread_ = std::thread([this] { work(); });
     tickets_.push_back({std::move(mapping), nullptr});
   } catch (const std::exception&) {
-    ++refusals_;
+    ++rejections_;
     return nullptr;
   }
   wake_.notify_one();
@@ -77,7 +77,7 @@ void SegmentPinner::work() {
 
 std::shared_ptr<void> SegmentPinner::try_to_pin(const Mapping& mapping) {
   if (mapping.bytes() > budget_ - bytes_) {
-    ++refusals_;
+    ++rejections_;
     return nullptr;
   }
   try {
@@ -85,7 +85,7 @@ std::shared_ptr<void> SegmentPinner::try_to_pin(const Mapping& mapping) {
     bytes_ += mapping.bytes();
     return pinned;
   } catch (const std::exception& error) {
-    if (refusals_++ == 0)
+    if (rejections_++ == 0)
       log::warn("event=pinning_failed bytes={} error=\"{}\"", mapping.bytes(), log_text(error.what()));
     return nullptr;
   }

@@ -53,8 +53,8 @@ class SegmentPinner {
   /// Unpins and frees the mapping, whose last owner this must be.
   void let_go(Ticket* ticket) noexcept;
 
-  std::uint64_t bytes() const { return bytes_; }        ///< pinned now
-  std::uint64_t refusals() const { return refusals_; }  ///< mappings left unpinned
+  std::uint64_t bytes() const { return bytes_; }            ///< pinned now
+  std::uint64_t rejections() const { return rejections_; }  ///< mappings left unpinned
 
  private:
   static std::shared_ptr<void> pin_for_device(std::byte* begin, std::size_t bytes);
@@ -63,7 +63,7 @@ class SegmentPinner {
 
   const std::uint64_t budget_;
   const Pin pin_;
-  std::atomic<std::uint64_t> bytes_{0}, refusals_{0};
+  std::atomic<std::uint64_t> bytes_{0}, rejections_{0};
   std::mutex mutex_;  // guards the following
   std::condition_variable wake_;
   std::list<Ticket> tickets_;

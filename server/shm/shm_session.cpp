@@ -33,7 +33,7 @@ ShmListener::ShmListener(const std::string& path, const Access& access) {
   clear_stale_socket(path, "shm://" + path, SOCK_SEQPACKET);
   socket_.reset(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!socket_) fail_shm(path, "socket", errno);
-  refuse_descriptors(socket_.get());
+  reject_descriptors(socket_.get());
   if (::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
     fail_shm(path, "cannot create the socket", errno);
   file_ = SocketFile(path);

@@ -81,7 +81,7 @@ void ShmSessions::tick() {
   remove_gone();
   *counters_.segment_bytes = budget_->used;
   *counters_.pinned_bytes = pinner_ ? pinner_->bytes() : 0;
-  *counters_.pin_refusals = pinner_ ? pinner_->refusals() : 0;
+  *counters_.pin_rejections = pinner_ ? pinner_->rejections() : 0;
 }
 
 /// Event tags: 0 is the listener; a session's socket is 2 id, its eventfd 2 id + 1.
@@ -113,7 +113,7 @@ void ShmSessions::serve_sockets() {
 
 void ShmSessions::accept_clients() {
   for (int i = 0; i < kMessagesPerEvent; ++i) {
-    UniqueFd stranger(accept_or_refuse(listener_.get(), [this](int unwanted) {
+    UniqueFd stranger(accept_or_reject(listener_.get(), [this](int unwanted) {
       refuse(unwanted, std::string("this daemon has no descriptor for another client: ") + std::strerror(EMFILE));
     }));
     if (!stranger) return;
@@ -122,7 +122,7 @@ void ShmSessions::accept_clients() {
     const std::optional<Rights> rights = rights_of_peer(stranger.get(), access_, why);
     UniqueFd socket = let_in(std::move(stranger));
     if (!socket) {
-      ++*counters_.refused;
+      ++*counters_.rejected;
       continue;
     }
     if (rights && who) why = places_.why_not(*who, "shared-memory clients", class_of(*rights));
@@ -148,10 +148,10 @@ void ShmSessions::accept_clients() {
 
 /// Sends and counts a rejection. The caller decides whether the connection ends.
 void ShmSessions::refuse(int socket, const std::string& why) {
-  shm::Message message = make_message(MessageKind::kRefused);
+  shm::Message message = make_message(MessageKind::kRejected);
   std::memcpy(message.text, why.data(), std::min(why.size(), sizeof message.text - 1));
   shm::send_message(socket, message);
-  ++*counters_.refused;
+  ++*counters_.rejected;
 }
 
 void ShmSessions::serve_socket(ShmSession& session) {

@@ -50,8 +50,8 @@ class ShmSessions {
   void remove_gone();
 
   struct CounterRefs {
-    std::uint64_t *connections = nullptr, *clients = nullptr, *refused = nullptr, *violations = nullptr,
-                  *over_quota = nullptr, *segment_bytes = nullptr, *pinned_bytes = nullptr, *pin_refusals = nullptr;
+    std::uint64_t *connections = nullptr, *clients = nullptr, *rejected = nullptr, *violations = nullptr,
+                  *over_quota = nullptr, *segment_bytes = nullptr, *pinned_bytes = nullptr, *pin_rejections = nullptr;
   };
 
   ShmLimits limits_;

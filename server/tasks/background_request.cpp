@@ -16,7 +16,7 @@ constexpr std::uint64_t kBytesAtOnce = 256 << 10;
 bool BackgroundRequest::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
   if (step_ == Step::kMake) {
     bool is_made = true;
-    failure_ = ReplyWriter::refusal_of(asked_.header, [&] {
+    failure_ = ReplyWriter::rejection_of(asked_.header, [&] {
       std::optional<std::vector<std::byte>> made = make_(budget, ignored_);
       is_made = made.has_value();
       if (is_made) payload_ = std::move(*made);

@@ -53,7 +53,7 @@ void QueryTask::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t
 }
 
 bool QueryTask::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
-  failure_ = ReplyWriter::refusal_of(asked_.header, [&] {
+  failure_ = ReplyWriter::rejection_of(asked_.header, [&] {
     check_deadline(now);
     work(std::min<std::chrono::nanoseconds>(budget, deadline_ - now));
   });

@@ -17,8 +17,8 @@ bool KeyAuthenticator::admits(RequestHandler& handler, const std::string& addres
   refresh();
   const AuthorizedKeys::Entry* entry = keys_->find(key);
   if (!entry) {
-    refused(handler,
-            "reason=\"this key is not authorized\" address=" + log_text(address) + " key=\"" + log_text(key) + "\"");
+    rejected(handler,
+             "reason=\"this key is not authorized\" address=" + log_text(address) + " key=\"" + log_text(key) + "\"");
     return false;
   }
   ++handler.counter("zmq.keys_accepted");
@@ -27,7 +27,7 @@ bool KeyAuthenticator::admits(RequestHandler& handler, const std::string& addres
   return true;
 }
 
-void KeyAuthenticator::refused(RequestHandler& handler, const std::string& what) {
+void KeyAuthenticator::rejected(RequestHandler& handler, const std::string& what) {
   ++handler.counter("zmq.refused");
   const auto now = std::chrono::steady_clock::now();
   if (now < next_line_) {

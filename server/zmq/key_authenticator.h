@@ -18,7 +18,7 @@ class KeyAuthenticator {
   /// Whether the current list has a key. The arguments come from unauthenticated peers.
   bool admits(RequestHandler& handler, const std::string& address, const std::string& key);
   /// Counts a rejected peer, and logs it at most once a second.
-  void refused(RequestHandler& handler, const std::string& what);
+  void rejected(RequestHandler& handler, const std::string& what);
   /// Checks now and then whether the list has changed.
   void tick();
   const KeyPair& own() const { return keys_->own(); }

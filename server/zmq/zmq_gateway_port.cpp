@@ -133,8 +133,8 @@ class ZmqGatewayPort final : public ZmqPort {
         return knock(arrival.identity, message.extra), false;
       case Kind::kHandshakeFailed:
         if (keys_)
-          keys_->refused(*handler_, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" +
-                                        log_text(arrival.identity));
+          keys_->rejected(*handler_, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" +
+                                         log_text(arrival.identity));
         return false;
       default:
         break;

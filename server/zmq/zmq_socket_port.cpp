@@ -54,7 +54,7 @@ shm::UniqueFd listen_at(const std::string& path, const std::string& endpoint) {
   const bool bound =
       listener && ::bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
   umask(mask);
-  if (bound) refuse_descriptors(listener.get());
+  if (bound) reject_descriptors(listener.get());
   if (!bound || ::listen(listener.get(), kZmqBacklog) != 0)
     throw std::runtime_error(endpoint + ": cannot listen there: " + std::strerror(errno));
   return listener;

@@ -129,7 +129,7 @@ class ZmqTransport final : public Transport {
     }
     std::string why;
     PeerPtr peer = peer_of(arrival, why);
-    if (!peer) return refuse_one_more(handler, arrival, why);
+    if (!peer) return reject_one_more(handler, arrival, why);
     hand_in(handler, std::move(peer), arrival);
   }
 
@@ -191,7 +191,7 @@ class ZmqTransport final : public Transport {
     return true;
   }
 
-  void refuse_one_more(RequestHandler& handler, const ZmqArrival& from, const std::string& why) {
+  void reject_one_more(RequestHandler& handler, const ZmqArrival& from, const std::string& why) {
     ++handler.counter("zmq.over_quota");
     ++handler.counter("frames");
     ++handler.counter("errors");

@@ -37,7 +37,7 @@ TEST(Wire, OneByteTooManyIsRefused) {
 TEST(Wire, FlippedBitsNeverReadOutside) {
   std::mt19937 random(20);
   for (const auto& [name, kind] : kinds()) {
-    int refused = 0, accepted = 0;
+    int rejected = 0, accepted = 0;
     for (int round = 0; round < 3000; ++round) {
       Bytes bytes = kind.good;
       const int flips = 1 + static_cast<int>(random() % 4);
@@ -50,11 +50,11 @@ TEST(Wire, FlippedBitsNeverReadOutside) {
         read_exact(kind, bytes);
         ++accepted;
       } catch (const WireError&) {
-        ++refused;
+        ++rejected;
       }
     }
     // A payload that is one struct without invalid values cannot be rejected for its contents.
-    EXPECT_EQ(refused > 0, name != "poses done" && name != "remove body") << name;
+    EXPECT_EQ(rejected > 0, name != "poses done" && name != "remove body") << name;
     EXPECT_GT(accepted, 0) << name;
   }
 }
@@ -62,17 +62,17 @@ TEST(Wire, FlippedBitsNeverReadOutside) {
 TEST(Wire, RandomBytesNeverReadOutside) {
   std::mt19937 random(21);
   for (const auto& [name, kind] : kinds()) {
-    int refused = 0;
+    int rejected = 0;
     for (int round = 0; round < 500; ++round) {
       Bytes bytes(round % 2 ? kind.good.size() : random() % 400);  // the size of a valid one passes the first check
       for (auto& byte : bytes) byte = std::byte(random());
       try {
         read_exact(kind, bytes);
       } catch (const WireError&) {
-        ++refused;
+        ++rejected;
       }
     }
-    EXPECT_GT(refused, 200) << name;
+    EXPECT_GT(rejected, 200) << name;
   }
 }
 
@@ -280,7 +280,7 @@ TEST(Wire, SceneContentsAreChecked) {
 }
 
 TEST(Wire, APlansPartsLieInItsMemory) {
-  const auto refusal = [](auto change) {
+  const auto rejection = [](auto change) {
     Bytes payload = plan_payload();
     PlanHeader h;
     PlanColumnRecord columns[2];
@@ -291,25 +291,25 @@ TEST(Wire, APlansPartsLieInItsMemory) {
     std::memcpy(payload.data() + sizeof h, columns, sizeof columns);
     return error_of([&] { parse_plan(payload); }, ErrorCode::kBadFrame);
   };
-  EXPECT_EQ(refusal([](auto& h, auto&) { h.plan = 0; }), "plan: its number is 0");
-  EXPECT_EQ(refusal([](auto& h, auto&) { h.positions_offset = 200; }),
+  EXPECT_EQ(rejection([](auto& h, auto&) { h.plan = 0; }), "plan: its number is 0");
+  EXPECT_EQ(rejection([](auto& h, auto&) { h.positions_offset = 200; }),
             "plan: positions are 80 bytes from 200 on, expected them from 224 on in a memory of 2097152");
-  EXPECT_EQ(refusal([](auto& h, auto&) { h.poses_offset = ~std::uint64_t{0}; }),
+  EXPECT_EQ(rejection([](auto& h, auto&) { h.poses_offset = ~std::uint64_t{0}; }),
             "plan: poses are 224 bytes from 18446744073709551615 on, expected them from 0 on in a memory of 2097152");
-  EXPECT_EQ(refusal([](auto& h, auto&) { h.configurations = ~std::uint64_t{0}; }).substr(0, 30),
+  EXPECT_EQ(rejection([](auto& h, auto&) { h.configurations = ~std::uint64_t{0}; }).substr(0, 30),
             "plan: poses are more than 2^64");
-  EXPECT_EQ(refusal([](auto& h, auto&) { h.memory_bytes = 800; }),
+  EXPECT_EQ(rejection([](auto& h, auto&) { h.memory_bytes = 800; }),
             "plan: columns[1] are 480 bytes from 512 on, expected them from 480 on in a memory of 800");
-  EXPECT_EQ(refusal([](auto&, auto& c) { c[0].offset = 388; }),
+  EXPECT_EQ(rejection([](auto&, auto& c) { c[0].offset = 388; }),
             "plan: columns[0] begins at 388, expected a multiple of 64");
-  EXPECT_EQ(refusal([](auto&, auto& c) { c[1].offset = 384; }),
+  EXPECT_EQ(rejection([](auto&, auto& c) { c[1].offset = 384; }),
             "plan: columns[1] are 480 bytes from 384 on, expected them from 480 on in a memory of 2097152");
-  EXPECT_EQ(refusal([](auto&, auto& c) { c[1].row_bytes = 8; }),
+  EXPECT_EQ(rejection([](auto&, auto& c) { c[1].row_bytes = 8; }),
             "plan: columns[1] is none of 40 bytes a row of the field 8192");
-  EXPECT_EQ(refusal([](auto& h, auto&) { h.fields |= kFieldUpper; }),
+  EXPECT_EQ(rejection([](auto& h, auto&) { h.fields |= kFieldUpper; }),
             "plan: columns[1] is none of 8 bytes a row of the field " + std::to_string(kFieldUpper));
-  EXPECT_EQ(refusal([](auto& h, auto&) { h.fields = kFieldLower; }), "plan: 2 columns, and fields of 1");
-  EXPECT_EQ(refusal([](auto& h, auto&) { h.fields |= 1u << 31; }), "plan: fields has unknown bits: 2147483648");
+  EXPECT_EQ(rejection([](auto& h, auto&) { h.fields = kFieldLower; }), "plan: 2 columns, and fields of 1");
+  EXPECT_EQ(rejection([](auto& h, auto&) { h.fields |= 1u << 31; }), "plan: fields has unknown bits: 2147483648");
 }
 
 TEST(Wire, TooLargeQueriesAreRefusedBeforeTheyAreBuilt) {

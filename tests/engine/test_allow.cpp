@@ -124,7 +124,7 @@ TEST(Allow, GoesOverToTheNextScene) {
 TEST(Allow, RefusesWhatItCannotKeep) {
   Engine engine(six(), {.threads = 1});
   const std::vector<BodyPair> all = engine.pairs({});
-  const auto refused = [&](auto&& call, QueryErrorCode code, const char* text) {
+  const auto rejected = [&](auto&& call, QueryErrorCode code, const char* text) {
     try {
       call();
       ADD_FAILURE() << text;
@@ -134,19 +134,19 @@ TEST(Allow, RefusesWhatItCannotKeep) {
     }
   };
   const std::uint32_t unknown[] = {88}, one[] = {1};
-  refused([&] { engine.allow(0, 77); }, QueryErrorCode::kBadQuery, "unknown body 77");
-  refused([&] { engine.allow(kGroupBit | 9, 0, false); }, QueryErrorCode::kBadQuery, "unknown group 9");
-  refused([&] { engine.attach(4, 3, nullptr, unknown); }, QueryErrorCode::kBadQuery, "unknown body 88");
-  refused([&] { engine.attach(4, kNone, nullptr, one); }, QueryErrorCode::kBadQuery, "set free");
+  rejected([&] { engine.allow(0, 77); }, QueryErrorCode::kBadQuery, "unknown body 77");
+  rejected([&] { engine.allow(kGroupBit | 9, 0, false); }, QueryErrorCode::kBadQuery, "unknown group 9");
+  rejected([&] { engine.attach(4, 3, nullptr, unknown); }, QueryErrorCode::kBadQuery, "unknown body 88");
+  rejected([&] { engine.attach(4, kNone, nullptr, one); }, QueryErrorCode::kBadQuery, "set free");
   EXPECT_EQ(engine.pairs({}), all) << "nothing was changed";
   EXPECT_EQ(engine.body_state(4).parent, kNone);
 
   Scene large;
   for (int i = 0; i < 600; ++i) large.add_sphere("s" + std::to_string(i), 0.1, {.pose = Pose{{1.0 * i, 0, 0}}});
   Engine crowd(std::move(large), {.threads = 1});
-  refused([&] { crowd.allow(kEveryBody, kEveryBody); }, QueryErrorCode::kTooLarge, "more than the 65536");
+  rejected([&] { crowd.allow(kEveryBody, kEveryBody); }, QueryErrorCode::kTooLarge, "more than the 65536");
   std::vector<std::uint32_t> every(200, kEveryBody);
-  refused([&] { crowd.attach(4, 3, nullptr, every); }, QueryErrorCode::kTooLarge, "more than the 65536");
+  rejected([&] { crowd.attach(4, 3, nullptr, every); }, QueryErrorCode::kTooLarge, "more than the 65536");
   for (std::uint32_t i = 0; i < 100; ++i) crowd.allow(i, kEveryBody);
   EXPECT_EQ(crowd.pairs({}).size(), 600u * 599 / 2 - (100u * 500 + 100 * 99 / 2));
   EXPECT_EQ(crowd.allow(kEveryBody, kEveryBody, false).applied, 100u * 500 + 100 * 99 / 2);

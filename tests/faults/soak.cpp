@@ -132,14 +132,14 @@ void Soak::release_due(Clock::time_point now) {
 
 void Soak::take_descriptors() {
   std::vector<Client> clients;
-  std::string refused;
+  std::string rejected;
   const int pid = living_.daemon().pid();
   const Limit limit(pid, RLIMIT_NOFILE, descriptors_for(pid, static_cast<int>(below(12))));
-  while (refused.empty() && clients.size() < 100) {
+  while (rejected.empty() && clients.size() < 100) {
     const std::string& url = below(3) ? living_.shm() : living_.zmq();
-    refused = error_of([&] { clients.push_back(connect(url, 30s)); });
+    rejected = error_of([&] { clients.push_back(connect(url, 30s)); });
   }
-  expect(!refused.empty(), "100 clients without descriptors");
+  expect(!rejected.empty(), "100 clients without descriptors");
   ++faults_["descriptors"];
 }
 
@@ -156,15 +156,15 @@ void Soak::take_memory() {
   query.max_distance = 0.1;
   const Limit limit(pid, RLIMIT_AS, address_space_of(pid) + (96 << 20));
   // Usually rejected; answered if others have just released their slots.
-  const std::string refused = error_of([&] { client.distances(query); });
-  expect(refused.find("is gone") == std::string::npos && refused.find("has gone") == std::string::npos, refused);
+  const std::string rejected = error_of([&] { client.distances(query); });
+  expect(rejected.find("is gone") == std::string::npos && rejected.find("has gone") == std::string::npos, rejected);
   ++faults_["memory"];
 }
 
 void Soak::limit_file_size() {
   const Limit limit(living_.daemon().pid(), RLIMIT_FSIZE, 1 << 20);
-  const std::string refused = error_of([&] { connect(living_.shm(), 30s); });
-  expect(refused.find("File too large") != std::string::npos, "beyond the file size limit: " + refused);
+  const std::string rejected = error_of([&] { connect(living_.shm(), 30s); });
+  expect(rejected.find("File too large") != std::string::npos, "beyond the file size limit: " + rejected);
   ++faults_["file_size"];
 }
 

@@ -69,21 +69,21 @@ class FireInputs : public testing::Test {
 
   /// Sends every kind of bad frame `rounds` times, and checks the outcome.
   void send_bad_frames(RawWire& wire, const std::string& url, int rounds) {
-    std::map<std::string_view, int> refused;
+    std::map<std::string_view, int> rejected;
     for (int round = 0; round < rounds; ++round)
       for (const std::string_view kind : kBadKinds) {
         const Bytes frame = bad_frame(kind, ++id_, random_);
         const RawReply reply = wire.ask(frame);
         ASSERT_EQ(reply.header.request_id, id_) << kind;
         const bool is_error = reply.header.type == static_cast<std::uint16_t>(wire::FrameType::kError);
-        refused[kind] += is_error;
+        rejected[kind] += is_error;
         EXPECT_TRUE(is_error || kind == kFlippedBits) << kind << " was answered";
         EXPECT_FALSE(is_error && reply.error.code == static_cast<std::uint16_t>(wire::ErrorCode::kInternal)) << kind;
         expect_good(url, std::string(kind));
         if (HasFatalFailure()) return;
       }
     for (const std::string_view kind : kBadKinds)
-      EXPECT_GT(refused[kind], kind == kFlippedBits ? 0 : rounds - 1) << kind;
+      EXPECT_GT(rejected[kind], kind == kFlippedBits ? 0 : rounds - 1) << kind;
   }
   Bytes noise(std::size_t size) {
     Bytes bytes(size);
@@ -123,14 +123,14 @@ TEST_F(FireInputs, WordsInTheRingAndMessagesOnItsSocket) {
   const std::string path = arena_.shm().substr(6);
   const std::uint32_t odd[] = {0, 1, 2, 15, 16, 17, 64, 255, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF};
   const auto any = [&] { return odd[random_() % std::size(odd)]; };
-  const std::uint64_t violations = counter("shm.violations"), refused = counter("shm.refused");
+  const std::uint64_t violations = counter("shm.violations"), rejected = counter("shm.refused");
   for (int i = 0; i < 80 * rounds(1); ++i) {
     RawClient client(path);
     // Avoids the one value that keeps the rules: slot below 16, generation 1, head 1.
     const std::uint32_t head = 17 + any() % 0xFFFFFF00u;
     client.post(shm::pack_ticket(any(), any()), random_() % 2 ? any() : std::uint64_t{any()} << 32, i % 2 ? head : 1);
     if (i % 2 == 0) client.post(shm::pack_ticket(16 + any() % 0xFFFFFF00u, 1), 64, 2);
-    EXPECT_EQ(client.receive().kind, static_cast<std::uint32_t>(shm::MessageKind::kRefused)) << i;
+    EXPECT_EQ(client.receive().kind, static_cast<std::uint32_t>(shm::MessageKind::kRejected)) << i;
     expect_good(arena_.shm(), "words in the ring");
     if (HasFatalFailure()) return;
   }
@@ -150,7 +150,7 @@ TEST_F(FireInputs, WordsInTheRingAndMessagesOnItsSocket) {
     expect_good(arena_.shm(), "messages on the socket");
     if (HasFatalFailure()) return;
   }
-  EXPECT_GE(counter("shm.refused") + counter("shm.violations"), refused + violations + 120);
+  EXPECT_GE(counter("shm.refused") + counter("shm.violations"), rejected + violations + 120);
 }
 
 TEST_F(FireInputs, PartsOverZeroMqAndStrangersAtItsSocket) {
@@ -273,7 +273,7 @@ TEST_F(FireInputs, ScenesAndMeshesAtAReload) {
   const std::uint64_t revision = client.scene().revision;
   client.reload();
   before_ = arena_.census();  // after one load, because OpenMP may keep a thread for it
-  int refused = 0, taken = 0;
+  int rejected = 0, taken = 0;
   const auto reload = [&](const std::string& file, const std::string& bad, const std::string& good) {
     folder_.write(file, bad);
     bool is_new = false;
@@ -282,7 +282,7 @@ TEST_F(FireInputs, ScenesAndMeshesAtAReload) {
       ++taken;
     } catch (const RequestError& error) {
       EXPECT_EQ(error.code, static_cast<std::uint16_t>(wire::ErrorCode::kReloadFailed)) << error.what();
-      ++refused;
+      ++rejected;
     }
     folder_.write(file, good);
     if (is_new) client.reload();
@@ -292,10 +292,10 @@ TEST_F(FireInputs, ScenesAndMeshesAtAReload) {
     }
   };
   for (const std::string& scene : scenes) ASSERT_NO_FATAL_FAILURE(reload("scene.yaml", scene, yaml_));
-  const int refused_scenes = refused;
+  const int rejected_scenes = rejected;
   for (const std::string& mesh : meshes) ASSERT_NO_FATAL_FAILURE(reload("hull.stl", mesh, stl()));
-  EXPECT_GE(refused_scenes, 13);
-  EXPECT_GE(refused - refused_scenes, 5);
+  EXPECT_GE(rejected_scenes, 13);
+  EXPECT_GE(rejected - rejected_scenes, 5);
   EXPECT_EQ(client.scene().revision, revision);
   RecordProperty("taken", taken);
 }

@@ -67,13 +67,13 @@ TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
   for (int round = 0; round < rounds(1); ++round)
     for (const int spare : {0, 1, 2, 3, 7}) {
       std::vector<Client> clients;
-      std::string refused;
+      std::string rejected;
       {
         const Limit limit(arena_.daemon().pid(), RLIMIT_NOFILE, descriptors_for(arena_.daemon().pid(), spare));
-        while (refused.empty() && clients.size() < 100)
-          refused = error_of([&] { clients.push_back(patient(arena_.shm())); });
-        EXPECT_TRUE(contains(refused, "rejected: ") && contains(refused, "Too many open files"))
-            << spare << ": " << refused;
+        while (rejected.empty() && clients.size() < 100)
+          rejected = error_of([&] { clients.push_back(patient(arena_.shm())); });
+        EXPECT_TRUE(contains(rejected, "rejected: ") && contains(rejected, "Too many open files"))
+            << spare << ": " << rejected;
         EXPECT_EQ(clients.size(), static_cast<std::size_t>(spare / 3)) << "a client takes three";
         // ZeroMQ cannot report the reason.
         const std::string hung_up = error_of([&] { patient(arena_.zmq()); });
@@ -107,10 +107,10 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
       query.max_distance = 0.1;
       {
         const Limit limit(arena_.daemon().pid(), RLIMIT_AS, address_space_of(arena_.daemon().pid()) + (48 << 20));
-        const std::string refused = error_of([&] { client.distances(query); });
-        EXPECT_TRUE(contains(refused, "more than this client has room for") ||
-                    contains(refused, "the daemon has no memory for this request"))
-            << url << ": " << refused;
+        const std::string rejected = error_of([&] { client.distances(query); });
+        EXPECT_TRUE(contains(rejected, "more than this client has room for") ||
+                    contains(rejected, "the daemon has no memory for this request"))
+            << url << ": " << rejected;
         EXPECT_TRUE(is_right(client.distances(exam_.questions()[1]->query), *exam_.questions()[1]));
         ASSERT_EQ(await_answers(witnesses_, 2), "");
       }
@@ -118,12 +118,12 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
     }
     // Connections for which there is no memory.
     std::vector<Client> clients;
-    std::string refused;
+    std::string rejected;
     {
       const Limit limit(arena_.daemon().pid(), RLIMIT_AS, address_space_of(arena_.daemon().pid()) + (64 << 20));
-      while (refused.empty() && clients.size() < 100)
-        refused = error_of([&] { clients.push_back(patient(arena_.shm())); });
-      EXPECT_TRUE(contains(refused, "rejected: mapping a segment of ")) << refused;
+      while (rejected.empty() && clients.size() < 100)
+        rejected = error_of([&] { clients.push_back(patient(arena_.shm())); });
+      EXPECT_TRUE(contains(rejected, "rejected: mapping a segment of ")) << rejected;
       EXPECT_GE(clients.size(), 1u);
       ASSERT_EQ(await_answers(witnesses_, 2), "");
     }
@@ -134,8 +134,8 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
 TEST_F(FireLimits, SegmentsBeyondTheFileSizeLimitAreRefused) {
   {
     const Limit limit(arena_.daemon().pid(), RLIMIT_FSIZE, 1 << 20);
-    const std::string refused = error_of([&] { patient(arena_.shm()); });
-    EXPECT_TRUE(contains(refused, "rejected: a segment of ") && contains(refused, "File too large")) << refused;
+    const std::string rejected = error_of([&] { patient(arena_.shm()); });
+    EXPECT_TRUE(contains(rejected, "rejected: a segment of ") && contains(rejected, "File too large")) << rejected;
     ASSERT_EQ(await_answers(witnesses_, 2), "");
   }
   expect_recovered();

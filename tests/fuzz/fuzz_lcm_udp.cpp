@@ -53,7 +53,7 @@ class Network {
     }
     while (loop_.waiting() > 0) loop_.turn();
   }
-  std::uint64_t refused() { return loop_.counter("lcm.bad_messages"); }
+  std::uint64_t rejected() { return loop_.counter("lcm.bad_messages"); }
   std::uint64_t taken() {
     return loop_.counter("lcm.pose_messages") + loop_.counter("lcm.queries") + loop_.counter("lcm.frames");
   }
@@ -87,7 +87,7 @@ CLEARANCE_FUZZ_TARGET(lcm_udp) {
   using namespace clearance;
   using namespace clearance::fuzz;
   static Network network;
-  const std::uint64_t refused = network.refused(), taken = network.taken();
+  const std::uint64_t rejected = network.rejected(), taken = network.taken();
   Input in(bytes);
   for (int i = 0; !in.empty() && i < 32; ++i) {
     const auto kind = in.number<std::uint8_t>();
@@ -110,5 +110,5 @@ CLEARANCE_FUZZ_TARGET(lcm_udp) {
     if (datagram.size() <= 65507) network.send(datagram);
   }
   network.settle();
-  return network.refused() == refused && network.taken() > taken + 1;  // one belongs to `settle()`
+  return network.rejected() == rejected && network.taken() > taken + 1;  // one belongs to `settle()`
 }

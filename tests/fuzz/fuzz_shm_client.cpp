@@ -59,7 +59,7 @@ Prepared prepare(Input& in) {
   const auto how = in.number<std::uint8_t>();
   shm::Message message;
   message.wire_version = wire::kVersion;
-  message.kind = static_cast<std::uint32_t>(how & 1 ? shm::MessageKind::kRefused : shm::MessageKind::kSegment);
+  message.kind = static_cast<std::uint32_t>(how & 1 ? shm::MessageKind::kRejected : shm::MessageKind::kSegment);
   message.request_capacity = message.reply_capacity = kCapacity;
   wire::append(out.message, message);
   if (how & 2) {

@@ -44,9 +44,9 @@ void save_requests_and_replies() {
   const Data remove = simple_frame(wire::FrameType::kRemoveBody, 30, std::as_bytes(std::span(&gone, 1)));
   append_frame(come_and_go, kMendHeader, remove);
   save("request", "good_come_and_go", come_and_go);
-  Data refused;
-  append_frame(refused, kMendHeader, simple_frame(wire::FrameType::kQuery, 1));
-  save("request", "bad_empty_query", refused);
+  Data rejected;
+  append_frame(rejected, kMendHeader, simple_frame(wire::FrameType::kQuery, 1));
+  save("request", "bad_empty_query", rejected);
   // Device queries, for which this daemon has no GPU.
   Data plans;
   TestQuery plan;
@@ -165,10 +165,10 @@ void save_shm() {
   add(needs_room, std::uint8_t{1}, std::uint8_t{0}, std::uint8_t{1});
   append_frame(needs_room, kMendHeader, simple_frame(wire::FrameType::kError, 1, std::as_bytes(std::span(&error, 1))));
   save("shm_client", "bad_needs_more_room", needs_room);
-  Data refused;
-  add(refused, std::uint8_t{1}, std::uint8_t{1 | 2 | 8}, std::uint8_t{64}, std::uint8_t{4});
-  wire::append_bytes(refused, "busy", 4);
-  save("shm_client", "bad_refused", refused);
+  Data rejected;
+  add(rejected, std::uint8_t{1}, std::uint8_t{1 | 2 | 8}, std::uint8_t{64}, std::uint8_t{4});
+  wire::append_bytes(rejected, "busy", 4);
+  save("shm_client", "bad_refused", rejected);
 }
 
 // --- LCM

@@ -16,10 +16,10 @@ TEST(CudaLoss, LeavesTheQueryAndAllThatFollowToTheCpu) {
   const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
   Engine::Options strict{"cuda"};
   strict.device_fallback = false;
-  const Engine refusing(scene(), strict);
+  const Engine rejecting(scene(), strict);
   const Answer expected = ask(cpu, {}), room = ask(device, {});
   expect_same(room, expected, "while all is well");
-  Job job = device.start({}, room.view), doomed = refusing.start({}, room.view);
+  Job job = device.start({}, room.view), doomed = rejecting.start({}, room.view);
   ASSERT_FALSE(job.advance(std::chrono::nanoseconds(1))) << "a chunk came, and there are more";
   break_device();
   EXPECT_THROW(doomed.advance(), QueryError);
@@ -36,7 +36,7 @@ TEST(CudaLoss, LeavesTheQueryAndAllThatFollowToTheCpu) {
   QueryView q;
   q.reduce = Reduce::kNearest;
   expect_same(ask(device, q), ask(cpu, q), "afterwards", true);
-  EXPECT_THROW(ask(refusing, {}), QueryError);
+  EXPECT_THROW(ask(rejecting, {}), QueryError);
   EXPECT_THROW(Engine(scene(), strict), std::runtime_error);
   EXPECT_EQ(Engine(scene(), {"cuda"}).backend(), "cpu");
 }

@@ -407,7 +407,7 @@ TEST_F(DevicePlans, ReducedFromJointsAreCapturedInGraphs) {
   }
 }
 
-std::string refusal(const Engine& engine, const QueryView& q) {
+std::string rejection(const Engine& engine, const QueryView& q) {
   try {
     engine.plan_on_device(q);
   } catch (const QueryError& e) {
@@ -421,21 +421,21 @@ TEST_F(DevicePlans, RefuseByNameWhatOnlyTheCpuAnswers) {
   scene.add_box("can", {0.2, 0.2, 0.5}, {.pose = Pose(), .max_speed = 1});
   const Engine device(std::move(scene), {"cuda"});
   QueryView q;
-  EXPECT_NE(refusal(device, q).find("'can' has slack that grows"), std::string::npos) << refusal(device, q);
+  EXPECT_NE(rejection(device, q).find("'can' has slack that grows"), std::string::npos) << rejection(device, q);
   const std::vector<BodyPair> pairs{{0, 1}};
   q.all_pairs = false;
   q.pairs = pairs;
-  EXPECT_EQ(refusal(device, q), "");
+  EXPECT_EQ(rejection(device, q), "");
   for (const Reduce reduce : {Reduce::kNearest, Reduce::kWithin}) {
     q.reduce = reduce;
-    EXPECT_NE(refusal(device, q).find("reduce: expected none, min or any"), std::string::npos);
+    EXPECT_NE(rejection(device, q).find("reduce: expected none, min or any"), std::string::npos);
   }
   q.reduce = Reduce::kNone;
   q.max_pose_age_ns = 1;
-  EXPECT_NE(refusal(device, q).find("max_pose_age_ns"), std::string::npos);
+  EXPECT_NE(rejection(device, q).find("max_pose_age_ns"), std::string::npos);
   q.max_pose_age_ns = 0;
   q.signed_distance = true;
-  EXPECT_NE(refusal(device, q).find("depths"), std::string::npos);
+  EXPECT_NE(rejection(device, q).find("depths"), std::string::npos);
   q.signed_distance = false;
   q.fields = kBounds;
   const auto plan = device.plan_on_device(q);
@@ -450,7 +450,7 @@ TEST_F(DevicePlans, RefuseByNameWhatOnlyTheCpuAnswers) {
 
 TEST(DevicePlansWithoutADevice, AreRefused) {
   const Engine cpu(scene_of_all_kinds(6, 4), {"cpu"});
-  EXPECT_NE(refusal(cpu, {}).find("no device"), std::string::npos) << refusal(cpu, {});
+  EXPECT_NE(rejection(cpu, {}).find("no device"), std::string::npos) << rejection(cpu, {});
 }
 
 }  // namespace

@@ -97,15 +97,15 @@ TEST_F(DecomposedMeshes, ThatLeaveAPartOutSaySo) {
 
 TEST_F(DecomposedMeshes, RefuseWhatEnclosesNothingOrIsNoPiece) {
   Scene scene;
-  const auto refusal = [&](const std::string& mesh) {
+  const auto rejection = [&](const std::string& mesh) {
     return error_text<SceneError>([&] { scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {}); });
   };
   const std::string open = write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-  EXPECT_NE(refusal(open).find("mesh_as: decompose: the mesh encloses no volume: the edge from"), std::string::npos);
+  EXPECT_NE(rejection(open).find("mesh_as: decompose: the mesh encloses no volume: the edge from"), std::string::npos);
   const std::string mesh = write("l.obj", kBracket);
   for (const char* bad : {"", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nf 1 2 9\n", "rubbish"}) {
     write("l.obj.pieces.obj", bad);
-    EXPECT_NE(refusal(mesh).find("l.obj.pieces.obj"), std::string::npos) << bad << ": " << refusal(mesh);
+    EXPECT_NE(rejection(mesh).find("l.obj.pieces.obj"), std::string::npos) << bad << ": " << rejection(mesh);
   }
   EXPECT_TRUE(scene.bodies().empty());
 }
@@ -168,24 +168,24 @@ TEST_F(DecomposedMeshes, TheProcessThatProposesMayFailOrBeStopped) {
   options.mesh = write("l.obj", kBracket);
   options.quiet = true;
   std::atomic<bool> stop{false};
-  const auto refusal = [&](const std::string& python) {
+  const auto rejection = [&](const std::string& python) {
     options.python = python;
     return error_text<std::runtime_error>([&] { decompose(options, stop); });
   };
   const std::string absent = folder_ / "absent";
-  EXPECT_NE(refusal(absent).find(absent + " cannot be run"), std::string::npos);
-  EXPECT_NE(refusal(program("none", "exit 3\n")).find("has no coacd: pip install coacd there"), std::string::npos);
-  EXPECT_NE(refusal(program("fails", "exit 9\n")).find("CoACD failed with exit code 9"), std::string::npos);
-  EXPECT_NE(refusal(program("dies", "kill -9 $$\n")).find("CoACD failed with signal 9"), std::string::npos);
-  EXPECT_NE(refusal(program("silent", "exit 0\n")).find("without pieces that can be read"), std::string::npos);
-  EXPECT_NE(refusal(program("short", "head -c 20 /dev/zero | tr '\\0' '\\1' > \"$4\"\n")).find("can be read"),
+  EXPECT_NE(rejection(absent).find(absent + " cannot be run"), std::string::npos);
+  EXPECT_NE(rejection(program("none", "exit 3\n")).find("has no coacd: pip install coacd there"), std::string::npos);
+  EXPECT_NE(rejection(program("fails", "exit 9\n")).find("CoACD failed with exit code 9"), std::string::npos);
+  EXPECT_NE(rejection(program("dies", "kill -9 $$\n")).find("CoACD failed with signal 9"), std::string::npos);
+  EXPECT_NE(rejection(program("silent", "exit 0\n")).find("without pieces that can be read"), std::string::npos);
+  EXPECT_NE(rejection(program("short", "head -c 20 /dev/zero | tr '\\0' '\\1' > \"$4\"\n")).find("can be read"),
             std::string::npos);
-  EXPECT_NE(refusal(program("zero", "head -c 8 /dev/zero > \"$4\"\n")).find("proposed no piece"), std::string::npos);
+  EXPECT_NE(rejection(program("zero", "head -c 8 /dev/zero > \"$4\"\n")).find("proposed no piece"), std::string::npos);
   stop = true;
-  EXPECT_NE(refusal(program("long", "sleep 1000\n")).find("stopped: no pieces were written"), std::string::npos);
+  EXPECT_NE(rejection(program("long", "sleep 1000\n")).find("stopped: no pieces were written"), std::string::npos);
   stop = false;
   options.seconds = 0.05;
-  EXPECT_NE(refusal(program("slow", "sleep 1000\n")).find("CoACD took longer than"), std::string::npos);
+  EXPECT_NE(rejection(program("slow", "sleep 1000\n")).find("CoACD took longer than"), std::string::npos);
   EXPECT_FALSE(fs::exists(options.mesh + ".pieces.obj"));
 }
 

@@ -126,7 +126,7 @@ def check_answers_of(clearance, program, scene):
         assert daemon.wait(60) == 0
 
 
-def check_refusals(clearance, folder):
+def check_rejections(clearance, folder):
     """Without a daemon: errors name their cause, and missing programs are reported by name."""
     for url, why in (
         (f"ipc://{folder}/none", "no such socket"),
@@ -160,7 +160,7 @@ def main():
         check_whole(clearance, scene)
         return
     with tempfile.TemporaryDirectory() as folder:
-        check_refusals(clearance, folder)
+        check_rejections(clearance, folder)
     if program:
         check_answers_of(clearance, program[0], scene)
 

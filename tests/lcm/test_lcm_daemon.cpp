@@ -224,7 +224,7 @@ TEST_F(LcmDaemonTest, WhereNotEveryPoseIsTakenClientsMayAskAlone) {
     Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--lcm-poses", how});
     Client client = connect(url(), kPatience);
     EXPECT_EQ(patiently(client, [&] { return client.scene().bodies.size(); }), 4u);
-    const auto refused = [&](auto call) -> std::string {
+    const auto rejected = [&](auto call) -> std::string {
       try {
         patiently(client, call);
         return "";
@@ -233,10 +233,10 @@ TEST_F(LcmDaemonTest, WhereNotEveryPoseIsTakenClientsMayAskAlone) {
       }
     };
     const std::string has = how == "on" ? "query,poses" : "query";
-    EXPECT_EQ(refused([&] { client.reload(); }), "kReload needs the right \"admin\"; this client has " + has);
-    EXPECT_EQ(refused([&] { client.set_poses({{"cup", {0, 0, 0.5, 1, 0, 0, 0}}}); }),
+    EXPECT_EQ(rejected([&] { client.reload(); }), "kReload needs the right \"admin\"; this client has " + has);
+    EXPECT_EQ(rejected([&] { client.set_poses({{"cup", {0, 0, 0.5, 1, 0, 0, 0}}}); }),
               how == "on" ? "" : "kSetPoses needs the right \"poses\"; this client has query");
-    EXPECT_EQ(refused([&] { client.attach(1, 2); }),
+    EXPECT_EQ(rejected([&] { client.attach(1, 2); }),
               how == "on" ? "" : "kAttach needs the right \"poses\"; this client has query");
   }
 }

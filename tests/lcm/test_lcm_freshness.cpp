@@ -343,14 +343,14 @@ TEST_F(LcmFreshness, StampsThatAreNoTimePoisonNothing) {
   constexpr std::int64_t kMin = std::numeric_limits<std::int64_t>::min(),
                          kMax = std::numeric_limits<std::int64_t>::max();
   const std::int64_t now = std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count();
-  std::uint64_t refused = 0;
+  std::uint64_t rejected = 0;
   for (const std::int64_t stamp : {kMax, now + 3'600'000'000'000, std::int64_t{-1}, kMin})
     for (const std::int64_t publisher : {1, 2}) {
       pose_update_t bad = update(2, 9.9, publisher);
       bad.stamp_ns = stamp;
       bad.sequence = kMax;  // nor do their numbers
       publish(bad);
-      ASSERT_TRUE(until_counter("lcm.bad_stamps", ++refused));
+      ASSERT_TRUE(until_counter("lcm.bad_stamps", ++rejected));
     }
   EXPECT_TRUE(stands_at(1, 1.0));
   set_poses(2, 1.1);

@@ -114,18 +114,18 @@ TEST_F(LcmJoints, AQueryOfAnotherNumberOfRowsOrAnOlderSceneIsRefused) {
   message.query.bodies = {1};
   message.query.configuration_count = 1;
   message.query.configurations = {{pose_of(0, 0)}};
-  const auto refused = [&] {
+  const auto rejected = [&] {
     const auto reply = ask(message.query, [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); });
     return reply ? reply->error_text : "no reply";
   };
-  EXPECT_EQ(refused(), "1 configurations of bodies and 2 of joints: expected equal numbers, or no bodies");
+  EXPECT_EQ(rejected(), "1 configurations of bodies and 2 of joints: expected equal numbers, or no bodies");
   message.query.configuration_count = 0;
   message.query.configurations.clear();
-  EXPECT_EQ(refused(), "0 configurations of bodies and 2 of joints: expected equal numbers, or no bodies");
+  EXPECT_EQ(rejected(), "0 configurations of bodies and 2 of joints: expected equal numbers, or no bodies");
   message.query.body_count = 0;
   message.query.bodies.clear();
   message.query.scene_revision = 12345;
-  EXPECT_EQ(refused(),
+  EXPECT_EQ(rejected(),
             "the scene is revision " + std::to_string(engine_->scene_revision()) + ", the query is for 12345");
 }
 

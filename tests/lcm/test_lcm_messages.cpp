@@ -154,7 +154,7 @@ TEST(LcmCheck, LongerThanADatagram) {
 
 TEST(LcmCheck, FlippedBitsPassOrFailButNeverOverrun) {
   std::mt19937 random(20240901);
-  int passed = 0, refused = 0;
+  int passed = 0, rejected = 0;
   const auto flip = [&](const auto& message) {
     const std::vector<std::byte> packet = encode(message);
     for (int round = 0; round < 4000; ++round) {
@@ -168,7 +168,7 @@ TEST(LcmCheck, FlippedBitsPassOrFailButNeverOverrun) {
         ++passed;
         EXPECT_EQ(out.decode(wrong.data(), 0, static_cast<int>(wrong.size())), static_cast<int>(wrong.size()));
       } else {
-        ++refused;
+        ++rejected;
       }
     }
   };
@@ -177,7 +177,7 @@ TEST(LcmCheck, FlippedBitsPassOrFailButNeverOverrun) {
   flip(query(1, 2, 1));
   flip(frame(16));
   EXPECT_GT(passed, 1000);
-  EXPECT_GT(refused, 1000);
+  EXPECT_GT(rejected, 1000);
 }
 
 // --- frames in parts

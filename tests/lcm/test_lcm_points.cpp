@@ -99,19 +99,19 @@ TEST_F(Clouds, WithPartsThatDisagreeAreNotMade) {
 }
 
 TEST_F(Clouds, WithNumbersThatDoNotFitAreRefused) {
-  const auto refused = [&](auto change) {
+  const auto rejected = [&](auto change) {
     points_t part = parts_of(2 * kPart)[0];
     change(part);
     const std::uint64_t before = points_.counts().bad;
     EXPECT_FALSE(add(part));
     EXPECT_EQ(points_.counts().bad, before + 1);
   };
-  refused([](points_t& p) { p.parts = 3; });
-  refused([](points_t& p) { p.part = 2; });
-  refused([](points_t& p) { p.part = -1; });
-  refused([](points_t& p) { p.total = -1; });
-  refused([](points_t& p) { p.xyz.pop_back(); });
-  refused([](points_t& p) {
+  rejected([](points_t& p) { p.parts = 3; });
+  rejected([](points_t& p) { p.part = 2; });
+  rejected([](points_t& p) { p.part = -1; });
+  rejected([](points_t& p) { p.total = -1; });
+  rejected([](points_t& p) { p.xyz.pop_back(); });
+  rejected([](points_t& p) {
     p.total = static_cast<std::int32_t>(LcmPoints::kMostPoints) + 1;
     p.parts = (p.total + kPart - 1) / kPart;
   });

@@ -19,27 +19,27 @@ class Judges:
 
     def verdicts(self, document):
         """For each row, whether both find it proved, and the checker's message; or the checker's exception."""
-        refused = self.refused(document) if self.program else None
+        rejected = self.rejected(document) if self.program else None
         try:
             found = list(self.checker.verdicts(document))
         except self.checker.MALFORMED:
-            assert refused is None or refused, "the judge finds good what the checker calls no certificate"
+            assert rejected is None or rejected, "the judge finds good what the checker calls no certificate"
             raise
-        if refused is None:
+        if rejected is None:
             return iter(found)
         for place, (is_proved, why) in enumerate(found):
-            assert is_proved or place in refused, f"the judge finds row {place} good: {why}"
-        return iter([(is_proved and place not in refused, why) for place, (is_proved, why) in enumerate(found)])
+            assert is_proved or place in rejected, f"the judge finds row {place} good: {why}"
+        return iter([(is_proved and place not in rejected, why) for place, (is_proved, why) in enumerate(found)])
 
-    def each_refuses(self, document):
+    def each_rejects(self, document):
         """Whether the checker rejects any row, and whether the oracle does; True for the oracle if it is not built."""
         try:
             refuses = not all(is_proved for is_proved, _ in self.checker.verdicts(document))
         except self.checker.MALFORMED:
             refuses = True
-        return [refuses, bool(len(self.refused(document))) if self.program else refuses]
+        return [refuses, bool(len(self.rejected(document))) if self.program else refuses]
 
-    def refused(self, document):
+    def rejected(self, document):
         """The rows that the oracle rejects: a container, which is not empty if it finds an error."""
         text = json.dumps(document)
         done = subprocess.run([self.program, "/dev/stdin"], input=text, capture_output=True, text=True, check=False)
@@ -47,16 +47,16 @@ class Judges:
         if "no certificate: " in done.stdout:
             return range(10**9)
         found = re.findall(r"(?m)^/dev/stdin: rows\[(\d+)\]: NOT PROVED", done.stdout)
-        refused = {int(place) for place in found}
-        assert bool(refused) == bool(done.returncode), done.stdout
-        return refused
+        rejected = {int(place) for place in found}
+        assert bool(rejected) == bool(done.returncode), done.stdout
+        return rejected
 
 
 def turned(vector):
     return [[-high, -low] for high, low in vector]
 
 
-def junk_refused(checker, documents, rng, times):
+def junk_rejected(checker, documents, rng, times):
     """Number of rejections of junk in place of any part of one of the documents; nothing else may result from it."""
     junk = [None, True, -1, 0, 1e300, "inf", "nan", "", [], {}, [[]], {"a": 1}, 10**400, [1, 2, 3]]
     found = 0

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import clearance
-from certificates import NAMES, junk_refused, turned
+from certificates import NAMES, junk_rejected, turned
 from clearance import Status
 from scenes import at, box_vertices, random_poses
 
@@ -492,4 +492,4 @@ def test_tampering_is_found(checker, documents, name):
 
 def test_any_junk_is_answered(checker, documents):
     chosen = [documents[name] for name in ("apart", "slack", "overlap", "follower", "age", "can")]
-    assert 150 < junk_refused(checker, chosen, random.Random(5), 400) < 400  # names and digests may be anything
+    assert 150 < junk_rejected(checker, chosen, random.Random(5), 400) < 400  # names and digests may be anything

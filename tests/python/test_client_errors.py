@@ -34,9 +34,9 @@ def test_a_client_finds_the_next_daemon(start_daemon, cell, kind):
     try:
         known = client.epoch
         for _ in range(2):
-            with pytest.raises(clearance.NewEpoch, match="was restarted or replaced") as refused:
+            with pytest.raises(clearance.NewEpoch, match="was restarted or replaced") as rejected:
                 client.distances(pairs=("cup", "*"))
-            assert refused.value.code == ErrorCode.NEW_EPOCH and client.epoch == known
+            assert rejected.value.code == ErrorCode.NEW_EPOCH and client.epoch == known
         with pytest.raises(clearance.NewEpoch):
             client.set_poses({"cup": [0, 0, 0, 1, 0, 0, 0]})
         assert client.acknowledge_epoch() == client.epoch != known

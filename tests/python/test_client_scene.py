@@ -187,9 +187,9 @@ def test_keys(start_daemon, cell, tmp_path, monkeypatch):
 
     with clearance.connect(url, server_key=server, key=tmp_path / "probe.key") as client:
         assert client.distances(reduce="min").upper.shape == (1,)
-        with pytest.raises(clearance.RequestError, match='needs the right "poses"; this client has query') as refused:
+        with pytest.raises(clearance.RequestError, match='needs the right "poses"; this client has query') as rejected:
             client.set_poses({"cup": at(0, 0, 3)})
-        assert refused.value.code == ErrorCode.FORBIDDEN
+        assert rejected.value.code == ErrorCode.FORBIDDEN
     with pytest.raises(clearance.ConnectionError, match="rejects this client's key"):
         clearance.connect(url, server_key=server, key=tmp_path / "stranger.key")
     with pytest.raises(clearance.ConnectionError, match="needs keys"):
@@ -214,7 +214,7 @@ def test_reload(start_daemon, tmp_path):
         assert client.distances(pairs=("ball", "box")).distance[0, 0] == pytest.approx(1.5)
 
         scene.write_text("bodies: [{name: ball, sphere: -1}]")
-        with pytest.raises(clearance.RequestError, match=r"scene.yaml:1: bodies\[0\]") as refused:
+        with pytest.raises(clearance.RequestError, match=r"scene.yaml:1: bodies\[0\]") as rejected:
             client.reload()
-        assert refused.value.code == ErrorCode.RELOAD_FAILED
+        assert rejected.value.code == ErrorCode.RELOAD_FAILED
         assert client.distances().scene_revision == changed.scene_revision

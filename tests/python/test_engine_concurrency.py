@@ -157,10 +157,10 @@ def test_use_after_fork_is_refused(engine):
     with os.fdopen(read) as pipe:
         lines = pipe.read().splitlines()
     os.waitpid(child, 0)
-    refusal = (
+    rejection = (
         f"this Engine was made by process {os.getpid()} and cannot be used after a fork; make a new one in the child"
     )
-    assert lines[:4] == [refusal] * 4
+    assert lines[:4] == [rejection] * 4
     assert lines[4] == repr(float(engine.distances(pairs=(1, 2)).upper[0, 0])), "a new engine works in the child"
 
 

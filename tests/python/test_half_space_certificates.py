@@ -14,7 +14,7 @@ import clearance
 import test_certificates
 import test_motion_certificates
 import test_surface_certificates
-from certificates import NAMES, junk_refused
+from certificates import NAMES, junk_rejected
 from scenes import at, box_vertices, random_poses
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
@@ -470,4 +470,4 @@ def test_what_changes_nothing_is_still_good(checker, documents):
 
 def test_any_junk_is_answered(checker, documents):
     chosen = [document for name, document in documents.items() if name != "motion"]
-    assert 75 < junk_refused(checker, chosen, random.Random(5), 150) < 150
+    assert 75 < junk_rejected(checker, chosen, random.Random(5), 150) < 150

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearance
-from certificates import NAMES, junk_refused, turned
+from certificates import NAMES, junk_rejected, turned
 from clearance import Status
 from scenes import at
 
@@ -366,4 +366,4 @@ def test_motions_from_nowhere(checker):
 
 
 def test_any_junk_is_answered(checker, document, touching):
-    assert 6 < junk_refused(checker, [document, touching], random.Random(7), 30) < 30  # names may be anything
+    assert 6 < junk_rejected(checker, [document, touching], random.Random(7), 30) < 30  # names may be anything

@@ -89,13 +89,13 @@ def test_scenes_come_back_equal(root, way):
 
 @pytest.mark.parametrize("way", WAYS)
 def test_what_does_not_come_along_says_what_to_do(engine, way):
-    refused = {
+    rejected = {
         "a clearance.Engine cannot be pickled or copied: send its Scene, or the scene file's path, and make an Engine "
         "of it in each process": engine,
         "a future cannot be pickled or copied: send its result()": engine.submit(),
         "a prepared query cannot be pickled or copied: send its arguments, and prepare it there": engine.prepare(),
     }
-    for text, value in refused.items():
+    for text, value in rejected.items():
         with pytest.raises(TypeError) as error:
             WAYS[way](value)
         assert str(error.value) == text

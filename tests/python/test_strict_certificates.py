@@ -41,7 +41,7 @@ def documents(checker, urdf):
     }
     made = {name: certificate.document for name, certificate in certificates.items()}
     for name, document in made.items():
-        assert checker.each_refuses(document) == [False, False], name
+        assert checker.each_rejects(document) == [False, False], name
     statuses = {name: [row["status"] for row in document["rows"]] for name, document in made.items()}
     assert statuses["beyond"] == ["beyond"] * 2 and statuses["nothing"] == ["no_pose"] and statuses["any"] == ["ok"]
     assert set(statuses["motion"]) == set(statuses["joints"]) == {"ok"} < set(NAMES)
@@ -149,7 +149,7 @@ def test_each_refuses(checker, documents, name):
     document = copy.deepcopy(documents[kind])
     mutate(document)
     assert document != documents[kind]
-    assert checker.each_refuses(document) == [True, True]
+    assert checker.each_rejects(document) == [True, True]
 
 
 def test_what_the_page_leaves_open_is_taken(checker, documents):
@@ -159,7 +159,7 @@ def test_what_the_page_leaves_open_is_taken(checker, documents):
     assert max(map(len, spans)) > 1
     for each in spans:
         each.reverse()
-    assert checker.each_refuses(document) == [False, False]
+    assert checker.each_rejects(document) == [False, False]
     document = copy.deepcopy(documents["joints"])
     ends = [len(x) for x in document["configurations"][0]["positions"].values()]
     assert ends == [2]
@@ -168,7 +168,7 @@ def test_what_the_page_leaves_open_is_taken(checker, documents):
     assert fixed and all((move["stands"], move["multiplier"]) == (0, 0) for move in fixed)
     for move in fixed:
         move["stands"] = 12.5  # times 0
-    assert checker.each_refuses(document) == [False, False]
+    assert checker.each_rejects(document) == [False, False]
     for move in moves:
         move["offset"] += np.pi / 2
-    assert checker.each_refuses(document) == [True, True]
+    assert checker.each_rejects(document) == [True, True]

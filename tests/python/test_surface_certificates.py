@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import clearance
-from certificates import NAMES, junk_refused, turned
+from certificates import NAMES, junk_rejected, turned
 from scenes import at, random_poses
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearance.MeshWarning")
@@ -326,7 +326,7 @@ def test_tampering_is_found(checker, documents, name):
 
 def test_any_junk_is_answered(checker, documents):
     chosen = [documents[name] for name in ("linked", "held", "cloud")]
-    assert 30 < junk_refused(checker, chosen, random.Random(5), 60) <= 60
+    assert 30 < junk_rejected(checker, chosen, random.Random(5), 60) <= 60
 
 
 def test_the_documents_are_good_and_name_each_vertex_once(checker, documents):

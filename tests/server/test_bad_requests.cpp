@@ -26,7 +26,7 @@ std::vector<std::byte> frame_of(const BadRequest& request) {
   return frame;
 }
 
-void expect_refusal(const BadRequest& request, const Frame& reply) {
+void expect_rejection(const BadRequest& request, const Frame& reply) {
   ASSERT_EQ(reply.header().type, static_cast<std::uint16_t>(FrameType::kError)) << request.name;
   const auto error = wire::parse_error(wire::split_payload(reply.header(), reply.payload()).body);
   EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(request.code)) << request.name << ": " << error.text;
@@ -66,7 +66,7 @@ TEST(BadRequests, AreRefusedByTheLoop) {
   };
   const auto requests = bad_requests(engine.scene_revision());
   for (const BadRequest& request : requests) {
-    expect_refusal(request, *ask(frame_of(request)));
+    expect_rejection(request, *ask(frame_of(request)));
     expect_answer(request.name, ask(good_query(8)));
   }
   EXPECT_EQ(loop.counter("errors"), requests.size());
@@ -121,7 +121,7 @@ TEST_F(BadFramesOverZmq, AreRefusedAndTheDaemonGoesOn) {
   Client client = patient(daemon_.url());
   for (const BadRequest& request : bad_requests(client.scene().revision)) {
     raw_.send(frame_of(request));
-    expect_refusal(request, *raw_.receive());
+    expect_rejection(request, *raw_.receive());
     expect_good(request.name);
   }
   EXPECT_EQ(daemon_.stop(15), 0);

@@ -43,7 +43,7 @@ class Bodies : public LoopTest {
     return wire::parse_scene_changed(wire::split_payload(reply->header(), reply->payload()).body);
   }
   /// The rejection's message; checks that the scene is unchanged.
-  std::string refusal(std::vector<std::byte> frame, ErrorCode code = ErrorCode::kBadQuery) {
+  std::string rejection(std::vector<std::byte> frame, ErrorCode code = ErrorCode::kBadQuery) {
     const std::uint64_t before = loop_->engine().scene_revision();
     const auto error = error_of(ask_scene(a_, std::move(frame)));
     EXPECT_EQ(static_cast<ErrorCode>(error.header.code), code) << error.text;
@@ -115,10 +115,10 @@ TEST_F(Bodies, OnlyAddedOnesAreRemovedAndNoneThatIsFollowed) {
   const std::uint64_t before = loop_->engine().scene_revision();
   change(box_frame("crate"));
   change(box_frame("lid", 4));
-  EXPECT_EQ(refusal(remove_frame("cup")),
+  EXPECT_EQ(rejection(remove_frame("cup")),
             "remove_body: \"cup\" belongs to the scene file: change the file, and reload it");
-  EXPECT_EQ(refusal(remove_frame("cups")), "remove_body: \"cups\" is not in the scene");
-  EXPECT_EQ(refusal(remove_frame("crate")), "remove_body: \"lid\" follows \"crate\": detach it first");
+  EXPECT_EQ(rejection(remove_frame("cups")), "remove_body: \"cups\" is not in the scene");
+  EXPECT_EQ(rejection(remove_frame("crate")), "remove_body: \"lid\" follows \"crate\": detach it first");
   loop_->engine().attach(5, kNone);
   const Pose free = loop_->engine().body_state(5).X_wb;
   EXPECT_EQ(change(remove_frame("crate")).body_count, 5u);
@@ -134,10 +134,10 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
   options.max_added_bodies = 2;
   options.max_added_vertices = 8;
   start_editable(small_scene(), options);
-  EXPECT_NE(refusal(box_frame("cup")).find("is already that of a body"), std::string::npos);
-  EXPECT_NE(refusal(box_frame("arm")).find("is already that of a group"), std::string::npos);
-  EXPECT_NE(refusal(box_frame("")).find("name is empty"), std::string::npos);
-  EXPECT_EQ(refusal(box_frame("x", 99)), "add_body: the parent, body 99, is not in the scene");
+  EXPECT_NE(rejection(box_frame("cup")).find("is already that of a body"), std::string::npos);
+  EXPECT_NE(rejection(box_frame("arm")).find("is already that of a group"), std::string::npos);
+  EXPECT_NE(rejection(box_frame("")).find("name is empty"), std::string::npos);
+  EXPECT_EQ(rejection(box_frame("x", 99)), "add_body: the parent, body 99, is not in the scene");
   const auto odd = [](auto spoil, std::size_t vertices = 0) {
     wire::NewBodyRecord record;
     wire::set_name(record.name, "odd");
@@ -148,21 +148,21 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
     payload.resize(payload.size() + vertices * sizeof(wire::VertexRecord));
     return simple_frame(FrameType::kAddBody, 1, payload);
   };
-  EXPECT_NE(refusal(odd([](auto&) {})).find("body \"odd\""), std::string::npos) << "the hull of nothing";
-  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = -1; })).find("sphere radius: expected"),
+  EXPECT_NE(rejection(odd([](auto&) {})).find("body \"odd\""), std::string::npos) << "the hull of nothing";
+  EXPECT_NE(rejection(odd([](auto& r) { r.shape = 2, r.size[0] = -1; })).find("sphere radius: expected"),
             std::string::npos);
-  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = NAN; })).find("sphere radius: expected"),
+  EXPECT_NE(rejection(odd([](auto& r) { r.shape = 2, r.size[0] = NAN; })).find("sphere radius: expected"),
             std::string::npos);
-  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = 1, r.has_pose = 1; })).find("pose: expected"),
+  EXPECT_NE(rejection(odd([](auto& r) { r.shape = 2, r.size[0] = 1, r.has_pose = 1; })).find("pose: expected"),
             std::string::npos)
       << "a quaternion of zeros";
-  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is not one of 0 to 8");
-  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are only for a hull");
-  EXPECT_EQ(refusal(odd([](auto&) {}, 9), ErrorCode::kTooLarge),
+  EXPECT_EQ(rejection(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is not one of 0 to 8");
+  EXPECT_EQ(rejection(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are only for a hull");
+  EXPECT_EQ(rejection(odd([](auto&) {}, 9), ErrorCode::kTooLarge),
             "add_body: 9 vertices are more than the 8 that an added body may have (limit max-added-vertices)");
   EXPECT_EQ(change(odd([](auto&) {}, 8)).body, 4u) << "eight times the origin: a point";
   change(box_frame("crate"));
-  EXPECT_EQ(refusal(box_frame("one more")),
+  EXPECT_EQ(rejection(box_frame("one more")),
             "add_body: 2 bodies were added already, the maximum (limit max-added-bodies)");
   change(remove_frame("odd"));
   EXPECT_EQ(change(box_frame("one more")).body, 5u);
@@ -232,22 +232,22 @@ TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
   options.max_added_triangles = 4;
   start_editable(small_scene(), options);
   const auto open = std::span(kTetrahedron).first(3);
-  EXPECT_EQ(refusal(mesh_frame("m", open, 4)),
+  EXPECT_EQ(rejection(mesh_frame("m", open, 4)),
             "body \"m\": mesh_as: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle "
             "0 belongs to no other triangle: the mesh is open there");
   const wire::TriangleRecord beyond[] = {{{0, 1, 4}}};
   for (const std::uint8_t how : {0, 3, 4})
-    EXPECT_EQ(refusal(mesh_frame("m", beyond, how)), "body \"m\": triangle 0 names the vertex 4, and there are 4");
-  EXPECT_NE(refusal(mesh_frame("m", open, 2)).find("mesh_as: decompose: only for a mesh file"), std::string::npos);
-  EXPECT_EQ(refusal(mesh_frame("m", open, 6)), "new body: mesh_as 6 is not one of 0 to 5");
-  EXPECT_EQ(refusal(mesh_frame("m", {}, 4)), "new body: mesh_as is for a mesh, and there are no triangles");
-  EXPECT_EQ(refusal(mesh_frame("m", open, 3, wire::BodyShape::kBox)), "new body: triangles are only for vertices");
+    EXPECT_EQ(rejection(mesh_frame("m", beyond, how)), "body \"m\": triangle 0 names the vertex 4, and there are 4");
+  EXPECT_NE(rejection(mesh_frame("m", open, 2)).find("mesh_as: decompose: only for a mesh file"), std::string::npos);
+  EXPECT_EQ(rejection(mesh_frame("m", open, 6)), "new body: mesh_as 6 is not one of 0 to 5");
+  EXPECT_EQ(rejection(mesh_frame("m", {}, 4)), "new body: mesh_as is for a mesh, and there are no triangles");
+  EXPECT_EQ(rejection(mesh_frame("m", open, 3, wire::BodyShape::kBox)), "new body: triangles are only for vertices");
   const std::vector<wire::TriangleRecord> many(5, kTetrahedron[0]);
-  EXPECT_EQ(refusal(mesh_frame("m", many, 3), ErrorCode::kTooLarge),
+  EXPECT_EQ(rejection(mesh_frame("m", many, 3), ErrorCode::kTooLarge),
             "add_body: 5 triangles are more than the 4 that an added body may have (limit max-added-triangles)");
-  EXPECT_EQ(refusal(uncertain_frame("crate", std::uint64_t{0}, 21), ErrorCode::kBadFrame),
+  EXPECT_EQ(rejection(uncertain_frame("crate", std::uint64_t{0}, 21), ErrorCode::kBadFrame),
             "new body: triangles (record 21) have 8 bytes, expected 12 for each, and one at least");
-  EXPECT_EQ(refusal(uncertain_frame("crate", std::uint16_t{0}, 22), ErrorCode::kBadFrame),
+  EXPECT_EQ(rejection(uncertain_frame("crate", std::uint16_t{0}, 22), ErrorCode::kBadFrame),
             "new body: mesh_as (record 22) has 2 bytes, expected 1");
   EXPECT_EQ(change(mesh_frame("m", kTetrahedron, 4)).body, 4u);
 }
@@ -273,13 +273,13 @@ TEST_F(Bodies, ACloudThatMakesNoSenseIsRefused) {
     return frame;
   };
   const float two[] = {0, 0, 1, 2, 3, 4}, far[] = {0, NAN, 0}, three[9] = {};
-  EXPECT_EQ(refusal(cloud(std::span(two).first(2)), ErrorCode::kBadFrame),
+  EXPECT_EQ(rejection(cloud(std::span(two).first(2)), ErrorCode::kBadFrame),
             "new body: points (record 23) have 8 bytes, expected 12 for each");
-  EXPECT_EQ(refusal(cloud(two, wire::BodyShape::kBox)), "new body: points are only for a cloud");
-  EXPECT_EQ(refusal(cloud(three), ErrorCode::kTooLarge),
+  EXPECT_EQ(rejection(cloud(two, wire::BodyShape::kBox)), "new body: points are only for a cloud");
+  EXPECT_EQ(rejection(cloud(three), ErrorCode::kTooLarge),
             "add_body: 3 points are more than the 2 that an added body may have (limit max-added-points)");
-  EXPECT_NE(refusal(cloud(far)).find("body \"cloud\""), std::string::npos);
-  EXPECT_NE(refusal(cloud(two, wire::BodyShape::kCloud, NAN)).find("voxel"), std::string::npos);
+  EXPECT_NE(rejection(cloud(far)).find("body \"cloud\""), std::string::npos);
+  EXPECT_NE(rejection(cloud(two, wire::BodyShape::kCloud, NAN)).find("voxel"), std::string::npos);
   const std::uint32_t body = change(cloud(two)).body;
   EXPECT_EQ(body, 4u);
   EXPECT_TRUE(is_cloud(loop_->engine().scene().bodies()[body]));
@@ -287,17 +287,17 @@ TEST_F(Bodies, ACloudThatMakesNoSenseIsRefused) {
 
 TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {
   start_editable(small_scene());
-  const auto refused = [&](const wire::BodyUncertaintyRecord& uncertainties, const std::string& text) {
-    EXPECT_NE(refusal(uncertain_frame("crate", uncertainties)).find(text), std::string::npos) << text;
+  const auto rejected = [&](const wire::BodyUncertaintyRecord& uncertainties, const std::string& text) {
+    EXPECT_NE(rejection(uncertain_frame("crate", uncertainties)).find(text), std::string::npos) << text;
   };
-  refused({-1, 0, 0, 0}, "body \"crate\": uncertainty.position: expected a number of metres >= 0, got -1");
-  refused({NAN, 0, 0, 0}, "uncertainty.position: expected a number of metres >= 0, got nan");
-  refused({0, 4, 0, 0}, "uncertainty.angle: expected 0 to 3.2 radians, got 4");
-  refused({0, 0, INFINITY, 0}, "padding: expected a number of metres >= 0, got inf");
-  refused({0, 0, 0, -0.5}, "max_speed: expected a number of metres a second >= 0, got -0.5");
-  EXPECT_EQ(refusal(uncertain_frame("crate", 1.0), ErrorCode::kBadFrame),
+  rejected({-1, 0, 0, 0}, "body \"crate\": uncertainty.position: expected a number of metres >= 0, got -1");
+  rejected({NAN, 0, 0, 0}, "uncertainty.position: expected a number of metres >= 0, got nan");
+  rejected({0, 4, 0, 0}, "uncertainty.angle: expected 0 to 3.2 radians, got 4");
+  rejected({0, 0, INFINITY, 0}, "padding: expected a number of metres >= 0, got inf");
+  rejected({0, 0, 0, -0.5}, "max_speed: expected a number of metres a second >= 0, got -0.5");
+  EXPECT_EQ(rejection(uncertain_frame("crate", 1.0), ErrorCode::kBadFrame),
             "new body: uncertainty (record 20) has 8 bytes, expected 32");
-  EXPECT_EQ(refusal(uncertain_frame("crate", wire::BodyUncertaintyRecord{}, 19), ErrorCode::kNotSupported),
+  EXPECT_EQ(rejection(uncertain_frame("crate", wire::BodyUncertaintyRecord{}, 19), ErrorCode::kNotSupported),
             "new body: record 19 is required but unknown to this side");
   EXPECT_EQ(change(uncertain_frame("crate", wire::BodyUncertaintyRecord{})).body, 4u);
 }
@@ -331,7 +331,7 @@ TEST_F(Bodies, WhoAsksAboutOthersIsAnsweredWhileTheyComeAndGo) {
     EXPECT_EQ(ask(a_, simple_frame(FrameType::kAttach, 1, std::as_bytes(std::span(&record, 1))))->type(),
               FrameType::kPosesDone);
   };
-  int refused = 0;
+  int rejected = 0;
   const auto look = [&] {
     for (const auto& [query, was] : {std::pair(&pairs, &first), {&moved, &first_moved}}) {
       const Reply now = ask(c_, *query);
@@ -339,7 +339,7 @@ TEST_F(Bodies, WhoAsksAboutOthersIsAnsweredWhileTheyComeAndGo) {
       for (std::size_t row = 0; row < now.rows(); ++row) EXPECT_EQ(now.upper()[row], was->upper()[row]);
     }
     const auto frame = ask(c_, every.frame(1));
-    refused += frame->type() == FrameType::kError;
+    rejected += frame->type() == FrameType::kError;
   };
   for (int round = 0; round < 10; ++round) {
     change(box_frame("crate" + std::to_string(round)));
@@ -351,12 +351,12 @@ TEST_F(Bodies, WhoAsksAboutOthersIsAnsweredWhileTheyComeAndGo) {
     if (round % 2) change(remove_frame("crate" + std::to_string(round - 1)));
     look();
   }
-  EXPECT_EQ(refused, 40) << "all pairs were never those of the beginning";
+  EXPECT_EQ(rejected, 40) << "all pairs were never those of the beginning";
 }
 
 TEST_F(Bodies, WhereNoneCanBeMadeTheyAreRefused) {
   start(small_scene());
-  EXPECT_EQ(refusal(box_frame("crate"), ErrorCode::kNotSupported), "bodies can be neither added nor removed here");
+  EXPECT_EQ(rejection(box_frame("crate"), ErrorCode::kNotSupported), "bodies can be neither added nor removed here");
 }
 
 TEST(ClearancedBodies, TheirNamesStayWithinTheirLineOfTheLog) {
@@ -401,7 +401,7 @@ TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
     ASSERT_EQ(other.body("near"), pair[1]) << "the ids have changed places";
     other.remove_body("far");
     other.add_body(ball("third", 7));
-    const auto refused = [&](const auto& call) {
+    const auto rejected = [&](const auto& call) {
       try {
         call();
       } catch (const RequestError& error) {
@@ -412,11 +412,11 @@ TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
     const Pose7 elsewhere{0, 0, 9, 1, 0, 0, 0};
     EXPECT_EQ(client.set_poses(std::array{std::pair{1u, elsewhere}}).applied, 1u) << "the cup is the cup still";
     for (int i = 0; i < 3; ++i) {
-      EXPECT_TRUE(refused([&] { client.distances(query); })) << url << ", time " << i;
-      EXPECT_TRUE(refused([&] { client.submit(query).get(); })) << url << ", time " << i;
-      EXPECT_TRUE(refused([&] { client.pairs(query); })) << url << ", time " << i;
-      EXPECT_TRUE(refused([&] { client.attach(pair[0], pair[1]); })) << url << ", time " << i;
-      EXPECT_TRUE(refused([&] { client.set_poses(std::array{std::pair{pair[1], elsewhere}}); }))
+      EXPECT_TRUE(rejected([&] { client.distances(query); })) << url << ", time " << i;
+      EXPECT_TRUE(rejected([&] { client.submit(query).get(); })) << url << ", time " << i;
+      EXPECT_TRUE(rejected([&] { client.pairs(query); })) << url << ", time " << i;
+      EXPECT_TRUE(rejected([&] { client.attach(pair[0], pair[1]); })) << url << ", time " << i;
+      EXPECT_TRUE(rejected([&] { client.set_poses(std::array{std::pair{pair[1], elsewhere}}); }))
           << url << ", time " << i;
     }
     EXPECT_EQ(client.scene().bodies[pair[1]].name, "third");

@@ -295,7 +295,7 @@ TEST_F(Clearanced, TakesLimitsFromItsFileAndThenFromItsCommandLine) {
       folder_.write("c.toml", "[limits]\nmax-added-bodies = 0\nmax-pairs = 11\n[default]\nscene = \"" + scene_ +
                                   "\"\nzmq = [\"" + ipc_ + "\"]\n");
   Daemon daemon({"--config", config, "--limit", "max-pairs=5"});
-  const auto refused = [](auto call) -> std::string {
+  const auto rejected = [](auto call) -> std::string {
     try {
       call();
     } catch (const std::exception& error) {
@@ -304,9 +304,9 @@ TEST_F(Clearanced, TakesLimitsFromItsFileAndThenFromItsCommandLine) {
     return "";
   };
   Client client = patient(ipc_);
-  const std::string pairs = refused([&] { client.distances(Query{}); });
+  const std::string pairs = rejected([&] { client.distances(Query{}); });
   EXPECT_TRUE(contains(pairs, "the 5 that one query may have (limit max-pairs)")) << pairs;
-  const std::string added = refused([&] { client.add_body({.name = "ball", .sphere = 0.1}); });
+  const std::string added = rejected([&] { client.add_body({.name = "ball", .sphere = 0.1}); });
   EXPECT_TRUE(contains(added, "(limit max-added-bodies)")) << added;
 }
 

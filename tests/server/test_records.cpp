@@ -26,7 +26,7 @@ class Records : public LoopTest {
     wire::append_record(records, tag, flags, Bytes(bytes, std::byte{1}));
     return records;
   }
-  std::string refusal_of(Bytes frame, ErrorCode code) {
+  std::string rejection_of(Bytes frame, ErrorCode code) {
     const auto reply = ask(a_, std::move(frame));
     EXPECT_EQ(reply->type(), FrameType::kError);
     const auto error = wire::parse_error(reply->body());
@@ -38,7 +38,7 @@ class Records : public LoopTest {
 TEST_F(Records, OfUnknownTagsAreRefusedIfRequiredElsePassedOver) {
   TestQuery query = small_query();
   query.records = record(77, wire::kRecordRequired);
-  EXPECT_EQ(refusal_of(query.frame(1), ErrorCode::kNotSupported),
+  EXPECT_EQ(rejection_of(query.frame(1), ErrorCode::kNotSupported),
             "query: record 77 is required but unknown to this side");
   query.records = record(77, 0, 13);
   const Bytes last = record(300, 0, 0);
@@ -69,7 +69,7 @@ TEST_F(Records, OfOtherRequestsFollowTheSameRule) {
         .take();
   };
   const Bytes describe = simple_frame(FrameType::kDescribe, 1);
-  EXPECT_EQ(refusal_of(with(describe, record(500, wire::kRecordRequired)), ErrorCode::kNotSupported),
+  EXPECT_EQ(rejection_of(with(describe, record(500, wire::kRecordRequired)), ErrorCode::kNotSupported),
             "kDescribe: record 500 is required but unknown to this side");
   const auto scene = ask(a_, with(describe, record(500, 0)));
   EXPECT_EQ(scene->type(), FrameType::kScene);
@@ -98,14 +98,14 @@ TEST_F(Records, ThatDoNotFitAreRefused) {
   for (const auto& [records, text] : cases) {
     TestQuery query = small_query();
     query.records = records;
-    EXPECT_EQ(refusal_of(query.frame(1), ErrorCode::kBadFrame), text);
+    EXPECT_EQ(rejection_of(query.frame(1), ErrorCode::kBadFrame), text);
   }
   Bytes frame = small_query().frame(1);
   wire::FrameHeader header = header_of(frame);
   for (const std::uint64_t bytes : {std::uint64_t{4}, std::uint64_t{1000}, ~std::uint64_t{7}}) {
     header.records_bytes = bytes;
     std::memcpy(frame.data(), &header, sizeof header);
-    EXPECT_EQ(refusal_of(frame, ErrorCode::kBadFrame),
+    EXPECT_EQ(rejection_of(frame, ErrorCode::kBadFrame),
               "frame: " + std::to_string(bytes) + " bytes are not whole records at the end of a payload of 136");
   }
 }

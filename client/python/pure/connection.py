@@ -204,6 +204,6 @@ def parse_error(frame: Frame, url: str) -> tuple[int, str]:
     return code, text.decode(errors="replace")
 
 
-def refusal(code: int, text: str) -> Union[QueryError, RequestError]:
+def rejection(code: int, text: str) -> Union[QueryError, RequestError]:
     """Returns the exception for an error frame's code."""
     return (QueryError if code < 16 else RequestError)(code, text)

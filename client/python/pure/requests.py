@@ -14,7 +14,7 @@ from .._errors import ConnectionError, NewEpoch, QueryError, TimeoutError
 from .._words import COLUMNS, GROUP_BIT, MAX_NAME_BYTES, NONE, Field, Reduce
 from ..wire import MAX_FRAME_BYTES, MAX_REQUEST_BYTES, ErrorCode, FrameType, QueryRecord
 from .answers import column_shape
-from .connection import Connection, parse_error, refusal
+from .connection import Connection, parse_error, rejection
 from .frames import Frame, header_bytes, malformed, name_of_type, record
 
 _SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder", "half_space", "cone", "ellipsoid", "points")
@@ -107,7 +107,7 @@ class Session:
                 raise NewEpoch(code, f"{url}: {text}")
             if sent and code == ErrorCode.NOT_SUPPORTED:
                 text += f"; the daemon is too old for one of: {sent}"
-            raise refusal(code, text)
+            raise rejection(code, text)
         if frame.type != FrameType[type]:
             raise ConnectionError(
                 f"{url}: the daemon answered with {name_of_type(frame.type)}, expected {name_of_type(FrameType[type])}"

@@ -53,7 +53,7 @@ class ZmqChannel:
             self._socket.connect(endpoint)
             while not self._connected:
                 if self.lost:
-                    raise self._error(self._why_refused())
+                    raise self._error(self._why_rejected())
                 left = deadline - time.monotonic()
                 if left <= 0 or not self._monitor.poll(max(1, int(1e3 * left))):
                     raise self._error("no daemon answered in time")
@@ -143,7 +143,7 @@ class ZmqChannel:
             if not self._connected and not self._failure:
                 self._failure = what
 
-    def _why_refused(self) -> str:
+    def _why_rejected(self) -> str:
         # The first failure, after which the connection is closed in any case.
         is_ipc = self.url.startswith("ipc://")  # which has no keys
         if self._failure == zmq.EVENT_HANDSHAKE_FAILED_AUTH:

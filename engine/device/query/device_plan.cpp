@@ -100,7 +100,7 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
   /// \param chunk settings shared by all
   virtual void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) = 0;
 
-  [[noreturn]] void refuse_pair(std::uint64_t index) {
+  [[noreturn]] void reject_pair(std::uint64_t index) {
     BodyPair pair{};
     plan_.pairs.copy(index, 1, &pair);
     const std::uint32_t body = backend_.device().hull_of(pair.a) == kNone ? pair.a : pair.b;
@@ -160,7 +160,7 @@ class StandingRows final : public StandingQuery {
   void deal(QuerySetup& setup) override {
     deal_ = backend_.deal_anew(plan_, kMostPlanRows);
     for (const ChunkPlan::Part& part : deal_->parts)
-      if (!part.on_cpu.empty()) refuse_pair(part.first + part.on_cpu.front());
+      if (!part.on_cpu.empty()) reject_pair(part.first + part.on_cpu.front());
     assert(in_order_->resident || plan_.size.pairs == 0);
     setup.pairs = deal_->resident.get();
     configurations_ = deal_->configurations;
@@ -192,7 +192,7 @@ class StandingReduction final : public StandingQuery {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
     if (P == 0) refuse("no pairs");
     if (P >= std::uint64_t{1} << 32) refuse("too many pairs");
-    if (!in_order_->resident || !in_order_->of_elements.empty()) refuse_pair(first_unknown());
+    if (!in_order_->resident || !in_order_->of_elements.empty()) reject_pair(first_unknown());
     configurations_ = std::clamp<std::uint64_t>(kMostPlanRows / P, 1, K);
     most_rows_ = configurations_ * P;
     setup.pairs = in_order_->resident.get();

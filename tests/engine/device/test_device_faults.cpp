@@ -105,7 +105,7 @@ TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
 
 TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
   const DeviceTestQuery question = query_about(Reduce::kNone);
-  int refused = 0;
+  int rejected = 0;
   for (int at = 0;; ++at) {
     fault_ = {at};
     try {
@@ -116,14 +116,14 @@ TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
       } catch (const QueryError& e) {
         EXPECT_EQ(e.code, QueryErrorCode::kNotSupported);
         EXPECT_NE(std::string(e.what()).find("a planted fault while "), std::string::npos) << e.what();
-        ++refused;
+        ++rejected;
       }
       EXPECT_THROW(ask(device, question.q), QueryError) << "the device is lost";
     } catch (const DeviceError& e) {
       EXPECT_EQ(at, 0) << "where it is opened: " << e.what();
     }
   }
-  EXPECT_GT(refused, 8);
+  EXPECT_GT(rejected, 8);
 }
 
 TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {

@@ -31,29 +31,29 @@ using DeviceModuleDeathTest = DeviceModule;
   std::exit(0);
 }
 
-void expect_refused(const std::string& library, const std::string& reason) {
+void expect_rejected(const std::string& library, const std::string& reason) {
   EXPECT_EXIT(ask_for_cuda(library), testing::ExitedWithCode(3), "backend 'cuda' is not there \\(.*" + reason);
 }
 
 TEST_F(DeviceModuleDeathTest, IsMissing) {
-  expect_refused("/dev/null/libclearance-cuda.so",
-                 "CLEARANCE_CUDA_MODULE=/dev/null/libclearance-cuda.so is not a library");
+  expect_rejected("/dev/null/libclearance-cuda.so",
+                  "CLEARANCE_CUDA_MODULE=/dev/null/libclearance-cuda.so is not a library");
 }
 
 TEST_F(DeviceModuleDeathTest, IsNoLibrary) {
-  expect_refused(source_file("LICENSE"), "LICENSE: ");
+  expect_rejected(source_file("LICENSE"), "LICENSE: ");
 }
 
 TEST_F(DeviceModuleDeathTest, IsAnothersLibrary) {
-  expect_refused(CLEARANCE_FOREIGN_MODULE, "is not a library of Clearance's kernels");
+  expect_rejected(CLEARANCE_FOREIGN_MODULE, "is not a library of Clearance's kernels");
 }
 
 TEST_F(DeviceModuleDeathTest, IsOfOtherCode) {
-  expect_refused(CLEARANCE_OLD_MODULE, "was built from other code than this engine");
+  expect_rejected(CLEARANCE_OLD_MODULE, "was built from other code than this engine");
 }
 
 TEST_F(DeviceModuleDeathTest, IsOfThisCodeAndSaysWhatThereIs) {
-  expect_refused(CLEARANCE_FAKE_MODULE, "no device today");
+  expect_rejected(CLEARANCE_FAKE_MODULE, "no device today");
 }
 
 // Opening the fake library would end the process.
@@ -116,19 +116,19 @@ TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPiecesForItselfAndGivesThemBackO
 
 [[noreturn]] void share_what_is_not_there() {
   setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_FAKE_MODULE, 1);
-  int refused = 0;
+  int rejected = 0;
   const auto ask = [&](int device, std::size_t bytes) {
     try {
       const cuda::SharedMemory memory(device, bytes);
     } catch (const cuda::DeviceError& error) {
-      refused += error.kind == cuda::DeviceError::kNoRoom;
+      rejected += error.kind == cuda::DeviceError::kNoRoom;
       std::fprintf(stderr, "%s; ", error.what());
     }
   };
   ask(7, 64);
   ask(3, 0);
   ask(3, ~std::size_t{0});
-  std::exit(refused);
+  std::exit(rejected);
 }
 
 TEST_F(DeviceModuleDeathTest, SharedMemoryThatIsNotToBeHadIsRefused) {

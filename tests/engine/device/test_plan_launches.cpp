@@ -80,7 +80,7 @@ class PlanLaunches : public testing::Test {
                                   return std::make_shared<ScribesDevice>(fault_, told_);
                                 }};
 
-  std::string refusal(const Engine& engine, const QueryView& q) const {
+  std::string rejection(const Engine& engine, const QueryView& q) const {
     try {
       engine.plan_on_device(q);
     } catch (const QueryError& e) {
@@ -185,26 +185,27 @@ TEST_F(PlanLaunches, AreRefusedByName) {
   good.pairs = pairs;
   good.joints = joints;
   good.configuration_count = 8;
-  EXPECT_EQ(refusal(engine, good), "");
-  const auto expect_refusal = [&](const std::string& words, const std::function<void(QueryView&)>& change) {
+  EXPECT_EQ(rejection(engine, good), "");
+  const auto expect_rejection = [&](const std::string& words, const std::function<void(QueryView&)>& change) {
     QueryView q = good;
     change(q);
-    const std::string why = refusal(engine, q);
+    const std::string why = rejection(engine, q);
     EXPECT_NE(why.find(words), std::string::npos) << words << ": " << why;
   };
   for (const Reduce reduce : {Reduce::kNearest, Reduce::kWithin})
-    expect_refusal("reduce: expected none, min or any", [&](QueryView& q) { q.reduce = reduce; });
-  expect_refusal("signed_distance", [](QueryView& q) { q.signed_distance = true; });
-  expect_refusal("max_evaluations", [](QueryView& q) { q.max_evaluations = 64; });
-  expect_refusal("max_pose_age_ns", [](QueryView& q) { q.max_pose_age_ns = 1000; });
-  expect_refusal("free_scale", [](QueryView& q) { q.reduce = Reduce::kAny, q.fields = kFieldFreeScale | kFieldPair; });
-  expect_refusal("no pairs", [](QueryView& q) { q.reduce = Reduce::kMin, q.pairs = {}; });
+    expect_rejection("reduce: expected none, min or any", [&](QueryView& q) { q.reduce = reduce; });
+  expect_rejection("signed_distance", [](QueryView& q) { q.signed_distance = true; });
+  expect_rejection("max_evaluations", [](QueryView& q) { q.max_evaluations = 64; });
+  expect_rejection("max_pose_age_ns", [](QueryView& q) { q.max_pose_age_ns = 1000; });
+  expect_rejection("free_scale",
+                   [](QueryView& q) { q.reduce = Reduce::kAny, q.fields = kFieldFreeScale | kFieldPair; });
+  expect_rejection("no pairs", [](QueryView& q) { q.reduce = Reduce::kMin, q.pairs = {}; });
   for (const char* name : {"mover", "rider of it"}) {
     pairs[0].a = id(name);
-    EXPECT_NE(refusal(engine, good).find("'" + std::string(name) + "' has slack that grows"), std::string::npos);
+    EXPECT_NE(rejection(engine, good).find("'" + std::string(name) + "' has slack that grows"), std::string::npos);
   }
   pairs[0].a = id("stands");
-  EXPECT_EQ(refusal(engine, good), "") << "its pose has no age";
+  EXPECT_EQ(rejection(engine, good), "") << "its pose has no age";
 }
 
 }  // namespace

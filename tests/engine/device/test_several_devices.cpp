@@ -134,7 +134,7 @@ TEST_F(SeveralDevices, OneThatCannotBeOpenedIsLeftOutOrRefused) {
 }
 
 TEST_F(SeveralDevices, AreNamedOnceAndAreThere) {
-  const auto refusal = [](const Engine::Options& o) -> std::string {
+  const auto rejection = [](const Engine::Options& o) -> std::string {
     try {
       Engine engine(spheres(2), o);
     } catch (const std::exception& e) {
@@ -142,14 +142,14 @@ TEST_F(SeveralDevices, AreNamedOnceAndAreThere) {
     }
     return "";
   };
-  EXPECT_EQ(refusal(options({0, 3})), "devices: 3 is not there; there are 3, 0 to 2");
-  EXPECT_EQ(refusal(options({-1})), "devices: -1 is not there; there are 3, 0 to 2");
-  EXPECT_EQ(refusal(options({2, 1, 2})), "devices: 2 is named twice");
+  EXPECT_EQ(rejection(options({0, 3})), "devices: 3 is not there; there are 3, 0 to 2");
+  EXPECT_EQ(rejection(options({-1})), "devices: -1 is not there; there are 3, 0 to 2");
+  EXPECT_EQ(rejection(options({2, 1, 2})), "devices: 2 is named twice");
   Engine::Options on_cpu = options({0});
   on_cpu.backend = "cpu";
-  EXPECT_EQ(refusal(on_cpu), "devices: backend 'cpu' uses none");
+  EXPECT_EQ(rejection(on_cpu), "devices: backend 'cpu' uses none");
   for (const Fault& fault : faults_) EXPECT_EQ(fault.calls, 0);
-  EXPECT_EQ(refusal(options({1})), "");
+  EXPECT_EQ(rejection(options({1})), "");
   EXPECT_EQ(faults_[1].calls, 1) << "that one was opened";
 }
 

@@ -116,7 +116,7 @@ bool attempt(const std::string& path, std::string_view, std::uint64_t, int resul
 }
 
 /// From here on the kernel rejects filters, as in some containers.
-void refuse_filters() {
+void reject_filters() {
   const scmp_filter_ctx filter = ::seccomp_init(SCMP_ACT_ALLOW);
   ::seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(seccomp), 0);
   ::seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(prctl), 1, SCMP_A0(SCMP_CMP_EQ, PR_SET_SECCOMP));
@@ -130,6 +130,6 @@ int main(int argc, char** argv) {
   // Without the limits each attack succeeds, which proves that the filter stops it.
   if (std::getenv("CLEARANCE_TEST_UNCONFINED") && argc > 1)
     return attempt(argv[1], "", 0, clearance::kMeshResultFd, false) ? 0 : 3;
-  if (std::getenv("CLEARANCE_TEST_REFUSE_FILTERS")) refuse_filters();
+  if (std::getenv("CLEARANCE_TEST_REFUSE_FILTERS")) reject_filters();
   return clearance::loader_main(argc, argv, attempt);
 }

@@ -81,13 +81,13 @@ TEST(Scene, HalfSpacesStandStill) {
   EXPECT_EQ(scene.add_half_space("floor", {}), 1u);
   EXPECT_TRUE(scene.bodies()[1].is_static);
   EXPECT_EQ(scene.bodies()[1].pose->qw, 1);
-  const auto refused = [&](const Scene::BodyOptions& options, const char* why) {
+  const auto rejected = [&](const Scene::BodyOptions& options, const char* why) {
     const std::string text = error_text<SceneError>([&] { scene.add_half_space("other", options); });
     EXPECT_NE(text.find(why), std::string::npos) << text;
   };
-  refused({.parent = "box"}, "parent: a half_space cannot follow a body");
-  refused({.requires_pose = true}, "requires_pose: a static body");
-  refused({.uncertainty = {0, 0.1}}, "uncertainty.angle: expected 0");
+  rejected({.parent = "box"}, "parent: a half_space cannot follow a body");
+  rejected({.requires_pose = true}, "requires_pose: a static body");
+  rejected({.uncertainty = {0, 0.1}}, "uncertainty.angle: expected 0");
   EXPECT_NE(error_text<SceneError>([&] { scene.set_parent("floor", "box"); }).find("a half_space cannot follow a body"),
             std::string::npos);
   Body both;

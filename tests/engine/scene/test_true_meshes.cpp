@@ -340,17 +340,17 @@ TEST(TrueMesh, ADamagedRecordIsNone) {
   const std::vector<std::byte> record = geometry_record(bare);
   for (std::size_t size = 0; size < record.size(); ++size)
     EXPECT_FALSE(geometry_of_record(std::span(record).first(size))) << size;
-  int refused = 0;
+  int rejected = 0;
   for (std::size_t at = 0; at < record.size(); at += 3) {
     std::vector<std::byte> damaged = record;
     damaged[at] ^= std::byte{0xFF};
     const auto geometry = geometry_of_record(damaged);  // whatever it is, it can be computed with
-    refused += !geometry;
+    rejected += !geometry;
     const Surface* const surface = geometry ? geometry->parts[0]->surface.get() : nullptr;
     if (!surface) continue;
     for (const Triangle& t : surface->triangles()) EXPECT_LT(std::max({t[0], t[1], t[2]}), surface->vertices().size());
   }
-  EXPECT_GT(refused, 100);
+  EXPECT_GT(rejected, 100);
 }
 
 struct BadMesh {

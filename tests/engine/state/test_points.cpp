@@ -97,8 +97,8 @@ TEST(Points, MayBeNoneAndThenNothingIsNear) {
 
 TEST(Points, OfAnotherBodyAreRefusedAndSoIsWhatIsNotFinite) {
   Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
-  const auto refused = [&](std::uint32_t body, const std::vector<CloudPoint>& points, std::optional<double> radius,
-                           const std::string& text) {
+  const auto rejected = [&](std::uint32_t body, const std::vector<CloudPoint>& points, std::optional<double> radius,
+                            const std::string& text) {
     try {
       engine.set_points(body, points, radius);
       ADD_FAILURE() << text;
@@ -107,11 +107,11 @@ TEST(Points, OfAnotherBodyAreRefusedAndSoIsWhatIsNotFinite) {
     }
   };
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  refused(kBall, {{0, 0, 0}}, {}, "'ball' is not a point cloud");
-  refused(7, {{0, 0, 0}}, {}, "unknown body 7");
-  refused(kCloud, {{0, 0, 0}, {0, nan, 0}}, {}, "point 1 has the coordinate");
-  refused(kCloud, {{0, 2e9f, 0}}, {}, "up to 1e9 m");
-  refused(kCloud, {{0, 0, 0}}, -1, "radius must be");
+  rejected(kBall, {{0, 0, 0}}, {}, "'ball' is not a point cloud");
+  rejected(7, {{0, 0, 0}}, {}, "unknown body 7");
+  rejected(kCloud, {{0, 0, 0}, {0, nan, 0}}, {}, "point 1 has the coordinate");
+  rejected(kCloud, {{0, 2e9f, 0}}, {}, "up to 1e9 m");
+  rejected(kCloud, {{0, 0, 0}}, -1, "radius must be");
   expect_near(look(engine), 9.5);
 }
 

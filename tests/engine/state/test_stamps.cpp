@@ -57,17 +57,17 @@ class Stamps : public testing::Test {
 
 TEST_F(Stamps, WhatIsNoTimeIsRefusedAndPoisonsNothing) {
   EXPECT_EQ(set(0, 1, 1000), "");
-  std::uint64_t refused = 0;
+  std::uint64_t rejected = 0;
   for (int round = 0; round < 2; ++round) {
     for (const std::int64_t bad : {kMax, kMax - 1, now() + 3'600'000'000'000, std::int64_t{-1}, kMin}) {
       for (const std::uint32_t body : {0u, 1u}) EXPECT_NE(set(body, 9, bad), "") << bad;
-      refused += 2;
+      rejected += 2;
     }
     EXPECT_EQ(info().snapshot_stamp_ns, 1000);
-    EXPECT_EQ(counter("engine.stamps_out_of_range"), refused);
+    EXPECT_EQ(counter("engine.stamps_out_of_range"), rejected);
     reload();
   }
-  EXPECT_EQ(counter("engine.stamps_out_of_range"), refused) << "counts go on over a reload";
+  EXPECT_EQ(counter("engine.stamps_out_of_range"), rejected) << "counts go on over a reload";
   EXPECT_EQ(set(0, 2, 2000), "");
   EXPECT_EQ(info().snapshot_stamp_ns, 2000);
   EXPECT_NE(set(0, 9, kMax).find("stamp_ns: 9223372036854775807 is "), std::string::npos);

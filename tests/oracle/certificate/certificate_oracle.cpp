@@ -173,8 +173,8 @@ std::vector<std::string> check_rows(const Value& document) {
     why.emplace_back();
     try {
       check_row(row, query, motions);
-    } catch (const Refusal& refusal) {
-      why.back() = refusal.what();
+    } catch (const Rejection& rejection) {
+      why.back() = rejection.what();
     }
   }
   return why;
@@ -190,8 +190,8 @@ Findings prove_certificate(std::string_view document) {
   Findings findings;
   try {
     findings.why = check_rows(Document(document).root());
-  } catch (const Refusal& refusal) {
-    findings.no_certificate = refusal.what();
+  } catch (const Rejection& rejection) {
+    findings.no_certificate = rejection.what();
   }
   return findings;
 }

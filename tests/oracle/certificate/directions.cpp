@@ -81,8 +81,8 @@ void check_gap(const Look& look, Frame seer, const Vector& n, const Dyadic& s, c
       dot(of_b.n_moved, look.X_wb.origin) + of_b.more - dot(of_a.n_moved, look.X_wa.origin) - of_a.more - asked;
   const Dyadic &over_a = look.X_wa.divisor, &over_b = look.X_wb.divisor, all = over_a * over_b * between;
   if (over_b * ahead + over_a * behind > all)
-    throw Refusal("pieces from " + std::to_string(runs.a.begin) + " and " + std::to_string(runs.b.begin) + " on of '" +
-                  look.a.name + "' and '" + look.b.name + "' are not as far apart as is said");
+    throw Rejection("pieces from " + std::to_string(runs.a.begin) + " and " + std::to_string(runs.b.begin) +
+                    " on of '" + look.a.name + "' and '" + look.b.name + "' are not as far apart as is said");
 }
 
 void check_direction(const Look& look, const Value& claim, const Rates& rates, const RunPair& runs) {

@@ -50,7 +50,7 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
     return put(Value(names.data(), values));
   }
   bool parse_error(std::size_t, const std::string&, const nlohmann::detail::exception& error) override {
-    throw Refusal(error.what());
+    throw Rejection(error.what());
   }
 
  private:
@@ -160,7 +160,7 @@ const Value* Value::find(std::string_view name) const {
 
 const Value& Value::operator[](std::string_view name) const {
   if (const Value* found = find(name)) return *found;
-  throw Refusal("there is no '" + std::string(name) + "'");
+  throw Rejection("there is no '" + std::string(name) + "'");
 }
 
 const Value& Value::at(std::size_t place) const {

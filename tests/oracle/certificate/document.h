@@ -13,13 +13,13 @@
 namespace clearance::certificate_oracle {
 
 /// Reason to reject a document, or a row of it.
-class Refusal : public std::runtime_error {
+class Rejection : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
 inline void require(bool condition, const char* why) {
-  if (!condition) throw Refusal(why);
+  if (!condition) throw Rejection(why);
 }
 
 /// A value of JSON, in the memory of its Document. Access as another type throws `Refusal`.

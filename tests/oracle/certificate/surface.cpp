@@ -81,7 +81,7 @@ long turns(const std::vector<Face>& faces, const std::vector<Vector>& points, lo
   const Dyadic unit = Dyadic::power_of_two(ball - 4);  // rays begin within 10 of these
   for (const Ray& ray : rays())
     if (const std::optional<long> found = crossings(faces, points, unit * ray.origin, ray.along)) return *found;
-  throw Refusal("every ray meets an edge of the surface");
+  throw Rejection("every ray meets an edge of the surface");
 }
 
 }  // namespace

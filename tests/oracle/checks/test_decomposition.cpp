@@ -169,7 +169,7 @@ TEST(Decomposition, ABareSurfaceHasNothingWithin) {
 TEST(Decomposition, SaysWhichPieceIsNone) {
   const Mesh box = box_mesh({1, 1, 1});
   const Surface exact_value(box.vertices, box.triangles, true);
-  const auto refusal = [&](const ConvexParts& parts) -> std::string {
+  const auto rejection = [&](const ConvexParts& parts) -> std::string {
     try {
       prove_decomposition(exact_value, parts);
       return "";
@@ -177,10 +177,10 @@ TEST(Decomposition, SaysWhichPieceIsNone) {
       return e.what();
     }
   };
-  EXPECT_EQ(refusal({}), "there is no piece");
-  EXPECT_NE(refusal({box.vertices, {}}).find("piece 1: "), std::string::npos);
-  EXPECT_NE(refusal({{{std::nan(""), 0, 0}}}).find("piece 0: vertex 0"), std::string::npos);
-  EXPECT_NE(refusal({box.vertices, {{kInf, 0, 0}}}).find("piece 1: vertex 0"), std::string::npos);
+  EXPECT_EQ(rejection({}), "there is no piece");
+  EXPECT_NE(rejection({box.vertices, {}}).find("piece 1: "), std::string::npos);
+  EXPECT_NE(rejection({{{std::nan(""), 0, 0}}}).find("piece 0: vertex 0"), std::string::npos);
+  EXPECT_NE(rejection({box.vertices, {{kInf, 0, 0}}}).find("piece 1: vertex 0"), std::string::npos);
   // A distant point is a valid part, with a large error.
   const Decomposition far = prove_decomposition(exact_value, ConvexParts{{{10, 0, 0}}}).decomposition;
   EXPECT_GE(far.inner, 11);

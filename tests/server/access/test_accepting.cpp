@@ -59,14 +59,14 @@ TEST(Accepting, WithoutDescriptorsAllAreTurnedAwayAndTheReserveStays) {
   reserve_descriptor();
   const std::ptrdiff_t before = descriptors();
 
-  std::atomic<int> served{0}, refused{0};
+  std::atomic<int> served{0}, rejected{0};
   {
     const faults::Limit limit(::getpid(), RLIMIT_NOFILE, faults::descriptors_for(::getpid(), 0));
     ASSERT_LT(::open("/dev/null", O_RDONLY), 0) << "this test would show nothing";
     const auto take_all = [&](int listener) {
-      while (served + refused < 2 * kRounds) {
+      while (served + rejected < 2 * kRounds) {
         pollfd ready{listener, POLLIN, 0};
-        if (::poll(&ready, 1, 10) > 0 && UniqueFd(accept_or_refuse(listener, [&](int) { ++refused; }))) ++served;
+        if (::poll(&ready, 1, 10) > 0 && UniqueFd(accept_or_reject(listener, [&](int) { ++rejected; }))) ++served;
       }
     };
     std::thread other(take_all, listeners[1].get());
@@ -77,7 +77,7 @@ TEST(Accepting, WithoutDescriptorsAllAreTurnedAwayAndTheReserveStays) {
   ASSERT_EQ(::waitpid(stranger, &status, 0), stranger);
   EXPECT_EQ(status, 0);
   EXPECT_EQ(served, 0);
-  EXPECT_EQ(refused, 2 * kRounds);
+  EXPECT_EQ(rejected, 2 * kRounds);
   EXPECT_EQ(descriptors(), before);
 }
 

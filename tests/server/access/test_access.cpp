@@ -84,7 +84,7 @@ std::vector<Request> requests() {
 }
 
 TEST_F(LoopTest, ARequestIsAnsweredToThoseAloneWhoHaveItsRight) {
-  int allowed = 0, refused = 0;
+  int allowed = 0, rejected = 0;
   for (Rights rights = 0; rights <= kAllRights; ++rights)
     for (const Request& request : requests()) {
       start(small_scene());
@@ -109,10 +109,10 @@ TEST_F(LoopTest, ARequestIsAnsweredToThoseAloneWhoHaveItsRight) {
                                 rights_text(request.needed) + "\"; this client has " + rights_text(rights));
       EXPECT_EQ(engine_->pose_revision(), revision);
       EXPECT_FALSE(loop_->is_reloading());
-      ++refused;
+      ++rejected;
     }
   EXPECT_EQ(allowed, 8 + 15 * 4);  // the echo, and each of the others with half of the sets
-  EXPECT_EQ(refused, 15 * 4);
+  EXPECT_EQ(rejected, 15 * 4);
 }
 
 // --- Unix sockets
@@ -271,10 +271,10 @@ TEST_F(SocketGroup, AMemberWhoTakesAllPlacesShutsOutNobodyElse) {
   EXPECT_EQ(byte, 'y');
   Client client = connect(shm);
   EXPECT_EQ(client.distances().rows(), 6u);
-  std::uint64_t refused = 0;
+  std::uint64_t rejected = 0;
   for (const auto& [name, value] : client.stats())
-    if (name == "shm.over_quota") refused = value;
-  EXPECT_EQ(refused, 1u);
+    if (name == "shm.over_quota") rejected = value;
+  EXPECT_EQ(rejected, 1u);
   close(go[1]);
   int status = 0;
   waitpid(hoarder, &status, 0);
@@ -285,13 +285,13 @@ TEST_F(SocketGroup, AMemberWhoTakesAllPlacesShutsOutNobodyElse) {
 TEST_F(SocketGroup, AClientSaysWhoseDaemonItMeans) {
   const auto daemon = start({"--socket-group", std::to_string(kGroup)});
   const int code = as_other_user(kGroup, {}, [&] {
-    int refused = 0;
+    int rejected = 0;
     for (const char* user : {"", "?user=65534"}) try {
         connect(daemon->urls()[0] + user);
       } catch (const ConnectionError& error) {
-        refused += std::string(error.what()).find("the socket is user 0's, not ") != std::string::npos;
+        rejected += std::string(error.what()).find("the socket is user 0's, not ") != std::string::npos;
       }
-    return refused == 2 ? tried(daemon->urls()[0] + "?user=0") : 80;
+    return rejected == 2 ? tried(daemon->urls()[0] + "?user=0") : 80;
   });
   EXPECT_EQ(code, 1) << "query alone, where --group-rights says nothing";
   EXPECT_THROW(connect(daemon->urls()[0] + "?user=no such one"), std::invalid_argument);

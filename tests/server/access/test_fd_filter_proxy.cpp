@@ -115,7 +115,7 @@ TEST(Lingering, KeepsWhoeverReceivesOneWaiting) {
 class FdFilterProxy : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
-    if (!uses_proxy() && !kernel_refuses_descriptors()) GTEST_SKIP() << "this kernel has no SO_PASSRIGHTS";
+    if (!uses_proxy() && !kernel_rejects_descriptors()) GTEST_SKIP() << "this kernel has no SO_PASSRIGHTS";
     daemon_.emplace(
         std::vector<std::string>{"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--shm", folder_ / "c.sock",
                                  "--zmq", "ipc://" + (folder_ / "c.ipc"), "--metrics", folder_ / "m.sock"},
@@ -154,7 +154,7 @@ TEST_P(FdFilterProxy, NobodyWaitsForDescriptorsOfOthers) {
   expect_service();
   const shm::Message hello = RawClient::make(shm::MessageKind::kHello);
   const std::vector<char> noise(sizeof hello, '\xff');  // begins a ZeroMQ greeting
-  int sent = 0, refused = 0;
+  int sent = 0, rejected = 0;
   std::vector<UniqueFd> open, ours;
   for (const auto& [name, type] :
        {std::pair("c.sock", SOCK_SEQPACKET), {"c.ipc", SOCK_STREAM}, {"m.sock", SOCK_STREAM}})
@@ -169,7 +169,7 @@ TEST_P(FdFilterProxy, NobodyWaitsForDescriptorsOfOthers) {
         for (int i = 0; i < 3; ++i) {
           UniqueFd descriptor = lingering_.make();
           const bool taken = send_with(socket.get(), bytes, sizeof hello, descriptor.get());
-          (taken ? sent : refused) += 1;
+          (taken ? sent : rejected) += 1;
           if (!taken) ours.push_back(std::move(descriptor));  // closing the last one would wait
         }
         if (stays) open.push_back(std::move(socket));
@@ -178,7 +178,7 @@ TEST_P(FdFilterProxy, NobodyWaitsForDescriptorsOfOthers) {
       expect_service();
     }
   EXPECT_EQ(sent, uses_proxy() ? 36 : 0);
-  EXPECT_EQ(refused, uses_proxy() ? 0 : 36);
+  EXPECT_EQ(rejected, uses_proxy() ? 0 : 36);
   for (Client& client : old) EXPECT_EQ(client.distances().rows(), 6u);
   open.clear();
   expect_service();

@@ -27,7 +27,7 @@ class Deadlines : public LoopTest {
   }
   void wait_for(std::chrono::nanoseconds deadline) const { std::this_thread::sleep_until(sent_ + deadline + 1ms); }
   /// The message of a rejection.
-  std::string refusal(MemoryClient& client) {
+  std::string rejection(MemoryClient& client) {
     const auto frame = take(client);
     EXPECT_EQ(frame->type(), FrameType::kError);
     const auto error = wire::parse_error(frame->body());
@@ -48,7 +48,7 @@ TEST_F(Deadlines, OneThatHasPassedIsRefusedAtOnce) {
   start(small_scene());
   send(a_, with_deadline(small_query(), 1ns));
   turn_until_idle();
-  EXPECT_EQ(refusal(a_),
+  EXPECT_EQ(rejection(a_),
             "no answer within the 1e-06 ms of its deadline_ns: it was waiting, or its pairs were still being listed");
   EXPECT_EQ(loop_->counter("errors.deadline"), 1u);
 }
@@ -63,7 +63,7 @@ TEST_F(Deadlines, AQueryThatWaitsIsRefusedWhenItsDeadlinePasses) {
   ASSERT_TRUE(a_.replies.empty());
   wait_for(400ms);
   loop_->turn();
-  EXPECT_NE(refusal(a_).find("within the 400 ms of its deadline_ns: it was waiting"), std::string::npos);
+  EXPECT_NE(rejection(a_).find("within the 400 ms of its deadline_ns: it was waiting"), std::string::npos);
   EXPECT_TRUE(b_.replies.empty()) << "before the other had ended";
   turn_until_idle();
   EXPECT_EQ(take(b_)->type(), FrameType::kReply);
@@ -79,7 +79,7 @@ TEST_F(Deadlines, AQueryThatOverrunsIsGivenUp) {
   ASSERT_TRUE(a_.replies.empty());
   wait_for(400ms);
   for (int i = 0; i < 3 && a_.replies.empty(); ++i) loop_->turn();
-  EXPECT_NE(refusal(a_).find("it was given up after "), std::string::npos);
+  EXPECT_NE(rejection(a_).find("it was given up after "), std::string::npos);
   turn_until_idle();
   EXPECT_EQ(loop_->waiting(), 0u);
   EXPECT_EQ(a_.sinks, 0);
@@ -93,7 +93,7 @@ TEST_F(Deadlines, OneThatLikeQueriesDidNotKeepIsRefusedBeforeAnyWork) {
   for (int i = 0; i < 10 && said.find("it would take about ") == std::string::npos; ++i) {
     send(a_, with_deadline(large_query(20), 500us));
     turn_until_idle();
-    said = refusal(a_);  // the deadline had passed if this thread had no CPU for so long
+    said = rejection(a_);  // the deadline had passed if this thread had no CPU for so long
   }
   EXPECT_NE(said.find(" ms, based on similar queries"), std::string::npos) << said;
 }
@@ -106,7 +106,7 @@ TEST_F(Deadlines, ALargeRequestIsReadBeforeItsDeadlineIsKnown) {
   ASSERT_GT(query.frame(1).size(), kLargePayload);
   send(a_, with_deadline(query, 1ns));
   turn_until_idle();
-  refusal(a_);
+  rejection(a_);
   EXPECT_EQ(ask(a_, with_deadline(query, 1h)).rows(), 320u * 190);
 }
 
@@ -114,7 +114,7 @@ TEST_F(Deadlines, AQueryWaitsForPosesToItsDeadlineAtMost) {
   start(small_scene());
   send(a_, with_deadline(waiting_query(), 20ms));
   while (a_.replies.empty()) loop_->turn();
-  refusal(a_);
+  rejection(a_);
   EXPECT_GE(Loop::Clock::now() - sent_, 20ms);
   EXPECT_EQ(loop_->held(), 0u);
 }
@@ -129,7 +129,7 @@ TEST_F(Deadlines, ALoopThatSleepsWakesForThem) {
   transport_->wait_for_reply();
   loop_->stop();
   serving.join();
-  refusal(a_);
+  rejection(a_);
 }
 
 TEST(Forecast, LearnsWhatLikeQueriesTook) {
@@ -169,21 +169,21 @@ TEST(Forecast, TriesAgainAfterSomeRefusals) {
   const auto work = Forecast::work_of({}, {.part_pairs = 1000});
   forecast.note(work, 10ms, false);
   EXPECT_EQ(forecast.of(work), 20ms) << "it had 10 ms, and was not done";
-  int refused = 0;
-  const auto is_refused = [&] {
+  int rejected = 0;
+  const auto is_rejected = [&] {
     try {
       forecast.check(work, 10ms, 15ms);
       return false;
-    } catch (const RejectedRequest& refusal) {
-      if (refused == 0) {
-        EXPECT_EQ(refusal.text,
+    } catch (const RejectedRequest& rejection) {
+      if (rejected == 0) {
+        EXPECT_EQ(rejection.text,
                   "no answer within the 15 ms of its deadline_ns: it would take about 20 ms, based on similar queries");
       }
       return true;
     }
   };
-  while (is_refused()) ASSERT_LT(++refused, 100);
-  EXPECT_GT(refused, 10);
+  while (is_rejected()) ASSERT_LT(++rejected, 100);
+  EXPECT_GT(rejected, 10);
 }
 
 }  // namespace

@@ -110,7 +110,7 @@ TEST_F(Epochs, RequestsForAnotherOneAreRefusedAndChangeNothing) {
 
 TEST_F(Epochs, RecordsThatNameNoneAreRefused) {
   begin();
-  const auto refusal = [&](std::size_t bytes, std::byte value) {
+  const auto rejection = [&](std::size_t bytes, std::byte value) {
     TestQuery query = small_query();
     wire::append_record(query.records, static_cast<std::uint16_t>(wire::CommonRecord::kEpoch), 0, Bytes(bytes, value));
     const auto frame = ask(a_, query.frame(1));
@@ -118,16 +118,16 @@ TEST_F(Epochs, RecordsThatNameNoneAreRefused) {
     EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kBadFrame));
     return error.text;
   };
-  EXPECT_EQ(refusal(4, std::byte{1}), "query: an epoch is a number of 8 bytes, and not 0");
-  EXPECT_EQ(refusal(16, std::byte{1}), "query: an epoch is a number of 8 bytes, and not 0");
-  EXPECT_EQ(refusal(8, std::byte{0}), "query: an epoch is a number of 8 bytes, and not 0");
+  EXPECT_EQ(rejection(4, std::byte{1}), "query: an epoch is a number of 8 bytes, and not 0");
+  EXPECT_EQ(rejection(16, std::byte{1}), "query: an epoch is a number of 8 bytes, and not 0");
+  EXPECT_EQ(rejection(8, std::byte{0}), "query: an epoch is a number of 8 bytes, and not 0");
 }
 
 TEST_F(Epochs, ADaemonThatRequiresThemAnswersWhoNamesNoneOnlyWhatIsHarmless) {
   Loop::Options options;
   options.require_epoch = true;
   begin(options);
-  int refused = 0;
+  int rejected = 0;
   for (const auto& [name, request] : requests_) {
     SCOPED_TRACE(name);
     const bool is_harmless = name == "ping" || name == "describe" || name == "stats";
@@ -135,9 +135,9 @@ TEST_F(Epochs, ADaemonThatRequiresThemAnswersWhoNamesNoneOnlyWhatIsHarmless) {
     EXPECT_EQ(frame->type() != FrameType::kError, is_harmless);
     if (is_harmless) continue;
     EXPECT_EQ(wire::parse_error(frame->body()).header.code, static_cast<std::uint16_t>(ErrorCode::kNewEpoch));
-    ++refused;
+    ++rejected;
   }
-  EXPECT_EQ(refused, 11);
+  EXPECT_EQ(rejected, 11);
   EXPECT_EQ(ask(a_, for_epoch(requests_["query"], loop_->epoch()))->type(), FrameType::kReply);
 }
 

@@ -118,7 +118,7 @@ class FreeScaleTest : public JointsTest {
     view.pairs = {reinterpret_cast<const BodyPair*>(query.pairs.data()), query.pairs.size()};
     return view;
   }
-  std::string refusal(const TestQuery& query) { return error_of(ask(a_, query.frame(4))).text; }
+  std::string rejection(const TestQuery& query) { return error_of(ask(a_, query.frame(4))).text; }
 };
 
 TEST_F(FreeScaleTest, IsThatOfTheEngine) {
@@ -172,30 +172,30 @@ TEST_F(FreeScaleTest, WhatItIsNotForIsSaid) {
   start(arm_scene());
   TestQuery query = scale_query();
   query.weights = {1};
-  EXPECT_EQ(refusal(query), "free_scale: weights: expected 2 numbers, one for each joint, got 1");
+  EXPECT_EQ(rejection(query), "free_scale: weights: expected 2 numbers, one for each joint, got 1");
   query.weights = {1, -2};
-  EXPECT_EQ(refusal(query), "free_scale: weights[1]: expected a finite number >= 0, got -2.000000");
+  EXPECT_EQ(rejection(query), "free_scale: weights[1]: expected a finite number >= 0, got -2.000000");
   query.weights = {std::numeric_limits<double>::quiet_NaN(), 1};
-  EXPECT_EQ(refusal(query), "free_scale: weights[0]: expected a finite number >= 0, got nan");
+  EXPECT_EQ(rejection(query), "free_scale: weights[0]: expected a finite number >= 0, got nan");
   query.weights = {};
-  EXPECT_EQ(refusal(query), "free_scale: weights: expected 2 numbers, one for each joint, got 0");
+  EXPECT_EQ(rejection(query), "free_scale: weights: expected 2 numbers, one for each joint, got 0");
   query = scale_query();
   query.header.fields = kFieldStatus;
-  EXPECT_EQ(refusal(query), "weights: only for the column free_scale");
+  EXPECT_EQ(rejection(query), "weights: only for the column free_scale");
   query.header.fields = kFieldFreeScale | kFieldStatus;
-  EXPECT_EQ(refusal(query), "fields: free_scale can be combined only with pair, in the format full");
+  EXPECT_EQ(rejection(query), "fields: free_scale can be combined only with pair, in the format full");
   query = scale_query();
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
-  EXPECT_EQ(refusal(query), "fields: free_scale needs reduce any");
+  EXPECT_EQ(rejection(query), "fields: free_scale needs reduce any");
   query = scale_query();
   query.joints = {};
   query.positions = {};
-  EXPECT_EQ(refusal(query), "free_scale: expected joints, and their positions");
+  EXPECT_EQ(rejection(query), "free_scale: expected joints, and their positions");
   query = scale_query();
   const std::uint32_t max_evaluations = 64;
   wire::append_record(query.records, 10, wire::kRecordRequired, std::as_bytes(std::span(&max_evaluations, 1)));
   query.positions.resize(4);
-  EXPECT_EQ(refusal(query), "fields: motions have no free_scale");
+  EXPECT_EQ(rejection(query), "fields: motions have no free_scale");
 }
 
 // A column as wide as the number of joints, between others, with fewer rows than reserved.
@@ -274,30 +274,30 @@ TEST_F(JointsTest, AQueryWaitsForTheStampOfALink) {
 
 TEST_F(JointsTest, WhatIsWrongIsRefusedAndNamed) {
   start(arm_scene());
-  const auto refused = [&](std::vector<std::byte> frame, ErrorCode code, const std::string& text) {
+  const auto rejected = [&](std::vector<std::byte> frame, ErrorCode code, const std::string& text) {
     const auto error = error_of(ask(a_, std::move(frame)));
     EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(code));
     EXPECT_EQ(error.text, text);
   };
-  refused(update({{2, 0, 0.1}, {2, 0, 0.2}}), ErrorCode::kBadQuery, "joints: 'arm/joint3' is named twice");
+  rejected(update({{2, 0, 0.1}, {2, 0, 0.2}}), ErrorCode::kBadQuery, "joints: 'arm/joint3' is named twice");
   const std::uint64_t revision = engine_->scene_revision();
-  refused(update({{2, 0, 0.1}}, 0, revision + 1), ErrorCode::kWrongScene,
-          "the request is for scene revision " + std::to_string(revision + 1) + ", the daemon's is " +
-              std::to_string(revision) + ": fetch the scene again");
+  rejected(update({{2, 0, 0.1}}, 0, revision + 1), ErrorCode::kWrongScene,
+           "the request is for scene revision " + std::to_string(revision + 1) + ", the daemon's is " +
+               std::to_string(revision) + ": fetch the scene again");
   ask(a_, update({{2, 0, 0.1}}, 5000));
-  refused(update({{2, 0, 0.1}}, 4000), ErrorCode::kBadQuery,
-          "stamp_ns: 4000 is older than 5000, the last from this publisher for 'arm/joint3'");
+  rejected(update({{2, 0, 0.1}}, 4000), ErrorCode::kBadQuery,
+           "stamp_ns: 4000 is older than 5000, the last from this publisher for 'arm/joint3'");
   TestQuery query = joint_query();
   query.joints = {0, 0};
-  refused(query.frame(1), ErrorCode::kBadQuery, "joints[1]: 'arm/joint1' is named twice");
+  rejected(query.frame(1), ErrorCode::kBadQuery, "joints[1]: 'arm/joint1' is named twice");
   query.joints = {0, 12};
-  refused(query.frame(1), ErrorCode::kBadQuery, "joints[1]: unknown joint 12; the scene has 8");
+  rejected(query.frame(1), ErrorCode::kBadQuery, "joints[1]: unknown joint 12; the scene has 8");
   query = joint_query();
   query.positions.pop_back();
-  refused(query.frame(1), ErrorCode::kBadQuery,
-          "query: positions (record 9) has 5 numbers, expected 2 configurations of 2 joints");
+  rejected(query.frame(1), ErrorCode::kBadQuery,
+           "query: positions (record 9) has 5 numbers, expected 2 configurations of 2 joints");
   query.positions.clear();
-  refused(query.frame(1), ErrorCode::kBadQuery, "query: 2 joints, and no configurations of them");
+  rejected(query.frame(1), ErrorCode::kBadQuery, "query: 2 joints, and no configurations of them");
   query = joint_query();
   query.header.configuration_count = 3;
   query.joints.clear();
@@ -305,15 +305,15 @@ TEST_F(JointsTest, WhatIsWrongIsRefusedAndNamed) {
   const std::byte odd[3] = {};
   TestQuery cut;
   wire::append_record(cut.records, 8, wire::kRecordRequired, odd);
-  refused(cut.frame(1), ErrorCode::kBadFrame, "query: joints (record 8) has 3 bytes, expected a multiple of 4");
+  rejected(cut.frame(1), ErrorCode::kBadFrame, "query: joints (record 8) has 3 bytes, expected a multiple of 4");
   wire::PoseRecord link;
   link.body = engine_->scene().find_body("arm/fore");
   link.pose[3] = 1;
   wire::PosesHeader header;
   header.count = 1;
-  refused(wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0)).add(header).add(link).take(),
-          ErrorCode::kBadQuery,
-          "poses: 'arm/fore' is a link placed by joints: set their positions, or the pose of its robot's base");
+  rejected(wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0)).add(header).add(link).take(),
+           ErrorCode::kBadQuery,
+           "poses: 'arm/fore' is a link placed by joints: set their positions, or the pose of its robot's base");
 }
 
 TEST_F(JointsTest, AnAttachmentLeavesJointIdsWhatTheyAre) {

@@ -16,23 +16,23 @@ constexpr Quotas::Limits kSmall{.max_waiting_per_client = 3, .max_waiting_bytes 
 
 /// The rejection of a client, or an empty string if it is admitted.
 template <class Check>
-std::string refusal(Check check) {
+std::string rejection(Check check) {
   try {
     check();
     return "";
-  } catch (const RejectedRequest& refusal) {
-    EXPECT_EQ(refusal.code, wire::ErrorCode::kBusy);
-    return refusal.text;
+  } catch (const RejectedRequest& rejection) {
+    EXPECT_EQ(rejection.code, wire::ErrorCode::kBusy);
+    return rejection.text;
   }
 }
 
 class ClientQuotas : public testing::Test {
  protected:
   std::string requests(std::uint64_t client) {
-    return refusal([&] { quotas_.check_requests(client); });
+    return rejection([&] { quotas_.check_requests(client); });
   }
   std::string bytes(std::uint64_t client, std::uint64_t count, std::uint64_t unsent = 0) {
-    return refusal([&] { left_ = quotas_.check_bytes(client, kPlanning, count, unsent); });
+    return rejection([&] { left_ = quotas_.check_bytes(client, kPlanning, count, unsent); });
   }
 
   Quotas quotas_{kSmall};

@@ -68,7 +68,7 @@ TEST(SegmentPinner, UnpinsBeforeItUnmaps) {
   EXPECT_EQ(notes.unpinned, 1);
   EXPECT_EQ(notes.unpinned_unmapped, 0);
   EXPECT_EQ(pinner.bytes(), 0u);
-  EXPECT_EQ(pinner.refusals(), 0u);
+  EXPECT_EQ(pinner.rejections(), 0u);
 }
 
 TEST(SegmentPinner, PinsNoMoreThanItsBudgetAtATime) {
@@ -76,7 +76,7 @@ TEST(SegmentPinner, PinsNoMoreThanItsBudgetAtATime) {
   SegmentPinner pinner(2 * kBytes, notes.pin());
   std::vector<SegmentPinner::Ticket*> tickets;
   for (int i = 0; i < 3; ++i) tickets.push_back(pinner.pin(map_some()));
-  EXPECT_TRUE(comes([&] { return pinner.refusals() == 1; }));
+  EXPECT_TRUE(comes([&] { return pinner.rejections() == 1; }));
   EXPECT_EQ(pinner.bytes(), 2 * kBytes);
   pinner.let_go(tickets[0]);
   EXPECT_TRUE(comes([&] { return pinner.bytes() == kBytes; }));
@@ -91,7 +91,7 @@ TEST(SegmentPinner, LeavesAMappingAsItIsThatCannotBePinned) {
   SegmentPinner pinner(kBytes,
                        [](std::byte*, std::size_t) -> std::shared_ptr<void> { throw std::runtime_error("no"); });
   SegmentPinner::Ticket* ticket = pinner.pin(map_some());
-  EXPECT_TRUE(comes([&] { return pinner.refusals() == 1; }));
+  EXPECT_TRUE(comes([&] { return pinner.rejections() == 1; }));
   EXPECT_EQ(pinner.bytes(), 0u);
   pinner.let_go(ticket);
 }

@@ -49,7 +49,7 @@ TEST_F(ShmHostile, EachBrokenRuleOfTheRingEndsTheConnectionWithAReason) {
     RawClient client(path_);
     client.post(c.ticket, c.frame_bytes, c.head);
     const Message answer = client.receive();
-    EXPECT_EQ(answer.kind, static_cast<std::uint32_t>(MessageKind::kRefused));
+    EXPECT_EQ(answer.kind, static_cast<std::uint32_t>(MessageKind::kRejected));
     EXPECT_EQ(std::string(answer.text), std::string("disconnected: ") + c.why);
     EXPECT_EQ(client.receive().kind, 0u) << "the daemon should have hung up";
     EXPECT_EQ(server_.counter("shm.violations"), ++violations);
@@ -75,7 +75,7 @@ TEST_F(ShmHostile, EachBrokenRuleOfTheRingEndsTheConnectionWithAReason) {
 TEST_F(ShmHostile, BadMessagesOnTheSocketEndTheConnection) {
   const auto expect_end = [&](RawClient& client, const char* why) {
     const Message answer = client.receive();
-    EXPECT_EQ(answer.kind, static_cast<std::uint32_t>(MessageKind::kRefused));
+    EXPECT_EQ(answer.kind, static_cast<std::uint32_t>(MessageKind::kRejected));
     EXPECT_NE(std::string(answer.text).find(why), std::string::npos) << answer.text;
     EXPECT_EQ(client.receive().kind, 0u);
     expect_good_service();
@@ -97,7 +97,7 @@ TEST_F(ShmHostile, BadMessagesOnTheSocketEndTheConnection) {
     client.send(RawClient::make(MessageKind::kHello), 100);
     expect_end(client, "a message of a wrong size");
   }
-  for (const auto kind : {MessageKind{0}, MessageKind{77}, MessageKind::kSegment, MessageKind::kRefused}) {
+  for (const auto kind : {MessageKind{0}, MessageKind{77}, MessageKind::kSegment, MessageKind::kRejected}) {
     RawClient client(path_);
     client.send(RawClient::make(kind));
     expect_end(client, "a message of unknown kind");
@@ -134,7 +134,7 @@ TEST_F(ShmHostile, AbsurdSizesAreRefusedAndTheConnectionGoesOn) {
       (request ? message.request_capacity : message.reply_capacity) = size;
       client.send(message);
       const Message answer = client.receive();
-      EXPECT_EQ(answer.kind, static_cast<std::uint32_t>(MessageKind::kRefused));
+      EXPECT_EQ(answer.kind, static_cast<std::uint32_t>(MessageKind::kRejected));
       EXPECT_NE(std::string(answer.text).find("the limit is"), std::string::npos) << answer.text;
     }
   }
@@ -143,7 +143,7 @@ TEST_F(ShmHostile, AbsurdSizesAreRefusedAndTheConnectionGoesOn) {
   for (int i = 0; i < 20; ++i) {
     client.send(RawClient::make(MessageKind::kGrow));
     answer = client.receive();
-    if (answer.kind == static_cast<std::uint32_t>(MessageKind::kRefused)) break;
+    if (answer.kind == static_cast<std::uint32_t>(MessageKind::kRejected)) break;
     ++given;
   }
   EXPECT_EQ(given, 4);
@@ -189,7 +189,7 @@ TEST_F(ShmHostile, AnotherVersionIsRefusedWithBothVersions) {
     (layout ? message.layout_version : message.wire_version) = 99;
     client.send(message, layout ? 48 : sizeof message);  // another version's message may have another size
     const Message answer = client.receive();
-    EXPECT_EQ(answer.kind, static_cast<std::uint32_t>(MessageKind::kRefused));
+    EXPECT_EQ(answer.kind, static_cast<std::uint32_t>(MessageKind::kRejected));
     EXPECT_EQ(std::string(answer.text), "the client speaks shared-memory layout " + std::string(layout ? "99" : "1") +
                                             " and wire version " + (layout ? "1" : "99") +
                                             "; this daemon speaks 1 and 1");
@@ -278,7 +278,7 @@ TEST_F(ShmHostile, TheSegmentCannotBeResizedAndDescriptorsSentToTheDaemonAreClos
         ASSERT_EQ(errno, EPERM);
         ASSERT_TRUE(shm::send_message(client.socket.get(), message));
       }
-      EXPECT_EQ(client.receive().kind, static_cast<std::uint32_t>(MessageKind::kRefused));
+      EXPECT_EQ(client.receive().kind, static_cast<std::uint32_t>(MessageKind::kRejected));
     }
     expect_good_service();
   }

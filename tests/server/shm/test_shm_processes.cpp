@@ -171,20 +171,20 @@ TEST_F(ShmProcesses, AForkedChildIsToldToConnectAnew) {
   auto channel = open_shm_channel(path_, soon());
   send_ping(*channel, 1, random_bytes(50, 1));
   const pid_t child = in_child([&] {
-    int refused = 0;
-    const auto expect_refusal = [&](auto call) {
+    int rejected = 0;
+    const auto expect_rejection = [&](auto call) {
       try {
         call();
       } catch (const ConnectionError& error) {
-        refused += std::string(error.what()).find("open a new one in the child") != std::string::npos;
+        rejected += std::string(error.what()).find("open a new one in the child") != std::string::npos;
       }
     };
-    expect_refusal([&] { channel->begin(64, 0); });
-    expect_refusal([&] { channel->send(); });
-    expect_refusal([&] { channel->receive(1, soon()); });
-    expect_refusal([&] { channel->forget(1); });
+    expect_rejection([&] { channel->begin(64, 0); });
+    expect_rejection([&] { channel->send(); });
+    expect_rejection([&] { channel->receive(1, soon()); });
+    expect_rejection([&] { channel->forget(1); });
     channel.reset();  // takes nothing away from the parent
-    return refused == 4 ? 0 : 1;
+    return rejected == 4 ? 0 : 1;
   });
   EXPECT_EQ(exit_code(child), 0);
   EXPECT_TRUE(echoes(*channel, 1, random_bytes(50, 1)));

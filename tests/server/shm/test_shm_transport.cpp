@@ -264,11 +264,12 @@ TEST_F(ShmTransport, WhatTheDaemonDoesNotAllowIsSaid) {
   try {
     channel->begin(20 << 20, 0);
     FAIL() << "such a request should be refused";
-  } catch (const RequestError& refused) {
-    EXPECT_EQ(refused.code, static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge));
-    EXPECT_NE(std::string(refused.what()).find("a request of 20971520 bytes does not fit"), std::string::npos)
-        << refused.what();
-    EXPECT_NE(std::string(refused.what()).find("this daemon's limit is 16777216"), std::string::npos) << refused.what();
+  } catch (const RequestError& rejected) {
+    EXPECT_EQ(rejected.code, static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge));
+    EXPECT_NE(std::string(rejected.what()).find("a request of 20971520 bytes does not fit"), std::string::npos)
+        << rejected.what();
+    EXPECT_NE(std::string(rejected.what()).find("this daemon's limit is 16777216"), std::string::npos)
+        << rejected.what();
   }
   EXPECT_NE(error_of([&] { channel->begin(std::uint64_t{1} << 40, 0); }).find("the limit is 268435456"),
             std::string::npos);
@@ -277,11 +278,11 @@ TEST_F(ShmTransport, WhatTheDaemonDoesNotAllowIsSaid) {
 
   // The pool is shared by all clients.
   std::vector<std::unique_ptr<Channel>> others;
-  std::string refusal;
-  for (int i = 0; i < 20 && refusal.empty(); ++i)
-    refusal = error_of([&] { others.push_back(open_shm_channel(path_, soon())); });
-  EXPECT_NE(refusal.find("rejected: no room for a segment of"), std::string::npos) << refusal;
-  EXPECT_NE(refusal.find("are allocated to clients"), std::string::npos) << refusal;
+  std::string rejection;
+  for (int i = 0; i < 20 && rejection.empty(); ++i)
+    rejection = error_of([&] { others.push_back(open_shm_channel(path_, soon())); });
+  EXPECT_NE(rejection.find("rejected: no room for a segment of"), std::string::npos) << rejection;
+  EXPECT_NE(rejection.find("are allocated to clients"), std::string::npos) << rejection;
   others.clear();
   send_ping(*channel, 3, {});
   EXPECT_TRUE(echoes(*channel, 3, {}));

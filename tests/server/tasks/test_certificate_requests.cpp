@@ -43,7 +43,7 @@ class CertificateRequests : public LoopTest {
     const auto body = frame->body();
     return {reinterpret_cast<const char*>(body.data()), body.size()};
   }
-  void expect_refused(const std::vector<std::byte>& frame, ErrorCode code, const std::string& text) {
+  void expect_rejected(const std::vector<std::byte>& frame, ErrorCode code, const std::string& text) {
     const auto error = error_of(ask(a_, frame));
     EXPECT_EQ(static_cast<ErrorCode>(error.header.code), code);
     EXPECT_EQ(error.text, text);
@@ -111,29 +111,29 @@ TEST_F(CertificateRequests, AreRefusedByName) {
   start(small_scene());
   TestQuery query;
   query.records = rows_record({0});
-  expect_refused(query.frame(1), ErrorCode::kBadQuery, "query: rows (record 16) are for kCertify");
+  expect_rejected(query.frame(1), ErrorCode::kBadQuery, "query: rows (record 16) are for kCertify");
   query.records = rows_record({0, 77});
   const QueryView view;
   const std::string rows = std::to_string(engine_->size(view).rows);
-  expect_refused(query.frame(1, FrameType::kCertify), ErrorCode::kBadQuery,
-                 "certificate: rows[1]: expected one of " + rows + " rows, got 77");
+  expect_rejected(query.frame(1, FrameType::kCertify), ErrorCode::kBadQuery,
+                  "certificate: rows[1]: expected one of " + rows + " rows, got 77");
   query.records = rows_record(std::vector<std::uint64_t>(100'001));
-  expect_refused(query.frame(1, FrameType::kCertify), ErrorCode::kTooLarge,
-                 "certificate: of at most 100000 rows at a time, got 100001");
+  expect_rejected(query.frame(1, FrameType::kCertify), ErrorCode::kTooLarge,
+                  "certificate: of at most 100000 rows at a time, got 100001");
   query.records.clear();
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
-  expect_refused(query.frame(1, FrameType::kCertify), ErrorCode::kBadQuery,
-                 "certificate: only rows of reduce none and motions have one");
-  expect_refused(
+  expect_rejected(query.frame(1, FrameType::kCertify), ErrorCode::kBadQuery,
+                  "certificate: only rows of reduce none and motions have one");
+  expect_rejected(
       waiting_query().frame(1, FrameType::kCertify), ErrorCode::kNotSupported,
       "certificate: min_pose_stamp_ns and deadline_ns are not supported; request it once the poses are there");
 }
 
 TEST_F(CertificateRequests, OfTooMuchAreRefusedAsSoonAsThatIsSeen) {
   start(combs(2, 1000));  // each pair of parts has its own direction in the document
-  expect_refused(TestQuery().frame(1, FrameType::kCertify), ErrorCode::kTooLarge,
-                 "certificate: the document takes more than " + std::to_string(CertificateRequest::kMostBytes) +
-                     " bytes: request fewer rows at a time");
+  expect_rejected(TestQuery().frame(1, FrameType::kCertify), ErrorCode::kTooLarge,
+                  "certificate: the document takes more than " + std::to_string(CertificateRequest::kMostBytes) +
+                      " bytes: request fewer rows at a time");
   EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "the daemon goes on";
 }
 

@@ -26,7 +26,7 @@ class DeferredQueries : public LoopTest {
     ASSERT_EQ(loop_->on_poses(std::span(&pose, 1), stamp_ns, sequence).applied, 1u);
   }
   /// Code and message of an error reply.
-  std::pair<ErrorCode, std::string> refusal(MemoryClient& client) {
+  std::pair<ErrorCode, std::string> rejection(MemoryClient& client) {
     const auto error = error_of(take(client));
     return {static_cast<ErrorCode>(error.header.code), error.text};
   }
@@ -80,12 +80,12 @@ TEST_F(DeferredQueries, AreRefusedWhenTimeIsUp) {
   start(small_scene());
   transport_->send(a_, waiting_query(100, 0s).frame(1));
   loop_->turn();
-  EXPECT_EQ(refusal(a_), std::pair(ErrorCode::kPosesLate, std::string("no poses with stamp 100 or newer are there")));
+  EXPECT_EQ(rejection(a_), std::pair(ErrorCode::kPosesLate, std::string("no poses with stamp 100 or newer are there")));
   transport_->send(a_, waiting_query(100, 1ns).frame(2));
   transport_->send(b_, waiting_query(100, 10s).frame(3));
   loop_->turn();
   loop_->turn();
-  EXPECT_EQ(refusal(a_),
+  EXPECT_EQ(rejection(a_),
             std::pair(ErrorCode::kPosesLate, std::string("no poses with stamp 100 or newer came within 0.000001 ms")));
   EXPECT_TRUE(b_.replies.empty());
   move(2, 101);
@@ -104,7 +104,7 @@ TEST_F(DeferredQueries, ASleepingLoopWakesWhenTimeIsUp) {
   transport_->wait_for_reply();
   loop_->stop();
   server.join();
-  EXPECT_EQ(refusal(a_).first, ErrorCode::kPosesLate);
+  EXPECT_EQ(rejection(a_).first, ErrorCode::kPosesLate);
 }
 
 TEST_F(DeferredQueries, WaitForABodyAGroupOrAll) {
@@ -149,7 +149,7 @@ TEST_F(DeferredQueries, CountAsUnderWayUntilTheirClientIsGone) {
   start(small_scene(), options);
   for (std::uint64_t i = 1; i <= 3; ++i) transport_->send(a_, waiting_query(100, 10s).frame(i));
   loop_->turn();
-  EXPECT_EQ(refusal(a_).first, ErrorCode::kBusy);
+  EXPECT_EQ(rejection(a_).first, ErrorCode::kBusy);
   EXPECT_EQ(loop_->held(), 2u);
   EXPECT_EQ(a_.sinks, 2);
   a_.alive = false;
@@ -169,7 +169,7 @@ TEST_F(DeferredQueries, CountAmongTheBytesOfTheirClientAndOfAll) {
   for (MemoryClient* client : {&a_, &a_, &b_}) transport_->send(*client, frame);
   loop_->turn();
   EXPECT_EQ(loop_->held(), 2u);
-  auto error = refusal(a_);
+  auto error = rejection(a_);
   EXPECT_EQ(error.first, ErrorCode::kBusy);
   EXPECT_NE(error.second.find("of this client under way take " + std::to_string(bytes) + " bytes"), std::string::npos)
       << error.second;
@@ -184,7 +184,7 @@ TEST_F(DeferredQueries, CountAmongTheBytesOfTheirClientAndOfAll) {
   for (MemoryClient* client : {&a_, &b_}) transport_->send(*client, frame);
   loop_->turn();
   EXPECT_EQ(loop_->held(), 1u);
-  error = refusal(b_);
+  error = rejection(b_);
   EXPECT_EQ(error.first, ErrorCode::kBusy);
   EXPECT_NE(error.second.find("the requests and replies under way take " + std::to_string(bytes) + " bytes"),
             std::string::npos)

@@ -92,7 +92,7 @@ class DevicePlansTest : public LoopTest {
     EXPECT_EQ(frame->type(), FrameType::kPlanDone);
     return frame->type() == FrameType::kPlanDone ? wire::parse_plan_done(frame->body()) : wire::PlanResult();
   }
-  void expect_refused(const std::unique_ptr<MemoryFrame>& frame, ErrorCode code, const std::string& text) {
+  void expect_rejected(const std::unique_ptr<MemoryFrame>& frame, ErrorCode code, const std::string& text) {
     const auto error = error_of(frame);
     EXPECT_EQ(static_cast<ErrorCode>(error.header.code), code);
     EXPECT_EQ(error.text, text);
@@ -201,8 +201,8 @@ TEST_F(DevicePlansTest, ThatRunForLongHoldUpNobody) {
   }
   EXPECT_TRUE(a_.replies.empty());
   // The run owns its memory until it ends.
-  expect_refused(tell(a_, plan_frame(FrameType::kRunPlan, long_one.header.plan)), ErrorCode::kBusy,
-                 "a plan on a device: plan 1 is running already; wait for its rows, which are the same memory");
+  expect_rejected(tell(a_, plan_frame(FrameType::kRunPlan, long_one.header.plan)), ErrorCode::kBusy,
+                  "a plan on a device: plan 1 is running already; wait for its rows, which are the same memory");
   EXPECT_EQ(tell(a_, small_query().frame(2))->type(), FrameType::kReply) << "its client's other requests";
   EXPECT_EQ(open(c_).header.plan, 3u);
   transport_->send(b_, plan_frame(FrameType::kRunPlan, short_one.header.plan));
@@ -218,14 +218,14 @@ TEST_F(DevicePlansTest, AreTheirClientsAlone) {
   begin();
   const Mapped plan = open(a_);
   const std::string unknown = "a plan on a device: this client has no plan 1 open";
-  expect_refused(tell(b_, plan_frame(FrameType::kRunPlan, plan.header.plan)), ErrorCode::kBadQuery, unknown);
-  expect_refused(tell(b_, plan_frame(FrameType::kClosePlan, plan.header.plan)), ErrorCode::kBadQuery, unknown);
-  expect_refused(tell(a_, plan_frame(FrameType::kRunPlan, 2)), ErrorCode::kBadQuery,
-                 "a plan on a device: this client has no plan 2 open");
+  expect_rejected(tell(b_, plan_frame(FrameType::kRunPlan, plan.header.plan)), ErrorCode::kBadQuery, unknown);
+  expect_rejected(tell(b_, plan_frame(FrameType::kClosePlan, plan.header.plan)), ErrorCode::kBadQuery, unknown);
+  expect_rejected(tell(a_, plan_frame(FrameType::kRunPlan, 2)), ErrorCode::kBadQuery,
+                  "a plan on a device: this client has no plan 2 open");
   run(a_, plan.header.plan);
   EXPECT_EQ(tell(a_, plan_frame(FrameType::kClosePlan, plan.header.plan))->type(), FrameType::kPlanDone);
   turn_until_shared(0);
-  expect_refused(tell(a_, plan_frame(FrameType::kRunPlan, plan.header.plan)), ErrorCode::kBadQuery, unknown);
+  expect_rejected(tell(a_, plan_frame(FrameType::kRunPlan, plan.header.plan)), ErrorCode::kBadQuery, unknown);
   EXPECT_EQ(counter("plans.open"), 0u);
   EXPECT_EQ(counter("plans.bytes"), 0u);
 }
@@ -279,8 +279,8 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
   const std::uint64_t bytes = counter("plans.bytes");
   EXPECT_GE(bytes, 2 * kOne);
   EXPECT_LT(bytes, 2 * kOne + 4000) << "and the lists of their few pairs";
-  expect_refused(ask_for(a_, plan_query()), ErrorCode::kBusy,
-                 "a plan on a device: 2 plans of this client are open already; close one (limit max-client-plans)");
+  expect_rejected(ask_for(a_, plan_query()), ErrorCode::kBusy,
+                  "a plan on a device: 2 plans of this client are open already; close one (limit max-client-plans)");
   const TestQuery large = plan_query(100'000);  // 11 MB of poses
   const auto too_large = error_of(ask_for(b_, large));
   EXPECT_EQ(static_cast<ErrorCode>(too_large.header.code), ErrorCode::kTooLarge);
@@ -291,8 +291,8 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
   EXPECT_EQ(counter("plans.open"), 2u) << "what was refused takes nothing";
   EXPECT_EQ(counter("plans.bytes"), bytes);
   open(b_);
-  expect_refused(ask_for(c_, plan_query()), ErrorCode::kBusy,
-                 "a plan on a device: 3 plans of all clients are open already (limit max-plans)");
+  expect_rejected(ask_for(c_, plan_query()), ErrorCode::kBusy,
+                  "a plan on a device: 3 plans of all clients are open already (limit max-plans)");
   tell(a_, plan_frame(FrameType::kClosePlan, first.header.plan));
   turn_until_shared(2);
   const auto all_taken = error_of(ask_for(c_, plan_query(12'000)));  // three blocks of 2 MiB
@@ -302,8 +302,8 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
 
   options.max_plans_of_client = 0;
   begin(options);
-  expect_refused(ask_for(a_, plan_query()), ErrorCode::kNotSupported,
-                 "a plan on a device: this daemon opens none (limit max-client-plans = 0)");
+  expect_rejected(ask_for(a_, plan_query()), ErrorCode::kNotSupported,
+                  "a plan on a device: this daemon opens none (limit max-client-plans = 0)");
 }
 
 TEST_F(DevicePlansTest, AreRefusedByName) {
@@ -311,7 +311,7 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
   options.max_pairs = 1000;
   begin(options);
   const auto refuse = [&](TestQuery query, ErrorCode code, const std::string& text) {
-    expect_refused(tell(a_, query.frame(1, FrameType::kOpenPlan)), code, text);
+    expect_rejected(tell(a_, query.frame(1, FrameType::kOpenPlan)), code, text);
   };
   a_.is_local = false;
   refuse(plan_query(), ErrorCode::kNotSupported,
@@ -350,14 +350,14 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
   }();
   refuse(query, ErrorCode::kBadQuery, "query: positions are not for kPairs and kOpenPlan");
   for (const FrameType type : {FrameType::kRunPlan, FrameType::kClosePlan}) {
-    expect_refused(tell(a_, simple_frame(type, 1)), ErrorCode::kBadFrame,
-                   "plan: the payload has 0 bytes, fewer than its header of 16");
+    expect_rejected(tell(a_, simple_frame(type, 1)), ErrorCode::kBadFrame,
+                    "plan: the payload has 0 bytes, fewer than its header of 16");
     const std::array<std::uint64_t, 2> odd{1, 1};
-    expect_refused(tell(a_, simple_frame(type, 1, std::as_bytes(std::span(odd)))), ErrorCode::kBadFrame,
-                   "plan: reserved words must be 0");
+    expect_rejected(tell(a_, simple_frame(type, 1, std::as_bytes(std::span(odd)))), ErrorCode::kBadFrame,
+                    "plan: reserved words must be 0");
     const std::array<std::uint64_t, 3> longer{1, 0, 0};
-    expect_refused(tell(a_, simple_frame(type, 1, std::as_bytes(std::span(longer)))), ErrorCode::kBadFrame,
-                   "plan: its contents need a payload of 16 bytes, got 24");
+    expect_rejected(tell(a_, simple_frame(type, 1, std::as_bytes(std::span(longer)))), ErrorCode::kBadFrame,
+                    "plan: its contents need a payload of 16 bytes, got 24");
   }
   begin(test::spheres(12), {}, "cpu");
   refuse(plan_query(), ErrorCode::kNotSupported, "a plan on a device: the engine has no device (backend cuda or auto)");
@@ -372,8 +372,8 @@ TEST_F(DevicePlansTest, OfAnotherSceneAreRefusedWhereTheirClientSaysWhichItKnows
   EXPECT_EQ(in_scene(plan.header.scene_revision)->type(), FrameType::kPlanDone);
   engine_->attach(3, 5, nullptr, {});
   ASSERT_NE(engine_->scene_revision(), plan.header.scene_revision);
-  expect_refused(in_scene(plan.header.scene_revision), ErrorCode::kWrongScene,
-                 "a plan on a device: plan 1 was made for an earlier scene; open it again");
+  expect_rejected(in_scene(plan.header.scene_revision), ErrorCode::kWrongScene,
+                  "a plan on a device: plan 1 was made for an earlier scene; open it again");
   EXPECT_EQ(in_scene(0)->type(), FrameType::kPlanDone) << "it keeps the one that it was made for";
 }
 
@@ -381,10 +381,10 @@ TEST_F(DevicePlansTest, OfALostDeviceSaySo) {
   begin();
   const Mapped plan = open(a_);
   device_.is_lost = true;
-  expect_refused(tell(a_, plan_frame(FrameType::kRunPlan, plan.header.plan)), ErrorCode::kNotSupported,
-                 "a plan on a device: CUDA: a planted loss");
-  expect_refused(tell(a_, plan_frame(FrameType::kRunPlan, plan.header.plan)), ErrorCode::kNotSupported,
-                 "a plan on a device: CUDA: a planted loss");
+  expect_rejected(tell(a_, plan_frame(FrameType::kRunPlan, plan.header.plan)), ErrorCode::kNotSupported,
+                  "a plan on a device: CUDA: a planted loss");
+  expect_rejected(tell(a_, plan_frame(FrameType::kRunPlan, plan.header.plan)), ErrorCode::kNotSupported,
+                  "a plan on a device: CUDA: a planted loss");
   EXPECT_EQ(tell(a_, plan_frame(FrameType::kClosePlan, plan.header.plan))->type(), FrameType::kPlanDone);
   EXPECT_EQ(tell(b_, simple_frame(FrameType::kPing, 1))->type(), FrameType::kPong);
 }

@@ -52,7 +52,7 @@ class RemotePlans : public testing::Test {
     return query;
   }
   template <class Call>
-  static RequestError refused(Call call) {
+  static RequestError rejected(Call call) {
     try {
       call();
     } catch (const RequestError& error) {
@@ -141,22 +141,22 @@ TEST_F(RemotePlans, AreRefusedByName) {
   EXPECT_THROW(client.plan_on_device(wrong, 1), std::invalid_argument);
   wrong = query();
   wrong.reduce = Reduce::kWithin;
-  const RequestError within = refused([&] { client.plan_on_device(wrong, 4); });
+  const RequestError within = rejected([&] { client.plan_on_device(wrong, 4); });
   EXPECT_EQ(within.code, code(wire::ErrorCode::kNotSupported));
   EXPECT_STREQ(within.what(), "a plan on a device: reduce: expected none, min or any");
 
   std::vector<RemotePlan> plans;
   for (int i = 0; i < 3; ++i) plans.push_back(client.plan_on_device(query(), 4));
-  EXPECT_EQ(refused([&] { client.plan_on_device(query(), 4); }).code, code(wire::ErrorCode::kBusy));
+  EXPECT_EQ(rejected([&] { client.plan_on_device(query(), 4); }).code, code(wire::ErrorCode::kBusy));
 
   client.attach(4, 5);
-  const RequestError old = refused([&] { plans[0].run(); });
+  const RequestError old = rejected([&] { plans[0].run(); });
   EXPECT_EQ(old.code, code(wire::ErrorCode::kWrongScene)) << old.what();
   plans[0].run({}, false);
 
   fake_device_.device.is_done = false;
   EXPECT_THROW(plans[1].run(20ms, false), TimeoutError);
-  EXPECT_EQ(refused([&] { plans[1].run({}, false); }).code, code(wire::ErrorCode::kBusy)) << "it goes on over there";
+  EXPECT_EQ(rejected([&] { plans[1].run({}, false); }).code, code(wire::ErrorCode::kBusy)) << "it goes on over there";
   fake_device_.device.is_done = true;
   for (;;) try {
       plans[1].run({}, false);
@@ -166,7 +166,7 @@ TEST_F(RemotePlans, AreRefusedByName) {
     }
 
   Client far = patient(urls_[2]);
-  const RequestError tcp = refused([&] { far.plan_on_device(query(), 4); });
+  const RequestError tcp = rejected([&] { far.plan_on_device(query(), 4); });
   EXPECT_EQ(tcp.code, code(wire::ErrorCode::kNotSupported));
   EXPECT_STREQ(tcp.what(),
                "a plan on a device: its memory is shared only with processes of this machine, over shm:// and "

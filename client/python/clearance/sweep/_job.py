@@ -185,8 +185,8 @@ def _asked(keys: Keys, answer: str, motions: bool) -> dict[str, Any]:
         ("max_distance", answer == "validity", "does not apply to answer: validity, which uses the margin"),
         ("max_evaluations", not motions, "is only for motions, but these rows are configurations"),
     )
-    for name, refused, why in reasons:
-        if refused and asked[name] is not None:
+    for name, rejected, why in reasons:
+        if rejected and asked[name] is not None:
             raise JobError(f"{keys.at(name)}: {why}")
     return {name: value for name, value in asked.items() if value is not None}
 
